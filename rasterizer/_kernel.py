@@ -1,0 +1,107 @@
+"""The two decorators of every compiled function, and where compiled code is kept.
+
+`kernel` is for loops over arrays: it releases the GIL, so that bands run on threads, and its machine code is kept on disk.
+`helper` is for scalar functions that kernels call: the compiler inlines them.
+
+Numba stamps its cache with one file's time and size only, so a changed helper in another file would leave stale kernels behind.
+The cache folder therefore carries a hash of all the package's sources. Where no folder can be written the kernels are compiled
+in every process: slower, never broken.
+"""
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+
+import numba
+import numba.extending
+import numpy
+from llvmlite import ir
+
+_OPTIONS = {"nogil": True, "error_model": "numpy"}
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def _is_writable(folder: Path) -> bool:
+    """Tell whether files can be made in `folder`, making the folder if need be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _find_cache_folder() -> Path | None:
+    """Return the first folder that can hold compiled kernels, or None where nothing is writable."""
+    digest = hashlib.sha256()
+    for source in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(source.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:16]}"
+    home = Path(os.path.expanduser("~"))
+    asked = os.environ.get("NUMBA_CACHE_DIR")
+    user_cache = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "rasterizer"
+    candidates = [Path(asked)] if asked else [_PACKAGE / "__pycache__", user_cache]
+    return next((base / name for base in candidates if _is_writable(base / name)), None)
+
+
+CACHE_FOLDER = _find_cache_folder()
+
+
+def is_cache_cold() -> bool:
+    """Tell whether no kernel has been compiled into the cache folder yet, so that the first picture will take seconds."""
+    return CACHE_FOLDER is None or next(CACHE_FOLDER.rglob("*.nbi"), None) is None
+
+
+def _compile_lazily(function, **options):
+    """Apply `numba.njit` with the package's own cache folder, without changing the folder of anybody else."""
+    if CACHE_FOLDER is None:
+        return numba.njit(**options)(function)
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(CACHE_FOLDER)
+    try:
+        return numba.njit(cache=True, **options)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def kernel(function):
+    """Compile a loop over arrays on first use: without the GIL, kept on disk. Division by zero yields inf or nan, as in numpy."""
+    return _compile_lazily(function, **_OPTIONS)
+
+
+def helper(function):
+    """Compile a scalar function that kernels call; it is inlined into them and needs no cache entry of its own."""
+    return numba.njit(**_OPTIONS)(function)
+
+
+def row_function(function, dtype):
+    """Compile `function(rows, n, params)`, where rows and params point to `dtype`; return a numba CFunc.
+
+    A kernel calls it through its `address` with `call_row`. So one kernel serves every kind of light and every reflection
+    model, and only those that a scene uses are ever compiled. Keep the CFunc as long as the address is in use.
+    """
+    number = numba.from_dtype(numpy.dtype(dtype))
+    pointer = numba.types.CPointer(number)
+    signature = numba.types.void(pointer, numba.types.intp, pointer)
+    options = {"error_model": "numpy", "nopython": True}
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(CACHE_FOLDER or before)
+    try:
+        return numba.cfunc(signature, cache=CACHE_FOLDER is not None, **options)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+@numba.extending.intrinsic
+def call_row(typing_context, address, rows, n, params):
+    """Call the row function at `address` with the addresses of two arrays and a count (inside kernels only)."""
+    signature = numba.types.void(numba.types.intp, numba.types.intp, numba.types.intp, numba.types.intp)
+
+    def generate(context, builder, _signature, arguments):
+        word = ir.IntType(64)
+        function_type = ir.FunctionType(ir.VoidType(), [word, word, word])
+        builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
+        return context.get_dummy_value()
+
+    return signature, generate

@@ -1,0 +1,182 @@
+"""The illumination equation over rows of surface points: the one place where it is evaluated, for every shading method.
+
+    I = ke + albedo·(ka·Ia + Σ kd·Ip·DIFFUSE) + Σ ks·Ip·SPECULAR          summed over the lights
+
+Source: Phong 1975; Foley, van Dam, Feiner & Hughes 1990, section 16.1. The terms that depend on a light alone are found by the
+light's row function (lights.py), those that depend on the material by the reflection model's (reflection.py).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._kernel import call_row, helper, kernel
+from .lights import COLOR
+from .rows import (
+    ALBEDO,
+    CHUNK,
+    DIFFUSE,
+    DIFFUSE_SUM,
+    N_DOT_V,
+    NEXT_CHANNEL,
+    NORMAL_X,
+    NORMAL_Y,
+    NORMAL_Z,
+    POSITION_X,
+    POSITION_Y,
+    POSITION_Z,
+    SPECULAR,
+    SPECULAR_SUM,
+    VIEW_X,
+    VIEW_Y,
+    VIEW_Z,
+)
+
+# A material's numbers: those that its row function reads (reflection.py), then its coefficients, a column a channel.
+EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR = 4, 7, 10, 13
+N_MATERIAL_COLUMN = 16
+
+
+class Lighting(NamedTuple):
+    """What lights the scene, as arrays; the numbers are float32 or float64, as the rows are."""
+
+    light_function: np.ndarray  # (n_light,) int64, addresses of row functions
+    light: np.ndarray  # (n_light, lights.N_NUMBER)
+    reflection_function: np.ndarray  # (n_material,) int64, addresses of row functions
+    material: np.ndarray  # (n_material, N_MATERIAL_COLUMN); AMBIENT is ka·Ia
+    is_shiny: np.ndarray  # (n_material,) bool: the material has a highlight
+    n_channel: int
+    n_light_channel: int  # 1 where all lights are grey: then the sums over the lights need one channel only
+    needs_view: bool  # some material has a highlight
+    needs_position: bool  # some light has a place
+    has_albedo: bool  # colours are given with the model
+
+
+@helper
+def normalize_normals(rows, n):
+    """Scale the normals to unit length; a normal that is zero stays zero."""
+    zero, one = rows.dtype.type(0), rows.dtype.type(1)
+    for k in range(np.uint64(n)):
+        x, y, z = rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k]
+        square = x * x + y * y + z * z
+        scale = one / np.sqrt(square) if square > zero else zero
+        rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k] = x * scale, y * scale, z * scale
+
+
+@helper
+def view_from_position(rows, n):
+    """Fill the view directions for an eye at the origin of the positions."""
+    zero, one = rows.dtype.type(0), rows.dtype.type(1)
+    for k in range(np.uint64(n)):
+        x, y, z = rows[POSITION_X + k], rows[POSITION_Y + k], rows[POSITION_Z + k]
+        square = x * x + y * y + z * z
+        scale = -one / np.sqrt(square) if square > zero else zero
+        rows[VIEW_X + k], rows[VIEW_Y + k], rows[VIEW_Z + k] = x * scale, y * scale, z * scale
+
+
+@helper
+def view_from_direction(rows, n, x, y, z):
+    """Fill the view directions for an eye at infinity in the direction (x, y, z)."""
+    for k in range(np.uint64(n)):
+        rows[VIEW_X + k], rows[VIEW_Y + k], rows[VIEW_Z + k] = x, y, z
+
+
+@helper
+def find_n_dot_v(rows, n):
+    """Fill N·V."""
+    for k in range(np.uint64(n)):
+        rows[N_DOT_V + k] = (
+            rows[NORMAL_X + k] * rows[VIEW_X + k]
+            + rows[NORMAL_Y + k] * rows[VIEW_Y + k]
+            + rows[NORMAL_Z + k] * rows[VIEW_Z + k]
+        )
+
+
+@helper
+def light_rows(rows, n, lighting, material):
+    """Evaluate the illumination equation for n points of one material; the intensities replace the rows DIFFUSE_SUM."""
+    zero = rows.dtype.type(0)
+    is_shiny = lighting.is_shiny[material]
+    number = lighting.material[material]
+    if is_shiny:
+        find_n_dot_v(rows, n)
+    for channel in range(np.uint64(lighting.n_light_channel)):
+        for k in range(np.uint64(n)):
+            rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k] = zero
+            rows[SPECULAR_SUM + channel * NEXT_CHANNEL + k] = zero
+    for light in range(np.uint64(len(lighting.light_function))):
+        call_row(lighting.light_function[light], rows.ctypes.data, n, lighting.light[light].ctypes.data)
+        call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
+        for channel in range(np.uint64(lighting.n_light_channel)):
+            add_light(rows, n, channel, lighting.light[light, np.uint64(COLOR) + channel], is_shiny)
+    # From the last channel to the first: with grey lights all of them read the sums of channel 0.
+    for step in range(np.uint64(lighting.n_channel)):
+        channel = np.uint64(lighting.n_channel) - np.uint64(1) - step
+        compose(rows, n, channel, channel if lighting.n_light_channel > 1 else np.uint64(0), number, lighting.has_albedo, is_shiny)
+
+
+@helper
+def add_light(rows, n, channel, color, is_shiny):
+    """Add one light's reflections to the sums of one channel."""
+    diffuse_sum = DIFFUSE_SUM + channel * NEXT_CHANNEL
+    specular_sum = SPECULAR_SUM + channel * NEXT_CHANNEL
+    for k in range(np.uint64(n)):
+        rows[diffuse_sum + k] += color * rows[DIFFUSE + k]
+    if is_shiny:
+        for k in range(np.uint64(n)):
+            rows[specular_sum + k] += color * rows[SPECULAR + k]
+
+
+@helper
+def compose(rows, n, channel, source, number, has_albedo, is_shiny):
+    """Turn the sums of one channel into intensities."""
+    emissive, ambient = number[np.uint64(EMISSIVE) + channel], number[np.uint64(AMBIENT) + channel]
+    diffuse, specular = number[np.uint64(DIFFUSE_COLOR) + channel], number[np.uint64(SPECULAR_COLOR) + channel]
+    zero = rows.dtype.type(0)
+    albedo_row, sum_row = ALBEDO + channel * NEXT_CHANNEL, DIFFUSE_SUM + channel * NEXT_CHANNEL
+    diffuse_row, specular_row = DIFFUSE_SUM + source * NEXT_CHANNEL, SPECULAR_SUM + source * NEXT_CHANNEL
+    for k in range(np.uint64(n)):
+        matte = ambient + diffuse * rows[diffuse_row + k]
+        if has_albedo:
+            matte *= rows[albedo_row + k]
+        shine = specular * rows[specular_row + k] if is_shiny else zero
+        rows[sum_row + k] = emissive + matte + shine
+
+
+@kernel
+def light_points(positions, normals, albedo, start, stop, screen, side, lighting, material, rows, out_intensity):
+    """Evaluate the illumination equation at surface points: the vertices of Gouraud's method, the centroids of flat shading.
+
+    Parameters
+    ----------
+    positions, normals : (3, n) float64, world space; the normals have unit length
+    albedo : (n, n_channel) float64, read only if lighting.has_albedo
+    start, stop : the points to light
+    side : 1 or -1, a factor of the normals; 0 flips every normal towards the viewer
+    out_intensity : (n, n_channel) float32 or float64
+    """
+    number = rows.dtype.type
+    eye_x, eye_y, eye_z = screen.eye
+    back_x, back_y, back_z = -screen.forward
+    for first in range(start, stop, CHUNK):
+        n = min(CHUNK, stop - first)
+        for k in range(np.uint64(n)):
+            i = np.uint64(first) + k
+            px, py, pz = positions[0, i] - eye_x, positions[1, i] - eye_y, positions[2, i] - eye_z
+            nx, ny, nz = normals[0, i], normals[1, i], normals[2, i]
+            toward = -(nx * px + ny * py + nz * pz) if screen.is_perspective else nx * back_x + ny * back_y + nz * back_z
+            sign = float(side) if side != 0 else (-1.0 if toward < 0 else 1.0)
+            rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k] = number(sign * nx), number(sign * ny), number(sign * nz)
+            rows[POSITION_X + k], rows[POSITION_Y + k], rows[POSITION_Z + k] = number(px), number(py), number(pz)
+        if lighting.has_albedo:
+            for channel in range(np.uint64(lighting.n_channel)):
+                for k in range(np.uint64(n)):
+                    rows[ALBEDO + channel * NEXT_CHANNEL + k] = number(albedo[np.uint64(first) + k, channel])
+        if lighting.needs_view and screen.is_perspective:
+            view_from_position(rows, n)
+        elif lighting.needs_view:
+            view_from_direction(rows, n, number(back_x), number(back_y), number(back_z))
+        light_rows(rows, n, lighting, material)
+        for channel in range(np.uint64(lighting.n_channel)):
+            for k in range(np.uint64(n)):
+                out_intensity[np.uint64(first) + k, channel] = rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k]

@@ -1,0 +1,27 @@
+"""The rows that lighting works on: up to CHUNK surface points at a time, one quantity a row, in the L1 cache.
+
+All rows stand one behind the other in one flat array, `rows[NORMAL_X + k]`: with offsets that are known when it is compiled, the
+compiler sees that rows don't overlap, and vectorises. Directions are unit vectors and point away from the surface; positions
+are relative to the eye, so that float32 keeps its digits far from the origin; all axes are the world's.
+"""
+
+import numpy as np
+
+CHUNK = 256
+
+NORMAL_X, NORMAL_Y, NORMAL_Z = (np.uint64(CHUNK * k) for k in range(3))
+POSITION_X, POSITION_Y, POSITION_Z = (np.uint64(CHUNK * k) for k in range(3, 6))
+VIEW_X, VIEW_Y, VIEW_Z = (np.uint64(CHUNK * k) for k in range(6, 9))
+N_DOT_V = np.uint64(CHUNK * 9)
+N_DOT_L, L_DOT_V, STRENGTH = (np.uint64(CHUNK * k) for k in range(10, 13))  # written by a light
+DIFFUSE, SPECULAR = (np.uint64(CHUNK * k) for k in range(13, 15))  # written by a reflection model
+DIFFUSE_SUM = np.uint64(CHUNK * 15)  # summed over the lights, a row a channel
+SPECULAR_SUM = np.uint64(CHUNK * 18)
+ALBEDO = np.uint64(CHUNK * 21)
+NEXT_CHANNEL = np.uint64(CHUNK)
+N_ROW = 24
+
+
+def make_rows(dtype):
+    """Return the rows of one thread."""
+    return np.zeros(N_ROW * CHUNK, dtype)

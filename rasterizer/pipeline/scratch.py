@@ -1,0 +1,77 @@
+"""What a thread needs to draw a band, kept from band to band and from picture to picture."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .buffers import Buffers
+from .resolve import Picture
+from .rows import make_rows
+from .scan import ATTRIBUTE, CLEAR, GROUP_SHIFT, PADDING, Canvas, Records
+
+
+class Bench(NamedTuple):
+    """One thread's working place."""
+
+    canvas: Canvas
+    records: Records
+    radiance: np.ndarray  # (n_channel, rows * pitch)
+    rows: np.ndarray  # lighting's rows
+
+
+class Scratch:
+    """Working places that are free. Taking from a list and giving back are atomic, so threads may share it."""
+
+    def __init__(self):
+        self._free = {}
+
+    def take(self, width, n_row, n_channel, n_attribute, n_record, dtype) -> Bench:
+        """Return a working place of this kind that is clean, with room for the records; a new one where none is free."""
+        kind = (width, n_row, n_channel, n_attribute, np.dtype(dtype))
+        free = self._free.setdefault(kind, [])
+        bench = free.pop() if free else _make_bench(*kind)
+        if len(bench.records.integers) < n_record:
+            bench = bench._replace(records=_make_records(n_record, n_attribute, dtype))
+        return bench
+
+    def give_back(self, bench: Bench, n_row) -> None:
+        """Return a working place; its z-buffer is clean."""
+        n_channel = len(bench.radiance)
+        n_attribute = (bench.records.numbers.shape[1] - ATTRIBUTE) // 3
+        self._free[(bench.canvas.width, n_row, n_channel, n_attribute, bench.rows.dtype)].append(bench)
+
+
+def _make_bench(width, n_row, n_channel, n_attribute, dtype) -> Bench:
+    pitch = (width + PADDING + 7) // 8 * 8
+    n_group = (n_row >> GROUP_SHIFT) + 1
+    left, right = np.full(n_group, 1 << 30, np.int64), np.full(n_group, -1, np.int64)
+    canvas = Canvas(np.full(n_row * pitch, CLEAR), pitch, width, left, right)
+    radiance = np.zeros((n_channel, n_row * pitch), dtype)
+    return Bench(canvas, _make_records(1, n_attribute, dtype), radiance, make_rows(dtype))
+
+
+def _make_records(n, n_attribute, dtype) -> Records:
+    return Records(np.zeros((n, 8), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype))
+
+
+def empty_picture(size, with_color) -> Picture:
+    """An empty picture: transparent black."""
+    width, height = size
+    n_row = height if with_color else 0
+    return Picture(
+        np.zeros((n_row, width, 3), np.float32), np.zeros((height, width), np.uint32), np.zeros((n_row, width), np.float32)
+    )
+
+
+def empty_buffers(size, names) -> Buffers:
+    """Buffers with nothing visible; those that aren't named have no rows."""
+    width, height = size
+
+    def rows(name):
+        return height if name in names else 0
+
+    return Buffers(
+        np.full((rows("depth"), width), np.inf, np.float32),
+        np.full((rows("face"), width), -1, np.int32),
+        np.zeros((rows("normal"), width, 3), np.float32),
+    )

@@ -1,0 +1,110 @@
+"""Stage 1, transform: vertices from world space to the screen.
+
+In:  world-space positions, one float64 array an axis.
+Out: `x`, `y` int32 in 1/256 px, and `z` float64, depth in units of the z-buffer, affine in screen space, so that it can be
+     interpolated by a plane: for perspective z = a + b/w with w the distance along the viewing axis, else z = a + b·depth.
+     A vertex that can't be placed (nearer than the near plane, beyond the far plane, further than 2^20 px from the
+     picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
+
+Float64 throughout: float32 would move two vertices in a hundred by a sub-pixel.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._kernel import kernel
+
+SUBPIXEL = 256  # vertices are snapped to 1/256 px
+HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner
+LIMIT_PX = 2**20  # vertices further out than this are clipped: edge functions stay below 2^60
+OUTSIDE = np.int32(-(2**31))  # x of a vertex that must be clipped
+
+DEPTH_BITS = 38
+DEPTH_MARGIN = 2.0**23  # room for the rounding of planes at both ends of the depth range; see scan.py
+DEPTH_SPAN = 2.0**DEPTH_BITS - 2 * DEPTH_MARGIN
+
+
+class Screen(NamedTuple):
+    """How view space maps to the screen and to the z-buffer: plain float64 numbers and axes (world space, unit length)."""
+
+    eye: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    forward: np.ndarray
+    scale_x: float  # px
+    scale_y: float
+    center_x: float
+    center_y: float
+    near: float
+    far: float  # the clip distance: infinite where the caller gave none
+    z_offset: float  # z = z_offset + z_scale / w  (perspective)  or  z_offset + z_scale * depth
+    z_scale: float
+    is_perspective: bool
+
+
+class Vertices(NamedTuple):
+    """The output of this stage."""
+
+    x: np.ndarray  # (n,) int32, 1/256 px, or OUTSIDE
+    y: np.ndarray  # (n,) int32, 1/256 px
+    z: np.ndarray  # (n,) float64, z-buffer units
+
+
+def make_screen(view, projection, depth_range, far_clip) -> Screen:
+    """Fit the z-buffer to `depth_range` = (nearest, furthest) distance along the viewing axis, in scene units."""
+    near, far = depth_range
+    if projection.is_perspective:
+        spread = 1.0 / near - 1.0 / far
+        scale = -DEPTH_SPAN / spread if spread > 0 else 0.0
+        offset = DEPTH_MARGIN - scale / near if spread > 0 else DEPTH_MARGIN
+    else:
+        spread = far - near
+        scale = DEPTH_SPAN / spread if spread > 0 else 0.0
+        offset = DEPTH_MARGIN - scale * near
+    return Screen(
+        view.eye, view.right, view.up, view.forward,
+        projection.scale_x, projection.scale_y, projection.center_x, projection.center_y,
+        near, far_clip, offset, scale, projection.is_perspective,
+    )  # fmt: skip
+
+
+def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
+    """Place every vertex on the screen; also return how many must be clipped.
+
+    Parameters
+    ----------
+    positions : (3, n) float64, world space, scene units
+    """
+    n = positions.shape[1]
+    out = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.float64))
+    parts = workers.ranges(n)
+    counts = workers.map(lambda part: transform_range(positions, *part, screen, out), parts)
+    return out, sum(counts)
+
+
+@kernel
+def transform_range(positions, start, stop, screen, out):
+    """Place vertices start..stop on the screen; return how many are OUTSIDE."""
+    eye_x, eye_y, eye_z = screen.eye
+    right_x, right_y, right_z = screen.right
+    up_x, up_y, up_z = screen.up
+    forward_x, forward_y, forward_z = screen.forward
+    px, py, pz = positions[0, start:stop], positions[1, start:stop], positions[2, start:stop]
+    out_x, out_y, out_z = out.x[start:stop], out.y[start:stop], out.z[start:stop]
+    limit = float(LIMIT_PX * SUBPIXEL)
+    n_outside = 0
+    for k in range(stop - start):
+        rx, ry, rz = px[k] - eye_x, py[k] - eye_y, pz[k] - eye_z
+        depth = rx * forward_x + ry * forward_y + rz * forward_z
+        w = depth if screen.is_perspective else 1.0
+        across = rx * right_x + ry * right_y + rz * right_z
+        upward = rx * up_x + ry * up_y + rz * up_z
+        x = (screen.center_x + screen.scale_x * across / w) * SUBPIXEL
+        y = (screen.center_y - screen.scale_y * upward / w) * SUBPIXEL
+        is_inside = (depth >= screen.near) & (depth <= screen.far) & (abs(x) <= limit) & (abs(y) <= limit)
+        n_outside += not is_inside
+        out_x[k] = np.int32(np.rint(x)) if is_inside else OUTSIDE
+        out_y[k] = np.int32(np.rint(y)) if is_inside else np.int32(0)
+        out_z[k] = screen.z_offset + screen.z_scale * (1.0 / w if screen.is_perspective else depth)
+    return n_outside

@@ -1,0 +1,153 @@
+"""The line: a polygon's way from the scene to the picture, one stage after the other.
+
+    Scene ─ geometry ─ light ─ transform ─ clip ─ setup ─ bands ─ scan ─ shade ─ resolve ─ Frame
+            normals            1/256 px   near   cull    by y    z-test          8 bits
+
+Every stage hands plain arrays to the next; `draw` is the whole way. Flat shading and Gouraud's method light the points before
+they are drawn; Phong's method hands normals on, and lights the visible samples in the shade stage.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .errors import SceneError
+from .pipeline.bands import sort_into_bands
+from .pipeline.buffers import write_buffers
+from .pipeline.clip import clip, extend
+from .pipeline.lighting import light_points
+from .pipeline.resolve import resolve
+from .pipeline.rows import make_rows
+from .pipeline.scan import MAX_RECORDS, Coding, Polygons, scan
+from .pipeline.setup import Faces, find_visible
+from .pipeline.shade import shade_interpolated, shade_lit
+from .pipeline.transform import transform
+from .plan import choose_band_rows
+
+
+class Job(NamedTuple):
+    """One way through the pipeline: what is drawn, how words are coded, and how a finished band becomes output."""
+
+    attributes: np.ndarray  # (side, n_point, n_attribute), interpolated over the polygons
+    coding: Coding
+    n_channel: int  # of the intensities of a band
+    is_culled: bool
+    factor: int  # samples a pixel along each axis
+    size: tuple  # (width, height) in pixels
+    finish: object  # (bench, loaded_face, y_start, y_stop) -> samples covered: writes the rows y_start..y_stop
+    is_filled: bool  # bands without polygons are written too
+
+
+class Counts(NamedTuple):
+    """What went the way, for Frame.stats."""
+
+    faces: int
+    clipped: int
+    culled: int
+    drawn: int
+    covered: int
+    samples: int
+
+
+def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
+    """Send every polygon of the scene through the pipeline."""
+    vertices, n_outside = transform(geometry.positions, screen, workers)
+    clock.lap("transform")
+
+    polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
+    attributes, loaded_face, n_clipped = job.attributes, np.empty(0, np.uint32), 0
+    if n_outside:
+        clipped = clip(geometry.positions, *polygons[:2], vertices, screen, geometry.points is geometry.positions)
+        vertices, loaded_face, n_clipped = clipped.vertices, clipped.face, clipped.n_clipped
+        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[loaded_face])
+        attributes = extend(attributes, clipped) if geometry.points is geometry.positions else attributes
+        clock.lap("clip")
+
+    width, height = job.size[0] * job.factor, job.size[1] * job.factor
+    rows = choose_band_rows(width, height, workers.n_thread, job.factor)
+    while True:
+        visible = find_visible(Faces(*polygons.vertex), vertices, width, height, rows, job.is_culled, workers)
+        most = max(np.sum([part.histogram for part in visible], axis=0), default=0)
+        if most <= MAX_RECORDS or rows == job.factor:
+            break
+        rows = max(job.factor, rows // 2 // job.factor * job.factor)  # a word has no room for more record numbers
+    if most > MAX_RECORDS:
+        raise SceneError(f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS}: draw a larger picture")
+    clock.lap("setup")
+    bands = sort_into_bands(visible, workers)
+    clock.lap("bands")
+
+    def draw_band(band):
+        faces = bands.face[bands.start[band] : bands.start[band + 1]]
+        y_start, y_stop = band * rows, min((band + 1) * rows, height)
+        n_attribute = attributes.shape[2]
+        bench = scratch.take(width, rows, job.n_channel, n_attribute, len(faces), attributes.dtype)
+        scan(faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.canvas, bench.records)
+        n_covered = job.finish(bench, loaded_face, y_start, y_stop)
+        scratch.give_back(bench, rows)
+        return n_covered
+
+    n_band = len(bands.start) - 1
+    covered = workers.map(draw_band, [b for b in range(n_band) if job.is_filled or bands.start[b] < bands.start[b + 1]])
+    clock.lap("scan, shade, resolve")
+    n_culled = sum(part.n_culled for part in visible)
+    n_drawn = sum(len(part.face) for part in visible)
+    return Counts(geometry.vertex.shape[1], n_clipped, n_culled, n_drawn, sum(covered), width * height)
+
+
+def light(geometry, plan, lighting, screen, is_flat, n_side, workers) -> np.ndarray:
+    """Evaluate the illumination equation at all points: (n_side, n_point, n_channel) intensities, with flipped normals on side 1."""
+    intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
+    starts = geometry.point_offsets[:-1]
+    for mesh, start in enumerate(starts):
+        n = int(geometry.point_offsets[mesh + 1] - start)
+        for side, out in enumerate(intensities):
+            sign = 0 if is_flat else 1 - 2 * side
+            workers.map(
+                lambda part, mesh=mesh, start=int(start), sign=sign, out=out: light_points(
+                    geometry.points, geometry.normals, geometry.albedo, start + part[0], start + part[1],
+                    screen, sign, lighting, mesh, make_rows(plan.dtype), out,
+                ),
+                workers.ranges(n),
+            )  # fmt: skip
+    return intensities
+
+
+def interpolated_job(intensities, plan, coding, options, encoding, picture) -> Job:
+    """Flat shading and Gouraud's method: intensities of polygons or vertices are interpolated."""
+    level_step = plan.dtype.type(1.0 / plan.coding_levels if plan.coding_levels > 0 else 0.0)
+
+    def finish(bench, _loaded_face, y_start, y_stop):
+        n_row, factor = y_stop - y_start, options.factor
+        shade_interpolated(bench.canvas, bench.records, y_start, n_row, plan.n_channel, level_step, bench.radiance)
+        return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
+
+    return _picture_job(intensities, coding, plan, options, encoding, finish)
+
+
+def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting, face_material) -> Job:
+    """Phong's method: normals are interpolated and every visible sample is lit."""
+
+    def finish(bench, loaded_face, y_start, y_stop):
+        n_row, factor = y_stop - y_start, options.factor
+        material = face_material[loaded_face] if len(loaded_face) and len(face_material) else face_material
+        shade_lit(bench.canvas, bench.records, y_start, n_row, screen, lighting, material, bench.rows, bench.radiance)
+        return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
+
+    return _picture_job(normals, coding, plan, options, encoding, finish)
+
+
+def _picture_job(attributes, coding, plan, options, encoding, finish) -> Job:
+    return Job(
+        attributes, coding, plan.n_channel, options.cull == "back", options.factor, options.size, finish,
+        encoding.has_background,
+    )  # fmt: skip
+
+
+def buffers_job(normals, coding, options, screen, buffers) -> Job:
+    """Exact buffers: one sample a pixel, at its centre, and a record for every polygon."""
+
+    def finish(bench, loaded_face, y_start, y_stop):
+        return write_buffers(bench.canvas, bench.records, loaded_face, y_start, y_stop - y_start, screen, buffers)
+
+    return Job(normals, coding, 0, options.cull == "back", 1, options.size, finish, False)

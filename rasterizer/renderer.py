@@ -1,0 +1,146 @@
+"""The public way to render: `render` for one picture, `Renderer` for many of one scene."""
+
+from time import perf_counter
+
+import numpy as np
+
+from .frame import Frame, Stats
+from .options import Options
+from .pipeline.resolve import encode_picture
+from .pipeline.scratch import Scratch, empty_buffers, empty_picture
+from .pipeline.transform import make_screen
+from .pipeline.workers import Workers
+from .plan import fit_depth_range, make_coding, make_encoding, make_lighting, make_plan
+from .render import buffers_job, draw, interpolated_job, light, lit_job
+from .scene.camera import Camera
+from .scene.geometry import gather_geometry
+from .scene.scene import Scene
+
+
+def render(scene, size=(640, 480), **options) -> Frame:
+    """Render a scene.
+
+    Parameters
+    ----------
+    scene : Scene, or anything that a Scene takes as its meshes
+    size : (width, height) in pixels, or one number for a square
+    options : those of `Options`: shading, tolerance, samples, outputs, cull, color_range, threads
+
+    Raises SceneError for an option that is not legal, ModelError for a mesh that is not.
+    """
+    with Renderer(scene, size, **options) as renderer:
+        return renderer.render()
+
+
+class Renderer:
+    """Render many pictures of one scene: what doesn't depend on the camera is prepared once, and buffers are kept.
+
+    Parameters are those of `render`. Use it as a context manager, or call `close`, to end its threads. One Renderer draws one
+    picture at a time; each thread of a caller needs one of its own.
+    """
+
+    def __init__(self, scene, size=(640, 480), **options):
+        self.scene = scene if isinstance(scene, Scene) else Scene(scene)
+        self.options = Options(size=size, **options)
+        self._geometry = gather_geometry(self.scene, self.options.is_flat)
+        self._plan = make_plan(self.scene, self.options, self._geometry.albedo)
+        self._bounds = np.stack([mesh.bounds for mesh in self.scene.meshes])
+        self._workers = Workers(self.options.n_thread)
+        self._scratch = Scratch()
+        self._normals = {}
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def close(self) -> None:
+        """End the threads."""
+        self._workers.close()
+
+    def render(self, camera: Camera | None = None) -> Frame:
+        """Render the scene through its own camera, or through another one."""
+        camera = self.scene.camera_for(self.options.size) if camera is None else camera
+        options, clock, arrays, rgba, counts = self.options, Clock(), {}, None, None
+        if "color" in options.outputs or "rgb" in options.outputs:
+            picture = empty_picture(options.size, "color" in options.outputs or options.color_range == "global")
+            counts = self._draw_picture(camera, picture, clock)
+            rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
+            if "color" in options.outputs:
+                arrays.update(color=picture.color, alpha=picture.alpha)
+        if wanted := [name for name in options.outputs if name not in ("color", "rgb")]:
+            buffers = empty_buffers(options.size, wanted)
+            counts_of_buffers = self._draw_buffers(camera, buffers, clock)
+            counts = counts or counts_of_buffers
+            arrays.update({name: getattr(buffers, name) for name in wanted})
+        stats = Stats(**counts._asdict(), threads=self._workers.n_thread, error_bound=self._plan.error_bound,
+                      milliseconds=clock.milliseconds)  # fmt: skip
+        return Frame(rgba, arrays, stats, options.size)
+
+    def _screen(self, camera, factor):
+        """The camera's screen, with `factor` samples a pixel along each axis, its depth fitted to the scene."""
+        view = camera.view()
+        width, height = self.options.size
+        depth_range, far_clip = fit_depth_range(camera, view, self._bounds)
+        return view, make_screen(view, camera.projection((width * factor, height * factor)), depth_range, far_clip)
+
+    def _draw_picture(self, camera, picture, clock):
+        """Draw the picture: the colour of every pixel."""
+        options, plan, geometry = self.options, self._plan, self._geometry
+        view, screen = self._screen(camera, options.factor)
+        lighting = make_lighting(plan, view)
+        coding = make_coding(plan, screen, options.tolerance)
+        encoding = make_encoding(plan, self.scene, options.color_range)
+        if plan.is_lit_per_sample:
+            job = lit_job(self._normal_attributes(plan.dtype, plan.has_albedo), plan, coding, options, encoding, picture,
+                          screen, lighting, self._face_material())  # fmt: skip
+        else:
+            is_one_sided = options.is_flat or (options.cull == "back" and not geometry.is_inverted.any())
+            n_side = 1 if is_one_sided else 2
+            intensities = light(geometry, plan, lighting, screen, options.is_flat, n_side, self._workers)
+            clock.lap("light")
+            job = interpolated_job(intensities, plan, coding, options, encoding, picture)
+        counts = draw(geometry, job, screen, self._scratch, self._workers, clock)
+        if options.color_range == "global":
+            encoding = make_encoding(plan, self.scene, "global", 1.0 / max(1.0, float(picture.color.max())))
+            encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
+            clock.lap("encode")
+        return counts
+
+    def _draw_buffers(self, camera, buffers, clock):
+        """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes them."""
+        _, screen = self._screen(camera, 1)
+        coding = make_coding(self._plan._replace(coding_levels=0.0), screen, 0.0)
+        n_point = self._geometry.points.shape[1]
+        normals = self._normal_attributes(np.float64, False) if len(buffers.normal) else np.empty((1, n_point, 0))
+        job = buffers_job(normals, coding, self.options, screen, buffers)
+        return draw(self._geometry, job, screen, self._scratch, self._workers, clock)
+
+    def _normal_attributes(self, dtype, has_albedo) -> np.ndarray:
+        """Normals, and the model's colours behind them, as point attributes (1, n_point, 3 or 6)."""
+        key = np.dtype(dtype), has_albedo
+        if key not in self._normals:
+            columns = [self._geometry.normals.T] + ([self._geometry.albedo] if has_albedo else [])
+            self._normals[key] = np.ascontiguousarray(np.concatenate(columns, axis=1)[None], dtype)
+        return self._normals[key]
+
+    def _face_material(self) -> np.ndarray:
+        """Material of every face, (n_face,) uint32; empty where the scene has one mesh."""
+        if len(self.scene.meshes) == 1:
+            return np.empty(0, np.uint32)
+        return np.repeat(np.arange(len(self.scene.meshes), dtype=np.uint32), np.diff(self._geometry.face_offsets))
+
+
+class Clock:
+    """Milliseconds of each stage, in order."""
+
+    def __init__(self):
+        self.milliseconds = {}
+        self._last = perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Add the time since the last lap to a stage."""
+        now = perf_counter()
+        self.milliseconds[stage] = self.milliseconds.get(stage, 0.0) + 1000.0 * (now - self._last)
+        self._last = now

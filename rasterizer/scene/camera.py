@@ -1,0 +1,336 @@
+"""Cameras: where the picture is taken from, and how a point of the world gets its pixel.
+
+    in:  position, target, up; a field of view, a height, or an OpenCV calibration; or something to be framed
+    out: View (eye and unit axes, world space) and Projection (scale and centre, pixels)
+
+The camera's frame is right-handed and the camera looks down its own -z:
+
+         up                  right = forward × up,  up = right × forward,  right × up = -forward
+          |   forward
+          |  /               r = p - eye,  w = r·forward  (orthographic: w = 1)
+          | /                x = center_x + scale_x (r·right) / w
+      eye +------ right      y = center_y - scale_y (r·up) / w        row 0 is the top
+
+Pixel (i, j) has its sample at (i + ½, j + ½): the picture's corners are (0, 0) and (width, height).
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rasterizer.errors import SceneError
+from rasterizer.scene import _framing
+from rasterizer.scene._check import AXES, choice, number, picture_size, shown, unit3, vector3
+
+
+class View(NamedTuple):
+    """Where the camera is and its axes: (3,) float64 each, world space; the axes are orthonormal."""
+
+    eye: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    forward: np.ndarray
+
+
+class Projection(NamedTuple):
+    """How a point in the camera's frame gets its pixel; pixels, or pixels a scene unit where orthographic."""
+
+    scale_x: float
+    scale_y: float
+    center_x: float
+    center_y: float
+    is_perspective: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """Hold a camera; made by `perspective`, `orthographic`, `framing` or `from_opencv`.
+
+    Parameters
+    ----------
+    position : three numbers, the eye, scene units, world space
+    target : three numbers, the point looked at, other than `position`
+    up : three numbers or "x", "y", "z", "-x", "-y", "-z": the direction that shall point upwards in the
+        picture. Where it is parallel to the view, the picture's top is what it is for `framing` at azimuth 0
+        about the axis nearest to `up`: with y-up the camera that looks straight down has -z on top, with z-up
+        it has +y on top, as on a map
+    fov : vertical field of view in degrees, between 0 and 180; None for an orthographic camera
+    height : scene units that the picture is high, above 0; None for a perspective camera
+    near, far : distances along the view, scene units; None = fitted to the scene. near > 0 for a perspective
+        camera, near < far
+    intrinsics : (fx, fy, cx, cy) of an OpenCV calibration, pixels of `size`; `fov` is then taken from fy
+    size : (width, height) in pixels of the pictures that `intrinsics` belong to; None without intrinsics
+
+    Raises
+    ------
+    SceneError : a value that is not legal, neither or both of `fov` and `height`
+    """
+
+    position: tuple[float, float, float]
+    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    fov: float | None = None
+    height: float | None = None
+    near: float | None = None
+    far: float | None = None
+    intrinsics: tuple[float, float, float, float] | None = None
+    size: tuple[int, int] | None = None
+
+    def __post_init__(self):
+        self._set("position", vector3(self.position, "the camera's position"))
+        self._set("target", vector3(self.target, "the camera's target"))
+        up = AXES[choice(self.up, tuple(AXES), "the camera's up")] if isinstance(self.up, str) else self.up
+        self._set("up", unit3(up, "the camera's up"))
+        if self.position == self.target:
+            raise SceneError(f"the camera's position and target must differ; given {self.position} for both")
+        self._check_lens()
+        self._check_depth_range()
+
+    def _set(self, field: str, value) -> None:
+        object.__setattr__(self, field, value)
+
+    def _check_lens(self) -> None:
+        """Check the field of view, the height or the intrinsics, of which one rules."""
+        if self.intrinsics is not None:
+            self._check_intrinsics()
+        elif self.size is not None:
+            raise SceneError(
+                "the camera's size goes with its intrinsics; a picture's size is given to the renderer"
+            )
+        if (self.fov is None) == (self.height is None):
+            raise SceneError(
+                "a camera needs either fov (perspective) or height (orthographic); "
+                f"given fov={self.fov!r}, height={self.height!r}"
+            )
+        if self.fov is not None:
+            self._set("fov", _checked_fov(self.fov))
+        else:
+            height = number(self.height, "the camera's height")
+            if height <= 0.0:
+                raise SceneError(f"the camera's height must be above 0 scene units; given {self.height!r}")
+            self._set("height", height)
+
+    def _check_intrinsics(self) -> None:
+        """Check the OpenCV intrinsics and the size that they belong to, and derive the field of view."""
+        try:
+            values = tuple(self.intrinsics)
+        except TypeError:
+            values = ()
+        if len(values) != 4:
+            given = shown(self.intrinsics)
+            raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {given}")
+        fx, fy, cx, cy = (number(v, "each of the camera's intrinsics (fx, fy, cx, cy)") for v in values)
+        if fx <= 0.0 or fy <= 0.0:
+            raise SceneError(
+                f"the camera's focal lengths fx, fy must be above 0 pixels; given {fx!r}, {fy!r}"
+            )
+        width, height = picture_size(self.size)
+        self._set("intrinsics", (fx, fy, cx, cy))
+        self._set("size", (width, height))
+        self._set("fov", math.degrees(2.0 * math.atan(0.5 * height / fy)))
+
+    def _check_depth_range(self) -> None:
+        """Check near and far, where given."""
+        for field in ("near", "far"):
+            value = getattr(self, field)
+            if value is not None:
+                value = number(value, f"the camera's {field}")
+                if value <= 0.0 and self.is_perspective:
+                    raise SceneError(
+                        f"the {field} of a perspective camera must be above 0 scene units; given {value!r}"
+                    )
+                self._set(field, value)
+        if self.near is not None and self.far is not None and self.near >= self.far:
+            raise SceneError(
+                f"the camera's near must be below its far; given near={self.near!r}, far={self.far!r}"
+            )
+
+    @property
+    def is_perspective(self) -> bool:
+        """Whether things far away look smaller."""
+        return self.height is None
+
+    @classmethod
+    def perspective(cls, position, target=(0, 0, 0), up=(0, 1, 0), fov=45.0, near=None, far=None) -> "Camera":
+        """Make a perspective camera that looks at `target`; parameters and errors as in the class."""
+        return cls(position=position, target=target, up=up, fov=fov, near=near, far=far)
+
+    @classmethod
+    def orthographic(
+        cls, position, target=(0, 0, 0), up=(0, 1, 0), height=2.0, near=None, far=None
+    ) -> "Camera":
+        """Make a camera without perspective that looks at `target`; parameters and errors as in the class."""
+        return cls(position=position, target=target, up=up, height=height, near=near, far=far)
+
+    @classmethod
+    def framing(
+        cls,
+        subject,
+        azimuth: float = 35.0,
+        elevation: float = 25.0,
+        fov: float = 30.0,
+        up: str = "y",
+        margin: float = 0.05,
+        orthographic: bool = False,
+        aspect: float = 4 / 3,
+    ) -> "Camera":
+        """Make the camera with the smallest view from a given side that shows all of a subject, centred.
+
+        Parameters
+        ----------
+        subject : what to frame: bounds (2, 3) (lowest and highest corner of a box), points (n, 3), a Mesh, a
+            Scene, or anything with `vertices`; of a Mesh only the vertices that a face uses count
+        azimuth : degrees about the up axis; 0 looks at the front (the camera stands on +z for y-up, on -y for
+            z-up), positive turns the camera to the right (towards +x)
+        elevation : degrees above the horizon, -90..90
+        fov : vertical field of view in degrees; without meaning for an orthographic camera
+        up : "x", "y", "z", "-x", "-y", "-z"
+        margin : share of the picture's width and height that stays empty on each side, at least 0, below 0.5
+        orthographic : whether to do without perspective
+        aspect : width / height of the picture
+
+        Returns
+        -------
+        Camera whose picture the subject fills up to the margin in at least one of width and height, and is
+        centred in both. A subject that tapers towards the eye more sharply than the view keeps its distance,
+        and then fills less.
+
+        Raises
+        ------
+        SceneError : a value that is not legal, no points, points that are not finite
+
+        Source: derivation at `rasterizer.scene._framing.fit_perspective`.
+        """
+        axes = _framing.orbit_axes(azimuth, elevation, choice(up, tuple(AXES), "up"))
+        margin = number(margin, "the margin")
+        if not 0.0 <= margin < 0.5:
+            raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {margin!r}")
+        aspect = number(aspect, "the aspect (width / height)")
+        if aspect <= 0.0:
+            raise SceneError(f"the aspect (width / height) must be above 0; given {aspect!r}")
+        filled = 1.0 - 2.0 * margin
+        if orthographic:
+            eye, target, height = _framing.fit_orthographic(subject, axes, aspect * filled, filled)
+            return cls(position=eye, target=target, up=axes[1], height=height)
+        slope = filled * math.tan(math.radians(_checked_fov(fov)) / 2.0)
+        eye, target = _framing.fit_perspective(subject, axes, aspect * slope, slope)
+        return cls(position=eye, target=target, up=axes[1], fov=fov)
+
+    @classmethod
+    def from_opencv(cls, K, R, t, size, near=None, far=None) -> "Camera":
+        """Make a camera from an OpenCV calibration: x_cam = R x_world + t, in a frame with x right, y down, z
+        forward.
+
+        Parameters
+        ----------
+        K : (3, 3) [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels; OpenCV counts from the centre of the first
+            pixel, so its (cx, cy) is (cx + ½, cy + ½) here. Skew is not supported
+        R : (3, 3) rotation from world to camera; the nearest exact rotation is taken
+        t : (3,) or (3, 1), scene units
+        size : (width, height) of the pictures that K belongs to, pixels
+        near, far : as in the class
+
+        Raises
+        ------
+        SceneError : shapes, values that are not finite, skew, a matrix R that is no rotation
+        """
+        K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
+        t = _checked_matrix(np.ravel(np.asarray(t)), (3,), "t")
+        size = picture_size(size)
+        fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
+        ideal = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+        if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
+            raise SceneError(
+                f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew; given {shown(K.tolist())}"
+            )
+        R = _nearest_rotation(R)
+        eye = -R.T @ t
+        # a target about as far away as the eye is from the origin keeps every digit of the direction
+        target = eye + R[2] * max(1.0, float(np.abs(eye).max()))
+        return cls(
+            position=eye, target=target, up=-R[1], near=near, far=far, intrinsics=(fx, fy, cx, cy), size=size
+        )
+
+    def to_opencv(self, size) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return K (3, 3), R (3, 3), t (3,), float64, as OpenCV writes this camera for pictures of `size`
+        (width, height) pixels.
+
+        Raises
+        ------
+        SceneError : an orthographic camera, a size that is not legal
+        """
+        if not self.is_perspective:
+            raise SceneError("an orthographic camera has no OpenCV form; make a perspective one")
+        eye, right, up, forward = self.view()
+        scale_x, scale_y, center_x, center_y, _ = self.projection(size)
+        K = np.array([[scale_x, 0.0, center_x - 0.5], [0.0, scale_y, center_y - 0.5], [0.0, 0.0, 1.0]])
+        R = np.stack([right, -up, forward])
+        return K, R, -R @ eye
+
+    def view(self) -> View:
+        """Return the eye and the camera's axes, world space, float64."""
+        eye = np.array(self.position)
+        forward = np.array(
+            unit3(np.array(self.target) - eye, "the way from the camera's position to its target")
+        )
+        up = np.array(self.up)
+        if np.linalg.norm(np.cross(forward, up)) < 1e-8:  # parallel but for rounding
+            up = _framing.top_when_parallel(forward, up)
+        right = np.array(unit3(np.cross(forward, up), "the camera's right"))
+        return View(eye, right, np.cross(right, forward), forward)
+
+    def projection(self, size) -> Projection:
+        """Return the scale and centre for a picture of `size` (width, height) pixels.
+
+        The vertical field of view rules and pixels are square. A camera with intrinsics has them scaled, each
+        axis by itself, from the size that they belong to.
+
+        Raises
+        ------
+        SceneError : a size that is not legal
+        """
+        width, height = picture_size(size)
+        if self.intrinsics is not None:
+            fx, fy, cx, cy = self.intrinsics
+            grow_x, grow_y = width / self.size[0], height / self.size[1]
+            return Projection(fx * grow_x, fy * grow_y, (cx + 0.5) * grow_x, (cy + 0.5) * grow_y, True)
+        if self.is_perspective:
+            scale = 0.5 * height / math.tan(math.radians(self.fov) / 2.0)
+        else:
+            scale = height / self.height
+        return Projection(scale, scale, 0.5 * width, 0.5 * height, self.is_perspective)
+
+
+def _checked_fov(fov) -> float:
+    """Return the field of view as a float between 0 and 180 degrees."""
+    value = number(fov, "the camera's fov")
+    if not 0.0 < value < 180.0:
+        raise SceneError(f"the camera's fov must be between 0 and 180 degrees; given {fov!r}")
+    return value
+
+
+def _checked_matrix(value, shape: tuple[int, ...], what: str) -> np.ndarray:
+    """Return a finite float64 array of the given shape."""
+    try:
+        matrix = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        matrix = np.empty(0)
+    if matrix.shape != shape or not np.isfinite(matrix).all():
+        raise SceneError(f"{what} must be finite numbers of the shape {shape}; given {shown(value)}")
+    return matrix
+
+
+def _nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+    """Return the rotation nearest to a matrix that is one up to a few digits.
+
+    Source: Schönemann 1966, Psychometrika 31, 1-10: U Vᵀ of the singular value decomposition.
+    """
+    u, stretch, vt = np.linalg.svd(matrix)
+    rotation = u @ vt
+    if np.abs(stretch - 1.0).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
+        raise SceneError(
+            f"R must be a rotation (perpendicular unit rows, determinant 1); given {shown(matrix.tolist())}"
+        )
+    return rotation

@@ -1,0 +1,120 @@
+"""Colours: what a person writes becomes linear RGB, and the two sRGB curves.
+
+Inside the package every colour is linear, relative to the sRGB / Rec. 709 primaries. Text (hex, CSS names) is
+sRGB-encoded, as everywhere, and is decoded; numbers are linear already. 8-bit colours of a mesh are
+sRGB-encoded.
+
+Source of the curves: IEC 61966-2-1:1999, section 5.2 (piecewise: a straight line near black, a power of 2.4
+above).
+"""
+
+import numpy as np
+
+from rasterizer.errors import SceneError
+from rasterizer.scene._check import number, shown, vector3
+
+RGB = tuple[float, float, float]
+
+
+def linear_rgb(color, what: str = "color") -> RGB:
+    """Return any accepted way to write a colour as linear RGB.
+
+    Parameters
+    ----------
+    color : number (a linear grey), three numbers (linear RGB as they are; above 1 is legal), or str (sRGB:
+        "#f80", "#ff8800", "orange", "rgb(255, 136, 0)", anything that PIL.ImageColor reads)
+    what : name of the argument, for messages
+
+    Returns
+    -------
+    (red, green, blue) floats, linear, at least 0
+
+    Raises
+    ------
+    SceneError : not one of these forms, an unknown name, a component that is negative or not finite, text
+        with an alpha below 1
+    """
+    if isinstance(color, str):
+        return _rgb_of_text(color, what)
+    is_sequence = hasattr(color, "__len__") and getattr(color, "ndim", 1) > 0
+    if is_sequence:
+        rgb = vector3(color, what)
+    else:
+        rgb = (number(color, f"{what} (a grey, three linear numbers, or a hex or CSS colour)"),) * 3
+    if min(rgb) < 0.0:
+        raise SceneError(f"{what} must not be negative; given {shown(color)}")
+    return rgb
+
+
+def _rgb_of_text(text: str, what: str) -> RGB:
+    """Decode a hex or CSS colour; the import waits until one is met, as PIL is slow to import."""
+    from PIL import ImageColor
+
+    try:
+        channels = ImageColor.getrgb(text.strip())
+    except ValueError:
+        legal = 'a CSS name such as "orange" or hex such as "#ff8800"'
+        raise SceneError(f"{what} must be {legal}; given {shown(text)}") from None
+    if len(channels) == 4 and channels[3] != 255:
+        raise SceneError(f"{what} must be opaque; given {shown(text)} with an alpha of {channels[3]}/255")
+    if not all(0 <= channel <= 255 for channel in channels):
+        raise SceneError(f"{what} must have channels within 0..255; given {shown(text)}")
+    red, green, blue = (float(LINEAR_OF_BYTE[channel]) for channel in channels[:3])
+    return red, green, blue
+
+
+def srgb_from_linear(linear) -> np.ndarray:
+    """Encode linear values with the sRGB curve.
+
+    Parameters
+    ----------
+    linear : array of any shape, 1 = white; values outside 0..1 follow the curve's ends, nan stays nan
+
+    Returns
+    -------
+    float64 array of the same shape, 1 = white
+
+    Source: IEC 61966-2-1:1999, 5.2.
+    """
+    linear = np.asarray(linear, dtype=np.float64)
+    power = 1.055 * np.maximum(linear, 0.0031308) ** (1.0 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, 12.92 * linear, power)
+
+
+def linear_from_srgb(srgb) -> np.ndarray:
+    """Decode sRGB values to linear ones, the inverse of `srgb_from_linear`.
+
+    Parameters
+    ----------
+    srgb : array of any shape, 1 = white (8-bit values divided by 255)
+
+    Returns
+    -------
+    float64 array of the same shape, linear, 1 = white
+
+    Source: IEC 61966-2-1:1999, 5.2.
+    """
+    srgb = np.asarray(srgb, dtype=np.float64)
+    power = ((np.maximum(srgb, 0.04045) + 0.055) / 1.055) ** 2.4
+    return np.where(srgb <= 0.04045, srgb / 12.92, power)
+
+
+def linear_from_srgb_bytes(colors: np.ndarray) -> np.ndarray:
+    """Decode 8-bit colours through a table; a fourth channel is alpha, which is never encoded.
+
+    Parameters
+    ----------
+    colors : (n, 3) or (n, 4) uint8, sRGB-encoded, alpha linear
+
+    Returns
+    -------
+    float64 array of the same shape, linear, 0..1
+    """
+    linear = LINEAR_OF_BYTE[colors]
+    if colors.shape[-1] == 4:
+        linear[..., 3] = colors[..., 3] / 255.0
+    return linear
+
+
+LINEAR_OF_BYTE = linear_from_srgb(np.arange(256) / 255.0)
+LINEAR_OF_BYTE.flags.writeable = False

@@ -1,0 +1,173 @@
+"""Geometry of a scene: all its meshes as one set of plain arrays, with normals where the shading method needs them.
+
+Points are where the illumination equation is evaluated or normals are kept: the split vertices for Gouraud's and Phong's
+methods, the polygons' centroids for flat shading. Triangles index vertices and points through separate columns, which are the
+same array where a vertex is a point.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .._kernel import kernel
+from .normals import polygon_normals, split_creases
+
+DEFAULT_CREASE_ANGLE = 30.0  # degrees
+
+
+class Geometry(NamedTuple):
+    """The scene as arrays, meshes one behind the other."""
+
+    positions: np.ndarray  # (3, n_vertex) float64, world space
+    vertex: np.ndarray  # (3, n_face) uint32, the vertices of each triangle
+    corner: np.ndarray  # (3, n_face) uint32, the points at its corners
+    points: np.ndarray  # (3, n_point) float64, world space
+    normals: np.ndarray  # (3, n_point) float64, unit length
+    albedo: np.ndarray  # (n_point, 3) float64, linear; (0, 3) where no mesh has colours
+    is_inverted: np.ndarray  # (n_face,) uint8: 1 where the normals look against the winding
+    point_offsets: np.ndarray  # (n_mesh + 1,) int64
+    face_offsets: np.ndarray  # (n_mesh + 1,) int64
+
+
+class Part(NamedTuple):
+    """One mesh's share of Geometry, rows first."""
+
+    positions: np.ndarray  # (n_vertex, 3)
+    vertex: np.ndarray  # (n_face, 3)
+    corner: np.ndarray  # (n_face, 3)
+    points: np.ndarray  # (n_point, 3)
+    normals: np.ndarray  # (n_point, 3)
+    albedo: np.ndarray | None  # (n_point, 3)
+
+
+def gather_geometry(scene, is_flat: bool) -> Geometry:
+    """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices."""
+    parts = [flat_part(mesh) if is_flat else smooth_part(mesh) for mesh in scene.meshes]
+    first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
+    first_point = np.cumsum([0] + [len(part.points) for part in parts])
+    positions = _columns([part.positions for part in parts], np.float64)
+    vertex = _columns([part.vertex for part in parts], np.uint32, first_vertex)
+    if is_flat:
+        points = _columns([part.points for part in parts], np.float64)
+        corner = _columns([part.corner for part in parts], np.uint32, first_point)
+    else:
+        points, corner = positions, vertex
+    normals = _columns([part.normals for part in parts], np.float64)
+    albedo = np.empty((0, 3))
+    if any(part.albedo is not None for part in parts):
+        white = [np.ones((len(part.points), 3)) if part.albedo is None else part.albedo for part in parts]
+        albedo = np.concatenate(white)
+    is_inverted = np.zeros(vertex.shape[1], np.uint8)
+    if not is_flat:
+        flag_inverted(positions, normals, vertex, is_inverted)
+    return Geometry(positions, vertex, corner, points, normals, albedo, is_inverted, first_point, scene.face_offsets)
+
+
+def _columns(arrays, dtype, offsets=None) -> np.ndarray:
+    """Stack (n, 3) arrays as (3, n), one contiguous column an axis; indices move behind the parts before them."""
+    out = np.empty((3, sum(len(array) for array in arrays)), dtype)
+    start = 0
+    for k, array in enumerate(arrays):
+        stop = start + len(array)
+        for axis in range(3):
+            out[axis, start:stop] = array[:, axis]
+            if offsets is not None:
+                out[axis, start:stop] += dtype(offsets[k])
+        start = stop
+    return out
+
+
+def smooth_part(mesh) -> Part:
+    """Split a mesh's vertices where normals or colours differ: the file's normals, else smoothing groups, else creases."""
+    if mesh.normals is not None and mesh.crease_angle is None:
+        if mesh.normals.ndim == 2:
+            corner, source, normals = mesh.faces, slice(None), mesh.normals
+        else:
+            keys = [mesh.faces.reshape(-1, 1), mesh.normals.reshape(-1, 3)]
+            first, corner = _unique_rows(keys)
+            source, normals = mesh.faces.ravel()[first], mesh.normals.reshape(-1, 3)[first]
+            corner = corner.reshape(-1, 3)
+    else:
+        angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
+        groups = mesh.smoothing if mesh.crease_angle is None else None
+        corner, source, normals = split_creases(mesh.vertices, mesh.faces, angle, smoothing=groups)
+    albedo = None if mesh.colors is None else mesh.colors[source, :3]
+    if mesh.face_colors is not None:
+        colors = np.repeat(mesh.face_colors[:, :3], 3, axis=0)
+        if albedo is not None:
+            colors = colors * albedo[corner.ravel()]
+        first, new_corner = _unique_rows([corner.reshape(-1, 1), colors])
+        point = corner.ravel()[first]
+        source = np.arange(len(mesh.vertices))[source][point]
+        normals, albedo, corner = normals[point], colors[first], new_corner.reshape(-1, 3)
+    positions = mesh.vertices[source]
+    return Part(positions, corner, corner, positions, normals, albedo)
+
+
+def flat_part(mesh) -> Part:
+    """Give every polygon of a mesh one point, its area-weighted centroid, with its plane normal (Newell)."""
+    polygons = np.arange(mesh.n_face, dtype=np.uint32) if mesh.polygons is None else _renumber(mesh.polygons)
+    normals = polygon_normals(mesh.vertices, mesh.faces, polygons)
+    points = polygon_centroids(mesh.vertices, mesh.faces, polygons, len(normals))
+    albedo = None
+    if mesh.colors is not None or mesh.face_colors is not None:
+        per_face = np.ones((mesh.n_face, 3))
+        if mesh.colors is not None:
+            per_face *= sum(mesh.colors[mesh.faces[:, k], :3] for k in range(3)) / 3.0
+        if mesh.face_colors is not None:
+            per_face *= mesh.face_colors[:, :3]
+        albedo = _mean_by(polygons, per_face, len(normals))
+    corner = np.broadcast_to(polygons.astype(np.uint32)[:, None], (mesh.n_face, 3))
+    return Part(mesh.vertices, mesh.faces, corner, points, normals, albedo)
+
+
+def polygon_centroids(vertices, faces, polygons, n_polygon) -> np.ndarray:
+    """Area-weighted centroids of polygons given as triangles, (n_polygon, 3); the mean of the triangles' where none has area."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    centers = (a + b + c) / 3.0
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    total = np.bincount(polygons, area, n_polygon)
+    share = np.where(total[polygons] > 0.0, area, 1.0)
+    return _mean_by(polygons, centers, n_polygon, share)
+
+
+def _mean_by(group, values, n_group, weights=None) -> np.ndarray:
+    """Weighted mean of the rows of each group."""
+    weights = np.ones(len(values)) if weights is None else weights
+    total = np.bincount(group, weights, n_group)
+    sums = [np.bincount(group, values[:, k] * weights, n_group) for k in range(values.shape[1])]
+    return np.stack(sums, axis=1) / total[:, None]
+
+
+def _renumber(polygons) -> np.ndarray:
+    """Number the polygons that are in use from 0 upwards, in the order of their numbers."""
+    is_used = np.zeros(int(polygons.max()) + 1, np.bool_)
+    is_used[polygons] = True
+    return (np.cumsum(is_used) - 1)[polygons].astype(np.uint32)
+
+
+def _unique_rows(columns) -> tuple[np.ndarray, np.ndarray]:
+    """Find equal rows of side-by-side arrays; return (first row of each kind, kind of each row), kinds in order of first use."""
+    rows = np.ascontiguousarray(np.concatenate([np.asarray(column, np.float64) for column in columns], axis=1) + 0.0)
+    keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1]))).ravel()
+    _, first, kind = np.unique(keys, return_index=True, return_inverse=True)
+    order = np.argsort(first, kind="stable")
+    rank = np.empty(len(order), np.uint32)
+    rank[order] = np.arange(len(order), dtype=np.uint32)
+    return first[order], rank[kind.ravel()]
+
+
+@kernel
+def flag_inverted(positions, normals, vertex, out_is_inverted):
+    """Flag the triangles whose corner normals look, on the whole, against their winding."""
+    for face in range(np.uint64(vertex.shape[1])):
+        a, b, c = vertex[0, face], vertex[1, face], vertex[2, face]
+        e1_x, e1_y, e1_z = positions[0, b] - positions[0, a], positions[1, b] - positions[1, a], positions[2, b] - positions[2, a]
+        e2_x, e2_y, e2_z = positions[0, c] - positions[0, a], positions[1, c] - positions[1, a], positions[2, c] - positions[2, a]
+        n_x = normals[0, a] + normals[0, b] + normals[0, c]
+        n_y = normals[1, a] + normals[1, b] + normals[1, c]
+        n_z = normals[2, a] + normals[2, b] + normals[2, c]
+        agreement = (
+            n_x * (e1_y * e2_z - e1_z * e2_y) + n_y * (e1_z * e2_x - e1_x * e2_z) + n_z * (e1_x * e2_y - e1_y * e2_x)
+        )
+        out_is_inverted[face] = agreement < 0.0

@@ -1,0 +1,306 @@
+"""Load a model: files of every format through trimesh, and whatever is a mesh already.
+
+In: a path, bytes, an open file, or a mesh. Out: a Scene.
+
+    source ─ ModelFile ─ reader of the format ─ parts ─ Mesh ─ Scene
+    path     name        obj  stl  ply           plain   checked
+    bytes    bytes       off  glb  gltf  3mf     arrays
+"""
+
+import importlib.util
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene.gltf import read_gltf
+from rasterizer.scene.mesh import Mesh
+from rasterizer.scene.obj import read_obj
+from rasterizer.scene.parse import ModelFile, Part, is_drawable, part_from, run_trimesh, triangle_meshes, weld
+from rasterizer.scene.scene import Scene
+from rasterizer.scene.soup import read_off, read_ply, read_stl
+
+_UP_AXES = {"stl": "z", "3mf": "z"}  # all others: y
+_SPLIT_FORMATS = (
+    "stl",
+    "glb",
+    "gltf",
+)  # a vertex is repeated for each of its triangles, normals or texture coordinates
+
+
+def load(
+    source,
+    *,
+    format=None,
+    crease_angle=None,
+    up=None,
+    lights=None,
+    camera=None,
+    background=None,
+    drop_bad_faces=False,
+    log=None,
+):
+    """Load a model into a scene: its meshes, with studio lights and a framed camera unless others are given.
+
+    Parameters
+    ----------
+    source : path (str or PathLike), bytes, file object, trimesh.Trimesh or trimesh.Scene, Mesh, pair
+        (vertices, faces), or Scene
+    format : text, "obj", "stl", "ply", "off", "glb", "gltf" or "3mf"; None = by the suffix of the path or the
+        file's name
+    crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
+        normals of the file if it has any, else its smoothing groups, else 30
+    up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, y for the others
+    lights : sequence of lights; None = studio lights
+    camera : Camera; None = framed when the picture is made
+    background : colour; None = transparent
+    drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
+    log : function of one text, called with facts about the file; None = nobody wants them
+
+    Returns
+    -------
+    Scene; a Scene given is returned as it is, but for the arguments that are not None
+
+    Raises
+    ------
+    ModelError : the file can't be read, is no model, has no faces, or is broken; the message names the file,
+        the line where there is one, and the fault
+    SceneError : another argument is not legal
+
+    Warns
+    -----
+    UserWarning : materials that the file uses are missing
+    """
+    log = log or _keep_quiet
+    settings = {"lights": lights, "camera": camera, "background": background, "up": up}
+    settings = {key: value for key, value in settings.items() if value is not None}
+    if isinstance(source, Scene):
+        return _with_changes(source, settings, crease_angle)
+    if _is_file(source):
+        model = _open(source, format, log)
+        settings.setdefault("up", _UP_AXES.get(model.format, "y"))
+        meshes = _read_meshes(model, crease_angle, drop_bad_faces)
+    else:
+        meshes = _take_meshes(source, crease_angle, drop_bad_faces)
+    return Scene(meshes, **settings)
+
+
+def _keep_quiet(_text):
+    """Take a fact that nobody wants."""
+
+
+def _with_changes(scene, settings, crease_angle):
+    """Return a scene with other settings."""
+    if crease_angle is not None:
+        settings["meshes"] = tuple(replace(mesh, crease_angle=crease_angle) for mesh in scene.meshes)
+    return replace(scene, **settings) if settings else scene
+
+
+# --- where the bytes come from ------------------------------------------------------------------------------
+
+
+def _is_file(source) -> bool:
+    """Tell whether the source is a file: its path, its bytes, or an open one."""
+    return isinstance(source, (str, os.PathLike, bytes, bytearray, memoryview)) or hasattr(source, "read")
+
+
+def _open(source, format, log) -> ModelFile:
+    """Read all bytes of a file, and find out its format."""
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        name, folder, data = "model", None, bytes(source)
+    elif hasattr(source, "read"):
+        name, folder, data = _read_stream(source)
+    else:
+        path = Path(os.fsdecode(source))
+        name, folder, data = str(path), path.parent, None
+    format = _format_of(name, format)
+    if data is None:
+        data = _read_path(path)
+    model = ModelFile(name, format, data, folder, log)
+    if not data.strip():
+        raise model.error("the file is empty")
+    return model
+
+
+def _read_stream(stream):
+    """Return name, folder and bytes of an open file, binary or text."""
+    name = getattr(stream, "name", None)
+    path = Path(name) if isinstance(name, (str, os.PathLike)) and name else None
+    label = str(path) if path else "model"
+    try:
+        data = stream.read()
+    except (OSError, ValueError) as fault:
+        raise ModelError(f"{label}: can't be read ({fault})") from fault
+    if isinstance(data, str):
+        data = data.encode("utf-8", "surrogateescape")
+    if not isinstance(data, (bytes, bytearray)):
+        raise ModelError(f"{label}: reading the file object gives {type(data).__name__}, not bytes or text")
+    return label, path.parent if path and path.is_file() else None, bytes(data)
+
+
+def _read_path(path) -> bytes:
+    """Return the bytes of a file."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise ModelError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise ModelError(f"{path}: is a folder, not a model file") from None
+    except (OSError, ValueError) as fault:
+        raise ModelError(f"{path}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
+
+
+def _format_of(name, format) -> str:
+    """Return the format, in lower case without a dot, and check that it can be read."""
+    given = format if format is not None else Path(name).suffix
+    if not isinstance(given, str):
+        raise SceneError(f"format must be text, one of {', '.join(_READERS)}; given {given!r}")
+    wanted = given.lower().removeprefix(".")
+    if wanted in _READERS:
+        return wanted
+    legal = ", ".join(_READERS)
+    if wanted:
+        raise ModelError(f"{name}: unknown format '{wanted}'; readable are {legal}")
+    raise ModelError(f"{name}: the format is unknown without a suffix; give format=, one of {legal}")
+
+
+# --- meshes -------------------------------------------------------------------------------------------------
+
+
+def _read_meshes(model, crease_angle, drop_bad_faces) -> list[Mesh]:
+    """Read the file, check its parts, and place them."""
+    placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in _READERS[model.format](model)]
+    if not placed:
+        raise model.error("no faces")
+    for part, _ in placed:
+        if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
+            raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
+    _report(model, [part for part, _ in placed], crease_angle)
+    if len(placed) > 1:
+        placed = [pair for pair in placed if _is_worth_drawing(*pair, drop_bad_faces)] or placed[:1]
+    return [
+        _place(model, _prepare(model, part, crease_angle), matrix, crease_angle, drop_bad_faces)
+        for part, matrix in placed
+    ]
+
+
+def _prepare(model, part, crease_angle) -> Part:
+    """Join copied vertices if normals are to be averaged across them; mend the file's own normals."""
+    is_split = model.format in _SPLIT_FORMATS or (model.format == "ply" and "uv" in part)
+    if is_split and (crease_angle is not None or "normals" not in part):
+        part = weld(part)
+    return _mend_normals(model, part)
+
+
+def _place(model, part, matrix, crease_angle, drop_bad_faces) -> Mesh:
+    """Make the mesh of a part, and move it to where its node is."""
+    label = f"mesh '{part['name']}': " if part["name"] else ""
+    try:
+        mesh = Mesh(**part, crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
+    except ModelError as fault:
+        raise model.error(f"{label}{fault}") from fault
+    if matrix is None or np.array_equal(matrix, np.eye(4)):
+        return mesh
+    try:
+        return mesh.transformed(matrix)
+    except (ModelError, SceneError) as fault:
+        raise model.error(f"{label}the transform of its node: {fault}") from fault
+
+
+def _is_worth_drawing(part: Part, _matrix, drop_bad_faces) -> bool:
+    """Tell whether one part of several is kept: it has a face with an area, or a fault that must be seen."""
+    faces, n_vertex = part["faces"], len(part["vertices"])
+    if faces.min() < 0 or faces.max() >= n_vertex:
+        return True
+    return is_drawable(part) or not (drop_bad_faces or np.isfinite(part["vertices"]).all())
+
+
+def _mend_normals(model, part: Part) -> Part:
+    """Give corners whose normal is zero or not finite the normal of their triangle."""
+    normals = part.get("normals")
+    if normals is None or part["faces"].max() >= len(part["vertices"]) or part["faces"].min() < 0:
+        return part
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(normals, axis=-1)
+        is_bad = ~((length > 0.0) & np.isfinite(length))
+        if not is_bad.any():
+            return part
+        corners = part["vertices"][part["faces"]]
+        of_face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        of_face = np.nan_to_num(of_face / np.linalg.norm(of_face, axis=1, keepdims=True))
+    model.log(
+        f"{model.name}: {int(is_bad.sum())} file normals are zero or not finite; the triangles' own are used"
+    )
+    if normals.ndim == 2:
+        normals, is_bad = normals[part["faces"]], is_bad[part["faces"]]
+    return {**part, "normals": np.where(is_bad[..., None], of_face[:, None], normals)}
+
+
+def _report(model, parts, crease_angle):
+    """Say in one line what the file had and what is used of it."""
+    n_face = sum(len(part["faces"]) for part in parts)
+    n_material = len({part["material"].name for part in parts} - {""})
+    facts = [f"{n_face} faces"]
+    facts += [f"{len(parts)} meshes"] if len(parts) > 1 else []
+    facts += [f"{n_material} material" + "s" * (n_material > 1)] if n_material else []
+    has = {key for part in parts for key in part}
+    facts += ["polygons with more than 3 corners"] if "polygons" in has else []
+    facts += ["vertex colours"] if "colors" in has else []
+    facts += ["face colours"] if "face_colors" in has else []
+    verdict = "used" if crease_angle is None else f"not used: crease angle {crease_angle} asked for"
+    if "normals" in has:
+        facts.append(f"file normals {verdict}")
+    elif "smoothing" in has:
+        facts.append(f"smoothing groups {verdict}")
+    else:
+        facts.append("no file normals")
+    model.log(f"{model.name}: {', '.join(facts)}")
+
+
+def _take_meshes(source, crease_angle, drop_bad_faces):
+    """Take meshes from something that is not a file."""
+    if hasattr(source, "geometry") and hasattr(source, "graph"):
+        return _take_trimesh_scene(source, crease_angle, drop_bad_faces)
+    is_pair = isinstance(source, (tuple, list)) and len(source) == 2
+    if is_pair and drop_bad_faces:
+        return [Mesh(*source, crease_angle=crease_angle, drop_bad_faces=True)]
+    mesh = Mesh.from_any(source)
+    return [mesh if crease_angle is None else replace(mesh, crease_angle=crease_angle)]
+
+
+def _take_trimesh_scene(scene, crease_angle, drop_bad_faces) -> list[Mesh]:
+    """Place every mesh of a trimesh scene once for each node that shows it."""
+    meshes = []
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        geometry = scene.geometry[name]
+        if len(getattr(geometry, "faces", ())):
+            mesh = replace(Mesh.from_any(geometry), crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
+            meshes.append(mesh.transformed(matrix))
+    if not meshes:
+        raise ModelError("the trimesh scene has no faces")
+    return meshes
+
+
+def _read_3mf(model: ModelFile) -> list[tuple[Part, np.ndarray]]:
+    """Read 3MF, for which trimesh needs two more packages."""
+    absent = [name for name in ("lxml", "networkx") if importlib.util.find_spec(name) is None]
+    if absent:
+        raise model.error(f"3MF needs {' and '.join(absent)}: pip install 'rasterizer[formats]'")
+    scene = run_trimesh(model)
+    parts = {name: part_from(mesh, name) for name, mesh in triangle_meshes(scene).items()}
+    placed = (scene.graph[node] for node in scene.graph.nodes_geometry)
+    return [(parts[name], np.asarray(matrix)) for matrix, name in placed if name in parts]
+
+
+_READERS = {
+    "obj": read_obj,
+    "stl": read_stl,
+    "ply": read_ply,
+    "off": read_off,
+    "glb": read_gltf,
+    "gltf": read_gltf,
+    "3mf": _read_3mf,
+}

@@ -1,0 +1,246 @@
+"""A mesh: vertices, triangles and what belongs to them, checked once so that no later stage has to.
+
+    in:  arrays as people have them (any real dtype, triangles, quads, ragged polygons)
+    out: contiguous read-only arrays: float64 vertices, uint32 triangles, float64 attributes, colours linear
+
+The arrays given are never changed; where they have the right form already they are shared, not copied.
+"""
+
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene import _arrays
+from rasterizer.scene._check import number, shown
+from rasterizer.scene.material import Material
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh:
+    """Hold a triangle mesh; polygons with more corners are cut into fans round their first vertex.
+
+    Parameters
+    ----------
+    vertices : (n_vertex, 3) any real dtype, scene units; stored float64
+    faces : (n, k) integers, k >= 3, or a list of polygons of any length >= 3, counter-clockwise seen from
+        outside; stored (n_face, 3) uint32
+    normals : (n_vertex, 3), or (n_face, 3, 3) for each corner of each triangle; stored float64 of unit
+        length, zero where a zero was given
+    colors : (n_vertex, 3 or 4), uint8 = sRGB-encoded, float = linear; stored float64, linear
+    uv : (n_vertex, 2), or (n_face, 3, 2) for each corner; texture coordinates, stored float64
+    material : Material
+    crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
+        normals given, else the smoothing groups, else 30
+    face_colors : as `colors`, one a face: a triangle, or a polygon as given
+    polygons : (n_face,) integers, which polygon each triangle came from; only with triangles. Stored int32,
+        made where polygons are cut or faces dropped; None where every triangle is its own polygon
+    smoothing : (n_face,) integers, OBJ smoothing groups, 0 = none; one a triangle, or a polygon as given;
+        stored int32
+    name : text, for reports
+    drop_bad_faces : whether to drop the faces that use vertices whose coordinates are not finite, instead of
+        raising an error. Those vertices are then moved onto the first good one, and normals that are not
+        finite become zero
+
+    Raises
+    ------
+    ModelError : shapes and dtypes that don't fit, indices out of range, values that are not finite, no
+        vertices, no faces, no face that has an area
+    SceneError : a material or crease angle that is not legal
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    normals: np.ndarray | None = None
+    colors: np.ndarray | None = None
+    uv: np.ndarray | None = None
+    material: Material = Material()
+    crease_angle: float | None = None
+    _: KW_ONLY
+    face_colors: np.ndarray | None = None
+    polygons: np.ndarray | None = None
+    smoothing: np.ndarray | None = None
+    name: str = ""
+    drop_bad_faces: bool = False
+
+    def __post_init__(self):
+        store = partial(object.__setattr__, self)
+        store("crease_angle", _checked_crease_angle(self.crease_angle))
+        if not isinstance(self.material, Material):
+            raise SceneError(f"a mesh's material must be a Material; given {shown(self.material)}")
+        if not isinstance(self.name, str):
+            raise ModelError(f"a mesh's name must be text; given {shown(self.name)}")
+        vertices = _arrays.checked_vertices(self.vertices)
+        faces, polygons = _arrays.triangulate(self.faces, len(vertices))
+        is_cut = polygons is not None
+        if self.polygons is not None:
+            if is_cut:
+                raise ModelError("polygons may be given only with triangles; these faces have more corners")
+            polygons = _arrays.checked_ints(self.polygons, {len(faces)}, "polygons")
+        attributes = self._checked_attributes(len(vertices), faces, polygons if is_cut else None)
+        vertices, keep = _arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
+        if keep is not None:
+            polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons
+            faces, polygons = faces[keep], polygons[keep]
+            attributes |= {key: a[keep] for key, a in attributes.items() if _is_per_face(key, a)}
+        _arrays.check_area(vertices, faces)
+        for field, array in (
+            attributes | {"vertices": vertices, "faces": faces, "polygons": polygons}
+        ).items():
+            store(field, _arrays.read_only(array))
+
+    def _checked_attributes(self, n_vertex: int, faces, cut_from) -> dict[str, np.ndarray | None]:
+        """Return what belongs to vertices, corners and faces, checked.
+
+        cut_from : (n_face,) int32 polygon that each triangle was cut from; None where none was cut
+        """
+        n_face, n_given = len(faces), len(self.faces)
+        n_corner_face = n_face if cut_from is None else None
+
+        def per_vertex_or_corner(field: str, width: int):
+            array = _arrays.checked_floats(getattr(self, field), n_vertex, n_corner_face, width, field)
+            return _arrays.finite(array, self.drop_bad_faces, field)
+
+        def per_triangle(array):
+            return array[cut_from] if array is not None and len(array) != n_face else array
+
+        return {
+            "normals": _arrays.unit_normals(per_vertex_or_corner("normals", 3)),
+            "uv": per_vertex_or_corner("uv", 2),
+            "colors": _arrays.checked_colors(self.colors, {n_vertex}, "colors"),
+            "face_colors": per_triangle(
+                _arrays.checked_colors(self.face_colors, {n_face, n_given}, "face_colors")
+            ),
+            "smoothing": per_triangle(_arrays.checked_ints(self.smoothing, {n_face, n_given}, "smoothing")),
+        }
+
+    def __repr__(self) -> str:
+        name = f"{self.name!r}, " if self.name else ""
+        extras = ("normals", "colors", "uv", "face_colors", "polygons", "smoothing")
+        given = "".join(f", {field}" for field in extras if getattr(self, field) is not None)
+        return f"Mesh({name}{self.n_vertex} vertices, {self.n_face} faces{given})"
+
+    @classmethod
+    def from_any(cls, source) -> "Mesh":
+        """Make a mesh of a Mesh (returned as it is), a `trimesh.Trimesh` or its like, or a pair (vertices,
+        faces).
+
+        Of a Trimesh the vertex or face colours and texture coordinates are taken, and its vertex normals only
+        where it holds them already: trimesh needs very long to compute them.
+
+        Raises
+        ------
+        ModelError : anything else, and whatever the class itself refuses
+        """
+        if isinstance(source, cls):
+            return source
+        if hasattr(source, "vertices") and hasattr(source, "faces"):
+            return cls(source.vertices, source.faces, **_trimesh_extras(source))
+        if isinstance(source, (tuple, list)) and len(source) == 2:
+            return cls(source[0], source[1])
+        legal = "a Mesh, a trimesh.Trimesh or a pair (vertices, faces); files and trimesh scenes need load()"
+        raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
+
+    @property
+    def n_vertex(self) -> int:
+        """Number of vertices."""
+        return len(self.vertices)
+
+    @property
+    def n_face(self) -> int:
+        """Number of triangles."""
+        return len(self.faces)
+
+    @cached_property
+    def used_vertices(self) -> np.ndarray:
+        """The vertices (n, 3) float64 that at least one face uses: `vertices` itself where all are used."""
+        is_used = np.zeros(self.n_vertex, dtype=bool)
+        for start in range(0, self.n_face, _arrays.CHUNK):  # numpy would turn all indices into int64 at once
+            is_used[self.faces[start : start + _arrays.CHUNK].ravel()] = True
+        return self.vertices if is_used.all() else _arrays.read_only(self.vertices[is_used])
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """Lowest and highest corner (2, 3) float64 of the box round the used vertices, scene units."""
+        columns = self.used_vertices.T
+        return _arrays.read_only(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
+
+    def transformed(self, matrix) -> "Mesh":
+        """Return a copy that is moved by an affine matrix.
+
+        Normals go by the inverse transpose; a matrix that mirrors also turns the faces' winding round, so
+        that the outside stays outside.
+
+        Parameters
+        ----------
+        matrix : (4, 4) new-from-old, its last row (0, 0, 0, 1)
+
+        Raises
+        ------
+        SceneError : another shape, values that are not finite, a projective matrix
+        ModelError : a matrix that leaves no face an area, or moves vertices out of the legal range
+        """
+        matrix = _checked_affine(matrix)
+        linear = matrix[:3, :3]
+        is_mirrored = np.linalg.det(linear) < 0.0
+        changes = {"vertices": self.vertices @ linear.T + matrix[:3, 3]}
+        if self.normals is not None:
+            # the cofactor matrix is the inverse transpose times the determinant; it exists for every matrix
+            a, b, c = linear
+            cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
+            changes["normals"] = self.normals @ (-cofactors.T if is_mirrored else cofactors.T)
+        if is_mirrored:
+            turn = [0, 2, 1]
+            changes["faces"] = self.faces[:, turn]
+            for field in ("normals", "uv"):
+                array = changes.get(field, getattr(self, field))
+                if array is not None and array.ndim == 3:
+                    changes[field] = array[:, turn]
+        return replace(self, **changes)
+
+
+def _checked_crease_angle(angle) -> float | None:
+    """Return the crease angle as a float within 0..180 degrees, or None."""
+    if angle is None:
+        return None
+    value = number(angle, "the crease angle")
+    if not 0.0 <= value <= 180.0:
+        raise SceneError(f"the crease angle must be within 0..180 degrees; given {angle!r}")
+    return value
+
+
+def _checked_affine(matrix) -> np.ndarray:
+    """Return a 4 × 4 affine matrix as float64."""
+    try:
+        result = np.asarray(matrix, dtype=np.float64)
+    except (TypeError, ValueError):
+        result = np.empty(0)
+    if result.shape != (4, 4) or not np.isfinite(result).all() or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
+        raise SceneError(
+            f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}"
+        )
+    return result
+
+
+def _is_per_face(field: str, array: np.ndarray | None) -> bool:
+    """Tell whether an attribute has one entry a face: those of faces, and those of corners."""
+    return array is not None and (field in ("face_colors", "smoothing") or array.ndim == 3)
+
+
+def _trimesh_extras(source) -> dict[str, object]:
+    """Return what a Trimesh holds besides vertices and faces, as arguments of Mesh."""
+    extras = {}
+    if "vertex_normals" in getattr(source, "_cache", ()):
+        extras["normals"] = source.vertex_normals
+    visual = getattr(source, "visual", None)
+    kind = getattr(visual, "kind", None)
+    if kind == "vertex":
+        extras["colors"] = visual.vertex_colors
+    elif kind == "face":
+        extras["face_colors"] = visual.face_colors
+    uv = getattr(visual, "uv", None)
+    if uv is not None and np.shape(uv) == (len(source.vertices), 2):
+        extras["uv"] = uv
+    name = (getattr(source, "metadata", None) or {}).get("name")
+    return extras | ({"name": name} if isinstance(name, str) else {})

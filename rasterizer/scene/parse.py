@@ -1,0 +1,255 @@
+"""Run trimesh on one model file and put what it returns into plain arrays; nothing else imports trimesh.
+
+In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
+"""
+
+import math
+import zipfile
+import zlib
+from collections.abc import Callable
+from io import BytesIO, StringIO
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rasterizer.errors import ModelError
+from rasterizer.scene.material import Material
+
+# trimesh checks little: a damaged file makes it index past an array, look up an unknown key, unpack too few
+# values, assert, recurse through nested JSON, ask for gigabytes or for a package that only an exotic encoding
+# needs. These are the types that damaged files of every format have been seen to raise, widened to their base
+# classes; lxml's errors are SyntaxErrors.
+TRIMESH_FAULTS = (
+    ValueError, TypeError, AttributeError, LookupError, ArithmeticError, AssertionError, NameError,
+    RuntimeError, ImportError, MemoryError, OSError, EOFError, SyntaxError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+_LABELS = {"gltf": "glTF"}
+
+# Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
+WHITE = Material(diffuse=1.0)
+
+Part = dict
+
+
+class ModelFile(NamedTuple):
+    """One file: name for messages, format, bytes, the folder of the files it refers to, and who is told."""
+
+    name: str
+    format: str
+    data: bytes
+    folder: Path | None
+    log: Callable[[str], None]
+
+    def error(self, fault: str, line: int | None = None) -> ModelError:
+        """Make the error `name:line: fault`."""
+        place = self.name if line is None else f"{self.name}:{line}"
+        return ModelError(f"{place}: {fault}")
+
+
+def text_of(data: bytes) -> str:
+    """Decode UTF-8, or Latin-1 where it is none: numbers and keywords are ASCII, only names differ."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def run_trimesh(model: ModelFile, content=None, resolver=None, **options):
+    """Parse a model with trimesh, without merging, reordering or dropping anything.
+
+    Parameters
+    ----------
+    model : ModelFile
+    content : bytes or str to parse in place of the file's own bytes
+    resolver : mapping from the name of another file to its bytes
+    options : more arguments of trimesh's loader of the format
+
+    Returns
+    -------
+    trimesh.Scene
+
+    Raises
+    ------
+    ModelError : trimesh can't read it
+    """
+    import trimesh
+
+    content = model.data if content is None else content
+    stream = StringIO(content) if isinstance(content, str) else BytesIO(content)
+    try:
+        return trimesh.load_scene(stream, file_type=model.format, resolver=resolver, process=False, **options)
+    except ModelError:
+        raise
+    except TRIMESH_FAULTS as fault:
+        detail = str(fault).strip().splitlines()
+        reason = f"{type(fault).__name__}: {detail[0][:200]}" if detail else type(fault).__name__
+        raise model.error(
+            f"not a readable {_LABELS.get(model.format, model.format.upper())} file ({reason})"
+        ) from fault
+
+
+def triangle_meshes(scene) -> dict:
+    """Return the geometries of a trimesh scene that have faces, by name, in the scene's order."""
+    return {name: mesh for name, mesh in scene.geometry.items() if len(getattr(mesh, "faces", ())) > 0}
+
+
+def part_from(mesh, name="") -> Part:
+    """Take vertices, faces, file normals, colours and texture coordinates out of a mesh of trimesh.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh; its vertex_normals are asked for only if the file gave them, since trimesh would
+        compute them slowly
+    name : text
+    """
+    faces = np.asarray(mesh.faces)
+    part = {"vertices": np.asarray(mesh.vertices), "faces": faces, "name": name, "material": Material()}
+    if "vertex_normals" in mesh._cache:
+        part["normals"] = np.asarray(mesh.vertex_normals)
+    uv = mesh.vertex_attributes.get("_uv", getattr(mesh.visual, "uv", None))
+    if np.shape(uv) == (len(mesh.vertices), 2):
+        part["uv"] = np.asarray(uv, np.float64)
+    return part | _colors(mesh)
+
+
+def _colors(mesh) -> dict:
+    """Return the colours of the vertices or faces, 8 bit sRGB, and the white material they multiply."""
+    kind = mesh.visual.kind
+    if "color" in mesh.vertex_attributes:
+        return {"colors": _bytes_of(mesh.vertex_attributes["color"]), "material": WHITE}
+    if kind == "vertex":
+        return {"colors": np.asarray(mesh.visual.vertex_colors), "material": WHITE}
+    if kind == "face":
+        return {"face_colors": np.asarray(mesh.visual.face_colors), "material": WHITE}
+    return {}
+
+
+def _bytes_of(colors):
+    """Return colours as 8 bit values; floats count from 0 to 1, or to 255 where one of them is above 1."""
+    colors = np.asarray(colors)
+    if colors.dtype == np.uint8:
+        return colors
+    colors = np.nan_to_num(colors.astype(np.float64))
+    scale = 255.0 if colors.max(initial=0.0) <= 1.0 else 1.0
+    return np.rint(np.clip(colors * scale, 0.0, 255.0)).astype(np.uint8)
+
+
+def weld(part: Part) -> Part:
+    """Join the vertices that agree in every bit of position and colour, so that normals can be averaged
+    across them.
+
+    Some formats repeat a vertex for each of its triangles, normals or texture coordinates. Normals and
+    texture coordinates become those of the faces' corners. A part whose faces refer to vertices that are not
+    there is left for `Mesh` to refuse.
+    """
+    corners, n_vertex = part["faces"], len(part["vertices"])
+    columns = [part["vertices"] + 0.0]  # turns -0 into 0
+    if "colors" in part:
+        columns.append(np.asarray(part["colors"], np.float64))
+    first, inverse = unique_rows(np.concatenate(columns, axis=1))
+    if len(first) == n_vertex or corners.min() < 0 or corners.max() >= n_vertex:
+        return part
+    welded = {**part, "vertices": part["vertices"][first], "faces": inverse[corners]}
+    if "colors" in part:
+        welded["colors"] = part["colors"][first]
+    for attribute in ("normals", "uv"):
+        if attribute in part:
+            welded[attribute] = part[attribute][corners]
+    return welded
+
+
+def unique_rows(rows):
+    """Find equal rows, bit by bit.
+
+    Parameters
+    ----------
+    rows : (n, k) float64
+
+    Returns
+    -------
+    first (n_unique,) int64 row at which each distinct row appears first, ascending; inverse (n,) int64 with
+    rows[first][inverse] equal to rows
+    """
+    bits = np.ascontiguousarray(rows).view(np.uint64)
+    mixed = np.zeros(len(bits), np.uint64)
+    for column in bits.T:
+        # One multiplication and shift a column, as in Steele, Lea, Flood 2014 (SplitMix64), OOPSLA.
+        mixed = (mixed ^ column) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed ^= mixed >> np.uint64(31)
+    _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
+    if not np.array_equal(bits[first][inverse], bits):  # two different rows share a hash
+        _, first, inverse = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[inverse.reshape(-1)]
+
+
+class Fans(NamedTuple):
+    """The triangles of polygons whose corners follow each other in one list, in the order of the polygons."""
+
+    corners: np.ndarray  # (n_triangle, 3) int64 into the list of corners
+    polygons: np.ndarray  # (n_triangle,) int64
+    order: np.ndarray  # (n_triangle,) int64: trimesh's k-th triangle is our triangle order[k]
+
+
+def fans(n_corner) -> Fans:
+    """Triangulate polygons as trimesh does.
+
+    A fan round the first corner, but a quad 0 1 2 3 becomes 0 1 2 and 2 3 0.
+    `trimesh.geometry.triangulate_quads` returns all triangles, then the first halves of all quads, then their
+    second halves, then all other polygons.
+
+    Parameters
+    ----------
+    n_corner : (n_polygon,) number of corners of each polygon; those with fewer than 3 yield no triangle
+    """
+    n_corner = np.asarray(n_corner, np.int64)
+    n_triangle = np.maximum(n_corner - 2, 0)
+    polygons = np.repeat(np.arange(len(n_corner)), n_triangle)
+    step = np.arange(len(polygons)) - np.repeat(np.cumsum(n_triangle) - n_triangle, n_triangle)
+    start = (np.cumsum(n_corner) - n_corner)[polygons]
+    corners = np.stack([start, start + step + 1, start + step + 2], axis=1)
+    size = n_corner[polygons]
+    is_second_half = (size == 4) & (step == 1)
+    corners[is_second_half] = corners[is_second_half][:, [1, 2, 0]]
+    group = np.where(size == 3, 0, np.where(size == 4, 1 + step, 3))
+    return Fans(corners, polygons, np.argsort(group, kind="stable"))
+
+
+def sort_into_file_order(part: Part, n_corner) -> Part:
+    """Bring triangles that trimesh has grouped by kind of polygon back into the order of the file, and name
+    their polygons.
+
+    Parameters
+    ----------
+    part : with the faces of a mesh that trimesh has triangulated
+    n_corner : (n_polygon,) number of corners of the polygons in the file
+
+    Returns the part unchanged if the file has only triangles, or if the counts do not agree.
+    """
+    triangles = fans(n_corner)
+    if np.max(n_corner, initial=3) <= 3 or len(triangles.order) != len(part["faces"]):
+        return part
+    file_order = np.argsort(triangles.order)
+    changed = {**part, "faces": part["faces"][file_order], "polygons": triangles.polygons.astype(np.int32)}
+    for attribute in ("normals", "uv"):
+        if np.ndim(part.get(attribute)) == 3:
+            changed[attribute] = part[attribute][file_order]
+    if "face_colors" in part and len(part["face_colors"]) == len(n_corner):
+        changed["face_colors"] = part["face_colors"][triangles.polygons]
+    elif "face_colors" in part:
+        changed["face_colors"] = part["face_colors"][file_order]
+    return changed
+
+
+def is_drawable(part: Part) -> bool:
+    """Tell whether at least one face has finite corners and an area."""
+    with np.errstate(all="ignore"):
+        corners = part["vertices"][part["faces"]].astype(np.float64)
+        scale = np.abs(corners).max(where=np.isfinite(corners), initial=0.0)
+        edges = (corners[:, 1:] - corners[:, :1]) / (scale or math.inf)
+        area = np.cross(edges[:, 0], edges[:, 1])
+    return bool((np.isfinite(area).all(axis=1) & (area != 0.0).any(axis=1)).any())

@@ -1,0 +1,143 @@
+"""A scene: meshes, lights, a camera and a background, checked and ready to be drawn."""
+
+from dataclasses import KW_ONLY, dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from rasterizer.errors import SceneError
+from rasterizer.scene._check import AXES, choice, number, picture_size, shown
+from rasterizer.scene.camera import Camera
+from rasterizer.scene.color import linear_rgb
+from rasterizer.scene.lights import Light, studio
+from rasterizer.scene.mesh import Mesh
+
+_FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Scene:
+    """Hold what is drawn.
+
+    Parameters
+    ----------
+    meshes : one mesh or a sequence of them, each anything that `Mesh.from_any` takes; stored as a tuple of
+        Mesh
+    lights : one light or a sequence of them; None = `studio()`; stored as a tuple. Without any only emissive
+        colours are seen
+    camera : Camera; None = framed when the picture's size is known
+    background : colour as `linear_rgb` reads it, stored linear; None = transparent
+    up : "x", "y", "z", "-x", "-y", "-z": the axis that points upwards where the scene is framed
+
+    Raises
+    ------
+    SceneError : no meshes, or a light, camera, background or axis that is not legal
+    ModelError : a mesh that is not legal
+    """
+
+    meshes: tuple[Mesh, ...]
+    lights: tuple[Light, ...] | None = None
+    camera: Camera | None = None
+    background: tuple[float, float, float] | None = None
+    _: KW_ONLY
+    up: str = "y"
+    _framed: dict[float, Camera] = field(init=False, default_factory=dict)
+
+    def __post_init__(self):
+        object.__setattr__(self, "meshes", _checked_meshes(self.meshes))
+        object.__setattr__(self, "lights", _checked_lights(self.lights))
+        if self.camera is not None and not isinstance(self.camera, Camera):
+            raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
+        if self.background is not None:
+            object.__setattr__(self, "background", linear_rgb(self.background, "the background"))
+        choice(self.up, tuple(AXES), "the scene's up")
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(type(light).__name__ for light in self.lights) or "none"
+        camera = "framed" if self.camera is None else "given"
+        return f"Scene({len(self.meshes)} meshes, {self.n_face} faces, lights: {kinds}, camera: {camera})"
+
+    @property
+    def n_face(self) -> int:
+        """Number of triangles of all meshes."""
+        return int(self.face_offsets[-1])
+
+    @cached_property
+    def face_offsets(self) -> np.ndarray:
+        """(n_mesh + 1,) int64: face f of mesh m has the index face_offsets[m] + f in the scene."""
+        offsets = np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64)
+        offsets.flags.writeable = False
+        return offsets
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """Lowest and highest corner (2, 3) float64 of the box round all used vertices, scene units."""
+        corners = np.stack([mesh.bounds for mesh in self.meshes])
+        bounds = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
+        bounds.flags.writeable = False
+        return bounds
+
+    def framed(self, aspect: float) -> Camera:
+        """Return a perspective camera that shows the whole scene from the default side in a picture of
+        `aspect` = width / height.
+
+        The same camera is returned every time; looking at all vertices takes a while for large scenes.
+        """
+        aspect = number(aspect, "the aspect (width / height)")
+        if aspect not in self._framed:
+            self._framed[aspect] = Camera.framing(self, up=self.up, aspect=aspect)
+        return self._framed[aspect]
+
+    def camera_for(self, size) -> Camera:
+        """Return the scene's own camera, else one that frames it for a `size` of (width, height) pixels."""
+        if self.camera is not None:
+            return self.camera
+        width, height = picture_size(size)
+        return self.framed(width / height)
+
+
+def _checked_meshes(meshes) -> tuple[Mesh, ...]:
+    """Return one or many meshes as a tuple."""
+    if _is_one_mesh(meshes):
+        meshes = (meshes,)
+    try:
+        result = tuple(Mesh.from_any(mesh) for mesh in meshes)
+    except TypeError:
+        raise SceneError(f"meshes must be a mesh or a sequence of meshes; given {shown(meshes)}") from None
+    if not result:
+        raise SceneError("a scene needs at least one mesh; given none")
+    n_face = sum(mesh.n_face for mesh in result)
+    if n_face > _FACE_LIMIT:
+        raise SceneError(f"a scene may have up to {_FACE_LIMIT} faces; given {n_face}")
+    return result
+
+
+def _is_one_mesh(source) -> bool:
+    """Tell one mesh from a sequence; a pair is (vertices, faces) where its first item is a list of points."""
+    if isinstance(source, Mesh) or (hasattr(source, "vertices") and hasattr(source, "faces")):
+        return True
+    if not isinstance(source, (tuple, list)) or len(source) != 2:
+        return False
+    points = source[0]
+    if isinstance(points, (tuple, list)):
+        # its first item is a point, or the vertices of the first of two pairs
+        return len(points) == 0 or np.size(points[0]) == 3
+    return np.ndim(points) == 2
+
+
+def _checked_lights(lights) -> tuple[Light, ...]:
+    """Return one or many lights as a tuple; the studio's where none were given."""
+    if lights is None:
+        return studio()
+    if isinstance(lights, Light):
+        return (lights,)
+    try:
+        lights = tuple(lights)
+    except TypeError:
+        lights = (lights,)
+    for i, light in enumerate(lights):
+        if not isinstance(light, Light):
+            raise SceneError(
+                f"lights must be AmbientLight, DirectionalLight or PointLight; given {shown(light)} at {i}"
+            )
+    return lights
