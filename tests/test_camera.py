@@ -57,7 +57,9 @@ def test_axes_are_a_right_handed_frame(points):
     frame = np.stack([right, up, -forward])
     assert frame @ frame.T == pytest.approx(np.eye(3), abs=1e-12)
     assert np.cross(right, up) == pytest.approx(-forward, abs=1e-12)
-    assert forward == pytest.approx((points[1] - points[0]) / np.linalg.norm(points[1] - points[0]), abs=1e-12)
+    assert forward == pytest.approx(
+        (points[1] - points[0]) / np.linalg.norm(points[1] - points[0]), abs=1e-12
+    )
     assert up @ points[2] >= -1e-9  # up is upwards
 
 
@@ -232,7 +234,9 @@ def test_framing_many_points_goes_by_chunks():
     assert_framed(Camera.framing(points), points, (640, 480), centered=1e-9)
 
 
-@pytest.mark.parametrize("wrong", [np.zeros((0, 3)), [[1, 2]], "cube", None, [["a", "b", "c"]], np.zeros(3), 5])
+@pytest.mark.parametrize(
+    "wrong", [np.zeros((0, 3)), [[1, 2]], "cube", None, [["a", "b", "c"]], np.zeros(3), 5]
+)
 def test_framing_needs_points(wrong):
     with pytest.raises(SceneError, match="what is framed"):
         Camera.framing(wrong)
@@ -302,7 +306,9 @@ def test_orthographic_depths_may_be_behind():
     assert (camera.near, camera.far) == (-5.0, 5.0)
 
 
-@pytest.mark.parametrize("size", [(0, 1), (1.5, 2), (1, 2, 3), 7, None, ("a", "b"), (math.nan, 1), (math.inf, 1)])
+@pytest.mark.parametrize(
+    "size", [(0, 1), (1.5, 2), (1, 2, 3), 7, None, ("a", "b"), (math.nan, 1), (math.inf, 1)]
+)
 def test_illegal_sizes_are_refused(size):
     with pytest.raises(SceneError, match="size"):
         Camera.perspective((0, 0, 1)).projection(size)
@@ -344,7 +350,9 @@ def test_opencv_round_trip(seed, scale):
     R = q * np.sign(np.diag(r))
     R = R if np.linalg.det(R) > 0 else -R
     t = rng.normal(size=3) * scale
-    K = np.array([[rng.uniform(100, 900), 0, rng.uniform(-50, 700)], [0, rng.uniform(100, 900), 33.25], [0, 0, 1]])
+    K = np.array(
+        [[rng.uniform(100, 900), 0, rng.uniform(-50, 700)], [0, rng.uniform(100, 900), 33.25], [0, 0, 1]]
+    )
     back_K, back_R, back_t = Camera.from_opencv(K, R, t, (640, 480)).to_opencv((640, 480))
     assert back_K == pytest.approx(K, rel=1e-12)
     assert back_R == pytest.approx(R, abs=1e-12)

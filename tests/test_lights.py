@@ -37,7 +37,9 @@ def test_arrays_are_taken_and_lights_are_hashable():
     assert len({light, light, PointLight(np.zeros(3))}) == 2
 
 
-@pytest.mark.parametrize("wrong", [(0, 0, 0), (0, math.nan, 1), (math.inf, 0, 0), (1, 2), 5, "up", None, (True, 0, 1)])
+@pytest.mark.parametrize(
+    "wrong", [(0, 0, 0), (0, math.nan, 1), (math.inf, 0, 0), (1, 2), 5, "up", None, (True, 0, 1)]
+)
 def test_illegal_directions_name_the_light(wrong):
     with pytest.raises(SceneError, match="directional light's direction"):
         DirectionalLight(wrong)

@@ -13,7 +13,12 @@ def test_default_is_neutral_grey():
     material = Material()
     assert material.diffuse == material.ambient == (0.72, 0.72, 0.72)
     assert material.specular == (0.18, 0.18, 0.18) and material.emissive == (0.0, 0.0, 0.0)
-    assert (material.shininess, material.opacity, material.reflection, material.name) == (32.0, 1.0, "phong", "")
+    assert (material.shininess, material.opacity, material.reflection, material.name) == (
+        32.0,
+        1.0,
+        "phong",
+        "",
+    )
 
 
 def test_colours_become_linear_triples():

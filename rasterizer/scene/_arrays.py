@@ -227,7 +227,7 @@ def checked_colors(values, counts: set[int], what: str) -> np.ndarray | None:
         return linear_from_srgb_bytes(array)
     if array.dtype.kind != "f":
         raise ModelError(f"{what} must be uint8 (sRGB) or float (linear); given {array.dtype}")
-    if not (array.min() >= 0.0 and array.max() <= _LARGEST):
+    if not (array.min() >= 0.0 and np.isfinite(array.max())):
         raise ModelError(f"{what} must be finite and at least 0; given {array.min()}..{array.max()}")
     return np.ascontiguousarray(array, dtype=np.float64)
 
