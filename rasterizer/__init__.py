@@ -1,15 +1,50 @@
-"""An exact, fast, classic scanline rasterizer: meshes to pictures and buffers, without GPU, OpenGL or display."""
+"""An exact, fast, classic scanline rasterizer: meshes to pictures and buffers, without GPU, OpenGL or display.
 
-from .errors import ModelError, OutputError, RasterizerError, SceneError
-from .frame import Frame
-from .options import Options
-from .renderer import Renderer, render
-from .scene.camera import Camera
-from .scene.lights import AmbientLight, DirectionalLight, PointLight, headlight, studio
-from .scene.load import load
-from .scene.material import Material
-from .scene.mesh import Mesh
-from .scene.scene import Scene
+    import rasterizer as rz
+    scene = rz.load("models/teapot.obj", crease_angle=30)
+    frame = rz.render(scene, size=(640, 480), shading="gouraud")
+    frame.save("teapot.png")
 
-__version__ = "0.1.0"
-__all__ = sorted(name for name in globals() if name[0].isupper()) + ["headlight", "load", "render", "studio"]
+Names are imported when they are first used, so that the command line can print its help without loading the compiler.
+"""
+
+from importlib import import_module
+
+from ._version import __version__
+
+_HOMES = {
+    "AmbientLight": "scene.lights",
+    "Camera": "scene.camera",
+    "DirectionalLight": "scene.lights",
+    "Frame": "frame",
+    "Material": "scene.material",
+    "Mesh": "scene.mesh",
+    "ModelError": "errors",
+    "Options": "options",
+    "OutputError": "errors",
+    "PointLight": "scene.lights",
+    "RasterizerError": "errors",
+    "Renderer": "renderer",
+    "Scene": "scene.scene",
+    "SceneError": "errors",
+    "compare": "compare",
+    "headlight": "scene.lights",
+    "load": "scene.load",
+    "render": "renderer",
+    "sheet": "frame",
+    "studio": "scene.lights",
+}
+__all__ = [*_HOMES, "__version__"]
+
+
+def __getattr__(name):
+    """Import a public name from its home on first use (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted(__all__)

@@ -4,7 +4,7 @@
 `helper` is for scalar functions that kernels call: the compiler inlines them.
 
 Numba stamps its cache with one file's time and size only, so a changed helper in another file would leave stale kernels behind.
-The cache folder therefore carries a hash of all the package's sources. Where no folder can be written the kernels are compiled
+The cache folder therefore carries a hash of all the sources that kernels are made of. Where no folder can be written the kernels are compiled
 in every process: slower, never broken.
 """
 
@@ -34,9 +34,11 @@ def _is_writable(folder: Path) -> bool:
 
 def _find_cache_folder() -> Path | None:
     """Return the first folder that can hold compiled kernels, or None where nothing is writable."""
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(_PACKAGE.rglob("*.py")):
-        digest.update(source.read_bytes())
+        content = source.read_bytes()
+        if source.parent.name == "pipeline" or b"_kernel import" in content:
+            digest.update(content)
     name = f"kernels-{digest.hexdigest()[:16]}"
     home = Path(os.path.expanduser("~"))
     asked = os.environ.get("NUMBA_CACHE_DIR")

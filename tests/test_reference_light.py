@@ -21,9 +21,12 @@ from pinhole import (
     unit,
 )
 
+from rasterizer.reference import render
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
 from rasterizer.scene.material import Material
+from rasterizer.scene.mesh import Mesh
+from rasterizer.scene.scene import Scene
 
 # ── facing ──────────────────────────────────────────────────────────────────────────────────────────────
 
@@ -227,6 +230,19 @@ def test_flat_lights_a_polygon_once_at_its_centroid():
     ).all()
 
 
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_every_mesh_keeps_its_own_material(shading):
+    # the sheet in front covers the left half; the faces of the one behind are counted on from it
+    front, behind = np.array(layer((8, 8), 2.0)), np.array(layer((8, 8), 3.0))
+    front[1:3, 0] = 0.0
+    materials = [Material(diffuse=d, specular=0.0, emissive=e) for d, e in ((0.2, 0.1), (0.6, 0.0))]
+    meshes = [Mesh(v, QUAD, material=m) for v, m in zip((front, behind), materials, strict=True)]
+    scene = Scene(meshes, lights=(DirectionalLight((0, 0, -1)),), camera=eye_camera())
+    picture = render(scene, (8, 8), shading)
+    assert (picture.face[:, :4] < 2).all() and (picture.face[:, 4:] >= 2).all()
+    assert np.allclose(picture.color[:, :4], 0.3) and np.allclose(picture.color[:, 4:], 0.6)
+
+
 def test_creases_and_smoothing_decide_the_normals():
     # two faces of a roof that meet at 60 degrees on the line x = 0
     roof = [
@@ -300,6 +316,9 @@ def test_color_ranges():
     picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), colors=colors, color_range="global")
     assert (picture.rgb[:, :2] == (255, 255, 0)).all()
     assert (picture.rgb[:, 2:] == glowing((0.5, 0.25, 0.125)).rgb[0, 0]).all()
+    picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), colors=colors, color_range="local")
+    assert (picture.rgb[:, :2] == (255, 255, 0)).all()
+    assert (picture.rgb[:, 2:] == glowing((1.0, 0.5, 0.25)).rgb[0, 0]).all()
     assert (glowing((0.5, 0.2, 0.1), color_range="local").rgb == glowing((0.5, 0.2, 0.1)).rgb).all()
 
 
