@@ -2,7 +2,7 @@
 
 import io
 import os
-import tempfile
+import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from .errors import OutputError, SceneError
 
-ARRAYS = ("color", "depth", "face", "normal")  # saved as .npy by name
+ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
+SAVED_ARRAYS = ("color", "rgb", "rgba", "alpha", "depth", "face", "normal")
 
 
 @dataclass(frozen=True)
@@ -126,83 +127,124 @@ class Frame:
         return Image.fromarray(np.ascontiguousarray(self.rgb if is_opaque else self.rgba))
 
     def _repr_png_(self) -> bytes | None:
-        """What a notebook shows."""
-        if self._rgba is None:
-            return None
-        stream = io.BytesIO()
-        self.to_pil().save(stream, "PNG")
-        return stream.getvalue()
+        """What a notebook shows: the picture, if there is one."""
+        return None if self._rgba is None else self.encode("PNG")
 
-    def save(self, path, *, array: str = "color", format: str | None = None, **options) -> Path:
-        """Write the picture, or a buffer; the file appears whole or not at all.
+    def save(self, path, *, array: str | None = None, format: str | None = None, **options) -> Path:
+        """Write the picture, or an array; the file appears whole or not at all.
 
         Parameters
         ----------
-        path : where to; the suffix chooses the format: whatever Pillow writes (transparency is laid on white where a format
-            has none), or `.npy` for an array
-        array : which array a `.npy` file holds: "color", "rgb", "rgba", "alpha", "depth", "face" or "normal"
-        format : overrides the suffix, as Pillow's names: "PNG", "JPEG", ...
+        path : where to; the suffix chooses the format: whatever Pillow writes (transparency is laid on white where
+            a format has none), or `.npy` for an array
+        array : which array a `.npy` file holds: "color" (when None), "rgb", "rgba", "alpha", "depth", "face",
+            "normal"
+        format : overrides the suffix: "npy" or a name of Pillow's: "PNG", "JPEG", ...
         options : passed to Pillow, e.g. compress_level=1 or quality=95
 
-        Returns the path. Raises OutputError if it can't be written or the format is unknown.
+        Returns
+        -------
+        Path, the same as given
+
+        Raises
+        ------
+        OutputError : the file can't be written, or the format is unknown
+        SceneError : an array that is unknown, that the frame doesn't have, or that isn't for a `.npy` file
         """
         path = Path(path)
-        is_array = (format or path.suffix.lstrip(".")).lower() == "npy"
-        content = self._npy(array) if is_array else self.encode(format or path.suffix, **options)
+        format = (format or path.suffix).lower().lstrip(".")
+        if format == "npy":
+            content = self.encode_array(array or "color")
+        elif array is not None:
+            raise SceneError(f"arrays are written as .npy; given {path.name!r} for the array {array!r}")
+        else:
+            content = self.encode(format, **options)
         write_whole(path, content)
         return path
 
-    def _npy(self, array) -> bytes:
-        """An array as the bytes of a .npy file."""
-        if array not in ("rgb", "rgba", "alpha", *ARRAYS):
-            raise SceneError(f"array must be one of rgb, rgba, alpha, {', '.join(ARRAYS)}; given {array!r}")
+    def encode_array(self, array: str = "color") -> bytes:
+        """Return one of the frame's arrays, by name, as the bytes of a .npy file."""
+        if array not in SAVED_ARRAYS:
+            raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {array!r}")
         stream = io.BytesIO()
         np.save(stream, getattr(self, array))
         return stream.getvalue()
 
     def encode(self, format: str = "PNG", **options) -> bytes:
-        """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix."""
-        from PIL import Image
+        """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix.
 
-        image = self.to_pil()
-        Image.init()
-        name = format.upper().lstrip(".")
-        name = Image.registered_extensions().get(f".{name.lower()}", name)
-        if name not in Image.SAVE:
-            raise OutputError(f"can't write {format!r} files; legal are .npy and {_legal_suffixes()}")
-        stream = io.BytesIO()
+        Transparency is laid on white where the format has none; `options` are passed to Pillow.
+        """
+        name, image = picture_format(format), self.to_pil()
         try:
-            image.save(stream, name, **options)
-        except OSError:
-            # The format has no alpha channel.
-            image = image.convert("RGBA")
-            flat = Image.new("RGBA", image.size, "white")
-            flat.alpha_composite(image)
-            stream = io.BytesIO()
-            flat.convert("RGB").save(stream, name, **options)
-        return stream.getvalue()
+            return _encoded(image, name, options)
+        except (OSError, ValueError) as error:
+            if image.mode == "RGB":
+                raise OutputError(f"can't write a {name} file: {error}") from error
+        try:
+            return _encoded(_on_white(image), name, options)
+        except (OSError, ValueError) as error:
+            raise OutputError(f"can't write a {name} file: {error}") from error
 
 
-def _legal_suffixes() -> str:
+def picture_format(name: str) -> str:
+    """Return Pillow's name of a format that it writes, given by name or suffix; OutputError where there is none."""
     from PIL import Image
 
-    return ", ".join(sorted(suffix for suffix, name in Image.registered_extensions().items() if name in Image.SAVE))
+    Image.init()
+    word = name.upper().lstrip(".")
+    found = Image.EXTENSION.get(f".{word.lower()}", word)
+    if found in Image.SAVE:
+        return found
+    common = "png, jpg, webp, tif, bmp, ppm"
+    given = f"{name!r} is unknown" if word else "a file without a suffix has none"
+    raise OutputError(f"no format to write: {given}; legal are npy, {common} and others that Pillow writes")
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file beside its place and move it there, so that nobody ever sees half of it."""
+def _encoded(image, name, options) -> bytes:
+    """A `PIL.Image` as the bytes of a file."""
+    stream = io.BytesIO()
+    image.save(stream, name, **options)
+    return stream.getvalue()
+
+
+def _on_white(image):
+    """An RGBA picture laid on white, as RGB."""
+    from PIL import Image
+
+    paper = Image.new("RGBA", image.size, "white")
+    paper.alpha_composite(image)
+    return paper.convert("RGB")
+
+
+def write_whole(path, content: bytes) -> None:
+    """Write a file beside its place and move it there, so that nobody ever sees half of it.
+
+    A link keeps its name and gets a new target. Devices and pipes can't be replaced: they are written as they are.
+    Raises OutputError.
+    """
+    place = os.path.realpath(path)
     try:
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}-", delete=False) as stream:
-            temporary = Path(stream.name)
-            try:
+        if os.path.exists(place) and not os.path.isfile(place):
+            with open(place, "wb") as stream:
                 stream.write(content)
-                stream.close()
-                mask = os.umask(0)
-                os.umask(mask)
-                temporary.chmod(0o666 & ~mask)
-                temporary.replace(path)
-            except OSError:
-                temporary.unlink(missing_ok=True)
-                raise
+        else:
+            _write_and_move(place, content)
     except OSError as error:
-        raise OutputError(f"can't write {path}: {error.strerror or error}") from error
+        folder = os.path.dirname(place)
+        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
+        raise OutputError(f"can't write {path}: {reason}") from error
+
+
+def _write_and_move(place, content) -> None:
+    """Write a hidden file in the folder of `place` and give it that name."""
+    temporary = os.path.join(os.path.dirname(place), f".raster-{secrets.token_hex(8)}")
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(temporary, flags, 0o666)  # less what the process's umask takes away
+    try:
+        with open(descriptor, "wb") as stream:
+            stream.write(content)
+        os.replace(temporary, place)
+    except BaseException:  # an interrupt too leaves nothing behind
+        os.unlink(temporary)
+        raise

@@ -29,7 +29,7 @@ def triangles(mesh):
 
 
 def naive_read(text):
-    """Read OBJ text line by line; return for each material its triangles as points, normals, groups, polygons."""
+    """Read OBJ text line by line; return for each material the points, normals ... of its triangles."""
     v, vn, vt, parts = [], [], [], {}
     material, group = "", 0
     for line in text.splitlines():
@@ -309,6 +309,11 @@ def test_broken_material_names_file_and_line(tmp_path, line):
         ("v 0 0 0\nf 1 2 -2\nv 1 0 0\nv 1 1 0\n", r":2: face refers to vertex -2, only 1 stand before it$"),
         (POINTS + "vn 0 0 1\nf 1//1 2//1 3//2\n", r":10: face refers to normal 2, the file has 1$"),
         (POINTS + "f 1 2 3.5\n", r":9: '3\.5' is not a corner of a face"),
+        (POINTS + f"f 1 2 {'9' * 5000}\n", r":9: '9+' is not a corner of a face"),
+        (
+            POINTS + f"s {'9' * 5000}\nf 1//1 2 {'9' * 5000}\n",
+            r":10: face refers to normal 1, the file has 0$",
+        ),
         (POINTS + "f 1 2 x\n", r":9: 'x' is not a corner of a face"),
         (POINTS + "f 1 2 3\nv 1 abc 2\n", r":10: 'abc' is not a number$"),
         ("v 0 0\nv 1 0\nv 1 1\nf 1 2 3\n", r":1: a vertex has 2 numbers, 3 are needed$"),

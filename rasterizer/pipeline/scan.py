@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import helper, kernel
+from .._kernel import borrow, helper, kernel
 from .setup import first_sample
 from .transform import DEPTH_BITS, HALF, SUBPIXEL
 
@@ -94,7 +94,11 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
     `attributes` is (side, n, n_attribute): side 0 for triangles whose normals look at the viewer as they are, the last side for
     those whose normals must be flipped.
     """
-    x, y, z = vertices.x, vertices.y, vertices.z
+    x, y, z = borrow(vertices.x), borrow(vertices.y), borrow(vertices.z)
+    polygons = Polygons(borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted))
+    canvas = Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right))
+    records = Records(borrow(records.integers), borrow(records.numbers))
+    attributes = borrow(attributes)
     n_record = np.int64(0)
     for face in faces:
         # Order the vertices: clockwise on the screen, topmost (then leftmost) first, so that the same triangle gives the same

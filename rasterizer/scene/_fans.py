@@ -291,7 +291,7 @@ def _measure_corner(here, after, before, weighting):
 def _area_vector(p0, p1, p2):
     """Return twice the area vector, the product of its edges' lengths, and the edges' dot product at p0.
 
-    The vector is the cross product of the two shorter edges: they enclose the largest angle, so it loses least
+    The vector is the cross product of the two shorter edges: they enclose the largest angle, so least is lost
     to rounding, and each corner of the face gets the same.
     """
     e0, e1, e2 = _subtract(p2, p1), _subtract(p0, p2), _subtract(p1, p0)

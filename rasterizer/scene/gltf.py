@@ -12,6 +12,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from rasterizer.errors import ModelError
 from rasterizer.scene.material import Material
 from rasterizer.scene.parse import ModelFile, Part, part_from, run_trimesh, triangle_meshes
 
@@ -49,7 +50,9 @@ def read_gltf(model: ModelFile) -> list[tuple[Part, np.ndarray]]:
         primitives = _set_aside_colors(tree)
         materials = [_material(source) for source in tree.pop("materials", [])]
         textures = tree.pop("images", []), tree.pop("textures", [])
-    except (TypeError, AttributeError, LookupError, ValueError) as fault:
+    except ModelError:
+        raise
+    except (TypeError, AttributeError, LookupError, ValueError, OverflowError) as fault:
         raise model.error(f"not a readable glTF file ({type(fault).__name__}: {fault})") from fault
     if any(textures):
         model.log(f"{model.name}: textures are not drawn by this version")

@@ -6,7 +6,7 @@
 The arrays given are never changed; where they have the right form already they are shared, not copied.
 """
 
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -55,7 +55,7 @@ class Mesh:
     normals: np.ndarray | None = None
     colors: np.ndarray | None = None
     uv: np.ndarray | None = None
-    material: Material = Material()
+    material: Material = field(default_factory=Material)
     crease_angle: float | None = None
     _: KW_ONLY
     face_colors: np.ndarray | None = None
@@ -85,10 +85,9 @@ class Mesh:
             faces, polygons = faces[keep], polygons[keep]
             attributes |= {key: a[keep] for key, a in attributes.items() if _is_per_face(key, a)}
         _arrays.check_area(vertices, faces)
-        for field, array in (
-            attributes | {"vertices": vertices, "faces": faces, "polygons": polygons}
-        ).items():
-            store(field, _arrays.read_only(array))
+        attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
+        for key, array in attributes.items():
+            store(key, _arrays.read_only(array))
 
     def _checked_attributes(self, n_vertex: int, faces, cut_from) -> dict[str, np.ndarray | None]:
         """Return what belongs to vertices, corners and faces, checked.
@@ -98,9 +97,9 @@ class Mesh:
         n_face, n_given = len(faces), len(self.faces)
         n_corner_face = n_face if cut_from is None else None
 
-        def per_vertex_or_corner(field: str, width: int):
-            array = _arrays.checked_floats(getattr(self, field), n_vertex, n_corner_face, width, field)
-            return _arrays.finite(array, self.drop_bad_faces, field)
+        def per_vertex_or_corner(key: str, width: int):
+            array = _arrays.checked_floats(getattr(self, key), n_vertex, n_corner_face, width, key)
+            return _arrays.finite(array, self.drop_bad_faces, key)
 
         def per_triangle(array):
             return array[cut_from] if array is not None and len(array) != n_face else array
@@ -118,13 +117,12 @@ class Mesh:
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
         extras = ("normals", "colors", "uv", "face_colors", "polygons", "smoothing")
-        given = "".join(f", {field}" for field in extras if getattr(self, field) is not None)
+        given = "".join(f", {key}" for key in extras if getattr(self, key) is not None)
         return f"Mesh({name}{self.n_vertex} vertices, {self.n_face} faces{given})"
 
     @classmethod
     def from_any(cls, source) -> "Mesh":
-        """Make a mesh of a Mesh (returned as it is), a `trimesh.Trimesh` or its like, or a pair (vertices,
-        faces).
+        """Make a mesh of a `trimesh.Trimesh` or its like, or of (vertices, faces); a Mesh stays what it is.
 
         Of a Trimesh the vertex or face colours and texture coordinates are taken, and its vertex normals only
         where it holds them already: trimesh needs very long to compute them.
@@ -193,10 +191,10 @@ class Mesh:
         if is_mirrored:
             turn = [0, 2, 1]
             changes["faces"] = self.faces[:, turn]
-            for field in ("normals", "uv"):
-                array = changes.get(field, getattr(self, field))
+            for key in ("normals", "uv"):
+                array = changes.get(key, getattr(self, key))
                 if array is not None and array.ndim == 3:
-                    changes[field] = array[:, turn]
+                    changes[key] = array[:, turn]
         return replace(self, **changes)
 
 
@@ -223,9 +221,9 @@ def _checked_affine(matrix) -> np.ndarray:
     return result
 
 
-def _is_per_face(field: str, array: np.ndarray | None) -> bool:
+def _is_per_face(key: str, array: np.ndarray | None) -> bool:
     """Tell whether an attribute has one entry a face: those of faces, and those of corners."""
-    return array is not None and (field in ("face_colors", "smoothing") or array.ndim == 3)
+    return array is not None and (key in ("face_colors", "smoothing") or array.ndim == 3)
 
 
 def _trimesh_extras(source) -> dict[str, object]:

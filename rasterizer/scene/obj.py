@@ -66,13 +66,17 @@ def read_obj(model: ModelFile) -> list[Part]:
     ModelError : naming the line where one is at fault
     """
     try:
-        return _read(model)
+        parts = _read(model)
     except (_MisreadError, ModelError) as fault:
         found = find_fault(model.data)
         if found is None and isinstance(fault, ModelError):
             raise
         line, reason = found or (None, f"not a readable OBJ file ({fault})")
         raise model.error(reason, line) from fault
+    if not parts and (found := find_fault(model.data)):
+        line, reason = found
+        raise model.error(reason, line)
+    return parts
 
 
 class _MisreadError(Exception):
@@ -220,7 +224,7 @@ def _read_uniform(faces, pattern, n_corner) -> dict:
 
 def _read_mixed(faces) -> dict:
     """Read face lines whose corners are written in different ways, a missing number as 0."""
-    words = [(word.split("/") + ["", ""])[:3] for word in " ".join(faces).split()]
+    words = [[*word.split("/"), "", ""][:3] for word in " ".join(faces).split()]
     try:
         table = np.array([[int(number or 0) for number in word] for word in words], np.int64)
     except (ValueError, OverflowError) as fault:
@@ -251,7 +255,8 @@ def _smoothing_group(word: str) -> int:
     """Return the number of a smoothing group: `off` and anything unknown are 0, `on` is 1."""
     if word == "on":
         return 1
-    return min(int(word), np.iinfo(np.int32).max) if word.isascii() and word.isdigit() else 0
+    is_number = word.isascii() and word.isdigit() and len(word) < 10  # within int32
+    return int(word) if is_number else 0
 
 
 def _rewrite_faces(text, corners) -> str:

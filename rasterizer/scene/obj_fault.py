@@ -72,7 +72,7 @@ def _face_fault(words, total, so_far) -> str | None:
             if not index and kind != "v":
                 continue
             digits = index.removeprefix("-")
-            if not (digits.isascii() and digits.isdigit()):
+            if not (digits.isascii() and digits.isdigit() and len(digits) < 19):  # within int64
                 return f"'{word}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
             fault = _index_fault(kind, int(index), total[kind], so_far[kind])
             if fault:

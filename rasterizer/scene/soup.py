@@ -7,6 +7,7 @@ from rasterizer.scene.parse import (
     WHITE,
     ModelFile,
     Part,
+    fans,
     part_from,
     run_trimesh,
     sort_into_file_order,
@@ -93,8 +94,8 @@ def _run_ply(model):
         if "unexpected length" not in str(fault):
             raise
         raise model.error(
-            "binary PLY of another length than its header says, or with faces of different numbers of corners "
-            "(those are read from ASCII PLY only)"
+            "binary PLY of another length than its header says, or with faces of different numbers of "
+            "corners (those are read from ASCII PLY only)"
         ) from fault
 
 
@@ -126,24 +127,34 @@ def read_off(model: ModelFile) -> list[Part]:
     text = text_of(model.data)
     if "OFF" not in text[:1000]:
         raise model.error("not an OFF file: 'OFF' is missing at its start")
-    scene = run_trimesh(model, text)
-    parts = []
-    for mesh in triangle_meshes(scene).values():
-        n_corner = _off_corners(model, text)
-        if int(np.maximum(n_corner - 2, 0).sum()) != len(mesh.faces):
-            raise model.error("a face line has fewer corners than it says")
-        parts.append(sort_into_file_order(part_from(mesh), n_corner))
     if "COFF" in text[:1000]:
         model.log(f"{model.name}: the colours of an OFF file are not read")
-    return parts
+    try:
+        vertices, faces = _off_lines(model, text)
+        n_corner = np.array([int(words[0]) for words in faces], np.int64)
+    except ModelError:
+        raise
+    except (ValueError, IndexError, OverflowError) as fault:
+        raise model.error(f"not a readable OFF file ({fault})") from fault
+    if any(len(words) <= n for words, n in zip(faces, n_corner, strict=True)):
+        raise model.error("a face line has fewer corners than it says")
+    if n_corner.max(initial=3) <= 3:
+        return [part_from(mesh) for mesh in triangle_meshes(run_trimesh(model, text)).values()]
+    triangles = fans(n_corner)
+    words = [word for words, n in zip(faces, n_corner, strict=True) for word in words[1 : n + 1]]
+    lines = ["3 " + " ".join(words[k] for k in corners) for corners in triangles.corners.tolist()]
+    cut = "\n".join(["OFF", f"{len(vertices)} {len(lines)} 0", *map(" ".join, vertices), *lines])
+    polygons = {"polygons": triangles.polygons.astype(np.int32)}
+    return [part_from(mesh) | polygons for mesh in triangle_meshes(run_trimesh(model, cut)).values()]
 
 
-def _off_corners(model, text):
-    """Return the number of corners of each face line, checked against the header."""
+def _off_lines(model, text):
+    """Return the words of the vertex lines and of the face lines, as many as the header promises."""
     body = text[text.index("OFF") + 3 :]
     lines = [words for line in body.splitlines() if (words := line.partition("#")[0].split())]
     n_vertex, n_face = int(lines[0][0]), int(lines[0][1])
-    faces = lines[1 + n_vertex : 1 + n_vertex + n_face]
-    if len(faces) != n_face:
-        raise model.error(f"the header promises {n_face} faces, the file has {len(faces)}")
-    return np.array([int(words[0]) for words in faces])
+    vertices, faces = lines[1 : 1 + n_vertex], lines[1 + n_vertex : 1 + n_vertex + n_face]
+    if (len(vertices), len(faces)) != (n_vertex, n_face):
+        found = f"{len(vertices)} and {len(faces)}"
+        raise model.error(f"the header promises {n_vertex} vertices and {n_face} faces, the file has {found}")
+    return vertices, faces

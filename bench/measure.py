@@ -1,0 +1,150 @@
+"""How the scripts of this folder measure: in turns, with the median, beside a yardstick, and with the machine described."""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
+
+BUSY = 0.3  # load average from which on somebody else is computing
+LEAST_ROUNDS = 3
+
+
+def machine() -> dict:
+    """Describe the machine and what runs on it."""
+    import llvmlite
+    import numba
+
+    import rasterizer
+    from rasterizer.options import Options
+
+    versions = {module.__name__: module.__version__ for module in (np, numba, llvmlite, rasterizer)}
+    return {"cpu": _cpu_name(), "cores": Options().n_thread, "system": platform.platform(terse=True),
+            "python": platform.python_version(), **versions}  # fmt: skip
+
+
+def _cpu_name() -> str:
+    """The processor's model name."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def print_machine() -> dict:
+    """Print what `machine` finds, and a warning if other work is running; return it with the load average."""
+    found = machine()
+    print(", ".join(f"{key} {value}" for key, value in found.items()))
+    found["load"] = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
+    if found["load"] is not None and found["load"] > BUSY:
+        print(
+            f"WARNING: load average {found['load']}: other work is running, so trust ratios only",
+            file=sys.stderr,
+        )
+    return found
+
+
+def yardstick() -> None:
+    """Do a fixed piece of work on one core: what a frame is compared with, measured in the same turns.
+
+    A running sum neither profits from vector units nor from threads, so its time follows the clock of the core.
+    """
+    np.cumsum(_YARD, out=_YARD_SUM)
+
+
+_YARD = np.full(2**20, 0.5)
+_YARD_SUM = np.empty_like(_YARD)
+
+
+def take_turns(calls: dict, seconds: float, most: int) -> dict:
+    """Call functions in turns, round by round, so that a disturbance hits all of them alike.
+
+    Parameters
+    ----------
+    calls : name -> function without arguments
+    seconds : time limit for all of them together; at least LEAST_ROUNDS rounds are made
+    most : rounds
+
+    Returns
+    -------
+    name -> (milliseconds (n_round,) float64, list of what the calls returned under `.stats`, None where there is none)
+    """
+    times, stats = {name: [] for name in calls}, {name: [] for name in calls}
+    start, n_round = perf_counter(), 0
+    while n_round < LEAST_ROUNDS or (n_round < most and perf_counter() - start < seconds):
+        for name, call in calls.items():
+            before = perf_counter()
+            result = call()
+            times[name].append(1000.0 * (perf_counter() - before))
+            stats[name].append(getattr(result, "stats", None))
+            del result  # its arrays are given back before the next call asks for some
+        n_round += 1
+    return {name: (np.array(times[name]), stats[name]) for name in calls}
+
+
+def spread(times: np.ndarray) -> float:
+    """Distance of the quartiles as a part of the median: what a median may be off by on a restless machine."""
+    low, middle, high = np.percentile(times, (25, 50, 75))
+    return float((high - low) / middle)
+
+
+def peak_mib() -> float | None:
+    """Largest memory that this process has held, in MiB; None where the system does not tell."""
+    try:
+        # Not getrusage here: Linux counts what the parent held when it started this process.
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith("VmHWM"):
+                return int(line.split()[1]) / 1024
+    except OSError:
+        pass
+    if resource is None:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def probe(*arguments, cache: str | None = None) -> dict:
+    """Run probe.py in a process of its own, with the cache of compiled kernels in the folder given; return what it found."""
+    environment = os.environ | ({"NUMBA_CACHE_DIR": cache} if cache else {})
+    command = [sys.executable, str(Path(__file__).with_name("probe.py")), *map(str, arguments)]
+    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+class Table:
+    """Print rows as they come, in columns as wide as their titles.
+
+    columns : list of (title, key, format); a title is padded to the width wanted, text stands on the left
+    """
+
+    def __init__(self, columns):
+        self.columns = columns
+        print("\n" + "  ".join(title for title, _, _ in columns))
+        print("  ".join("-" * len(title) for title, _, _ in columns))
+
+    def print(self, row: dict) -> None:
+        """Print one row; what it lacks, or has as None, is a dash."""
+        cells = []
+        for title, key, form in self.columns:
+            value = row.get(key)
+            text = "-" if value is None else format(value, form)
+            cells.append(text.ljust(len(title)) if isinstance(value, str) else text.rjust(len(title)))
+        print("  ".join(cells), flush=True)
+
+
+def print_json(bench: str, found: dict, args, rows: list) -> None:
+    """Print everything once more as one line of JSON, the last line of the output."""
+    record = {"bench": bench, "machine": found, "settings": vars(args), "rows": rows, "peak_mib": peak_mib()}
+    print(json.dumps(record, default=str))

@@ -1,0 +1,87 @@
+"""The fast path against the judge, pixel by pixel: help for the tests of the pipeline."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+import rasterizer as rz
+from rasterizer import reference
+from rasterizer.pipeline.transform import DEPTH_SPAN
+from rasterizer.plan import fit_depth_range
+
+EXACT = 1e-6  # promised with tolerance 0, in linear intensity
+NORMAL = 2e-6  # normals are stored as float32
+BUFFERS = ("color", "depth", "face", "normal")
+
+
+class Verdict(NamedTuple):
+    """What a comparison found."""
+
+    color: float  # largest difference of linear intensity
+    normal: float
+    depth: float  # relative
+    n_compared: int  # covered pixels
+    n_ignored: int  # pixels in which two surfaces lie nearer to each other than depth can tell
+
+
+def depth_resolution(scene, size, depth, units) -> np.ndarray:
+    """Depth (h, w) that `units` of the z-buffer stand for at the depths (h, w) of a picture."""
+    camera = scene.camera_for(size)
+    bounds = np.stack([mesh.bounds for mesh in scene.meshes])
+    (near, far), _ = fit_depth_range(camera, camera.view(), bounds)
+    if not camera.is_perspective:
+        return np.full(depth.shape, units * (far - near) / DEPTH_SPAN)
+    return np.where(np.isfinite(depth), depth, 0.0) ** 2 * (units * (1 / near - 1 / far) / DEPTH_SPAN)
+
+
+def compare(scene, size, units=2.0**14, **options) -> Verdict:
+    """Render both ways; refuse any difference in coverage, face or depth.
+
+    `units` is what planes of depth may be off, in steps of the z-buffer: half a step for each sample of the largest box.
+    """
+    frame = rz.render(scene, size, outputs=BUFFERS, **options)
+    options.pop("tolerance", None)
+    options.pop("threads", None)
+    expected = reference.render(scene, size, **options)
+    is_covered = expected.face >= 0
+    assert ((frame.face >= 0) == is_covered).all(), f"{((frame.face >= 0) != is_covered).sum()} samples covered wrongly"
+    assert np.abs(frame.alpha - expected.alpha).max() < 1e-6
+
+    is_clear = expected.margin > depth_resolution(scene, size, expected.depth, units)
+    is_seen = is_covered & is_clear
+    wrong = (frame.face != expected.face) & is_seen
+    assert not wrong.any(), f"{wrong.sum()} pixels show the wrong face"
+    is_safe, n_ignored = is_clear, int((~is_clear).sum())
+    if options.get("samples", 1) > 1:
+        is_safe = clear_pixels(scene, size, units, options)
+        n_ignored = int((~is_safe).sum())
+    color = np.abs(frame.color - expected.color)[is_safe]
+    normal = np.abs(frame.normal - expected.normal)[is_seen]
+    depth = np.abs(frame.depth[is_seen] / expected.depth[is_seen] - 1)
+    assert np.isfinite(frame.color).all(), "a colour is not finite"
+    assert not frame.normal[~is_covered].any() and np.isinf(frame.depth[~is_covered]).all()
+    return Verdict(
+        color.max(initial=0.0), normal.max(initial=0.0), depth.max(initial=0.0), int((is_safe & (expected.alpha > 0)).sum()),
+        n_ignored,
+    )  # fmt: skip
+
+
+def clear_pixels(scene, size, units, options) -> np.ndarray:
+    """Tell of which pixels (h, w) every sample shows clearly what is in front."""
+    per_axis = round(options["samples"] ** 0.5)
+    grid = size[0] * per_axis, size[1] * per_axis
+    fine = reference.render(scene, grid, **{**options, "samples": 1})
+    is_clear = fine.margin > depth_resolution(scene, grid, fine.depth, units)
+    return is_clear.reshape(size[1], per_axis, size[0], per_axis).all(axis=(1, 3))
+
+
+def check(scene, size, budget, ignored=0.002, units=2.0**14, normal=NORMAL, **options) -> Verdict:
+    """Refuse a picture whose colours are further than `budget` from the judge's; `ignored` is the share of pixels left out."""
+    found = compare(scene, size, units, **options)
+    assert found.n_compared > 0, "nothing is covered"
+    share = found.n_ignored / (size[0] * size[1])
+    assert share <= ignored, f"{options}: {share:.4f} of the pixels ignored > {ignored}"
+    assert found.color <= budget, f"{options}: colours differ by {found.color:.3g} > {budget:.3g}"
+    assert found.normal <= normal, f"{options}: normals differ by {found.normal:.3g} > {normal:.3g}"
+    assert found.depth <= 1e-6, f"{options}: depths differ by {found.depth:.3g} > 1e-6"
+    return found
