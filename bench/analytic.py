@@ -1,6 +1,6 @@
-"""The true picture of a sphere or torus: rays against the surface itself, lit by the judge's illumination equation.
+"""The true picture of a sphere or torus: rays against the surface itself, lit by the judge's equation.
 
-In: a scene whose one mesh approximates a surface known here. Out: what an endlessly fine mesh would show, sample by sample.
+In: a scene whose one mesh approximates a surface known here. Out: what an endlessly fine mesh would show.
 """
 
 from typing import NamedTuple
@@ -79,8 +79,8 @@ def _first_hit(surface: str, origins, directions, forward) -> np.ndarray:
 def _torus_hits(closest, unit, squared) -> np.ndarray:
     """Return the smallest distances t from the closest points to a torus, inf without one.
 
-    A point p of the torus has (p.p + R^2 - r^2)^2 = 4 R^2 (x^2 + z^2); with p = c + t u and c.u = 0 this is a quartic
-    in t without a cubic term. Its roots are the eigenvalues of its companion matrix.
+    A point p of the torus has (p.p + R^2 - r^2)^2 = 4 R^2 (x^2 + z^2); with p = c + t u and c.u = 0 this is
+    a quartic in t without a cubic term. Its roots are the eigenvalues of its companion matrix.
     """
     k = squared + RING**2 - TUBE**2
     flat_c, flat_u = closest[:, [0, 2]], unit[:, [0, 2]]

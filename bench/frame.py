@@ -1,13 +1,13 @@
 """How many milliseconds does a frame take?
 
-    python bench/frame.py                                  every scene, shading and size, with 1 and all threads
+    python bench/frame.py              every scene, shading and size, with 1 and all threads
     python bench/frame.py path/to/scan.obj --sizes 1080p --cull back --stages
-    python bench/frame.py --cold                           from nothing to the first picture, cache empty and filled
-    python bench/frame.py --memory                         peak memory, each scene in a process of its own
-    python bench/frame.py --huge                           ten million triangles
+    python bench/frame.py --cold       from nothing to the first picture, cache empty and filled
+    python bench/frame.py --memory     peak memory, each scene in a process of its own
+    python bench/frame.py --huge       ten million triangles
 
-Measured is Renderer.render: from the prepared scene to the array of sRGB bytes, vertex stage included. Columns are
-explained in bench/README.md; the last line of the output is the same as JSON.
+Measured is Renderer.render: from the prepared scene to the array of sRGB bytes, vertex stage included.
+Columns are explained in bench/README.md; the last line of the output is the same as JSON.
 """
 
 import argparse
@@ -32,14 +32,14 @@ def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
     args = make_parser().parse_args(argv)
     args.threads = args.threads or sorted({1, Options().n_thread})
-    found = measure.print_machine()
+    machine = measure.Machine()
     parts = [
         part for part in (measure_cold, measure_memory, measure_huge) if getattr(args, part.__name__[8:])
     ]
     rows = [row for part in parts or [measure_frames] for row in part(args)]
     if (peak := measure.peak_mib()) is not None:
         print(f"\npeak memory of this process {peak:.0f} MiB")
-    measure.print_json("frame", found, args, rows)
+    measure.print_json("frame", machine, args, rows)
     return 0
 
 
@@ -75,10 +75,12 @@ def make_parser() -> argparse.ArgumentParser:
 def measure_frames(args):
     """Yield a row for every case, size and shading; the numbers of threads take turns."""
     columns = [("case        ", "case", ""), ("triangles", "triangles", "d"), ("size     ", "size", ""),
-               ("shading", "shading", ""), ("prepare", "prepare_ms", ".0f"), (" first", "first_ms", ".0f")]  # fmt: skip
+               ("shading", "shading", ""), ("prepare", "prepare_ms", ".0f"),
+                (" first", "first_ms", ".0f")]  # fmt: skip
     columns += [(f"  ms {n}T", f"ms_{n}", ".2f") for n in args.threads]
     columns += [("spread", "spread", ".0%"), (" yards", "yards", ".2f"), (" gain", "gain", ".2f"),
-                ("ns/tri", "ns_triangle", ".1f"), ("ns/px", "ns_pixel", ".2f"), ("covered", "coverage", ".0%")]  # fmt: skip
+                ("ns/tri", "ns_triangle", ".1f"), ("ns/px", "ns_pixel", ".2f"),
+                 ("covered", "coverage", ".0%")]  # fmt: skip
     table = measure.Table(columns)
     for case in args.cases:
         for text in args.sizes:
@@ -150,12 +152,12 @@ def print_stages(stages: dict) -> None:
 
 def settings_of(args, shading, size, n_thread) -> list:
     """The command line of probe.py."""
-    return ["--shading", shading, "--size", size, "--threads", n_thread, "--cull", args.cull, "--lights", args.lights,
-            "--channels", args.channels, "--samples", args.samples]  # fmt: skip
+    return ["--shading", shading, "--size", size, "--threads", n_thread, "--cull", args.cull,
+            "--lights", args.lights, "--channels", args.channels, "--samples", args.samples]  # fmt: skip
 
 
 def measure_cold(args):
-    """Yield two rows a shading: with an empty cache of compiled kernels, and with what the first one left there."""
+    """Yield two rows a shading: with an empty cache of compiled kernels, and with what that left there."""
     table = measure.Table(
         [("case        ", "case", ""), ("shading", "shading", ""), ("cache ", "cache", ""), *STEPS]
     )
@@ -171,8 +173,8 @@ def measure_cold(args):
 
 def measure_memory(args):
     """Yield a row for every case, size and shading, each with the peak memory of its own process."""
-    table = measure.Table([("case        ", "case", ""), ("triangles", "triangles", "d"), ("size     ", "size", ""),
-                           ("shading", "shading", ""), *STEPS])  # fmt: skip
+    table = measure.Table([("case        ", "case", ""), ("triangles", "triangles", "d"),
+                           ("size     ", "size", ""), ("shading", "shading", ""), *STEPS])  # fmt: skip
     for case in args.cases:
         for size in args.sizes:
             for shading in args.shadings:
@@ -183,7 +185,7 @@ def measure_memory(args):
 
 
 def measure_huge(args):
-    """Yield a row a shading for ten million triangles at 1080p, and say whether the memory stays under the limit."""
+    """Yield a row a shading for ten million triangles at 1080p; say whether they stay under the limit."""
     args.cases, args.sizes = ["huge"], ["1080p"]
     for row in measure_memory(args):
         if row["peak_mib"] is not None:
@@ -193,7 +195,8 @@ def measure_huge(args):
 
 
 STEPS = [("import", "import_ms", ".0f"), (" build", "build_ms", ".0f"), ("prepare", "prepare_ms", ".0f"),
-         (" first", "first_ms", ".0f"), ("   warm", "warm_ms", ".2f"), ("peak MiB", "peak_mib", ".0f")]  # fmt: skip
+         (" first", "first_ms", ".0f"), ("   warm", "warm_ms", ".2f"),
+         ("peak MiB", "peak_mib", ".0f")]  # fmt: skip
 
 
 if __name__ == "__main__":

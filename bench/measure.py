@@ -1,4 +1,4 @@
-"""How the scripts of this folder measure: in turns, with the median, beside a yardstick, and with the machine described."""
+"""How the scripts here measure: in turns, with the median, beside a yardstick, on a machine they describe."""
 
 import json
 import os
@@ -15,7 +15,8 @@ try:
 except ImportError:  # Windows
     resource = None
 
-BUSY = 0.3  # load average from which on somebody else is computing
+BUSY_LOAD = 0.3  # load average from which on somebody else is computing
+BUSY_SHARE = 0.05  # likewise, their part of all cores while we measure
 LEAST_ROUNDS = 3
 
 
@@ -43,23 +44,48 @@ def _cpu_name() -> str:
     return platform.processor() or platform.machine()
 
 
-def print_machine() -> dict:
-    """Print what `machine` finds, and a warning if other work is running; return it with the load average."""
-    found = machine()
-    print(", ".join(f"{key} {value}" for key, value in found.items()))
-    found["load"] = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
-    if found["load"] is not None and found["load"] > BUSY:
-        print(
-            f"WARNING: load average {found['load']}: other work is running, so trust ratios only",
-            file=sys.stderr,
-        )
-    return found
+class Machine:
+    """Print and hold what `machine` finds; tell before and after measuring whether other work is running."""
+
+    def __init__(self):
+        self.found = machine()
+        print(", ".join(f"{key} {value}" for key, value in self.found.items()))
+        load = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
+        self.found["load"] = load
+        if load is not None and load > BUSY_LOAD:
+            _warn(f"load average {load}")
+        self._start = _busy_seconds()
+
+    def finish(self) -> dict:
+        """Warn if others have computed meanwhile; return what was found, with their share of the cores."""
+        stop, share = _busy_seconds(), None
+        if self._start is not None and stop is not None and stop[2] > self._start[2]:
+            all_, ours, total = (after - before for before, after in zip(self._start, stop, strict=True))
+            share = round(max(0.0, all_ - ours) / total, 3)
+            if share > BUSY_SHARE:
+                _warn(f"other processes took {share:.0%} of all cores meanwhile")
+        return self.found | {"others": share}
+
+
+def _warn(what: str) -> None:
+    print(f"WARNING: {what}: other work is running, so trust ratios only", file=sys.stderr, flush=True)
+
+
+def _busy_seconds() -> tuple[float, float, float] | None:
+    """Seconds of processor time: all spent, spent by us, available; None where the system does not tell."""
+    try:
+        ticks = [int(field) for field in Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9]]
+    except (OSError, ValueError):
+        return None
+    total, idle = sum(ticks), ticks[3] + ticks[4]  # user nice system idle iowait irq softirq steal
+    ours = sum(os.times()[:4])
+    return (total - idle) / os.sysconf("SC_CLK_TCK"), ours, total / os.sysconf("SC_CLK_TCK")
 
 
 def yardstick() -> None:
     """Do a fixed piece of work on one core: what a frame is compared with, measured in the same turns.
 
-    A running sum neither profits from vector units nor from threads, so its time follows the clock of the core.
+    A running sum profits neither from vector units nor from threads: its time follows the clock of the core.
     """
     np.cumsum(_YARD, out=_YARD_SUM)
 
@@ -79,7 +105,7 @@ def take_turns(calls: dict, seconds: float, most: int) -> dict:
 
     Returns
     -------
-    name -> (milliseconds (n_round,) float64, list of what the calls returned under `.stats`, None where there is none)
+    name -> (milliseconds (n_round,) float64, list of the `.stats` of what the calls returned, or of None)
     """
     times, stats = {name: [] for name in calls}, {name: [] for name in calls}
     start, n_round = perf_counter(), 0
@@ -95,7 +121,7 @@ def take_turns(calls: dict, seconds: float, most: int) -> dict:
 
 
 def spread(times: np.ndarray) -> float:
-    """Distance of the quartiles as a part of the median: what a median may be off by on a restless machine."""
+    """Distance of the quartiles as a part of the median: how restless the machine was."""
     low, middle, high = np.percentile(times, (25, 50, 75))
     return float((high - low) / middle)
 
@@ -116,7 +142,7 @@ def peak_mib() -> float | None:
 
 
 def probe(*arguments, cache: str | None = None) -> dict:
-    """Run probe.py in a process of its own, with the cache of compiled kernels in the folder given; return what it found."""
+    """Run probe.py in a process of its own, compiled kernels kept in the folder given; return its findings."""
     environment = os.environ | ({"NUMBA_CACHE_DIR": cache} if cache else {})
     command = [sys.executable, str(Path(__file__).with_name("probe.py")), *map(str, arguments)]
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
@@ -144,7 +170,13 @@ class Table:
         print("  ".join(cells), flush=True)
 
 
-def print_json(bench: str, found: dict, args, rows: list) -> None:
+def print_json(bench: str, machine: Machine, args, rows: list) -> None:
     """Print everything once more as one line of JSON, the last line of the output."""
-    record = {"bench": bench, "machine": found, "settings": vars(args), "rows": rows, "peak_mib": peak_mib()}
+    record = {
+        "bench": bench,
+        "machine": machine.finish(),
+        "settings": vars(args),
+        "rows": rows,
+        "peak_mib": peak_mib(),
+    }
     print(json.dumps(record, default=str))

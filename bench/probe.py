@@ -1,4 +1,4 @@
-"""Draw one scene in a process of its own and print, as a line of JSON, how long each step took and the peak memory.
+"""Draw one scene in a process of its own; print the time of each step and the peak memory as a line of JSON.
 
 `frame.py` runs this for what can't be measured twice in one process: imports, compiling, memory.
 """

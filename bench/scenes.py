@@ -1,7 +1,7 @@
 """The scenes that the scripts of this folder draw, by name: models, files, dense spheres, stacked quads.
 
 In: a name and the settings that `add_arguments` puts on a command line. Out: a `Scene` with its camera.
-Generated arrays are float32 and uint32 from the start, so that ten million triangles need no more than they must.
+Generated arrays are float32 and uint32, so that ten million triangles need no more than they must.
 """
 
 import argparse
@@ -26,10 +26,18 @@ SIZES = {"1080p": (1920, 1080), "4k": (3840, 2160)}
 
 def add_arguments(parser: argparse.ArgumentParser, lights="one", channels="mono") -> None:
     """Put the settings of a scene on a command line, with these defaults."""
-    parser.add_argument("--lights", choices=("one", "studio"), default=lights,
-                        help="one directional light, or the four of the default picture (default: %(default)s)")  # fmt: skip
-    parser.add_argument("--channels", choices=("mono", "rgb", "own"), default=channels,
-                        help="grey material, one that needs three channels, or the model's own (default: %(default)s)")  # fmt: skip
+    parser.add_argument(
+        "--lights",
+        choices=("one", "studio"),
+        default=lights,
+        help="one directional light, or those of the default picture (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--channels",
+        choices=("mono", "rgb", "own"),
+        default=channels,
+        help="grey material, one that needs three channels, or the model's own (default: %(default)s)",
+    )
 
 
 def size_of(text: str) -> tuple[int, int]:
@@ -102,17 +110,19 @@ def all_names() -> list[str]:
 
 
 def icosphere(n_division: int):
-    """Divide an icosahedron's triangles in four, again and again: vertices (n, 3) float32, faces (20 * 4**k, 3) uint32.
+    """Divide an icosahedron's triangles in four, again and again: vertices (n, 3) float32, faces uint32.
 
     The four parts of a triangle follow one another, so faces near in the list are near in space.
     """
     golden = (1 + 5**0.5) / 2
     a, b = 1.0, golden
     vertices = np.array([(-a, b, 0), (a, b, 0), (-a, -b, 0), (a, -b, 0), (0, -a, b), (0, a, b),
-                         (0, -a, -b), (0, a, -b), (b, 0, -a), (b, 0, a), (-b, 0, -a), (-b, 0, a)])  # fmt: skip
+                         (0, -a, -b), (0, a, -b), (b, 0, -a), (b, 0, a),
+                         (-b, 0, -a), (-b, 0, a)])  # fmt: skip
     faces = np.array([(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4),
                       (11, 10, 2), (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8),
-                      (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)], np.int64)  # fmt: skip
+                      (3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)],
+                     np.int64)  # fmt: skip
     vertices /= np.linalg.norm(vertices[0])
     for _ in range(n_division):
         ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)  # edges ab bc ca
@@ -127,7 +137,7 @@ def icosphere(n_division: int):
 
 
 def uv_sphere(n_row: int, n_column: int):
-    """Make a unit sphere of rows and columns about the y axis: vertices float32, 2 (n_row - 1) n_column faces uint32."""
+    """Make a unit sphere about the y axis: vertices (n, 3) float32, 2 (n_row - 1) n_column faces uint32."""
     polar = np.linspace(0, np.pi, n_row + 1, dtype=np.float32)[1:-1]
     turn = np.arange(n_column, dtype=np.float32) * np.float32(2 * np.pi / n_column)
     vertices = np.empty(((n_row - 1) * n_column + 2, 3), np.float32)
@@ -171,7 +181,7 @@ def torus(n_ring: int, n_tube: int, ring_radius=1.0, tube_radius=0.4):
 def stacked_quads(n_quad: int, aspect: float, is_front_first: bool):
     """Stack quads before a camera in the origin that looks down -z, each as large as the picture.
 
-    Vertices (4 n, 3), faces (2 n, 3), normals (4 n, 3) that lean outwards, so that there is something to interpolate.
+    Vertices (4 n, 3), faces (2 n, 3), normals (4 n, 3) that lean outwards: there is something to interpolate.
     """
     depth = np.linspace(2.0, 4.0, n_quad)
     depth = depth if is_front_first else depth[::-1]

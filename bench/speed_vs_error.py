@@ -1,11 +1,12 @@
 """What does speed cost in error, and where does it come from?
 
     python bench/speed_vs_error.py
-    python bench/speed_vs_error.py teapot path/to/part.stl --shadings phong --tolerances 0 1/4096 1/64 --samples 1 4 16
+    python bench/speed_vs_error.py teapot path/to/part.stl --shadings phong --tolerances 0 1/64 --samples 1 16
 
-For each model, shading, number of samples and tolerance: the time of a frame, its error against the float64 reference
-(what rounding and cheaper paths cost) and, where the model approximates a sphere or torus, its error against the surface
-itself (what the mesh and the shading method cost). Columns are explained in bench/README.md; the last line is JSON.
+For each model, shading, number of samples and tolerance: the time of a frame, its error against the float64
+reference (what rounding and cheaper paths cost) and, where the model approximates a sphere or torus, against
+the surface itself (what the mesh and the shading method cost). Columns are explained in bench/README.md; the last
+line is JSON.
 """
 
 import argparse
@@ -28,9 +29,12 @@ TOLERANCES = ("0", "1/4096", "1/256", "1/64")
 OTHER_DEPTH = 0.1  # of the scene's diagonal: where depths differ by more, another part of the surface is seen
 
 COLUMNS = [
-    ("model     ", "model", ""), ("shading", "shading", ""), ("samples", "samples", "d"), ("tolerance", "tolerance", ""),
-    ("     ms", "ms", ".2f"), ("speed", "speed", ".2f"), ("ns/tri", "ns_triangle", ".1f"), ("ns/px", "ns_pixel", ".2f"),
-    ("max err", "max", ".1e"), ("rms err", "rms", ".1e"), ("/bound", "of_bound", ".3f"), ("levels", "levels", "d"),
+    ("model     ", "model", ""), ("shading", "shading", ""), ("samples", "samples", "d"),
+    ("tolerance", "tolerance", ""),
+    ("     ms", "ms", ".2f"), ("speed", "speed", ".2f"), ("ns/tri", "ns_triangle", ".1f"),
+    ("ns/px", "ns_pixel", ".2f"),
+    ("max err", "max", ".1e"), ("rms err", "rms", ".1e"), ("/bound", "of_bound", ".3f"),
+    ("levels", "levels", "d"),
     ("over 1", "over_1", "d"), ("other px", "other", "d"),
     ("| true max", "true_max", ".1e"), ("true rms", "true_rms", ".1e"), ("over 1", "true_over_1", ".0%"),
     ("silhouette", "silhouette", "d"),
@@ -40,7 +44,7 @@ COLUMNS = [
 def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
     args = make_parser().parse_args(argv)
-    found = measure.print_machine()
+    machine = measure.Machine()
     table, rows = measure.Table(COLUMNS), []
     for model in args.models:
         scene = scenes.build(model, args.size, args.lights, args.channels)
@@ -48,7 +52,7 @@ def main(argv=None) -> int:
             for row in measure_group(scene, shading, samples, args):
                 rows.append({"model": Path(model).stem} | row)
                 table.print(rows[-1])
-    measure.print_json("speed_vs_error", found, args, rows)
+    measure.print_json("speed_vs_error", machine, args, rows)
     return 0
 
 
@@ -120,7 +124,7 @@ def time_tolerances(scene, settings, args) -> tuple[dict, int]:
 def compare_with_reference(frame, judge) -> dict:
     """Numerical error of a frame: the same mesh, the same method, float64.
 
-    Pixels whose centre shows another face, or of which another part is covered, are counted instead of compared.
+    Pixels whose centre shows another face, or of which another part is covered, are counted, not compared.
     """
     is_other = (frame.face != judge.face) | (np.abs(frame.alpha - judge.alpha) > 1e-6)
     is_seen = (judge.alpha > 0) & ~is_other
@@ -135,8 +139,8 @@ def compare_with_reference(frame, judge) -> dict:
 def compare_with_surface(frame, truth, samples, other_depth) -> dict:
     """Model error of a frame: what the mesh and the shading method make of the true surface.
 
-    Compared are pixels that both cover in full with the same part of the surface. Samples covered in one of them only are
-    counted: the silhouette.
+    Compared are pixels that both cover in full with the same part of the surface. Samples covered in one of
+    them only are counted: the silhouette.
     """
     with np.errstate(invalid="ignore"):  # inf - inf where nothing is
         is_near = (frame.depth - truth.nearest < other_depth) & (truth.furthest - frame.depth < other_depth)

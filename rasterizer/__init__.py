@@ -8,13 +8,16 @@
 Names are imported when they are first used, so that the command line can print its help without loading the compiler.
 """
 
+import sys
 from importlib import import_module
+from types import ModuleType
 
 from ._version import __version__
 
 _HOMES = {
     "AmbientLight": "scene.lights",
     "Camera": "scene.camera",
+    "Comparison": "compare",
     "DirectionalLight": "scene.lights",
     "Frame": "frame",
     "Material": "scene.material",
@@ -31,10 +34,21 @@ _HOMES = {
     "headlight": "scene.lights",
     "load": "scene.load",
     "render": "renderer",
-    "sheet": "frame",
+    "sheet": "sheet",
     "studio": "scene.lights",
 }
-__all__ = [*_HOMES, "__version__"]
+__all__ = sorted([*_HOMES, "__version__"])
+
+
+class _Package(ModuleType):
+    """Keep `render`, `compare` and `sheet` functions: importing a module of one of these names binds it here."""
+
+    def __setattr__(self, name, value):
+        if not (name in _HOMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
 
 
 def __getattr__(name):

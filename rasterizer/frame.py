@@ -18,7 +18,17 @@ SAVED_ARRAYS = ("color", "rgb", "rgba", "alpha", "depth", "face", "normal")
 class Stats:
     """What happened on the way to a picture.
 
-    `milliseconds` is a dict of stage to time; `error_bound` is the error that the chosen paths may have, in linear intensity.
+    Parameters
+    ----------
+    faces : triangles of the scene
+    clipped : triangles that crossed the near plane
+    culled : triangles left out because they showed their back
+    drawn : triangles that may cover a sample
+    covered : samples that something covers
+    samples : samples of the picture
+    threads : how many worked
+    error_bound : the error that the chosen paths may have, in linear intensity where 1 is white
+    milliseconds : dict of stage to time
     """
 
     faces: int
@@ -61,14 +71,15 @@ class Frame:
 
     def __repr__(self) -> str:
         width, height = self.size
-        names = [name for name in ("rgb", *ARRAYS) if self._has(name)]
+        names = [name for name in ("rgb", *ARRAYS) if self.has(name)]
         total = sum(self.stats.milliseconds.values())
         return (
             f"<Frame {width}x{height} {'+'.join(names)}, {self.stats.faces} faces, "
             f"{100 * self.stats.coverage:.1f} % covered, {total:.1f} ms>"
         )
 
-    def _has(self, name) -> bool:
+    def has(self, name: str) -> bool:
+        """Tell whether the frame has "rgb" (a picture), "color", "depth", "face" or "normal"."""
         return self._rgba is not None if name == "rgb" else name in self._arrays
 
     def _get(self, name) -> np.ndarray:
@@ -80,7 +91,9 @@ class Frame:
     def rgba(self) -> np.ndarray:
         """(height, width, 4) uint8: sRGB and alpha, not premultiplied."""
         if self._rgba is None:
-            raise SceneError("this frame has no picture: ask for it with outputs=('color', ...) or ('rgb', ...)")
+            raise SceneError(
+                "this frame has no picture: ask for it with outputs=('color', ...) or ('rgb', ...)"
+            )
         return self._rgba
 
     @property
@@ -135,8 +148,8 @@ class Frame:
 
         Parameters
         ----------
-        path : where to; the suffix chooses the format: whatever Pillow writes (transparency is laid on white where
-            a format has none), or `.npy` for an array
+        path : where to; the suffix chooses the format: whatever Pillow writes (transparency is laid on white
+            where a format has none), or `.npy` for an array
         array : which array a `.npy` file holds: "color" (when None), "rgb", "rgba", "alpha", "depth", "face",
             "normal"
         format : overrides the suffix: "npy" or a name of Pillow's: "PNG", "JPEG", ...
@@ -188,7 +201,7 @@ class Frame:
 
 
 def picture_format(name: str) -> str:
-    """Return Pillow's name of a format that it writes, given by name or suffix; OutputError where there is none."""
+    """Return Pillow's name of a format that it writes, given by name or suffix; OutputError if none."""
     from PIL import Image
 
     Image.init()
@@ -220,8 +233,8 @@ def _on_white(image):
 def write_whole(path, content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
-    A link keeps its name and gets a new target. Devices and pipes can't be replaced: they are written as they are.
-    Raises OutputError.
+    A link keeps its name and gets a new target. Devices and pipes can't be replaced: they are written
+    as they are. Raises OutputError.
     """
     place = os.path.realpath(path)
     try:

@@ -14,9 +14,10 @@ from .pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, N_MATERIAL_COLU
 from .pipeline.lights import ATTENUATION, COLOR, LIGHTS, MOST, N_NUMBER, VECTOR
 from .pipeline.reflection import REFLECTIONS, SHININESS
 from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding, make_srgb_tables
-from .pipeline.scan import LEVEL_MASK, Coding
+from .pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .scene.lights import AmbientLight, DirectionalLight, PointLight
 
+ULP = 2.0**-24  # relative rounding error of float32
 NEAREST = 2.0**-20  # the fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there
 BAND_WORDS = 2**17  # a band's z-buffer is about 1 MB: half of a usual L2 cache
 
@@ -27,7 +28,10 @@ class Plan(NamedTuple):
     n_channel: int
     tint: np.ndarray  # (3,) float32: the colour of a picture with one channel
     dtype: np.dtype
-    coding_levels: float  # levels a unit of intensity, 0 where words carry record numbers only
+    coding: int  # the cheapest way that attributes may take to the samples; see pipeline/records.py
+    level_scale: float  # levels a unit of intensity
+    normal_limit: float  # largest rise of a normal over a triangle's box for which float32 planes are good enough
+    bound: float  # the largest intensity that any point can have
     error_bound: float  # linear intensity
     is_lit_per_sample: bool
     ambient: np.ndarray  # (3,) float64, the sum of the ambient lights
@@ -49,12 +53,18 @@ def make_plan(scene, options: Options, albedo) -> Plan:
     materials = tuple(mesh.material for mesh in scene.meshes)
     has_albedo = len(albedo) > 0
     tint = None if has_albedo else common_color(materials, lights, ambient)
-    bound, rounding = intensity_bounds(materials, lights, ambient, albedo.max(initial=1.0))
-    is_single = options.tolerance > 0 and rounding <= options.tolerance / 4
+    bound, shine = intensity_bounds(materials, lights, ambient, albedo.max(initial=1.0))
+    # Float32 may spend half of the tolerance on the lighting, a quarter on normals; affine interpolation the rest.
+    rounding = ULP * (16.0 * bound + 8.0 * shine)
+    is_single = options.tolerance > 0 and rounding <= options.tolerance / 2
     dtype = np.dtype(np.float32 if is_single else np.float64)
     is_lit_per_sample = options.shading == "phong"
-    may_code = tint is not None and not is_lit_per_sample and is_single and np.isfinite(bound)
-    levels = int(LEVEL_MASK) / bound if may_code and bound > 0 else float(may_code)
+    coding, normal_limit = EXACT, 0.0
+    if is_lit_per_sample and is_single:
+        normal_limit = ((options.tolerance / 4) / (ULP * max(bound + 2.0 * shine, 1e-30)) - 3.0) / 4.0
+        coding = NORMAL_PLANES if normal_limit > 0.0 else EXACT
+    elif is_single and np.isfinite(bound):
+        coding = IN_WORDS if tint is not None else IN_PLANES
     kinds = [LIGHTS[_kind(light)].row_function for light in lights]
     models = [REFLECTIONS[_model(material)] for material in materials]
     compiled = {function: row_function(function, dtype) for function in dict.fromkeys(kinds + models)}
@@ -62,8 +72,11 @@ def make_plan(scene, options: Options, albedo) -> Plan:
         n_channel=3 if tint is None else 1,
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
         dtype=dtype,
-        coding_levels=levels,
-        error_bound=options.tolerance if may_code else min(rounding, options.tolerance) if is_single else 1e-6,
+        coding=coding,
+        level_scale=int(LEVEL_MASK) / bound if 0.0 < bound < np.inf else 1.0,
+        normal_limit=normal_limit,
+        bound=bound,
+        error_bound=options.tolerance if is_single else min(1e-6, max(options.tolerance, ULP**2 * (bound + shine))),
         is_lit_per_sample=is_lit_per_sample,
         ambient=ambient,
         lights=lights,
@@ -110,23 +123,23 @@ def _direction(colors):
 
 
 def intensity_bounds(materials, lights, ambient, most_albedo) -> tuple[float, float]:
-    """Largest intensity that any point can have, and a bound of what float32 rounding adds to it.
+    """Largest intensity that any point can have, and the largest sum of highlights, each times its exponent.
 
-    A power h^n multiplies the relative error of h by n. Each of the about sixteen roundings on the way to h costs 2^-24, of
-    which at most about eight fall together; the matte terms take about sixteen.
+    The second says how far an error of the directions is magnified: a power h^n multiplies the relative error of h by n. Each of
+    the roundings on the way to h costs 2^-24, of which about eight fall together; the matte terms take about sixteen.
     """
-    bound = rounding = 0.0
-    ulp = 2.0**-24
+    bound = magnified = 0.0
     for material in materials:
         matte = max(material.ambient) * ambient.max() * most_albedo + max(material.emissive)
         shine = 0.0
         for light in lights:
             most = np.inf if getattr(light, "amplify", False) and light.attenuation[0] < 1.0 else 1.0
-            matte += most * max(light.color) * max(material.diffuse) * most_albedo
-            shine += most * max(light.color) * max(material.specular)
+            # A light that gives nothing can't be amplified: no 0 times infinity.
+            matte += most * max(light.color) * max(material.diffuse) * most_albedo if max(light.color) > 0 else 0.0
+            shine += most * max(light.color) * max(material.specular) if max(light.color) > 0 and max(material.specular) > 0 else 0.0
         bound = max(bound, matte + shine)
-        rounding = max(rounding, ulp * (16.0 * (matte + shine) + 8.0 * material.shininess * shine))
-    return bound, rounding
+        magnified = max(magnified, shine * material.shininess)
+    return bound, magnified
 
 
 def make_lighting(plan: Plan, view) -> Lighting:
@@ -182,15 +195,24 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         inv_w_scale, inv_w_offset = 0.0, 1.0 / screen.near
     else:
         inv_w_scale, inv_w_offset = 0.0, 1.0
-    has_levels = plan.coding_levels > 0
-    return Coding(has_levels, plan.coding_levels, tolerance * plan.coding_levels, inv_w_offset, inv_w_scale)
+    return Coding(
+        kind=plan.coding,
+        level_scale=plan.level_scale,
+        level_tolerance=tolerance * plan.level_scale * (0.5 if plan.coding != EXACT else 0.0),
+        normal_limit=plan.normal_limit,
+        albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
+        needs_distance=plan.coding == NORMAL_PLANES and any(LIGHTS[_kind(light)].needs_position for light in plan.lights),
+        inv_w_offset=inv_w_offset,
+        inv_w_scale=inv_w_scale,
+    )
 
 
-def make_encoding(plan: Plan, scene, color_range, scale=1.0) -> Encoding:
-    """Say how linear colour becomes 8 bits."""
-    background = np.array(scene.background or (0, 0, 0), np.float32)
+def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
+    """Say how linear colour becomes 8 bits; `background` is a linear colour or None."""
+    behind = np.array(background or (0, 0, 0), np.float32)
     policy = {"clamp": CLAMP, "global": GLOBAL, "local": LOCAL}[color_range]
-    return Encoding(plan.tint, background, scene.background is not None, policy, scale, *make_srgb_tables())
+    is_grey = plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0
+    return Encoding(is_grey, plan.tint, behind, background is not None, policy, scale, *make_srgb_tables())
 
 
 def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:

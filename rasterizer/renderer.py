@@ -6,12 +6,13 @@ import numpy as np
 
 from .frame import Frame, Stats
 from .options import Options
+from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
 from .pipeline.scratch import Scratch, empty_buffers, empty_picture
 from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
 from .plan import fit_depth_range, make_coding, make_encoding, make_lighting, make_plan
-from .render import buffers_job, draw, interpolated_job, light, lit_job
+from .draw import buffers_job, draw, interpolated_job, light, lit_job
 from .scene.camera import Camera
 from .scene.geometry import gather_geometry
 from .scene.scene import Scene
@@ -44,6 +45,7 @@ class Renderer:
         self.options = Options(size=size, **options)
         self._geometry = gather_geometry(self.scene, self.options.is_flat)
         self._plan = make_plan(self.scene, self.options, self._geometry.albedo)
+        self._encoding = make_encoding(self._plan, self.scene.background, self.options.color_range)
         self._bounds = np.stack([mesh.bounds for mesh in self.scene.meshes])
         self._workers = Workers(self.options.n_thread)
         self._scratch = Scratch()
@@ -91,7 +93,7 @@ class Renderer:
         view, screen = self._screen(camera, options.factor)
         lighting = make_lighting(plan, view)
         coding = make_coding(plan, screen, options.tolerance)
-        encoding = make_encoding(plan, self.scene, options.color_range)
+        encoding = self._encoding
         if plan.is_lit_per_sample:
             job = lit_job(self._normal_attributes(plan.dtype, plan.has_albedo), plan, coding, options, encoding, picture,
                           screen, lighting, self._face_material())  # fmt: skip
@@ -103,7 +105,7 @@ class Renderer:
             job = interpolated_job(intensities, plan, coding, options, encoding, picture)
         counts = draw(geometry, job, screen, self._scratch, self._workers, clock)
         if options.color_range == "global":
-            encoding = make_encoding(plan, self.scene, "global", 1.0 / max(1.0, float(picture.color.max())))
+            encoding = encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         return counts
@@ -111,7 +113,7 @@ class Renderer:
     def _draw_buffers(self, camera, buffers, clock):
         """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes them."""
         _, screen = self._screen(camera, 1)
-        coding = make_coding(self._plan._replace(coding_levels=0.0), screen, 0.0)
+        coding = make_coding(self._plan._replace(coding=EXACT), screen, 0.0)
         n_point = self._geometry.points.shape[1]
         normals = self._normal_attributes(np.float64, False) if len(buffers.normal) else np.empty((1, n_point, 0))
         job = buffers_job(normals, coding, self.options, screen, buffers)

@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import kernel
+from .._kernel import borrow, kernel
 from .resolve import clean
-from .scan import ATTRIBUTE, CLEAR, DX1, DX2, DY1, DY2, FACE, GROUP_SHIFT, INV_W, LEVEL_MASK, PAYLOAD_BITS, SIDE
-from .shade import corner_weights
+from .records import ATTRIBUTE, FACE, INV_W, PAYLOAD_BITS, RECORD_MASK, SIDE
+from .scan import CLEAR, GROUP_SHIFT
+from .shade import corner_weights, corners_of, mean, place_of
 from .transform import HALF, SUBPIXEL
 
 
@@ -29,41 +30,38 @@ def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
 
     `loaded_face` is the face that each triangle is a part of, or empty where no face was clipped.
     """
+    words, integers, numbers = borrow(canvas.words), borrow(records.integers), borrow(records.numbers)
+    out_depth, out_face, out_normal = borrow(out.depth), borrow(out.face), borrow(out.normal)
     n_covered = 0
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        sy = (y_start + j) * SUBPIXEL + HALF
-        y = np.uint64(y_start + j)
+        y, sy = np.uint64(y_start + j), float((y_start + j) * SUBPIXEL + HALF)
         for i in range(canvas.left[group], canvas.right[group]):
-            word = canvas.words[np.uint64(j * canvas.pitch + i)]
+            word = words[np.uint64(j * canvas.pitch + i)]
             if word >= CLEAR:
                 continue
             n_covered += 1
-            record = np.uint64(word & LEVEL_MASK)
-            integers, numbers = records.integers[record], records.numbers[record]
-            q0, q1, q2 = corner_weights(integers, numbers, i * SUBPIXEL + HALF, sy)
+            x, record = np.uint64(i), np.uint64(word & RECORD_MASK)
+            if out_face.shape[0] > 0:
+                face = integers[record, np.uint64(FACE)]
+                out_face[y, x] = loaded_face[np.uint64(face)] if len(loaded_face) > 0 else face
+            place, inv_w = place_of(integers, record), corners_of(numbers, record, INV_W)
+            q0, q1, q2 = corner_weights(place, inv_w, float(i * SUBPIXEL + HALF), sy)
             total = q0 + q1 + q2
-            x, face = np.uint64(i), np.uint64(integers[FACE])
-            if out.depth.shape[0] > 0:
-                area = float(integers[DX1]) * integers[DY2] - float(integers[DX2]) * integers[DY1]
-                if screen.is_perspective:
-                    # A mean of 1/w may not leave its range by a rounding error.
-                    inv_w = min(max(total / area, min(numbers[INV_W], numbers[INV_W + 1], numbers[INV_W + 2])),
-                                max(numbers[INV_W], numbers[INV_W + 1], numbers[INV_W + 2]))  # fmt: skip
-                    out.depth[y, x] = 1.0 / inv_w
-                else:
-                    z = float(word >> PAYLOAD_BITS)
-                    out.depth[y, x] = (z - screen.z_offset) / screen.z_scale if screen.z_scale > 0 else screen.near
-            if out.face.shape[0] > 0:
-                out.face[y, x] = loaded_face[face] if len(loaded_face) > 0 else face
-            if out.normal.shape[0] > 0:
-                a = ATTRIBUTE
-                nx = q0 * numbers[a] + q1 * numbers[a + 1] + q2 * numbers[a + 2]
-                ny = q0 * numbers[a + 3] + q1 * numbers[a + 4] + q2 * numbers[a + 5]
-                nz = q0 * numbers[a + 6] + q1 * numbers[a + 7] + q2 * numbers[a + 8]
+            if out_depth.shape[0] > 0 and screen.is_perspective:
+                area = place[2] * place[5] - place[4] * place[3]
+                # A mean of 1/w may not leave its range by a rounding error.
+                out_depth[y, x] = 1.0 / min(max(total / area, min(inv_w)), max(inv_w))
+            elif out_depth.shape[0] > 0:
+                z = float(word >> PAYLOAD_BITS)
+                out_depth[y, x] = (z - screen.z_offset) / screen.z_scale if screen.z_scale > 0 else screen.near
+            if out_normal.shape[0] > 0:
+                p0, p1, p2 = q0 / total, q1 / total, q2 / total
+                nx = mean(corners_of(numbers, record, ATTRIBUTE), p0, p1, p2)
+                ny = mean(corners_of(numbers, record, ATTRIBUTE + 3), p0, p1, p2)
+                nz = mean(corners_of(numbers, record, ATTRIBUTE + 6), p0, p1, p2)
                 length = np.sqrt(nx * nx + ny * ny + nz * nz)
-                scale = integers[SIDE] / length if length > 0 else 0.0
-                normal = out.normal[y, x]
-                normal[0], normal[1], normal[2] = nx * scale, ny * scale, nz * scale
+                scale = integers[record, np.uint64(SIDE)] / length if length > 0 else 0.0
+                out_normal[y, x, 0], out_normal[y, x, 1], out_normal[y, x, 2] = nx * scale, ny * scale, nz * scale
     clean(canvas, n_row)
     return n_covered

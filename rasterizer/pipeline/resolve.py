@@ -11,16 +11,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import helper, kernel
+from .._kernel import borrow, helper, kernel
+from .rows import CHUNK, NEXT_CHANNEL
 from .scan import CLEAR, GROUP_SHIFT, PADDING
 
 N_BUCKET = 4096  # finer than the smallest step between thresholds, 1/(255 · 12.92) = 1/3295: a bucket holds at most one
 CLAMP, GLOBAL, LOCAL = 0, 1, 2  # out-of-range policies
+ALPHA = np.uint64(3 * CHUNK)  # a chunk of pixels: rows of red, green, blue and alpha
 
 
 class Encoding(NamedTuple):
     """How linear colour becomes 8 bits: exact rounding by one look-up and one comparison."""
 
+    is_grey: bool  # all colours of the picture are grey
     tint: np.ndarray  # (3,) float32: a picture with one channel is this colour times the intensity
     background: np.ndarray  # (3,) float32, linear; read only if has_background
     has_background: bool
@@ -57,35 +60,27 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
 
     `factor` is the number of samples a pixel along each axis; the band's rows are y_start*factor .. y_stop*factor.
     """
-    n_channel = radiance.shape[0]
-    sums = np.empty((3, canvas.width // factor + 1), np.float32)
-    counts = np.empty(canvas.width // factor + 1, np.float32)
+    words, radiance = borrow(canvas.words), borrow(radiance)
+    out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
+    pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
     n_covered = 0
     for j in range(y_start, y_stop):
         row = (j - y_start) * factor
         first, stop = touched_columns(canvas, row, factor)
         if encoding.has_background:
             fill_background(out, j, encoding)
-        if first >= stop:
-            continue
-        if factor == 1:
-            take_samples(canvas, radiance, row, first, stop, n_channel, sums, counts)
-        else:
-            average_samples(canvas, radiance, row, first, stop, factor, n_channel, sums, counts)
-        for i in range(np.uint64(stop - first)):
-            n_covered += np.int64(counts[i])
-        n = np.uint64(stop - first)
-        if n_channel == 1:
-            spread_tint(sums, n, encoding.tint)
-        finish_colors(sums, counts, n, np.float32(1.0 / (factor * factor)), encoding)
-        if out.color.shape[0] > 0:
-            for i in range(n):
-                for channel in range(np.uint64(3)):
-                    out.color[np.uint64(j), np.uint64(first) + i, channel] = sums[channel, i]
-            for i in range(n):
-                out.alpha[np.uint64(j), np.uint64(first) + i] = counts[i]
-        if out.rgba.shape[0] > 0:
-            encode_row(sums, counts, n, encoding, out.rgba[np.uint64(j), np.uint64(first) : np.uint64(stop)])
+        for left in range(first, stop, CHUNK):
+            n = np.uint64(min(stop - left, CHUNK))
+            if factor == 1:
+                place = np.uint64(row * canvas.pitch + left)
+                n_covered += take_samples(words[place : place + n], radiance, place, pixels)
+            else:
+                n_covered += average_samples(words, canvas.pitch, radiance, row, left, factor, n, pixels)
+            finish_colors(pixels, n, radiance.shape[0], encoding)
+            if out.color.shape[0] > 0:
+                write_colors(pixels, n, out.color[np.uint64(j), np.uint64(left) :], out.alpha[np.uint64(j), np.uint64(left) :])
+            if out.rgba.shape[0] > 0:
+                encode_chunk(pixels, levels, n, encoding, out.rgba[np.uint64(j), np.uint64(left) :])
     clean(canvas, (y_stop - y_start) * factor)
     return n_covered
 
@@ -101,102 +96,137 @@ def touched_columns(canvas, row, factor):
 
 
 @helper
-def take_samples(canvas, radiance, row, first, stop, n_channel, sums, counts):
-    """One sample a pixel: its intensities, and 1 where it is covered."""
-    start = np.uint64(row * canvas.pitch + first)
-    n = np.uint64(stop - first)
-    words = canvas.words[start : start + n]
+def take_samples(words, radiance, place, pixels):
+    """One sample a pixel: its intensities and its coverage; return how many are covered."""
+    n = np.uint64(len(words))
+    zero, one = np.float32(0), np.float32(1)
+    n_covered = np.int64(0)
     for i in range(n):
-        counts[i] = np.float32(1) if words[i] < CLEAR else np.float32(0)
-    for channel in range(np.uint64(n_channel)):
-        source = radiance[channel, start : start + n]
+        n_covered += words[i] < CLEAR
+        pixels[ALPHA + i] = one if words[i] < CLEAR else zero
+    for channel in range(np.uint64(radiance.shape[0])):
+        source, target = radiance[channel, place : place + n], channel * NEXT_CHANNEL
         for i in range(n):
-            sums[channel, i] = np.float32(source[i]) if words[i] < CLEAR else np.float32(0)
+            pixels[target + i] = np.float32(source[i]) if words[i] < CLEAR else zero
+    return n_covered
 
 
 @helper
-def average_samples(canvas, radiance, row, first, stop, factor, n_channel, sums, counts):
-    """Mean intensities of every pixel's covered samples, and their number."""
-    n = np.uint64(stop - first)
+def average_samples(words, pitch, radiance, row, left, factor, n, pixels):
+    """Mean intensities of every pixel's covered samples, and the covered share; return how many samples are covered."""
+    n_channel, count = np.uint64(radiance.shape[0]), np.int64(0)
     for i in range(n):
-        counts[i] = np.float32(0)
-        for channel in range(np.uint64(n_channel)):
-            sums[channel, i] = np.float32(0)
-    for sub in range(row, row + factor):
-        start = np.uint64(sub * canvas.pitch + first * factor)
+        sum0 = sum1 = sum2 = np.float32(0)
+        n_covered = np.int32(0)
+        for sub in range(row, row + factor):
+            place = np.uint64(sub * pitch + (left + np.int64(i)) * factor)
+            for k in range(place, place + np.uint64(factor)):
+                if words[k] < CLEAR:
+                    n_covered += np.int32(1)
+                    sum0 += np.float32(radiance[0, k])
+                    if n_channel > np.uint64(1):
+                        sum1 += np.float32(radiance[1, k])
+                        sum2 += np.float32(radiance[2, k])
+        scale = np.float32(1) / np.float32(max(n_covered, np.int32(1)))
+        pixels[i] = sum0 * scale
+        if n_channel > np.uint64(1):
+            pixels[NEXT_CHANNEL + i] = sum1 * scale
+            pixels[NEXT_CHANNEL + NEXT_CHANNEL + i] = sum2 * scale
+        pixels[ALPHA + i] = np.float32(n_covered) / np.float32(factor * factor)
+        count += np.int64(n_covered)
+    return count
+
+
+@helper
+def finish_colors(pixels, n, n_channel, encoding):
+    """Spread one channel to three; let the background show through what isn't covered."""
+    if n_channel == 1:
+        red, green, blue = encoding.tint[0], encoding.tint[1], encoding.tint[2]
         for i in range(n):
-            for k in range(np.uint64(factor)):
-                place = start + i * np.uint64(factor) + k
-                if canvas.words[place] < CLEAR:
-                    counts[i] += np.float32(1)
-                    for channel in range(np.uint64(n_channel)):
-                        sums[channel, i] += np.float32(radiance[channel, place])
-    for i in range(n):
-        scale = np.float32(1) / max(counts[i], np.float32(1))
-        for channel in range(np.uint64(n_channel)):
-            sums[channel, i] *= scale
-
-
-@helper
-def spread_tint(sums, n, tint):
-    """One intensity into three channels."""
-    red, green, blue = tint[0], tint[1], tint[2]
-    for i in range(n):
-        intensity = sums[0, i]
-        sums[0, i] = intensity * red
-        sums[1, i] = intensity * green
-        sums[2, i] = intensity * blue
-
-
-@helper
-def finish_colors(sums, counts, n, alpha_of_sample, encoding):
-    """Counts into alpha; the background shows through what isn't covered."""
-    for i in range(n):
-        counts[i] *= alpha_of_sample
+            intensity = pixels[i]
+            pixels[i] = intensity * red
+            pixels[NEXT_CHANNEL + i] = intensity * green
+            pixels[NEXT_CHANNEL + NEXT_CHANNEL + i] = intensity * blue
     if encoding.has_background:
+        one = np.float32(1)
         for channel in range(np.uint64(3)):
-            behind = encoding.background[channel]
+            behind, row = encoding.background[channel], channel * NEXT_CHANNEL
             for i in range(n):
-                sums[channel, i] = sums[channel, i] * counts[i] + behind * (np.float32(1) - counts[i])
+                pixels[row + i] = pixels[row + i] * pixels[ALPHA + i] + behind * (one - pixels[ALPHA + i])
         for i in range(n):
-            counts[i] = np.float32(1)
+            pixels[ALPHA + i] = one
+
+
+@helper
+def write_colors(pixels, n, color, alpha):
+    """Write linear colours as they are."""
+    for i in range(n):
+        color[i, 0] = pixels[i]
+        color[i, 1] = pixels[NEXT_CHANNEL + i]
+        color[i, 2] = pixels[NEXT_CHANNEL + NEXT_CHANNEL + i]
+        alpha[i] = pixels[ALPHA + i]
 
 
 @helper
 def fill_background(out, j, encoding):
     """Fill a row with the background."""
     red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
-    if out.rgba.shape[0] > 0:
-        pixel = encode_pixel(red, green, blue, np.float32(1), encoding)
-        out.rgba[np.uint64(j), :] = pixel
+    pixel = encode_pixel(red, green, blue, np.float32(1), encoding)
+    for i in range(np.uint64(out.rgba.shape[1])):
+        out.rgba[np.uint64(j), i] = pixel
     if out.color.shape[0] > 0:
         for i in range(np.uint64(out.color.shape[1])):
-            color = out.color[np.uint64(j), i]
-            color[0], color[1], color[2] = red, green, blue
+            out.color[np.uint64(j), i, 0] = red
+            out.color[np.uint64(j), i, 1] = green
+            out.color[np.uint64(j), i, 2] = blue
             out.alpha[np.uint64(j), i] = np.float32(1)
 
 
 @helper
-def encode_row(sums, counts, n, encoding, out):
-    """Apply the out-of-range policy and encode a row."""
+def encode_chunk(pixels, levels, n, encoding, out):
+    """Apply the out-of-range policy, encode, and pack a chunk of pixels into bytes."""
+    if encoding.policy != CLAMP:
+        for i in range(n):
+            scale = range_scale(pixels[i], pixels[NEXT_CHANNEL + i], pixels[NEXT_CHANNEL + NEXT_CHANNEL + i], encoding)
+            pixels[i] *= scale
+            pixels[NEXT_CHANNEL + i] *= scale
+            pixels[NEXT_CHANNEL + NEXT_CHANNEL + i] *= scale
+    # A grey picture has three equal channels.
+    n_different = 1 if encoding.is_grey else 3
+    for channel in range(np.uint64(n_different)):
+        row = channel * NEXT_CHANNEL
+        for i in range(n):
+            levels[row + i] = encode_channel(pixels[row + i], encoding)
+    green = NEXT_CHANNEL if n_different == 3 else np.uint64(0)
+    blue = green + green
     for i in range(n):
-        out[i] = encode_pixel(sums[0, i], sums[1, i], sums[2, i], counts[i], encoding)
+        alpha = np.int32(pixels[ALPHA + i] * np.float32(255) + np.float32(0.5))
+        out[i] = pack(levels[i], levels[green + i], levels[blue + i], alpha)
+
+
+@helper
+def pack(red, green, blue, alpha):
+    """Put four levels into the bytes red, green, blue, alpha, the first lowest."""
+    return np.uint32(red | (green << np.int32(8)) | (blue << np.int32(16)) | (alpha << np.int32(24)))
+
+
+@helper
+def range_scale(red, green, blue, encoding):
+    """What a pixel is multiplied by to bring it into the display's range."""
+    if encoding.policy == GLOBAL:
+        return np.float32(encoding.scale)
+    return np.float32(1) / max(max(red, green), max(blue, np.float32(1)))
 
 
 @helper
 def encode_pixel(red, green, blue, alpha, encoding):
-    """Encode one linear colour into the bytes red, green, blue, alpha, the lowest first."""
-    if encoding.policy == GLOBAL:
-        scale = np.float32(encoding.scale)
-        red, green, blue = red * scale, green * scale, blue * scale
-    elif encoding.policy == LOCAL:
-        scale = np.float32(1) / max(max(red, green), max(blue, np.float32(1)))
-        red, green, blue = red * scale, green * scale, blue * scale
-    return np.uint32(
-        encode_channel(red, encoding)
-        | (encode_channel(green, encoding) << np.int32(8))
-        | (encode_channel(blue, encoding) << np.int32(16))
-        | (np.int32(alpha * np.float32(255) + np.float32(0.5)) << np.int32(24))
+    """Encode one linear colour."""
+    scale = np.float32(1) if encoding.policy == CLAMP else range_scale(red, green, blue, encoding)
+    return pack(
+        encode_channel(red * scale, encoding),
+        encode_channel(green * scale, encoding),
+        encode_channel(blue * scale, encoding),
+        np.int32(alpha * np.float32(255) + np.float32(0.5)),
     )
 
 
@@ -219,11 +249,13 @@ def encode_picture(color, alpha, encoding, out_rgba):
 @helper
 def clean(canvas, n_row):
     """Make the z-buffer empty again where it was touched, padding included."""
+    words = borrow(canvas.words)
     for row in range(np.uint64(n_row)):
         group = row >> np.uint64(GROUP_SHIFT)
         left, right = canvas.left[group], canvas.right[group]
         if left < right:
             start = row * np.uint64(canvas.pitch)
-            canvas.words[start + np.uint64(left) : start + np.uint64(right + PADDING)] = CLEAR
-    canvas.left[:] = np.int64(1 << 30)
-    canvas.right[:] = np.int64(-1)
+            for place in range(start + np.uint64(left), start + np.uint64(right + PADDING)):
+                words[place] = CLEAR
+    for group in range(np.uint64(len(canvas.left))):
+        canvas.left[group], canvas.right[group] = np.int64(1 << 30), np.int64(-1)

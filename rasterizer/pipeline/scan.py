@@ -9,10 +9,6 @@ decides visibility and writes both:
     63        62 ............ 25   24     23 ............. 0
     sign (0)  depth (38 bits)      is_id  intensity or record number
 
-* Intensity (Gouraud's method and flat shading with one channel): the plane of the word is (start, d/dx, d/dy), so each pixel
-  costs one addition: I_{p+1} = I_p + ΔI·Δv, Gouraud 1971. Taken only where its error stays inside the tolerance (`code_levels`).
-* Record number: constant over the triangle; shade.py interpolates the record's attributes at the visible samples.
-
 A plane is anchored at the first sample of the triangle's unclipped box, and integer addition is associative: a word is a
 function of triangle and sample alone, not of band, span start or thread. Products may overflow 64 bits on the way;
 arithmetic modulo 2^64 gives the right word all the same, because the word itself fits.
@@ -28,46 +24,32 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, helper, kernel
+from .lanes import LANES, merge_lanes
+from .records import (
+    IN_PLANES,
+    IN_WORDS,
+    IS_EXACT,
+    IS_ID,
+    PAYLOAD_BITS,
+    FACE,
+    Polygons,
+    Records,
+    code_word,
+    gradient,
+    write_exact,
+    write_planes,
+)
 from .setup import first_sample
 from .transform import DEPTH_BITS, HALF, SUBPIXEL
 
-LEVEL_BITS = 24
-PAYLOAD_BITS = LEVEL_BITS + 1
-IS_ID = np.int64(1 << LEVEL_BITS)
-LEVEL_MASK = np.int64(IS_ID - 1)
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
 CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)  # nothing here: behind every depth
-MAX_RECORDS = 1 << LEVEL_BITS
-
 GROUP_SHIFT = 3  # extents are kept for groups of 8 rows
-NARROW, SMALL = 4, 8  # boxes up to so many samples wide are tested lane by lane instead of span by span
+SMALL = 2 * LANES  # boxes up to so many samples wide are tested lane by lane instead of span by span
 PADDING = SMALL  # samples behind each row that lanes may read and write back
 # Planes are good while box area / triangle area stays below this: a coefficient is at most 2^DEPTH_BITS · 2^20 < 2^63 and its
 # float64 rounding error at most 2^(38 + 20 - 53) units a box, a 2^33rd of the depth range. Slivers beyond are interpolated exactly.
 MAX_ELONGATION = 2.0**20
-
-# Columns of a record's integers: the anchor vertex, the two edges that leave it (1/256 px), the triangle, and the side that is seen.
-X0, Y0, DX1, DY1, DX2, DY2, FACE, SIDE = range(8)
-# Columns of a record's numbers: 1/w at the three vertices, then each attribute at the three vertices.
-INV_W, ATTRIBUTE = 0, 3
-
-
-class Polygons(NamedTuple):
-    """The triangles: which vertices they join, and where their attributes are (a row a corner)."""
-
-    vertex: np.ndarray  # (3, n) uint32, into the vertices
-    corner: np.ndarray  # (3, n) uint32, into the attributes
-    is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
-
-
-class Coding(NamedTuple):
-    """What the words and records of this frame hold."""
-
-    has_levels: bool  # words may hold the intensity (attribute 0)
-    level_scale: float  # levels a unit of intensity
-    level_tolerance: float  # error that is accepted, in levels
-    inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z
-    inv_w_scale: float
 
 
 class Canvas(NamedTuple):
@@ -80,13 +62,6 @@ class Canvas(NamedTuple):
     right: np.ndarray  # (groups,) int64
 
 
-class Records(NamedTuple):
-    """What shade.py interpolates: a row for each triangle of the band whose words hold a record number."""
-
-    integers: np.ndarray  # (n, 8) int32
-    numbers: np.ndarray  # (n, 3 + 3 * n_attribute) float32 or float64
-
-
 @kernel
 def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas, records):
     """Draw the triangles `faces` into the rows y_start..y_stop of the picture; return how many records were written.
@@ -97,7 +72,7 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
     x, y, z = borrow(vertices.x), borrow(vertices.y), borrow(vertices.z)
     polygons = Polygons(borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted))
     canvas = Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right))
-    records = Records(borrow(records.integers), borrow(records.numbers))
+    records = Records(borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes))
     attributes = borrow(attributes)
     n_record = np.int64(0)
     for face in faces:
@@ -126,21 +101,29 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
         ux, uy = float(anchor_x * SUBPIXEL + HALF - x0), float(anchor_y * SUBPIXEL + HALF - y0)
         is_sliver = float(x_max - x_min) * float(y_max - y0) > MAX_ELONGATION * area
         z_x, z_y = gradient(z1 - z0, z2 - z0, dx1, dy1, dx2, dy2, 0.0 if is_sliver else inv_area)
-        is_coded = False
-        if coding.has_levels and not is_sliver:
-            shade = attributes[attributes.shape[0] - 1 if is_flipped else 0]
-            scale = coding.level_scale
-            l0, l1, l2 = shade[c0, 0] * scale, shade[c1, 0] * scale, shade[c2, 0] * scale
-            steps = float(first_sample(x_max) - anchor_x + first_sample(y_max) - anchor_y)
-            is_coded, shrink, middle = code_levels(l0, l1, l2, z0, z1, z2, steps, coding)
+        # Choose how the attributes reach the samples: in the word, in planes, or exactly.
+        corners = (np.uint64(attributes.shape[0] - 1 if is_flipped else 0), c0, c1, c2)
+        edges, depths = (dx1, dy1, dx2, dy2, inv_area), (z0, z1, z2)
+        steps = (first_sample(x_max) - anchor_x, first_sample(y_max) - anchor_y)
         payload, payload_x, payload_y = IS_ID + n_record, np.int64(0), np.int64(0)
-        if is_coded:
-            l_x, l_y = gradient((l1 - l0) * shrink, (l2 - l0) * shrink, dx1, dy1, dx2, dy2, inv_area)
-            payload = np.int64(np.rint(middle + (l0 - middle) * shrink + l_x * ux + l_y * uy))
-            payload_x, payload_y = np.int64(np.rint(l_x * SUBPIXEL)), np.int64(np.rint(l_y * SUBPIXEL))
-        else:
-            write_record(records.integers[np.uint64(n_record)], face, is_flipped, x0, y0, dx1, dy1, dx2, dy2)
-            write_attributes(records.numbers[np.uint64(n_record)], attributes, is_flipped, c0, c1, c2, z0, z1, z2, coding)
+        is_coded = False
+        if coding.kind == IN_WORDS and not is_sliver:
+            is_coded, payload, payload_x, payload_y = code_word(
+                attributes, corners, edges, (ux, uy), steps, depths, coding, payload
+            )
+        elif coding.kind >= IN_PLANES and not is_sliver:
+            # Anchored at the first sample inside the picture, so that its place fits 32 bits.
+            shown = (left, max(anchor_y, 0))
+            offset = (ux + float((shown[0] - anchor_x) * SUBPIXEL), uy + float((shown[1] - anchor_y) * SUBPIXEL))
+            is_coded = write_planes(
+                records, n_record, attributes, corners, edges, shown, offset, steps, depths, coding, is_flipped
+            )
+            records.integers[np.uint64(n_record), np.uint64(FACE)] = face
+            n_record += is_coded
+        if not is_coded:
+            payload |= IS_EXACT
+            place = (x0, y0, dx1, dy1, dx2, dy2)
+            write_exact(records, n_record, attributes, corners, place, depths, coding, face, is_flipped)
             n_record += 1
 
         # Note what part of the band is touched.
@@ -158,7 +141,7 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
         anchor = pack(np.rint(z0 + z_x * ux + z_y * uy), payload)
         origin = anchor - np.uint64(anchor_x) * word_x - np.uint64(anchor_y) * word_y  # the plane's word at sample (0, 0)
         if right - left <= SMALL and not is_sliver:
-            fill_lanes(canvas, box, triangle, (origin, word_x, word_y))
+            fill_lanes(canvas.words, canvas.pitch, box, triangle, (origin, word_x, word_y))
         else:
             fill_spans(canvas, box, triangle, (origin, word_x, word_y), is_sliver, (z0, z1, z2), payload)
     return n_record
@@ -168,27 +151,6 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
 def pack(depth, payload):
     """Put depth above payload. Unsigned, because products of a plane may overflow on the way: signed overflow is undefined."""
     return (np.uint64(np.int64(depth)) << np.uint64(PAYLOAD_BITS)) + np.uint64(payload)
-
-
-@helper
-def write_record(row, face, is_flipped, x0, y0, dx1, dy1, dx2, dy2):
-    """Write where the triangle lies on the screen, so that shade.py can find the barycentric coordinates of a sample."""
-    row[X0], row[Y0], row[DX1], row[DY1], row[DX2], row[DY2] = x0, y0, dx1, dy1, dx2, dy2
-    row[FACE], row[SIDE] = face, -1 if is_flipped else 1
-
-
-@helper
-def write_attributes(numbers, attributes, is_flipped, c0, c1, c2, z0, z1, z2, coding):
-    """Write what is interpolated over the triangle: 1/w and the attributes of its three corners."""
-    numbers[INV_W] = coding.inv_w_offset + coding.inv_w_scale * z0
-    numbers[INV_W + 1] = coding.inv_w_offset + coding.inv_w_scale * z1
-    numbers[INV_W + 2] = coding.inv_w_offset + coding.inv_w_scale * z2
-    shade = attributes[attributes.shape[0] - 1 if is_flipped else 0]
-    for k in range(np.uint64(attributes.shape[2])):
-        column = np.uint64(ATTRIBUTE) + np.uint64(3) * k
-        numbers[column] = shade[c0, k]
-        numbers[column + np.uint64(1)] = shade[c1, k]
-        numbers[column + np.uint64(2)] = shade[c2, k]
 
 
 @helper
@@ -208,67 +170,23 @@ def order_vertices(vertex, face, x, y):
 
 
 @helper
-def gradient(value1, value2, dx1, dy1, dx2, dy2, inv_area):
-    """Derivatives, a 1/256 px, of the plane that rises by value1 along edge 1 and by value2 along edge 2."""
-    return (value1 * dy2 - value2 * dy1) * inv_area, (value2 * dx1 - value1 * dx2) * inv_area
-
-
-@helper
-def code_levels(l0, l1, l2, z0, z1, z2, steps, coding):
-    """Decide whether the packed plane keeps the intensity inside the tolerance; return (decision, shrink, middle).
-
-    Rounding of the start and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no value can
-    leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both ends.
-    Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <= |ΔI|·(r-1)/4 with r = w_max/w_min: the first is
-    (r-1)/(√r+1)².
-    """
-    low, high = min(l0, l1, l2), max(l0, l1, l2)
-    spread = high - low
-    rounding = 0.5 * (steps + 1.0)
-    inv_w0 = coding.inv_w_offset + coding.inv_w_scale * z0
-    inv_w1 = coding.inv_w_offset + coding.inv_w_scale * z1
-    inv_w2 = coding.inv_w_offset + coding.inv_w_scale * z2
-    inv_w_min, inv_w_max = min(inv_w0, inv_w1, inv_w2), max(inv_w0, inv_w1, inv_w2)
-    drift = 2.0 * rounding if spread >= 2.0 * rounding else 0.5 * spread  # below that the plane shrinks to a constant
-    # Compared after multiplication by 4/w_max, so that nothing is divided.
-    error = spread * (inv_w_max - inv_w_min) + 4.0 * inv_w_min * (drift + 0.5)
-    is_coded = error <= 4.0 * inv_w_min * coding.level_tolerance
-    shrink = 1.0 - 2.0 * rounding / spread if spread > 2.0 * rounding else 0.0
-    return is_coded, shrink, 0.5 * (low + high)
-
-
-@helper
-def fill_lanes(canvas, box, triangle, plane):
-    """Test every sample of a box at most 8 wide against the three edges, a row at a time, without a branch."""
+def fill_lanes(words, pitch, box, triangle, plane):
+    """Test every sample of a narrow box against the three edges, LANES at a time, without a branch."""
     left, right, top, bottom, base = box
     x0, y0, x1, y1, x2, y2 = triangle
     origin, word_x, word_y = plane
-    sx, sy = left * SUBPIXEL + HALF, top * SUBPIXEL + HALF
-    e0, e0_x, e0_y = edge_function(x0, y0, x1, y1, sx, sy)
-    e1, e1_x, e1_y = edge_function(x1, y1, x2, y2, sx, sy)
-    e2, e2_x, e2_y = edge_function(x2, y2, x0, y0, sx, sy)
-    value = origin + np.uint64(left) * word_x + np.uint64(top) * word_y
-    start = np.uint64(base + left)
-    for _ in range(bottom - top):
-        # Two loops of constant length: each becomes a few vector instructions.
-        if right - left <= NARROW:
-            row = canvas.words[start : start + np.uint64(NARROW)]
-            for k in range(np.uint64(NARROW)):
-                fill_lane(row, k, value + k * word_x, e0 + np.int64(k) * e0_x, e1 + np.int64(k) * e1_x, e2 + np.int64(k) * e2_x)
-        else:
-            row = canvas.words[start : start + np.uint64(SMALL)]
-            for k in range(np.uint64(SMALL)):
-                fill_lane(row, k, value + k * word_x, e0 + np.int64(k) * e0_x, e1 + np.int64(k) * e1_x, e2 + np.int64(k) * e2_x)
-        e0, e1, e2 = e0 + e0_y, e1 + e1_y, e2 + e2_y
-        value += word_y
-        start += np.uint64(canvas.pitch)
-
-
-@helper
-def fill_lane(row, k, word, e0, e1, e2):
-    """Write a word where the sample is inside and nearer."""
-    new, old = np.int64(word), row[k]
-    row[k] = new if ((e0 | e1 | e2) >= 0) & (new < (old & DEPTH_MASK)) else old
+    for first in range(left, right, LANES):
+        sx, sy = first * SUBPIXEL + HALF, top * SUBPIXEL + HALF
+        e0, e0_x, e0_y = edge_function(x0, y0, x1, y1, sx, sy)
+        e1, e1_x, e1_y = edge_function(x1, y1, x2, y2, sx, sy)
+        e2, e2_x, e2_y = edge_function(x2, y2, x0, y0, sx, sy)
+        word = origin + np.uint64(first) * word_x + np.uint64(top) * word_y
+        start = np.uint64(base + first)
+        for _ in range(bottom - top):
+            merge_lanes(words, start, np.int64(word), np.int64(word_x), e0, e0_x, e1, e1_x, e2, e2_x, DEPTH_MASK)
+            e0, e1, e2 = e0 + e0_y, e1 + e1_y, e2 + e2_y
+            word += word_y
+            start += np.uint64(pitch)
 
 
 @helper
@@ -342,8 +260,9 @@ def edge_crossing(xa, ya, xb, yb, sy):
 def fill_span(row, word, step):
     """Advance depth and intensity by one addition a sample; the nearer word stays, at equal depth the earlier one."""
     for k in range(np.uint64(len(row))):
-        new, old = np.int64(word + k * step), row[k]
+        new, old = np.int64(word), row[k]
         row[k] = new if new < (old & DEPTH_MASK) else old
+        word += step
 
 
 @helper

@@ -7,7 +7,8 @@ import numpy as np
 from .buffers import Buffers
 from .resolve import Picture
 from .rows import make_rows
-from .scan import ATTRIBUTE, CLEAR, GROUP_SHIFT, PADDING, Canvas, Records
+from .records import ATTRIBUTE, PLANE, Records
+from .scan import CLEAR, GROUP_SHIFT, PADDING, Canvas
 
 
 class Bench(NamedTuple):
@@ -19,39 +20,52 @@ class Bench(NamedTuple):
     rows: np.ndarray  # lighting's rows
 
 
+class BenchKind(NamedTuple):
+    """What a working place is made for."""
+
+    width: int
+    n_row: int
+    n_channel: int
+    n_attribute: int
+    n_plane: int
+    dtype: np.dtype
+
+
 class Scratch:
     """Working places that are free. Taking from a list and giving back are atomic, so threads may share it."""
 
     def __init__(self):
         self._free = {}
 
-    def take(self, width, n_row, n_channel, n_attribute, n_record, dtype) -> Bench:
+    def take(self, kind, n_record) -> Bench:
         """Return a working place of this kind that is clean, with room for the records; a new one where none is free."""
-        kind = (width, n_row, n_channel, n_attribute, np.dtype(dtype))
         free = self._free.setdefault(kind, [])
-        bench = free.pop() if free else _make_bench(*kind)
+        bench = free.pop() if free else _make_bench(kind)
         if len(bench.records.integers) < n_record:
-            bench = bench._replace(records=_make_records(n_record, n_attribute, dtype))
+            bench = bench._replace(records=_make_records(n_record, kind.n_attribute, kind.n_plane, kind.dtype))
         return bench
 
-    def give_back(self, bench: Bench, n_row) -> None:
+    def give_back(self, kind, bench: Bench) -> None:
         """Return a working place; its z-buffer is clean."""
-        n_channel = len(bench.radiance)
-        n_attribute = (bench.records.numbers.shape[1] - ATTRIBUTE) // 3
-        self._free[(bench.canvas.width, n_row, n_channel, n_attribute, bench.rows.dtype)].append(bench)
+        self._free[kind].append(bench)
 
 
-def _make_bench(width, n_row, n_channel, n_attribute, dtype) -> Bench:
+def _make_bench(kind) -> Bench:
+    width, n_row = kind.width, kind.n_row
     pitch = (width + PADDING + 7) // 8 * 8
     n_group = (n_row >> GROUP_SHIFT) + 1
     left, right = np.full(n_group, 1 << 30, np.int64), np.full(n_group, -1, np.int64)
     canvas = Canvas(np.full(n_row * pitch, CLEAR), pitch, width, left, right)
-    radiance = np.zeros((n_channel, n_row * pitch), dtype)
-    return Bench(canvas, _make_records(1, n_attribute, dtype), radiance, make_rows(dtype))
+    radiance = np.zeros((kind.n_channel, n_row * pitch), kind.dtype)
+    return Bench(canvas, _make_records(1, kind.n_attribute, kind.n_plane, kind.dtype), radiance, make_rows(kind.dtype))
 
 
-def _make_records(n, n_attribute, dtype) -> Records:
-    return Records(np.zeros((n, 8), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype))
+def _make_records(n, n_attribute, n_plane, dtype) -> Records:
+    # Only what is written to becomes memory, so both kinds of records may have room for every triangle.
+    levels = np.zeros((n, PLANE + 3 * n_plane), np.int32)
+    return Records(
+        np.zeros((n, 8), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype), levels, levels.view(np.float32)
+    )
 
 
 def empty_picture(size, with_color) -> Picture:

@@ -1,23 +1,46 @@
 """Stage 6, shade: the intensities of a band's visible samples.
 
-In:  the band's z-buffer and records (scan.py).
+In:  the band's z-buffer and records (scan.py, records.py).
 Out: `radiance`, linear intensities, a plane a channel; samples where nothing is visible hold anything.
 
-`shade_interpolated` serves flat shading and Gouraud's method: the intensities stand in the words, or are interpolated between
-the three corners of a record. `shade_lit` is Phong's method: normals are interpolated, and the illumination equation is
-evaluated at every visible sample, a chunk of a row at a time.
+`shade_interpolated` serves flat shading and Gouraud's method: intensities stand in the words or are interpolated. `shade_lit` is
+Phong's method: normals are interpolated, and the illumination equation is evaluated at every visible sample. Both work on a
+chunk of a row at a time. Samples of words and planes are taken in one loop without branches, whatever they show; the few of exact
+records are then put in run by run.
 
-Interpolation is perspective-correct: with the exact edge functions e_i of a sample, q_i = e_i / w_i, an attribute is
-Σ q_i·a_i / Σ q_i (Blinn 1992, "Hyperbolic interpolation"); one division a sample. Nothing is extrapolated, and e_i are exact integers
-below 2^53 for triangles up to 2^18 px, so slivers are as good as any.
-
-Samples are looked at BLOCK at a time: mostly one triangle covers them all, and its record is fetched once.
+Exact interpolation is perspective-correct: with the edge functions e_i of a sample, q_i = e_i / w_i, an attribute is
+Σ q_i·a_i / Σ q_i (Blinn 1992, "Hyperbolic interpolation"). Nothing is extrapolated, and the e_i are integers, exact in float64 for
+triangles up to 2^18 px, so slivers are as good as any.
 """
 
 import numpy as np
 
-from .._kernel import helper, kernel
+from .._kernel import borrow, helper, kernel
 from .lighting import light_rows, normalize_normals, view_from_direction, view_from_position
+from .records import (
+    ANCHOR,
+    ANCHOR_SHIFT,
+    ATTRIBUTE,
+    DX1,
+    DX2,
+    DY1,
+    DY2,
+    FACE,
+    IN_PLANES,
+    IN_WORDS,
+    INV_W,
+    IS_EXACT,
+    IS_ID,
+    LEVEL_MASK,
+    NORMAL_PLANES,
+    PAYLOAD_BITS,
+    PLANE,
+    RECORD_MASK,
+    SIDE,
+    X0,
+    Y0,
+    Records,
+)
 from .rows import (
     ALBEDO,
     CHUNK,
@@ -30,147 +53,192 @@ from .rows import (
     POSITION_Y,
     POSITION_Z,
 )
-from .scan import (
-    ATTRIBUTE,
-    DX1,
-    DX2,
-    DY1,
-    DY2,
-    FACE,
-    GROUP_SHIFT,
-    INV_W,
-    IS_ID,
-    LEVEL_MASK,
-    PAYLOAD_BITS,
-    SIDE,
-    X0,
-    Y0,
-)
+from .scan import GROUP_SHIFT
 from .transform import HALF, SUBPIXEL
-
-BLOCK = 8
 
 
 @helper
-def corner_weights(integers, numbers, sx, sy):
+def has_exact(words):
+    """Tell whether any word holds the number of an exact record."""
+    union = np.int64(0)
+    for k in range(np.uint64(len(words))):
+        union |= words[k] & (words[k] >> 1)  # IS_ID stands one bit above IS_EXACT
+    return (union & IS_EXACT) != 0
+
+
+@helper
+def run_end(words, start):
+    """End of the run of samples that show the same record as the one at `start`."""
+    stop = start + np.uint64(1)
+    while stop < np.uint64(len(words)) and (words[stop] ^ words[start]) & (IS_ID | LEVEL_MASK) == 0:
+        stop += np.uint64(1)
+    return stop
+
+
+@helper
+def is_exact(word):
+    """Tell whether a word holds the number of an exact record."""
+    return word & (IS_ID | IS_EXACT) == IS_ID | IS_EXACT
+
+
+@helper
+def place_of(integers, record):
+    """The anchor vertex and the two edges of an exact record, as float64."""
+    return (
+        float(integers[record, np.uint64(X0)]), float(integers[record, np.uint64(Y0)]),
+        float(integers[record, np.uint64(DX1)]), float(integers[record, np.uint64(DY1)]),
+        float(integers[record, np.uint64(DX2)]), float(integers[record, np.uint64(DY2)]),
+    )  # fmt: skip
+
+
+@helper
+def corners_of(numbers, record, column):
+    """Three neighbouring numbers of an exact record: what it holds for its three corners."""
+    column = np.uint64(column)
+    return numbers[record, column], numbers[record, column + np.uint64(1)], numbers[record, column + np.uint64(2)]
+
+
+@helper
+def corner_weights(place, inv_w, sx, sy):
     """Perspective weights q_i = e_i / w_i of the three corners at the sample (sx, sy) (1/256 px); not normalised."""
-    ux, uy = float(sx - integers[X0]), float(sy - integers[Y0])
-    dx1, dy1, dx2, dy2 = float(integers[DX1]), float(integers[DY1]), float(integers[DX2]), float(integers[DY2])
+    x0, y0, dx1, dy1, dx2, dy2 = place
+    ux, uy = sx - x0, sy - y0
     e1 = ux * dy2 - uy * dx2
     e2 = uy * dx1 - ux * dy1
     e0 = max((dx1 * dy2 - dx2 * dy1) - e1 - e2, 0.0)
-    number = numbers.dtype.type
-    return number(e0) * numbers[INV_W], number(e1) * numbers[INV_W + 1], number(e2) * numbers[INV_W + 2]
+    return e0 * inv_w[0], e1 * inv_w[1], e2 * inv_w[2]
 
 
 @helper
-def interpolate(numbers, attribute, p0, p1, p2):
-    """Mean of an attribute's three values, weighted by p_i with Σ p_i = 1; never outside their range, whatever is rounded."""
-    column = np.uint64(ATTRIBUTE) + np.uint64(3) * attribute
-    a0, a1, a2 = numbers[column], numbers[column + np.uint64(1)], numbers[column + np.uint64(2)]
+def mean(corners, p0, p1, p2):
+    """Mean of the three corners' values, weighted by p_i with Σ p_i = 1; never outside their range, whatever is rounded."""
+    a0, a1, a2 = corners
     value = p0 * a0 + p1 * a1 + p2 * a2
     return min(max(value, min(a0, a1, a2)), max(a0, a1, a2))
-
-
-@helper
-def is_uniform(words):
-    """Tell whether a block of words holds one record number throughout."""
-    difference = np.int64(0)
-    for k in range(np.uint64(1), np.uint64(BLOCK)):
-        difference |= words[k] ^ words[np.uint64(0)]
-    return (difference & (IS_ID | LEVEL_MASK)) == 0 and (words[np.uint64(0)] & IS_ID) != 0
-
-
-@helper
-def has_records(words):
-    """Tell whether any word of a block holds a record number."""
-    union = np.int64(0)
-    for k in range(np.uint64(BLOCK)):
-        union |= words[k]
-    return (union & IS_ID) != 0
 
 
 # ---------------------------------------------------------------- flat shading and Gouraud's method
 
 
 @kernel
-def shade_interpolated(canvas, records, y_start, n_row, n_channel, level_step, out_radiance):
-    """Turn words into intensities: levels times `level_step`, or the interpolated attributes of records."""
+def shade_interpolated(canvas, records, kind, y_start, n_row, n_channel, level_step, rows, out_radiance):
+    """Turn words and records into intensities; levels are multiples of `level_step`. Uses the rows DIFFUSE_SUM."""
+    words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
+    radiance = borrow(out_radiance)
+    records = Records(borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes))
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        sy = (y_start + j) * SUBPIXEL + HALF
-        for left in range(canvas.left[group], canvas.right[group], BLOCK):
-            place = np.uint64(j * canvas.pitch + left)
-            words = canvas.words[place : place + np.uint64(BLOCK)]
-            out = out_radiance[:, place : place + np.uint64(BLOCK)]
-            if not has_records(words):
-                for k in range(np.uint64(BLOCK)):
-                    out[0, k] = out.dtype.type(words[k] & LEVEL_MASK) * level_step
-            elif is_uniform(words):
-                record = np.uint64(words[np.uint64(0)] & LEVEL_MASK)
-                integers, numbers = records.integers[record], records.numbers[record]
-                for k in range(np.uint64(BLOCK)):
-                    shade_sample(integers, numbers, left + np.int64(k), sy, n_channel, k, out)
-            else:
-                for k in range(np.uint64(BLOCK)):
-                    if words[k] & IS_ID:
-                        record = np.uint64(words[k] & LEVEL_MASK)
-                        shade_sample(
-                            records.integers[record], records.numbers[record], left + np.int64(k), sy, n_channel, k, out
-                        )
-                    else:
-                        out[0, k] = out.dtype.type(words[k] & LEVEL_MASK) * level_step
+        for first in range(left[group], right[group], CHUNK):
+            start = np.uint64(j * canvas.pitch + first)
+            n = np.uint64(min(right[group] - first, CHUNK))
+            chunk = words[start : start + n]
+            if kind == IN_WORDS:
+                take_levels(chunk, level_step, rows)
+            elif kind == IN_PLANES:
+                take_level_planes(chunk, records.levels, first, y_start + j, n_channel, level_step, rows)
+            if has_exact(chunk):
+                interpolate_runs(chunk, records, first, y_start + j, n_channel, rows)
+            for channel in range(np.uint64(n_channel)):
+                for k in range(n):
+                    radiance[channel, start + k] = rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k]
 
 
 @helper
-def shade_sample(integers, numbers, i, sy, n_channel, k, out):
-    """Interpolate a record's channels at one sample."""
-    q0, q1, q2 = corner_weights(integers, numbers, i * SUBPIXEL + HALF, sy)
-    scale = numbers.dtype.type(1) / (q0 + q1 + q2)
-    p0, p1, p2 = q0 * scale, q1 * scale, q2 * scale
-    out[0, k] = interpolate(numbers, np.uint64(0), p0, p1, p2)
-    if n_channel == 3:
-        out[1, k] = interpolate(numbers, np.uint64(1), p0, p1, p2)
-        out[2, k] = interpolate(numbers, np.uint64(2), p0, p1, p2)
+def take_levels(words, level_step, rows):
+    """Intensities that stand in the words."""
+    for k in range(np.uint64(len(words))):
+        rows[DIFFUSE_SUM + k] = rows.dtype.type(np.int32(words[k] & LEVEL_MASK)) * level_step
+
+
+@helper
+def take_level_planes(words, levels, first, y, n_channel, level_step, rows):
+    """Intensities from integer planes; a sample that shows nothing, or an exact record, takes any."""
+    for channel in range(np.uint64(n_channel)):
+        column = np.uint64(PLANE) + np.uint64(3) * channel
+        row = DIFFUSE_SUM + channel * NEXT_CHANNEL
+        for k in range(np.uint64(len(words))):
+            record = np.uint64(words[k] & RECORD_MASK)
+            anchor = levels[record, np.uint64(ANCHOR)]
+            x = np.int32(np.int32(first) + np.int32(k) - np.int32(anchor & 0xFFFF))
+            dy = np.int32(np.int32(y) - np.int32(anchor >> ANCHOR_SHIFT))
+            # Modulo 2^32 on the way, see records.write_planes.
+            level = np.int32(
+                np.int32(levels[record, column])
+                + np.int32(x * levels[record, column + np.uint64(1)])
+                + np.int32(dy * levels[record, column + np.uint64(2)])
+            )
+            rows[row + k] = rows.dtype.type(level) * level_step
+
+
+@helper
+def interpolate_runs(words, records, first, y, n_channel, rows):
+    """Put in the intensities of exact records, one run of samples after the other."""
+    sy = float(y * SUBPIXEL + HALF)
+    number = rows.dtype.type
+    start = np.uint64(0)
+    while start < np.uint64(len(words)):
+        stop = run_end(words, start)
+        if is_exact(words[start]):
+            record = np.uint64(words[start] & RECORD_MASK)
+            place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
+            red = corners_of(records.numbers, record, ATTRIBUTE)
+            green = corners_of(records.numbers, record, ATTRIBUTE + 3) if n_channel > 1 else red
+            blue = corners_of(records.numbers, record, ATTRIBUTE + 6) if n_channel > 1 else red
+            for k in range(start, stop):
+                q0, q1, q2 = corner_weights(place, inv_w, float((first + np.int64(k)) * SUBPIXEL + HALF), sy)
+                scale = 1.0 / (q0 + q1 + q2)
+                p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
+                rows[DIFFUSE_SUM + k] = mean(red, p0, p1, p2)
+                if n_channel > 1:
+                    rows[DIFFUSE_SUM + NEXT_CHANNEL + k] = mean(green, p0, p1, p2)
+                    rows[DIFFUSE_SUM + NEXT_CHANNEL + NEXT_CHANNEL + k] = mean(blue, p0, p1, p2)
+        start = stop
 
 
 # ---------------------------------------------------------------- Phong's method
 
 
 @kernel
-def shade_lit(canvas, records, y_start, n_row, screen, lighting, face_material, rows, out_radiance):
+def shade_lit(canvas, records, kind, y_start, n_row, screen, lighting, face_material, rows, out_radiance):
     """Interpolate normals and evaluate the illumination equation at every visible sample.
 
     Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo). `face_material` is the material
     of every triangle, or empty where there is one material.
     """
+    words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
+    radiance, face_material = borrow(out_radiance), borrow(face_material)
+    records = Records(borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes))
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        left, right = canvas.left[group], canvas.right[group]
-        while left < right:
-            start = np.uint64(j * canvas.pitch + left)
-            words = canvas.words[start : start + np.uint64(min(right - left, CHUNK))]
-            n, material = run_of_material(words, records, face_material)
-            fetch_normals(canvas, records, left, y_start + j, n, start, lighting.has_albedo, rows)
+        y, first = y_start + j, left[group]
+        while first < right[group]:
+            start = np.uint64(j * canvas.pitch + first)
+            chunk = words[start : start + np.uint64(min(right[group] - first, CHUNK))]
+            n, material = run_of_material(chunk, records.integers, face_material)
+            chunk = chunk[: np.uint64(n)]
+            if kind == NORMAL_PLANES:
+                take_normal_planes(chunk, records, first, y, lighting.has_albedo, lighting.needs_position, rows)
+            if has_exact(chunk):
+                interpolate_normal_runs(chunk, records, first, y, lighting.has_albedo, rows)
             normalize_normals(rows, n)
             if lighting.needs_view or lighting.needs_position:
-                fill_positions(screen, canvas, left, y_start + j, n, start, lighting.needs_position, rows)
+                fill_positions(screen, chunk, first, y, n, lighting.needs_position, rows)
             light_rows(rows, n, lighting, material)
             for channel in range(np.uint64(lighting.n_channel)):
                 for k in range(np.uint64(n)):
-                    out_radiance[channel, start + k] = rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k]
-            left += n
+                    radiance[channel, start + k] = rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k]
+            first += n
 
 
 @helper
-def run_of_material(words, records, face_material):
+def run_of_material(words, integers, face_material):
     """Length of the run of samples that show one material, and the material; samples that show nothing belong to any run."""
     material = np.int64(-1)
     if len(face_material) == 0:
         return len(words), np.int64(0)
     for k in range(np.uint64(len(words))):
         if words[k] & IS_ID:
-            face = np.uint64(records.integers[np.uint64(words[k] & LEVEL_MASK), FACE])
+            face = np.uint64(integers[np.uint64(words[k] & RECORD_MASK), np.uint64(FACE)])
             here = np.int64(face_material[face])
             if material >= 0 and here != material:
                 return np.int64(k), material
@@ -179,47 +247,74 @@ def run_of_material(words, records, face_material):
 
 
 @helper
-def fetch_normals(canvas, records, left, j, n, start, has_albedo, rows):
-    """Interpolate the normals (and the albedo) of n samples from their records; POSITION_Z receives the distance w."""
-    sy = j * SUBPIXEL + HALF
-    for first in range(np.uint64(0), np.uint64(n), np.uint64(BLOCK)):
-        words = canvas.words[start + first : start + first + np.uint64(BLOCK)]
-        i = left + np.int64(first)
-        if is_uniform(words):
-            record = np.uint64(words[np.uint64(0)] & LEVEL_MASK)
-            integers, numbers = records.integers[record], records.numbers[record]
-            for k in range(np.uint64(BLOCK)):
-                fetch_sample(integers, numbers, i + np.int64(k), sy, has_albedo, first + k, rows)
-        else:
-            for k in range(np.uint64(BLOCK)):
-                # A sample that shows nothing reads record 0: cheaper than a branch.
-                record = np.uint64(words[k] & LEVEL_MASK)
-                fetch_sample(
-                    records.integers[record], records.numbers[record], i + np.int64(k), sy, has_albedo, first + k, rows
-                )
-
-
-@helper
-def fetch_sample(integers, numbers, i, sy, has_albedo, k, rows):
-    """Interpolate one sample's normal, not normalised, its distance w and its albedo."""
-    q0, q1, q2 = corner_weights(integers, numbers, i * SUBPIXEL + HALF, sy)
-    side = numbers.dtype.type(integers[SIDE])
-    a = ATTRIBUTE
-    rows[NORMAL_X + k] = side * (q0 * numbers[a] + q1 * numbers[a + 1] + q2 * numbers[a + 2])
-    rows[NORMAL_Y + k] = side * (q0 * numbers[a + 3] + q1 * numbers[a + 4] + q2 * numbers[a + 5])
-    rows[NORMAL_Z + k] = side * (q0 * numbers[a + 6] + q1 * numbers[a + 7] + q2 * numbers[a + 8])
-    scale = numbers.dtype.type(1) / (q0 + q1 + q2)
-    area = float(integers[DX1]) * float(integers[DY2]) - float(integers[DX2]) * float(integers[DY1])
-    rows[POSITION_Z + k] = numbers.dtype.type(area) * scale  # w = Σ e_i / Σ (e_i / w_i)
+def take_normal_planes(words, records, first, y, has_albedo, needs_distance, rows):
+    """Normals (and albedo, and the distance w, into POSITION_Z) from float planes; other samples take any."""
+    take_plane(words, records, PLANE, first, y, NORMAL_X, rows)
+    take_plane(words, records, PLANE + 3, first, y, NORMAL_Y, rows)
+    take_plane(words, records, PLANE + 6, first, y, NORMAL_Z, rows)
+    column = PLANE + 9
     if has_albedo:
-        p0, p1, p2 = q0 * scale, q1 * scale, q2 * scale
-        rows[ALBEDO + k] = interpolate(numbers, np.uint64(3), p0, p1, p2)
-        rows[ALBEDO + NEXT_CHANNEL + k] = interpolate(numbers, np.uint64(4), p0, p1, p2)
-        rows[ALBEDO + NEXT_CHANNEL + NEXT_CHANNEL + k] = interpolate(numbers, np.uint64(5), p0, p1, p2)
+        for channel in range(np.uint64(3)):
+            take_plane(words, records, column, first, y, ALBEDO + channel * NEXT_CHANNEL, rows)
+            column += 3
+    if needs_distance:
+        take_plane(words, records, column, first, y, POSITION_Z, rows)
+        one = rows.dtype.type(1)
+        for k in range(np.uint64(len(words))):
+            rows[POSITION_Z + k] = one / rows[POSITION_Z + k]
 
 
 @helper
-def fill_positions(screen, canvas, left, j, n, start, needs_position, rows):
+def take_plane(words, records, column, first, y, row, rows):
+    """One attribute of a chunk of samples from its planes."""
+    levels, planes, column = records.levels, records.planes, np.uint64(column)
+    for k in range(np.uint64(len(words))):
+        record = np.uint64(words[k] & RECORD_MASK)
+        anchor = levels[record, np.uint64(ANCHOR)]
+        x = np.float32(np.int32(np.int32(first) + np.int32(k) - np.int32(anchor & 0xFFFF)))
+        dy = np.float32(np.int32(np.int32(y) - np.int32(anchor >> ANCHOR_SHIFT)))
+        rows[row + k] = (
+            planes[record, column] + x * planes[record, column + np.uint64(1)] + dy * planes[record, column + np.uint64(2)]
+        )
+
+
+@helper
+def interpolate_normal_runs(words, records, first, y, has_albedo, rows):
+    """Put in the normals, distances and albedo of exact records, one run of samples after the other."""
+    sy = float(y * SUBPIXEL + HALF)
+    number = rows.dtype.type
+    start = np.uint64(0)
+    while start < np.uint64(len(words)):
+        stop = run_end(words, start)
+        if is_exact(words[start]):
+            record = np.uint64(words[start] & RECORD_MASK)
+            place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
+            side = float(records.integers[record, np.uint64(SIDE)])
+            nx = corners_of(records.numbers, record, ATTRIBUTE)
+            ny = corners_of(records.numbers, record, ATTRIBUTE + 3)
+            nz = corners_of(records.numbers, record, ATTRIBUTE + 6)
+            area = place[2] * place[5] - place[4] * place[3]
+            for k in range(start, stop):
+                q0, q1, q2 = corner_weights(place, inv_w, float((first + np.int64(k)) * SUBPIXEL + HALF), sy)
+                scale = 1.0 / (q0 + q1 + q2)
+                p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
+                rows[NORMAL_X + k] = number(side) * mean(nx, p0, p1, p2)
+                rows[NORMAL_Y + k] = number(side) * mean(ny, p0, p1, p2)
+                rows[NORMAL_Z + k] = number(side) * mean(nz, p0, p1, p2)
+                rows[POSITION_Z + k] = number(area * scale)  # w = Σ e_i / Σ (e_i / w_i)
+            if has_albedo:
+                for channel in range(np.uint64(3)):
+                    corners = corners_of(records.numbers, record, np.uint64(ATTRIBUTE + 9) + np.uint64(3) * channel)
+                    for k in range(start, stop):
+                        q0, q1, q2 = corner_weights(place, inv_w, float((first + np.int64(k)) * SUBPIXEL + HALF), sy)
+                        scale = 1.0 / (q0 + q1 + q2)
+                        p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
+                        rows[ALBEDO + channel * NEXT_CHANNEL + k] = mean(corners, p0, p1, p2)
+        start = stop
+
+
+@helper
+def fill_positions(screen, words, left, j, n, needs_position, rows):
     """Fill the rows of positions and view directions: where the rays through the samples meet the surface.
 
     Perspective: P = w·ray, with ray·forward = 1; the direction to the viewer is that of -ray. Orthographic: P is the sample's
@@ -249,7 +344,7 @@ def fill_positions(screen, canvas, left, j, n, start, needs_position, rows):
     view_from_direction(rows, n, -fx, -fy, -fz)
     if needs_position:
         for k in range(np.uint64(n)):
-            z, i = float(canvas.words[start + k] >> PAYLOAD_BITS), number(np.int32(k))
+            z, i = float(words[k] >> PAYLOAD_BITS), number(np.int32(k))
             depth = number((z - screen.z_offset) / screen.z_scale if screen.z_scale > 0 else screen.near)
             rows[POSITION_X + k] = x_first + i * step_x + depth * fx
             rows[POSITION_Y + k] = y_first + i * step_y + depth * fy

@@ -18,7 +18,9 @@ from .pipeline.clip import clip, extend
 from .pipeline.lighting import light_points
 from .pipeline.resolve import resolve
 from .pipeline.rows import make_rows
-from .pipeline.scan import MAX_RECORDS, Coding, Polygons, scan
+from .pipeline.records import EXACT, MAX_RECORDS, Coding, Polygons
+from .pipeline.scan import scan
+from .pipeline.scratch import BenchKind
 from .pipeline.setup import Faces, find_visible
 from .pipeline.shade import shade_interpolated, shade_lit
 from .pipeline.transform import transform
@@ -77,14 +79,17 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     bands = sort_into_bands(visible, workers)
     clock.lap("bands")
 
+    n_attribute = attributes.shape[2]
+    n_plane = n_attribute + job.coding.needs_distance if job.coding.kind != EXACT else 0
+    kind = BenchKind(width, rows, job.n_channel, n_attribute, n_plane, attributes.dtype)
+
     def draw_band(band):
         faces = bands.face[bands.start[band] : bands.start[band + 1]]
         y_start, y_stop = band * rows, min((band + 1) * rows, height)
-        n_attribute = attributes.shape[2]
-        bench = scratch.take(width, rows, job.n_channel, n_attribute, len(faces), attributes.dtype)
+        bench = scratch.take(kind, len(faces))
         scan(faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.canvas, bench.records)
         n_covered = job.finish(bench, loaded_face, y_start, y_stop)
-        scratch.give_back(bench, rows)
+        scratch.give_back(kind, bench)
         return n_covered
 
     n_band = len(bands.start) - 1
@@ -115,11 +120,13 @@ def light(geometry, plan, lighting, screen, is_flat, n_side, workers) -> np.ndar
 
 def interpolated_job(intensities, plan, coding, options, encoding, picture) -> Job:
     """Flat shading and Gouraud's method: intensities of polygons or vertices are interpolated."""
-    level_step = plan.dtype.type(1.0 / plan.coding_levels if plan.coding_levels > 0 else 0.0)
+    level_step = plan.dtype.type(1.0 / plan.level_scale)
 
     def finish(bench, _loaded_face, y_start, y_stop):
         n_row, factor = y_stop - y_start, options.factor
-        shade_interpolated(bench.canvas, bench.records, y_start, n_row, plan.n_channel, level_step, bench.radiance)
+        shade_interpolated(
+            bench.canvas, bench.records, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.rows, bench.radiance
+        )
         return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
     return _picture_job(intensities, coding, plan, options, encoding, finish)
@@ -131,7 +138,9 @@ def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting,
     def finish(bench, loaded_face, y_start, y_stop):
         n_row, factor = y_stop - y_start, options.factor
         material = face_material[loaded_face] if len(loaded_face) and len(face_material) else face_material
-        shade_lit(bench.canvas, bench.records, y_start, n_row, screen, lighting, material, bench.rows, bench.radiance)
+        shade_lit(
+            bench.canvas, bench.records, coding.kind, y_start, n_row, screen, lighting, material, bench.rows, bench.radiance
+        )
         return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
     return _picture_job(normals, coding, plan, options, encoding, finish)

@@ -1,0 +1,97 @@
+"""What the command line says: one line a message, on stderr only, plain text."""
+
+import json
+import sys
+from contextlib import contextmanager
+
+from ..errors import OutputError
+
+QUIET, NORMAL, VERBOSE = -1, 0, 1
+
+
+class Messages:
+    """Say what `level` lets through: errors always, warnings and notices unless quiet, details if verbose."""
+
+    def __init__(self, level: int = NORMAL):
+        self.level = level
+
+    def error(self, text) -> None:
+        """Say what went wrong."""
+        _say(f"error: {text}")
+
+    def warn(self, text) -> None:
+        """Say what may be a mistake."""
+        if self.level > QUIET:
+            _say(f"warning: {text}")
+
+    def notice(self, text) -> None:
+        """Say what a person should know while waiting."""
+        if self.level > QUIET:
+            _say(text)
+
+    def detail(self, text) -> None:
+        """Say what only somebody who asks wants to know."""
+        if self.level >= VERBOSE:
+            _say(text)
+
+
+def _say(text) -> None:
+    if sys.stderr is not None:  # None where the process was started without one
+        print("raster:", " ".join(str(text).split()), file=sys.stderr, flush=True)
+
+
+def print_record(record: dict, is_stdout_taken: bool) -> None:
+    """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout."""
+    line = json.dumps(record) + "\n"
+    if not is_stdout_taken:
+        write_stdout(line.encode())
+    elif sys.stderr is not None:
+        sys.stderr.write(line)
+
+
+def write_stdout(content: bytes) -> None:
+    """Write bytes to stdout; a reader that has gone is no error of ours, a full disk is one."""
+    if sys.stdout is None:
+        raise OutputError("can't write to stdout: it is closed")
+    try:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputError(f"can't write to stdout: {error.strerror or error}") from error
+
+
+@contextmanager
+def compiling_announced(messages):
+    """Say once, inside the block, that kernels are being compiled, as soon as the first one is.
+
+    Yields a list, empty until then.
+    """
+    from numba.core import event
+
+    from .. import _kernel
+
+    announced = []
+
+    class Announcer(event.Listener):
+        def on_start(self, _event):
+            if not announced:
+                is_kept = _kernel.CACHE_FOLDER is not None
+                announced.append(_ONCE if is_kept else _ALWAYS)
+                messages.notice(announced[0])
+
+        def on_end(self, _event):
+            pass
+
+    # Passes of the compiler run only where machine code wasn't found on disk.
+    with event.install_listener("numba:run_pass", Announcer()):
+        yield announced
+
+
+_ONCE = "compiling kernels for the first time, some 10 to 20 seconds; `raster warmup` does it ahead"
+_ALWAYS = (
+    "compiling kernels, some 10 to 20 seconds in every run, as no folder that could keep them can be "
+    "written; NUMBA_CACHE_DIR names one"
+)

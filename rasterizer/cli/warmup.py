@@ -1,0 +1,62 @@
+"""`raster warmup`: compile what any picture may need, by drawing small ones of every kind."""
+
+from time import perf_counter
+
+import numpy as np
+
+from .. import _kernel
+from ..errors import OutputError
+from ..renderer import render
+from ..scene.camera import Camera
+from ..scene.lights import AmbientLight, DirectionalLight, PointLight
+from ..scene.material import Material
+from ..scene.mesh import Mesh
+from ..scene.scene import Scene
+from .messages import compiling_announced
+
+_VERTICES = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.5), (0, 0, 9)])
+_FACES = np.array([(0, 1, 2), (0, 2, 3), (2, 3, 4)])
+_SHADINGS = ("flat", "gouraud", "phong")
+
+
+def warm_up(messages) -> None:
+    """Compile the kernels of all ways to shade, and keep them on disk.
+
+    Raises OutputError where no folder for them can be written.
+    """
+    if _kernel.CACHE_FOLDER is None:
+        raise OutputError(
+            "compiled kernels can't be kept: no folder for them can be written; NUMBA_CACHE_DIR names one"
+        )
+    start = perf_counter()
+    with compiling_announced(messages) as announced:
+        draw_all_kinds()
+    text = "ready" if announced else "were ready already"
+    messages.notice(f"kernels {text} after {perf_counter() - start:.1f} s, in {_kernel.CACHE_FOLDER}")
+
+
+def draw_all_kinds() -> None:
+    """Draw a picture of every kind that has kernels of its own."""
+    scenes = [
+        _scene(reflection, is_colored) for reflection in ("phong", "blinn") for is_colored in (False, True)
+    ]
+    for scene in scenes:
+        for shading in _SHADINGS:
+            for tolerance in (0.0, 1 / 4096):
+                render(scene, 16, shading=shading, tolerance=tolerance, threads=1, color_range="global")
+    for samples in (1, 4):
+        render(scenes[0], 16, samples=samples, outputs=("rgb",), threads=1, cull="back")
+    render(scenes[0], 16, outputs=("depth", "face", "normal"), threads=1)
+
+
+def _scene(reflection, is_colored) -> Scene:
+    """A mesh with a crease that reaches behind the camera, so that it is clipped, in all kinds of light."""
+    colors = np.linspace(0.0, 1.0, _VERTICES.size).reshape(_VERTICES.shape) if is_colored else None
+    material = Material(reflection=reflection)
+    meshes = [
+        Mesh(_VERTICES, _FACES, colors=colors, material=material),
+        Mesh(_VERTICES, _FACES, smoothing=np.ones(len(_FACES), np.int32), material=Material(specular=0.0)),
+        Mesh(_VERTICES, _FACES, normals=np.tile((0.0, 0.0, 1.0), (len(_VERTICES), 1)), material=material),
+    ]
+    lights = [AmbientLight(0.1), DirectionalLight((0, -1, -1), 0.5), PointLight((1, 1, 3), 0.5, (1, 0.1, 0))]
+    return Scene(meshes, lights, Camera.perspective((0, 0, 5)))

@@ -1,0 +1,116 @@
+"""The scripts of bench/ run, and their last line is JSON with what they promise."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+from bench import analytic, frame, measure, scenes, speed_vs_error
+
+QUICK = ["--frames", "3", "--seconds", "0.01"]
+MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
+
+
+def record_of(capsys, bench) -> dict:
+    """Return the JSON line that a script has printed last."""
+    record = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert set(record) == {"bench", "machine", "settings", "rows", "peak_mib"}
+    assert record["bench"] == bench and set(record["machine"]) == MACHINE
+    return record
+
+
+def test_frame(capsys):
+    shadings = ["gouraud", "phong"]
+    arguments = [
+        "cube",
+        str(ROOT / "models/torus.glb"),
+        "quads-back",
+        "--sizes",
+        "32",
+        "48x20",
+        "--threads",
+        "1",
+        "2",
+    ]
+    assert frame.main([*arguments, "--shadings", *shadings, "--channels", "rgb", "--stages", *QUICK]) == 0
+    rows = record_of(capsys, "frame")["rows"]
+    assert [row["case"] for row in rows[::4]] == ["cube", "torus", "quads-back"]
+    assert [row["shading"] for row in rows] == shadings * 6 and [row["size"] for row in rows[::2]] == [
+        "32x32",
+        "48x20",
+    ] * 3
+    for row in rows:
+        assert set(row) == {"case", "triangles", "size", "shading", "prepare_ms", "first_ms", "ms_1", "ms_2", "n_frame",
+                            "spread", "yard_ms", "yards", "gain", "ns_triangle", "ns_pixel", "coverage", "stages"}  # fmt: skip
+        assert row["ms_1"] > 0 and row["n_frame"] == 3 and set(row["stages"]) == {"1", "2"}
+        assert (row["coverage"] == 1.0) == (row["case"] == "quads-back")
+
+
+def test_frame_in_fresh_processes(capsys):
+    assert frame.main(["cube", "--sizes", "32", "--shadings", "flat", "--threads", "1", "--memory"]) == 0
+    (row,) = record_of(capsys, "frame")["rows"]
+    steps = {"import_ms", "build_ms", "prepare_ms", "first_ms", "warm_ms"}
+    assert set(row) == {"case", "triangles", "size", "shading", "threads", "peak_mib"} | steps
+    assert all(row[step] > 0 for step in steps) and row["triangles"] == 12
+
+
+def test_speed_vs_error(capsys):
+    arguments = ["cube", "torus", "--size", "40x30", "--shadings", "gouraud", "--tolerances", "0", "1/256"]
+    assert speed_vs_error.main([*arguments, "--samples", "1", "4", *QUICK]) == 0
+    rows = record_of(capsys, "speed_vs_error")["rows"]
+    assert len(rows) == 8
+    always = {"model", "shading", "samples", "tolerance", "ms", "speed", "ns_triangle", "ns_pixel", "max", "rms", "bound",
+              "of_bound", "levels", "over_1", "other"}  # fmt: skip
+    for row in rows:
+        against_surface = (
+            {"true_max", "true_rms", "true_over_1", "silhouette"} if row["model"] == "torus" else set()
+        )
+        assert set(row) == always | against_surface
+        assert row["rms"] <= row["max"] <= row["bound"], row
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("name", ["sphere", "torus"])
+def test_true_surface_is_what_the_mesh_approximates(name, samples):
+    size = (48, 36)
+    scene = scenes.build(name, size)
+    assert analytic.find_surface(scene) == name and analytic.find_surface(scenes.build("cube", size)) is None
+    truth = analytic.draw(name, scene, size, samples)
+    with speed_vs_error.Renderer(
+        scene, size, shading="phong", samples=samples, outputs=("color", "depth")
+    ) as renderer:
+        drawn = renderer.render()
+    assert np.abs(truth.alpha - drawn.alpha).mean() < 0.01
+    found = speed_vs_error.compare_with_surface(drawn, truth, samples, 0.3)
+    assert 0 < found["true_rms"] < 0.01 and found["true_rms"] < found["true_max"] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("shape", "n_face"),
+    [(scenes.icosphere(2), 320), (scenes.uv_sphere(6, 9), 90), (scenes.torus(5, 7), 70)],
+)
+def test_generated_shapes_are_closed_and_wound_outwards(shape, n_face):
+    vertices, faces = shape
+    assert vertices.dtype == np.float32 and faces.dtype == np.uint32 and len(faces) == n_face
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).tolist()
+    assert len(set(map(tuple, edges))) == len(edges) and {(b, a) for a, b in edges} == set(map(tuple, edges))
+    a, b, c = vertices[faces].astype(float).transpose(1, 0, 2)
+    assert np.sum(a * np.cross(b, c)) > 0
+
+
+def test_every_quad_of_a_stack_fills_the_picture():
+    for name, nearest in (("quads-front", 0), ("quads-back", scenes.N_QUAD - 1)):
+        scene = scenes.build(name, (40, 30))
+        with speed_vs_error.Renderer(scene, (40, 30), outputs=("face",)) as renderer:
+            assert set(np.unique(renderer.render().face) // 2) == {nearest}
+
+
+def test_calls_take_turns():
+    order = []
+    calls = {name: lambda name=name: order.append(name) for name in "ab"}
+    times = measure.take_turns(calls, 0.0, 25)
+    assert order == list("ab") * measure.LEAST_ROUNDS and len(times["a"][0]) == measure.LEAST_ROUNDS

@@ -1,0 +1,83 @@
+"""Comparisons: against a plain computation, and by properties that any distance has."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+import rasterizer as rz
+from rasterizer.frame import Frame, Stats
+
+STATS = Stats(1, 0, 0, 1, 1, 1, 1, 0.0)
+PICTURES = arrays(np.uint8, (3, 5, 3), elements=st.integers(0, 255))
+
+
+def make_frame(levels, color=None, alpha=255) -> Frame:
+    height, width, _ = levels.shape
+    rgba = np.full((height, width, 4), alpha, np.uint8)
+    rgba[..., :3] = levels
+    return Frame(rgba, {} if color is None else {"color": color}, STATS, (width, height))
+
+
+@given(PICTURES, PICTURES)
+def test_levels_against_a_plain_computation(a, b):
+    steps = [abs(int(x) - int(y)) for x, y in zip(a.ravel(), b.ravel(), strict=True)]
+    result = rz.compare(a, b)
+    assert result.levels == max(steps) and result.over_one == sum(step > 1 for step in steps)
+    assert result.max == pytest.approx(max(steps) / 255)
+    assert result.rms == pytest.approx(math.sqrt(sum(step**2 for step in steps) / len(steps)) / 255)
+    assert result == rz.compare(b, a) == rz.compare(make_frame(a), make_frame(b))
+
+
+@given(PICTURES)
+def test_a_picture_equals_itself(a):
+    result = rz.compare(a, a.copy())
+    assert result == rz.Comparison(max=0.0, rms=0.0, psnr=math.inf, levels=0, over_one=0, coverage=0)
+    assert str(result) == "equal"
+
+
+def test_linear_intensities_count_where_both_have_them():
+    levels = np.zeros((2, 2, 3), np.uint8)
+    color = np.full((2, 2, 3), 0.5, np.float32)
+    a, b = make_frame(levels, color), make_frame(levels, color + np.float32(0.25))
+    assert rz.compare(a, b).max == 0.25 and rz.compare(a, b).levels == 0
+    assert rz.compare(a, b).psnr == pytest.approx(20 * math.log10(4))
+    assert rz.compare(a, make_frame(levels)).max == 0.0
+
+
+def test_linear_arrays_are_encoded_for_levels():
+    result = rz.compare(np.array([[0.0, 0.5, 1.5]]), np.array([[[0], [188], [255]]], np.uint8))
+    assert (result.max, result.levels) == (0.0, 0)
+    assert rz.compare(np.zeros((1, 1)), np.array([[1 / 3294]])).levels == 1
+
+
+def test_alpha_is_compared_as_coverage():
+    levels = np.zeros((2, 2, 3), np.uint8)
+    half = np.dstack([levels, np.array([[255, 255], [255, 127]], np.uint8)])
+    assert rz.compare(make_frame(levels), half).coverage == 1
+    assert rz.compare(make_frame(levels), half).max == 0.0
+    assert rz.compare(make_frame(levels), levels).coverage == 0
+    text = str(rz.compare(make_frame(levels), half))
+    assert "1 pixels covered otherwise" in text and "\n" not in text
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "message"),
+    [
+        (np.zeros((2, 2, 3)), np.zeros((2, 3, 3)), "2x2 with 3 channels and 3x2"),
+        (np.zeros((2, 2, 3)), np.zeros((2, 2)), "one size"),
+        (np.zeros((2, 2, 2)), np.zeros((2, 2, 2)), "float64 of the shape"),
+        (np.zeros((2, 2), np.int32), np.zeros((2, 2), np.int32), "int32"),
+        (np.zeros((0, 2)), np.zeros((0, 2)), "shape"),
+        (np.full((2, 2), np.inf), np.zeros((2, 2)), "finite"),
+        ("a.png", "b.png", "given str"),
+        (None, None, "given NoneType"),
+        (Frame(None, {}, STATS, (1, 1)), np.zeros((1, 1)), "no picture"),
+    ],
+)
+def test_what_is_no_picture(a, b, message):
+    with pytest.raises(rz.SceneError, match=message):
+        rz.compare(a, b)

@@ -1,0 +1,163 @@
+"""Frames: what they hold, show and write; files appear whole or not at all."""
+
+import io
+import os
+import stat
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rasterizer import frame as frame_module
+from rasterizer.errors import OutputError, SceneError
+from rasterizer.frame import Frame, Stats, picture_format, write_whole
+
+STATS = Stats(12, 0, 6, 6, 3, 12, 1, 1e-4, {"scan": 1.5, "shade": 0.5})
+
+
+def make_frame(alpha=(0, 128, 255), **arrays) -> Frame:
+    rgba = np.zeros((2, 3, 4), np.uint8)
+    rgba[..., :3] = (200, 100, 50)
+    rgba[..., 3] = alpha
+    return Frame(rgba, arrays, STATS, (3, 2))
+
+
+def test_a_frame_is_an_array():
+    frame = make_frame()
+    assert np.asarray(frame).shape == (2, 3, 4) and np.asarray(frame).dtype == np.uint8
+    assert np.array_equal(np.asarray(frame), frame.rgba) and np.array_equal(frame.rgb, frame.rgba[..., :3])
+    assert frame.alpha.dtype == np.float32 and frame.alpha[0].tolist() == [0.0, np.float32(128 / 255), 1.0]
+    assert np.asarray(frame, dtype=np.float64).dtype == np.float64
+
+
+def test_one_line_says_what_it_is():
+    text = repr(make_frame(depth=np.zeros((2, 3), np.float32)))
+    assert text == "<Frame 3x2 rgb+depth, 12 faces, 25.0 % covered, 2.0 ms>"
+    assert STATS.coverage == 0.25
+
+
+def test_an_array_not_asked_for_says_how_to_get_it():
+    frame = make_frame()
+    for name in ("color", "depth", "face", "normal"):
+        assert not frame.has(name)
+        with pytest.raises(SceneError, match=f"no {name}: ask for it with outputs=\\('{name}'"):
+            getattr(frame, name)
+    buffers = Frame(None, {"face": np.zeros((2, 3), np.int32)}, STATS, (3, 2))
+    assert buffers.has("face") and not buffers.has("rgb")
+    with pytest.raises(SceneError, match="no picture"):
+        np.asarray(buffers)
+    assert buffers._repr_png_() is None
+
+
+def test_pil_drops_alpha_where_all_is_opaque():
+    assert make_frame().to_pil().mode == "RGBA" and make_frame(alpha=255).to_pil().mode == "RGB"
+
+
+def test_a_notebook_shows_the_picture():
+    shown = Image.open(io.BytesIO(make_frame()._repr_png_()))
+    assert np.array_equal(np.asarray(shown), make_frame().rgba)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".PNG", ".webp", ".tif", ".tga"])
+def test_saved_pictures_are_the_same(tmp_path, suffix):
+    frame, path = make_frame(), tmp_path / f"picture{suffix}"
+    assert frame.save(str(path), **({"lossless": True, "exact": True} if suffix == ".webp" else {})) == path
+    assert np.array_equal(np.asarray(Image.open(path)), frame.rgba)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".ppm", ".pcx", ".eps"])
+def test_transparency_is_laid_on_white_where_a_format_has_none(tmp_path, suffix):
+    frame, path = make_frame(alpha=0), tmp_path / f"picture{suffix}"
+    frame.save(path)
+    if suffix not in (".eps", ".ppm"):
+        assert np.asarray(Image.open(path)).min() >= 250
+    assert path.stat().st_size
+
+
+def test_format_overrides_the_suffix(tmp_path):
+    path = make_frame().save(tmp_path / "picture.data", format="BMP")
+    assert Image.open(path).format == "BMP"
+    path = make_frame().save(tmp_path / "array.data", format="npy", array="rgba")
+    assert np.array_equal(np.load(path), make_frame().rgba)
+
+
+def test_arrays_are_saved_by_name(tmp_path):
+    depth = np.array([[1.0, np.inf, 2.0]] * 2, np.float32)
+    frame = make_frame(depth=depth)
+    assert np.array_equal(np.load(frame.save(tmp_path / "d.npy", array="depth")), depth)
+    assert np.array_equal(np.load(frame.save(tmp_path / "a.npy", array="alpha")), frame.alpha)
+    with pytest.raises(SceneError, match="no color"):
+        frame.save(tmp_path / "c.npy")
+    with pytest.raises(SceneError, match="array must be one of color, rgb"):
+        frame.save(tmp_path / "c.npy", array="colour")
+    with pytest.raises(SceneError, match="arrays are written as .npy"):
+        frame.save(tmp_path / "d.png", array="depth")
+    assert sorted(os.listdir(tmp_path)) == ["a.npy", "d.npy"]
+
+
+@pytest.mark.parametrize(("name", "reason"), [("x.foo", "'foo' is unknown"), ("x", "without a suffix")])
+def test_unknown_formats(tmp_path, name, reason):
+    with pytest.raises(OutputError, match=f"{reason}.*legal are npy, png"):
+        make_frame().save(tmp_path / name)
+    assert not os.listdir(tmp_path)
+
+
+@pytest.mark.parametrize("suffix", [".xbm", ".blp", ".grib"])
+def test_formats_that_cannot_hold_the_picture(tmp_path, suffix):
+    with pytest.raises(OutputError, match="can't write a"):
+        make_frame().save(tmp_path / f"x{suffix}")
+    assert not os.listdir(tmp_path)
+
+
+def test_picture_format():
+    assert picture_format("png") == picture_format(".PNG") == "PNG"
+    assert picture_format(".jpg") == picture_format("jpeg") == "JPEG"
+
+
+def test_places_that_cannot_be_written(tmp_path):
+    with pytest.raises(OutputError, match="no folder .*missing"):
+        write_whole(tmp_path / "missing" / "x.png", b"1")
+    with pytest.raises(OutputError, match="can't write .*irectory"):
+        write_whole(tmp_path, b"1")
+    (tmp_path / "file").write_bytes(b"1")
+    with pytest.raises(OutputError, match="can't write"):
+        write_whole(tmp_path / "file" / "x.png", b"1")
+
+
+class HalfWay(Exception):
+    """What stops a write in these tests."""
+
+
+@pytest.mark.parametrize("stop", [OSError(28, "No space left on device"), KeyboardInterrupt(), HalfWay()])
+def test_nobody_sees_half_a_file(tmp_path, monkeypatch, stop):
+    path = tmp_path / "x.png"
+    path.write_bytes(b"before")
+
+    def fail(*_):
+        raise stop
+
+    monkeypatch.setattr(frame_module.os, "replace", fail)
+    with pytest.raises(OutputError if isinstance(stop, OSError) else type(stop)):
+        write_whole(path, b"after")
+    assert path.read_bytes() == b"before" and os.listdir(tmp_path) == ["x.png"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions and links of POSIX")
+def test_permissions_and_links(tmp_path):
+    before = os.umask(0o027)
+    try:
+        write_whole(tmp_path / "x.png", b"1")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "x.png").stat().st_mode) == 0o640
+    (tmp_path / "link.png").symlink_to(tmp_path / "x.png")
+    write_whole(tmp_path / "link.png", b"2")
+    assert (tmp_path / "link.png").is_symlink() and (tmp_path / "x.png").read_bytes() == b"2"
+    write_whole("/dev/null", b"3")
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+
+
+def test_names_as_long_as_the_system_allows(tmp_path):
+    path = tmp_path / ("x" * 251 + ".png")
+    write_whole(path, b"1")
+    assert path.read_bytes() == b"1"
