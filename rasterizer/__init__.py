@@ -41,7 +41,7 @@ __all__ = sorted([*_HOMES, "__version__"])
 
 
 class _Package(ModuleType):
-    """Keep `render`, `compare` and `sheet` functions: importing a module of one of these names binds it here."""
+    """Keep `compare` and `sheet` functions, though importing the module of that name would bind it here."""
 
     def __setattr__(self, name, value):
         if not (name in _HOMES and isinstance(value, ModuleType)):

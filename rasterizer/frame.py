@@ -79,7 +79,7 @@ class Frame:
         )
 
     def has(self, name: str) -> bool:
-        """Tell whether the frame has "rgb" (a picture), "color", "depth", "face" or "normal"."""
+        """Tell whether the frame has `name`: "rgb" (a picture), "color", "depth", "face" or "normal"."""
         return self._rgba is not None if name == "rgb" else name in self._arrays
 
     def _get(self, name) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Several pictures in one: a sheet of rows and columns, for a notebook cell or one file."""
 
 import math
+import operator
 
 import numpy as np
 
@@ -74,9 +75,13 @@ def _listed(items, what) -> list:
 
 def _whole(value, what, least) -> int:
     """A whole number from `least` upwards."""
-    if not hasattr(value, "__index__") or isinstance(value, bool) or value < least:
+    try:
+        number = least - 1 if isinstance(value, bool) else operator.index(value)
+    except TypeError:
+        number = least - 1
+    if number < least:
         raise SceneError(f"{what} must be a whole number from {least} upwards; given {value!r}")
-    return int(value)
+    return number
 
 
 def _rgba(source) -> np.ndarray:

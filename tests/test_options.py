@@ -24,13 +24,15 @@ def test_defaults():
     assert options.n_thread >= 1 and options.factor == 1 and not options.is_flat
 
 
-@pytest.mark.parametrize("size", [64, np.int32(64), (64, 64), [64, 64], np.array([64, 64])])
+@pytest.mark.parametrize("size", [64, np.int32(64), (64, 64), [64, np.int64(64)]])
 def test_a_size_is_a_pair_or_one_number(size):
     options = Options(size=size)
     assert options.size == (64, 64) and all(type(side) is int for side in options.size)
 
 
-@pytest.mark.parametrize("size", [0, -1, (64,), (64, 64, 3), (64, 0), (64.0, 64), "64", None, True, MOST_PIXELS + 1])
+@pytest.mark.parametrize(
+    "size", [0, -1, (64,), (64, 64, 3), (64, 0), (64.0, 64), "64", None, True, MOST_PIXELS + 1]
+)
 def test_illegal_sizes(size):
     with pytest.raises(SceneError, match="size must be"):
         Options(size=size)

@@ -36,7 +36,9 @@ def test_frames_images_and_arrays_of_any_size():
 
 
 def test_a_background_is_blended_in_linear_light():
-    image = rz.sheet([picture(255, alpha=0), picture(255, alpha=51), picture(7)], columns=3, gap=1, background="#000")
+    image = rz.sheet(
+        [picture(255, alpha=0), picture(255, alpha=51), picture(7)], columns=3, gap=1, background="#000"
+    )
     assert image.mode == "RGB"
     # 0.2 of white: 1.055 0.2^(1/2.4) - 0.055 = 0.4845
     assert [image.getpixel((x, 2))[0] for x in (0, 2, 7, 12)] == [0, 0, 124, 7]

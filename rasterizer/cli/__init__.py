@@ -10,7 +10,6 @@ Exit codes: 0 done · 1 some inputs failed, the rest was done · 2 usage · 3 a 
 Only the standard library is imported before a command runs, so that `raster --help` is quick.
 """
 
-import os
 import sys
 
 from ..errors import ModelError, OutputError, RasterizerError
@@ -40,9 +39,7 @@ def main(argv=None) -> int:
         finally:
             if sys.stdout is not None:
                 write_stdout(b"")  # help is flushed here, where a fault can still be told
-    except BrokenPipeError:
-        # The reader has seen enough; what Python still has to flush at the end must not complain either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # the reader has seen enough
         return NO_OUTPUT
     except KeyboardInterrupt:
         messages.error("interrupted")

@@ -1,6 +1,7 @@
 """What the command line says: one line a message, on stderr only, plain text."""
 
 import json
+import os
 import sys
 from contextlib import contextmanager
 
@@ -55,11 +56,15 @@ def write_stdout(content: bytes) -> None:
         raise OutputError("can't write to stdout: it is closed")
     try:
         sys.stdout.flush()
-        sys.stdout.buffer.write(content)
+        rest = memoryview(content)
+        while rest:
+            rest = rest[sys.stdout.buffer.write(rest) :]  # an unbuffered stream may take a part only
         sys.stdout.buffer.flush()
-    except BrokenPipeError:
-        raise
     except OSError as error:
+        # What Python flushes at its end goes nowhere, so that it can't complain once more.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            raise
         raise OutputError(f"can't write to stdout: {error.strerror or error}") from error
 
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import helper
+from .._kernel import borrow, helper
 from .transform import SUBPIXEL
 
 LEVEL_BITS = 24
@@ -33,8 +33,9 @@ EXACT, IN_WORDS, IN_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # kinds of coding; IN_PL
 X0, Y0, DX1, DY1, DX2, DY2, FACE, SIDE = range(8)
 # Columns of an exact record's numbers: 1/w at the three vertices, then each attribute at the three vertices.
 INV_W, ATTRIBUTE = 0, 3
-# Columns of a record's planes: the anchor sample (x + 65536·y), then value, d/dx, d/dy of each attribute.
-ANCHOR, PLANE = 0, 1
+# Columns of a record's planes: the anchor sample (x + 65536·y), the triangle, then value, d/dx, d/dy of each attribute.
+# Records of planes stand one behind the other in a flat array, 2^plane_shift numbers each, so that a place is found by a shift.
+ANCHOR, PLANE_FACE, PLANE = 0, 1, 2
 ANCHOR_SHIFT = 16
 
 
@@ -64,8 +65,17 @@ class Records(NamedTuple):
 
     integers: np.ndarray  # (n, 8) int32
     numbers: np.ndarray  # (n, 3 + 3 * n_attribute) float32 or float64
-    levels: np.ndarray  # (n, 1 + 3 * n_plane) int32: the planes
+    levels: np.ndarray  # (n << plane_shift,) int32: the planes
     planes: np.ndarray  # the same memory as float32
+    plane_shift: int
+
+
+@helper
+def borrow_records(records):
+    """The records as arrays that count no references."""
+    return Records(
+        borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes), records.plane_shift
+    )
 
 
 @helper
@@ -127,20 +137,21 @@ def code_word(attributes, corners, edges, offset, steps, depths, coding, record)
 
 
 @helper
-def write_planes(records, n_record, attributes, corners, edges, anchor, offset, steps, depths, coding, is_flipped):
+def write_planes(records, n_record, attributes, corners, edges, anchor, offset, steps, depths, coding, face, is_flipped):
     """Write the planes of all attributes; return whether they are good enough."""
-    row = np.uint64(n_record)
-    records.levels[row, np.uint64(ANCHOR)] = anchor[0] + (anchor[1] << ANCHOR_SHIFT)
+    row = np.uint64(n_record) << np.uint64(records.plane_shift)
+    records.levels[row + np.uint64(ANCHOR)] = anchor[0] + (anchor[1] << ANCHOR_SHIFT)
+    records.levels[row + np.uint64(PLANE_FACE)] = face
     if coding.kind == NORMAL_PLANES:
         return write_normal_planes(records.planes, row, attributes, corners, edges, offset, steps, depths, coding, is_flipped)
     is_good = True
     for channel in range(np.uint64(attributes.shape[2])):
         is_fine, level, level_x, level_y = level_plane(attributes, channel, corners, edges, offset, steps, depths, coding)
-        column = np.uint64(PLANE) + np.uint64(3) * channel
+        column = row + np.uint64(PLANE) + np.uint64(3) * channel
         # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right again.
-        records.levels[row, column] = level
-        records.levels[row, column + np.uint64(1)] = level_x
-        records.levels[row, column + np.uint64(2)] = level_y
+        records.levels[column] = level
+        records.levels[column + np.uint64(1)] = level_x
+        records.levels[column + np.uint64(2)] = level_y
         is_good &= is_fine
     return is_good
 
@@ -162,7 +173,7 @@ def write_normal_planes(planes, row, attributes, corners, edges, offset, steps, 
     # 1/w loses digits where it spans much: exactly then.
     is_good = not (coding.needs_distance and inv_w_rise > inv_w_min)
     sign = -1.0 if is_flipped else 1.0
-    column = np.uint64(PLANE)
+    column = row + np.uint64(PLANE)
     is_flat = True
     for k in range(np.uint64(3)):
         is_flat &= (attributes[side, c0, k] == attributes[side, c1, k]) & (attributes[side, c0, k] == attributes[side, c2, k])
@@ -171,25 +182,25 @@ def write_normal_planes(planes, row, attributes, corners, edges, offset, steps, 
         if k < np.uint64(3):
             # Three equal normals stay exactly constant, because no w is mixed in.
             a0, a1, a2 = sign * a0 * (1.0 if is_flat else w0), sign * a1 * (1.0 if is_flat else w1), sign * a2 * (1.0 if is_flat else w2)
-            is_good &= rise(planes, row, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit
+            is_good &= rise(planes, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit
         else:
             spread = max(a0, a1, a2) - min(a0, a1, a2)
             is_good &= spread * inv_w_rise <= 4.0 * inv_w_min * coding.albedo_tolerance
-            is_good &= rise(planes, row, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit
+            is_good &= rise(planes, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit
         column += np.uint64(3)
     if coding.needs_distance:
-        is_good &= rise(planes, row, column, w0 / scale, w1 / scale, w2 / scale, edges, offset, steps) * scale <= coding.normal_limit
+        is_good &= rise(planes, column, w0 / scale, w1 / scale, w2 / scale, edges, offset, steps) * scale <= coding.normal_limit
     return is_good
 
 
 @helper
-def rise(planes, row, column, a0, a1, a2, edges, offset, steps):
+def rise(planes, column, a0, a1, a2, edges, offset, steps):
     """Write one attribute's plane; return how much it rises over the triangle's box."""
     dx1, dy1, dx2, dy2, inv_area = edges
     a_x, a_y = gradient(a1 - a0, a2 - a0, dx1, dy1, dx2, dy2, inv_area)
-    planes[row, column] = a0 + a_x * offset[0] + a_y * offset[1]
-    planes[row, column + np.uint64(1)] = a_x * SUBPIXEL
-    planes[row, column + np.uint64(2)] = a_y * SUBPIXEL
+    planes[column] = a0 + a_x * offset[0] + a_y * offset[1]
+    planes[column + np.uint64(1)] = a_x * SUBPIXEL
+    planes[column + np.uint64(2)] = a_y * SUBPIXEL
     return (abs(a_x) * float(steps[0] + 1) + abs(a_y) * float(steps[1] + 1)) * SUBPIXEL
 
 

@@ -15,6 +15,7 @@ from .rows import CHUNK, DIFFUSE, L_DOT_V, N_DOT_L, N_DOT_V, N_ROW, SPECULAR, ST
 
 SHININESS = 0  # the first number of a material that a row function reads
 N_MATERIAL_NUMBER = 4
+MOST_SQUARED = 4096  # integer exponents up to this are raised by squaring
 
 
 def lambert(rows, n, numbers):
@@ -28,33 +29,60 @@ def lambert(rows, n, numbers):
 def phong(rows, n, numbers):
     """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975); R·V = 2 (N·L)(N·V) - L·V."""
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
-    zero, two = row.dtype.type(0), row.dtype.type(2)
-    shininess = number[SHININESS]
+    two = row.dtype.type(2)
     for k in range(np.uint64(n)):
-        n_dot_l = row[N_DOT_L + k]
-        r_dot_v = two * n_dot_l * row[N_DOT_V + k] - row[L_DOT_V + k]
-        row[DIFFUSE + k] = row[STRENGTH + k] * max(n_dot_l, zero)
-        # No highlight from a light behind the surface.
-        highlight = power(r_dot_v, shininess)
-        row[SPECULAR + k] = row[STRENGTH + k] * (highlight if n_dot_l > zero else zero)
+        row[SPECULAR + k] = two * row[N_DOT_L + k] * row[N_DOT_V + k] - row[L_DOT_V + k]
+    finish_highlights(row, n, number[SHININESS])
 
 
 def blinn(rows, n, numbers):
     """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); N·H = (N·L + N·V) / |L + V|."""
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero, two = row.dtype.type(0), row.dtype.type(2)
-    shininess = number[SHININESS]
     for k in range(np.uint64(n)):
-        n_dot_l = row[N_DOT_L + k]
         # |L + V|² = 2 + 2 L·V; where L = -V there is no half vector, and no highlight.
         square = two + two * row[L_DOT_V + k]
-        n_dot_h = (n_dot_l + row[N_DOT_V + k]) / np.sqrt(square) if square > zero else zero
-        row[DIFFUSE + k] = row[STRENGTH + k] * max(n_dot_l, zero)
-        highlight = power(n_dot_h, shininess)
-        row[SPECULAR + k] = row[STRENGTH + k] * (highlight if n_dot_l > zero else zero)
+        row[SPECULAR + k] = (row[N_DOT_L + k] + row[N_DOT_V + k]) / np.sqrt(square) if square > zero else zero
+    finish_highlights(row, n, number[SHININESS])
 
 
 REFLECTIONS = {"lambert": lambert, "phong": phong, "blinn": blinn}
+
+
+@register_jitable
+def finish_highlights(row, n, shininess):
+    """Raise the cosines in the row SPECULAR to the exponent, and fill DIFFUSE; no highlight from a light behind the surface."""
+    zero = row.dtype.type(0)
+    if shininess == np.floor(shininess) and shininess <= MOST_SQUARED:
+        square_and_multiply(row, n, np.int64(shininess))
+    else:
+        for k in range(np.uint64(n)):
+            row[SPECULAR + k] = power(row[SPECULAR + k], shininess)
+    for k in range(np.uint64(n)):
+        n_dot_l, strength = row[N_DOT_L + k], row[STRENGTH + k]
+        row[DIFFUSE + k] = strength * max(n_dot_l, zero)
+        row[SPECULAR + k] = strength * row[SPECULAR + k] if n_dot_l > zero else zero
+
+
+@register_jitable
+def square_and_multiply(row, n, exponent):
+    """Raise the row SPECULAR to an integer, one bit of it at a time (Knuth, TAOCP 2, 4.6.3); uses the row DIFFUSE.
+
+    Results below 2^-28 become 0: invisible, and the denormal numbers on the way there would slow the row down.
+    """
+    zero, one = row.dtype.type(0), row.dtype.type(1)
+    smallest = row.dtype.type(2.0 ** (-28.0 / exponent))
+    for k in range(np.uint64(n)):
+        row[DIFFUSE + k] = row[SPECULAR + k] if row[SPECULAR + k] > smallest else zero
+        row[SPECULAR + k] = row[DIFFUSE + k] if exponent & 1 else one
+    exponent >>= 1
+    while exponent > 0:
+        for k in range(np.uint64(n)):
+            row[DIFFUSE + k] *= row[DIFFUSE + k]
+        if exponent & 1:
+            for k in range(np.uint64(n)):
+                row[SPECULAR + k] *= row[DIFFUSE + k]
+        exponent >>= 1
 
 
 def power(base, exponent):

@@ -24,16 +24,15 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, helper, kernel
-from .lanes import LANES, merge_lanes
+from .lanes import LANES, MOST_HIGH, MOST_WIDE, merge_box
 from .records import (
     IN_PLANES,
     IN_WORDS,
     IS_EXACT,
     IS_ID,
     PAYLOAD_BITS,
-    FACE,
     Polygons,
-    Records,
+    borrow_records,
     code_word,
     gradient,
     write_exact,
@@ -45,8 +44,7 @@ from .transform import DEPTH_BITS, HALF, SUBPIXEL
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
 CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)  # nothing here: behind every depth
 GROUP_SHIFT = 3  # extents are kept for groups of 8 rows
-SMALL = 2 * LANES  # boxes up to so many samples wide are tested lane by lane instead of span by span
-PADDING = SMALL  # samples behind each row that lanes may read and write back
+PADDING = MOST_WIDE  # samples behind each row that lanes may read and write back
 # Planes are good while box area / triangle area stays below this: a coefficient is at most 2^DEPTH_BITS · 2^20 < 2^63 and its
 # float64 rounding error at most 2^(38 + 20 - 53) units a box, a 2^33rd of the depth range. Slivers beyond are interpolated exactly.
 MAX_ELONGATION = 2.0**20
@@ -72,7 +70,7 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
     x, y, z = borrow(vertices.x), borrow(vertices.y), borrow(vertices.z)
     polygons = Polygons(borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted))
     canvas = Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right))
-    records = Records(borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes))
+    records = borrow_records(records)
     attributes = borrow(attributes)
     n_record = np.int64(0)
     for face in faces:
@@ -116,9 +114,8 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
             shown = (left, max(anchor_y, 0))
             offset = (ux + float((shown[0] - anchor_x) * SUBPIXEL), uy + float((shown[1] - anchor_y) * SUBPIXEL))
             is_coded = write_planes(
-                records, n_record, attributes, corners, edges, shown, offset, steps, depths, coding, is_flipped
+                records, n_record, attributes, corners, edges, shown, offset, steps, depths, coding, face, is_flipped
             )
-            records.integers[np.uint64(n_record), np.uint64(FACE)] = face
             n_record += is_coded
         if not is_coded:
             payload |= IS_EXACT
@@ -133,14 +130,14 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
             canvas.left[group] = min(canvas.left[group], left)
             canvas.right[group] = max(canvas.right[group], right)
 
-        # Fill: span by span, or lane by lane where the box is small.
+        # Fill: all samples of a small box side by side, else span by span.
         triangle = (x0, y0, x1, y1, x2, y2)
         box = (left, right, top, bottom, (top - y_start) * canvas.pitch)
         word_x = pack(np.rint(z_x * SUBPIXEL), payload_x)
         word_y = pack(np.rint(z_y * SUBPIXEL), payload_y)
         anchor = pack(np.rint(z0 + z_x * ux + z_y * uy), payload)
         origin = anchor - np.uint64(anchor_x) * word_x - np.uint64(anchor_y) * word_y  # the plane's word at sample (0, 0)
-        if right - left <= SMALL and not is_sliver:
+        if steps[0] <= MOST_WIDE and steps[1] <= MOST_HIGH and not is_sliver:
             fill_lanes(canvas.words, canvas.pitch, box, triangle, (origin, word_x, word_y))
         else:
             fill_spans(canvas, box, triangle, (origin, word_x, word_y), is_sliver, (z0, z1, z2), payload)
@@ -171,7 +168,7 @@ def order_vertices(vertex, face, x, y):
 
 @helper
 def fill_lanes(words, pitch, box, triangle, plane):
-    """Test every sample of a narrow box against the three edges, LANES at a time, without a branch."""
+    """Test every sample of a small box against the three edges, LANES at a time, without a branch."""
     left, right, top, bottom, base = box
     x0, y0, x1, y1, x2, y2 = triangle
     origin, word_x, word_y = plane
@@ -181,12 +178,8 @@ def fill_lanes(words, pitch, box, triangle, plane):
         e1, e1_x, e1_y = edge_function(x1, y1, x2, y2, sx, sy)
         e2, e2_x, e2_y = edge_function(x2, y2, x0, y0, sx, sy)
         word = origin + np.uint64(first) * word_x + np.uint64(top) * word_y
-        start = np.uint64(base + first)
-        for _ in range(bottom - top):
-            merge_lanes(words, start, np.int64(word), np.int64(word_x), e0, e0_x, e1, e1_x, e2, e2_x, DEPTH_MASK)
-            e0, e1, e2 = e0 + e0_y, e1 + e1_y, e2 + e2_y
-            word += word_y
-            start += np.uint64(pitch)
+        edges = (e0, e0_x, e0_y, e1, e1_x, e1_y, e2, e2_x, e2_y)
+        merge_box(words, np.uint64(base + first), np.uint64(pitch), bottom - top, (word, word_x, word_y), edges, DEPTH_MASK)
 
 
 @helper

@@ -62,9 +62,10 @@ def _make_bench(kind) -> Bench:
 
 def _make_records(n, n_attribute, n_plane, dtype) -> Records:
     # Only what is written to becomes memory, so both kinds of records may have room for every triangle.
-    levels = np.zeros((n, PLANE + 3 * n_plane), np.int32)
+    shift = (PLANE + 3 * n_plane - 1).bit_length()
+    levels = np.zeros(n << shift, np.int32)
     return Records(
-        np.zeros((n, 8), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype), levels, levels.view(np.float32)
+        np.zeros((n, 8), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype), levels, levels.view(np.float32), shift
     )
 
 

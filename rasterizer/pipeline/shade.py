@@ -35,11 +35,12 @@ from .records import (
     NORMAL_PLANES,
     PAYLOAD_BITS,
     PLANE,
+    PLANE_FACE,
     RECORD_MASK,
     SIDE,
     X0,
     Y0,
-    Records,
+    borrow_records,
 )
 from .rows import (
     ALBEDO,
@@ -125,7 +126,7 @@ def shade_interpolated(canvas, records, kind, y_start, n_row, n_channel, level_s
     """Turn words and records into intensities; levels are multiples of `level_step`. Uses the rows DIFFUSE_SUM."""
     words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
     radiance = borrow(out_radiance)
-    records = Records(borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes))
+    records = borrow_records(records)
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
         for first in range(left[group], right[group], CHUNK):
@@ -135,7 +136,7 @@ def shade_interpolated(canvas, records, kind, y_start, n_row, n_channel, level_s
             if kind == IN_WORDS:
                 take_levels(chunk, level_step, rows)
             elif kind == IN_PLANES:
-                take_level_planes(chunk, records.levels, first, y_start + j, n_channel, level_step, rows)
+                take_level_planes(chunk, records, first, y_start + j, level_step, rows)
             if has_exact(chunk):
                 interpolate_runs(chunk, records, first, y_start + j, n_channel, rows)
             for channel in range(np.uint64(n_channel)):
@@ -151,23 +152,28 @@ def take_levels(words, level_step, rows):
 
 
 @helper
-def take_level_planes(words, levels, first, y, n_channel, level_step, rows):
-    """Intensities from integer planes; a sample that shows nothing, or an exact record, takes any."""
-    for channel in range(np.uint64(n_channel)):
-        column = np.uint64(PLANE) + np.uint64(3) * channel
-        row = DIFFUSE_SUM + channel * NEXT_CHANNEL
-        for k in range(np.uint64(len(words))):
-            record = np.uint64(words[k] & RECORD_MASK)
-            anchor = levels[record, np.uint64(ANCHOR)]
-            x = np.int32(np.int32(first) + np.int32(k) - np.int32(anchor & 0xFFFF))
-            dy = np.int32(np.int32(y) - np.int32(anchor >> ANCHOR_SHIFT))
-            # Modulo 2^32 on the way, see records.write_planes.
-            level = np.int32(
-                np.int32(levels[record, column])
-                + np.int32(x * levels[record, column + np.uint64(1)])
-                + np.int32(dy * levels[record, column + np.uint64(2)])
-            )
-            rows[row + k] = rows.dtype.type(level) * level_step
+def take_level_planes(words, records, first, y, level_step, rows):
+    """Three channels from integer planes; a sample that shows nothing, or an exact record, takes any."""
+    levels, shift = records.levels, np.uint64(records.plane_shift)
+    for k in range(np.uint64(len(words))):
+        record = np.uint64(words[k] & RECORD_MASK) << shift
+        x, dy = from_anchor(levels[record], first, k, y)
+        red, green, blue = record + np.uint64(PLANE), record + np.uint64(PLANE + 3), record + np.uint64(PLANE + 6)
+        rows[DIFFUSE_SUM + k] = rows.dtype.type(level_at(levels, red, x, dy)) * level_step
+        rows[DIFFUSE_SUM + NEXT_CHANNEL + k] = rows.dtype.type(level_at(levels, green, x, dy)) * level_step
+        rows[DIFFUSE_SUM + NEXT_CHANNEL + NEXT_CHANNEL + k] = rows.dtype.type(level_at(levels, blue, x, dy)) * level_step
+
+
+@helper
+def level_at(levels, column, x, dy):
+    """Value of an integer plane; modulo 2^32 on the way, see records.write_planes."""
+    return np.int32(levels[column] + x * levels[column + np.uint64(1)] + dy * levels[column + np.uint64(2)])
+
+
+@helper
+def from_anchor(anchor, first, k, y):
+    """Samples from a record's anchor to sample k of a chunk, across and down, int32."""
+    return np.int32(first + np.int64(k) - (anchor & 0xFFFF)), np.int32(y - (anchor >> ANCHOR_SHIFT))
 
 
 @helper
@@ -207,14 +213,14 @@ def shade_lit(canvas, records, kind, y_start, n_row, screen, lighting, face_mate
     """
     words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
     radiance, face_material = borrow(out_radiance), borrow(face_material)
-    records = Records(borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes))
+    records = borrow_records(records)
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
         y, first = y_start + j, left[group]
         while first < right[group]:
             start = np.uint64(j * canvas.pitch + first)
             chunk = words[start : start + np.uint64(min(right[group] - first, CHUNK))]
-            n, material = run_of_material(chunk, records.integers, face_material)
+            n, material = run_of_material(chunk, records, face_material)
             chunk = chunk[: np.uint64(n)]
             if kind == NORMAL_PLANES:
                 take_normal_planes(chunk, records, first, y, lighting.has_albedo, lighting.needs_position, rows)
@@ -231,15 +237,14 @@ def shade_lit(canvas, records, kind, y_start, n_row, screen, lighting, face_mate
 
 
 @helper
-def run_of_material(words, integers, face_material):
+def run_of_material(words, records, face_material):
     """Length of the run of samples that show one material, and the material; samples that show nothing belong to any run."""
     material = np.int64(-1)
     if len(face_material) == 0:
         return len(words), np.int64(0)
     for k in range(np.uint64(len(words))):
         if words[k] & IS_ID:
-            face = np.uint64(integers[np.uint64(words[k] & RECORD_MASK), np.uint64(FACE)])
-            here = np.int64(face_material[face])
+            here = np.int64(face_material[face_of(words[k], records)])
             if material >= 0 and here != material:
                 return np.int64(k), material
             material = here
@@ -247,34 +252,52 @@ def run_of_material(words, integers, face_material):
 
 
 @helper
-def take_normal_planes(words, records, first, y, has_albedo, needs_distance, rows):
-    """Normals (and albedo, and the distance w, into POSITION_Z) from float planes; other samples take any."""
-    take_plane(words, records, PLANE, first, y, NORMAL_X, rows)
-    take_plane(words, records, PLANE + 3, first, y, NORMAL_Y, rows)
-    take_plane(words, records, PLANE + 6, first, y, NORMAL_Z, rows)
-    column = PLANE + 9
-    if has_albedo:
-        for channel in range(np.uint64(3)):
-            take_plane(words, records, column, first, y, ALBEDO + channel * NEXT_CHANNEL, rows)
-            column += 3
-    if needs_distance:
-        take_plane(words, records, column, first, y, POSITION_Z, rows)
-        one = rows.dtype.type(1)
-        for k in range(np.uint64(len(words))):
-            rows[POSITION_Z + k] = one / rows[POSITION_Z + k]
+def face_of(word, records):
+    """The triangle that a word's record belongs to."""
+    record = np.uint64(word & RECORD_MASK)
+    if is_exact(word):
+        return np.uint64(records.integers[record, np.uint64(FACE)])
+    return np.uint64(records.levels[(record << np.uint64(records.plane_shift)) + np.uint64(PLANE_FACE)])
 
 
 @helper
-def take_plane(words, records, column, first, y, row, rows):
-    """One attribute of a chunk of samples from its planes."""
-    levels, planes, column = records.levels, records.planes, np.uint64(column)
+def take_normal_planes(words, records, first, y, has_albedo, needs_distance, rows):
+    """Normals (and albedo, and the distance w, into POSITION_Z) from float planes; other samples take any."""
+    take_three_planes(words, records, PLANE, first, y, NORMAL_X, rows)
+    if has_albedo:
+        take_three_planes(words, records, PLANE + 9, first, y, ALBEDO, rows)
+    if needs_distance:
+        take_distances(words, records, PLANE + (18 if has_albedo else 9), first, y, rows)
+
+
+@helper
+def take_three_planes(words, records, column, first, y, row, rows):
+    """Three attributes of a chunk of samples from their planes, into three rows."""
+    levels, planes, shift = records.levels, records.planes, np.uint64(records.plane_shift)
+    column = np.uint64(column)
     for k in range(np.uint64(len(words))):
-        record = np.uint64(words[k] & RECORD_MASK)
-        anchor = levels[record, np.uint64(ANCHOR)]
-        x = np.float32(np.int32(np.int32(first) + np.int32(k) - np.int32(anchor & 0xFFFF)))
-        dy = np.float32(np.int32(np.int32(y) - np.int32(anchor >> ANCHOR_SHIFT)))
-        rows[row + k] = (
-            planes[record, column] + x * planes[record, column + np.uint64(1)] + dy * planes[record, column + np.uint64(2)]
+        record = np.uint64(words[k] & RECORD_MASK) << shift
+        across, down = from_anchor(levels[record], first, k, y)
+        x, dy = np.float32(across), np.float32(down)
+        c = record + column
+        rows[row + k] = planes[c] + x * planes[c + np.uint64(1)] + dy * planes[c + np.uint64(2)]
+        rows[row + NEXT_CHANNEL + k] = planes[c + np.uint64(3)] + x * planes[c + np.uint64(4)] + dy * planes[c + np.uint64(5)]
+        rows[row + NEXT_CHANNEL + NEXT_CHANNEL + k] = (
+            planes[c + np.uint64(6)] + x * planes[c + np.uint64(7)] + dy * planes[c + np.uint64(8)]
+        )
+
+
+@helper
+def take_distances(words, records, column, first, y, rows):
+    """Distances w of a chunk of samples from the planes of 1/w, into POSITION_Z."""
+    levels, planes, shift = records.levels, records.planes, np.uint64(records.plane_shift)
+    one = rows.dtype.type(1)
+    for k in range(np.uint64(len(words))):
+        record = np.uint64(words[k] & RECORD_MASK) << shift
+        across, down = from_anchor(levels[record], first, k, y)
+        c = record + np.uint64(column)
+        rows[POSITION_Z + k] = one / (
+            planes[c] + np.float32(across) * planes[c + np.uint64(1)] + np.float32(down) * planes[c + np.uint64(2)]
         )
 
 
