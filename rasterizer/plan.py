@@ -32,6 +32,7 @@ class Plan(NamedTuple):
     level_scale: float  # levels a unit of intensity
     normal_limit: float  # largest rise of a normal over a triangle's box for which float32 planes are good enough
     bound: float  # the largest intensity that any point can have
+    rounding: float  # what float32 may add to it
     error_bound: float  # linear intensity
     is_lit_per_sample: bool
     ambient: np.ndarray  # (3,) float64, the sum of the ambient lights
@@ -76,6 +77,7 @@ def make_plan(scene, options: Options, albedo) -> Plan:
         level_scale=int(LEVEL_MASK) / bound if 0.0 < bound < np.inf else 1.0,
         normal_limit=normal_limit,
         bound=bound,
+        rounding=rounding,
         error_bound=options.tolerance if is_single else min(1e-6, max(options.tolerance, ULP**2 * (bound + shine))),
         is_lit_per_sample=is_lit_per_sample,
         ambient=ambient,
@@ -198,7 +200,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
     return Coding(
         kind=plan.coding,
         level_scale=plan.level_scale,
-        level_tolerance=tolerance * plan.level_scale * (0.5 if plan.coding != EXACT else 0.0),
+        level_tolerance=max(0.0, tolerance - plan.rounding) * plan.level_scale,
         normal_limit=plan.normal_limit,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
         needs_distance=plan.coding == NORMAL_PLANES and any(LIGHTS[_kind(light)].needs_position for light in plan.lights),

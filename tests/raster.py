@@ -24,7 +24,6 @@ def draw_faces(points, size, depth=None, **options):
     Orthographic, one unit a pixel: coordinates are multiples of 1/256, so that float64 places them without rounding. A face
     outside the picture goes along, because a mesh in which nothing has area is refused.
     """
-    width, height = size
     points = np.asarray(points, np.int64).reshape(-1, 3, 2)
     points = np.concatenate([points, [[(-900, -900), (-600, -900), (-900, -600)]]])
     depth = 0.5 if depth is None else np.append(np.reshape(depth, -1), [0.5] * 3)
@@ -55,7 +54,7 @@ def sheet(size, points, depth, faces, lights=GREY, is_perspective=False, near=No
 def assert_runs(program: str) -> None:
     """Run a program in a process of its own, because a fault in compiled code would end the tests."""
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT / "tests", env=_environment(), capture_output=True, text=True
+        [sys.executable, "-c", program], cwd=ROOT / "tests", env=_environment(), capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, f"ended with {done.returncode}: {(done.stderr or done.stdout)[-1500:]}"
 

@@ -212,14 +212,14 @@ def test_of_equal_triangles_the_first_is_shown(shading, is_perspective):
         order = list(order)
         colors = np.array([(0.5, 0.5, 0.5), (0.9, 0.1, 0.1)])
         for face_colors in (None, colors) if order[0] == 0 else (None,):
-            both, first = (
-                rz.render(
-                    sheet(size, points, depth, faces, is_perspective=is_perspective, normals=n,
-                          face_colors=None if face_colors is None else face_colors[: len(faces)]),
-                    size, shading=shading, outputs=outputs, tolerance=tolerance,
-                )  # fmt: skip
-                for faces, n in (([[0, 1, 2], order], np.stack([normals, normals[order]])), ([[0, 1, 2]], normals[None]))
-            )
+            drawn = []
+            for faces, n in (([[0, 1, 2], order], np.stack([normals, normals[order]])), ([[0, 1, 2]], normals[None])):
+                given = None if face_colors is None else face_colors[: len(faces)]
+                scene = sheet(
+                    size, points, depth, faces, is_perspective=is_perspective, normals=n, face_colors=given
+                )
+                drawn.append(rz.render(scene, size, shading=shading, outputs=outputs, tolerance=tolerance))
+            both, first = drawn
             for name in outputs:
                 assert getattr(both, name).tobytes() == getattr(first, name).tobytes(), f"{order} {name}"
 

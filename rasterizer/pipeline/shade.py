@@ -155,13 +155,33 @@ def take_levels(words, level_step, rows):
 def take_level_planes(words, records, first, y, level_step, rows):
     """Three channels from integer planes; a sample that shows nothing, or an exact record, takes any."""
     levels, shift = records.levels, np.uint64(records.plane_shift)
-    for k in range(np.uint64(len(words))):
+    n = np.uint64(len(words)) if not is_uniform(words) else np.uint64(0)
+    for k in range(n):
         record = np.uint64(words[k] & RECORD_MASK) << shift
         x, dy = from_anchor(levels[record], first, k, y)
         red, green, blue = record + np.uint64(PLANE), record + np.uint64(PLANE + 3), record + np.uint64(PLANE + 6)
         rows[DIFFUSE_SUM + k] = rows.dtype.type(level_at(levels, red, x, dy)) * level_step
         rows[DIFFUSE_SUM + NEXT_CHANNEL + k] = rows.dtype.type(level_at(levels, green, x, dy)) * level_step
         rows[DIFFUSE_SUM + NEXT_CHANNEL + NEXT_CHANNEL + k] = rows.dtype.type(level_at(levels, blue, x, dy)) * level_step
+    if n == np.uint64(0):
+        # One triangle covers the whole chunk: fetch its planes once, and the loops become vector instructions.
+        record = np.uint64(words[0] & RECORD_MASK) << shift
+        x, dy = from_anchor(levels[record], first, 0, y)
+        for channel in range(np.uint64(3)):
+            column = record + np.uint64(PLANE) + np.uint64(3) * channel
+            level, step = level_at(levels, column, x, dy), levels[column + np.uint64(1)]
+            for k in range(np.uint64(len(words))):
+                rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k] = rows.dtype.type(level) * level_step
+                level = np.int32(level + step)
+
+
+@helper
+def is_uniform(words):
+    """Tell whether all samples show the same record."""
+    difference = np.int64(0)
+    for k in range(np.uint64(len(words))):
+        difference |= words[k] ^ words[0]
+    return difference & LEVEL_MASK == 0
 
 
 @helper
@@ -275,7 +295,8 @@ def take_three_planes(words, records, column, first, y, row, rows):
     """Three attributes of a chunk of samples from their planes, into three rows."""
     levels, planes, shift = records.levels, records.planes, np.uint64(records.plane_shift)
     column = np.uint64(column)
-    for k in range(np.uint64(len(words))):
+    n = np.uint64(len(words)) if not is_uniform(words) else np.uint64(0)
+    for k in range(n):
         record = np.uint64(words[k] & RECORD_MASK) << shift
         across, down = from_anchor(levels[record], first, k, y)
         x, dy = np.float32(across), np.float32(down)
@@ -285,6 +306,15 @@ def take_three_planes(words, records, column, first, y, row, rows):
         rows[row + NEXT_CHANNEL + NEXT_CHANNEL + k] = (
             planes[c + np.uint64(6)] + x * planes[c + np.uint64(7)] + dy * planes[c + np.uint64(8)]
         )
+    if n == np.uint64(0):
+        # One triangle covers the whole chunk: fetch its planes once. The same operations in the same order give the same bits.
+        record = np.uint64(words[0] & RECORD_MASK) << shift
+        across, down = from_anchor(levels[record], first, 0, y)
+        for plane in range(np.uint64(3)):
+            c = record + column + np.uint64(3) * plane
+            value, step, below = planes[c], planes[c + np.uint64(1)], np.float32(down) * planes[c + np.uint64(2)]
+            for k in range(np.uint64(len(words))):
+                rows[row + plane * NEXT_CHANNEL + k] = value + np.float32(np.int32(across + np.int32(k))) * step + below
 
 
 @helper
