@@ -8,9 +8,12 @@ The cache folder therefore carries a hash of all the sources that kernels are ma
 in every process: slower, never broken.
 """
 
+import functools
 import hashlib
 import os
+import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import numba
@@ -44,7 +47,20 @@ def _find_cache_folder() -> Path | None:
     asked = os.environ.get("NUMBA_CACHE_DIR")
     user_cache = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "rasterizer"
     candidates = [Path(asked)] if asked else [_PACKAGE / "__pycache__", user_cache]
-    return next((base / name for base in candidates if _is_writable(base / name)), None)
+    folder = next((base / name for base in candidates if _is_writable(base / name)), None)
+    if folder is not None:
+        _remove_old(folder)
+    return folder
+
+
+def _remove_old(folder: Path) -> None:
+    """Remove the kernels of other versions that nobody has touched for a month."""
+    for other in folder.parent.glob("kernels-*"):
+        try:
+            if other != folder and time.time() - other.stat().st_mtime > 30 * 24 * 3600:
+                shutil.rmtree(other)
+        except OSError:
+            continue  # somebody else's, or just removed by another process
 
 
 CACHE_FOLDER = _find_cache_folder()
@@ -77,6 +93,7 @@ def helper(function):
     return numba.njit(**_OPTIONS)(function)
 
 
+@functools.cache
 def row_function(function, dtype):
     """Compile `function(rows, n, params)`, where rows and params point to `dtype`; return a numba CFunc.
 

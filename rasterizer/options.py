@@ -1,5 +1,6 @@
 """What a caller may choose about a picture; every default stands here, once."""
 
+import operator
 import os
 from dataclasses import dataclass
 
@@ -104,7 +105,11 @@ class Options:
 
 def _is_int(value) -> bool:
     """Tell whether a value is an integer, numpy's included, and no bool."""
-    return hasattr(value, "__index__") and not isinstance(value, bool)
+    try:
+        operator.index(value)
+    except TypeError:
+        return False
+    return not isinstance(value, bool)
 
 
 def _choose(name, value, legal) -> None:

@@ -32,22 +32,23 @@ class Plan(NamedTuple):
     level_scale: float  # levels a unit of intensity
     normal_limit: float  # largest rise of a normal over a triangle's box for which float32 planes are good enough
     bound: float  # the largest intensity that any point can have
-    rounding: float  # what float32 may add to it
+    magnified: float  # the largest sum of highlights, each times its exponent
+    rounding: float  # what float32 may add to an intensity
     error_bound: float  # linear intensity
     is_lit_per_sample: bool
     ambient: np.ndarray  # (3,) float64, the sum of the ambient lights
     lights: tuple  # the others
     materials: tuple  # one a mesh
     has_albedo: bool
-    row_functions: tuple  # numba CFuncs: the lights', then the materials'; kept alive with the plan
 
 
-def make_plan(scene, options: Options, albedo) -> Plan:
+def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     """Find out what a scene needs.
 
     Parameters
     ----------
     albedo : (n_point, 3) float64, linear colours given with the model, or no rows
+    is_precise : use float64 even where the scene alone does not ask for it; see `is_too_close`
     """
     ambient = sum((np.array(light.color) for light in scene.lights if isinstance(light, AmbientLight)), np.zeros(3))
     lights = tuple(light for light in scene.lights if not isinstance(light, AmbientLight))
@@ -57,7 +58,7 @@ def make_plan(scene, options: Options, albedo) -> Plan:
     bound, shine = intensity_bounds(materials, lights, ambient, albedo.max(initial=1.0))
     # Float32 may spend half of the tolerance on the lighting, a quarter on normals; affine interpolation the rest.
     rounding = ULP * (16.0 * bound + 8.0 * shine)
-    is_single = options.tolerance > 0 and rounding <= options.tolerance / 2
+    is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and not is_precise
     dtype = np.dtype(np.float32 if is_single else np.float64)
     is_lit_per_sample = options.shading == "phong"
     coding, normal_limit = EXACT, 0.0
@@ -66,17 +67,15 @@ def make_plan(scene, options: Options, albedo) -> Plan:
         coding = NORMAL_PLANES if normal_limit > 0.0 else EXACT
     elif is_single and np.isfinite(bound):
         coding = IN_WORDS if tint is not None else IN_PLANES
-    kinds = [LIGHTS[_kind(light)].row_function for light in lights]
-    models = [REFLECTIONS[_model(material)] for material in materials]
-    compiled = {function: row_function(function, dtype) for function in dict.fromkeys(kinds + models)}
     return Plan(
         n_channel=3 if tint is None else 1,
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
         dtype=dtype,
         coding=coding,
-        level_scale=int(LEVEL_MASK) / bound if 0.0 < bound < np.inf else 1.0,
+        level_scale=(int(LEVEL_MASK) - 1) / (bound + rounding) if 0.0 < bound < np.inf else 1.0,
         normal_limit=normal_limit,
         bound=bound,
+        magnified=shine,
         rounding=rounding,
         error_bound=options.tolerance if is_single else min(1e-6, max(options.tolerance, ULP**2 * (bound + shine))),
         is_lit_per_sample=is_lit_per_sample,
@@ -84,7 +83,6 @@ def make_plan(scene, options: Options, albedo) -> Plan:
         lights=lights,
         materials=materials,
         has_albedo=has_albedo,
-        row_functions=tuple(compiled[function] for function in kinds + models),
     )
 
 
@@ -144,6 +142,21 @@ def intensity_bounds(materials, lights, ambient, most_albedo) -> tuple[float, fl
     return bound, magnified
 
 
+def is_too_close(plan: Plan, tolerance, furthest, clearance) -> bool:
+    """Tell whether a point light is so close to a surface that float32 positions would be visible.
+
+    Positions are relative to the eye: at the furthest depth they err by about 2^-22 of it. With d the light's clearance, that
+    turns its direction by error/d and changes its attenuation by at most twice that share.
+
+    Parameters
+    ----------
+    furthest : depth of the furthest vertex, scene units
+    clearance : distance that no surface comes nearer to any point light than, scene units
+    """
+    magnification = 3.0 * plan.bound + 2.0 * plan.magnified
+    return 2.0**-22 * furthest * magnification > tolerance / 4 * clearance
+
+
 def make_lighting(plan: Plan, view) -> Lighting:
     """Write lights and materials as arrays, for one view: lights that move with the camera, and positions relative to the eye."""
     n_light, channels = len(plan.lights), range(plan.n_channel)
@@ -174,7 +187,9 @@ def make_lighting(plan: Plan, view) -> Lighting:
     if plan.n_channel == 1:
         _reduce_to_one_channel(light, material, is_grey)
     is_shiny = material[:, SPECULAR_COLOR : SPECULAR_COLOR + 3].max(axis=1) > 0
-    addresses = np.array([function.address for function in plan.row_functions], np.int64)
+    functions = [LIGHTS[_kind(source)].row_function for source in plan.lights]
+    functions += [REFLECTIONS[_model(source)] for source in plan.materials]
+    addresses = np.array([row_function(function, plan.dtype).address for function in functions], np.int64)
     return Lighting(
         addresses[:n_light], light.astype(plan.dtype), addresses[n_light:], material.astype(plan.dtype), is_shiny,
         len(channels), 1 if is_grey or plan.n_channel == 1 else 3, bool(is_shiny.any()),
@@ -191,6 +206,10 @@ def _reduce_to_one_channel(light, material, is_grey) -> None:
 
 def make_coding(plan: Plan, screen, tolerance) -> Coding:
     """Say what words and records hold, for one view."""
+    depth_scale = depth_offset = 0.0
+    if not screen.is_perspective:
+        depth_scale = 1.0 / screen.z_scale if screen.z_scale != 0 else 0.0
+        depth_offset = -screen.z_offset * depth_scale if screen.z_scale != 0 else screen.near
     if screen.is_perspective and screen.z_scale != 0:
         inv_w_scale, inv_w_offset = 1.0 / screen.z_scale, -screen.z_offset / screen.z_scale
     elif screen.is_perspective:
@@ -206,6 +225,8 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         needs_distance=plan.coding == NORMAL_PLANES and any(LIGHTS[_kind(light)].needs_position for light in plan.lights),
         inv_w_offset=inv_w_offset,
         inv_w_scale=inv_w_scale,
+        depth_offset=depth_offset,
+        depth_scale=depth_scale,
     )
 
 

@@ -11,10 +11,11 @@ from .pipeline.resolve import encode_picture
 from .pipeline.scratch import Scratch, empty_buffers, empty_picture
 from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
-from .plan import fit_depth_range, make_coding, make_encoding, make_lighting, make_plan
+from .plan import fit_depth_range, is_too_close, make_coding, make_encoding, make_lighting, make_plan
 from .draw import buffers_job, draw, interpolated_job, light, lit_job
 from .scene.camera import Camera
-from .scene.geometry import gather_geometry
+from .scene.geometry import find_clearance, gather_geometry
+from .scene.lights import PointLight
 from .scene.scene import Scene
 
 
@@ -45,6 +46,8 @@ class Renderer:
         self.options = Options(size=size, **options)
         self._geometry = gather_geometry(self.scene, self.options.is_flat)
         self._plan = make_plan(self.scene, self.options, self._geometry.albedo)
+        self._precise_plan = None
+        self._clearances = {}
         self._encoding = make_encoding(self._plan, self.scene.background, self.options.color_range)
         self._bounds = np.stack([mesh.bounds for mesh in self.scene.meshes])
         self._workers = Workers(self.options.n_thread)
@@ -89,8 +92,9 @@ class Renderer:
 
     def _draw_picture(self, camera, picture, clock):
         """Draw the picture: the colour of every pixel."""
-        options, plan, geometry = self.options, self._plan, self._geometry
+        options, geometry = self.options, self._geometry
         view, screen = self._screen(camera, options.factor)
+        plan = self._plan_for(view)
         lighting = make_lighting(plan, view)
         coding = make_coding(plan, screen, options.tolerance)
         encoding = self._encoding
@@ -110,12 +114,34 @@ class Renderer:
             clock.lap("encode")
         return counts
 
+    def _plan_for(self, view):
+        """The plan, or one with float64 where a point light is very close to a surface that is seen from afar."""
+        points = [light for light in self._plan.lights if isinstance(light, PointLight)]
+        if not points or self._plan.dtype == np.float64:
+            return self._plan
+        axes = np.stack([view.right, view.up, -view.forward])
+        places = [
+            tuple(view.eye + np.array(light.position) @ axes) if light.attached == "camera" else light.position for light in points
+        ]
+        for place in places:
+            if place not in self._clearances:
+                self._clearances = {kept: self._clearances[kept] for kept in places if kept in self._clearances}
+                self._clearances[place] = find_clearance(self._geometry.positions, self._geometry.vertex, *map(float, place))
+        furthest = np.linalg.norm(np.abs(self._bounds - view.eye).max(axis=(0, 1)))
+        if not is_too_close(self._plan, self.options.tolerance, furthest, min(self._clearances[place] for place in places)):
+            return self._plan
+        if self._precise_plan is None:
+            self._precise_plan = make_plan(self.scene, self.options, self._geometry.albedo, is_precise=True)
+        return self._precise_plan
+
     def _draw_buffers(self, camera, buffers, clock):
         """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes them."""
-        _, screen = self._screen(camera, 1)
+        view, screen = self._screen(camera, 1)
         coding = make_coding(self._plan._replace(coding=EXACT), screen, 0.0)
         n_point = self._geometry.points.shape[1]
         normals = self._normal_attributes(np.float64, False) if len(buffers.normal) else np.empty((1, n_point, 0))
+        if self.options.is_flat and len(buffers.normal):
+            normals = self._flat_normals(view, screen)
         job = buffers_job(normals, coding, self.options, screen, buffers)
         return draw(self._geometry, job, screen, self._scratch, self._workers, clock)
 
@@ -126,6 +152,13 @@ class Renderer:
             columns = [self._geometry.normals.T] + ([self._geometry.albedo] if has_albedo else [])
             self._normals[key] = np.ascontiguousarray(np.concatenate(columns, axis=1)[None], dtype)
         return self._normals[key]
+
+    def _flat_normals(self, view, screen) -> np.ndarray:
+        """Polygon normals towards the viewer, (2, n_point, 3): side 1 is reversed, because write_buffers turns it round."""
+        normals = self._geometry.normals.T
+        away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
+        toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
+        return np.stack([toward, -toward])
 
     def _face_material(self) -> np.ndarray:
         """Material of every face, (n_face,) uint32; empty where the scene has one mesh."""

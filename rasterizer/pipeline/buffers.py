@@ -10,7 +10,7 @@ import numpy as np
 
 from .._kernel import borrow, kernel
 from .resolve import clean
-from .records import ATTRIBUTE, FACE, INV_W, PAYLOAD_BITS, RECORD_MASK, SIDE
+from .records import ATTRIBUTE, DEPTH, FACE, INV_W, RECORD_MASK, SIDE
 from .scan import CLEAR, GROUP_SHIFT
 from .shade import corner_weights, corners_of, mean, place_of
 from .transform import HALF, SUBPIXEL
@@ -35,7 +35,7 @@ def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
     n_covered = 0
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        y, sy = np.uint64(y_start + j), float((y_start + j) * SUBPIXEL + HALF)
+        y, sy = np.uint64(y_start + j), (y_start + j) * SUBPIXEL + HALF
         for i in range(canvas.left[group], canvas.right[group]):
             word = words[np.uint64(j * canvas.pitch + i)]
             if word >= CLEAR:
@@ -46,15 +46,14 @@ def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
                 face = integers[record, np.uint64(FACE)]
                 out_face[y, x] = loaded_face[np.uint64(face)] if len(loaded_face) > 0 else face
             place, inv_w = place_of(integers, record), corners_of(numbers, record, INV_W)
-            q0, q1, q2 = corner_weights(place, inv_w, float(i * SUBPIXEL + HALF), sy)
+            q0, q1, q2 = corner_weights(place, inv_w, i * SUBPIXEL + HALF, sy)
             total = q0 + q1 + q2
             if out_depth.shape[0] > 0 and screen.is_perspective:
-                area = place[2] * place[5] - place[4] * place[3]
+                area = float(place[2] * place[5] - place[4] * place[3])
                 # A mean of 1/w may not leave its range by a rounding error.
                 out_depth[y, x] = 1.0 / min(max(total / area, min(inv_w)), max(inv_w))
             elif out_depth.shape[0] > 0:
-                z = float(word >> PAYLOAD_BITS)
-                out_depth[y, x] = (z - screen.z_offset) / screen.z_scale if screen.z_scale > 0 else screen.near
+                out_depth[y, x] = mean(corners_of(numbers, record, DEPTH), q0 / total, q1 / total, q2 / total)
             if out_normal.shape[0] > 0:
                 p0, p1, p2 = q0 / total, q1 / total, q2 / total
                 nx = mean(corners_of(numbers, record, ATTRIBUTE), p0, p1, p2)

@@ -31,8 +31,8 @@ EXACT, IN_WORDS, IN_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # kinds of coding; IN_PL
 
 # Columns of a record's integers: the anchor vertex, the two edges that leave it (1/256 px), the triangle, and the side that is seen.
 X0, Y0, DX1, DY1, DX2, DY2, FACE, SIDE = range(8)
-# Columns of an exact record's numbers: 1/w at the three vertices, then each attribute at the three vertices.
-INV_W, ATTRIBUTE = 0, 3
+# Columns of an exact record's numbers: 1/w, depth (orthographic) and each attribute, each at the three vertices.
+INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
 # Columns of a record's planes: the anchor sample (x + 65536·y), the triangle, then value, d/dx, d/dy of each attribute.
 # Records of planes stand one behind the other in a flat array, 2^plane_shift numbers each, so that a place is found by a shift.
 ANCHOR, PLANE_FACE, PLANE = 0, 1, 2
@@ -55,16 +55,18 @@ class Coding(NamedTuple):
     level_tolerance: float  # error that is accepted, in levels
     normal_limit: float  # NORMAL_PLANES: the largest rise of a normal's component over a triangle's box; see plan.py
     albedo_tolerance: float  # NORMAL_PLANES: error that is accepted in an attribute behind the normals
-    needs_distance: bool  # NORMAL_PLANES: a plane of 1/w stands behind those of the attributes
+    needs_distance: bool  # NORMAL_PLANES: a plane of 1/w (orthographic: of depth) stands behind those of the attributes
     inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z
     inv_w_scale: float
+    depth_offset: float  # orthographic depth = depth_offset + depth_scale · z, scene units; 0 + 0 z in perspective
+    depth_scale: float
 
 
 class Records(NamedTuple):
     """What shade.py interpolates: a row for each triangle of the band whose words hold a record number."""
 
     integers: np.ndarray  # (n, 8) int32
-    numbers: np.ndarray  # (n, 3 + 3 * n_attribute) float32 or float64
+    numbers: np.ndarray  # (n, 6 + 3 * n_attribute) float32 or float64
     levels: np.ndarray  # (n << plane_shift,) int32: the planes
     planes: np.ndarray  # the same memory as float32
     plane_shift: int
@@ -109,8 +111,10 @@ def level_plane(attributes, channel, corners, edges, offset, steps, depths, codi
     """
     side, c0, c1, c2 = corners
     dx1, dy1, dx2, dy2, inv_area = edges
-    scale = coding.level_scale
-    l0, l1, l2 = attributes[side, c0, channel] * scale, attributes[side, c1, channel] * scale, attributes[side, c2, channel] * scale
+    scale, most = coding.level_scale, float(LEVEL_MASK)  # no rounding can carry into the bits above
+    l0 = min(attributes[side, c0, channel] * scale, most)
+    l1 = min(attributes[side, c1, channel] * scale, most)
+    l2 = min(attributes[side, c2, channel] * scale, most)
     low, high = min(l0, l1, l2), max(l0, l1, l2)
     spread, middle = high - low, 0.5 * (low + high)
     reach = float(steps[0] + steps[1]) + 1.0  # 2e
@@ -158,7 +162,7 @@ def write_planes(records, n_record, attributes, corners, edges, anchor, offset, 
 
 @helper
 def write_normal_planes(planes, row, attributes, corners, edges, offset, steps, depths, coding, is_flipped):
-    """Write planes of n/w (three), of the albedo (where there is one) and of 1/w (where it is needed).
+    """Write planes of n/w (three), of the albedo (where there is one), and of 1/w or depth (where it is needed).
 
     The normals' plane gives their direction only, so 1/w is scaled to at most 1. A float32 plane that rises by s over the box
     of its triangle errs by at most 2^-24·(3 + 4 s) there: the roundings of value, slopes, products and sums.
@@ -189,7 +193,12 @@ def write_normal_planes(planes, row, attributes, corners, edges, offset, steps, 
             is_good &= rise(planes, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit
         column += np.uint64(3)
     if coding.needs_distance:
-        is_good &= rise(planes, column, w0 / scale, w1 / scale, w2 / scale, edges, offset, steps) * scale <= coding.normal_limit
+        a0, a1, a2 = w0 / scale, w1 / scale, w2 / scale
+        if coding.depth_scale != 0.0:
+            a0 = coding.depth_offset + coding.depth_scale * z0
+            a1 = coding.depth_offset + coding.depth_scale * z1
+            a2 = coding.depth_offset + coding.depth_scale * z2
+        is_good &= rise(planes, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit * max(a0, a1, a2)
     return is_good
 
 
@@ -215,6 +224,7 @@ def write_exact(records, n_record, attributes, corners, triangle, depths, coding
     records.integers[row, np.uint64(SIDE)] = -1 if is_flipped else 1
     for k in range(3):
         records.numbers[row, np.uint64(INV_W + k)] = coding.inv_w_offset + coding.inv_w_scale * depths[k]
+        records.numbers[row, np.uint64(DEPTH + k)] = coding.depth_offset + coding.depth_scale * depths[k]
     column = np.uint64(ATTRIBUTE)
     for k in range(np.uint64(attributes.shape[2])):
         records.numbers[row, column] = attributes[side, c0, k]

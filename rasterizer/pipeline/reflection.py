@@ -23,7 +23,9 @@ def lambert(rows, n, numbers):
     row = carray(rows, (N_ROW * CHUNK,))
     zero = row.dtype.type(0)  # of the rows' own type: an int would widen float32 to float64
     for k in range(np.uint64(n)):
-        row[DIFFUSE + k] = row[STRENGTH + k] * max(row[N_DOT_L + k], zero)
+        n_dot_l = row[N_DOT_L + k]
+        # No product where nothing is lit: the strength may be infinite in the light itself.
+        row[DIFFUSE + k] = row[STRENGTH + k] * n_dot_l if n_dot_l > zero else zero
 
 
 def phong(rows, n, numbers):
@@ -60,7 +62,7 @@ def finish_highlights(row, n, shininess):
             row[SPECULAR + k] = power(row[SPECULAR + k], shininess)
     for k in range(np.uint64(n)):
         n_dot_l, strength = row[N_DOT_L + k], row[STRENGTH + k]
-        row[DIFFUSE + k] = strength * max(n_dot_l, zero)
+        row[DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
         row[SPECULAR + k] = strength * row[SPECULAR + k] if n_dot_l > zero else zero
 
 
@@ -103,7 +105,7 @@ def power_single(base, exponent):
 
     log2 m = 2/ln 2 · artanh t, t = (m-1)/(m+1), for a mantissa m in [√½, √2]: |t| < 0.1716, the series to t^9 leaves
     2/ln 2 · t^11/11 < 1.1e-9. 2^f for |f| <= ½: the series to f^7 leaves (f·ln 2)^8/8! < 5.2e-9. Above that comes the rounding of
-    float32: 2^-24 · (4 + exponent·|log2 base|) of the result. Results below 2^-126 are 0: denormals would slow the row down.
+    float32: 2^-24 · (4 + 3·exponent·|log2 base|) of the result. Results below 2^-126 are 0: denormals would slow the row down.
     """
     one = np.float32(1)
     safe = max(base, np.float32(1e-30))

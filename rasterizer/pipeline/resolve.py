@@ -233,7 +233,7 @@ def encode_pixel(red, green, blue, alpha, encoding):
 @helper
 def encode_channel(value, encoding):
     """The nearest of 256 levels of the sRGB curve; exact, because no bucket holds two thresholds."""
-    value = min(max(value, np.float32(0)), np.float32(1))
+    value = min(value, np.float32(1)) if value > np.float32(0) else np.float32(0)  # 0 where it isn't a number, too
     level = encoding.bucket_level[np.uint32(value * np.float32(N_BUCKET))]
     return np.int32(level + np.int32(value >= encoding.threshold[np.uint32(level) + np.uint32(1)]))
 

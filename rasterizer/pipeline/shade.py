@@ -9,8 +9,8 @@ chunk of a row at a time. Samples of words and planes are taken in one loop with
 records are then put in run by run.
 
 Exact interpolation is perspective-correct: with the edge functions e_i of a sample, q_i = e_i / w_i, an attribute is
-Σ q_i·a_i / Σ q_i (Blinn 1992, "Hyperbolic interpolation"). Nothing is extrapolated, and the e_i are integers, exact in float64 for
-triangles up to 2^18 px, so slivers are as good as any.
+Σ q_i·a_i / Σ q_i (Blinn 1992, "Hyperbolic interpolation"). Nothing is extrapolated, and the e_i are exact integers, so slivers are
+as good as any.
 """
 
 import numpy as np
@@ -21,6 +21,7 @@ from .records import (
     ANCHOR,
     ANCHOR_SHIFT,
     ATTRIBUTE,
+    DEPTH,
     DX1,
     DX2,
     DY1,
@@ -33,7 +34,6 @@ from .records import (
     IS_ID,
     LEVEL_MASK,
     NORMAL_PLANES,
-    PAYLOAD_BITS,
     PLANE,
     PLANE_FACE,
     RECORD_MASK,
@@ -84,11 +84,11 @@ def is_exact(word):
 
 @helper
 def place_of(integers, record):
-    """The anchor vertex and the two edges of an exact record, as float64."""
+    """The anchor vertex and the two edges of an exact record, 1/256 px."""
     return (
-        float(integers[record, np.uint64(X0)]), float(integers[record, np.uint64(Y0)]),
-        float(integers[record, np.uint64(DX1)]), float(integers[record, np.uint64(DY1)]),
-        float(integers[record, np.uint64(DX2)]), float(integers[record, np.uint64(DY2)]),
+        np.int64(integers[record, np.uint64(X0)]), np.int64(integers[record, np.uint64(Y0)]),
+        np.int64(integers[record, np.uint64(DX1)]), np.int64(integers[record, np.uint64(DY1)]),
+        np.int64(integers[record, np.uint64(DX2)]), np.int64(integers[record, np.uint64(DY2)]),
     )  # fmt: skip
 
 
@@ -101,13 +101,16 @@ def corners_of(numbers, record, column):
 
 @helper
 def corner_weights(place, inv_w, sx, sy):
-    """Perspective weights q_i = e_i / w_i of the three corners at the sample (sx, sy) (1/256 px); not normalised."""
+    """Perspective weights q_i = e_i / w_i of the three corners at the sample (sx, sy) (1/256 px); not normalised.
+
+    The edge functions e_i are integers below 2^60: nothing is lost however long and thin the triangle is.
+    """
     x0, y0, dx1, dy1, dx2, dy2 = place
     ux, uy = sx - x0, sy - y0
     e1 = ux * dy2 - uy * dx2
     e2 = uy * dx1 - ux * dy1
-    e0 = max((dx1 * dy2 - dx2 * dy1) - e1 - e2, 0.0)
-    return e0 * inv_w[0], e1 * inv_w[1], e2 * inv_w[2]
+    e0 = (dx1 * dy2 - dx2 * dy1) - e1 - e2
+    return float(e0) * inv_w[0], float(e1) * inv_w[1], float(e2) * inv_w[2]
 
 
 @helper
@@ -199,7 +202,7 @@ def from_anchor(anchor, first, k, y):
 @helper
 def interpolate_runs(words, records, first, y, n_channel, rows):
     """Put in the intensities of exact records, one run of samples after the other."""
-    sy = float(y * SUBPIXEL + HALF)
+    sy = y * SUBPIXEL + HALF
     number = rows.dtype.type
     start = np.uint64(0)
     while start < np.uint64(len(words)):
@@ -211,7 +214,7 @@ def interpolate_runs(words, records, first, y, n_channel, rows):
             green = corners_of(records.numbers, record, ATTRIBUTE + 3) if n_channel > 1 else red
             blue = corners_of(records.numbers, record, ATTRIBUTE + 6) if n_channel > 1 else red
             for k in range(start, stop):
-                q0, q1, q2 = corner_weights(place, inv_w, float((first + np.int64(k)) * SUBPIXEL + HALF), sy)
+                q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
                 p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
                 rows[DIFFUSE_SUM + k] = mean(red, p0, p1, p2)
@@ -244,11 +247,13 @@ def shade_lit(canvas, records, kind, y_start, n_row, screen, lighting, face_mate
             chunk = chunk[: np.uint64(n)]
             if kind == NORMAL_PLANES:
                 take_normal_planes(chunk, records, first, y, lighting.has_albedo, lighting.needs_position, rows)
+                if lighting.needs_position and screen.is_perspective:
+                    invert_distances(rows, n)
             if has_exact(chunk):
-                interpolate_normal_runs(chunk, records, first, y, lighting.has_albedo, rows)
+                interpolate_normal_runs(chunk, records, first, y, lighting.has_albedo, screen.is_perspective, rows)
             normalize_normals(rows, n)
             if lighting.needs_view or lighting.needs_position:
-                fill_positions(screen, chunk, first, y, n, lighting.needs_position, rows)
+                fill_positions(screen, first, y, n, lighting.needs_position, rows)
             light_rows(rows, n, lighting, material)
             for channel in range(np.uint64(lighting.n_channel)):
                 for k in range(np.uint64(n)):
@@ -282,7 +287,7 @@ def face_of(word, records):
 
 @helper
 def take_normal_planes(words, records, first, y, has_albedo, needs_distance, rows):
-    """Normals (and albedo, and the distance w, into POSITION_Z) from float planes; other samples take any."""
+    """Normals (and albedo, and 1/w or depth, into POSITION_Z) from float planes; other samples take any."""
     take_three_planes(words, records, PLANE, first, y, NORMAL_X, rows)
     if has_albedo:
         take_three_planes(words, records, PLANE + 9, first, y, ALBEDO, rows)
@@ -319,22 +324,29 @@ def take_three_planes(words, records, column, first, y, row, rows):
 
 @helper
 def take_distances(words, records, column, first, y, rows):
-    """Distances w of a chunk of samples from the planes of 1/w, into POSITION_Z."""
+    """1/w, or depth without perspective, of a chunk of samples from its plane, into POSITION_Z."""
     levels, planes, shift = records.levels, records.planes, np.uint64(records.plane_shift)
-    one = rows.dtype.type(1)
     for k in range(np.uint64(len(words))):
         record = np.uint64(words[k] & RECORD_MASK) << shift
         across, down = from_anchor(levels[record], first, k, y)
         c = record + np.uint64(column)
-        rows[POSITION_Z + k] = one / (
+        rows[POSITION_Z + k] = (
             planes[c] + np.float32(across) * planes[c + np.uint64(1)] + np.float32(down) * planes[c + np.uint64(2)]
         )
 
 
 @helper
-def interpolate_normal_runs(words, records, first, y, has_albedo, rows):
+def invert_distances(rows, n):
+    """Turn 1/w into w."""
+    one = rows.dtype.type(1)
+    for k in range(np.uint64(n)):
+        rows[POSITION_Z + k] = one / rows[POSITION_Z + k]
+
+
+@helper
+def interpolate_normal_runs(words, records, first, y, has_albedo, is_perspective, rows):
     """Put in the normals, distances and albedo of exact records, one run of samples after the other."""
-    sy = float(y * SUBPIXEL + HALF)
+    sy = y * SUBPIXEL + HALF
     number = rows.dtype.type
     start = np.uint64(0)
     while start < np.uint64(len(words)):
@@ -346,20 +358,22 @@ def interpolate_normal_runs(words, records, first, y, has_albedo, rows):
             nx = corners_of(records.numbers, record, ATTRIBUTE)
             ny = corners_of(records.numbers, record, ATTRIBUTE + 3)
             nz = corners_of(records.numbers, record, ATTRIBUTE + 6)
-            area = place[2] * place[5] - place[4] * place[3]
+            area = float(place[2] * place[5] - place[4] * place[3])
+            depths = corners_of(records.numbers, record, DEPTH)
             for k in range(start, stop):
-                q0, q1, q2 = corner_weights(place, inv_w, float((first + np.int64(k)) * SUBPIXEL + HALF), sy)
+                q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
                 p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
                 rows[NORMAL_X + k] = number(side) * mean(nx, p0, p1, p2)
                 rows[NORMAL_Y + k] = number(side) * mean(ny, p0, p1, p2)
                 rows[NORMAL_Z + k] = number(side) * mean(nz, p0, p1, p2)
-                rows[POSITION_Z + k] = number(area * scale)  # w = Σ e_i / Σ (e_i / w_i)
+                # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
+                rows[POSITION_Z + k] = number(area * scale) if is_perspective else mean(depths, p0, p1, p2)
             if has_albedo:
                 for channel in range(np.uint64(3)):
                     corners = corners_of(records.numbers, record, np.uint64(ATTRIBUTE + 9) + np.uint64(3) * channel)
                     for k in range(start, stop):
-                        q0, q1, q2 = corner_weights(place, inv_w, float((first + np.int64(k)) * SUBPIXEL + HALF), sy)
+                        q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                         scale = 1.0 / (q0 + q1 + q2)
                         p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
                         rows[ALBEDO + channel * NEXT_CHANNEL + k] = mean(corners, p0, p1, p2)
@@ -367,38 +381,38 @@ def interpolate_normal_runs(words, records, first, y, has_albedo, rows):
 
 
 @helper
-def fill_positions(screen, words, left, j, n, needs_position, rows):
+def fill_positions(screen, first, y, n, needs_position, rows):
     """Fill the rows of positions and view directions: where the rays through the samples meet the surface.
 
     Perspective: P = w·ray, with ray·forward = 1; the direction to the viewer is that of -ray. Orthographic: P is the sample's
-    point of the picture plane plus depth·forward; the viewer is at infinity.
+    point of the picture plane plus depth·forward; the viewer is at infinity. POSITION_Z holds w or depth. A ray is a function of
+    column and row alone, wherever the chunk begins.
     """
     number = rows.dtype.type
     right_x, right_y, right_z = screen.right
     up_x, up_y, up_z = screen.up
     forward_x, forward_y, forward_z = screen.forward
+    along = 1.0 if screen.is_perspective else 0.0
     step = 1.0 / screen.scale_x
-    across = (left + 0.5 - screen.center_x) * step
-    upward = (screen.center_y - (j + 0.5)) / screen.scale_y
-    x_first = number(right_x * across + up_x * upward + (forward_x if screen.is_perspective else 0.0))
-    y_first = number(right_y * across + up_y * upward + (forward_y if screen.is_perspective else 0.0))
-    z_first = number(right_z * across + up_z * upward + (forward_z if screen.is_perspective else 0.0))
+    across, upward = (0.5 - screen.center_x) * step, (screen.center_y - (y + 0.5)) / screen.scale_y
+    x_zero = number(right_x * across + up_x * upward + forward_x * along)
+    y_zero = number(right_y * across + up_y * upward + forward_y * along)
+    z_zero = number(right_z * across + up_z * upward + forward_z * along)
     step_x, step_y, step_z = number(right_x * step), number(right_y * step), number(right_z * step)
     if screen.is_perspective:
         # The rays first, as if they were positions: they give the view directions.
         for k in range(np.uint64(n)):
-            w, i = rows[POSITION_Z + k] if needs_position else number(1), number(np.int32(k))
-            rows[POSITION_X + k] = w * (x_first + i * step_x)
-            rows[POSITION_Y + k] = w * (y_first + i * step_y)
-            rows[POSITION_Z + k] = w * (z_first + i * step_z)
+            w, i = rows[POSITION_Z + k] if needs_position else number(1), number(np.int32(first + np.int64(k)))
+            rows[POSITION_X + k] = w * (x_zero + i * step_x)
+            rows[POSITION_Y + k] = w * (y_zero + i * step_y)
+            rows[POSITION_Z + k] = w * (z_zero + i * step_z)
         view_from_position(rows, n)
         return
     fx, fy, fz = number(forward_x), number(forward_y), number(forward_z)
     view_from_direction(rows, n, -fx, -fy, -fz)
     if needs_position:
         for k in range(np.uint64(n)):
-            z, i = float(words[k] >> PAYLOAD_BITS), number(np.int32(k))
-            depth = number((z - screen.z_offset) / screen.z_scale if screen.z_scale > 0 else screen.near)
-            rows[POSITION_X + k] = x_first + i * step_x + depth * fx
-            rows[POSITION_Y + k] = y_first + i * step_y + depth * fy
-            rows[POSITION_Z + k] = z_first + i * step_z + depth * fz
+            depth, i = rows[POSITION_Z + k], number(np.int32(first + np.int64(k)))
+            rows[POSITION_X + k] = x_zero + i * step_x + depth * fx
+            rows[POSITION_Y + k] = y_zero + i * step_y + depth * fy
+            rows[POSITION_Z + k] = z_zero + i * step_z + depth * fz

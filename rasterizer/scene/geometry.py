@@ -78,7 +78,10 @@ def _columns(arrays, dtype, offsets=None) -> np.ndarray:
 
 
 def smooth_part(mesh) -> Part:
-    """Split a mesh's vertices where normals or colours differ: the file's normals, else smoothing groups, else creases."""
+    """Split a mesh's vertices where normals or colours differ: the file's normals, else smoothing groups, else creases.
+
+    Where a mesh has colours of its vertices and of its faces, those of the vertices count.
+    """
     if mesh.normals is not None and mesh.crease_angle is None:
         if mesh.normals.ndim == 2:
             corner, source, normals = mesh.faces, slice(None), mesh.normals
@@ -92,10 +95,8 @@ def smooth_part(mesh) -> Part:
         groups = mesh.smoothing if mesh.crease_angle is None else None
         corner, source, normals = split_creases(mesh.vertices, mesh.faces, angle, smoothing=groups)
     albedo = None if mesh.colors is None else mesh.colors[source, :3]
-    if mesh.face_colors is not None:
+    if mesh.face_colors is not None and albedo is None:
         colors = np.repeat(mesh.face_colors[:, :3], 3, axis=0)
-        if albedo is not None:
-            colors = colors * albedo[corner.ravel()]
         first, new_corner = _unique_rows([corner.reshape(-1, 1), colors])
         point = corner.ravel()[first]
         source = np.arange(len(mesh.vertices))[source][point]
@@ -110,13 +111,10 @@ def flat_part(mesh) -> Part:
     normals = polygon_normals(mesh.vertices, mesh.faces, polygons)
     points = polygon_centroids(mesh.vertices, mesh.faces, polygons, len(normals))
     albedo = None
-    if mesh.colors is not None or mesh.face_colors is not None:
-        per_face = np.ones((mesh.n_face, 3))
-        if mesh.colors is not None:
-            per_face *= sum(mesh.colors[mesh.faces[:, k], :3] for k in range(3)) / 3.0
-        if mesh.face_colors is not None:
-            per_face *= mesh.face_colors[:, :3]
-        albedo = _mean_by(polygons, per_face, len(normals))
+    if mesh.colors is not None:
+        albedo = _mean_by(polygons, sum(mesh.colors[mesh.faces[:, k], :3] for k in range(3)) / 3.0, len(normals))
+    elif mesh.face_colors is not None:
+        albedo = _mean_by(polygons, mesh.face_colors[:, :3], len(normals))
     corner = np.broadcast_to(polygons.astype(np.uint32)[:, None], (mesh.n_face, 3))
     return Part(mesh.vertices, mesh.faces, corner, points, normals, albedo)
 
@@ -171,3 +169,21 @@ def flag_inverted(positions, normals, vertex, out_is_inverted):
             n_x * (e1_y * e2_z - e1_z * e2_y) + n_y * (e1_z * e2_x - e1_x * e2_z) + n_z * (e1_x * e2_y - e1_y * e2_x)
         )
         out_is_inverted[face] = agreement < 0.0
+
+
+@kernel
+def find_clearance(positions, vertex, x, y, z):
+    """Find a distance that no triangle comes nearer to a point than: through the spheres about their centroids; at least 0."""
+    least = np.inf
+    for face in range(np.uint64(vertex.shape[1])):
+        a, b, c = vertex[0, face], vertex[1, face], vertex[2, face]
+        center_x = (positions[0, a] + positions[0, b] + positions[0, c]) / 3.0
+        center_y = (positions[1, a] + positions[1, b] + positions[1, c]) / 3.0
+        center_z = (positions[2, a] + positions[2, b] + positions[2, c]) / 3.0
+        radius = 0.0
+        for i in (a, b, c):
+            dx, dy, dz = positions[0, i] - center_x, positions[1, i] - center_y, positions[2, i] - center_z
+            radius = max(radius, dx * dx + dy * dy + dz * dz)
+        dx, dy, dz = x - center_x, y - center_y, z - center_z
+        least = min(least, np.sqrt(dx * dx + dy * dy + dz * dz) - np.sqrt(radius))
+    return max(least, 0.0)

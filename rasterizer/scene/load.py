@@ -163,6 +163,8 @@ def _format_of(name, format) -> str:
     legal = ", ".join(_READERS)
     if wanted:
         raise ModelError(f"{name}: unknown format '{wanted}'; readable are {legal}")
+    if format is None and Path(name).is_dir():
+        raise ModelError(f"{name}: a folder, not a model")
     raise ModelError(f"{name}: the format is unknown without a suffix; give format=, one of {legal}")
 
 
