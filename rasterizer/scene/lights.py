@@ -113,9 +113,9 @@ def studio() -> tuple[Light, ...]:
     are chosen so that the default material stays below 1 whichever way a surface faces, highlight included.
     """
     return (
-        AmbientLight(0.12),
-        DirectionalLight((0.55, -0.65, -0.75), 0.80, "camera"),
-        DirectionalLight((-0.85, -0.10, -0.50), 0.28, "camera"),
+        AmbientLight(0.08),
+        DirectionalLight((0.55, -0.65, -0.75), 0.85, "camera"),
+        DirectionalLight((-0.85, -0.10, -0.50), 0.20, "camera"),
         DirectionalLight((0.15, -0.70, 0.70), 0.30, "camera"),
     )
 
