@@ -1,5 +1,6 @@
 """The fast path against the judge, pixel by pixel: help for the tests of the pipeline."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,12 @@ class Verdict(NamedTuple):
     n_ignored: int  # pixels in which two surfaces lie nearer to each other than depth can tell
 
 
+@lru_cache(maxsize=4)
+def judged(scene, size, **options) -> reference.Picture:
+    """Render the judge's picture; the last ones are kept, because one picture judges every tolerance."""
+    return reference.render(scene, size, **options)
+
+
 def depth_resolution(scene, size, depth, units) -> np.ndarray:
     """Depth (h, w) that `units` of the z-buffer stand for at the depths (h, w) of a picture."""
     camera = scene.camera_for(size)
@@ -42,7 +49,7 @@ def compare(scene, size, units=2.0**14, **options) -> Verdict:
     frame = rz.render(scene, size, outputs=BUFFERS, **options)
     options.pop("tolerance", None)
     options.pop("threads", None)
-    expected = reference.render(scene, size, **options)
+    expected = judged(scene, size, **options)
     is_covered = expected.face >= 0
     assert ((frame.face >= 0) == is_covered).all(), f"{((frame.face >= 0) != is_covered).sum()} samples covered wrongly"
     assert np.abs(frame.alpha - expected.alpha).max() < 1e-6
@@ -70,7 +77,7 @@ def clear_pixels(scene, size, units, options) -> np.ndarray:
     """Tell of which pixels (h, w) every sample shows clearly what is in front."""
     per_axis = round(options["samples"] ** 0.5)
     grid = size[0] * per_axis, size[1] * per_axis
-    fine = reference.render(scene, grid, **{**options, "samples": 1})
+    fine = judged(scene, grid, **{**options, "samples": 1})
     is_clear = fine.margin > depth_resolution(scene, grid, fine.depth, units)
     return is_clear.reshape(size[1], per_axis, size[0], per_axis).all(axis=(1, 3))
 
