@@ -19,6 +19,7 @@ from .scene.lights import AmbientLight, DirectionalLight, PointLight
 
 ULP = 2.0**-24  # relative rounding error of float32
 NEAREST = 2.0**-20  # the fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there
+DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 BAND_WORDS = 2**17  # a band's z-buffer is about 1 MB: half of a usual L2 cache
 
 

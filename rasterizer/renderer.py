@@ -6,12 +6,22 @@ import numpy as np
 
 from .frame import Frame, Stats
 from .options import Options
+from .pipeline.clip import find_nearest
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
 from .pipeline.scratch import Scratch, empty_buffers, empty_picture
 from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
-from .plan import fit_depth_range, is_too_close, make_coding, make_encoding, make_lighting, make_plan
+from .plan import (
+    DEEP,
+    NEAREST,
+    fit_depth_range,
+    is_too_close,
+    make_coding,
+    make_encoding,
+    make_lighting,
+    make_plan,
+)
 from .draw import buffers_job, draw, interpolated_job, light, lit_job
 from .scene.camera import Camera
 from .scene.geometry import find_clearance, gather_geometry
@@ -87,8 +97,15 @@ class Renderer:
         """The camera's screen, with `factor` samples a pixel along each axis, its depth fitted to the scene."""
         view = camera.view()
         width, height = self.options.size
-        depth_range, far_clip = fit_depth_range(camera, view, self._bounds)
-        return view, make_screen(view, camera.projection((width * factor, height * factor)), depth_range, far_clip)
+        projection = camera.projection((width * factor, height * factor))
+        (near, far), far_clip = fit_depth_range(camera, view, self._bounds)
+        screen = make_screen(view, projection, (near, far), near, far_clip)
+        if camera.is_perspective and camera.near is None and near < far * DEEP:
+            # The box round the scene says little about the depths that are seen.
+            nearest = find_nearest(self._geometry.positions, self._geometry.vertex, screen, width * factor, height * factor)
+            if near < nearest * (1 - NEAREST) < far:
+                screen = make_screen(view, projection, (nearest * (1 - NEAREST), far), near, far_clip)
+        return view, screen
 
     def _draw_picture(self, camera, picture, clock):
         """Draw the picture: the colour of every pixel."""

@@ -44,14 +44,17 @@ def depth_resolution(scene, size, depth, units) -> np.ndarray:
 def compare(scene, size, units=2.0**14, **options) -> Verdict:
     """Render both ways; refuse any difference in coverage, face or depth.
 
-    `units` is what planes of depth may be off, in steps of the z-buffer: half a step for each sample of the largest box.
+    `units` is what planes of depth may be off, in steps of the z-buffer: half a step for each sample of the
+    largest box.
     """
     frame = rz.render(scene, size, outputs=BUFFERS, **options)
     options.pop("tolerance", None)
     options.pop("threads", None)
     expected = judged(scene, size, **options)
     is_covered = expected.face >= 0
-    assert ((frame.face >= 0) == is_covered).all(), f"{((frame.face >= 0) != is_covered).sum()} samples covered wrongly"
+    assert ((frame.face >= 0) == is_covered).all(), (
+        f"{((frame.face >= 0) != is_covered).sum()} samples covered wrongly"
+    )
     assert np.abs(frame.alpha - expected.alpha).max() < 1e-6
 
     is_clear = expected.margin > depth_resolution(scene, size, expected.depth, units)
@@ -67,10 +70,9 @@ def compare(scene, size, units=2.0**14, **options) -> Verdict:
     depth = np.abs(frame.depth[is_seen] / expected.depth[is_seen] - 1)
     assert np.isfinite(frame.color).all(), "a colour is not finite"
     assert not frame.normal[~is_covered].any() and np.isinf(frame.depth[~is_covered]).all()
-    return Verdict(
-        color.max(initial=0.0), normal.max(initial=0.0), depth.max(initial=0.0), int((is_safe & (expected.alpha > 0)).sum()),
-        n_ignored,
-    )  # fmt: skip
+    n_compared = int((is_safe & (expected.alpha > 0)).sum())
+    largest = (values.max(initial=0.0) for values in (color, normal, depth))
+    return Verdict(*largest, n_compared, n_ignored)
 
 
 def clear_pixels(scene, size, units, options) -> np.ndarray:
@@ -83,7 +85,10 @@ def clear_pixels(scene, size, units, options) -> np.ndarray:
 
 
 def check(scene, size, budget, ignored=0.002, units=2.0**14, normal=NORMAL, **options) -> Verdict:
-    """Refuse a picture whose colours are further than `budget` from the judge's; `ignored` is the share of pixels left out."""
+    """Refuse a picture whose colours are further than `budget` from the judge's.
+
+    `ignored` is the share of the pixels that may be left out.
+    """
     found = compare(scene, size, units, **options)
     assert found.n_compared > 0, "nothing is covered"
     share = found.n_ignored / (size[0] * size[1])

@@ -1,4 +1,4 @@
-"""Scenes measured in pixels and sub-pixels, and a process of one's own: help for the tests of the pipeline."""
+"""Scenes measured in pixels and sub-pixels, and a process of one's own: help for the pipeline's tests."""
 
 import os
 import subprocess
@@ -19,10 +19,10 @@ COLORED = (
 
 
 def draw_faces(points, size, depth=None, **options):
-    """Draw triangles (n, 3, 2), integer vertices in 1/256 px, with depths (n, 3) within 0..1; return the (h, w) faces.
+    """Draw triangles (n, 3, 2), integer vertices in 1/256 px, depths (n, 3) within 0..1; return (h, w) faces.
 
-    Orthographic, one unit a pixel: coordinates are multiples of 1/256, so that float64 places them without rounding. A face
-    outside the picture goes along, because a mesh in which nothing has area is refused.
+    Orthographic, one unit a pixel: coordinates are multiples of 1/256, so that float64 places them without
+    rounding. A face outside the picture goes along, because a mesh in which nothing has area is refused.
     """
     points = np.asarray(points, np.int64).reshape(-1, 3, 2)
     points = np.concatenate([points, [[(-900, -900), (-600, -900), (-900, -600)]]])
@@ -33,10 +33,21 @@ def draw_faces(points, size, depth=None, **options):
     return rz.render(scene, size, outputs=("face",), **options).face
 
 
-def sheet(size, points, depth, faces, lights=GREY, is_perspective=False, near=None, far=None, background=None, **mesh):
+def sheet(
+    size,
+    points,
+    depth,
+    faces,
+    lights=GREY,
+    is_perspective=False,
+    near=None,
+    far=None,
+    background=None,
+    **mesh,
+):
     """A scene given by places in the picture (n, 2), in pixels, and depths (n,).
 
-    Depths may be a number; the camera stands at the origin and looks down -z; orthographic: one unit is one pixel.
+    Depths may be a number; the camera stands at the origin and looks down -z; orthographic: one unit a pixel.
     """
     width, height = size
     points = np.asarray(points, float)
@@ -54,7 +65,12 @@ def sheet(size, points, depth, faces, lights=GREY, is_perspective=False, near=No
 def assert_runs(program: str) -> None:
     """Run a program in a process of its own, because a fault in compiled code would end the tests."""
     done = subprocess.run(
-        [sys.executable, "-c", program], cwd=ROOT / "tests", env=_environment(), capture_output=True, text=True, check=False
+        [sys.executable, "-c", program],
+        cwd=ROOT / "tests",
+        env=_environment(),
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, f"ended with {done.returncode}: {(done.stderr or done.stdout)[-1500:]}"
 

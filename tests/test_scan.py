@@ -1,4 +1,4 @@
-"""Check which samples the scan stage covers, against integer edge functions, and what it shows where depths are equal."""
+"""Check which samples the scan stage covers, against integer edges, and what shows at equal depth."""
 
 import itertools
 import math
@@ -25,7 +25,9 @@ def assert_covered_exactly(triangles, size=SIZE):
     for triangle in triangles:
         expected = coverage(triangle, *size)
         face = draw_faces([triangle], size)
-        assert ((face == 0) == expected).all(), f"{np.asarray(triangle).tolist()}: {((face == 0) != expected).sum()} wrong"
+        assert ((face == 0) == expected).all(), (
+            f"{np.asarray(triangle).tolist()}: {((face == 0) != expected).sum()} wrong"
+        )
         n_covered += expected.sum()
     return n_covered
 
@@ -57,7 +59,9 @@ def test_soups_are_covered_exactly(kind):
     n, reach = SOUPS[kind]
     rng = np.random.default_rng(7)
     center = rng.uniform(0, 256 * np.array(SIZE), (n, 1, 2))
-    triangles = np.rint(center + 256 * reach * rng.uniform(-1, 1, (n, 3, 2))).clip(-LIMIT, LIMIT).astype(np.int64)
+    triangles = (
+        np.rint(center + 256 * reach * rng.uniform(-1, 1, (n, 3, 2))).clip(-LIMIT, LIMIT).astype(np.int64)
+    )
     snapped = triangles.copy()
     snapped[::3] = (snapped[::3] // 128 * 128).clip(-LIMIT, LIMIT)  # vertices on samples and on pixel corners
     assert assert_covered_exactly(snapped) > 50
@@ -97,7 +101,7 @@ def test_the_thinnest_triangles_are_covered_exactly(bits):
 
 
 def test_soup_drawn_at_once_shows_the_lowest_face_of_those_that_cover(monkeypatch):
-    """Equal depth everywhere: the z-buffer must not change what is covered, whatever the height of the bands."""
+    """Equal depth everywhere: the z-buffer must not change what is covered, whatever the bands' height."""
     rng = np.random.default_rng(3)
     triangles = rng.integers(-2000, 12000, (80, 3, 2))
     masks = np.array([coverage(t, *SIZE) for t in triangles])
@@ -111,8 +115,8 @@ def test_soup_drawn_at_once_shows_the_lowest_face_of_those_that_cover(monkeypatc
 def tiling(rng, columns, rows):
     """Triangles over a grid that reaches beyond the picture on all sides.
 
-    Vertices move by less than a quarter of a cell, so that no triangle turns over; a third of them stay, and where there is
-    room another third goes to the nearest sample or pixel corner.
+    Vertices move by less than a quarter of a cell, so that no triangle turns over; a third of them stay, and
+    where there is room another third goes to the nearest sample or pixel corner.
     """
     x, y = np.meshgrid(np.arange(columns + 1), np.arange(rows + 1))
     step = (256 * np.array(SIZE) + 1024) / (columns, rows)
@@ -135,7 +139,7 @@ def split_cells(points):
 def is_covered_once(triangles, **options):
     """Tell which samples exactly one triangle covers.
 
-    Depths are equal, so the lowest face is shown: drawn in the opposite order, another one is shown where there are several.
+    Depths are equal, so the lowest face is shown: in the opposite order another one, where there are more.
     """
     there = draw_faces(triangles, SIZE, **options)
     back = draw_faces(triangles[::-1], SIZE, **options)
@@ -191,7 +195,10 @@ def test_a_closed_mesh_has_as_many_fronts_as_backs_at_every_sample(camera):
     vertices, faces = torus(14, 7)
     vertices = vertices[:, [2, 0, 1]]  # seen from the side: one part of the ring before the other
     fronts, backs = (
-        sum((draw_faces([t], SIZE, cull="back") >= 0).astype(int) for t in on_screen(0.9 * vertices, order, camera))
+        sum(
+            (draw_faces([t], SIZE, cull="back") >= 0).astype(int)
+            for t in on_screen(0.9 * vertices, order, camera)
+        )
         for order in (faces, faces[:, ::-1])
     )
     assert fronts.max() >= 2
@@ -205,7 +212,7 @@ OUTPUTS = [("color",), ("rgb",), ("face",), ("depth", "normal"), ("color", "rgb"
 @pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
 @pytest.mark.parametrize("is_perspective", [True, False])
 def test_of_equal_triangles_the_first_is_shown(shading, is_perspective):
-    """Turned round or listed from another vertex, the same triangle has the same depth: the second must not show."""
+    """Turned round or listed from another vertex, a triangle has the same depth: the second must not show."""
     size, points, depth = (90, 70), [(5, 5), (80, 11.3), (30, 66.7)], [1.0, 2.0, 1.3]
     normals = np.array([[0.1, 0.2, 1], [0, -0.3, 1], [0.3, 0.1, 1]])
     for order, outputs, tolerance in itertools.product(ORDERS, OUTPUTS, (0.0, 1 / 4096)):
@@ -213,7 +220,10 @@ def test_of_equal_triangles_the_first_is_shown(shading, is_perspective):
         colors = np.array([(0.5, 0.5, 0.5), (0.9, 0.1, 0.1)])
         for face_colors in (None, colors) if order[0] == 0 else (None,):
             drawn = []
-            for faces, n in (([[0, 1, 2], order], np.stack([normals, normals[order]])), ([[0, 1, 2]], normals[None])):
+            for faces, n in (
+                ([[0, 1, 2], order], np.stack([normals, normals[order]])),
+                ([[0, 1, 2]], normals[None]),
+            ):
                 given = None if face_colors is None else face_colors[: len(faces)]
                 scene = sheet(
                     size, points, depth, faces, is_perspective=is_perspective, normals=n, face_colors=given

@@ -1,4 +1,4 @@
-"""Check that the picture is the same, byte for byte, whatever the number of threads and the height of the bands."""
+"""Check that the picture is the same, byte for byte, for any number of threads and height of the bands."""
 
 import numpy as np
 import pytest
@@ -35,11 +35,20 @@ def assert_same(frames):
 def test_threads_do_not_change_a_bit(shading, samples):
     for lights in (GREY, COLORED):
         for tolerance in (0.0, 1 / 4096):
-            assert_same([
-                rz.render(scene(lights), SIZE, shading=shading, samples=samples, tolerance=tolerance, threads=threads,
-                          outputs=BUFFERS)
-                for threads in (1, 2, 4, 7)
-            ])  # fmt: skip
+            assert_same(
+                [
+                    rz.render(
+                        scene(lights),
+                        SIZE,
+                        shading=shading,
+                        samples=samples,
+                        tolerance=tolerance,
+                        threads=threads,
+                        outputs=BUFFERS,
+                    )
+                    for threads in (1, 2, 4, 7)
+                ]
+            )
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
@@ -49,7 +58,9 @@ def test_the_height_of_bands_does_not_change_a_bit(shading, monkeypatch):
         for words in (1, 11 * SIZE[0], 29 * SIZE[0], 2**17, 2**24):
             monkeypatch.setattr(plan, "BAND_WORDS", words)
             frames.append(
-                rz.render(scene(COLORED), SIZE, shading=shading, tolerance=tolerance, threads=1, outputs=BUFFERS)
+                rz.render(
+                    scene(COLORED), SIZE, shading=shading, tolerance=tolerance, threads=1, outputs=BUFFERS
+                )
             )
         assert_same(frames)
 
@@ -62,10 +73,15 @@ def test_a_neighbour_does_not_change_a_bit(shading):
     for lights in (GREY, COLORED):
         for tolerance in (0.0, 1 / 4096):
             alone, accompanied = (
-                rz.render(rz.Scene([rz.Mesh(vertices, faces), *others], lights, CAMERA), SIZE, shading=shading,
-                          tolerance=tolerance, outputs=("color", "face"))
+                rz.render(
+                    rz.Scene([rz.Mesh(vertices, faces), *others], lights, CAMERA),
+                    SIZE,
+                    shading=shading,
+                    tolerance=tolerance,
+                    outputs=("color", "face"),
+                )
                 for others in ((), (far_left,))
-            )  # fmt: skip
+            )
             is_same = (alone.face == accompanied.face) & (alone.face >= 0)
             assert is_same.sum() > 1000 and (accompanied.face >= len(faces)).any()
             assert (alone.color[is_same] == accompanied.color[is_same]).all()
@@ -82,9 +98,12 @@ def test_many_vertices_are_divided_among_threads():
     assert len(vertices) > MIN_PART
     mesh = rz.Mesh(vertices, faces)
     for lights in (GREY, COLORED):
-        assert_same([
-            rz.render(rz.Scene([mesh], lights, CAMERA), SIZE, threads=threads, outputs=BUFFERS) for threads in (1, 2, 5)
-        ])  # fmt: skip
+        assert_same(
+            [
+                rz.render(rz.Scene([mesh], lights, CAMERA), SIZE, threads=threads, outputs=BUFFERS)
+                for threads in (1, 2, 5)
+            ]
+        )
 
 
 def test_ranges_are_whole_and_in_order():

@@ -16,6 +16,7 @@ from .._kernel import helper, kernel
 from .transform import LIMIT_PX, OUTSIDE, SUBPIXEL, Vertices
 
 N_PLANE = 6
+GUARD = (-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))  # px
 MOST_CORNERS = 3 + N_PLANE  # each plane adds at most one corner to a convex polygon
 # A corner while it is clipped: distance along the viewing axis, along right and up (scene units), shares of the three vertices.
 W, ACROSS, UPWARD, SHARE = 0, 1, 2, 3
@@ -104,36 +105,66 @@ def clip_faces(positions, vertex, faces, screen, out_triangles, out_face):
     polygon, scratch = np.empty((MOST_CORNERS + 1, N_COLUMN)), np.empty((MOST_CORNERS + 1, N_COLUMN))
     n_out = np.uint64(0)
     for face in faces:
-        for k in range(np.uint64(3)):
-            i = vertex[k, face]
-            rx, ry, rz = positions[0, i] - screen.eye[0], positions[1, i] - screen.eye[1], positions[2, i] - screen.eye[2]
-            polygon[k, W] = rx * screen.forward[0] + ry * screen.forward[1] + rz * screen.forward[2]
-            polygon[k, ACROSS] = rx * screen.right[0] + ry * screen.right[1] + rz * screen.right[2]
-            polygon[k, UPWARD] = rx * screen.up[0] + ry * screen.up[1] + rz * screen.up[2]
-            polygon[k, SHARE:] = 0.0
-            polygon[k, np.uint64(SHARE) + k] = 1.0
+        take_triangle(positions, vertex, face, screen, polygon)
         n = 3
         for plane in range(N_PLANE):
-            n = clip_polygon(polygon, n, plane, screen, scratch)
+            n = clip_polygon(polygon, n, plane, screen, GUARD, scratch)
             polygon, scratch = scratch, polygon
         for k in range(np.uint64(2), np.uint64(max(n, 2))):
-            out_triangles[n_out, 0] = polygon[0]
-            out_triangles[n_out, 1] = polygon[k - np.uint64(1)]
-            out_triangles[n_out, 2] = polygon[k]
+            for column in range(np.uint64(N_COLUMN)):
+                out_triangles[n_out, 0, column] = polygon[0, column]
+                out_triangles[n_out, 1, column] = polygon[k - np.uint64(1), column]
+                out_triangles[n_out, 2, column] = polygon[k, column]
             out_face[n_out] = face
             n_out += np.uint64(1)
     return n_out
 
 
+@kernel
+def find_nearest(positions, vertex, screen, width, height):
+    """Find the least distance along the viewing axis at which any triangle is seen in the picture; infinite if none is.
+
+    For a camera inside the scene: what is behind it or beside the picture says nothing about the depths that are seen.
+    """
+    polygon, scratch = np.empty((MOST_CORNERS + 1, N_COLUMN)), np.empty((MOST_CORNERS + 1, N_COLUMN))
+    limits = (0.0, float(width), 0.0, float(height))
+    nearest = np.inf
+    for face in range(np.uint64(vertex.shape[1])):
+        take_triangle(positions, vertex, face, screen, polygon)
+        if min(polygon[0, W], polygon[1, W], polygon[2, W]) >= nearest:
+            continue
+        n = 3
+        for plane in range(N_PLANE):
+            n = clip_polygon(polygon, n, plane, screen, limits, scratch)
+            polygon, scratch = scratch, polygon
+        for k in range(np.uint64(n)):
+            nearest = min(nearest, polygon[k, W])
+    return nearest
+
+
 @helper
-def clip_polygon(polygon, n, plane, screen, out):
+def take_triangle(positions, vertex, face, screen, out):
+    """Write the corners of a triangle in eye space, each with its share of itself."""
+    for k in range(np.uint64(3)):
+        i = vertex[k, face]
+        rx, ry, rz = positions[0, i] - screen.eye[0], positions[1, i] - screen.eye[1], positions[2, i] - screen.eye[2]
+        out[k, W] = rx * screen.forward[0] + ry * screen.forward[1] + rz * screen.forward[2]
+        out[k, ACROSS] = rx * screen.right[0] + ry * screen.right[1] + rz * screen.right[2]
+        out[k, UPWARD] = rx * screen.up[0] + ry * screen.up[1] + rz * screen.up[2]
+        for corner in range(np.uint64(3)):
+            out[k, np.uint64(SHARE) + corner] = 1.0 if corner == k else 0.0
+
+
+@helper
+def clip_polygon(polygon, n, plane, screen, limits, out):
     """Keep the part of a convex polygon on the inner side of one plane (Sutherland & Hodgman 1974); return its corners."""
     n_out = np.uint64(0)
     for k in range(np.uint64(n)):
         here, after = polygon[k], polygon[np.uint64(0) if k + np.uint64(1) == np.uint64(n) else k + np.uint64(1)]
-        d_here, d_after = distance(here, plane, screen), distance(after, plane, screen)
+        d_here, d_after = distance(here, plane, screen, limits), distance(after, plane, screen, limits)
         if d_here >= 0.0:
-            out[n_out] = here
+            for column in range(np.uint64(N_COLUMN)):
+                out[n_out, column] = here[column]
             n_out += np.uint64(1)
         if d_here >= 0.0 and d_after < 0.0:
             cut(here, after, d_here / (d_here - d_after), out[n_out])
@@ -152,8 +183,11 @@ def cut(inside, outside, t, out):
 
 
 @helper
-def distance(corner, plane, screen):
-    """Distance of a corner from a plane, in any unit, negative outside; a plane that isn't there is passed by all."""
+def distance(corner, plane, screen, limits):
+    """Distance of a corner from a plane, in any unit, negative outside; a plane that isn't there is passed by all.
+
+    Planes are near, far, and the `limits` on the screen: least and largest x, least and largest y, in px.
+    """
     w = corner[W]
     if plane == 0:
         return w - screen.near
@@ -162,6 +196,6 @@ def distance(corner, plane, screen):
     scale = w if screen.is_perspective else 1.0
     if plane <= 3:
         x = screen.scale_x * corner[ACROSS]
-        return (LIMIT_PX - screen.center_x) * scale - x if plane == 2 else (LIMIT_PX + screen.center_x) * scale + x
+        return (screen.center_x - limits[0]) * scale + x if plane == 2 else (limits[1] - screen.center_x) * scale - x
     y = screen.scale_y * corner[UPWARD]
-    return (LIMIT_PX + screen.center_y) * scale - y if plane == 4 else (LIMIT_PX - screen.center_y) * scale + y
+    return (screen.center_y - limits[2]) * scale - y if plane == 4 else (limits[3] - screen.center_y) * scale + y

@@ -81,9 +81,16 @@ def borrow_records(records):
 
 
 @helper
-def gradient(value1, value2, dx1, dy1, dx2, dy2, inv_area):
-    """Derivatives, a 1/256 px, of the plane that rises by value1 along edge 1 and by value2 along edge 2."""
-    return (value1 * dy2 - value2 * dy1) * inv_area, (value2 * dx1 - value1 * dx2) * inv_area
+def find_slopes(dx1, dy1, dx2, dy2, area):
+    """What a rise along edge 1 or 2 adds to d/dx and d/dy, a sample: the columns of the inverse of the edges' matrix."""
+    scale = SUBPIXEL / area
+    return dy2 * scale, -dy1 * scale, -dx2 * scale, dx1 * scale
+
+
+@helper
+def gradient(rise1, rise2, slopes):
+    """Derivatives, a sample, of the plane that rises by rise1 along edge 1 and by rise2 along edge 2."""
+    return rise1 * slopes[0] + rise2 * slopes[1], rise1 * slopes[2] + rise2 * slopes[3]
 
 
 @helper
@@ -101,7 +108,7 @@ def inv_ws(depths, coding):
 
 
 @helper
-def level_plane(attributes, channel, corners, edges, offset, steps, depths, coding):
+def level_plane(corners, channel, slopes, offset, steps, depths, coding):
     """Return (is good enough, value at the anchor, d/dx, d/dy a sample), in whole levels, of one channel's intensity.
 
     Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no value can
@@ -109,12 +116,8 @@ def level_plane(attributes, channel, corners, edges, offset, steps, depths, codi
     2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <= |ΔI|·(r-1)/4 with
     r = w_max/w_min: the first is (r-1)/(√r+1)².
     """
-    side, c0, c1, c2 = corners
-    dx1, dy1, dx2, dy2, inv_area = edges
     scale, most = coding.level_scale, float(LEVEL_MASK)  # no rounding can carry into the bits above
-    l0 = min(attributes[side, c0, channel] * scale, most)
-    l1 = min(attributes[side, c1, channel] * scale, most)
-    l2 = min(attributes[side, c2, channel] * scale, most)
+    l0, l1, l2 = min(corners[0][channel] * scale, most), min(corners[1][channel] * scale, most), min(corners[2][channel] * scale, most)
     low, high = min(l0, l1, l2), max(l0, l1, l2)
     spread, middle = high - low, 0.5 * (low + high)
     reach = float(steps[0] + steps[1]) + 1.0  # 2e
@@ -123,15 +126,15 @@ def level_plane(attributes, channel, corners, edges, offset, steps, depths, codi
     inv_w_min, inv_w_rise = inv_ws(depths, coding)
     # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the vertices.
     is_good = spread * inv_w_rise + 4.0 * inv_w_min * (drift + 0.5) <= 4.0 * inv_w_min * coding.level_tolerance
-    l_x, l_y = gradient((l1 - l0) * shrink, (l2 - l0) * shrink, dx1, dy1, dx2, dy2, inv_area)
+    l_x, l_y = gradient((l1 - l0) * shrink, (l2 - l0) * shrink, slopes)
     value = middle + (l0 - middle) * shrink + l_x * offset[0] + l_y * offset[1]
-    return is_good, np.int64(np.rint(value)), np.int64(np.rint(l_x * SUBPIXEL)), np.int64(np.rint(l_y * SUBPIXEL))
+    return is_good, np.int64(np.rint(value)), np.int64(np.rint(l_x)), np.int64(np.rint(l_y))
 
 
 @helper
-def code_word(attributes, corners, edges, offset, steps, depths, coding, record):
+def code_word(corners, slopes, offset, steps, depths, coding, record):
     """Return (is coded, payload, its d/dx, d/dy): the plane of the one channel, or `record` where that isn't good enough."""
-    is_good, level, level_x, level_y = level_plane(attributes, np.uint64(0), corners, edges, offset, steps, depths, coding)
+    is_good, level, level_x, level_y = level_plane(corners, np.uint64(0), slopes, offset, steps, depths, coding)
     if is_good:
         return True, level, level_x, level_y
     return False, record, np.int64(0), np.int64(0)
@@ -141,82 +144,83 @@ def code_word(attributes, corners, edges, offset, steps, depths, coding, record)
 
 
 @helper
-def write_planes(records, n_record, attributes, corners, edges, anchor, offset, steps, depths, coding, face, is_flipped):
+def write_planes(records, n_record, corners, slopes, anchor, offset, steps, depths, coding, face, is_flipped):
     """Write the planes of all attributes; return whether they are good enough."""
     row = np.uint64(n_record) << np.uint64(records.plane_shift)
-    records.levels[row + np.uint64(ANCHOR)] = anchor[0] + (anchor[1] << ANCHOR_SHIFT)
-    records.levels[row + np.uint64(PLANE_FACE)] = face
+    levels = records.levels
+    levels[row + np.uint64(ANCHOR)] = anchor[0] + (anchor[1] << ANCHOR_SHIFT)
+    levels[row + np.uint64(PLANE_FACE)] = face
+    column = row + np.uint64(PLANE)
     if coding.kind == NORMAL_PLANES:
-        return write_normal_planes(records.planes, row, attributes, corners, edges, offset, steps, depths, coding, is_flipped)
+        return write_normal_planes(records.planes, column, corners, slopes, offset, steps, depths, coding, is_flipped)
     is_good = True
-    for channel in range(np.uint64(attributes.shape[2])):
-        is_fine, level, level_x, level_y = level_plane(attributes, channel, corners, edges, offset, steps, depths, coding)
-        column = row + np.uint64(PLANE) + np.uint64(3) * channel
+    for channel in range(np.uint64(3)):
+        is_fine, level, level_x, level_y = level_plane(corners, channel, slopes, offset, steps, depths, coding)
         # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right again.
-        records.levels[column] = level
-        records.levels[column + np.uint64(1)] = level_x
-        records.levels[column + np.uint64(2)] = level_y
+        levels[column], levels[column + np.uint64(1)], levels[column + np.uint64(2)] = level, level_x, level_y
         is_good &= is_fine
+        column += np.uint64(3)
     return is_good
 
 
 @helper
-def write_normal_planes(planes, row, attributes, corners, edges, offset, steps, depths, coding, is_flipped):
+def write_normal_planes(planes, column, corners, slopes, offset, steps, depths, coding, is_flipped):
     """Write planes of n/w (three), of the albedo (where there is one), and of 1/w or depth (where it is needed).
 
     The normals' plane gives their direction only, so 1/w is scaled to at most 1. A float32 plane that rises by s over the box
     of its triangle errs by at most 2^-24·(3 + 4 s) there: the roundings of value, slopes, products and sums.
     """
-    side, c0, c1, c2 = corners
-    z0, z1, z2 = depths
+    n0, n1, n2 = corners
     inv_w_min, inv_w_rise = inv_ws(depths, coding)
-    scale = 1.0 / (inv_w_min + inv_w_rise)
-    w0 = (coding.inv_w_offset + coding.inv_w_scale * z0) * scale
-    w1 = (coding.inv_w_offset + coding.inv_w_scale * z1) * scale
-    w2 = (coding.inv_w_offset + coding.inv_w_scale * z2) * scale
-    # 1/w loses digits where it spans much: exactly then.
-    is_good = not (coding.needs_distance and inv_w_rise > inv_w_min)
-    sign = -1.0 if is_flipped else 1.0
-    column = row + np.uint64(PLANE)
-    is_flat = True
-    for k in range(np.uint64(3)):
-        is_flat &= (attributes[side, c0, k] == attributes[side, c1, k]) & (attributes[side, c0, k] == attributes[side, c2, k])
-    for k in range(np.uint64(attributes.shape[2])):
-        a0, a1, a2 = float(attributes[side, c0, k]), float(attributes[side, c1, k]), float(attributes[side, c2, k])
-        if k < np.uint64(3):
-            # Three equal normals stay exactly constant, because no w is mixed in.
-            a0, a1, a2 = sign * a0 * (1.0 if is_flat else w0), sign * a1 * (1.0 if is_flat else w1), sign * a2 * (1.0 if is_flat else w2)
-            is_good &= rise(planes, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit
-        else:
-            spread = max(a0, a1, a2) - min(a0, a1, a2)
-            is_good &= spread * inv_w_rise <= 4.0 * inv_w_min * coding.albedo_tolerance
-            is_good &= rise(planes, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit
+    scale = -1.0 / (inv_w_min + inv_w_rise) if is_flipped else 1.0 / (inv_w_min + inv_w_rise)
+    w0 = (coding.inv_w_offset + coding.inv_w_scale * depths[0]) * scale
+    w1 = (coding.inv_w_offset + coding.inv_w_scale * depths[1]) * scale
+    w2 = (coding.inv_w_offset + coding.inv_w_scale * depths[2]) * scale
+    x, y, z = np.uint64(0), np.uint64(1), np.uint64(2)
+    if (n0[x] == n1[x]) & (n0[x] == n2[x]) & (n0[y] == n1[y]) & (n0[y] == n2[y]) & (n0[z] == n1[z]) & (n0[z] == n2[z]):
+        w0 = w1 = w2 = -1.0 if is_flipped else 1.0  # three equal normals stay exactly constant if no w is mixed in
+    most = max(
+        write_plane(planes, column, n0[x] * w0, n1[x] * w1, n2[x] * w2, slopes, offset, steps),
+        write_plane(planes, column + np.uint64(3), n0[y] * w0, n1[y] * w1, n2[y] * w2, slopes, offset, steps),
+        write_plane(planes, column + np.uint64(6), n0[z] * w0, n1[z] * w1, n2[z] * w2, slopes, offset, steps),
+    )
+    column += np.uint64(9)
+    is_good = most <= coding.normal_limit
+    for k in range(np.uint64(3), np.uint64(len(n0))):
+        spread = max(n0[k], n1[k], n2[k]) - min(n0[k], n1[k], n2[k])
+        is_good &= spread * inv_w_rise <= 4.0 * inv_w_min * coding.albedo_tolerance
+        is_good &= write_plane(planes, column, n0[k], n1[k], n2[k], slopes, offset, steps) <= coding.normal_limit
         column += np.uint64(3)
     if coding.needs_distance:
-        a0, a1, a2 = w0 / scale, w1 / scale, w2 / scale
-        if coding.depth_scale != 0.0:
-            a0 = coding.depth_offset + coding.depth_scale * z0
-            a1 = coding.depth_offset + coding.depth_scale * z1
-            a2 = coding.depth_offset + coding.depth_scale * z2
-        is_good &= rise(planes, column, a0, a1, a2, edges, offset, steps) <= coding.normal_limit * max(a0, a1, a2)
+        is_good &= write_distance(planes, column, depths, slopes, offset, steps, coding)
     return is_good
 
 
 @helper
-def rise(planes, column, a0, a1, a2, edges, offset, steps):
-    """Write one attribute's plane; return how much it rises over the triangle's box."""
-    dx1, dy1, dx2, dy2, inv_area = edges
-    a_x, a_y = gradient(a1 - a0, a2 - a0, dx1, dy1, dx2, dy2, inv_area)
-    planes[column] = a0 + a_x * offset[0] + a_y * offset[1]
-    planes[column + np.uint64(1)] = a_x * SUBPIXEL
-    planes[column + np.uint64(2)] = a_y * SUBPIXEL
-    return (abs(a_x) * float(steps[0] + 1) + abs(a_y) * float(steps[1] + 1)) * SUBPIXEL
+def write_distance(planes, column, depths, slopes, offset, steps, coding):
+    """Write the plane of 1/w, or of depth without perspective; return whether it is good enough."""
+    add, times = coding.inv_w_offset, coding.inv_w_scale
+    if coding.depth_scale != 0.0:
+        add, times = coding.depth_offset, coding.depth_scale
+    a0, a1, a2 = add + times * depths[0], add + times * depths[1], add + times * depths[2]
+    most = write_plane(planes, column, a0, a1, a2, slopes, offset, steps)
+    # 1/w loses digits where it spans much.
+    return (most <= coding.normal_limit * max(a0, a1, a2)) & (max(a0, a1, a2) <= 2.0 * min(a0, a1, a2))
 
 
 @helper
-def write_exact(records, n_record, attributes, corners, triangle, depths, coding, face, is_flipped):
-    """Write where the triangle lies on the screen, and 1/w and the attributes of its three corners."""
-    side, c0, c1, c2 = corners
+def write_plane(planes, column, a0, a1, a2, slopes, offset, steps):
+    """Write one attribute's plane; return how much it rises over the triangle's box."""
+    a_x, a_y = gradient(a1 - a0, a2 - a0, slopes)
+    planes[column] = a0 + a_x * offset[0] + a_y * offset[1]
+    planes[column + np.uint64(1)] = a_x
+    planes[column + np.uint64(2)] = a_y
+    return abs(a_x) * float(steps[0] + 1) + abs(a_y) * float(steps[1] + 1)
+
+
+@helper
+def write_exact(records, n_record, corners, triangle, depths, coding, face, is_flipped):
+    """Write where the triangle lies on the screen, and 1/w, depth and the attributes of its three corners."""
     row = np.uint64(n_record)
     for k in range(6):
         records.integers[row, np.uint64(k)] = triangle[k]
@@ -226,8 +230,7 @@ def write_exact(records, n_record, attributes, corners, triangle, depths, coding
         records.numbers[row, np.uint64(INV_W + k)] = coding.inv_w_offset + coding.inv_w_scale * depths[k]
         records.numbers[row, np.uint64(DEPTH + k)] = coding.depth_offset + coding.depth_scale * depths[k]
     column = np.uint64(ATTRIBUTE)
-    for k in range(np.uint64(attributes.shape[2])):
-        records.numbers[row, column] = attributes[side, c0, k]
-        records.numbers[row, column + np.uint64(1)] = attributes[side, c1, k]
-        records.numbers[row, column + np.uint64(2)] = attributes[side, c2, k]
-        column += np.uint64(3)
+    for k in range(np.uint64(len(corners[0]))):
+        for corner in corners:
+            records.numbers[row, column] = corner[k]
+            column += np.uint64(1)

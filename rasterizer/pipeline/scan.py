@@ -34,6 +34,7 @@ from .records import (
     Polygons,
     borrow_records,
     code_word,
+    find_slopes,
     gradient,
     write_exact,
     write_planes,
@@ -48,6 +49,7 @@ PADDING = MOST_WIDE  # samples behind each row that lanes may read and write bac
 # Planes are good while box area / triangle area stays below this: a coefficient is at most 2^DEPTH_BITS · 2^20 < 2^63 and its
 # float64 rounding error at most 2^(38 + 20 - 53) units a box, a 2^33rd of the depth range. Slivers beyond are interpolated exactly.
 MAX_ELONGATION = 2.0**20
+MAX_SLOPE = 2.0**60  # of depth, a sample: steeper ones would leave 64 bits; a triangle that reaches far out of the picture may
 
 
 class Canvas(NamedTuple):
@@ -94,33 +96,34 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
         if left >= right or top >= bottom:
             continue
 
-        # Make the plane of depth, and of intensity where the word may hold it.
-        inv_area = 1.0 / area
-        ux, uy = float(anchor_x * SUBPIXEL + HALF - x0), float(anchor_y * SUBPIXEL + HALF - y0)
+        # Find the slopes of planes over the triangle, and that of depth.
         is_sliver = float(x_max - x_min) * float(y_max - y0) > MAX_ELONGATION * area
-        z_x, z_y = gradient(z1 - z0, z2 - z0, dx1, dy1, dx2, dy2, 0.0 if is_sliver else inv_area)
+        slopes = find_slopes(dx1, dy1, dx2, dy2, np.inf if is_sliver else float(area))
+        offset = (float(anchor_x * SUBPIXEL + HALF - x0) / SUBPIXEL, float(anchor_y * SUBPIXEL + HALF - y0) / SUBPIXEL)
+        z_x, z_y = gradient(z1 - z0, z2 - z0, slopes)
+        if abs(z_x) + abs(z_y) > MAX_SLOPE:
+            is_sliver, z_x, z_y = True, 0.0, 0.0
+
         # Choose how the attributes reach the samples: in the word, in planes, or exactly.
-        corners = (np.uint64(attributes.shape[0] - 1 if is_flipped else 0), c0, c1, c2)
-        edges, depths = (dx1, dy1, dx2, dy2, inv_area), (z0, z1, z2)
+        side = np.uint64(attributes.shape[0] - 1 if is_flipped else 0)
+        corners, depths = (attributes[side, c0], attributes[side, c1], attributes[side, c2]), (z0, z1, z2)
         steps = (first_sample(x_max) - anchor_x, first_sample(y_max) - anchor_y)
         payload, payload_x, payload_y = IS_ID + n_record, np.int64(0), np.int64(0)
         is_coded = False
         if coding.kind == IN_WORDS and not is_sliver:
-            is_coded, payload, payload_x, payload_y = code_word(
-                attributes, corners, edges, (ux, uy), steps, depths, coding, payload
-            )
+            is_coded, payload, payload_x, payload_y = code_word(corners, slopes, offset, steps, depths, coding, payload)
         elif coding.kind >= IN_PLANES and not is_sliver:
             # Anchored at the first sample inside the picture, so that its place fits 32 bits.
             shown = (left, max(anchor_y, 0))
-            offset = (ux + float((shown[0] - anchor_x) * SUBPIXEL), uy + float((shown[1] - anchor_y) * SUBPIXEL))
+            inside = (offset[0] + float(shown[0] - anchor_x), offset[1] + float(shown[1] - anchor_y))
             is_coded = write_planes(
-                records, n_record, attributes, corners, edges, shown, offset, steps, depths, coding, face, is_flipped
+                records, n_record, corners, slopes, shown, inside, steps, depths, coding, face, is_flipped
             )
             n_record += is_coded
         if not is_coded:
             payload |= IS_EXACT
             place = (x0, y0, dx1, dy1, dx2, dy2)
-            write_exact(records, n_record, attributes, corners, place, depths, coding, face, is_flipped)
+            write_exact(records, n_record, corners, place, depths, coding, face, is_flipped)
             n_record += 1
 
         # Note what part of the band is touched.
@@ -133,9 +136,9 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
         # Fill: all samples of a small box side by side, else span by span.
         triangle = (x0, y0, x1, y1, x2, y2)
         box = (left, right, top, bottom, (top - y_start) * canvas.pitch)
-        word_x = pack(np.rint(z_x * SUBPIXEL), payload_x)
-        word_y = pack(np.rint(z_y * SUBPIXEL), payload_y)
-        anchor = pack(np.rint(z0 + z_x * ux + z_y * uy), payload)
+        word_x = pack(np.rint(z_x), payload_x)
+        word_y = pack(np.rint(z_y), payload_y)
+        anchor = pack(np.rint(z0 + z_x * offset[0] + z_y * offset[1]), payload)
         origin = anchor - np.uint64(anchor_x) * word_x - np.uint64(anchor_y) * word_y  # the plane's word at sample (0, 0)
         if steps[0] <= MOST_WIDE and steps[1] <= MOST_HIGH and not is_sliver:
             fill_lanes(canvas.words, canvas.pitch, box, triangle, (origin, word_x, word_y))

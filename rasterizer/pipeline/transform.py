@@ -36,8 +36,8 @@ class Screen(NamedTuple):
     scale_y: float
     center_x: float
     center_y: float
-    near: float
-    far: float  # the clip distance: infinite where the caller gave none
+    near: float  # clip distance
+    far: float  # clip distance: infinite where the caller gave none
     z_offset: float  # z = z_offset + z_scale / w  (perspective)  or  z_offset + z_scale * depth
     z_scale: float
     is_perspective: bool
@@ -51,8 +51,12 @@ class Vertices(NamedTuple):
     z: np.ndarray  # (n,) float64, z-buffer units
 
 
-def make_screen(view, projection, depth_range, far_clip) -> Screen:
-    """Fit the z-buffer to `depth_range` = (nearest, furthest) distance along the viewing axis, in scene units."""
+def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:
+    """Fit the z-buffer to `depth_range` = (nearest, furthest) distance along the viewing axis that is seen, in scene units.
+
+    What is nearer than the range but beyond `near_clip` lies outside the picture: it needs a depth for the planes of the
+    triangles that reach there, but no room in the z-buffer.
+    """
     near, far = depth_range
     if projection.is_perspective:
         spread = 1.0 / near - 1.0 / far
@@ -65,7 +69,7 @@ def make_screen(view, projection, depth_range, far_clip) -> Screen:
     return Screen(
         view.eye, view.right, view.up, view.forward,
         projection.scale_x, projection.scale_y, projection.center_x, projection.center_y,
-        near, far_clip, offset, scale, projection.is_perspective,
+        near_clip, far_clip, offset, scale, projection.is_perspective,
     )  # fmt: skip
 
 
