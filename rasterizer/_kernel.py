@@ -90,7 +90,7 @@ def kernel(function):
 
 def helper(function):
     """Compile a scalar function that kernels call; it is inlined into them and needs no cache entry of its own."""
-    return numba.njit(**_OPTIONS)(function)
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
 
 
 @functools.cache

@@ -19,10 +19,15 @@ SERIAL = Workers(1)
 NOTHING = np.empty((0, 3))
 
 
-def plain_screen(is_perspective=True, depths=(1.0, 100.0), far_clip=np.inf, scale=1.0, center=(0.0, 0.0), eye=(0.0, 0.0, 0.0)):
-    """A screen whose camera looks down -z; orthographic and with scale 1, a scene unit is a pixel."""
-    view = View(np.array(eye), *np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, -1.0]]))
-    return make_screen(view, Projection(scale, scale, *center, is_perspective), depths, far_clip)
+def plain_screen(is_perspective=True, depths=(1.0, 100.0), far_clip=np.inf, scale=1.0, center=(0.0, 0.0)):
+    """A screen whose camera stands at the origin and looks down -z; orthographic and with scale 1, a scene unit is a pixel."""
+    view = View(np.zeros(3), *np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, -1.0]]))
+    return screen_of(view, Projection(scale, scale, *center, is_perspective), depths, far_clip)
+
+
+def screen_of(view, projection, depths, far_clip=np.inf):
+    """A screen that clips at the nearest of its depths."""
+    return make_screen(view, projection, depths, depths[0], far_clip)
 
 
 def plain_coding(kind, screen, level_scale=1.0, tolerance=0.0, normal_limit=0.0, needs_distance=False):

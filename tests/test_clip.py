@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stages import SERIAL, plain_screen
 
-from rasterizer.pipeline.clip import MOST_CORNERS, N_COLUMN, clip, clip_faces, extend
+from rasterizer.pipeline.clip import MOST_CORNERS, N_COLUMN, clip, clip_faces, extend, find_nearest
 from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, transform
 
 NEAR, FAR = 1.0, 10.0
@@ -246,3 +246,30 @@ def test_without_the_compiler_the_same_comes_out():
         n = int(function(positions, vertex, faces, screen, triangles, owner))
         results.append((n, triangles.tobytes(), owner.tobytes()))
     assert results[0] == results[1] and results[0][0] > 10
+
+
+def test_the_nearest_depth_that_is_seen():
+    """Against many points of every triangle that fall into the picture: none is nearer, and one is nearly as near."""
+    rng = np.random.default_rng(10)
+    size, found = (40, 30), []
+    for is_perspective in (True, False):
+        for _ in range(60):
+            screen = plain_screen(is_perspective, (0.01, 100.0), scale=15.0, center=(20.0, 15.0))
+            points = rng.uniform(-4, 4, (9, 3)) - (0, 0, 3)
+            positions = np.ascontiguousarray(points.T)
+            vertex = np.ascontiguousarray(np.arange(9, dtype=np.uint32).reshape(-1, 3).T)
+            nearest = find_nearest(positions, vertex, screen, *size)
+            seen = []
+            for corners in points.reshape(3, 3, 3):
+                spots = rng.dirichlet((0.7, 0.7, 0.7), 3000) @ corners
+                w = -spots[:, 2] if is_perspective else np.ones(len(spots))
+                x, y = 20 + 15 * spots[:, 0] / w, 15 - 15 * spots[:, 1] / w
+                seen.append(-spots[(spots[:, 2] <= -0.01) & (x > 0) & (x < 40) & (y > 0) & (y < 30), 2])
+            seen = np.concatenate(seen)
+            if len(seen):
+                assert seen.min() >= nearest * (1 - 1e-12), f"{seen.min()} is seen, nearer than {nearest}"
+            if len(seen) > 300:
+                found.append(seen.min() - nearest)
+    assert len(found) > 30 and np.median(found) < 0.05, f"median {np.median(found)} > 0.05"
+    behind = np.ascontiguousarray(np.abs(rng.normal(size=(3, 3))))
+    assert find_nearest(behind, np.array([[0], [1], [2]], np.uint32), plain_screen(), *size) == np.inf

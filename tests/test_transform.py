@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pixels import project
-from stages import SERIAL, plain_screen
+from stages import SERIAL, plain_screen, screen_of
 
 import rasterizer as rz
 from rasterizer.pipeline.transform import (
@@ -17,7 +17,6 @@ from rasterizer.pipeline.transform import (
     LIMIT_PX,
     OUTSIDE,
     Vertices,
-    make_screen,
     transform,
     transform_range,
 )
@@ -57,7 +56,7 @@ def test_places_are_those_of_the_definitions(camera):
     size, view = (203, 157), camera.view()
     rng = np.random.default_rng(1)
     points = view.eye + 4.0 * view.forward + rng.uniform(-2, 2, (500, 3))
-    screen = make_screen(view, camera.projection(size), (1e-3, 1e3), np.inf)
+    screen = screen_of(view, camera.projection(size), (1e-3, 1e3))
     here, n_outside = place(points, screen)
     places, depth = project(camera, points, size)
     assert n_outside == 0
@@ -108,6 +107,14 @@ def test_depths_fill_the_buffer_and_leave_room_at_both_ends(is_perspective, dept
     assert DEPTH_MARGIN + DEPTH_SPAN + DEPTH_MARGIN == 2**DEPTH_BITS
 
 
+def test_what_is_nearer_than_the_depths_that_are_seen_lies_before_the_buffer():
+    """A triangle that reaches the picture from the side needs depths there, but no room for them."""
+    seen = plain_screen(depths=(4.0, 8.0))._replace(near=1.0)
+    here, n_outside = place([(0, 0, -1), (0, 0, -4), (0, 0, -8), (0, 0, -0.9)], seen)
+    assert n_outside == 1 and here.x[3] == OUTSIDE
+    assert np.abs(here.z[:3] - DEPTH_MARGIN - np.array([-6.0, 0.0, 1.0]) * DEPTH_SPAN).max() <= 2.0**-10
+
+
 def test_one_depth_alone_lies_inside_the_buffer():
     for is_perspective in (True, False):
         z = place([(0.3, 0.2, -5.0)], plain_screen(is_perspective, (5.0, 5.0)))[0].z
@@ -136,8 +143,8 @@ def test_the_unit_of_length_does_not_change_a_bit(camera, power):
     view, size, scale = camera.view(), (203, 157), 2.0**power
     rng = np.random.default_rng(2)
     points = view.eye + 4.0 * view.forward + rng.uniform(-2, 2, (300, 3))
-    screen = make_screen(view, camera.projection(size), (0.5, 20.0), 20.0)
-    larger = make_screen(view._replace(eye=view.eye * scale), camera.projection(size), (0.5 * scale, 20.0 * scale), 20.0 * scale)
+    screen = screen_of(view, camera.projection(size), (0.5, 20.0), 20.0)
+    larger = screen_of(view._replace(eye=view.eye * scale), camera.projection(size), (0.5 * scale, 20.0 * scale), 20.0 * scale)
     (here, n_here), (there, n_there) = place(points, screen), place(points * scale, larger)
     assert n_here == n_there
     for name in here._fields:
