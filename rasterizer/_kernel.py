@@ -89,7 +89,10 @@ def kernel(function):
 
 
 def helper(function):
-    """Compile a scalar function that kernels call; it is inlined into them and needs no cache entry of its own."""
+    """Compile a scalar function that kernels call; it is inlined into them and needs no cache entry of its own.
+
+    It has no entry for Python, which would take a quarter of all compile time: from Python call its `py_func`.
+    """
     return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
 
 

@@ -162,10 +162,9 @@ def test_what_is_not_finite_draws_nothing_and_disturbs_nothing(bad, is_perspecti
         area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
         drawn = set(clipped.face[area != 0].tolist())
         if np.isfinite(bad).all():
-            assert {0, 2} <= drawn
+            assert {0, 2} <= drawn  # very far away is not an error
         else:
-            assert drawn == {0, 2}, f"faces {drawn} drawn"
-        assert clipped.n_clipped == 4
+            assert drawn == {0, 2} and clipped.n_clipped == 4, f"faces {drawn} drawn"
 
 
 def test_faces_keep_their_order_and_their_points():

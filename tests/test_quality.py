@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from judge import EXACT, check
+from judge import EXACT, check, compare
 from pinhole import ALBEDO, DULL, SHADINGS, octasphere, torus, unit
 from raster import COLORED, GREY, ROOT, sheet
 
@@ -15,6 +15,7 @@ import rasterizer as rz
 
 sys.path[:0] = [str(ROOT), str(ROOT / "models")]
 import make_models
+
 from bench import analytic
 
 DEFAULT = 1 / 4096
@@ -89,9 +90,19 @@ def test_pictures_are_within_their_tolerance_of_the_judge(name, shading):
             continue  # every pixel of a bundle has a sample in which two of the slivers are equally near
         found = check(scene, SIZE, budget, ignored=0.02, units=2.0**20 if is_thin else 2.0**14,
                       shading=shading, **options)  # fmt: skip
-        bound = rz.render(scene, SIZE, shading=shading, **options).stats.error_bound
-        assert found.color <= bound <= budget, f"{options}: {found.color:.3g} > the stated bound {bound:.3g}"
         assert found.n_compared > 100
+
+
+@pytest.mark.parametrize("brightness", [0.01, 1.0, 50.0])
+@pytest.mark.parametrize("tolerance", [0.0, 1e-5, DEFAULT])
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_the_stated_bound_holds(shading, tolerance, brightness):
+    """`Stats.error_bound` promises about the picture that is returned, whose colours are float32."""
+    lights = tuple(replace(light, color=brightness * np.array(light.color)) for light in COLORED)
+    scene = rz.Scene([rz.Mesh(*torus(24, 12))], lights, VIEW)
+    bound = rz.render(scene, SIZE, shading=shading, tolerance=tolerance).stats.error_bound
+    found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
+    assert found.color <= bound, f"{found.color:.3g} > the stated bound {bound:.3g}"
 
 
 # ---------------------------------------------------------------- the default picture against the exact one
@@ -220,7 +231,7 @@ def test_a_highlight_inside_a_triangle_is_lost_by_gouraud_and_found_by_phong():
         )
         at = middle[::-1]
         highlight = phong - (phong > 0) * 0.2
-        assert abs(phong.max() - 0.9) < 2e-3, f"Phong's method: {phong.max():.4f}, the true maximum is 0.9"
+        assert abs(phong.max() - 0.9) < 5e-3, f"Phong's method: {phong.max():.4f}, the true maximum is 0.9"
         assert np.hypot(*(np.argwhere(phong == phong.max()).mean(axis=0) - at)) < 5
         assert highlight[at] > 0.68 and gouraud.max() < 0.25, f"Gouraud's method: {gouraud.max():.3f} > 0.25"
         assert np.ptp(flat[flat > 0]) == 0
@@ -330,7 +341,9 @@ def test_values_stay_within_the_range_of_the_vertices(tolerance, channels, is_pe
         if channels == "mono":
             lean = rng.normal(0, 0.2, (3 * n, 2))
             normals = unit(np.concatenate([lean, np.ones((3 * n, 1))], axis=1))
-            lights, given = (rz.DirectionalLight((0, 0, -1), 1.0),), {"normals": normals, "material": DULL}
+            # Lit from both sides, so that it does not matter which one a steep triangle shows.
+            lights = rz.DirectionalLight((0, 0, -1), 1.0), rz.DirectionalLight((0, 0, 1), 1.0)
+            given = {"normals": normals, "material": DULL}
             values = 0.7 * np.repeat(normals[:, 2, None], 3, axis=1)
         else:
             values = rng.random((3 * n, 3)) ** 2
@@ -389,51 +402,52 @@ def test_averaged_normals_hide_the_teeth_of_a_saw_and_creases_show_them():
         assert np.abs(teeth - expected[columns]).max() <= DEFAULT
 
 
-EDGED = {  # model: (azimuth, elevation, degrees between the normals on both sides of an edge)
-    "cube.obj": (35, 25, 80),
-    "cylinder.obj": (35, 25, 80),
-    "cone.obj": (20, -25, 80),
-}
+EDGED = {"cube.obj": (35, 25), "cylinder.obj": (35, 25), "cone.obj": (20, -25)}  # azimuth and elevation
+LIT_FROM = unit(np.array([0.7, 0.35, 0.6]))
 
 
 def steps_across_faces(name, angle, shading):
-    """Jumps of intensity between neighbouring pixels: (across the solid's edges, anywhere else)."""
-    azimuth, elevation, parting = EDGED[name]
-    scene = load(name, crease_angle=angle)
-    mesh = replace(scene.meshes[0], material=DULL)
-    lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.7, -0.35, -0.6), 0.9, "camera"))
+    """Jumps of intensity between neighbouring pixels.
+
+    Returns (steps across the solid's edges, what the faces' own normals ask for there, steps anywhere else).
+    """
+    azimuth, elevation = EDGED[name]
+    mesh = replace(load(name, crease_angle=angle).meshes[0], material=DULL)
+    lights = (rz.AmbientLight(0.1), rz.DirectionalLight(-LIT_FROM, 0.9))
     camera = rz.Camera.framing(mesh, azimuth=azimuth, elevation=elevation)
     frame = rz.render(
         rz.Scene([mesh], lights, camera), (320, 240), shading=shading, outputs=("color", "face")
     )
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     normals = unit(np.cross(b - a, c - a))[frame.face]
-    on_edge, elsewhere = [], []
-    for axis in (0, 1):
-        here, there = (np.moveaxis(frame.face, axis, 0)[cut] for cut in (slice(1, None), slice(None, -1)))
-        both = (here >= 0) & (there >= 0)
-        cosine = np.sum(np.moveaxis(normals, axis, 0)[1:] * np.moveaxis(normals, axis, 0)[:-1], axis=-1)
-        step = np.abs(np.diff(np.moveaxis(frame.color[..., 1], axis, 0), axis=0))
-        is_edge = both & (cosine < np.cos(np.radians(parting)))
+    asked = 0.7 * (0.1 + 0.9 * np.maximum(normals @ LIT_FROM, 0))
+    on_edge, wanted, elsewhere = [], [], []
+    for turned in (lambda v: v, lambda v: v.swapaxes(0, 1)):
+        both = (turned(frame.face)[1:] >= 0) & (turned(frame.face)[:-1] >= 0)
+        cosine = np.sum(turned(normals)[1:] * turned(normals)[:-1], axis=-1)
+        step = np.abs(np.diff(turned(frame.color[..., 1]), axis=0))
+        is_edge = both & (cosine < np.cos(np.radians(80)))
         on_edge.append(step[is_edge])
+        wanted.append(np.abs(np.diff(turned(asked), axis=0))[is_edge])
         elsewhere.append(step[both & ~is_edge])
-    return np.concatenate(on_edge), np.concatenate(elsewhere)
+    return tuple(np.concatenate(steps) for steps in (on_edge, wanted, elsewhere))
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
 @pytest.mark.parametrize("name", EDGED)
 def test_intensity_jumps_across_creases_and_nowhere_else(name, shading):
-    on_edge, elsewhere = steps_across_faces(name, 30, shading)
-    assert len(on_edge) > 100
-    assert on_edge.min() > 0.08, f"{on_edge.min():.3f} across an edge < 0.08"
+    """At 30 degrees walls of 64 facets are smooth and right angles are edges; at 180 everything is averaged."""
+    on_edge, wanted, elsewhere = steps_across_faces(name, 30, shading)
+    assert len(on_edge) > 50 and wanted.max() > 0.15
+    error = np.abs(on_edge - wanted).max()
+    assert error < 0.06, f"steps across edges are off by {error:.3f} > 0.06"
     assert elsewhere.max() < 0.04, f"{elsewhere.max():.3f} within a smooth wall > 0.04"
-    on_edge, elsewhere = steps_across_faces(name, 180, shading)
-    assert len(on_edge) > 100
+    on_edge, _, elsewhere = steps_across_faces(name, 180, shading)
     most = max(on_edge.max(), elsewhere.max())
-    assert most < 0.08, f"averaged over everything, still {most:.3f} > 0.08"
+    assert most < wanted.max() / 3, f"averaged over everything, still {most:.3f} > {wanted.max() / 3:.3f}"
 
 
 def test_facets_of_a_round_wall_show_only_without_smoothing():
-    smooth = steps_across_faces("cylinder.obj", 30, "gouraud")[1].max()
-    faceted = steps_across_faces("cylinder.obj", 0, "gouraud")[1].max()
+    smooth = steps_across_faces("cylinder.obj", 30, "gouraud")[2].max()
+    faceted = steps_across_faces("cylinder.obj", 0, "gouraud")[2].max()
     assert faceted > 3 * smooth, f"facets {faceted:.3f}, smooth {smooth:.3f}"
