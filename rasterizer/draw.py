@@ -16,9 +16,9 @@ from .pipeline.bands import sort_into_bands
 from .pipeline.buffers import write_buffers
 from .pipeline.clip import clip, extend
 from .pipeline.lighting import light_points
+from .pipeline.records import EXACT, MAX_RECORDS, Coding, Polygons
 from .pipeline.resolve import resolve
 from .pipeline.rows import make_rows
-from .pipeline.records import EXACT, MAX_RECORDS, Coding, Polygons
 from .pipeline.scan import scan
 from .pipeline.scratch import BenchKind
 from .pipeline.setup import Faces, find_visible
@@ -66,15 +66,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
         clock.lap("clip")
 
     width, height = job.size[0] * job.factor, job.size[1] * job.factor
-    rows = choose_band_rows(width, height, workers.n_thread, job.factor)
-    while True:
-        visible = find_visible(Faces(*polygons.vertex), vertices, width, height, rows, job.is_culled, workers)
-        most = max(np.sum([part.histogram for part in visible], axis=0), default=0)
-        if most <= MAX_RECORDS or rows == job.factor:
-            break
-        rows = max(job.factor, rows // 2 // job.factor * job.factor)  # a word has no room for more record numbers
-    if most > MAX_RECORDS:
-        raise SceneError(f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS}: draw a larger picture")
+    visible, rows = set_up(polygons, vertices, width, height, job, workers)
     clock.lap("setup")
     bands = sort_into_bands(visible, workers)
     clock.lap("bands")
@@ -98,6 +90,19 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     n_culled = sum(part.n_culled for part in visible)
     n_drawn = sum(len(part.face) for part in visible)
     return Counts(geometry.vertex.shape[1], n_clipped, n_culled, n_drawn, sum(covered), width * height)
+
+
+def set_up(polygons, vertices, width, height, job, workers):
+    """Find what is visible, and how many rows of samples a band has: no band may have more polygons than record numbers."""
+    rows = choose_band_rows(width, height, workers.n_thread, job.factor)
+    while True:
+        visible = find_visible(Faces(*polygons.vertex), vertices, width, height, rows, job.is_culled, workers)
+        most = int(np.sum([part.histogram for part in visible], axis=0).max(initial=0))
+        if most <= MAX_RECORDS:
+            return visible, rows
+        if rows == job.factor:
+            raise SceneError(f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS}: draw a larger picture")
+        rows = max(job.factor, rows // 2 // job.factor * job.factor)
 
 
 def light(geometry, plan, lighting, screen, is_flat, n_side, workers) -> np.ndarray:

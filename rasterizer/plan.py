@@ -12,9 +12,9 @@ from ._kernel import row_function
 from .options import Options
 from .pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, N_MATERIAL_COLUMN, SPECULAR_COLOR, Lighting
 from .pipeline.lights import ATTENUATION, COLOR, LIGHTS, MOST, N_NUMBER, VECTOR
+from .pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .pipeline.reflection import REFLECTIONS, SHININESS
 from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding, make_srgb_tables
-from .pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .scene.lights import AmbientLight, DirectionalLight, PointLight
 
 ULP = 2.0**-24  # relative rounding error of float32

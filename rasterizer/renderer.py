@@ -4,6 +4,7 @@ from time import perf_counter
 
 import numpy as np
 
+from .draw import buffers_job, draw, interpolated_job, light, lit_job
 from .frame import Frame, Stats
 from .options import Options
 from .pipeline.clip import find_nearest
@@ -22,7 +23,6 @@ from .plan import (
     make_lighting,
     make_plan,
 )
-from .draw import buffers_job, draw, interpolated_job, light, lit_job
 from .scene.camera import Camera
 from .scene.geometry import find_clearance, gather_geometry
 from .scene.lights import PointLight

@@ -73,8 +73,7 @@ def test_steps_run_through_the_wrap_around():
         assert_same(words, 3, ROWS, (0, 1, 8), [0, 0, 0, 2**31 - 3, 0, 1, -(2**31), -1, 0], -1),
     ]
     # Eight samples a row. The first two wrap to small numbers, which are nearer; the others leave the inside, or enter it.
-    assert n_changed == [48, 48, 5 * ROWS, 3 * 7 if ROWS == 3 else n_changed[3]]
-    assert n_changed[3] > 0
+    assert n_changed == [LANES * ROWS, LANES * ROWS, 5 * ROWS, 3 * 7]
 
 
 @pytest.mark.parametrize("level", [0, 1, 2**25 - 1])

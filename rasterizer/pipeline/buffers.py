@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, kernel
-from .resolve import clean
+from .exact import corner_weights, corners_of, mean, place_of
 from .records import ATTRIBUTE, DEPTH, FACE, INV_W, RECORD_MASK, SIDE
+from .resolve import clean
 from .scan import CLEAR, GROUP_SHIFT
-from .shade import corner_weights, corners_of, mean, place_of
 from .transform import HALF, SUBPIXEL
 
 

@@ -100,15 +100,17 @@ def light_rows(rows, n, lighting, material):
     number = lighting.material[material]
     if is_shiny:
         find_n_dot_v(rows, n)
-    for channel in range(np.uint64(lighting.n_light_channel)):
+    if len(lighting.light_function) == 0:
         for k in range(np.uint64(n)):
-            rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k] = zero
-            rows[SPECULAR_SUM + channel * NEXT_CHANNEL + k] = zero
+            rows[DIFFUSE_SUM + k] = rows[SPECULAR_SUM + k] = zero
     for light in range(np.uint64(len(lighting.light_function))):
         call_row(lighting.light_function[light], rows.ctypes.data, n, lighting.light[light].ctypes.data)
         call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
         for channel in range(np.uint64(lighting.n_light_channel)):
-            add_light(rows, n, channel, lighting.light[light, np.uint64(COLOR) + channel], is_shiny)
+            color = lighting.light[light, np.uint64(COLOR) + channel]
+            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, color, light == 0)
+            if is_shiny:
+                add_light(rows, n, SPECULAR_SUM + channel * NEXT_CHANNEL, SPECULAR, color, light == 0)
     # From the last channel to the first: with grey lights all of them read the sums of channel 0.
     for step in range(np.uint64(lighting.n_channel)):
         channel = np.uint64(lighting.n_channel) - np.uint64(1) - step
@@ -116,15 +118,14 @@ def light_rows(rows, n, lighting, material):
 
 
 @helper
-def add_light(rows, n, channel, color, is_shiny):
-    """Add one light's reflections to the sums of one channel."""
-    diffuse_sum = DIFFUSE_SUM + channel * NEXT_CHANNEL
-    specular_sum = SPECULAR_SUM + channel * NEXT_CHANNEL
-    for k in range(np.uint64(n)):
-        rows[diffuse_sum + k] += color * rows[DIFFUSE + k]
-    if is_shiny:
+def add_light(rows, n, sums, reflected, color, is_first):
+    """Add one light's reflection to the sums of one channel; the first one starts them."""
+    if is_first:
         for k in range(np.uint64(n)):
-            rows[specular_sum + k] += color * rows[SPECULAR + k]
+            rows[sums + k] = color * rows[reflected + k]
+    else:
+        for k in range(np.uint64(n)):
+            rows[sums + k] += color * rows[reflected + k]
 
 
 @helper

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .buffers import Buffers
+from .records import ATTRIBUTE, PLANE, Records
 from .resolve import Picture
 from .rows import make_rows
-from .records import ATTRIBUTE, PLANE, Records
 from .scan import CLEAR, GROUP_SHIFT, PADDING, Canvas
 
 
