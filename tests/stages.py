@@ -20,7 +20,7 @@ NOTHING = np.empty((0, 3))
 
 
 def plain_screen(is_perspective=True, depths=(1.0, 100.0), far_clip=np.inf, scale=1.0, center=(0.0, 0.0)):
-    """A screen whose camera stands at the origin and looks down -z; orthographic and with scale 1, a scene unit is a pixel."""
+    """A screen whose camera at the origin looks down -z; orthographic, scale 1: one unit is one pixel."""
     view = View(np.zeros(3), *np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, -1.0]]))
     return screen_of(view, Projection(scale, scale, *center, is_perspective), depths, far_clip)
 
@@ -35,11 +35,13 @@ def plain_coding(kind, screen, level_scale=1.0, tolerance=0.0, normal_limit=0.0,
     inverse = 1.0 / screen.z_scale
     line = (-screen.z_offset * inverse, inverse)
     of_w, of_depth = (line, (0.0, 0.0)) if screen.is_perspective else ((1.0, 0.0), line)
-    return Coding(kind, level_scale, tolerance * level_scale, normal_limit, tolerance, needs_distance, *of_w, *of_depth)
+    return Coding(
+        kind, level_scale, tolerance * level_scale, normal_limit, tolerance, needs_distance, *of_w, *of_depth
+    )
 
 
 def scan_alone(triangles, depth, attributes, coding, screen, size, is_inverted=None, n_plane=0, n_channel=0):
-    """Scan triangles (n, 3, 2), in 1/256 px, with depths (n, 3) and attributes (n, 3, n_attribute), into one band of `size`.
+    """Scan triangles (n, 3, 2), in 1/256 px, with depths (n, 3) and attributes (n, 3, k), into one band.
 
     Returns the working place and how many records were written.
     """
@@ -51,9 +53,19 @@ def scan_alone(triangles, depth, attributes, coding, screen, size, is_inverted=N
     is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
     kind = BenchKind(size[0], size[1], n_channel or n_attribute, n_attribute, n_plane, attributes.dtype)
     bench = Scratch().take(kind, n)
-    faces, rows = np.arange(n, dtype=np.uint32), np.ascontiguousarray(attributes.reshape(1, 3 * n, n_attribute))
+    faces, rows = (
+        np.arange(n, dtype=np.uint32),
+        np.ascontiguousarray(attributes.reshape(1, 3 * n, n_attribute)),
+    )
     polygons = Polygons(index, index, is_inverted)
     return bench, scan(faces, polygons, vertices, rows, coding, 0, size[1], bench.canvas, bench.records)
+
+
+def interpret(monkeypatch, module):
+    """Let the interpreter run a module's kernels and helpers: compiled helpers have no entry for Python."""
+    for name, value in list(vars(module).items()):
+        if hasattr(value, "py_func"):
+            monkeypatch.setattr(module, name, value.py_func)
 
 
 def words_of(bench, size):
@@ -62,7 +74,7 @@ def words_of(bench, size):
 
 
 def covered(triangle, size):
-    """Rows and columns (n,) of the samples that a triangle covers, and its three edge functions there, (3, n) int64."""
+    """Rows, columns (n,) of the samples that a triangle covers, and its edge functions there (3, n) int64."""
     rows, columns = np.nonzero(coverage(triangle, *size))
     corners = [tuple(int(v) for v in corner) for corner in triangle]
     x, y = 256 * columns + 128, 256 * rows + 128
@@ -100,7 +112,7 @@ def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
 
 
 def random_triangles(rng, n, size, reach):
-    """Integer triangles (n, 3, 2), in 1/256 px, with corners up to `reach` pixels from places inside the picture."""
+    """Integer triangles (n, 3, 2), in 1/256 px, corners up to `reach` pixels from places in the picture."""
     center = rng.uniform(0, 256 * np.array(size), (n, 1, 2))
     return np.rint(center + 256 * reach * rng.uniform(-1, 1, (n, 3, 2))).astype(np.int64)
 

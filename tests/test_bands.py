@@ -19,7 +19,9 @@ def random_parts(rng, n_part, n_face, n_band, most):
         histogram = np.zeros(n_band, np.int64)
         for a, b in zip(first, last, strict=True):
             histogram[a : b + 1] += 1
-        parts.append(Visible(faces.astype(np.uint32), first.astype(np.uint16), last.astype(np.uint16), histogram, 0))
+        parts.append(
+            Visible(faces.astype(np.uint32), first.astype(np.uint16), last.astype(np.uint16), histogram, 0)
+        )
     return parts
 
 
@@ -27,7 +29,9 @@ def expected(parts, n_band):
     """One list of faces a band."""
     lists = [[] for _ in range(n_band)]
     for part in parts:
-        for face, first, last in zip(part.face.tolist(), part.first_band.tolist(), part.last_band.tolist(), strict=True):
+        for face, first, last in zip(
+            part.face.tolist(), part.first_band.tolist(), part.last_band.tolist(), strict=True
+        ):
             for band in range(first, last + 1):
                 lists[band].append(face)
     return lists
@@ -35,7 +39,9 @@ def expected(parts, n_band):
 
 @pytest.mark.parametrize("n_thread", [1, 3])
 @pytest.mark.parametrize("n_part", [1, 2, 7])
-@pytest.mark.parametrize("n_face, n_band, most", [(0, 3, 1), (1, 1, 1), (500, 1, 1), (500, 13, 1), (500, 13, 13), (60, 900, 400)])
+@pytest.mark.parametrize(
+    "n_face, n_band, most", [(0, 3, 1), (1, 1, 1), (500, 1, 1), (500, 13, 1), (500, 13, 13), (60, 900, 400)]
+)
 def test_sorts_as_plain_lists_do(n_face, n_band, most, n_part, n_thread):
     parts = random_parts(np.random.default_rng(n_face + n_part), n_part, n_face, n_band, most)
     workers = SERIAL if n_thread == 1 else Workers(n_thread)

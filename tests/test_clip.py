@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stages import SERIAL, plain_screen
+from stages import SERIAL, interpret, plain_screen
 
-from rasterizer.pipeline.clip import MOST_CORNERS, N_COLUMN, clip, clip_faces, extend, find_nearest
+from rasterizer.pipeline import clip as stage
+from rasterizer.pipeline.clip import MOST_CORNERS, N_COLUMN, clip, extend, find_nearest
 from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, transform
 
 NEAR, FAR = 1.0, 10.0
@@ -18,7 +19,9 @@ def clip_mesh(points, faces, screen, has_own_points=True, corner=None):
     vertex = np.ascontiguousarray(np.asarray(faces, np.uint32).reshape(-1, 3).T)
     with np.errstate(all="ignore"):
         vertices, _ = transform(positions, screen, SERIAL)
-        return clip(positions, vertex, vertex if corner is None else corner, vertices, screen, has_own_points), vertices
+        return clip(
+            positions, vertex, vertex if corner is None else corner, vertices, screen, has_own_points
+        ), vertices
 
 
 def share_triangles(clipped, n_old, face=0):
@@ -49,13 +52,16 @@ def test_keeps_the_part_between_near_and_far(kind, turn, is_far, is_perspective)
     clipped, _ = clip_mesh(points, [[0, 1, 2]], screen)
     triangles = share_triangles(clipped, 3)
     beyond = (depth - plane) * (-1 if is_far else 1) < 0
-    # A corner of the triangle is cut off where its two edges meet the plane, at these shares of their lengths.
+    # A corner of the triangle is cut off where its two edges meet the plane: at these shares of them.
     alone = int(np.flatnonzero(beyond if beyond.sum() == 1 else ~beyond)[0])
     others = [k for k in range(3) if k != alone]
     corner = np.prod([(plane - depth[alone]) / (depth[k] - depth[alone]) for k in others])
     expected = 1.0 - corner if beyond.sum() == 1 else corner
     assert abs(share_of_area(triangles) - expected) <= 1e-15
-    assert len(triangles) == {"one behind": 2, "two behind": 1, "on the plane": 1}[kind] or kind == "on the plane"
+    assert (
+        len(triangles) == {"one behind": 2, "two behind": 1, "on the plane": 1}[kind]
+        or kind == "on the plane"
+    )
     assert np.abs(clipped.shares.sum(axis=1) - 1).max() <= 4e-16
     at = clipped.shares @ depth
     is_new = (clipped.shares > 0).sum(axis=1) > 1
@@ -86,7 +92,12 @@ vertex = st.tuples(number, number, depths, far_out).map(lambda v: (v[0] * v[3], 
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.tuples(vertex, vertex, vertex, vertex), st.booleans(), st.permutations(range(3)), st.permutations(range(3)))
+@given(
+    st.tuples(vertex, vertex, vertex, vertex),
+    st.booleans(),
+    st.permutations(range(3)),
+    st.permutations(range(3)),
+)
 def test_both_faces_of_an_edge_get_the_same_new_vertices(corners, is_perspective, turn_a, turn_b):
     """Bit for bit, through all planes, however the two faces are wound and listed: no gap can open."""
     screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR)
@@ -101,7 +112,9 @@ def test_both_faces_of_an_edge_get_the_same_new_vertices(corners, is_perspective
         weight = np.zeros((len(new), 4))
         np.put_along_axis(weight, points, shares, axis=1)
         place = np.stack([clipped.vertices.x[new], clipped.vertices.y[new], clipped.vertices.z[new]], axis=1)
-        rows = np.concatenate([weight[:, :2], place], axis=1)[weight[:, :2].sum(axis=1) + weight[:, 2:].sum(axis=1) > 0]
+        rows = np.concatenate([weight[:, :2], place], axis=1)[
+            weight[:, :2].sum(axis=1) + weight[:, 2:].sum(axis=1) > 0
+        ]
         is_on = (weight[:, 2:] == 0).all(axis=1)
         on_edge.append({row.tobytes() for row in rows[is_on] + 0.0})
     if (clipped.face == 0).any() and (clipped.face == 1).any() and clipped.n_clipped == 2:
@@ -114,19 +127,26 @@ def is_kept(points, screen):
     w = depth if screen.is_perspective else np.ones(len(points))
     room = [depth - screen.near, screen.far - depth]
     for axis in range(2):
-        room += [LIMIT_PX * w - points[:, axis] * screen.scale_x, LIMIT_PX * w + points[:, axis] * screen.scale_x]
+        room += [
+            LIMIT_PX * w - points[:, axis] * screen.scale_x,
+            LIMIT_PX * w + points[:, axis] * screen.scale_x,
+        ]
     room = np.array(room) / np.array([1, 1, *[LIMIT_PX] * 4])[:, None]
     return (room >= 0).all(axis=0), (np.abs(room) < 1e-9).any(axis=0)
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
 def test_what_is_left_covers_the_inside_once(is_perspective):
-    """Random points of triangles that reach far beyond the picture, behind the eye and beyond the far plane."""
+    """Random points of triangles that reach far out, behind the eye and beyond the far plane."""
     rng = np.random.default_rng(4)
     screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR)
     n_left = []
     for _ in range(150):
-        corners = rng.uniform(-1, 1, (3, 3)) * (2.0 ** rng.uniform(18, 23), 2.0 ** rng.uniform(18, 23), 7) - (0, 0, 5)
+        corners = rng.uniform(-1, 1, (3, 3)) * (2.0 ** rng.uniform(18, 23), 2.0 ** rng.uniform(18, 23), 7) - (
+            0,
+            0,
+            5,
+        )
         clipped, before = clip_mesh(corners, [[0, 1, 2]], screen)
         if clipped.n_clipped == 0:
             continue
@@ -134,16 +154,26 @@ def test_what_is_left_covers_the_inside_once(is_perspective):
         n_left.append(len(triangles))
         shares = rng.dirichlet(np.ones(3), 400)
         inside, unsure = is_kept(shares @ corners, screen)
-        # Barycentric coordinates in each part: positive in at most one, and in one exactly where the point is inside.
+        # Barycentric coordinates in each part: positive in one where the point is inside, else in none.
         within = [shares @ np.linalg.inv(t) for t in triangles if abs(np.linalg.det(t)) > 1e-12]
         count = sum(((b >= -1e-9).all(axis=1)).astype(int) for b in within) + np.zeros(len(shares), int)
         strict = sum(((b > 1e-9).all(axis=1)).astype(int) for b in within) + np.zeros(len(shares), int)
         wrong = ~unsure & ((count > 0) != inside)
-        assert not wrong.any() and strict.max() <= 1, f"{wrong.sum()} points kept wrongly, or covered {strict.max()} times"
+        assert not wrong.any() and strict.max() <= 1, (
+            f"{wrong.sum()} points kept wrongly, or covered {strict.max()} times"
+        )
     assert max(n_left) >= 4 and min(n_left) == 0 and max(n_left) <= MOST_CORNERS - 2
 
 
-BAD = [(np.nan, 0, -2), (np.inf, 0, -2), (0, -np.inf, -2), (0, 0, np.inf), (0, 0, -np.inf), (1e308, 1e308, -2), (np.inf,) * 3]
+BAD = [
+    (np.nan, 0, -2),
+    (np.inf, 0, -2),
+    (0, -np.inf, -2),
+    (0, 0, np.inf),
+    (0, 0, -np.inf),
+    (1e308, 1e308, -2),
+    (np.inf,) * 3,
+]
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
@@ -154,7 +184,9 @@ def test_what_is_not_finite_draws_nothing_and_disturbs_nothing(bad, is_perspecti
     axes = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     for turn in (np.eye(3), axes):
         screen = plain_screen(is_perspective, (NEAR, FAR))
-        screen = screen._replace(**{name: getattr(screen, name) @ turn for name in ("right", "up", "forward")})
+        screen = screen._replace(
+            **{name: getattr(screen, name) @ turn for name in ("right", "up", "forward")}
+        )
         with np.errstate(all="ignore"):
             clipped, _ = clip_mesh(np.concatenate([good @ turn, [bad]]), faces, screen)
         x, y = clipped.vertices.x[clipped.vertex].astype(int), clipped.vertices.y[clipped.vertex].astype(int)
@@ -209,7 +241,9 @@ def test_parts_keep_the_winding_of_their_face():
 def test_attributes_of_new_points_are_linear_and_stay_in_range(dtype):
     rng = np.random.default_rng(8)
     points = rng.uniform(-4, 4, (300, 3)) - (0, 0, 3)
-    clipped, _ = clip_mesh(points, np.arange(300).reshape(-1, 3), plain_screen(True, (NEAR, FAR), far_clip=FAR, scale=30.0))
+    clipped, _ = clip_mesh(
+        points, np.arange(300).reshape(-1, 3), plain_screen(True, (NEAR, FAR), far_clip=FAR, scale=30.0)
+    )
     values = rng.uniform(-1, 1, (2, 300, 4)).astype(dtype)
     values[..., 1] = dtype(0.1)  # a constant stays constant
     values[..., 2] = rng.choice(np.array([0.1, 0.3], dtype), (2, 300))
@@ -234,21 +268,25 @@ def test_extending_by_nothing_changes_nothing():
     assert behind.n_clipped == 1 and behind.vertex.shape == (3, 0) and behind.face.shape == (0,)
 
 
-def test_without_the_compiler_the_same_comes_out():
+def test_without_the_compiler_the_same_comes_out(monkeypatch):
     rng = np.random.default_rng(9)
     positions = np.ascontiguousarray((rng.uniform(-4, 4, (90, 3)) - (0, 0, 3)).T)
     vertex = np.ascontiguousarray(np.arange(90, dtype=np.uint32).reshape(-1, 3).T)
     faces, screen = np.arange(30, dtype=np.uint32), plain_screen(True, (NEAR, FAR), far_clip=FAR)
-    results = []
-    for function in (clip_faces, clip_faces.py_func):
+
+    def run():
         triangles, owner = np.zeros((30 * 7, 3, N_COLUMN)), np.zeros(30 * 7, np.uint32)
-        n = int(function(positions, vertex, faces, screen, triangles, owner))
-        results.append((n, triangles.tobytes(), owner.tobytes()))
-    assert results[0] == results[1] and results[0][0] > 10
+        n = int(stage.clip_faces(positions, vertex, faces, screen, triangles, owner))
+        nearest = float(stage.find_nearest(positions, vertex, screen, 40, 30))
+        return n, triangles.tobytes(), owner.tobytes(), nearest
+
+    compiled = run()
+    interpret(monkeypatch, stage)
+    assert compiled == run() and compiled[0] > 10 and np.isfinite(compiled[3])
 
 
 def test_the_nearest_depth_that_is_seen():
-    """Against many points of every triangle that fall into the picture: none is nearer, and one is nearly as near."""
+    """Against many points that fall into the picture: none is nearer, and one is nearly as near."""
     rng = np.random.default_rng(10)
     size, found = (40, 30), []
     for is_perspective in (True, False):

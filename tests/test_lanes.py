@@ -48,7 +48,11 @@ def assert_same(words, start, n_row, word, edges, depth_mask):
 
 
 whole = st.integers(-(2**63), 2**63 - 1)
-edge = st.one_of(st.integers(-(2**31), 2**31 - 1), st.integers(-3, 3), st.sampled_from([2**31 - 1, -(2**31), 2**28, -(2**28)]))
+edge = st.one_of(
+    st.integers(-(2**31), 2**31 - 1),
+    st.integers(-3, 3),
+    st.sampled_from([2**31 - 1, -(2**31), 2**28, -(2**28)]),
+)
 masks = st.sampled_from([-1, -(1 << 25), -(1 << 24), -(1 << 62), 0])
 
 
@@ -63,7 +67,7 @@ def test_any_bits_give_what_plain_python_gives(data, start, n_row, mask, is_open
 
 
 def test_steps_run_through_the_wrap_around():
-    """A depth that passes 2^63, and edge functions that pass 2^31, in the middle of a row and between rows."""
+    """A depth that passes 2^63, and edge functions that pass 2^31, along a row and between rows."""
     words = [2**63 - 1] * (PITCH * ROWS)
     top = 2**63 - 4 * 2**40
     n_changed = [
@@ -72,7 +76,7 @@ def test_steps_run_through_the_wrap_around():
         assert_same(words, 3, ROWS, (0, 1, 8), [2**31 - 5, 1, 0, 0, 0, 0, 0, 0, 0], -1),
         assert_same(words, 3, ROWS, (0, 1, 8), [0, 0, 0, 2**31 - 3, 0, 1, -(2**31), -1, 0], -1),
     ]
-    # Eight samples a row. The first two wrap to small numbers, which are nearer; the others leave the inside, or enter it.
+    # The first two wrap to small numbers, which are nearer; the others leave the inside, or enter it.
     assert n_changed == [LANES * ROWS, LANES * ROWS, 5 * ROWS, 3 * 7]
 
 

@@ -59,7 +59,7 @@ def test_what_is_no_model_is_an_error(tmp_path, format, data):
         ("ply", (PLY_HEADER.format(n_face=1, face_properties="") + "3 0 1 9\n").encode(), "9"),
         ("ply", (PLY_HEADER.format(n_face=1, face_properties="") + "3 0 1 -1\n").encode(), "-1"),
         ("ply", PLY_HEADER.format(n_face=0, face_properties="").encode(), "no faces"),
-        ("off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "outside the range"),
+        ("off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", "outside the range|refers to vertex 3"),
         (
             "off",
             b"OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",

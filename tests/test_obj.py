@@ -308,7 +308,9 @@ def test_broken_material_names_file_and_line(tmp_path, line):
         (POINTS + "f 1 2 -9\n", r":9: face refers to vertex -9, only 8 stand before it$"),
         ("v 0 0 0\nf 1 2 -2\nv 1 0 0\nv 1 1 0\n", r":2: face refers to vertex -2, only 1 stand before it$"),
         (POINTS + "vn 0 0 1\nf 1//1 2//1 3//2\n", r":10: face refers to normal 2, the file has 1$"),
-        (POINTS + "f 1 2 3.5\n", r":9: '3\.5' is not a corner of a face"),
+        pytest.param(
+            POINTS + "f 1 2 3.5/1\n", r":9: '3\.5/1' is not a corner of a face", id="fraction"
+        ),
         (POINTS + f"f 1 2 {'9' * 5000}\n", r":9: '9+' is not a corner of a face"),
         (
             POINTS + f"s {'9' * 5000}\nf 1//1 2 {'9' * 5000}\n",

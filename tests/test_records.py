@@ -2,7 +2,16 @@
 
 import numpy as np
 import pytest
-from stages import covered, perspective_weights, plain_coding, plain_screen, random_triangles, scan_alone, slivers, words_of
+from stages import (
+    covered,
+    perspective_weights,
+    plain_coding,
+    plain_screen,
+    random_triangles,
+    scan_alone,
+    slivers,
+    words_of,
+)
 
 from rasterizer.pipeline.records import (
     ANCHOR,
@@ -34,9 +43,10 @@ SHAPES = {
     "tiny": lambda rng: (random_triangles(rng, 60, SIZE, 1.5), SIZE),
     "small": lambda rng: (random_triangles(rng, 60, SIZE, 8.0), SIZE),
     "large": lambda rng: (random_triangles(rng, 40, SIZE, 150.0), SIZE),
-    "far out": lambda rng: (random_triangles(rng, 30, SIZE, 2.0**15), SIZE),
+    "far out": lambda rng: (random_triangles(rng, 150, SIZE, 2.0**15), SIZE),
     "thin": lambda rng: (slivers(rng, 60, SIZE, 60, 300), SIZE),
     "sliver": lambda rng: (slivers(rng, 60, SIZE, 500, 4), SIZE),
+    "needle": lambda rng: (slivers(rng, 300, SIZE, 2**18, 2), SIZE),
     "8192 px": lambda rng: (wide_triangles(rng, 12), WIDE),
 }
 
@@ -51,7 +61,7 @@ def wide_triangles(rng, n):
 
 
 def random_values(rng, n, n_attribute):
-    """Intensities (n, 3, n_attribute) float32 within 0..1: wide, narrow, at the ends of the range, and constant."""
+    """Intensities (n, 3, n_attribute) float32 within 0..1: wide, narrow, at the ends, and constant."""
     wide = rng.random((n, 3, n_attribute))
     narrow = wide[:, :1] + 2.0 ** rng.uniform(-26, -8, (n, 1, 1)) * rng.random((n, 3, n_attribute))
     ends = rng.integers(0, 2, wide.shape)
@@ -64,8 +74,12 @@ def cases(shape, n_attribute, is_perspective):
     rng = np.random.default_rng(len(shape) + 10 * n_attribute)
     triangles, size = SHAPES[shape](rng)
     depth = np.exp(rng.uniform(*np.log(DEPTHS), (len(triangles), 3)))
-    depth[::3] = depth[::3, :1] * rng.uniform(1, 1.003, depth[::3].shape).clip(None, DEPTHS[1])  # hardly any perspective
-    for case in zip(triangles, depth.clip(*DEPTHS), random_values(rng, len(triangles), n_attribute), strict=True):
+    depth[::3] = depth[::3, :1] * rng.uniform(1, 1.003, depth[::3].shape).clip(
+        None, DEPTHS[1]
+    )  # hardly any perspective
+    for case in zip(
+        triangles, depth.clip(*DEPTHS), random_values(rng, len(triangles), n_attribute), strict=True
+    ):
         if len(covered(case[0], size)[0]):
             yield *case, size
 
@@ -86,7 +100,9 @@ def levels_at(bench, rows, columns):
 def drawn_levels(kind, case, coding, screen):
     """(levels (n_attribute, n) or None where the record is exact, exact intensities, rows, columns)."""
     triangle, depth, values, size = case
-    bench, n_record = scan_alone([triangle], depth[None], values[None], coding, screen, size, n_plane=3 * (kind == IN_PLANES))
+    bench, n_record = scan_alone(
+        [triangle], depth[None], values[None], coding, screen, size, n_plane=3 * (kind == IN_PLANES)
+    )
     rows, columns, edges = covered(triangle, size)
     weights = perspective_weights(edges, depth, screen.is_perspective)
     words = words_of(bench, size)[rows, columns]
@@ -118,11 +134,13 @@ def test_levels_stay_in_range_and_within_the_tolerance(shape, kind, is_perspecti
                 n_refused += 1
                 continue
             n_coded += 1
-            assert (levels >= low).all() and (levels <= high).all(), f"{case}: {levels.min()}..{levels.max()} not in {low}..{high}"
+            assert (levels >= low).all() and (levels <= high).all(), (
+                f"{case}: {levels.min()}..{levels.max()} not in {low}..{high}"
+            )
             error = np.abs(levels / LEVELS - expected).max()
             assert error <= tolerance, f"{case}: error {error} > {tolerance}"
     assert n_coded + n_refused >= 15
-    assert (n_coded > 0) == (shape != "sliver"), f"{n_coded} coded, {n_refused} refused"
+    assert n_refused > 100 if shape == "needle" else n_coded > 10, f"{n_coded} coded, {n_refused} refused"
 
 
 def test_the_bound_takes_a_triangle_where_it_may():
@@ -141,9 +159,9 @@ def test_the_bound_takes_a_triangle_where_it_may():
         assert (levels is not None) == is_coded
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape != "needle"])
 def test_depths_beside_levels_are_those_of_the_plane(shape):
-    """No level carries into the bits of depth: depth is off by its own rounding only, half a step for each sample of the box."""
+    """No level carries into the bits of depth, which is off by half a step for each sample of the box."""
     screen = plain_screen(True, DEPTHS)
     coding = plain_coding(IN_WORDS, screen, LEVELS, ALWAYS)
     worst = 0.0
@@ -169,13 +187,16 @@ def planes_at(bench, n_plane, rows, columns):
     """The float32 planes of record 0 at samples, as the shade stage computes them, (n_plane, n)."""
     record = slice(0, 1 << bench.records.plane_shift)
     anchor = int(bench.records.levels[record][ANCHOR])
-    x, y = (columns - (anchor & 0xFFFF)).astype(np.float32), (rows - (anchor >> ANCHOR_SHIFT)).astype(np.float32)
+    x, y = (
+        (columns - (anchor & 0xFFFF)).astype(np.float32),
+        (rows - (anchor >> ANCHOR_SHIFT)).astype(np.float32),
+    )
     planes = bench.records.planes[record][PLANE : PLANE + 3 * n_plane].reshape(n_plane, 3, 1)
     return planes[:, 0] + x * planes[:, 1] + y * planes[:, 2]
 
 
 def rise_over_box(triangle, values):
-    """How much planes with the corner values (3, n) rise over a triangle's box, a sample's width added on each side."""
+    """How much planes with the corner values (3, n) rise over a triangle's box and a sample beyond it."""
     edges = (triangle[1:] - triangle[0]) / 256
     slopes = np.linalg.solve(edges, values[1:] - values[0])
     return np.abs(slopes).T @ (np.ptp(triangle, axis=0) / 256 + 1)
@@ -184,13 +205,15 @@ def rise_over_box(triangle, values):
 @pytest.mark.parametrize("is_perspective", [True, False])
 @pytest.mark.parametrize("shape", ["tiny", "small", "large", "far out", "thin", "8192 px"])
 def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
-    """By 2^-24·(3 + 4 s) where the plane rises by s over its box; the same for 1/w and depth, by their size."""
+    """By 2^-24·(3 + 4 s) where the plane rises by s over its box; 1/w and depth, by their size."""
     screen = plain_screen(is_perspective, DEPTHS)
     coding = plain_coding(NORMAL_PLANES, screen, tolerance=ALWAYS, normal_limit=1e30, needs_distance=True)
     rng = np.random.default_rng(17)
     n_compared = n_flat = 0
     for k, (triangle, depth, _, size) in enumerate(cases(shape, 1, is_perspective)):
-        depth = depth if np.ptp(1 / depth) <= 0.9 * np.min(1 / depth) else np.sqrt(depth)  # else it is left to exact records
+        depth = (
+            depth if np.ptp(1 / depth) <= 0.9 * np.min(1 / depth) else np.sqrt(depth)
+        )  # else it is left to exact records
         normals, albedo = random_normals(rng, 6)[k % 6], rng.random((3, 3)).astype(np.float32)
         values = np.concatenate([normals, albedo], axis=1)
         bench, n_record = scan_alone([triangle], depth[None], values[None], coding, screen, size, n_plane=7)
@@ -224,8 +247,14 @@ def test_a_steep_normal_or_much_perspective_is_left_to_exact_records():
     rise = rise_over_box(triangle, normals[0].astype(float)).max()
 
     def is_exact(depth, limit, needs_distance=False, albedo=0.0):
-        values = np.concatenate([normals, albedo * np.eye(3, dtype=np.float32)[None]], axis=2) if albedo else normals
-        coding = plain_coding(NORMAL_PLANES, screen, tolerance=0.01, normal_limit=limit, needs_distance=needs_distance)
+        values = (
+            np.concatenate([normals, albedo * np.eye(3, dtype=np.float32)[None]], axis=2)
+            if albedo
+            else normals
+        )
+        coding = plain_coding(
+            NORMAL_PLANES, screen, tolerance=0.01, normal_limit=limit, needs_distance=needs_distance
+        )
         n_plane = values.shape[2] + needs_distance
         bench, n_record = scan_alone([triangle], [depth], values, coding, screen, SIZE, n_plane=n_plane)
         words = bench.canvas.words[bench.canvas.words < CLEAR]
@@ -241,13 +270,15 @@ def test_a_steep_normal_or_much_perspective_is_left_to_exact_records():
 @pytest.mark.parametrize("turn", [1, -1])
 @pytest.mark.parametrize("kind", [EXACT, NORMAL_PLANES])
 def test_normals_are_turned_to_the_side_that_is_seen(kind, turn, is_inverted):
-    """Two faces in one band, so that records have numbers; the records say which face they are of, and which side is seen."""
+    """Two faces in one band: their records say which face they are of, and which side is seen."""
     screen = plain_screen(True, DEPTHS)
-    triangle = np.array([[1000, 500], [5000, 22000], [30000, 9000]])[::turn]  # counter-clockwise as seen for turn 1
+    triangle = np.array([[1000, 500], [5000, 22000], [30000, 9000]])[
+        ::turn
+    ]  # counter-clockwise as seen for turn 1
     normals = np.full((2, 3, 3), [0.0, 0.6, 0.8], np.float32)
     bench, n_record = scan_alone(
-        [triangle, triangle], np.full((2, 3), 2.0), normals, plain_coding(kind, screen, normal_limit=1e9), screen, SIZE,
-        is_inverted=[is_inverted, 1 - is_inverted], n_plane=3 * (kind != EXACT),
+        [triangle, triangle], np.full((2, 3), 2.0), normals, plain_coding(kind, screen, normal_limit=1e9),
+        screen, SIZE, is_inverted=[is_inverted, 1 - is_inverted], n_plane=3 * (kind != EXACT),
     )  # fmt: skip
     assert n_record == 2
     for face in range(2):
@@ -261,4 +292,6 @@ def test_normals_are_turned_to_the_side_that_is_seen(kind, turn, is_inverted):
             row = face << bench.records.plane_shift
             assert bench.records.levels[row + PLANE_FACE] == face
             found = bench.records.planes[row + PLANE : row + PLANE + 9].reshape(3, 3)
-            assert (found == [[0, 0, 0], [side * np.float32(0.6), 0, 0], [side * np.float32(0.8), 0, 0]]).all()
+            assert (
+                found == [[0, 0, 0], [side * np.float32(0.6), 0, 0], [side * np.float32(0.8), 0, 0]]
+            ).all()

@@ -354,15 +354,6 @@ def test_empty_pictures(camera, shading):
             assert (frame.rgba == rgba).all() and frame.stats.covered == 0
 
 
-def test_outputs_do_not_change_the_picture():
-    for shading in SHADINGS:
-        scene = rz.Scene(many_meshes(), COLORED, CAMERAS["perspective"])
-        whole = rz.render(scene, SIZE, shading=shading, outputs=("color", "rgb", "depth", "face", "normal"))
-        for name in ("color", "rgb", "depth", "face", "normal"):
-            alone = rz.render(scene, SIZE, shading=shading, outputs=(name,))
-            assert getattr(alone, name).tobytes() == getattr(whole, name).tobytes(), name
-
-
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_the_default_picture_is_within_one_level_of_the_exact_one(shading):
     """Every value of the picture, for every kind of scene."""
@@ -377,22 +368,3 @@ def test_the_default_picture_is_within_one_level_of_the_exact_one(shading):
             rz.render(scene, (100, 75), shading=shading, tolerance=t).rgb.astype(int) for t in (DEFAULT, 0)
         )
         assert np.abs(usual - exact).max() <= 1, f"{np.abs(usual - exact).max()} levels > 1"
-
-
-def test_a_renderer_draws_the_same_again():
-    scene = rz.Scene(many_meshes(), COLORED)
-    for shading in SHADINGS:
-        with rz.Renderer(scene, SIZE, shading=shading, outputs=BUFFERS) as renderer:
-            first, other, again = (
-                renderer.render(CAMERAS[k]) for k in ("perspective", "orthographic", "perspective")
-            )
-        fresh = rz.render(
-            rz.Scene(many_meshes(), COLORED, CAMERAS["perspective"]), SIZE, shading=shading, outputs=BUFFERS
-        )
-        assert first.color.tobytes() != other.color.tobytes()
-        for name in (*BUFFERS, "rgba"):
-            assert (
-                getattr(first, name).tobytes()
-                == getattr(again, name).tobytes()
-                == getattr(fresh, name).tobytes()
-            )

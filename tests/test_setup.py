@@ -18,9 +18,13 @@ LIMIT = 2**28
 
 
 @settings(deadline=None)
-@given(st.one_of(st.integers(-LIMIT, LIMIT), st.integers(-3000, 3000), st.integers(-300, 300).map(lambda k: 128 * k)))
+@given(
+    st.one_of(
+        st.integers(-LIMIT, LIMIT), st.integers(-3000, 3000), st.integers(-300, 300).map(lambda k: 128 * k)
+    )
+)
 def test_first_sample_is_the_first_at_or_beyond(coordinate):
-    sample = int(first_sample(np.int32(coordinate)))
+    sample = int(first_sample.py_func(np.int32(coordinate)))
     assert 256 * sample + 128 >= coordinate > 256 * (sample - 1) + 128
 
 
@@ -49,7 +53,9 @@ def expected(triangles, size, band_rows, cull_back):
     found, n_culled = [], 0
     for face, triangle in enumerate(triangles.tolist()):
         (xa, ya), (xb, yb), (xc, yc) = triangle
-        area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)  # above 0: clockwise as seen, because y points down
+        area = (xb - xa) * (yc - ya) - (xc - xa) * (
+            yb - ya
+        )  # above 0: clockwise as seen, because y points down
         if int(OUTSIDE) in (xa, xb, xc) or area == 0:
             continue
         if cull_back and area > 0:
@@ -114,7 +120,10 @@ def test_parts_of_threads_give_the_same_in_order():
     workers.close()
     assert len(parts) > 2
     for name in ("face", "first_band", "last_band"):
-        assert np.concatenate([getattr(part, name) for part in parts]).tobytes() == getattr(serial, name).tobytes()
+        assert (
+            np.concatenate([getattr(part, name) for part in parts]).tobytes()
+            == getattr(serial, name).tobytes()
+        )
     assert sum(part.n_culled for part in parts) == serial.n_culled
     assert (sum(part.histogram for part in parts) == serial.histogram).all()
 

@@ -52,7 +52,7 @@ CAMERAS = [
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_places_are_those_of_the_definitions(camera):
-    """Nearest sub-pixel of the rational result; the float64 terms on the way may move it by a millionth of one."""
+    """The nearest sub-pixel; the float64 terms on the way may move it by a millionth of one."""
     size, view = (203, 157), camera.view()
     rng = np.random.default_rng(1)
     points = view.eye + 4.0 * view.forward + rng.uniform(-2, 2, (500, 3))
@@ -73,8 +73,9 @@ def test_marks_what_can_not_be_placed(is_perspective):
     inside = [(0, 0, -1), (0, 0, -8), (limit, -limit, -1), (-limit, limit, -1), (0.5, 0.5, -1)]
     up, down = np.nextafter(limit, np.inf), np.nextafter(1.0, 0.0)
     outside = [
-        (0, 0, -down), (0, 0, -np.nextafter(8.0, 9.0)), (up, 0, -1), (-up, 0, -1), (0, up, -1), (0, -up, -1), (0, 0, 0), (0, 0, 3),
-        *[tuple(bad if k == axis else -2.0 for k in range(3)) for axis in range(3) for bad in (np.nan, np.inf, -np.inf)],
+        (0, 0, -down), (0, 0, -np.nextafter(8.0, 9.0)), (0, 0, 0), (0, 0, 3),
+        (up, 0, -1), (-up, 0, -1), (0, up, -1), (0, -up, -1),
+        *[np.where(np.arange(3) == k, bad, -2.0) for k in range(3) for bad in (np.nan, np.inf, -np.inf)],
         (1e308, 1e308, -2), (1e-300, 0, -1e-300), (0, 0, -1e308),
     ]  # fmt: skip
     with np.errstate(all="ignore"):
@@ -91,7 +92,9 @@ def test_without_a_far_plane_nothing_is_too_far():
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("depths", [(1.0, 100.0), (0.999999, 1.000001), (1e-6, 1.0), (1e6, 1e6 + 1), (3e-5, 7e4)])
+@pytest.mark.parametrize(
+    "depths", [(1.0, 100.0), (0.999999, 1.000001), (1e-6, 1.0), (1e6, 1e6 + 1), (3e-5, 7e4)]
+)
 def test_depths_fill_the_buffer_and_leave_room_at_both_ends(is_perspective, depths):
     near, far = depths
     screen = plain_screen(is_perspective, depths)
@@ -144,7 +147,12 @@ def test_the_unit_of_length_does_not_change_a_bit(camera, power):
     rng = np.random.default_rng(2)
     points = view.eye + 4.0 * view.forward + rng.uniform(-2, 2, (300, 3))
     screen = screen_of(view, camera.projection(size), (0.5, 20.0), 20.0)
-    larger = screen_of(view._replace(eye=view.eye * scale), camera.projection(size), (0.5 * scale, 20.0 * scale), 20.0 * scale)
+    larger = screen_of(
+        view._replace(eye=view.eye * scale),
+        camera.projection(size),
+        (0.5 * scale, 20.0 * scale),
+        20.0 * scale,
+    )
     (here, n_here), (there, n_there) = place(points, screen), place(points * scale, larger)
     assert n_here == n_there
     for name in here._fields:

@@ -177,7 +177,7 @@ def _read_corners(text) -> Corners:
     """Read the face lines, and which material and smoothing group is in force at each."""
     faces = re.findall(r"\nf (.*)", text)
     n_corner, pattern = _patterns(faces)
-    columns = _read_mixed(faces) if pattern is None else _read_uniform(faces, pattern, int(n_corner.sum()))
+    columns = _read_mixed(faces, int(n_corner.sum())) if pattern is None else _read_uniform(faces, pattern, int(n_corner.sum()))
     is_plain = pattern is not None
     indices = {}
     for kind in ("v", "vt", "vn"):
@@ -210,21 +210,30 @@ def _patterns(faces):
     return n_corner, _PATTERNS.get(int(code[0])) if (code == code[0]).all() else None
 
 
+def _numbers_in(text, dtype, place) -> np.ndarray:
+    """Return the numbers of a text with blanks between them; numpy before 2.4 only warns where it stops at anything else."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)
+            return np.fromstring(text, dtype=dtype, sep=" ")
+    except (ValueError, DeprecationWarning) as fault:
+        raise _MisreadError(f"{place} holds something that is no number") from fault
+
+
 def _read_uniform(faces, pattern, n_corner) -> dict:
     """Read face lines whose corners are all written alike; return the columns by kind, as in the file."""
     text = " ".join(faces).replace("//", " ").replace("/", " ")
-    try:
-        numbers = np.fromstring(text, dtype=np.int64, sep=" ")
-    except ValueError as fault:
-        raise _MisreadError("a face line holds something that is no number") from fault
+    numbers = _numbers_in(text, np.int64, "a face line")
     if len(numbers) != n_corner * len(pattern):
         raise _MisreadError("a corner of a face lacks a number")
     return dict(zip(pattern, numbers.reshape(-1, len(pattern)).T, strict=True))
 
 
-def _read_mixed(faces) -> dict:
+def _read_mixed(faces, n_corner) -> dict:
     """Read face lines whose corners are written in different ways, a missing number as 0."""
     words = [[*word.split("/"), "", ""][:3] for word in " ".join(faces).split()]
+    if len(words) != n_corner:
+        raise _MisreadError("a face line holds a blank that is none of ASCII's")
     try:
         table = np.array([[int(number or 0) for number in word] for word in words], np.int64)
     except (ValueError, OverflowError) as fault:
@@ -272,10 +281,7 @@ def _rewrite_faces(text, corners) -> str:
 def _read_normals(text) -> np.ndarray:
     """Return the three numbers of every vn line, (n, 3) float64."""
     rows = re.findall(r"\nvn (.*)", text)
-    try:
-        numbers = np.fromstring(" ".join(rows), sep=" ")
-    except ValueError as fault:
-        raise _MisreadError("a normal holds something that is no number") from fault
+    numbers = _numbers_in(" ".join(rows), np.float64, "a normal")
     if len(numbers) != 3 * len(rows):
         raise _MisreadError("a normal has not three numbers")
     return numbers.reshape(-1, 3)

@@ -1,0 +1,127 @@
+"""Check the row functions of the lights against closed forms, in both floating-point types."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from rasterizer._kernel import row_function
+from rasterizer.pipeline import rows as r
+from rasterizer.pipeline.lights import ATTENUATION, COLOR, LIGHTS, MOST, N_NUMBER, VECTOR
+
+DTYPES = [np.float32, np.float64]
+WRITTEN = (r.N_DOT_L, r.L_DOT_V, r.STRENGTH)
+
+
+def call(function, rows, n, numbers):
+    """Call a compiled row function."""
+    compiled = row_function(function, rows.dtype)
+    number = ctypes.POINTER(ctypes.c_float if rows.dtype == np.float32 else ctypes.c_double)
+    compiled.ctypes(rows.ctypes.data_as(number), n, numbers.ctypes.data_as(number))
+
+
+def take(rows, first, n):
+    """The numbers of n points, of as many rows as `first` has."""
+    return np.stack([rows[int(row) : int(row) + n] for row in first]).astype(np.float64)
+
+
+def points(seed, n, dtype):
+    """Rows of random points; returns them, and normals, positions, view directions, (n, 3) each."""
+    rng = np.random.default_rng(seed)
+    rows = r.make_rows(dtype)
+    rows[:] = 55.0  # nothing may be taken over from before
+    vectors = rng.normal(size=(3, n, 3))
+    vectors[0] /= np.linalg.norm(vectors[0], axis=1, keepdims=True)
+    vectors[2] /= np.linalg.norm(vectors[2], axis=1, keepdims=True)
+    vectors[1] *= 3
+    for first, values in zip((r.NORMAL_X, r.POSITION_X, r.VIEW_X), vectors, strict=True):
+        for axis in range(3):
+            rows[int(first) + r.CHUNK * axis : int(first) + r.CHUNK * axis + n] = values[:, axis]
+    return rows, *(
+        take(rows, [first + k * r.CHUNK for k in range(3)], n).T
+        for first in map(int, (r.NORMAL_X, r.POSITION_X, r.VIEW_X))
+    )
+
+
+def light(dtype, vector, attenuation=(1, 0, 0), most=1.0):
+    """A light's numbers."""
+    numbers = np.zeros(N_NUMBER, dtype)
+    numbers[COLOR : COLOR + 3] = 9.0
+    numbers[VECTOR : VECTOR + 3], numbers[ATTENUATION : ATTENUATION + 3], numbers[MOST] = (
+        vector,
+        attenuation,
+        most,
+    )
+    return numbers
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("n", [0, 1, 7, r.CHUNK])
+def test_directional_light_is_the_same_everywhere(n, dtype):
+    rows, normals, _, views = points(n, n, dtype)
+    before = rows.copy()
+    direction = np.array([0.6, -0.48, 0.64])
+    call(LIGHTS["directional"].row_function, rows, n, light(dtype, direction))
+    n_dot_l, l_dot_v, strength = take(rows, WRITTEN, n)
+    assert np.abs(n_dot_l - normals @ direction).max(initial=0) <= 4 * np.finfo(dtype).eps
+    assert np.abs(l_dot_v - views @ direction).max(initial=0) <= 4 * np.finfo(dtype).eps
+    assert (strength == 1).all()
+    for first in WRITTEN:
+        before[int(first) : int(first) + n] = rows[int(first) : int(first) + n]
+    assert (rows == before).all(), "something else was written"
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("most", [1.0, np.inf])
+@pytest.mark.parametrize(
+    "attenuation", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0.1, 0.05), (0.01, 0, 0.3), (0.5, 0, 0)]
+)
+def test_point_light_falls_off_in_closed_form(attenuation, most, dtype):
+    n, place = 200, np.array([1.0, -2.0, 0.5])
+    rows, normals, positions, views = points(1, n, dtype)
+    call(LIGHTS["point"].row_function, rows, n, light(dtype, place, attenuation, most))
+    n_dot_l, l_dot_v, strength = take(rows, WRITTEN, n)
+    to_light = place - positions
+    distance = np.linalg.norm(to_light, axis=1)
+    to_light /= distance[:, None]
+    kc, kl, kq = np.array(attenuation, dtype).astype(float)
+    expected = np.minimum(most, 1 / (kc + kl * distance + kq * distance**2))
+    eps = np.finfo(dtype).eps
+    assert np.abs(strength / expected - 1).max() <= 6 * eps
+    assert np.abs(n_dot_l - (normals * to_light).sum(axis=1)).max() <= 6 * eps
+    assert np.abs(l_dot_v - (views * to_light).sum(axis=1)).max() <= 6 * eps
+    assert most == np.inf or strength.max() <= 1
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("distance", [0.25, 1.0, 2.0, 1000.0])
+def test_point_light_at_a_known_distance(distance, dtype):
+    """Straight above the surface: cosine and strength are right to the last bit."""
+    rows = r.make_rows(dtype)
+    rows[int(r.NORMAL_Z)] = rows[int(r.VIEW_Z)] = 1
+    for attenuation, expected in (((0, 0, 1), distance**-2), ((0, 2, 0), 0.5 / distance), ((4, 0, 0), 0.25)):
+        call(LIGHTS["point"].row_function, rows, 1, light(dtype, (0, 0, distance), attenuation, np.inf))
+        assert take(rows, WRITTEN, 1)[:, 0].tolist() == [1.0, 1.0, dtype(expected)]
+        call(LIGHTS["point"].row_function, rows, 1, light(dtype, (0, 0, -distance), attenuation))
+        assert take(rows, WRITTEN, 1)[:, 0].tolist() == [-1.0, -1.0, min(1.0, dtype(expected))]
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("attenuation", [(1, 0, 0), (0, 0, 1), (0, 1, 0)])
+def test_a_light_in_the_surface_point_lights_nothing(attenuation, dtype):
+    """It comes from nowhere: the cosines are 0, and nothing is no number."""
+    rows = points(3, 5, dtype)[0]
+    place = take(rows, [r.POSITION_X, r.POSITION_Y, r.POSITION_Z], 5)[:, 2]
+    for most in (1.0, np.inf):
+        call(LIGHTS["point"].row_function, rows, 5, light(dtype, place, attenuation, most))
+        n_dot_l, l_dot_v, strength = take(rows, WRITTEN, 5)
+        assert n_dot_l[2] == 0 and l_dot_v[2] == 0
+        assert not np.isnan([n_dot_l, l_dot_v, strength]).any()
+        assert strength[2] == min(most, np.inf if attenuation[0] == 0 else 1.0)
+
+
+def test_lights_say_whether_they_have_a_place():
+    assert {name: kind.needs_position for name, kind in LIGHTS.items()} == {
+        "directional": False,
+        "point": True,
+    }
