@@ -49,6 +49,7 @@ def _find_cache_folder() -> Path | None:
     candidates = [Path(asked)] if asked else [_PACKAGE / "__pycache__", user_cache]
     folder = next((base / name for base in candidates if _is_writable(base / name)), None)
     if folder is not None:
+        os.utime(folder)  # in use: its age counts from now
         _remove_old(folder)
     return folder
 

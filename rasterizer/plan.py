@@ -78,7 +78,8 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         bound=bound,
         magnified=shine,
         rounding=rounding,
-        error_bound=options.tolerance if is_single else min(1e-6, max(options.tolerance, ULP**2 * (bound + shine))),
+        # In float64 what is left is the rounding of the float32 output.
+        error_bound=options.tolerance if is_single else 2.0 * ULP * max(bound, 1.0),
         is_lit_per_sample=is_lit_per_sample,
         ambient=ambient,
         lights=lights,

@@ -5,6 +5,7 @@ from time import perf_counter
 import numpy as np
 
 from .draw import buffers_job, draw, interpolated_job, light, lit_job
+from .errors import SceneError
 from .frame import Frame, Stats
 from .options import Options
 from .pipeline.clip import find_nearest
@@ -77,6 +78,8 @@ class Renderer:
     def render(self, camera: Camera | None = None) -> Frame:
         """Render the scene through its own camera, or through another one."""
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
+        if not isinstance(camera, Camera):
+            raise SceneError(f"camera must be a Camera or None; given {camera!r}")
         options, clock, arrays, rgba, counts = self.options, Clock(), {}, None, None
         if "color" in options.outputs or "rgb" in options.outputs:
             picture = empty_picture(options.size, "color" in options.outputs or options.color_range == "global")

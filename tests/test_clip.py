@@ -254,6 +254,9 @@ def test_attributes_of_new_points_are_linear_and_stay_in_range(dtype):
     assert new.shape[1] == len(clipped.shares) > 100
     assert (new >= corners.min(axis=2)).all() and (new <= corners.max(axis=2)).all()
     assert (new[..., 1] == dtype(0.1)).all()
+    # Rounding alone would move some of many constants.
+    constants = np.tile(rng.random(100).astype(dtype), (2, 300, 1))
+    assert (extend(constants, clipped) == constants[:, :1]).all()
     depth = np.einsum("kc,kc->k", clipped.shares, points[clipped.points.astype(int), 2])
     assert np.abs(new[..., 3] - depth).max() <= 8 * np.finfo(dtype).eps
 

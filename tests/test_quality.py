@@ -93,7 +93,7 @@ def test_pictures_are_within_their_tolerance_of_the_judge(name, shading):
         assert found.n_compared > 100
 
 
-@pytest.mark.parametrize("brightness", [0.01, 1.0, 50.0])
+@pytest.mark.parametrize("brightness", [0.01, 1.0, 5000.0])
 @pytest.mark.parametrize("tolerance", [0.0, 1e-5, DEFAULT])
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_the_stated_bound_holds(shading, tolerance, brightness):

@@ -35,7 +35,7 @@ def test_an_example_runs(example, checkout):
     exec(compile(example, "README.md", "exec"), {})
 
 
-@pytest.mark.parametrize(("picture", "command"), zip(PICTURES, COMMANDS, strict=True))
+@pytest.mark.parametrize(("picture", "command"), list(zip(PICTURES, COMMANDS, strict=True)))
 def test_a_picture_is_what_its_command_makes(picture, command, checkout):
     assert main(shlex.split(command)) == 0
     made, kept = (np.asarray(Image.open(p).convert("RGBA"), int) for p in (Path(picture).name, ROOT / picture))

@@ -18,47 +18,80 @@ WRITTEN = (r.DIFFUSE, r.SPECULAR)
 ULP = 2.0**-24
 
 
-def reflect(model, dtype, n_dot_l, n_dot_v, l_dot_v, strength=1.0, shininess=8.0):
-    """Evaluate a reflection model; return DIFFUSE and SPECULAR as computed in `dtype`, (2, n) float64."""
-    columns = np.broadcast_arrays(*np.atleast_1d(n_dot_l, n_dot_v, l_dot_v, strength))
-    n, results = len(columns[0]), []
+def dot(a, b):
+    """Dot products of rows in the type they have, added in the order in which the kernels do."""
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+
+
+def directions_of(dtype, *vectors):
+    """Directions (n, 3) or (3,), brought to one shape (n, 3), rounded to `dtype` as in the rows."""
+    return [np.atleast_2d(v).astype(dtype) for v in np.broadcast_arrays(*np.atleast_2d(*vectors))]
+
+
+def reflect(model, normal, to_light, to_viewer, strength=1.0, shininess=8.0, has_kernels_cosines=False):
+    """Evaluate a reflection model in the directions' type; return DIFFUSE and SPECULAR (2, n) float64.
+
+    Directions (n, 3) have been rounded by `directions_of`. N·L and N·V are rounded once, so that what is
+    measured is the model's own error, or come about as the lights and the kernels find them.
+    """
+    dtype, (n, results) = normal.dtype, (len(normal), [])
+    kind = dtype if has_kernels_cosines else float
+    cosines = [dot(normal.astype(kind), side.astype(kind)) for side in (to_light, to_viewer)]
     numbers = np.zeros(N_MATERIAL_NUMBER, dtype)
     numbers[SHININESS] = shininess
+    first = (r.NORMAL_X, r.NORMAL_Y, r.NORMAL_Z, r.LIGHT_X, r.LIGHT_Y, r.LIGHT_Z)
+    first += (r.VIEW_X, r.VIEW_Y, r.VIEW_Z, r.N_DOT_L, r.N_DOT_V, r.STRENGTH)
+    columns = [*normal.T, *to_light.T, *to_viewer.T, *cosines, np.full(n, strength)]
     for start in range(0, n, r.CHUNK):
         rows = r.make_rows(dtype)
         rows[:] = np.nan  # nothing may be taken over from before
         part = [column[start : start + r.CHUNK] for column in columns]
-        for first, values in zip((r.N_DOT_L, r.N_DOT_V, r.L_DOT_V, r.STRENGTH), part, strict=True):
-            rows[int(first) : int(first) + len(values)] = values
+        for row, values in zip(first, part, strict=True):
+            rows[int(row) : int(row) + len(values)] = values
         call(REFLECTIONS[model], rows, len(part[0]), numbers)
         results.append(take(rows, WRITTEN, len(part[0])))
     return np.concatenate(results, axis=1)
 
 
-def directions(seed, n, dtype):
-    """Cosines (N·L, N·V, L·V) of random directions, rounded to `dtype`, float64."""
-    rng = np.random.default_rng(seed)
-    n_, l_, v_ = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(3, n, 3)))
-    cosines = (n_ * l_).sum(axis=1), (n_ * v_).sum(axis=1), (l_ * v_).sum(axis=1)
-    return [c.astype(dtype).astype(float) for c in cosines]
+def unit(vectors):
+    """Vectors (n, 3), scaled to unit length in float64."""
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
-def highlight(model, n_dot_l, n_dot_v, l_dot_v):
-    """The cosine that is raised to the exponent."""
+def random_directions(seed, n, dtype):
+    """Normals, directions to the light and to the viewer, (n, 3) each."""
+    return directions_of(dtype, *unit(np.random.default_rng(seed).normal(size=(3, n, 3))))
+
+
+def polar(cosine, azimuth=0.0):
+    """The direction with this cosine to the z axis."""
+    sine = np.sqrt(1 - cosine * cosine)
+    return sine * np.cos(azimuth), sine * np.sin(azimuth), cosine
+
+
+UP = (0.0, 0.0, 1.0)
+
+
+def highlight(model, normal, to_light, to_viewer):
+    """The cosine that is raised to the exponent, in float64."""
+    normal, to_light, to_viewer = (v.astype(float) for v in (normal, to_light, to_viewer))
     if model == "phong":
-        return 2 * n_dot_l * n_dot_v - l_dot_v
-    return (n_dot_l + n_dot_v) / np.sqrt(2 + 2 * l_dot_v)
+        return 2 * dot(normal, to_light) * dot(normal, to_viewer) - dot(to_light, to_viewer)
+    half = to_light + to_viewer
+    return dot(normal, half) / np.linalg.norm(half, axis=1)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("model", REFLECTIONS)
 def test_matte_part_is_lamberts_cosine(model, dtype):
-    cosines = directions(0, 1000, dtype)
+    sides = random_directions(0, 1000, dtype)
+    cosine = dot(sides[0].astype(float), sides[1].astype(float))
     for strength in (1.0, 0.25, 3.0):
-        diffuse = reflect(model, dtype, *cosines, strength)[0]
-        expected = strength * np.maximum(cosines[0], 0)
-        assert np.abs(diffuse - expected).max() <= strength * np.finfo(dtype).eps
-        assert (diffuse[cosines[0] <= 0] == 0).all()
+        diffuse = reflect(model, *sides, strength)[0]
+        expected = strength * np.maximum(cosine, 0)
+        error, budget = np.abs(diffuse - expected).max(), strength * np.finfo(dtype).eps
+        assert error <= budget, f"{error:.3g} > {budget:.3g}"
+        assert (diffuse[cosine <= 0] == 0).all()
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -66,14 +99,13 @@ def test_matte_part_is_lamberts_cosine(model, dtype):
 @pytest.mark.parametrize("model", ["phong", "blinn"])
 def test_highlights_in_closed_form(model, shininess, dtype):
     """The relative error of the cosine is magnified by the exponent; that of the power comes on top."""
-    n_dot_l, n_dot_v, l_dot_v = directions(1, 20_000, dtype)
-    # Where L and V look against each other the half vector has no digits left; a test of its own looks there.
-    is_sound = l_dot_v > -0.5
-    n_dot_l, n_dot_v, l_dot_v = n_dot_l[is_sound], n_dot_v[is_sound], l_dot_v[is_sound]
-    _, specular = reflect(model, dtype, n_dot_l, n_dot_v, l_dot_v, 0.5, shininess)
-    cosine = np.maximum(highlight(model, n_dot_l, n_dot_v, l_dot_v), 0)
-    expected = np.where(n_dot_l > 0, 0.5 * cosine**shininess, 0)
-    # 4 roundings of the cosine, whose size is up to 3 before it is subtracted.
+    sides = random_directions(1, 20_000, dtype)
+    _, specular = reflect(model, *sides, 0.5, shininess)
+    cosine = np.maximum(highlight(model, *sides), 0)
+    is_lit = dot(sides[0].astype(float), sides[1].astype(float)) > 0
+    expected = np.where(is_lit, 0.5 * cosine**shininess, 0)
+    # Roundings of the cosine, half an eps each. R·V: 3 of up to 2 in 2 (N·L)(N·V), 3 in L·V, 1 in the difference.
+    # N·H: 1 in L + V, 3 in the product, 2.5 in the length, 1 in the quotient. Wherever L and V look.
     eps = np.finfo(dtype).eps
     bound = (
         0.5 * ((cosine + 6 * eps) ** shininess - cosine**shininess)
@@ -89,15 +121,19 @@ def test_the_mirror_direction_and_the_normal():
     """On the axis of the highlight it is 1 whatever the exponent; at a right angle to it, 0."""
     for dtype in DTYPES:
         for shininess in (1, 32, 33.3, 4096):
-            for n_dot_l in (0.25, 0.5, 1.0):
-                mirror = 2 * n_dot_l * n_dot_l - 1
-                for model in ("phong", "blinn"):
-                    found = reflect(model, dtype, n_dot_l, n_dot_l, mirror, 0.75, shininess)[1]
-                    assert abs(found[0] - 0.75) <= 4 * shininess * np.finfo(dtype).eps
-            assert reflect("phong", dtype, 0.5, 0.5, 0.9, 1.0, shininess)[1][0] == 0
-    assert reflect("blinn", np.float64, 0.6, 0.8, 0.5, 1.0, 1)[1][0] == pytest.approx(
-        1.4 / np.sqrt(3), rel=1e-15
-    )
+            budget = 4 * shininess * np.finfo(dtype).eps
+            for cosine in (0.25, 0.5, 1.0):
+                for azimuth in (0.0, 0.7):
+                    sides = directions_of(dtype, UP, polar(cosine, azimuth), polar(cosine, azimuth + np.pi))
+                    for model in ("phong", "blinn"):
+                        error = abs(reflect(model, *sides, 0.75, shininess)[1][0] - 0.75)
+                        assert error <= budget, f"{model}: {error:.3g} > {budget:.3g}"
+            # L·V = 0.9: more than a right angle from the mirror direction.
+            aside = directions_of(dtype, UP, polar(0.5), polar(0.5, np.arccos(0.65 / 0.75)))
+            assert reflect("phong", *aside, 1.0, shininess)[1][0] == 0
+    # L·V = 0.5
+    sides = directions_of(np.float64, UP, polar(0.6), polar(0.8, np.arccos(0.02 / 0.48)))
+    assert reflect("blinn", *sides, 1.0, 1)[1][0] == pytest.approx(1.4 / np.sqrt(3), rel=1e-15)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -105,40 +141,37 @@ def test_the_mirror_direction_and_the_normal():
 def test_no_highlight_from_behind(model, dtype):
     """N·L <= 0: nothing, also where R·V or N·H are large, and where the strength is infinite."""
     for n_dot_l in (0.0, -0.0, -1e-7, -0.3, -1.0):
+        # With these signs of zero all three products, and so N·L, are -0.0 where it is asked for.
+        to_light = np.array([-np.sqrt(1 - n_dot_l**2), -0.0, n_dot_l])
+        viewers = [polar(0.9, azimuth) for azimuth in (0.0, 1.0, np.pi)] + [UP]
+        viewers += [to_light, -to_light, to_light * (-1, -1, 1)]  # the last: in the mirror direction, R·V = 1
+        sides = directions_of(dtype, UP, to_light, viewers)
+        assert np.signbit(dot(sides[0], sides[1])).all() == np.signbit(n_dot_l)
+        with np.errstate(invalid="ignore"):
+            cosine = np.nanmax(highlight(model, *sides))  # there is no half vector of L and -L
+        assert cosine > 0.4 or n_dot_l == -1.0
         for strength in (1.0, np.inf):
-            for l_dot_v in (-1.0, -0.99, 0.0, 1.0):
-                for shininess in (1, 2.5, 40):
-                    found = reflect(model, dtype, n_dot_l, 0.9, l_dot_v, strength, shininess)
-                    assert found.ravel().tolist() == [0, 0]
-
-
-def dot(a, b):
-    """Dot products of rows, added in the order in which the kernels do."""
-    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
+            for shininess in (1, 2.5, 40):
+                assert (reflect(model, *sides, strength, shininess) == 0).all()
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("model", REFLECTIONS)
 def test_no_directions_give_what_is_no_number(model, dtype):
-    """All triples of directions out of a set with opposite, equal and nearly equal ones."""
+    """All triples of directions out of a set with opposite, equal and nearly equal ones, and with none."""
     rng = np.random.default_rng(4)
     steps = np.concatenate([np.eye(3), -np.eye(3), [[0.6, 0, 0.8], [-0.6, 0, -0.8]], rng.normal(size=(4, 3))])
     steps = np.concatenate(
         [steps, steps + 1e-4 * rng.normal(size=steps.shape), steps + 1e-7 * rng.normal(size=steps.shape)]
     )
-    steps = (steps / np.linalg.norm(steps, axis=1, keepdims=True)).astype(dtype)
-    normal, to_light, to_viewer = (steps[k.ravel()] for k in np.meshgrid(*[np.arange(len(steps))] * 3))
+    # A point without a normal, in the light or in the eye: the kernels write zeros.
+    steps = np.concatenate([unit(steps), np.zeros((1, 3))])
+    sides = directions_of(dtype, *(steps[k.ravel()] for k in np.meshgrid(*[np.arange(len(steps))] * 3)))
     for shininess in (0.5, 1, 8, 33.3):
-        found = reflect(
-            model,
-            dtype,
-            dot(normal, to_light),
-            dot(normal, to_viewer),
-            dot(to_light, to_viewer),
-            1.0,
-            shininess,
-        )[: 1 if model == "lambert" else 2]
-        assert np.isfinite(found).all() and (found >= 0).all()
+        for has_kernels_cosines in (False, True):
+            found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines)
+            found = found[: 1 if model == "lambert" else 2]
+            assert np.isfinite(found).all() and (found >= 0).all()
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -148,13 +181,12 @@ def test_no_highlight_is_brighter_than_its_light(model, dtype):
     rng = np.random.default_rng(5)
     up, across = 10.0 ** rng.uniform(-5, -1, (2, 20_000)), 1e-4 * rng.normal(size=(2, 20_000))
     to_light, to_viewer = (
-        np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1).astype(dtype)
+        np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
         for side, u, a in zip((1, -1), up, across, strict=True)
     )
+    sides = directions_of(dtype, UP, to_light, to_viewer)
     for shininess in (1, 32, 33.3, 200):
-        found = reflect(
-            model, dtype, to_light[:, 2], to_viewer[:, 2], dot(to_light, to_viewer), 1.0, shininess
-        )[1]
+        found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines=True)[1]
         most = 1 + 8 * shininess * np.finfo(dtype).eps
         assert found.max() <= most, f"{shininess}: {found.max():.4g} > {most:.4g}"
 
@@ -172,20 +204,12 @@ def test_highlights_of_grazing_light_have_the_digits_that_the_plan_counts_on(mod
     up = np.radians(elevation) * rng.uniform(0.5, 1.5, (2, n))
     across = np.radians(3.0) * rng.normal(size=(2, n))
     to_light, to_viewer = (
-        np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1).astype(np.float32)
+        np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
         for side, u, a in zip((1, -1), up, across, strict=True)
     )
-    exact = [
-        v.astype(float) / np.linalg.norm(v.astype(float), axis=1, keepdims=True)
-        for v in (to_light, to_viewer)
-    ]
-    l_dot_v = dot(to_light, to_viewer)
-    found = reflect(model, np.float32, to_light[:, 2], to_viewer[:, 2], l_dot_v, 1.0, shininess)[1]
-    if model == "phong":
-        cosine = 2 * exact[0][:, 2] * exact[1][:, 2] - (exact[0] * exact[1]).sum(axis=1)
-    else:
-        half = exact[0] + exact[1]
-        cosine = half[:, 2] / np.linalg.norm(half, axis=1)
+    sides = directions_of(np.float32, UP, to_light, to_viewer)
+    found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines=True)[1]
+    cosine = highlight(model, *(unit(side.astype(float)) for side in sides))
     error = np.abs(found - np.maximum(cosine, 0) ** shininess).max()
     budget = ULP * (16 + 8 * shininess)
     assert error <= budget, f"{error:.3g} > {budget:.3g}"
@@ -256,8 +280,11 @@ def test_whole_exponents_by_squaring(exponent, dtype):
     """A product of `exponent` factors has that many roundings, less one; what is below 2^-28 is 0."""
     base = bases().astype(dtype)
     base = np.concatenate([base, -base[:100], np.zeros(1, dtype)])
-    # Phong with N·V = 0: the cosine is -L·V, exactly.
-    found = reflect("phong", dtype, 1.0, 0.0, -base.astype(float), 1.0, exponent)[1]
+    # Phong with V at a right angle to N: the cosine is -L·V, exactly. Above 1, L is a little too long.
+    to_light = np.zeros((len(base), 3))
+    to_light[:, 0] = base
+    to_light[:, 2] = np.sqrt(np.maximum(1 - to_light[:, 0] ** 2, 1e-12))
+    found = reflect("phong", *directions_of(dtype, UP, to_light, (-1.0, 0.0, 0.0)), 1.0, exponent)[1]
     expected = np.where(base > 0, np.maximum(base.astype(float), 0) ** exponent, 0)
     is_seen = expected > 2.0**-28 * 1.01
     bound = exponent * np.finfo(dtype).eps / 2 * 1.01 + 4e-16 * exponent

@@ -194,18 +194,16 @@ def test_a_caller_may_write_into_a_frame():
 
 def test_memory_stays_flat():
     """Pictures that all differ, if little, with lights that move along: what Python holds must not grow."""
-    cameras = [*walk(30)]
+    cameras, held = [*walk(30)], []
+    tracemalloc.start()
     renderers = [
         rz.Renderer(scene_of(CARRIED), SIZE, shading=s, outputs=ALL, threads=1) for s in ("gouraud", "phong")
     ]
-    tracemalloc.start()
-    held = []
     for k in range(7):
         for renderer, camera in itertools.product(renderers, cameras):
             renderer.render(replace(camera, position=tuple(c + 1e-7 * k for c in camera.position)))
         # Python keeps small blocks for later, as many as it likes; arrays and tables are larger.
-        sizes = [trace.size for trace in tracemalloc.take_snapshot().traces]
-        held.append(sum(size for size in sizes if size >= 256))
+        held.append(sum(trace.size for trace in tracemalloc.take_snapshot().traces if trace.size >= 256))
     tracemalloc.stop()
     for renderer in renderers:
         renderer.close()

@@ -64,8 +64,8 @@ def clip(positions, vertex, corner, vertices, screen, has_own_points) -> Clipped
     face = np.concatenate([old_face, owner[keep]])
     order = np.argsort(face, kind="stable")
     return Clipped(
-        np.concatenate([vertex[:, old_face], new_vertex[keep].T], axis=1)[:, order],
-        np.concatenate([corner[:, old_face], new_corner[keep].T], axis=1)[:, order],
+        np.ascontiguousarray(np.concatenate([vertex[:, old_face], new_vertex[keep].T], axis=1)[:, order]),
+        np.ascontiguousarray(np.concatenate([corner[:, old_face], new_corner[keep].T], axis=1)[:, order]),
         face[order],
         vertices,
         np.ascontiguousarray(points),

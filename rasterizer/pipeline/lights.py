@@ -1,7 +1,7 @@
-"""The kinds of light, one row function each: from surface points to the cosines and the strength of the light that arrives.
+"""The kinds of light, one row function each: from surface points to the direction and the strength of the light that arrives.
 
-A row function reads the rows of normals, positions and view directions and one light's numbers, and writes the rows N_DOT_L,
-L_DOT_V and STRENGTH (the part of the light's intensity that arrives; its colour is applied by shade.py). To add a kind of light:
+A row function reads the rows of normals and positions and one light's numbers, and writes the rows LIGHT_X, LIGHT_Y, LIGHT_Z (unit
+vectors to the light), N_DOT_L and STRENGTH (the part of the light's intensity that arrives; lighting.py applies its colour). To add a kind of light:
 write its function here and one line in LIGHTS.
 
 Source of the formulas: the illumination equation, e.g. Foley, van Dam, Feiner & Hughes 1990, section 16.1.
@@ -14,7 +14,9 @@ from numba import carray
 
 from .rows import (
     CHUNK,
-    L_DOT_V,
+    LIGHT_X,
+    LIGHT_Y,
+    LIGHT_Z,
     N_DOT_L,
     N_ROW,
     NORMAL_X,
@@ -24,9 +26,6 @@ from .rows import (
     POSITION_Y,
     POSITION_Z,
     STRENGTH,
-    VIEW_X,
-    VIEW_Y,
-    VIEW_Z,
 )
 
 # A light's numbers. Colour first: shade.py reads it for every kind.
@@ -48,7 +47,7 @@ def directional(rows, n, numbers):
     light_x, light_y, light_z = number[VECTOR], number[VECTOR + 1], number[VECTOR + 2]
     for k in range(np.uint64(n)):
         row[N_DOT_L + k] = row[NORMAL_X + k] * light_x + row[NORMAL_Y + k] * light_y + row[NORMAL_Z + k] * light_z
-        row[L_DOT_V + k] = row[VIEW_X + k] * light_x + row[VIEW_Y + k] * light_y + row[VIEW_Z + k] * light_z
+        row[LIGHT_X + k], row[LIGHT_Y + k], row[LIGHT_Z + k] = light_x, light_y, light_z
         row[STRENGTH + k] = one
 
 
@@ -67,7 +66,7 @@ def point(rows, n, numbers):
         distance = np.sqrt(square)
         inverse = one / distance if square > zero else zero
         row[N_DOT_L + k] = (row[NORMAL_X + k] * to_x + row[NORMAL_Y + k] * to_y + row[NORMAL_Z + k] * to_z) * inverse
-        row[L_DOT_V + k] = (row[VIEW_X + k] * to_x + row[VIEW_Y + k] * to_y + row[VIEW_Z + k] * to_z) * inverse
+        row[LIGHT_X + k], row[LIGHT_Y + k], row[LIGHT_Z + k] = to_x * inverse, to_y * inverse, to_z * inverse
         row[STRENGTH + k] = min(most, one / (constant + linear * distance + quadratic * square))
 
 

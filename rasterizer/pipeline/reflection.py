@@ -1,7 +1,7 @@
-"""The reflection models, one row function each: from the cosines at surface points to what is reflected to the viewer.
+"""The reflection models, one row function each: from the directions at surface points to what is reflected to the viewer.
 
-Every isotropic model is a function of three cosines, N·L, N·V and L·V. A row function reads their rows and STRENGTH, and writes
-the rows DIFFUSE and SPECULAR, which shade.py multiplies by the light's colour and sums. To add a model: write its function here
+A row function reads the rows of normals, lights, view directions, N_DOT_L, N_DOT_V and STRENGTH, and writes the rows DIFFUSE and
+SPECULAR, which shade.py multiplies by the light's colour and sums. To add a model: write its function here
 and one line in REFLECTIONS.
 
 None of these models conserves energy or is reciprocal in its classic form; see README, Limits.
@@ -11,7 +11,24 @@ import numpy as np
 from numba import carray
 from numba.extending import overload, register_jitable
 
-from .rows import CHUNK, DIFFUSE, L_DOT_V, N_DOT_L, N_DOT_V, N_ROW, SPECULAR, STRENGTH
+from .rows import (
+    CHUNK,
+    DIFFUSE,
+    LIGHT_X,
+    LIGHT_Y,
+    LIGHT_Z,
+    N_DOT_L,
+    N_DOT_V,
+    N_ROW,
+    NORMAL_X,
+    NORMAL_Y,
+    NORMAL_Z,
+    SPECULAR,
+    STRENGTH,
+    VIEW_X,
+    VIEW_Y,
+    VIEW_Z,
+)
 
 SHININESS = 0  # the first number of a material that a row function reads
 N_MATERIAL_NUMBER = 4
@@ -33,18 +50,24 @@ def phong(rows, n, numbers):
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     two = row.dtype.type(2)
     for k in range(np.uint64(n)):
-        row[SPECULAR + k] = two * row[N_DOT_L + k] * row[N_DOT_V + k] - row[L_DOT_V + k]
+        l_dot_v = row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
+        row[SPECULAR + k] = two * row[N_DOT_L + k] * row[N_DOT_V + k] - l_dot_v
     finish_highlights(row, n, number[SHININESS])
 
 
 def blinn(rows, n, numbers):
-    """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); N·H = (N·L + N·V) / |L + V|."""
+    """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); H = (L + V) / |L + V|.
+
+    By components: with 2 + 2 L·V for |L + V|² the digits cancel where the viewer looks towards the light.
+    """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
-    zero, two = row.dtype.type(0), row.dtype.type(2)
+    zero = row.dtype.type(0)
     for k in range(np.uint64(n)):
-        # |L + V|² = 2 + 2 L·V; where L = -V there is no half vector, and no highlight.
-        square = two + two * row[L_DOT_V + k]
-        row[SPECULAR + k] = (row[N_DOT_L + k] + row[N_DOT_V + k]) / np.sqrt(square) if square > zero else zero
+        half_x, half_y, half_z = row[LIGHT_X + k] + row[VIEW_X + k], row[LIGHT_Y + k] + row[VIEW_Y + k], row[LIGHT_Z + k] + row[VIEW_Z + k]
+        square = half_x * half_x + half_y * half_y + half_z * half_z
+        along = row[NORMAL_X + k] * half_x + row[NORMAL_Y + k] * half_y + row[NORMAL_Z + k] * half_z
+        # Where L = -V there is no half vector, and no highlight.
+        row[SPECULAR + k] = along / np.sqrt(square) if square > zero else zero
     finish_highlights(row, n, number[SHININESS])
 
 

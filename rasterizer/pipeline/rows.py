@@ -13,13 +13,14 @@ NORMAL_X, NORMAL_Y, NORMAL_Z = (np.uint64(CHUNK * k) for k in range(3))
 POSITION_X, POSITION_Y, POSITION_Z = (np.uint64(CHUNK * k) for k in range(3, 6))
 VIEW_X, VIEW_Y, VIEW_Z = (np.uint64(CHUNK * k) for k in range(6, 9))
 N_DOT_V = np.uint64(CHUNK * 9)
-N_DOT_L, L_DOT_V, STRENGTH = (np.uint64(CHUNK * k) for k in range(10, 13))  # written by a light
-DIFFUSE, SPECULAR = (np.uint64(CHUNK * k) for k in range(13, 15))  # written by a reflection model
-DIFFUSE_SUM = np.uint64(CHUNK * 15)  # summed over the lights, a row a channel
-SPECULAR_SUM = np.uint64(CHUNK * 18)
-ALBEDO = np.uint64(CHUNK * 21)
+LIGHT_X, LIGHT_Y, LIGHT_Z = (np.uint64(CHUNK * k) for k in range(10, 13))  # written by a light, as the next two
+N_DOT_L, STRENGTH = (np.uint64(CHUNK * k) for k in range(13, 15))
+DIFFUSE, SPECULAR = (np.uint64(CHUNK * k) for k in range(15, 17))  # written by a reflection model
+DIFFUSE_SUM = np.uint64(CHUNK * 17)  # summed over the lights, a row a channel
+SPECULAR_SUM = np.uint64(CHUNK * 20)
+ALBEDO = np.uint64(CHUNK * 23)
 NEXT_CHANNEL = np.uint64(CHUNK)
-N_ROW = 24
+N_ROW = 26
 
 
 def make_rows(dtype):
