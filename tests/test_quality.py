@@ -100,9 +100,11 @@ def test_the_stated_bound_holds(shading, tolerance, brightness):
     """`Stats.error_bound` promises about the picture that is returned, whose colours are float32."""
     lights = tuple(replace(light, color=brightness * np.array(light.color)) for light in COLORED)
     scene = rz.Scene([rz.Mesh(*torus(24, 12))], lights, VIEW)
-    bound = rz.render(scene, SIZE, shading=shading, tolerance=tolerance).stats.error_bound
-    found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
-    assert found.color <= bound, f"{found.color:.3g} > the stated bound {bound:.3g}"
+    for samples in (1, 16):
+        options = {"shading": shading, "tolerance": tolerance, "samples": samples}
+        bound = rz.render(scene, SIZE, **options).stats.error_bound
+        found = compare(scene, SIZE, **options)
+        assert found.color <= bound, f"{samples} samples: {found.color:.3g} > the stated bound {bound:.3g}"
 
 
 # ---------------------------------------------------------------- the default picture against the exact one
