@@ -14,7 +14,7 @@ from .pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, N_MATERIAL_COLU
 from .pipeline.lights import ATTENUATION, COLOR, LIGHTS, MOST, N_NUMBER, VECTOR
 from .pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .pipeline.reflection import REFLECTIONS, SHININESS
-from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding, make_srgb_tables
+from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
 from .scene.lights import AmbientLight, DirectionalLight, PointLight
 
 ULP = 2.0**-24  # relative rounding error of float32
@@ -237,7 +237,7 @@ def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
     behind = np.array(background or (0, 0, 0), np.float32)
     policy = {"clamp": CLAMP, "global": GLOBAL, "local": LOCAL}[color_range]
     is_grey = plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0
-    return Encoding(is_grey, plan.tint, behind, background is not None, policy, scale, *make_srgb_tables())
+    return Encoding(is_grey, plan.tint, behind, background is not None, policy, scale)
 
 
 def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:

@@ -72,7 +72,7 @@ class Renderer:
         self.close()
 
     def close(self) -> None:
-        """End the threads."""
+        """End the threads; the Renderer draws no more."""
         self._workers.close()
 
     def render(self, camera: Camera | None = None) -> Frame:

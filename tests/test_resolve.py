@@ -29,7 +29,6 @@ def encoding(policy=CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0), is_
         background is not None,
         policy,
         scale,
-        *make_srgb_tables(),
     )
 
 

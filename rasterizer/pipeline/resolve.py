@@ -21,7 +21,7 @@ ALPHA = np.uint64(3 * CHUNK)  # a chunk of pixels: rows of red, green, blue and 
 
 
 class Encoding(NamedTuple):
-    """How linear colour becomes 8 bits: exact rounding by one look-up and one comparison."""
+    """How linear colour becomes 8 bits."""
 
     is_grey: bool  # all colours of the picture are grey
     tint: np.ndarray  # (3,) float32: a picture with one channel is this colour times the intensity
@@ -29,8 +29,6 @@ class Encoding(NamedTuple):
     has_background: bool
     policy: int  # CLAMP, GLOBAL or LOCAL
     scale: float  # GLOBAL: 1 / the picture's largest component, if that is above 1
-    bucket_level: np.ndarray  # (N_BUCKET + 1,) int32: the level at the lower end of a bucket
-    threshold: np.ndarray  # (258,) float32: the smallest colour of each level; infinite behind the last
 
 
 class Picture(NamedTuple):
@@ -42,7 +40,10 @@ class Picture(NamedTuple):
 
 
 def make_srgb_tables():
-    """Return (bucket_level, threshold) of `Encoding`."""
+    """Return the level at the lower end of each bucket, (N_BUCKET + 1,) int32, and the smallest float32 of each level, (258,).
+
+    Behind the last level the threshold is infinite.
+    """
     level = np.arange(1, 256)
     encoded = (level - 0.5) / 255.0
     exact = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
@@ -54,6 +55,10 @@ def make_srgb_tables():
     return bucket_level, threshold
 
 
+# Constants of the compiled code: what can't change can't be aliased either, and the look-ups become vector instructions.
+BUCKET_LEVEL, THRESHOLD = make_srgb_tables()
+
+
 @kernel
 def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
     """Write the rows y_start..y_stop of the picture from the band; clean the band; return how many samples are covered.
@@ -62,6 +67,7 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
     """
     words, radiance = borrow(canvas.words), borrow(radiance)
     out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
+    encoding = borrow_encoding(encoding)
     pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
     n_covered = 0
     for j in range(y_start, y_stop):
@@ -83,6 +89,15 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
                 encode_chunk(pixels, levels, n, encoding, out.rgba[np.uint64(j), np.uint64(left) :])
     clean(canvas, (y_stop - y_start) * factor)
     return n_covered
+
+
+@helper
+def borrow_encoding(encoding):
+    """The encoding with arrays that count no references."""
+    return Encoding(
+        encoding.is_grey, borrow(encoding.tint), borrow(encoding.background), encoding.has_background, encoding.policy,
+        encoding.scale,
+    )  # fmt: skip
 
 
 @helper
@@ -116,18 +131,18 @@ def average_samples(words, pitch, radiance, row, left, factor, n, pixels):
     """Mean intensities of every pixel's covered samples, and the covered share; return how many samples are covered."""
     n_channel, count = np.uint64(radiance.shape[0]), np.int64(0)
     for i in range(n):
-        sum0 = sum1 = sum2 = np.float32(0)
+        sum0 = sum1 = sum2 = 0.0  # float64: sixteen roundings of float32 would show at tolerance 0
         n_covered = np.int32(0)
         for sub in range(row, row + factor):
             place = np.uint64(sub * pitch + (left + np.int64(i)) * factor)
             for k in range(place, place + np.uint64(factor)):
                 if words[k] < CLEAR:
                     n_covered += np.int32(1)
-                    sum0 += np.float32(radiance[0, k])
+                    sum0 += radiance[0, k]
                     if n_channel > np.uint64(1):
-                        sum1 += np.float32(radiance[1, k])
-                        sum2 += np.float32(radiance[2, k])
-        scale = np.float32(1) / np.float32(max(n_covered, np.int32(1)))
+                        sum1 += radiance[1, k]
+                        sum2 += radiance[2, k]
+        scale = 1.0 / max(n_covered, np.int32(1))
         pixels[i] = sum0 * scale
         if n_channel > np.uint64(1):
             pixels[NEXT_CHANNEL + i] = sum1 * scale
@@ -232,10 +247,10 @@ def encode_pixel(red, green, blue, alpha, encoding):
 
 @helper
 def encode_channel(value, encoding):
-    """The nearest of 256 levels of the sRGB curve; exact, because no bucket holds two thresholds."""
+    """The nearest of 256 levels of the sRGB curve, by one look-up and one comparison: no bucket holds two thresholds."""
     value = min(value, np.float32(1)) if value > np.float32(0) else np.float32(0)  # 0 where it isn't a number, too
-    level = encoding.bucket_level[np.uint32(value * np.float32(N_BUCKET))]
-    return np.int32(level + np.int32(value >= encoding.threshold[np.uint32(level) + np.uint32(1)]))
+    level = BUCKET_LEVEL[np.uint32(value * np.float32(N_BUCKET))]
+    return np.int32(level + np.int32(value >= THRESHOLD[np.uint32(level) + np.uint32(1)]))
 
 
 @kernel
