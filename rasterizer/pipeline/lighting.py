@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import call_row, helper, kernel
+from .._kernel import borrow, call_row, helper, kernel
 from .lights import COLOR
 from .rows import (
     ALBEDO,
@@ -157,18 +157,15 @@ def light_points(positions, normals, albedo, start, stop, screen, side, lighting
     out_intensity : (n, n_channel) float32 or float64
     """
     number = rows.dtype.type
-    eye_x, eye_y, eye_z = screen.eye
+    positions, normals, rows = borrow(positions), borrow(normals), borrow(rows)
     back_x, back_y, back_z = -screen.forward
     for first in range(start, stop, CHUNK):
         n = min(CHUNK, stop - first)
-        for k in range(np.uint64(n)):
-            i = np.uint64(first) + k
-            px, py, pz = positions[0, i] - eye_x, positions[1, i] - eye_y, positions[2, i] - eye_z
-            nx, ny, nz = normals[0, i], normals[1, i], normals[2, i]
-            toward = -(nx * px + ny * py + nz * pz) if screen.is_perspective else nx * back_x + ny * back_y + nz * back_z
-            sign = float(side) if side != 0 else (-1.0 if toward < 0 else 1.0)
-            rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k] = number(sign * nx), number(sign * ny), number(sign * nz)
-            rows[POSITION_X + k], rows[POSITION_Y + k], rows[POSITION_Z + k] = number(px), number(py), number(pz)
+        chunk = slice(np.uint64(first), np.uint64(first + n))
+        take_points(positions[0, chunk], positions[1, chunk], positions[2, chunk], screen.eye, rows)
+        take_normals(normals[0, chunk], normals[1, chunk], normals[2, chunk], float(side) if side != 0 else 1.0, rows)
+        if side == 0:
+            turn_normals(rows, n, screen.is_perspective, number(back_x), number(back_y), number(back_z))
         if lighting.has_albedo:
             for channel in range(np.uint64(lighting.n_channel)):
                 for k in range(np.uint64(n)):
@@ -181,3 +178,35 @@ def light_points(positions, normals, albedo, start, stop, screen, side, lighting
         for channel in range(np.uint64(lighting.n_channel)):
             for k in range(np.uint64(n)):
                 out_intensity[np.uint64(first) + k, channel] = rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k]
+
+
+@helper
+def take_points(x, y, z, eye, rows):
+    """Copy positions, relative to the eye: subtracted in float64, before digits are dropped."""
+    eye_x, eye_y, eye_z = eye
+    for k in range(np.uint64(len(x))):
+        rows[POSITION_X + k] = x[k] - eye_x
+        rows[POSITION_Y + k] = y[k] - eye_y
+        rows[POSITION_Z + k] = z[k] - eye_z
+
+
+@helper
+def take_normals(x, y, z, sign, rows):
+    """Copy normals, or their opposites."""
+    for k in range(np.uint64(len(x))):
+        rows[NORMAL_X + k] = sign * x[k]
+        rows[NORMAL_Y + k] = sign * y[k]
+        rows[NORMAL_Z + k] = sign * z[k]
+
+
+@helper
+def turn_normals(rows, n, is_perspective, back_x, back_y, back_z):
+    """Turn every normal towards the viewer, who is at the origin, or at infinity in the direction `back`."""
+    zero, one = rows.dtype.type(0), rows.dtype.type(1)
+    for k in range(np.uint64(n)):
+        x, y, z = rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k]
+        toward = x * back_x + y * back_y + z * back_z
+        if is_perspective:
+            toward = -(x * rows[POSITION_X + k] + y * rows[POSITION_Y + k] + z * rows[POSITION_Z + k])
+        sign = -one if toward < zero else one
+        rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k] = sign * x, sign * y, sign * z
