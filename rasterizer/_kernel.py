@@ -94,7 +94,7 @@ def helper(function):
 
     It has no entry for Python, which would take a quarter of all compile time: from Python call its `py_func`.
     """
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
+    return numba.njit(forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS)(function)
 
 
 @functools.cache
