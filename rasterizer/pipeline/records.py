@@ -104,6 +104,29 @@ def inv_ws(depths, coding):
     return least, max(w0, w1, w2) - least
 
 
+@helper
+def carry_attributes(
+    records, n_record, corners, slopes, anchor, offset, steps, depths, place, coding, face, is_flipped, is_sliver
+):
+    """Take the cheapest way that is good enough; return (payload, its d/dx, d/dy, records so far).
+
+    The plane of a word is `offset` from the first vertex at `anchor`, the first sample of the triangle's box, and extends over
+    `steps` samples; those of a record begin at the first sample inside the picture, so that its place fits 32 bits.
+    """
+    record = IS_ID + n_record
+    if coding.kind == IN_WORDS and not is_sliver:
+        is_good, level, level_x, level_y = level_plane(corners, np.uint64(0), slopes, offset, steps, depths, coding)
+        if is_good:
+            return level, level_x, level_y, n_record
+    elif coding.kind >= IN_PLANES and not is_sliver:
+        shown = (max(anchor[0], 0), max(anchor[1], 0))
+        inside = (offset[0] + float(shown[0] - anchor[0]), offset[1] + float(shown[1] - anchor[1]))
+        if write_planes(records, n_record, corners, slopes, shown, inside, steps, depths, coding, face, is_flipped):
+            return record, np.int64(0), np.int64(0), n_record + 1
+    write_exact(records, n_record, corners, place, depths, coding, face, is_flipped)
+    return record | IS_EXACT, np.int64(0), np.int64(0), n_record + 1
+
+
 # ---------------------------------------------------------------- levels, in words or in planes
 
 
@@ -129,15 +152,6 @@ def level_plane(corners, channel, slopes, offset, steps, depths, coding):
     l_x, l_y = gradient((l1 - l0) * shrink, (l2 - l0) * shrink, slopes)
     value = middle + (l0 - middle) * shrink + l_x * offset[0] + l_y * offset[1]
     return is_good, np.int64(np.rint(value)), np.int64(np.rint(l_x)), np.int64(np.rint(l_y))
-
-
-@helper
-def code_word(corners, slopes, offset, steps, depths, coding, record):
-    """Return (is coded, payload, its d/dx, d/dy): the plane of the one channel, or `record` where that isn't good enough."""
-    is_good, level, level_x, level_y = level_plane(corners, np.uint64(0), slopes, offset, steps, depths, coding)
-    if is_good:
-        return True, level, level_x, level_y
-    return False, record, np.int64(0), np.int64(0)
 
 
 # ---------------------------------------------------------------- records

@@ -26,18 +26,12 @@ import numpy as np
 from .._kernel import borrow, helper, kernel
 from .lanes import LANES, MOST_HIGH, MOST_WIDE, merge_box
 from .records import (
-    IN_PLANES,
-    IN_WORDS,
-    IS_EXACT,
-    IS_ID,
     PAYLOAD_BITS,
     Polygons,
     borrow_records,
-    code_word,
+    carry_attributes,
     find_slopes,
     gradient,
-    write_exact,
-    write_planes,
 )
 from .setup import first_sample
 from .transform import DEPTH_BITS, HALF, SUBPIXEL
@@ -104,27 +98,14 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas,
         if abs(z_x) + abs(z_y) > MAX_SLOPE:
             is_sliver, z_x, z_y = True, 0.0, 0.0
 
-        # Choose how the attributes reach the samples: in the word, in planes, or exactly.
+        # Carry the attributes to the samples: in the word, in planes, or exactly.
         side = np.uint64(attributes.shape[0] - 1 if is_flipped else 0)
         corners, depths = (attributes[side, c0], attributes[side, c1], attributes[side, c2]), (z0, z1, z2)
         steps = (first_sample(x_max) - anchor_x, first_sample(y_max) - anchor_y)
-        payload, payload_x, payload_y = IS_ID + n_record, np.int64(0), np.int64(0)
-        is_coded = False
-        if coding.kind == IN_WORDS and not is_sliver:
-            is_coded, payload, payload_x, payload_y = code_word(corners, slopes, offset, steps, depths, coding, payload)
-        elif coding.kind >= IN_PLANES and not is_sliver:
-            # Anchored at the first sample inside the picture, so that its place fits 32 bits.
-            shown = (left, max(anchor_y, 0))
-            inside = (offset[0] + float(shown[0] - anchor_x), offset[1] + float(shown[1] - anchor_y))
-            is_coded = write_planes(
-                records, n_record, corners, slopes, shown, inside, steps, depths, coding, face, is_flipped
-            )
-            n_record += is_coded
-        if not is_coded:
-            payload |= IS_EXACT
-            place = (x0, y0, dx1, dy1, dx2, dy2)
-            write_exact(records, n_record, corners, place, depths, coding, face, is_flipped)
-            n_record += 1
+        payload, payload_x, payload_y, n_record = carry_attributes(
+            records, n_record, corners, slopes, (anchor_x, anchor_y), offset, steps, depths,
+            (x0, y0, dx1, dy1, dx2, dy2), coding, face, is_flipped, is_sliver,
+        )  # fmt: skip
 
         # Note what part of the band is touched.
         first_group = np.uint64(top - y_start) >> np.uint64(GROUP_SHIFT)
