@@ -247,10 +247,8 @@ def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
     ----------
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
     """
-    x, y, z = np.meshgrid([0, 1], [0, 1], [0, 1])
-    corners = np.stack([bounds[:, x, 0], bounds[:, y, 1], bounds[:, z, 2]], axis=-1).reshape(-1, 3)
-    depth = (corners - view.eye) @ view.forward
-    nearest, furthest = depth.min(), depth.max()
+    depth = (bounds - view.eye) * view.forward  # (n_mesh, 2, 3): an axis' share of the depth at both ends of each box
+    nearest, furthest = depth.min(axis=1).sum(axis=1).min(), depth.max(axis=1).sum(axis=1).max()
     if camera.is_perspective:
         furthest = furthest if furthest > 0 else 1.0
         # A little more room, so that rounding clips nothing.
