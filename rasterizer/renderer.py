@@ -64,6 +64,7 @@ class Renderer:
         self._workers = Workers(self.options.n_thread)
         self._scratch = Scratch()
         self._normals = {}
+        self._is_closed = False
 
     def __enter__(self):
         return self
@@ -73,10 +74,16 @@ class Renderer:
 
     def close(self) -> None:
         """End the threads; the Renderer draws no more."""
+        self._is_closed = True
         self._workers.close()
 
     def render(self, camera: Camera | None = None) -> Frame:
-        """Render the scene through its own camera, or through another one."""
+        """Render the scene through its own camera, or through another one.
+
+        Raises SceneError for what is no camera, and after `close`.
+        """
+        if self._is_closed:
+            raise SceneError("this Renderer is closed; make a new one")
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
         if not isinstance(camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {camera!r}")

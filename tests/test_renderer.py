@@ -318,3 +318,11 @@ def print_digests():
     from rasterizer._kernel import is_cache_cold
 
     print(is_cache_cold(), *digests_of_two())
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_closed_renderer_says_so(threads):
+    with rz.Renderer(rz.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), (32, 24), threads=threads) as renderer:
+        renderer.render()
+    with pytest.raises(rz.SceneError, match="closed"):
+        renderer.render()
