@@ -8,6 +8,7 @@ The cache folder therefore carries a hash of all the sources that kernels are ma
 in every process: slower, never broken.
 """
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -72,16 +73,23 @@ def is_cache_cold() -> bool:
     return CACHE_FOLDER is None or next(CACHE_FOLDER.rglob("*.nbi"), None) is None
 
 
+@contextlib.contextmanager
+def _own_cache():
+    """Let numba find the package's own cache folder, where there is one, and afterwards whatever it had before."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(CACHE_FOLDER or before)
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before
+
+
 def _compile_lazily(function, **options):
     """Apply `numba.njit` with the package's own cache folder, without changing the folder of anybody else."""
     if CACHE_FOLDER is None:
         return numba.njit(**options)(function)
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(CACHE_FOLDER)
-    try:
+    with _own_cache():
         return numba.njit(cache=True, **options)(function)
-    finally:
-        numba.config.CACHE_DIR = before
 
 
 def kernel(function):
@@ -108,12 +116,8 @@ def row_function(function, dtype):
     pointer = numba.types.CPointer(number)
     signature = numba.types.void(pointer, numba.types.intp, pointer)
     options = {"error_model": "numpy", "nopython": True}
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(CACHE_FOLDER or before)
-    try:
+    with _own_cache():
         return numba.cfunc(signature, cache=CACHE_FOLDER is not None, **options)(function)
-    finally:
-        numba.config.CACHE_DIR = before
 
 
 @numba.extending.intrinsic

@@ -27,6 +27,9 @@ from .pipeline.transform import transform
 from .plan import choose_band_rows
 
 
+NO_MATERIAL = np.empty(0, np.uint32)
+
+
 class Job(NamedTuple):
     """One way through the pipeline: what is drawn, how words are coded, and how a finished band becomes output."""
 
@@ -36,8 +39,9 @@ class Job(NamedTuple):
     is_culled: bool
     factor: int  # samples a pixel along each axis
     size: tuple  # (width, height) in pixels
-    finish: object  # (bench, loaded_face, y_start, y_stop) -> samples covered: writes the rows y_start..y_stop
+    finish: object  # (bench, loaded_face, material, y_start, y_stop) -> samples covered: writes the rows y_start..y_stop
     is_filled: bool  # bands without polygons are written too
+    face_material: np.ndarray  # (n_face,) uint32, or empty where there is one material or none is needed
 
 
 class Counts(NamedTuple):
@@ -58,11 +62,13 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
 
     polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
     attributes, loaded_face, n_clipped = job.attributes, np.empty(0, np.uint32), 0
+    material = job.face_material
     if n_outside:
         clipped = clip(geometry.positions, *polygons[:2], vertices, screen, geometry.points is geometry.positions)
         vertices, loaded_face, n_clipped = clipped.vertices, clipped.face, clipped.n_clipped
         polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[loaded_face])
         attributes = extend(attributes, clipped) if geometry.points is geometry.positions else attributes
+        material = material[loaded_face] if len(material) else material
         clock.lap("clip")
 
     width, height = job.size[0] * job.factor, job.size[1] * job.factor
@@ -80,7 +86,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
         y_start, y_stop = band * rows, min((band + 1) * rows, height)
         bench = scratch.take(kind, len(faces))
         scan(faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.canvas, bench.records)
-        n_covered = job.finish(bench, loaded_face, y_start, y_stop)
+        n_covered = job.finish(bench, loaded_face, material, y_start, y_stop)
         scratch.give_back(kind, bench)
         return n_covered
 
@@ -127,41 +133,40 @@ def interpolated_job(intensities, plan, coding, options, encoding, picture) -> J
     """Flat shading and Gouraud's method: intensities of polygons or vertices are interpolated."""
     level_step = plan.dtype.type(1.0 / plan.level_scale)
 
-    def finish(bench, _loaded_face, y_start, y_stop):
+    def finish(bench, _loaded_face, _material, y_start, y_stop):
         n_row, factor = y_stop - y_start, options.factor
         shade_interpolated(
             bench.canvas, bench.records, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.rows, bench.radiance
         )
         return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
-    return _picture_job(intensities, coding, plan, options, encoding, finish)
+    return _picture_job(intensities, coding, plan, options, encoding, finish, NO_MATERIAL)
 
 
 def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting, face_material) -> Job:
     """Phong's method: normals are interpolated and every visible sample is lit."""
 
-    def finish(bench, loaded_face, y_start, y_stop):
+    def finish(bench, _loaded_face, material, y_start, y_stop):
         n_row, factor = y_stop - y_start, options.factor
-        material = face_material[loaded_face] if len(loaded_face) and len(face_material) else face_material
         shade_lit(
             bench.canvas, bench.records, coding.kind, y_start, n_row, screen, lighting, material, bench.rows, bench.radiance
         )
         return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
-    return _picture_job(normals, coding, plan, options, encoding, finish)
+    return _picture_job(normals, coding, plan, options, encoding, finish, face_material)
 
 
-def _picture_job(attributes, coding, plan, options, encoding, finish) -> Job:
+def _picture_job(attributes, coding, plan, options, encoding, finish, face_material) -> Job:
     return Job(
         attributes, coding, plan.n_channel, options.cull == "back", options.factor, options.size, finish,
-        encoding.has_background,
+        encoding.has_background, face_material,
     )  # fmt: skip
 
 
 def buffers_job(normals, coding, options, screen, buffers) -> Job:
     """Exact buffers: one sample a pixel, at its centre, and a record for every polygon."""
 
-    def finish(bench, loaded_face, y_start, y_stop):
+    def finish(bench, loaded_face, _material, y_start, y_stop):
         return write_buffers(bench.canvas, bench.records, loaded_face, y_start, y_stop - y_start, screen, buffers)
 
-    return Job(normals, coding, 0, options.cull == "back", 1, options.size, finish, False)
+    return Job(normals, coding, 0, options.cull == "back", 1, options.size, finish, False, NO_MATERIAL)

@@ -64,6 +64,7 @@ class Renderer:
         self._workers = Workers(self.options.n_thread)
         self._scratch = Scratch()
         self._normals = {}
+        self._face_material = _find_face_material(self.scene)
         self._is_closed = False
 
     def __enter__(self):
@@ -127,7 +128,7 @@ class Renderer:
         encoding = self._encoding
         if plan.is_lit_per_sample:
             job = lit_job(self._normal_attributes(plan.dtype, plan.has_albedo), plan, coding, options, encoding, picture,
-                          screen, lighting, self._face_material())  # fmt: skip
+                          screen, lighting, self._face_material)  # fmt: skip
         else:
             is_one_sided = options.is_flat or (options.cull == "back" and not geometry.is_inverted.any())
             n_side = 1 if is_one_sided else 2
@@ -187,11 +188,12 @@ class Renderer:
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return np.stack([toward, -toward])
 
-    def _face_material(self) -> np.ndarray:
-        """Material of every face, (n_face,) uint32; empty where the scene has one mesh."""
-        if len(self.scene.meshes) == 1:
-            return np.empty(0, np.uint32)
-        return np.repeat(np.arange(len(self.scene.meshes), dtype=np.uint32), np.diff(self._geometry.face_offsets))
+
+def _find_face_material(scene) -> np.ndarray:
+    """Material of every face, (n_face,) uint32; empty where the scene has one mesh."""
+    if len(scene.meshes) == 1:
+        return np.empty(0, np.uint32)
+    return np.repeat(np.arange(len(scene.meshes), dtype=np.uint32), np.diff(scene.face_offsets))
 
 
 class Clock:

@@ -285,6 +285,9 @@ def interpolate_normal_runs(words, records, first, y, has_albedo, is_perspective
             nz = corners_of(records.numbers, record, ATTRIBUTE + 6)
             area = float(place[2] * place[5] - place[4] * place[3])
             depths = corners_of(records.numbers, record, DEPTH)
+            red = corners_of(records.numbers, record, ATTRIBUTE + 9) if has_albedo else depths
+            green = corners_of(records.numbers, record, ATTRIBUTE + 12) if has_albedo else depths
+            blue = corners_of(records.numbers, record, ATTRIBUTE + 15) if has_albedo else depths
             for k in range(start, stop):
                 q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
@@ -294,14 +297,10 @@ def interpolate_normal_runs(words, records, first, y, has_albedo, is_perspective
                 rows[NORMAL_Z + k] = number(side) * mean(nz, p0, p1, p2)
                 # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
                 rows[POSITION_Z + k] = number(area * scale) if is_perspective else mean(depths, p0, p1, p2)
-            if has_albedo:
-                for channel in range(np.uint64(3)):
-                    corners = corners_of(records.numbers, record, np.uint64(ATTRIBUTE + 9) + np.uint64(3) * channel)
-                    for k in range(start, stop):
-                        q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
-                        scale = 1.0 / (q0 + q1 + q2)
-                        p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
-                        rows[ALBEDO + channel * NEXT_CHANNEL + k] = mean(corners, p0, p1, p2)
+                if has_albedo:
+                    rows[ALBEDO + k] = mean(red, p0, p1, p2)
+                    rows[ALBEDO + NEXT_CHANNEL + k] = mean(green, p0, p1, p2)
+                    rows[ALBEDO + NEXT_CHANNEL + NEXT_CHANNEL + k] = mean(blue, p0, p1, p2)
         start = stop
 
 
