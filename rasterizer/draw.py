@@ -16,7 +16,8 @@ from .pipeline.bands import sort_into_bands
 from .pipeline.buffers import write_buffers
 from .pipeline.clip import clip, extend
 from .pipeline.lighting import light_points
-from .pipeline.records import EXACT, MAX_RECORDS, Coding, Polygons
+from .pipeline.block import Polygons
+from .pipeline.records import EXACT, MAX_RECORDS, Coding
 from .pipeline.resolve import resolve
 from .pipeline.rows import make_rows
 from .pipeline.scan import scan
@@ -39,7 +40,7 @@ class Job(NamedTuple):
     is_culled: bool
     factor: int  # samples a pixel along each axis
     size: tuple  # (width, height) in pixels
-    finish: object  # (bench, loaded_face, material, y_start, y_stop) -> samples covered: writes the rows y_start..y_stop
+    finish: object  # (bench, n_exact, loaded_face, material, y_start, y_stop) -> samples covered: writes the rows y_start..y_stop
     is_filled: bool  # bands without polygons are written too
     face_material: np.ndarray  # (n_face,) uint32, or empty where there is one material or none is needed
 
@@ -78,20 +79,22 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     clock.lap("bands")
 
     n_attribute = attributes.shape[2]
-    n_plane = n_attribute + job.coding.needs_distance if job.coding.kind != EXACT else 0
-    kind = BenchKind(width, rows, job.n_channel, n_attribute, n_plane, attributes.dtype)
+    n_group = -(-n_attribute // 3) if job.coding.kind != EXACT else 0  # the normals, or the three channels; the albedo
+    kind = BenchKind(width, rows, job.n_channel, n_attribute, n_group, attributes.dtype)
 
     def draw_band(band):
         faces = bands.face[bands.start[band] : bands.start[band + 1]]
         y_start, y_stop = band * rows, min((band + 1) * rows, height)
         bench = scratch.take(kind, len(faces))
-        scan(faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.canvas, bench.records)
-        n_covered = job.finish(bench, loaded_face, material, y_start, y_stop)
+        _, n_exact = scan(faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, bench.canvas, bench.records)
+        n_covered = job.finish(bench, n_exact, loaded_face, material, y_start, y_stop)
         scratch.give_back(kind, bench)
         return n_covered
 
-    n_band = len(bands.start) - 1
-    covered = workers.map(draw_band, [b for b in range(n_band) if job.is_filled or bands.start[b] < bands.start[b + 1]])
+    # The bands with most triangles first, so that no thread is left with a big one at the end.
+    n_in_band = np.diff(bands.start)
+    order = np.argsort(-n_in_band, kind="stable")
+    covered = workers.map(draw_band, [band for band in order.tolist() if job.is_filled or n_in_band[band] > 0])
     clock.lap("scan, shade, resolve")
     n_culled = sum(part.n_culled for part in visible)
     n_drawn = sum(len(part.face) for part in visible)
@@ -133,10 +136,10 @@ def interpolated_job(intensities, plan, coding, options, encoding, picture) -> J
     """Flat shading and Gouraud's method: intensities of polygons or vertices are interpolated."""
     level_step = plan.dtype.type(1.0 / plan.level_scale)
 
-    def finish(bench, _loaded_face, _material, y_start, y_stop):
+    def finish(bench, n_exact, _loaded_face, _material, y_start, y_stop):
         n_row, factor = y_stop - y_start, options.factor
         shade_interpolated(
-            bench.canvas, bench.records, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.rows, bench.radiance
+            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.radiance
         )
         return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
@@ -146,10 +149,10 @@ def interpolated_job(intensities, plan, coding, options, encoding, picture) -> J
 def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting, face_material) -> Job:
     """Phong's method: normals are interpolated and every visible sample is lit."""
 
-    def finish(bench, _loaded_face, material, y_start, y_stop):
+    def finish(bench, n_exact, _loaded_face, material, y_start, y_stop):
         n_row, factor = y_stop - y_start, options.factor
         shade_lit(
-            bench.canvas, bench.records, coding.kind, y_start, n_row, screen, lighting, material, bench.rows, bench.radiance
+            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, screen, lighting, material, bench.rows, bench.radiance
         )
         return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
@@ -159,14 +162,14 @@ def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting,
 def _picture_job(attributes, coding, plan, options, encoding, finish, face_material) -> Job:
     return Job(
         attributes, coding, plan.n_channel, options.cull == "back", options.factor, options.size, finish,
-        encoding.has_background, face_material,
+        True, face_material,
     )  # fmt: skip
 
 
 def buffers_job(normals, coding, options, screen, buffers) -> Job:
     """Exact buffers: one sample a pixel, at its centre, and a record for every polygon."""
 
-    def finish(bench, loaded_face, _material, y_start, y_stop):
+    def finish(bench, _n_exact, loaded_face, _material, y_start, y_stop):
         return write_buffers(bench.canvas, bench.records, loaded_face, y_start, y_stop - y_start, screen, buffers)
 
     return Job(normals, coding, 0, options.cull == "back", 1, options.size, finish, False, NO_MATERIAL)

@@ -11,7 +11,7 @@ from .options import Options
 from .pipeline.clip import find_nearest
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
-from .pipeline.scratch import Scratch, empty_buffers, empty_picture
+from .pipeline.scratch import Scratch, empty_buffers, make_picture
 from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
 from .plan import (
@@ -90,7 +90,7 @@ class Renderer:
             raise SceneError(f"camera must be a Camera or None; given {camera!r}")
         options, clock, arrays, rgba, counts = self.options, Clock(), {}, None, None
         if "color" in options.outputs or "rgb" in options.outputs:
-            picture = empty_picture(options.size, "color" in options.outputs or options.color_range == "global")
+            picture = make_picture(options.size, "color" in options.outputs or options.color_range == "global")
             counts = self._draw_picture(camera, picture, clock)
             rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
             if "color" in options.outputs:

@@ -345,7 +345,7 @@ EMPTY = {
 
 @pytest.mark.parametrize("camera", EMPTY)
 @pytest.mark.parametrize("shading", SHADINGS)
-def test_empty_pictures(camera, shading):
+def test_make_pictures(camera, shading):
     for background, rgba in ((None, (0, 0, 0, 0)), ("red", (255, 0, 0, 255))):
         for samples in (1, 9):
             scene = rz.Scene([rz.Mesh(*BALL)], GREY, EMPTY[camera], background)

@@ -15,7 +15,7 @@ from rasterizer.pipeline.resolve import (
 )
 from rasterizer.pipeline.rows import CHUNK
 from rasterizer.pipeline.scan import CLEAR, PADDING
-from rasterizer.pipeline.scratch import BenchKind, Scratch, empty_picture
+from rasterizer.pipeline.scratch import BenchKind, Scratch, make_picture
 from rasterizer.scene.color import srgb_from_linear
 
 
@@ -56,7 +56,7 @@ def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, hei
     """Resolve one band; return (picture, bytes (h, w, 4), working place, samples covered)."""
     bench = fill(covered, radiance, factor, dtype)
     n_row, width = covered.shape[0] // factor, covered.shape[1] // factor
-    picture = empty_picture((width, height or n_row), with_color)
+    picture = make_picture((width, height or n_row), with_color)
     n_covered = resolve(bench.canvas, bench.radiance, y_start, y_start + n_row, factor, how, picture)
     return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), bench, n_covered
 
@@ -224,7 +224,7 @@ def test_what_lanes_wrote_behind_a_row_is_cleaned():
     words = bench.canvas.words.reshape(9, bench.canvas.pitch)
     assert bench.canvas.pitch >= 40 + PADDING
     words[2, 10 : 10 + PADDING] = words[8, 40 : 40 + PADDING] = 7
-    resolve(bench.canvas, bench.radiance, 0, 9, 1, encoding(), empty_picture((40, 9), True))
+    resolve(bench.canvas, bench.radiance, 0, 9, 1, encoding(), make_picture((40, 9), True))
     assert (words == CLEAR).all()
 
 

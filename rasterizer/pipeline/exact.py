@@ -7,7 +7,7 @@ It is perspective-correct: with the edge functions e_i of a sample, q_i = e_i / 
 import numpy as np
 
 from .._kernel import helper
-from .records import DX1, DX2, DY1, DY2, IS_EXACT, IS_ID, LEVEL_MASK, X0, Y0
+from .records import IS_EXACT, IS_ID, LEVEL_MASK, PLACE
 
 
 @helper
@@ -36,11 +36,11 @@ def is_exact(word):
 
 @helper
 def place_of(integers, record):
-    """The anchor vertex and the two edges of an exact record, 1/256 px."""
+    """The first vertex and the two edges that leave it, of an exact record, 1/256 px."""
+    row, column = integers[record], np.uint64(PLACE)
     return (
-        np.int64(integers[record, np.uint64(X0)]), np.int64(integers[record, np.uint64(Y0)]),
-        np.int64(integers[record, np.uint64(DX1)]), np.int64(integers[record, np.uint64(DY1)]),
-        np.int64(integers[record, np.uint64(DX2)]), np.int64(integers[record, np.uint64(DY2)]),
+        np.int64(row[column]), np.int64(row[column + np.uint64(1)]), np.int64(row[column + np.uint64(2)]),
+        np.int64(row[column + np.uint64(3)]), np.int64(row[column + np.uint64(4)]), np.int64(row[column + np.uint64(5)]),
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from .rows import (
     CHUNK,
     DIFFUSE,
     DIFFUSE_SUM,
+    INTENSITY,
     N_DOT_V,
     NEXT_CHANNEL,
     NORMAL_X,
@@ -94,7 +95,7 @@ def find_n_dot_v(rows, n):
 
 @helper
 def light_rows(rows, n, lighting, material):
-    """Evaluate the illumination equation for n points of one material; the intensities replace the rows DIFFUSE_SUM."""
+    """Evaluate the illumination equation for n points of one material; the intensities fill the rows INTENSITY."""
     zero = rows.dtype.type(0)
     is_shiny = lighting.is_shiny[material]
     number = lighting.material[material]
@@ -108,24 +109,22 @@ def light_rows(rows, n, lighting, material):
         call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
         for channel in range(np.uint64(lighting.n_light_channel)):
             color = lighting.light[light, np.uint64(COLOR) + channel]
-            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, color, light == 0)
-            if is_shiny:
-                add_light(rows, n, SPECULAR_SUM + channel * NEXT_CHANNEL, SPECULAR, color, light == 0)
-    # From the last channel to the first: with grey lights all of them read the sums of channel 0.
-    for step in range(np.uint64(lighting.n_channel)):
-        channel = np.uint64(lighting.n_channel) - np.uint64(1) - step
+            add_light(rows, n, channel * NEXT_CHANNEL, color, is_shiny, light == 0)
+    for channel in range(np.uint64(lighting.n_channel)):
+        # With grey lights all channels read the sums of channel 0.
         compose(rows, n, channel, channel if lighting.n_light_channel > 1 else np.uint64(0), number, lighting.has_albedo, is_shiny)
 
 
 @helper
-def add_light(rows, n, sums, reflected, color, is_first):
+def add_light(rows, n, channel_row, color, is_shiny, is_first):
     """Add one light's reflection to the sums of one channel; the first one starts them."""
-    if is_first:
-        for k in range(np.uint64(n)):
-            rows[sums + k] = color * rows[reflected + k]
-    else:
-        for k in range(np.uint64(n)):
-            rows[sums + k] += color * rows[reflected + k]
+    zero = rows.dtype.type(0)
+    for k in range(np.uint64(n)):
+        before = zero if is_first else rows[DIFFUSE_SUM + channel_row + k]
+        rows[DIFFUSE_SUM + channel_row + k] = before + color * rows[DIFFUSE + k]
+        if is_shiny:
+            before = zero if is_first else rows[SPECULAR_SUM + channel_row + k]
+            rows[SPECULAR_SUM + channel_row + k] = before + color * rows[SPECULAR + k]
 
 
 @helper
@@ -134,14 +133,14 @@ def compose(rows, n, channel, source, number, has_albedo, is_shiny):
     emissive, ambient = number[np.uint64(EMISSIVE) + channel], number[np.uint64(AMBIENT) + channel]
     diffuse, specular = number[np.uint64(DIFFUSE_COLOR) + channel], number[np.uint64(SPECULAR_COLOR) + channel]
     zero = rows.dtype.type(0)
-    albedo_row, sum_row = ALBEDO + channel * NEXT_CHANNEL, DIFFUSE_SUM + channel * NEXT_CHANNEL
+    albedo_row, out_row = ALBEDO + channel * NEXT_CHANNEL, INTENSITY + channel * NEXT_CHANNEL
     diffuse_row, specular_row = DIFFUSE_SUM + source * NEXT_CHANNEL, SPECULAR_SUM + source * NEXT_CHANNEL
     for k in range(np.uint64(n)):
         matte = ambient + diffuse * rows[diffuse_row + k]
         if has_albedo:
             matte *= rows[albedo_row + k]
         shine = specular * rows[specular_row + k] if is_shiny else zero
-        rows[sum_row + k] = emissive + matte + shine
+        rows[out_row + k] = emissive + matte + shine
 
 
 @kernel
@@ -177,7 +176,7 @@ def light_points(positions, normals, albedo, start, stop, screen, side, lighting
         light_rows(rows, n, lighting, material)
         for channel in range(np.uint64(lighting.n_channel)):
             for k in range(np.uint64(n)):
-                out_intensity[np.uint64(first) + k, channel] = rows[DIFFUSE_SUM + channel * NEXT_CHANNEL + k]
+                out_intensity[np.uint64(first) + k, channel] = rows[INTENSITY + channel * NEXT_CHANNEL + k]
 
 
 @helper

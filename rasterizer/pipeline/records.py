@@ -17,7 +17,37 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, helper
-from .transform import SUBPIXEL
+from .block import (
+    ANCHOR_X,
+    ANCHOR_Y,
+    ATTRIBUTE0,
+    BLOCK,
+    IS_FLIPPED,
+    IS_GOOD,
+    IS_SLIVER,
+    LEVEL,
+    MOST_ATTRIBUTES,
+    NEXT,
+    OFFSET_X,
+    OFFSET_Y,
+    PLANE0,
+    SLOPE_X1,
+    SLOPE_X2,
+    SLOPE_Y1,
+    SLOPE_Y2,
+    STEPS_X,
+    STEPS_Y,
+    X0,
+    X1,
+    X2,
+    Y0,
+    Y1,
+    Y2,
+    Z0,
+    Z1,
+    Z2,
+)
+from .lanes import GROUP
 
 LEVEL_BITS = 24
 PAYLOAD_BITS = LEVEL_BITS + 1
@@ -29,22 +59,15 @@ MAX_RECORDS = 1 << (LEVEL_BITS - 1)
 
 EXACT, IN_WORDS, IN_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # kinds of coding; IN_PLANES and above have records with planes
 
-# Columns of a record's integers: the anchor vertex, the two edges that leave it (1/256 px), the triangle, and the side that is seen.
-X0, Y0, DX1, DY1, DX2, DY2, FACE, SIDE = range(8)
+# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, the side that is seen.
+PLACE, FACE, SIDE = 0, 6, 7
 # Columns of an exact record's numbers: 1/w, depth (orthographic) and each attribute, each at the three vertices.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
-# Columns of a record's planes: the anchor sample (x + 65536·y), the triangle, then value, d/dx, d/dy of each attribute.
-# Records of planes stand one behind the other in a flat array, 2^plane_shift numbers each, so that a place is found by a shift.
-ANCHOR, PLANE_FACE, PLANE = 0, 1, 2
-ANCHOR_SHIFT = 16
-
-
-class Polygons(NamedTuple):
-    """The triangles: which vertices they join, and where their attributes are (a row a corner)."""
-
-    vertex: np.ndarray  # (3, n) uint32, into the vertices
-    corner: np.ndarray  # (3, n) uint32, into the attributes
-    is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
+# Columns of a record of planes: the triangle, the sample where the planes are anchored, and then the planes of four attributes a
+# group: four values, four d/dx, four d/dy (lanes.py). Such records stand one behind the other in a flat array, 2^plane_shift
+# numbers each, so that a place is found by a shift.
+PLANE_FACE, PLANE_X, PLANE_Y, PLANE = 0, 1, 2, 4
+DISTANCE = 3  # the fourth attribute of the normals' group: 1/w, or depth without perspective, where it is needed
 
 
 class Coding(NamedTuple):
@@ -55,7 +78,7 @@ class Coding(NamedTuple):
     level_tolerance: float  # error that is accepted, in levels
     normal_limit: float  # NORMAL_PLANES: the largest rise of a normal's component over a triangle's box; see plan.py
     albedo_tolerance: float  # NORMAL_PLANES: error that is accepted in an attribute behind the normals
-    needs_distance: bool  # NORMAL_PLANES: a plane of 1/w (orthographic: of depth) stands behind those of the attributes
+    needs_distance: bool  # NORMAL_PLANES: a plane of 1/w (orthographic: of depth) stands beside those of the normals
     inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z
     inv_w_scale: float
     depth_offset: float  # orthographic depth = depth_offset + depth_scale · z, scene units; 0 + 0 z in perspective
@@ -80,23 +103,26 @@ def borrow_records(records):
     )
 
 
-@helper
-def find_slopes(dx1, dy1, dx2, dy2, area):
-    """What a rise along edge 1 or 2 adds to d/dx and d/dy, a sample: the columns of the inverse of the edges' matrix."""
-    scale = SUBPIXEL / area
-    return dy2 * scale, -dy1 * scale, -dx2 * scale, dx1 * scale
+# ---------------------------------------------------------------- a block at a time: planes, and whether they are good enough
 
 
 @helper
-def gradient(rise1, rise2, slopes):
-    """Derivatives, a sample, of the plane that rises by rise1 along edge 1 and by rise2 along edge 2."""
-    return rise1 * slopes[0] + rise2 * slopes[1], rise1 * slopes[2] + rise2 * slopes[3]
+def carry_attributes(n, n_attribute, coding, block):
+    """Find the planes of the attributes of the first n triangles of a block, and where they are good enough (IS_GOOD)."""
+    if coding.kind == IN_WORDS or coding.kind == IN_PLANES:
+        for channel in range(np.uint64(n_attribute)):
+            find_levels(n, channel, coding, block)
+    elif coding.kind == NORMAL_PLANES:
+        find_normals(n, coding, block)
+        for k in range(np.uint64(3), np.uint64(n_attribute)):
+            find_albedo(n, k, coding, block)
+        if coding.needs_distance:
+            find_distances(n, coding, block)
 
 
 @helper
-def inv_ws(depths, coding):
+def inv_ws(z0, z1, z2, coding):
     """Least, and largest minus least, of 1/w at the three vertices."""
-    z0, z1, z2 = depths
     w0 = coding.inv_w_offset + coding.inv_w_scale * z0
     w1 = coding.inv_w_offset + coding.inv_w_scale * z1
     w2 = coding.inv_w_offset + coding.inv_w_scale * z2
@@ -105,146 +131,164 @@ def inv_ws(depths, coding):
 
 
 @helper
-def carry_attributes(
-    records, n_record, corners, slopes, anchor, offset, steps, depths, place, coding, face, is_flipped, is_sliver
-):
-    """Take the cheapest way that is good enough; return (payload, its d/dx, d/dy, records so far).
-
-    The plane of a word is `offset` from the first vertex at `anchor`, the first sample of the triangle's box, and extends over
-    `steps` samples; those of a record begin at the first sample inside the picture, so that its place fits 32 bits.
-    """
-    record = IS_ID + n_record
-    if coding.kind == IN_WORDS and not is_sliver:
-        is_good, level, level_x, level_y = level_plane(corners, np.uint64(0), slopes, offset, steps, depths, coding)
-        if is_good:
-            return level, level_x, level_y, n_record
-    elif coding.kind >= IN_PLANES and not is_sliver:
-        shown = (max(anchor[0], 0), max(anchor[1], 0))
-        inside = (offset[0] + float(shown[0] - anchor[0]), offset[1] + float(shown[1] - anchor[1]))
-        if write_planes(records, n_record, corners, slopes, shown, inside, steps, depths, coding, face, is_flipped):
-            return record, np.int64(0), np.int64(0), n_record + 1
-    write_exact(records, n_record, corners, place, depths, coding, face, is_flipped)
-    return record | IS_EXACT, np.int64(0), np.int64(0), n_record + 1
-
-
-# ---------------------------------------------------------------- levels, in words or in planes
-
-
-@helper
-def level_plane(corners, channel, slopes, offset, steps, depths, coding):
-    """Return (is good enough, value at the anchor, d/dx, d/dy a sample), in whole levels, of one channel's intensity.
+def find_levels(n, channel, coding, block):
+    """Planes, in whole levels, of one channel's intensity.
 
     Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no value can
     leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both ends; a range below
     2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <= |ΔI|·(r-1)/4 with
     r = w_max/w_min: the first is (r-1)/(√r+1)².
     """
+    ints, longs, reals = block.ints, block.longs, block.reals
     scale, most = coding.level_scale, float(LEVEL_MASK)  # no rounding can carry into the bits above
-    l0, l1, l2 = min(corners[0][channel] * scale, most), min(corners[1][channel] * scale, most), min(corners[2][channel] * scale, most)
-    low, high = min(l0, l1, l2), max(l0, l1, l2)
-    spread, middle = high - low, 0.5 * (low + high)
-    reach = float(steps[0] + steps[1]) + 1.0  # 2e
-    shrink = 1.0 - reach / spread if spread > reach else 0.0
-    drift = reach if spread > reach else 0.5 * spread
-    inv_w_min, inv_w_rise = inv_ws(depths, coding)
-    # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the vertices.
-    is_good = spread * inv_w_rise + 4.0 * inv_w_min * (drift + 0.5) <= 4.0 * inv_w_min * coding.level_tolerance
-    l_x, l_y = gradient((l1 - l0) * shrink, (l2 - l0) * shrink, slopes)
-    value = middle + (l0 - middle) * shrink + l_x * offset[0] + l_y * offset[1]
-    return is_good, np.int64(np.rint(value)), np.int64(np.rint(l_x)), np.int64(np.rint(l_y))
-
-
-# ---------------------------------------------------------------- records
-
-
-@helper
-def write_planes(records, n_record, corners, slopes, anchor, offset, steps, depths, coding, face, is_flipped):
-    """Write the planes of all attributes; return whether they are good enough."""
-    row = np.uint64(n_record) << np.uint64(records.plane_shift)
-    levels = records.levels
-    levels[row + np.uint64(ANCHOR)] = anchor[0] + (anchor[1] << ANCHOR_SHIFT)
-    levels[row + np.uint64(PLANE_FACE)] = face
-    column = row + np.uint64(PLANE)
-    if coding.kind == NORMAL_PLANES:
-        return write_normal_planes(records.planes, column, corners, slopes, offset, steps, depths, coding, is_flipped)
-    is_good = True
-    for channel in range(np.uint64(3)):
-        is_fine, level, level_x, level_y = level_plane(corners, channel, slopes, offset, steps, depths, coding)
-        # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right again.
-        levels[column], levels[column + np.uint64(1)], levels[column + np.uint64(2)] = level, level_x, level_y
-        is_good &= is_fine
-        column += np.uint64(3)
-    return is_good
+    row, out = ATTRIBUTE0 + np.uint64(3) * channel * NEXT, LEVEL + np.uint64(3) * channel * NEXT
+    for k in range(n):
+        l0, l1, l2 = min(reals[row + k] * scale, most), min(reals[row + NEXT + k] * scale, most), min(reals[row + NEXT + NEXT + k] * scale, most)
+        low, high = min(l0, l1, l2), max(l0, l1, l2)
+        spread, middle = high - low, 0.5 * (low + high)
+        reach = float(ints[STEPS_X + k] + ints[STEPS_Y + k]) + 1.0  # 2e
+        shrink = 1.0 - reach / spread if spread > reach else 0.0
+        drift = reach if spread > reach else 0.5 * spread
+        inv_w_min, inv_w_rise = inv_ws(reals[Z0 + k], reals[Z1 + k], reals[Z2 + k], coding)
+        # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the vertices.
+        is_good = spread * inv_w_rise + 4.0 * inv_w_min * (drift + 0.5) <= 4.0 * inv_w_min * coding.level_tolerance
+        rise1, rise2 = (l1 - l0) * shrink, (l2 - l0) * shrink
+        l_x = rise1 * reals[SLOPE_X1 + k] + rise2 * reals[SLOPE_X2 + k]
+        l_y = rise1 * reals[SLOPE_Y1 + k] + rise2 * reals[SLOPE_Y2 + k]
+        value = middle + (l0 - middle) * shrink + l_x * reals[OFFSET_X + k] + l_y * reals[OFFSET_Y + k]
+        longs[out + k], longs[out + NEXT + k], longs[out + NEXT + NEXT + k] = (
+            np.int64(np.rint(value)), np.int64(np.rint(l_x)), np.int64(np.rint(l_y)),
+        )  # fmt: skip
+        ints[IS_GOOD + k] &= is_good
 
 
 @helper
-def write_normal_planes(planes, column, corners, slopes, offset, steps, depths, coding, is_flipped):
-    """Write planes of n/w (three), of the albedo (where there is one), and of 1/w or depth (where it is needed).
+def find_normals(n, coding, block):
+    """Planes of n/w: their direction is all that counts, so 1/w is scaled to at most 1.
 
-    The normals' plane gives their direction only, so 1/w is scaled to at most 1. A float32 plane that rises by s over the box
-    of its triangle errs by at most 2^-24·(3 + 4 s) there: the roundings of value, slopes, products and sums.
+    A float32 plane that rises by s over the box of its triangle errs by at most 2^-24·(3 + 4 s) there: the roundings of value,
+    slopes, products and sums.
     """
-    n0, n1, n2 = corners
-    inv_w_min, inv_w_rise = inv_ws(depths, coding)
-    scale = -1.0 / (inv_w_min + inv_w_rise) if is_flipped else 1.0 / (inv_w_min + inv_w_rise)
-    w0 = (coding.inv_w_offset + coding.inv_w_scale * depths[0]) * scale
-    w1 = (coding.inv_w_offset + coding.inv_w_scale * depths[1]) * scale
-    w2 = (coding.inv_w_offset + coding.inv_w_scale * depths[2]) * scale
-    x, y, z = np.uint64(0), np.uint64(1), np.uint64(2)
-    if (n0[x] == n1[x]) & (n0[x] == n2[x]) & (n0[y] == n1[y]) & (n0[y] == n2[y]) & (n0[z] == n1[z]) & (n0[z] == n2[z]):
-        w0 = w1 = w2 = -1.0 if is_flipped else 1.0  # three equal normals stay exactly constant if no w is mixed in
-    most = max(
-        write_plane(planes, column, n0[x] * w0, n1[x] * w1, n2[x] * w2, slopes, offset, steps),
-        write_plane(planes, column + np.uint64(3), n0[y] * w0, n1[y] * w1, n2[y] * w2, slopes, offset, steps),
-        write_plane(planes, column + np.uint64(6), n0[z] * w0, n1[z] * w1, n2[z] * w2, slopes, offset, steps),
-    )
-    column += np.uint64(9)
-    is_good = most <= coding.normal_limit
-    for k in range(np.uint64(3), np.uint64(len(n0))):
-        spread = max(n0[k], n1[k], n2[k]) - min(n0[k], n1[k], n2[k])
-        is_good &= spread * inv_w_rise <= 4.0 * inv_w_min * coding.albedo_tolerance
-        is_good &= write_plane(planes, column, n0[k], n1[k], n2[k], slopes, offset, steps) <= coding.normal_limit
-        column += np.uint64(3)
-    if coding.needs_distance:
-        is_good &= write_distance(planes, column, depths, slopes, offset, steps, coding)
-    return is_good
+    ints, reals = block.ints, block.reals
+    for k in range(n):
+        z0, z1, z2 = reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]
+        inv_w_min, inv_w_rise = inv_ws(z0, z1, z2, coding)
+        sign = -1.0 if ints[IS_FLIPPED + k] else 1.0
+        scale = sign / (inv_w_min + inv_w_rise)
+        w0 = (coding.inv_w_offset + coding.inv_w_scale * z0) * scale
+        w1 = (coding.inv_w_offset + coding.inv_w_scale * z1) * scale
+        w2 = (coding.inv_w_offset + coding.inv_w_scale * z2) * scale
+        is_flat = True
+        for axis in range(3):
+            row = ATTRIBUTE0 + np.uint64(3 * axis * BLOCK)
+            is_flat &= (reals[row + k] == reals[row + NEXT + k]) & (reals[row + k] == reals[row + NEXT + NEXT + k])
+        # Three equal normals stay exactly constant if no w is mixed in.
+        w0, w1, w2 = sign if is_flat else w0, sign if is_flat else w1, sign if is_flat else w2
+        most = 0.0
+        for axis in range(3):
+            row = ATTRIBUTE0 + np.uint64(3 * axis * BLOCK)
+            a0, a1, a2 = reals[row + k] * w0, reals[row + NEXT + k] * w1, reals[row + NEXT + NEXT + k] * w2
+            most = max(most, find_plane(k, np.uint64(axis), a0, a1, a2, block))
+        ints[IS_GOOD + k] &= most <= coding.normal_limit
 
 
 @helper
-def write_distance(planes, column, depths, slopes, offset, steps, coding):
-    """Write the plane of 1/w, or of depth without perspective; return whether it is good enough."""
+def find_albedo(n, attribute, coding, block):
+    """The plane of an attribute behind the normals, in affine interpolation: see find_levels for its bound."""
+    ints, reals = block.ints, block.reals
+    row = ATTRIBUTE0 + np.uint64(3) * attribute * NEXT
+    for k in range(n):
+        a0, a1, a2 = reals[row + k], reals[row + NEXT + k], reals[row + NEXT + NEXT + k]
+        inv_w_min, inv_w_rise = inv_ws(reals[Z0 + k], reals[Z1 + k], reals[Z2 + k], coding)
+        spread = max(a0, a1, a2) - min(a0, a1, a2)
+        is_good = spread * inv_w_rise <= 4.0 * inv_w_min * coding.albedo_tolerance
+        rise = find_plane(k, attribute, a0, a1, a2, block)
+        ints[IS_GOOD + k] &= is_good & (rise <= coding.normal_limit)
+
+
+@helper
+def find_distances(n, coding, block):
+    """The plane of 1/w, or of depth without perspective, behind those of the attributes."""
+    ints, reals = block.ints, block.reals
     add, times = coding.inv_w_offset, coding.inv_w_scale
     if coding.depth_scale != 0.0:
         add, times = coding.depth_offset, coding.depth_scale
-    a0, a1, a2 = add + times * depths[0], add + times * depths[1], add + times * depths[2]
-    most = write_plane(planes, column, a0, a1, a2, slopes, offset, steps)
-    # 1/w loses digits where it spans much.
-    return (most <= coding.normal_limit * max(a0, a1, a2)) & (max(a0, a1, a2) <= 2.0 * min(a0, a1, a2))
+    for k in range(n):
+        a0, a1, a2 = add + times * reals[Z0 + k], add + times * reals[Z1 + k], add + times * reals[Z2 + k]
+        most = find_plane(k, np.uint64(MOST_ATTRIBUTES), a0, a1, a2, block)
+        # 1/w loses digits where it spans much.
+        is_good = (most <= coding.normal_limit * max(a0, a1, a2)) & (max(a0, a1, a2) <= 2.0 * min(a0, a1, a2))
+        ints[IS_GOOD + k] &= is_good
 
 
 @helper
-def write_plane(planes, column, a0, a1, a2, slopes, offset, steps):
-    """Write one attribute's plane; return how much it rises over the triangle's box."""
-    a_x, a_y = gradient(a1 - a0, a2 - a0, slopes)
-    planes[column] = a0 + a_x * offset[0] + a_y * offset[1]
-    planes[column + np.uint64(1)] = a_x
-    planes[column + np.uint64(2)] = a_y
-    return abs(a_x) * float(steps[0] + 1) + abs(a_y) * float(steps[1] + 1)
+def find_plane(k, plane, a0, a1, a2, block):
+    """Find a plane through the values at the three vertices; return how much it rises over the triangle's box."""
+    ints, reals = block.ints, block.reals
+    rise1, rise2 = a1 - a0, a2 - a0
+    a_x = rise1 * reals[SLOPE_X1 + k] + rise2 * reals[SLOPE_X2 + k]
+    a_y = rise1 * reals[SLOPE_Y1 + k] + rise2 * reals[SLOPE_Y2 + k]
+    out = PLANE0 + np.uint64(3) * plane * NEXT + k
+    reals[out] = a0 + a_x * reals[OFFSET_X + k] + a_y * reals[OFFSET_Y + k]
+    reals[out + NEXT], reals[out + NEXT + NEXT] = a_x, a_y
+    return abs(a_x) * float(ints[STEPS_X + k] + 1) + abs(a_y) * float(ints[STEPS_Y + k] + 1)
+
+
+# ---------------------------------------------------------------- a triangle at a time: records
 
 
 @helper
-def write_exact(records, n_record, corners, triangle, depths, coding, face, is_flipped):
-    """Write where the triangle lies on the screen, and 1/w, depth and the attributes of its three corners."""
-    row = np.uint64(n_record)
-    for k in range(6):
-        records.integers[row, np.uint64(k)] = triangle[k]
+def write_planes(records, n_record, k, face, n_attribute, coding, block):
+    """Write the record of triangle k of the block: the planes of all attributes."""
+    ints, longs, reals = block.ints, block.longs, block.reals
+    row = np.uint64(n_record) << np.uint64(records.plane_shift)
+    levels, planes = records.levels, records.planes
+    levels[row + np.uint64(PLANE_FACE)] = face
+    levels[row + np.uint64(PLANE_X)], levels[row + np.uint64(PLANE_Y)] = ints[ANCHOR_X + k], ints[ANCHOR_Y + k]
+    column = row + np.uint64(PLANE)
+    if coding.kind == IN_PLANES:
+        # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right again.
+        source = LEVEL + k
+        for _ in range(3):
+            for part in range(np.uint64(3)):
+                levels[column + part * np.uint64(GROUP)] = longs[source + part * NEXT]
+            source, column = source + NEXT + NEXT + NEXT, column + np.uint64(1)
+        return
+    copy_planes(planes, column, PLANE0 + k, reals)
+    if coding.needs_distance:
+        copy_plane(planes, column + np.uint64(DISTANCE), PLANE0 + np.uint64(3 * MOST_ATTRIBUTES) * NEXT + k, reals)
+    if n_attribute > 3:
+        copy_planes(planes, column + np.uint64(3 * GROUP), PLANE0 + np.uint64(9) * NEXT + k, reals)
+
+
+@helper
+def copy_planes(planes, column, source, reals):
+    """Copy the planes of three attributes from a block's rows to a record."""
+    for attribute in range(np.uint64(3)):
+        copy_plane(planes, column + attribute, source + np.uint64(3) * attribute * NEXT, reals)
+
+
+@helper
+def copy_plane(planes, column, source, reals):
+    """Copy one plane."""
+    for part in range(np.uint64(3)):
+        planes[column + part * np.uint64(GROUP)] = reals[source + part * NEXT]
+
+
+@helper
+def write_exact(records, n_record, k, face, n_attribute, coding, block):
+    """Write where triangle k lies on the screen, and 1/w, depth and the attributes of its three corners."""
+    ints, reals = block.ints, block.reals
+    row, numbers = np.uint64(n_record), records.numbers
+    x0, y0 = np.int64(ints[X0 + k]), np.int64(ints[Y0 + k])
+    place = (x0, y0, ints[X1 + k] - x0, ints[Y1 + k] - y0, ints[X2 + k] - x0, ints[Y2 + k] - y0)
+    for column in range(6):
+        records.integers[row, np.uint64(PLACE + column)] = place[column]
     records.integers[row, np.uint64(FACE)] = face
-    records.integers[row, np.uint64(SIDE)] = -1 if is_flipped else 1
-    for k in range(3):
-        records.numbers[row, np.uint64(INV_W + k)] = coding.inv_w_offset + coding.inv_w_scale * depths[k]
-        records.numbers[row, np.uint64(DEPTH + k)] = coding.depth_offset + coding.depth_scale * depths[k]
-    column = np.uint64(ATTRIBUTE)
-    for k in range(np.uint64(len(corners[0]))):
-        for corner in corners:
-            records.numbers[row, column] = corner[k]
-            column += np.uint64(1)
+    records.integers[row, np.uint64(SIDE)] = -1 if ints[IS_FLIPPED + k] else 1
+    for corner in range(np.uint64(3)):
+        z = reals[Z0 + corner * NEXT + k]
+        numbers[row, np.uint64(INV_W) + corner] = coding.inv_w_offset + coding.inv_w_scale * z
+        numbers[row, np.uint64(DEPTH) + corner] = coding.depth_offset + coding.depth_scale * z
+    for column in range(np.uint64(3 * n_attribute)):
+        numbers[row, np.uint64(ATTRIBUTE) + column] = reals[ATTRIBUTE0 + column * NEXT + k]

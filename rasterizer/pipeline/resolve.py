@@ -1,7 +1,7 @@
 """Stage 7, resolve: a band's intensities into the picture, while they are in the cache.
 
 In:  the band's z-buffer (what is covered) and radiance (linear intensities).
-Out: rows of the picture: linear colour float32, and red, green, blue, alpha in 8 bits. The z-buffer is left clean for the next band.
+Out: all of the band's rows of the picture: linear colour float32, and red, green, blue, alpha in 8 bits. The z-buffer is left clean for the next band.
 
 Samples are averaged over each pixel (box filter, linear light) where there are several; a pixel's colour is the mean of its covered
 samples, its alpha the covered fraction. Then the out-of-range policy, the sRGB curve (IEC 61966-2-1) and rounding to the nearest level.
@@ -15,7 +15,10 @@ from .._kernel import borrow, helper, kernel
 from .rows import CHUNK, NEXT_CHANNEL
 from .scan import CLEAR, GROUP_SHIFT, PADDING
 
-N_BUCKET = 4096  # finer than the smallest step between thresholds, 1/(255 · 12.92) = 1/3295: a bucket holds at most one
+LEAST, MOST = np.float32(2.0**-13), np.float32(1 - 2.0**-24)  # below the first threshold and above the last
+BUCKET_SHIFT = np.int32(16)  # floats with the same upper 16 bits share a bucket: 128 buckets an octave
+FIRST_BUCKET = np.int32(LEAST.view(np.int32) >> BUCKET_SHIFT)
+REST_MASK = np.int32((1 << BUCKET_SHIFT) - 1)
 CLAMP, GLOBAL, LOCAL = 0, 1, 2  # out-of-range policies
 ALPHA = np.uint64(3 * CHUNK)  # a chunk of pixels: rows of red, green, blue and alpha
 
@@ -25,7 +28,7 @@ class Encoding(NamedTuple):
 
     is_grey: bool  # all colours of the picture are grey
     tint: np.ndarray  # (3,) float32: a picture with one channel is this colour times the intensity
-    background: np.ndarray  # (3,) float32, linear; read only if has_background
+    background: np.ndarray  # (3,) float32, linear; black unless has_background
     has_background: bool
     policy: int  # CLAMP, GLOBAL or LOCAL
     scale: float  # GLOBAL: 1 / the picture's largest component, if that is above 1
@@ -39,24 +42,30 @@ class Picture(NamedTuple):
     alpha: np.ndarray  # (height, width) float32
 
 
-def make_srgb_tables():
-    """Return the level at the lower end of each bucket, (N_BUCKET + 1,) int32, and the smallest float32 of each level, (258,).
-
-    Behind the last level the threshold is infinite.
-    """
-    level = np.arange(1, 256)
-    encoded = (level - 0.5) / 255.0
+def srgb_thresholds():
+    """Return the smallest float32 that is nearest to each of the levels 1..255 of the sRGB curve, (255,)."""
+    encoded = (np.arange(1, 256) - 0.5) / 255.0
     exact = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     threshold = exact.astype(np.float32)
-    threshold = np.where(threshold < exact, np.nextafter(threshold, np.float32(2)), threshold)
-    threshold = np.concatenate([[0], threshold, [np.inf, np.inf]]).astype(np.float32)
-    lower_end = np.arange(N_BUCKET + 1, dtype=np.float32) / N_BUCKET
-    bucket_level = (np.searchsorted(threshold[:256], lower_end, side="right") - 1).astype(np.int32)
-    return bucket_level, threshold
+    return np.where(threshold < exact, np.nextafter(threshold, np.float32(2)), threshold)
 
 
-# Constants of the compiled code: what can't change can't be aliased either, and the look-ups become vector instructions.
-BUCKET_LEVEL, THRESHOLD = make_srgb_tables()
+def make_level_table():
+    """Return an int32 for every bucket of floats from LEAST to MOST: added to the lower bits of a float in the bucket, it gives
+    the float's level in its upper bits.
+
+    A bucket is 2^-7 of its octave wide, and no two thresholds come so close: so it holds one threshold at most, and the sum carries
+    into the level from there on. (Positive floats are ordered as their bits are.)
+    """
+    threshold = srgb_thresholds().view(np.int32)
+    start = np.arange(FIRST_BUCKET, (MOST.view(np.int32) >> BUCKET_SHIFT) + 1, dtype=np.int32) << BUCKET_SHIFT
+    level = np.searchsorted(threshold, start, side="right")
+    following = np.append(threshold, np.iinfo(np.int32).max)[level]
+    to_carry = np.where(following <= start + REST_MASK, start + (1 << BUCKET_SHIFT) - following, 0)
+    return ((level << BUCKET_SHIFT) + to_carry).astype(np.int32)
+
+
+LEVEL_TABLE = make_level_table()  # a constant of the compiled code: what can't change can't be aliased, and look-ups are vectorised
 
 
 @kernel
@@ -70,11 +79,20 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
     encoding = borrow_encoding(encoding)
     pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
     n_covered = 0
+    # The usual case: bytes alone, a sample a pixel, nothing to mix or to scale.
+    n_channel = radiance.shape[0]
+    is_plain = (factor == 1) & (out.color.shape[0] == 0) & (encoding.policy == CLAMP) & (not encoding.has_background)
+    is_plain &= (n_channel == 3) | encoding.is_grey
     for j in range(y_start, y_stop):
         row = (j - y_start) * factor
         first, stop = touched_columns(canvas, row, factor)
-        if encoding.has_background:
-            fill_background(out, j, encoding)
+        fill_blank(out, j, 0, first, encoding)
+        fill_blank(out, j, stop, canvas.width // factor, encoding)
+        if is_plain:
+            start, n = np.uint64(row * canvas.pitch + first), np.uint64(stop - first)
+            samples, pixels_out = words[start : start + n], out.rgba[np.uint64(j), np.uint64(first) :]
+            n_covered += encode_samples(samples, radiance, start, pixels_out)
+            continue
         for left in range(first, stop, CHUNK):
             n = np.uint64(min(stop - left, CHUNK))
             if factor == 1:
@@ -82,7 +100,12 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
                 n_covered += take_samples(words[place : place + n], radiance, place, pixels)
             else:
                 n_covered += average_samples(words, canvas.pitch, radiance, row, left, factor, n, pixels)
-            finish_colors(pixels, n, radiance.shape[0], encoding)
+            # One row of pixels is enough where no more is read: in a grey picture of bytes.
+            is_single = encoding.is_grey and encoding.policy == CLAMP and out.color.shape[0] == 0
+            if radiance.shape[0] == 1 and not is_single:
+                spread_channel(pixels, n, encoding)
+            if encoding.has_background:
+                show_background(pixels, n, encoding, 1 if is_single else 3)
             if out.color.shape[0] > 0:
                 write_colors(pixels, n, out.color[np.uint64(j), np.uint64(left) :], out.alpha[np.uint64(j), np.uint64(left) :])
             if out.rgba.shape[0] > 0:
@@ -102,12 +125,34 @@ def borrow_encoding(encoding):
 
 @helper
 def touched_columns(canvas, row, factor):
-    """Pixels that any sample of `factor` rows may have touched, as a half-open range."""
+    """Pixels that any sample of `factor` rows may have touched, as a half-open range; where there are none, an empty one."""
     left, right = np.int64(canvas.width), np.int64(0)
     for sub in range(row, row + factor):
         group = np.uint64(sub) >> np.uint64(GROUP_SHIFT)
         left, right = min(left, canvas.left[group]), max(right, canvas.right[group])
-    return left // factor, (right + factor - 1) // factor
+    return (left // factor, (right + factor - 1) // factor) if left < right else (np.int64(0), np.int64(0))
+
+
+@helper
+def encode_samples(words, radiance, start, out):
+    """Encode one sample a pixel, a whole row in one loop; transparent black where nothing is covered; return how many are covered."""
+    n = np.uint64(len(words))
+    blank, opaque = np.uint32(0), np.int32(255)
+    n_covered = np.int64(0)
+    red = radiance[0, start : start + n]
+    if radiance.shape[0] == 1:
+        for i in range(n):
+            level, is_covered = encode_channel(np.float32(red[i])), words[i] < CLEAR
+            out[i] = pack(level, level, level, opaque) if is_covered else blank
+            n_covered += is_covered
+    else:
+        green, blue = radiance[1, start : start + n], radiance[2, start : start + n]
+        for i in range(n):
+            r, g, b = encode_channel(np.float32(red[i])), encode_channel(np.float32(green[i])), encode_channel(np.float32(blue[i]))
+            is_covered = words[i] < CLEAR
+            out[i] = pack(r, g, b, opaque) if is_covered else blank
+            n_covered += is_covered
+    return n_covered
 
 
 @helper
@@ -153,23 +198,26 @@ def average_samples(words, pitch, radiance, row, left, factor, n, pixels):
 
 
 @helper
-def finish_colors(pixels, n, n_channel, encoding):
-    """Spread one channel to three; let the background show through what isn't covered."""
-    if n_channel == 1:
-        red, green, blue = encoding.tint[0], encoding.tint[1], encoding.tint[2]
+def spread_channel(pixels, n, encoding):
+    """Make three channels of one."""
+    red, green, blue = encoding.tint[0], encoding.tint[1], encoding.tint[2]
+    for i in range(n):
+        intensity = pixels[i]
+        pixels[i] = intensity * red
+        pixels[NEXT_CHANNEL + i] = intensity * green
+        pixels[NEXT_CHANNEL + NEXT_CHANNEL + i] = intensity * blue
+
+
+@helper
+def show_background(pixels, n, encoding, n_channel):
+    """Let the background show through what isn't covered."""
+    one = np.float32(1)
+    for channel in range(np.uint64(n_channel)):
+        behind, row = encoding.background[channel], channel * NEXT_CHANNEL
         for i in range(n):
-            intensity = pixels[i]
-            pixels[i] = intensity * red
-            pixels[NEXT_CHANNEL + i] = intensity * green
-            pixels[NEXT_CHANNEL + NEXT_CHANNEL + i] = intensity * blue
-    if encoding.has_background:
-        one = np.float32(1)
-        for channel in range(np.uint64(3)):
-            behind, row = encoding.background[channel], channel * NEXT_CHANNEL
-            for i in range(n):
-                pixels[row + i] = pixels[row + i] * pixels[ALPHA + i] + behind * (one - pixels[ALPHA + i])
-        for i in range(n):
-            pixels[ALPHA + i] = one
+            pixels[row + i] = pixels[row + i] * pixels[ALPHA + i] + behind * (one - pixels[ALPHA + i])
+    for i in range(n):
+        pixels[ALPHA + i] = one
 
 
 @helper
@@ -183,18 +231,21 @@ def write_colors(pixels, n, color, alpha):
 
 
 @helper
-def fill_background(out, j, encoding):
-    """Fill a row with the background."""
+def fill_blank(out, j, first, stop, encoding):
+    """Fill the pixels first..stop of a row, where nothing is drawn, with the background, or with transparent black."""
+    zero, one = np.float32(0), np.float32(1)
     red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
-    pixel = encode_pixel(red, green, blue, np.float32(1), encoding)
-    for i in range(np.uint64(out.rgba.shape[1])):
-        out.rgba[np.uint64(j), i] = pixel
+    pixel = encode_pixel(red, green, blue, one, encoding) if encoding.has_background else np.uint32(0)
+    alpha = one if encoding.has_background else zero
+    if out.rgba.shape[0] > 0:
+        for i in range(np.uint64(first), np.uint64(stop)):
+            out.rgba[np.uint64(j), i] = pixel
     if out.color.shape[0] > 0:
-        for i in range(np.uint64(out.color.shape[1])):
+        for i in range(np.uint64(first), np.uint64(stop)):
             out.color[np.uint64(j), i, 0] = red
             out.color[np.uint64(j), i, 1] = green
             out.color[np.uint64(j), i, 2] = blue
-            out.alpha[np.uint64(j), i] = np.float32(1)
+            out.alpha[np.uint64(j), i] = alpha
 
 
 @helper
@@ -211,7 +262,7 @@ def encode_chunk(pixels, levels, n, encoding, out):
     for channel in range(np.uint64(n_different)):
         row = channel * NEXT_CHANNEL
         for i in range(n):
-            levels[row + i] = encode_channel(pixels[row + i], encoding)
+            levels[row + i] = encode_channel(pixels[row + i])
     green = NEXT_CHANNEL if n_different == 3 else np.uint64(0)
     blue = green + green
     for i in range(n):
@@ -238,19 +289,20 @@ def encode_pixel(red, green, blue, alpha, encoding):
     """Encode one linear colour."""
     scale = np.float32(1) if encoding.policy == CLAMP else range_scale(red, green, blue, encoding)
     return pack(
-        encode_channel(red * scale, encoding),
-        encode_channel(green * scale, encoding),
-        encode_channel(blue * scale, encoding),
+        encode_channel(red * scale),
+        encode_channel(green * scale),
+        encode_channel(blue * scale),
         np.int32(alpha * np.float32(255) + np.float32(0.5)),
     )
 
 
 @helper
-def encode_channel(value, encoding):
-    """The nearest of 256 levels of the sRGB curve, by one look-up and one comparison: no bucket holds two thresholds."""
-    value = min(value, np.float32(1)) if value > np.float32(0) else np.float32(0)  # 0 where it isn't a number, too
-    level = BUCKET_LEVEL[np.uint32(value * np.float32(N_BUCKET))]
-    return np.int32(level + np.int32(value >= THRESHOLD[np.uint32(level) + np.uint32(1)]))
+def encode_channel(value):
+    """The nearest of 256 levels of the sRGB curve, by one look-up and one addition; see make_level_table."""
+    value = min(value, MOST) if value > LEAST else LEAST  # LEAST where it isn't a number, too
+    bits = np.float32(value).view(np.int32)
+    bucket = np.uint32(np.int32(bits >> BUCKET_SHIFT) - FIRST_BUCKET)
+    return np.int32(np.int32(LEVEL_TABLE[bucket] + np.int32(bits & REST_MASK)) >> BUCKET_SHIFT)
 
 
 @kernel

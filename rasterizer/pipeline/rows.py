@@ -11,6 +11,7 @@ CHUNK = 256
 
 NORMAL_X, NORMAL_Y, NORMAL_Z = (np.uint64(CHUNK * k) for k in range(3))
 POSITION_X, POSITION_Y, POSITION_Z = (np.uint64(CHUNK * k) for k in range(3, 6))
+DISTANCE = POSITION_X  # w, or depth without perspective, before it becomes a position
 VIEW_X, VIEW_Y, VIEW_Z = (np.uint64(CHUNK * k) for k in range(6, 9))
 N_DOT_V = np.uint64(CHUNK * 9)
 LIGHT_X, LIGHT_Y, LIGHT_Z = (np.uint64(CHUNK * k) for k in range(10, 13))  # written by a light, as the next two
@@ -19,8 +20,9 @@ DIFFUSE, SPECULAR = (np.uint64(CHUNK * k) for k in range(15, 17))  # written by 
 DIFFUSE_SUM = np.uint64(CHUNK * 17)  # summed over the lights, a row a channel
 SPECULAR_SUM = np.uint64(CHUNK * 20)
 ALBEDO = np.uint64(CHUNK * 23)
+INTENSITY = LIGHT_X  # the result, a row a channel, when no light is left to ask
 NEXT_CHANNEL = np.uint64(CHUNK)
-N_ROW = 26
+N_ROW = 27  # planes come in groups of four: the last row is what the albedo leaves over
 
 
 def make_rows(dtype):

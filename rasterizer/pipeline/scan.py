@@ -24,26 +24,60 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, helper, kernel
+from .block import (
+    ANCHOR_X,
+    ANCHOR_Y,
+    BLOCK,
+    BOTTOM,
+    DEPTH,
+    DEPTH_X,
+    DEPTH_Y,
+    IS_GOOD,
+    IS_SLIVER,
+    LEFT,
+    LEVEL,
+    NEXT,
+    RIGHT,
+    STEPS_X,
+    STEPS_Y,
+    TOP,
+    VECTOR,
+    X0,
+    X1,
+    X2,
+    Y0,
+    Y1,
+    Y2,
+    Z0,
+    Z1,
+    Z2,
+    Block,
+    Polygons,
+    gather_attributes,
+    gather_vertices,
+    order_vertices,
+    set_up_boxes,
+    set_up_depths,
+)
 from .lanes import LANES, MOST_HIGH, MOST_WIDE, merge_box
 from .records import (
+    IN_PLANES,
+    IN_WORDS,
+    IS_EXACT,
+    IS_ID,
     PAYLOAD_BITS,
-    Polygons,
     borrow_records,
     carry_attributes,
-    find_slopes,
-    gradient,
+    write_exact,
+    write_planes,
 )
 from .setup import first_sample
-from .transform import DEPTH_BITS, HALF, SUBPIXEL
+from .transform import DEPTH_BITS, HALF, SUBPIXEL, Vertices
 
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
 CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)  # nothing here: behind every depth
 GROUP_SHIFT = 3  # extents are kept for groups of 8 rows
 PADDING = MOST_WIDE  # samples behind each row that lanes may read and write back
-# Planes are good while box area / triangle area stays below this: a coefficient is at most 2^DEPTH_BITS · 2^20 < 2^63 and its
-# float64 rounding error at most 2^(38 + 20 - 53) units a box, a 2^33rd of the depth range. Slivers beyond are interpolated exactly.
-MAX_ELONGATION = 2.0**20
-MAX_SLOPE = 2.0**60  # of depth, a sample: steeper ones would leave 64 bits; a triangle that reaches far out of the picture may
 
 
 class Canvas(NamedTuple):
@@ -57,97 +91,92 @@ class Canvas(NamedTuple):
 
 
 @kernel
-def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, canvas, records):
-    """Draw the triangles `faces` into the rows y_start..y_stop of the picture; return how many records were written.
+def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records):
+    """Draw the triangles `faces` into the rows y_start..y_stop of the picture; return how many records were written, and how many
+    of them are exact.
 
     `attributes` is (side, n, n_attribute): side 0 for triangles whose normals look at the viewer as they are, the last side for
     those whose normals must be flipped.
     """
-    x, y, z = borrow(vertices.x), borrow(vertices.y), borrow(vertices.z)
+    faces, attributes, records = borrow(faces), borrow(attributes), borrow_records(records)
+    vertices = Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z))
     polygons = Polygons(borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted))
     canvas = Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right))
-    records = borrow_records(records)
-    attributes = borrow(attributes)
-    n_record = np.int64(0)
-    for face in faces:
-        # Order the vertices: clockwise on the screen, topmost (then leftmost) first, so that the same triangle gives the same
-        # plane however the file lists its vertices.
-        o0, o1, o2, is_front = order_vertices(polygons.vertex, face, x, y)
-        i0, i1, i2 = polygons.vertex[o0, face], polygons.vertex[o1, face], polygons.vertex[o2, face]
-        c0, c1, c2 = polygons.corner[o0, face], polygons.corner[o1, face], polygons.corner[o2, face]
-        is_flipped = is_front == (polygons.is_inverted[face] != 0)
-        x0, y0, z0 = np.int64(x[i0]), np.int64(y[i0]), z[i0]
-        x1, y1, z1 = np.int64(x[i1]), np.int64(y[i1]), z[i1]
-        x2, y2, z2 = np.int64(x[i2]), np.int64(y[i2]), z[i2]
-        dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
-        area = dx1 * dy2 - dx2 * dy1
+    block = Block(borrow(block.ints), borrow(block.longs), borrow(block.reals))
+    n_record = n_exact = np.int64(0)
+    for first in range(0, len(faces), BLOCK):
+        some = faces[np.uint64(first) : np.uint64(min(first + BLOCK, len(faces)))]
+        # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.
+        n = np.uint64((len(some) + VECTOR - 1) // VECTOR * VECTOR)
+        gather_vertices(some, polygons, vertices, block)
+        order_vertices(n, block)
+        gather_attributes(len(some), attributes, block)
+        set_up_boxes(n, y_start, y_stop, canvas.width, block)
+        set_up_depths(n, block)
+        carry_attributes(n, attributes.shape[2], coding, block)
+        # The other half goes triangle by triangle: records, where there are any, and samples.
+        for k in range(np.uint64(len(some))):
+            left, right = np.int64(block.ints[LEFT + k]), np.int64(block.ints[RIGHT + k])
+            top, bottom = np.int64(block.ints[TOP + k]), np.int64(block.ints[BOTTOM + k])
+            if left >= right or top >= bottom:
+                continue
+            is_good = block.ints[IS_GOOD + k] != 0
+            payload = (IS_ID + n_record, np.int64(0), np.int64(0))
+            if coding.kind == IN_WORDS and is_good:
+                payload = (block.longs[LEVEL + k], block.longs[LEVEL + NEXT + k], block.longs[LEVEL + NEXT + NEXT + k])
+            elif coding.kind >= IN_PLANES and is_good:
+                write_planes(records, n_record, k, some[k], attributes.shape[2], coding, block)
+                n_record += 1
+            else:
+                write_exact(records, n_record, k, some[k], attributes.shape[2], coding, block)
+                payload = (payload[0] | IS_EXACT, np.int64(0), np.int64(0))
+                n_record += 1
+                n_exact += 1
+            note_extent(canvas, left, right, top - y_start, bottom - y_start)
+            fill(canvas, (left, right, top, bottom, (top - y_start) * canvas.pitch), k, payload, block)
+    return n_record, n_exact
 
-        # Find the box: in samples, unclipped for the anchor, clipped for the loops.
-        x_min, x_max, y_max = min(x0, x1, x2), max(x0, x1, x2), max(y1, y2)
-        anchor_x, anchor_y = first_sample(x_min), first_sample(y0)
-        left, right = max(anchor_x, 0), min(first_sample(x_max), canvas.width)
-        top, bottom = max(anchor_y, y_start), min(first_sample(y_max), y_stop)
-        if left >= right or top >= bottom:
-            continue
 
-        # Find the slopes of planes over the triangle, and that of depth.
-        is_sliver = float(x_max - x_min) * float(y_max - y0) > MAX_ELONGATION * area
-        slopes = find_slopes(dx1, dy1, dx2, dy2, np.inf if is_sliver else float(area))
-        offset = (float(anchor_x * SUBPIXEL + HALF - x0) / SUBPIXEL, float(anchor_y * SUBPIXEL + HALF - y0) / SUBPIXEL)
-        z_x, z_y = gradient(z1 - z0, z2 - z0, slopes)
-        if abs(z_x) + abs(z_y) > MAX_SLOPE:
-            is_sliver, z_x, z_y = True, 0.0, 0.0
+@helper
+def note_extent(canvas, left, right, first_row, end_row):
+    """Note what part of the band is touched."""
+    first_group = np.uint64(first_row) >> np.uint64(GROUP_SHIFT)
+    last_group = np.uint64(end_row - 1) >> np.uint64(GROUP_SHIFT)
+    # The two ends without asking whether they differ: for small triangles that would be a coin toss.
+    widen(canvas, first_group, left, right)
+    widen(canvas, last_group, left, right)
+    for group in range(first_group + np.uint64(1), last_group):
+        widen(canvas, group, left, right)
 
-        # Carry the attributes to the samples: in the word, in planes, or exactly.
-        side = np.uint64(attributes.shape[0] - 1 if is_flipped else 0)
-        corners, depths = (attributes[side, c0], attributes[side, c1], attributes[side, c2]), (z0, z1, z2)
-        steps = (first_sample(x_max) - anchor_x, first_sample(y_max) - anchor_y)
-        payload, payload_x, payload_y, n_record = carry_attributes(
-            records, n_record, corners, slopes, (anchor_x, anchor_y), offset, steps, depths,
-            (x0, y0, dx1, dy1, dx2, dy2), coding, face, is_flipped, is_sliver,
-        )  # fmt: skip
 
-        # Note what part of the band is touched.
-        first_group = np.uint64(top - y_start) >> np.uint64(GROUP_SHIFT)
-        last_group = np.uint64(bottom - 1 - y_start) >> np.uint64(GROUP_SHIFT)
-        for group in range(first_group, last_group + np.uint64(1)):
-            canvas.left[group] = min(canvas.left[group], left)
-            canvas.right[group] = max(canvas.right[group], right)
+@helper
+def widen(canvas, group, left, right):
+    """Note that samples left..right of a group of rows may be touched."""
+    canvas.left[group] = min(canvas.left[group], left)
+    canvas.right[group] = max(canvas.right[group], right)
 
-        # Fill: all samples of a small box side by side, else span by span.
-        triangle = (x0, y0, x1, y1, x2, y2)
-        box = (left, right, top, bottom, (top - y_start) * canvas.pitch)
-        word_x = pack(np.rint(z_x), payload_x)
-        word_y = pack(np.rint(z_y), payload_y)
-        anchor = pack(np.rint(z0 + z_x * offset[0] + z_y * offset[1]), payload)
-        origin = anchor - np.uint64(anchor_x) * word_x - np.uint64(anchor_y) * word_y  # the plane's word at sample (0, 0)
-        if steps[0] <= MOST_WIDE and steps[1] <= MOST_HIGH and not is_sliver:
-            fill_lanes(canvas.words, canvas.pitch, box, triangle, (origin, word_x, word_y))
-        else:
-            fill_spans(canvas, box, triangle, (origin, word_x, word_y), is_sliver, (z0, z1, z2), payload)
-    return n_record
+
+@helper
+def fill(canvas, box, k, payload, block):
+    """Fill triangle k of the block: all samples of a small box side by side, else span by span."""
+    ints, longs, reals = block.ints, block.longs, block.reals
+    x0, y0, x1, y1 = np.int64(ints[X0 + k]), np.int64(ints[Y0 + k]), np.int64(ints[X1 + k]), np.int64(ints[Y1 + k])
+    triangle = (x0, y0, x1, y1, np.int64(ints[X2 + k]), np.int64(ints[Y2 + k]))
+    word_x, word_y = pack(longs[DEPTH_X + k], payload[1]), pack(longs[DEPTH_Y + k], payload[2])
+    anchor_x, anchor_y = np.uint64(np.int64(ints[ANCHOR_X + k])), np.uint64(np.int64(ints[ANCHOR_Y + k]))
+    origin = pack(longs[DEPTH + k], payload[0]) - anchor_x * word_x - anchor_y * word_y  # the plane's word at sample (0, 0)
+    is_sliver = ints[IS_SLIVER + k] != 0
+    if ints[STEPS_X + k] <= MOST_WIDE and ints[STEPS_Y + k] <= MOST_HIGH and not is_sliver:
+        fill_lanes(canvas.words, canvas.pitch, box, triangle, (origin, word_x, word_y))
+    else:
+        depths = (reals[Z0 + k], reals[Z1 + k], reals[Z2 + k])
+        fill_spans(canvas, box, triangle, (origin, word_x, word_y), is_sliver, depths, payload[0])
 
 
 @helper
 def pack(depth, payload):
     """Put depth above payload. Unsigned, because products of a plane may overflow on the way: signed overflow is undefined."""
     return (np.uint64(np.int64(depth)) << np.uint64(PAYLOAD_BITS)) + np.uint64(payload)
-
-
-@helper
-def order_vertices(vertex, face, x, y):
-    """Return the columns of the first, second and third vertex, and whether the triangle is counter-clockwise as loaded."""
-    a, b, c = vertex[0, face], vertex[1, face], vertex[2, face]
-    xa, ya, xb, yb, xc, yc = np.int64(x[a]), np.int64(y[a]), np.int64(x[b]), np.int64(y[b]), np.int64(x[c]), np.int64(y[c])
-    is_front = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya) < 0
-    key_a, key_b, key_c = (ya << 32) + xa, (yb << 32) + xb, (yc << 32) + xc
-    first = 1 if key_b < key_a else 0
-    first = 2 if key_c < min(key_a, key_b) else first
-    after = 0 if first == 2 else first + 1
-    before = 2 if first == 0 else first - 1
-    second = before if is_front else after
-    third = after if is_front else before
-    return np.uint64(first), np.uint64(second), np.uint64(third), is_front
 
 
 @helper

@@ -4,7 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .block import Block, make_block
 from .buffers import Buffers
+from .lanes import GROUP
 from .records import ATTRIBUTE, PLANE, Records
 from .resolve import Picture
 from .rows import make_rows
@@ -16,6 +18,7 @@ class Bench(NamedTuple):
 
     canvas: Canvas
     records: Records
+    block: Block  # the scan stage's rows
     radiance: np.ndarray  # (n_channel, rows * pitch)
     rows: np.ndarray  # lighting's rows
 
@@ -27,7 +30,7 @@ class BenchKind(NamedTuple):
     n_row: int
     n_channel: int
     n_attribute: int
-    n_plane: int
+    n_group: int  # of planes in a record
     dtype: np.dtype
 
 
@@ -42,7 +45,7 @@ class Scratch:
         free = self._free.setdefault(kind, [])
         bench = free.pop() if free else _make_bench(kind)
         if len(bench.records.integers) < n_record:
-            bench = bench._replace(records=_make_records(n_record, kind.n_attribute, kind.n_plane, kind.dtype))
+            bench = bench._replace(records=_make_records(n_record, kind.n_attribute, kind.n_group, kind.dtype))
         return bench
 
     def give_back(self, kind, bench: Bench) -> None:
@@ -57,24 +60,25 @@ def _make_bench(kind) -> Bench:
     left, right = np.full(n_group, 1 << 30, np.int64), np.full(n_group, -1, np.int64)
     canvas = Canvas(np.full(n_row * pitch, CLEAR), pitch, width, left, right)
     radiance = np.zeros((kind.n_channel, n_row * pitch), kind.dtype)
-    return Bench(canvas, _make_records(1, kind.n_attribute, kind.n_plane, kind.dtype), radiance, make_rows(kind.dtype))
+    records = _make_records(1, kind.n_attribute, kind.n_group, kind.dtype)
+    return Bench(canvas, records, make_block(), radiance, make_rows(kind.dtype))
 
 
-def _make_records(n, n_attribute, n_plane, dtype) -> Records:
+def _make_records(n, n_attribute, n_group, dtype) -> Records:
     # Only what is written to becomes memory, so both kinds of records may have room for every triangle.
-    shift = (PLANE + 3 * n_plane - 1).bit_length()
+    shift = (PLANE + 3 * GROUP * n_group - 1).bit_length()
     levels = np.zeros(n << shift, np.int32)
     return Records(
         np.zeros((n, 8), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype), levels, levels.view(np.float32), shift
     )
 
 
-def empty_picture(size, with_color) -> Picture:
-    """An empty picture: transparent black."""
+def make_picture(size, with_color) -> Picture:
+    """Room for a picture; every pixel of it is written."""
     width, height = size
     n_row = height if with_color else 0
     return Picture(
-        np.zeros((n_row, width, 3), np.float32), np.zeros((height, width), np.uint32), np.zeros((n_row, width), np.float32)
+        np.empty((n_row, width, 3), np.float32), np.empty((height, width), np.uint32), np.empty((n_row, width), np.float32)
     )
 
 

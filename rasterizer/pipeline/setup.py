@@ -67,6 +67,7 @@ def find_visible_range(
     x, y = vertices.x, vertices.y
     keep = np.empty(BLOCK, np.uint8)
     candidates = np.empty(BLOCK, np.uint32)
+    bands_a_row = 1.0 / band_rows
     n_kept = np.uint64(0)
     n_culled = 0
     for block in range(np.uint64(start), np.uint64(stop), np.uint64(BLOCK)):
@@ -85,15 +86,17 @@ def find_visible_range(
             top = max(first_sample(min(y[a], y[b], y[c])), 0)
             bottom = min(first_sample(max(y[a], y[b], y[c])), height)
             is_hit = (max(left, 0) < min(right, width)) & (top < bottom)
-            first = np.uint64(top) // np.uint64(band_rows)
-            last = np.uint64(bottom - 1) // np.uint64(band_rows)
+            # Quotients of integers: half a row more keeps the product further from a whole number than it is rounded.
+            first = np.uint64((top + 0.5) * bands_a_row) if is_hit else np.uint64(0)
+            last = np.uint64((bottom - 0.5) * bands_a_row) if is_hit else np.uint64(0)
             out_face[n_kept] = face
             out_first[n_kept] = first
             out_last[n_kept] = last
             n_kept += np.uint64(is_hit)
-            if is_hit:
-                for band in range(first, last + np.uint64(1)):
-                    histogram[band] += 1
+            histogram[first] += is_hit  # for now: how many more than in the band before
+            histogram[last + np.uint64(1)] -= is_hit
+    for band in range(1, len(histogram)):
+        histogram[band] += histogram[band - 1]
     return n_kept, n_culled
 
 

@@ -271,15 +271,13 @@ class Camera:
 
     def view(self) -> View:
         """Return the eye and the camera's axes, world space, float64."""
-        eye = np.array(self.position)
-        forward = np.array(
-            unit3(np.array(self.target) - eye, "the way from the camera's position to its target")
-        )
-        up = np.array(self.up)
-        if np.linalg.norm(np.cross(forward, up)) < 1e-8:  # parallel but for rounding
-            up = _framing.top_when_parallel(forward, up)
-        right = np.array(unit3(np.cross(forward, up), "the camera's right"))
-        return View(eye, right, np.cross(right, forward), forward)
+        way = tuple(to - at for to, at in zip(self.target, self.position, strict=True))
+        forward = unit3(way, "the way from the camera's position to its target")
+        up = self.up
+        if math.hypot(*_cross(forward, up)) < 1e-8:  # parallel but for rounding
+            up = _framing.top_when_parallel(np.array(forward), np.array(up))
+        right = unit3(_cross(forward, up), "the camera's right")
+        return View(*(np.array(axis) for axis in (self.position, right, _cross(right, forward), forward)))
 
     def projection(self, size) -> Projection:
         """Return the scale and centre for a picture of `size` (width, height) pixels.
@@ -301,6 +299,11 @@ class Camera:
         else:
             scale = height / self.height
         return Projection(scale, scale, 0.5 * width, 0.5 * height, self.is_perspective)
+
+
+def _cross(a, b) -> tuple[float, float, float]:
+    """The cross product; numpy's takes as long as a thousand vertices."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _checked_fov(fov) -> float:
