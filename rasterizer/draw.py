@@ -13,10 +13,10 @@ import numpy as np
 
 from .errors import SceneError
 from .pipeline.bands import sort_into_bands
+from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
 from .pipeline.clip import clip, extend
 from .pipeline.lighting import light_points
-from .pipeline.block import Polygons
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
 from .pipeline.resolve import resolve
 from .pipeline.rows import make_rows
@@ -26,7 +26,6 @@ from .pipeline.setup import Faces, find_visible
 from .pipeline.shade import shade_interpolated, shade_lit
 from .pipeline.transform import transform
 from .plan import choose_band_rows
-
 
 NO_MATERIAL = np.empty(0, np.uint32)
 
@@ -86,7 +85,9 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
         faces = bands.face[bands.start[band] : bands.start[band + 1]]
         y_start, y_stop = band * rows, min((band + 1) * rows, height)
         bench = scratch.take(kind, len(faces))
-        _, n_exact = scan(faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, bench.canvas, bench.records)
+        _, n_exact = scan(
+            faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, bench.canvas, bench.records
+        )
         n_covered = job.finish(bench, n_exact, loaded_face, material, y_start, y_stop)
         scratch.give_back(kind, bench)
         return n_covered
@@ -139,7 +140,7 @@ def interpolated_job(intensities, plan, coding, options, encoding, picture) -> J
     def finish(bench, n_exact, _loaded_face, _material, y_start, y_stop):
         n_row, factor = y_stop - y_start, options.factor
         shade_interpolated(
-            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.radiance
+            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.radiance,
         )
         return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
@@ -152,8 +153,9 @@ def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting,
     def finish(bench, n_exact, _loaded_face, material, y_start, y_stop):
         n_row, factor = y_stop - y_start, options.factor
         shade_lit(
-            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, screen, lighting, material, bench.rows, bench.radiance
-        )
+            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, screen, lighting, material,
+            bench.rows, bench.radiance,
+        )  # fmt: skip
         return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
     return _picture_job(normals, coding, plan, options, encoding, finish, face_material)

@@ -12,7 +12,7 @@ from ._kernel import row_function
 from .options import Options
 from .pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, N_MATERIAL_COLUMN, SPECULAR_COLOR, Lighting
 from .pipeline.lights import ATTENUATION, COLOR, LIGHTS, MOST, N_NUMBER, VECTOR
-from .pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
+from .pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .pipeline.reflection import REFLECTIONS, SHININESS
 from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
 from .scene.lights import AmbientLight, DirectionalLight, PointLight
@@ -218,7 +218,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         inv_w_scale, inv_w_offset = 0.0, 1.0 / screen.near
     else:
         inv_w_scale, inv_w_offset = 0.0, 1.0
-    return Coding(
+    return CODINGS[plan.coding](
         kind=plan.coding,
         level_scale=plan.level_scale,
         level_tolerance=max(0.0, tolerance - plan.rounding) * plan.level_scale,

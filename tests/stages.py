@@ -6,7 +6,8 @@ import numpy as np
 
 import rasterizer as rz
 from rasterizer.options import Options
-from rasterizer.pipeline.records import Coding, Polygons
+from rasterizer.pipeline.block import Polygons
+from rasterizer.pipeline.records import CODINGS
 from rasterizer.pipeline.scan import scan
 from rasterizer.pipeline.scratch import BenchKind, Scratch
 from rasterizer.pipeline.transform import Vertices, make_screen
@@ -35,15 +36,15 @@ def plain_coding(kind, screen, level_scale=1.0, tolerance=0.0, normal_limit=0.0,
     inverse = 1.0 / screen.z_scale
     line = (-screen.z_offset * inverse, inverse)
     of_w, of_depth = (line, (0.0, 0.0)) if screen.is_perspective else ((1.0, 0.0), line)
-    return Coding(
+    return CODINGS[kind](
         kind, level_scale, tolerance * level_scale, normal_limit, tolerance, needs_distance, *of_w, *of_depth
     )
 
 
-def scan_alone(triangles, depth, attributes, coding, screen, size, is_inverted=None, n_plane=0, n_channel=0):
+def scan_alone(triangles, depth, attributes, coding, screen, size, is_inverted=None, n_group=0, n_channel=0):
     """Scan triangles (n, 3, 2), in 1/256 px, with depths (n, 3) and attributes (n, 3, k), into one band.
 
-    Returns the working place and how many records were written.
+    Returns the working place, how many records were written, and how many of them are exact.
     """
     triangles, depth = np.asarray(triangles, np.int32), np.asarray(depth, float)
     n, n_attribute = len(triangles), attributes.shape[2]
@@ -51,14 +52,16 @@ def scan_alone(triangles, depth, attributes, coding, screen, size, is_inverted=N
     vertices = Vertices(*(np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2)), z.ravel())
     index = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
     is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
-    kind = BenchKind(size[0], size[1], n_channel or n_attribute, n_attribute, n_plane, attributes.dtype)
+    kind = BenchKind(size[0], size[1], n_channel or n_attribute, n_attribute, n_group, attributes.dtype)
     bench = Scratch().take(kind, n)
     faces, rows = (
         np.arange(n, dtype=np.uint32),
         np.ascontiguousarray(attributes.reshape(1, 3 * n, n_attribute)),
     )
     polygons = Polygons(index, index, is_inverted)
-    return bench, scan(faces, polygons, vertices, rows, coding, 0, size[1], bench.canvas, bench.records)
+    return bench, *scan(
+        faces, polygons, vertices, rows, coding, 0, size[1], bench.block, bench.canvas, bench.records
+    )
 
 
 def interpret(monkeypatch, module):

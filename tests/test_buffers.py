@@ -26,7 +26,7 @@ NO_FACE = np.empty(0, np.uint32)
 
 def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None):
     """Scan and write the buffers; return (buffers, working place, samples covered)."""
-    bench, _ = scan_alone(triangles, depth, normals, plain_coding(EXACT, screen), screen, SIZE, is_inverted)
+    bench, *_ = scan_alone(triangles, depth, normals, plain_coding(EXACT, screen), screen, SIZE, is_inverted)
     out = empty_buffers(SIZE, names)
     return out, bench, write_buffers(bench.canvas, bench.records, loaded_face, 0, SIZE[1], screen, out)
 

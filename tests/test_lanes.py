@@ -1,4 +1,4 @@
-"""Compare the vector loop of small boxes with the plain Python in its docstring, wrap-around included."""
+"""Compare the vector loops with the plain Python in their docstrings, wrap-around and rounding included."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer._kernel import kernel
-from rasterizer.pipeline.lanes import LANES, merge_box
+from rasterizer.pipeline.lanes import GROUP, LANES, merge_box, take_planes
 
 PITCH, ROWS = 21, 6
 
@@ -97,3 +97,62 @@ def test_a_sample_on_an_edge_is_inside_and_nothing_else_is_touched():
             edges[3 * e] = value
             assert assert_same(words, 4, ROWS, (1, 0, 0), edges, -1) == expected
     assert assert_same(words, 4, 0, (1, 0, 0), [0] * 9, -1) == 0
+
+
+@kernel
+def take(words, n, record_mask, numbers, shift, column, x, y, scale, out, place, stride):
+    """Call take_planes from a kernel, as the shade stage does."""
+    take_planes(words, n, record_mask, numbers, shift, column, x, y, scale, out, place, stride)
+
+
+def take_plainly(words, n, record_mask, numbers, shift, column, x, y, scale, out, place, stride):
+    """The loop of the docstring with numpy's scalars: int32 that wraps, or float32 that rounds after every operation."""
+    out, whole, number = out.copy(), numbers.view(np.int32), numbers.dtype.type
+    is_integer = number == np.int32
+    for k in range(n):
+        record = (int(words[k]) & record_mask) << shift
+        across, down = x + k - int(whole[record + 1]), y - int(whole[record + 2])
+        for i in range(GROUP - is_integer):
+            value, value_x, value_y = (numbers[record + column + part * GROUP + i] for part in range(3))
+            if is_integer:
+                level = signed(int(value) + across * int(value_x) + down * int(value_y), 32)
+                out[place + i * stride + k] = out.dtype.type(level) * scale
+            else:
+                out[place + i * stride + k] = value + number(across) * value_x + number(down) * value_y
+    return out
+
+
+@pytest.mark.parametrize("column", [4, 16])
+@pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
+@pytest.mark.parametrize("out_dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [np.int32, np.float32])
+def test_planes_are_those_of_plain_python(dtype, out_dtype, n, column):
+    rng, shift, n_record, mask = np.random.default_rng(n), 5, 40, (1 << 23) - 1
+    numbers = rng.integers(-(2**31), 2**31, n_record << shift).astype(np.int32)
+    if dtype == np.float32:
+        numbers = rng.normal(size=len(numbers)).astype(np.float32)
+        anchors = numbers.view(np.int32).reshape(n_record, -1)[:, 1:3]
+        anchors[:] = rng.integers(-(2**20), 2**20, anchors.shape)
+    words = (rng.integers(0, 2**38, 128) << 25 | 1 << 24 | rng.integers(0, n_record, 128)).astype(np.int64)
+    out, stride = np.full(4 * 160 + 8, 7, out_dtype), 160
+    expected = take_plainly(words, n, mask, numbers, shift, column, 1900, 33, out_dtype(0.37), out, 5, stride)
+    take(words, np.uint64(n), np.int64(mask), numbers, np.uint64(shift), np.uint64(column), np.int64(1900), np.int64(33),
+         out_dtype(0.37), out, np.uint64(5), np.uint64(stride))  # fmt: skip
+    stop = -(-n // GROUP) * GROUP
+    untouched = np.ones(len(out), bool)
+    for i in range(GROUP):
+        row = slice(5 + i * stride, 5 + i * stride + n)
+        assert out[row].tobytes() == expected[row].tobytes()
+        untouched[5 + i * stride : 5 + i * stride + stop] = False
+    assert (out[untouched] == 7).all(), "wrote beyond the next multiple of a group"
+
+
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_planes_of_integers_wrap():
+    """Values far out may leave 32 bits on the way, if they come back."""
+    numbers = np.zeros(16, np.int32)
+    numbers[4:8], numbers[8:12] = 2**31 - 1, 2**30
+    out = np.zeros(16, np.float32)
+    take(np.zeros(4, np.int64), np.uint64(4), np.int64(1), numbers, np.uint64(4), np.uint64(4), np.int64(0), np.int64(0),
+         np.float32(1), out, np.uint64(0), np.uint64(4))  # fmt: skip
+    assert out[:4].tolist() == [np.float32(signed(2**31 - 1 + k * 2**30, 32)) for k in range(4)]

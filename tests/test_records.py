@@ -13,10 +13,10 @@ from stages import (
     words_of,
 )
 
+from rasterizer.pipeline.lanes import GROUP
 from rasterizer.pipeline.records import (
-    ANCHOR,
-    ANCHOR_SHIFT,
     ATTRIBUTE,
+    DISTANCE,
     EXACT,
     FACE,
     IN_PLANES,
@@ -29,6 +29,8 @@ from rasterizer.pipeline.records import (
     PAYLOAD_BITS,
     PLANE,
     PLANE_FACE,
+    PLANE_X,
+    PLANE_Y,
     RECORD_MASK,
     SIDE,
 )
@@ -92,16 +94,16 @@ def wrapped(values):
 def levels_at(bench, rows, columns):
     """Levels (3, n) of the planes of record 0 at samples."""
     record = bench.records.levels[: 1 << bench.records.plane_shift].astype(np.int64)
-    x, y = columns - (record[ANCHOR] & 0xFFFF), rows - (record[ANCHOR] >> ANCHOR_SHIFT)
-    planes = record[PLANE : PLANE + 9].reshape(3, 3, 1)
-    return wrapped(planes[:, 0] + x * planes[:, 1] + y * planes[:, 2])
+    x, y = columns - record[PLANE_X], rows - record[PLANE_Y]
+    value, value_x, value_y = record[PLANE : PLANE + 3 * GROUP].reshape(3, GROUP, 1)[:, :3]
+    return wrapped(value + x * value_x + y * value_y)
 
 
 def drawn_levels(kind, case, coding, screen):
     """(levels (n_attribute, n) or None where the record is exact, exact intensities, rows, columns)."""
     triangle, depth, values, size = case
-    bench, n_record = scan_alone(
-        [triangle], depth[None], values[None], coding, screen, size, n_plane=3 * (kind == IN_PLANES)
+    bench, n_record, n_exact = scan_alone(
+        [triangle], depth[None], values[None], coding, screen, size, n_group=int(kind == IN_PLANES)
     )
     rows, columns, edges = covered(triangle, size)
     weights = perspective_weights(edges, depth, screen.is_perspective)
@@ -109,7 +111,7 @@ def drawn_levels(kind, case, coding, screen):
     assert (words < CLEAR).all() and (words >= 0).all()
     is_id = (words & IS_ID) != 0
     assert is_id.all() or not is_id.any()
-    assert n_record == is_id.any()
+    assert n_record == is_id.any() and n_exact == bool((words & IS_EXACT)[is_id].any())
     expected = np.einsum("cn,ca->an", weights, values.astype(float))
     if is_id.any() and (words & IS_EXACT).all():
         assert (words & RECORD_MASK == 0).all()
@@ -166,7 +168,7 @@ def test_depths_beside_levels_are_those_of_the_plane(shape):
     coding = plain_coding(IN_WORDS, screen, LEVELS, ALWAYS)
     worst = 0.0
     for triangle, depth, values, size in cases(shape, 1, True):
-        bench, _ = scan_alone([triangle], depth[None], values[None], coding, screen, size)
+        bench, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, size)
         rows, columns, edges = covered(triangle, size)
         z = (edges / edges.sum(axis=0) * (screen.z_offset + screen.z_scale / depth)[:, None]).sum(axis=0)
         box = np.ptp(triangle, axis=0).sum() / 256 + 2
@@ -183,16 +185,17 @@ def random_normals(rng, n, dtype=np.float32):
     return (normals / np.linalg.norm(normals, axis=2, keepdims=True)).astype(dtype)
 
 
-def planes_at(bench, n_plane, rows, columns):
-    """The float32 planes of record 0 at samples, as the shade stage computes them, (n_plane, n)."""
+def planes_at(bench, rows, columns):
+    """The float32 planes of record 0 at samples: normals, albedo, distance, (7, n)."""
     record = slice(0, 1 << bench.records.plane_shift)
-    anchor = int(bench.records.levels[record][ANCHOR])
+    anchor_x, anchor_y = bench.records.levels[PLANE_X], bench.records.levels[PLANE_Y]
     x, y = (
-        (columns - (anchor & 0xFFFF)).astype(np.float32),
-        (rows - (anchor >> ANCHOR_SHIFT)).astype(np.float32),
+        (columns - anchor_x).astype(np.float32),
+        (rows - anchor_y).astype(np.float32),
     )
-    planes = bench.records.planes[record][PLANE : PLANE + 3 * n_plane].reshape(n_plane, 3, 1)
-    return planes[:, 0] + x * planes[:, 1] + y * planes[:, 2]
+    planes = bench.records.planes[record][PLANE : PLANE + 6 * GROUP].reshape(2, 3, GROUP, 1)
+    found = (planes[:, 0] + x * planes[:, 1] + y * planes[:, 2]).reshape(2 * GROUP, -1)
+    return found[[0, 1, 2, 4, 5, 6, DISTANCE]]
 
 
 def rise_over_box(triangle, values):
@@ -216,7 +219,7 @@ def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
         )  # else it is left to exact records
         normals, albedo = random_normals(rng, 6)[k % 6], rng.random((3, 3)).astype(np.float32)
         values = np.concatenate([normals, albedo], axis=1)
-        bench, n_record = scan_alone([triangle], depth[None], values[None], coding, screen, size, n_plane=7)
+        bench, n_record, _ = scan_alone([triangle], depth[None], values[None], coding, screen, size, n_group=2)
         rows, columns, edges = covered(triangle, size)
         words = words_of(bench, size)[rows, columns]
         if (words & IS_EXACT).any():
@@ -232,7 +235,7 @@ def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
         corners = np.concatenate([scaled, albedo, last], axis=1)
         size_of = np.array([1.0] * 6 + [last.max()])[:, None]
         bound = 2.0**-24 * (3 * size_of + 4 * rise_over_box(triangle, corners)[:, None])
-        found, expected = planes_at(bench, 7, rows, columns), np.einsum("cn,ca->an", weights, corners)
+        found, expected = planes_at(bench, rows, columns), np.einsum("cn,ca->an", weights, corners)
         share = (np.abs(found - expected) / bound).max()
         assert share <= 1, f"{triangle.tolist()}: {share} > 1 times the bound"
         if is_flat:
@@ -255,8 +258,7 @@ def test_a_steep_normal_or_much_perspective_is_left_to_exact_records():
         coding = plain_coding(
             NORMAL_PLANES, screen, tolerance=0.01, normal_limit=limit, needs_distance=needs_distance
         )
-        n_plane = values.shape[2] + needs_distance
-        bench, n_record = scan_alone([triangle], [depth], values, coding, screen, SIZE, n_plane=n_plane)
+        bench, n_record, _ = scan_alone([triangle], [depth], values, coding, screen, SIZE, n_group=2)
         words = bench.canvas.words[bench.canvas.words < CLEAR]
         assert len(words) > 1000 and n_record == 1
         return bool((words & IS_EXACT).all())
@@ -276,9 +278,9 @@ def test_normals_are_turned_to_the_side_that_is_seen(kind, turn, is_inverted):
         ::turn
     ]  # counter-clockwise as seen for turn 1
     normals = np.full((2, 3, 3), [0.0, 0.6, 0.8], np.float32)
-    bench, n_record = scan_alone(
+    bench, n_record, _ = scan_alone(
         [triangle, triangle], np.full((2, 3), 2.0), normals, plain_coding(kind, screen, normal_limit=1e9),
-        screen, SIZE, is_inverted=[is_inverted, 1 - is_inverted], n_plane=3 * (kind != EXACT),
+        screen, SIZE, is_inverted=[is_inverted, 1 - is_inverted], n_group=int(kind != EXACT),
     )  # fmt: skip
     assert n_record == 2
     for face in range(2):
@@ -291,7 +293,6 @@ def test_normals_are_turned_to_the_side_that_is_seen(kind, turn, is_inverted):
         else:
             row = face << bench.records.plane_shift
             assert bench.records.levels[row + PLANE_FACE] == face
-            found = bench.records.planes[row + PLANE : row + PLANE + 9].reshape(3, 3)
-            assert (
-                found == [[0, 0, 0], [side * np.float32(0.6), 0, 0], [side * np.float32(0.8), 0, 0]]
-            ).all()
+            value, *slopes = bench.records.planes[row + PLANE : row + PLANE + 3 * GROUP].reshape(3, GROUP)[:, :3]
+            assert (value == [0, side * np.float32(0.6), side * np.float32(0.8)]).all()
+            assert not np.any(slopes)

@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 
 from rasterizer.pipeline.resolve import (
+    BUCKET_SHIFT,
     CLAMP,
     GLOBAL,
+    LEAST,
+    LEVEL_TABLE,
     LOCAL,
-    N_BUCKET,
     Encoding,
     encode_picture,
-    make_srgb_tables,
     resolve,
+    srgb_thresholds,
 )
 from rasterizer.pipeline.rows import CHUNK
 from rasterizer.pipeline.scan import CLEAR, PADDING
@@ -57,6 +59,8 @@ def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, hei
     bench = fill(covered, radiance, factor, dtype)
     n_row, width = covered.shape[0] // factor, covered.shape[1] // factor
     picture = make_picture((width, height or n_row), with_color)
+    for array in picture:
+        array.fill(0)
     n_covered = resolve(bench.canvas, bench.radiance, y_start, y_start + n_row, factor, how, picture)
     return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), bench, n_covered
 
@@ -72,33 +76,42 @@ def neighbours(values, reach=4):
     return (bits[:, None] + np.arange(-reach, reach + 1)).ravel().astype(np.int32).view(np.float32)
 
 
+def bucket_starts():
+    """The least float32 of every bucket of the level table."""
+    first = LEAST.view(np.int32) >> BUCKET_SHIFT
+    return (np.arange(first, first + len(LEVEL_TABLE), dtype=np.int32) << BUCKET_SHIFT).view(np.float32)
+
+
 def test_every_float_at_a_threshold_is_rounded_to_the_nearest_level():
     """All thresholds between levels, all ends of buckets, their float32 neighbours, and many others."""
-    threshold = make_srgb_tables()[1][1:256]
     rng = np.random.default_rng(0)
     values = np.concatenate([
-        neighbours(threshold), neighbours(np.arange(1, N_BUCKET + 1) / N_BUCKET),
-        neighbours([0.0031308, 0.04045 / 12.92, 1.0]),
+        neighbours(srgb_thresholds()), neighbours(bucket_starts()), neighbours([0.0031308, 0.04045 / 12.92, 1.0]),
         [0.0, -0.0, 1e-45, 1e-30], rng.random(50_000), 2.0 ** rng.uniform(-20, 0, 50_000),
     ]).astype(np.float32)  # fmt: skip
     columns = 700
     values = np.resize(values, (-(-len(values) // columns), columns))
     radiance = np.stack([values, values[::-1], values[:, ::-1]])
     for dtype in (np.float32, np.float64):
-        _, rgba, _, _ = run(np.ones(values.shape, bool), radiance, encoding(), dtype=dtype, with_color=False)
-        wrong = rgba[..., :3] != levels(np.moveaxis(radiance, 0, -1))
-        assert not wrong.any(), f"{wrong.sum()} of {wrong.size} levels wrong > 0"
-        assert (rgba[..., 3] == 255).all()
+        for with_color in (False, True):  # in one loop, and by way of linear colours
+            _, rgba, _, _ = run(np.ones(values.shape, bool), radiance, encoding(), dtype=dtype, with_color=with_color)
+            wrong = rgba[..., :3] != levels(np.moveaxis(radiance, 0, -1))
+            assert not wrong.any(), f"{wrong.sum()} of {wrong.size} levels wrong > 0"
+            assert (rgba[..., 3] == 255).all()
 
 
 def test_every_threshold_is_the_least_float_of_its_level():
-    bucket_level, threshold = make_srgb_tables()
-    assert (levels(threshold[1:256]) == np.arange(1, 256)).all()
-    below = np.nextafter(threshold[1:256], np.float32(0))
+    threshold = srgb_thresholds()
+    assert (levels(threshold) == np.arange(1, 256)).all()
+    below = np.nextafter(threshold, np.float32(0))
     assert (levels(below) == np.arange(255)).all()
-    assert np.isinf(threshold[256:]).all()
-    assert (bucket_level == levels(np.arange(N_BUCKET + 1, dtype=np.float32) / N_BUCKET)).all()
-    assert (np.diff(bucket_level) <= 1).all(), "a bucket holds more than one threshold"
+
+
+def test_no_bucket_holds_two_thresholds():
+    starts = bucket_starts()
+    inside = np.searchsorted(srgb_thresholds(), np.append(starts[1:], np.float32(1)), "left")
+    inside -= np.searchsorted(srgb_thresholds(), starts, "right")
+    assert inside.max() == 1 and starts[0] == LEAST < srgb_thresholds()[0]
 
 
 def test_what_is_out_of_range_or_no_number():
@@ -166,12 +179,29 @@ def test_pixels_are_means_of_their_covered_samples(factor, n_channel, background
         assert (rgba[:8, :, :3] == levels(np.array(background, np.float32))).all()
 
 
-def test_bytes_alone_are_the_same_as_with_colors():
-    for background in (None, (0.2, 0.5, 0.05)):
-        covered, radiance = random_band(5, 3, (38, 90), 2)
-        both = run(covered, radiance, encoding(background=background), 2)[1]
-        alone = run(covered, radiance, encoding(background=background), 2, with_color=False)[1]
-        assert (both == alone).all()
+@pytest.mark.parametrize("factor", [1, 2])
+@pytest.mark.parametrize("n_channel", [1, 3])
+@pytest.mark.parametrize("background", [None, (0.2, 0.2, 0.2), (0.2, 0.5, 0.05)])
+def test_bytes_alone_are_the_same_as_with_colors(background, n_channel, factor):
+    covered, radiance = random_band(5, n_channel, (38, 2 * CHUNK + 90), factor)
+    is_grey = n_channel == 1 and (background is None or len(set(background)) == 1)
+    how = encoding(background=background, is_grey=is_grey)
+    _, both, _, n_both = run(covered, radiance, how, factor)
+    _, alone, _, n_alone = run(covered, radiance, how, factor, with_color=False)
+    assert (both == alone).all() and n_both == n_alone == covered.sum()
+
+
+def test_every_pixel_of_the_band_is_written():
+    """Whatever stood in the picture's memory before, also where nothing is drawn."""
+    covered = np.zeros((24, 60), bool)
+    covered[3:5, 10:20] = True
+    for with_color in (True, False):
+        bench, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
+        for array in picture:
+            array.fill(77)
+        resolve(bench.canvas, bench.radiance, 0, 24, 1, encoding(), picture)
+        assert not picture.rgba[~covered].any() and (picture.rgba[covered] != 77).all()
+        assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
 
 
 def test_a_grey_picture_has_three_equal_channels():

@@ -29,6 +29,7 @@ LEVELS = float(LEVEL_MASK - 1)
 DEPTHS = (1.0, 4.0)
 DTYPES = [np.float32, np.float64]
 NO_MATERIAL = np.empty(0, np.uint32)
+MAYBE_EXACT = 1  # how many records are exact: the shade stage looks for them unless it is told that there are none
 
 
 def shade(bench, kind, size, n_channel):
@@ -38,12 +39,12 @@ def shade(bench, kind, size, n_channel):
     shade_interpolated(
         bench.canvas,
         bench.records,
+        MAYBE_EXACT,
         kind,
         0,
         size[1],
         n_channel,
         number(1 / LEVELS),
-        bench.rows,
         bench.radiance,
     )
     return bench.radiance.reshape(n_channel, size[1], -1)[:, :, : size[0]]
@@ -70,7 +71,7 @@ def test_exact_interpolation_is_that_of_rational_numbers(shape, n_channel, is_pe
         if not len(rows) or n_sample > 3000:
             continue
         depth, values = rng.uniform(*DEPTHS, 3), rng.random((3, n_channel)).astype(dtype)
-        bench, _ = scan_alone(
+        bench, *_ = scan_alone(
             [triangle], depth[None], values[None], plain_coding(EXACT, screen), screen, SIZE
         )
         found = shade(bench, EXACT, SIZE, n_channel)[:, rows, columns]
@@ -91,7 +92,7 @@ def test_constants_stay_constant(shape, dtype):
     for triangle in SHAPES[shape](rng):
         rows, columns, _ = covered(triangle, SIZE)
         values = np.full((3, 1), rng.random(), dtype)
-        bench, _ = scan_alone(
+        bench, *_ = scan_alone(
             [triangle], rng.uniform(*DEPTHS, (1, 3)), values[None], plain_coding(EXACT, screen), screen, SIZE
         )
         assert (shade(bench, EXACT, SIZE, 1)[0, rows, columns] == values[0]).all()
@@ -103,7 +104,7 @@ def test_levels_in_words_become_intensities():
         np.array([[-9000, -500], [2000 * 256, 900], [300, 256 * 20]]),
     )
     values = np.array([[0.2], [0.9], [0.5]], np.float32)
-    bench, n_record = scan_alone(
+    bench, n_record, _ = scan_alone(
         [triangle],
         np.full((1, 3), 2.0),
         values[None],
@@ -158,8 +159,8 @@ def shade_floor(n_front, kind, is_perspective, draw):
     )
     screen = plain_screen(is_perspective, DEPTHS, scale=40.0, center=(100.0, 6.0))
     coding = plain_coding(kind, screen, LEVELS, 1e9, 1e30, needs_distance=kind == NORMAL_PLANES)
-    bench, _ = scan_alone(
-        triangles, depth, values, coding, screen, WIDE, n_plane=n_attribute + 1, n_channel=3
+    bench, *_ = scan_alone(
+        triangles, depth, values, coding, screen, WIDE, n_group=2, n_channel=3
     )
     words = words_of(bench, WIDE).copy()
     assert not (words[words < CLEAR] & IS_ID & ((words[words < CLEAR] & IS_EXACT) << 1)).any(), (
@@ -179,6 +180,7 @@ def draw_lit(bench, screen):
     shade_lit(
         bench.canvas,
         bench.records,
+        MAYBE_EXACT,
         NORMAL_PLANES,
         0,
         WIDE[1],
@@ -266,13 +268,14 @@ def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspe
         values = np.concatenate(
             [normals / np.linalg.norm(normals, axis=1, keepdims=True), rng.random((3, 3))], axis=1
         ).astype(dtype)
-        bench, _ = scan_alone(
-            [triangle], depth[None], values[None], coding, screen, SIZE, n_plane=7, n_channel=3
+        bench, *_ = scan_alone(
+            [triangle], depth[None], values[None], coding, screen, SIZE, n_group=2, n_channel=3
         )
         bench.radiance[:] = np.nan
         shade_lit(
             bench.canvas,
             bench.records,
+            MAYBE_EXACT,
             kind,
             0,
             SIZE[1],
@@ -305,11 +308,12 @@ def test_each_sample_takes_the_material_of_its_own_face(kind):
     pictures = []
     face_material = (np.arange(41) % 2).astype(np.uint32)
     for material in (face_material, np.zeros(41, np.uint32), np.ones(41, np.uint32)):
-        bench, _ = scan_alone(triangles, depth, normals, coding, screen, WIDE, n_plane=4, n_channel=3)
+        bench, *_ = scan_alone(triangles, depth, normals, coding, screen, WIDE, n_group=2, n_channel=3)
         words = words_of(bench, WIDE).copy()
         shade_lit(
             bench.canvas,
             bench.records,
+            MAYBE_EXACT,
             kind,
             0,
             WIDE[1],

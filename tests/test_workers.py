@@ -113,12 +113,22 @@ def test_ranges_are_whole_and_in_order():
             ranges = workers.ranges(n)
             assert np.concatenate([np.arange(*part) for part in ranges]).tolist() == list(range(n))
             assert len(ranges) <= 4 * n_thread
-        assert workers.map(lambda item: item + 1, range(20)) == list(range(1, 21))
         workers.close()
 
 
-def test_an_error_in_a_thread_reaches_the_caller():
-    workers = Workers(2)
-    with pytest.raises(ZeroDivisionError):
-        workers.map(lambda item: 1 // item, [1, 0, 2])
+@pytest.mark.parametrize("n_thread", [1, 2, 5])
+def test_every_item_is_done_once_and_results_are_in_order(n_thread):
+    workers, done = Workers(n_thread), []
+    results = workers.map(lambda item: done.append(item) or 10 * item, range(100))
+    workers.close()
+    assert results == list(range(0, 1000, 10)) and sorted(done) == list(range(100))
+
+
+@pytest.mark.parametrize("n_thread", [1, 2, 5])
+def test_an_error_on_any_thread_is_raised(n_thread):
+    workers = Workers(n_thread)
+    for wrong in (0, 7, 19):
+        with pytest.raises(ZeroDivisionError):
+            workers.map(lambda item, wrong=wrong: 1 / (item - wrong), range(20))
+    assert workers.map(abs, [-1, -2]) == [1, 2]
     workers.close()

@@ -1,9 +1,9 @@
 """A block of triangles, and the planes of depth over them: the first half of the scan stage.
 
-The scan stage takes its triangles BLOCK at a time. What is to be known of them stands in rows, one quantity a row and one triangle
-a column, so that the arithmetic runs through all of them in vector instructions: for small triangles it takes as long as the filling.
-All rows of a type stand one behind the other in one flat array, `reals[Z0 + k]`: with offsets that are known when it is
-compiled, the compiler sees that rows don't overlap.
+The scan stage takes its triangles BLOCK at a time. What is to be known of them stands in rows, one quantity a row and one
+triangle a column, so that the arithmetic runs through all of them in vector instructions: done one by one, small triangles would
+take as long to set up as to fill. A block that isn't full is worked on to its end all the same: constant loops are shorter. All rows of a type stand one behind the other in one flat array, `reals[Z0 + k]`: with
+offsets that are known when it is compiled, the compiler sees that rows don't overlap.
 """
 
 from typing import NamedTuple
@@ -15,9 +15,8 @@ from .setup import first_sample
 from .transform import HALF, SUBPIXEL
 
 BLOCK = 64
-VECTOR = 16  # loops run to a multiple of this: what stands behind the last triangle is worked on for nothing
 
-# Rows of int32. The vertices are in 1/256 px, clockwise on the screen, the topmost (then leftmost) first; the box in samples.
+# Rows of int32. The vertices are in 1/256 px, clockwise on the screen, the topmost (then leftmost) first; boxes in samples.
 X0, Y0, X1, Y1, X2, Y2 = (np.uint64(BLOCK * k) for k in range(6))
 LEFT, RIGHT, TOP, BOTTOM = (np.uint64(BLOCK * k) for k in range(6, 10))  # clipped: left..right, top..bottom
 ANCHOR_X, ANCHOR_Y = (np.uint64(BLOCK * k) for k in range(10, 12))  # first sample of the unclipped box
@@ -25,7 +24,7 @@ STEPS_X, STEPS_Y = (np.uint64(BLOCK * k) for k in range(12, 14))  # its extent
 IS_FLIPPED, IS_SLIVER, IS_GOOD = (np.uint64(BLOCK * k) for k in range(14, 17))
 CORNER0, CORNER1, CORNER2 = (np.uint64(BLOCK * k) for k in range(17, 20))  # where the vertices' attributes are
 N_INT = 20
-# Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); those of three levels, see records.py.
+# Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); those of levels, see records.py.
 DEPTH, DEPTH_X, DEPTH_Y = (np.uint64(BLOCK * k) for k in range(3))
 LEVEL = np.uint64(BLOCK * 3)
 N_LONG = 3 + 9
@@ -40,7 +39,7 @@ N_REAL = 9 + 3 * MOST_ATTRIBUTES + 3 * MOST_PLANES
 NEXT = np.uint64(BLOCK)
 
 # Planes are good while box area / triangle area stays below this: a coefficient is at most 2^DEPTH_BITS · 2^20 < 2^63 and its
-# float64 rounding error at most 2^(38 + 20 - 53) units a box, a 2^33rd of the depth range. Slivers beyond are interpolated exactly.
+# float64 rounding error at most 2^(38 + 20 - 53) units a box, a 2^33rd of the depth range. Slivers beyond are done exactly.
 MAX_ELONGATION = 2.0**20
 MAX_SLOPE = 2.0**60  # of depth, a sample: steeper ones would leave 64 bits; a triangle that reaches far out of the picture may
 
@@ -68,7 +67,7 @@ class Polygons(NamedTuple):
 
 @helper
 def gather_vertices(faces, polygons, vertices, block):
-    """Fetch the triangles' vertices as the file lists them; IS_FLIPPED says for now whether the normals look against the winding."""
+    """Fetch the triangles' vertices in the order of the file; IS_FLIPPED says for now if the normals look against the winding."""
     ints, reals = block.ints, block.reals
     x, y, z = vertices.x, vertices.y, vertices.z
     for k in range(np.uint64(len(faces))):
@@ -84,10 +83,10 @@ def gather_vertices(faces, polygons, vertices, block):
 
 
 @helper
-def order_vertices(n, block):
+def order_vertices(block):
     """Order the vertices, so that the same triangle gives the same planes however the file lists them; complete IS_FLIPPED."""
     ints, reals = block.ints, block.reals
-    for k in range(n):
+    for k in range(np.uint64(BLOCK)):
         xa, xb, xc = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         ya, yb, yc = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
         is_front = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya) < 0  # counter-clockwise as loaded
@@ -132,10 +131,10 @@ def gather_attributes(n, attributes, block):
 
 
 @helper
-def set_up_boxes(n, y_start, y_stop, width, block):
+def set_up_boxes(y_start, y_stop, width, block):
     """Find the boxes of the triangles: unclipped for the anchor, clipped to the band for the loops."""
     ints = block.ints
-    for k in range(n):
+    for k in range(np.uint64(BLOCK)):
         x0, x1, x2 = ints[X0 + k], ints[X1 + k], ints[X2 + k]
         y0, y1, y2 = ints[Y0 + k], ints[Y1 + k], ints[Y2 + k]
         anchor_x, anchor_y = first_sample(min(x0, x1, x2)), first_sample(y0)
@@ -147,10 +146,10 @@ def set_up_boxes(n, y_start, y_stop, width, block):
 
 
 @helper
-def set_up_depths(n, block):
+def set_up_depths(block):
     """Find the slopes of planes over the triangles, and the planes of depth."""
     ints, longs, reals = block.ints, block.longs, block.reals
-    for k in range(n):
+    for k in range(np.uint64(BLOCK)):
         x0, x1, x2 = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         y0, y1, y2 = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
         dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0

@@ -1,7 +1,7 @@
 """Two inner loops as vector instructions: a small box of samples, and the planes of one sample.
 
-The compiler turns long loops into vector instructions by itself, but not loops of eight or four: left to it, these take two to four
-times as long. So they are spelled out in LLVM's own vector operations; tests/test_lanes.py compares them with plain Python.
+The compiler turns long loops into vector instructions by itself, but not loops of eight or four: left to it, these take two to
+four times as long. So they are spelled out in LLVM's own vector operations; tests/test_lanes.py compares them with plain Python.
 """
 
 from llvmlite import ir

@@ -109,22 +109,21 @@ def light_rows(rows, n, lighting, material):
         call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
         for channel in range(np.uint64(lighting.n_light_channel)):
             color = lighting.light[light, np.uint64(COLOR) + channel]
-            add_light(rows, n, channel * NEXT_CHANNEL, color, is_shiny, light == 0)
+            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, color, light == 0)
+            if is_shiny:
+                add_light(rows, n, SPECULAR_SUM + channel * NEXT_CHANNEL, SPECULAR, color, light == 0)
     for channel in range(np.uint64(lighting.n_channel)):
         # With grey lights all channels read the sums of channel 0.
         compose(rows, n, channel, channel if lighting.n_light_channel > 1 else np.uint64(0), number, lighting.has_albedo, is_shiny)
 
 
 @helper
-def add_light(rows, n, channel_row, color, is_shiny, is_first):
+def add_light(rows, n, sums, reflected, color, is_first):
     """Add one light's reflection to the sums of one channel; the first one starts them."""
     zero = rows.dtype.type(0)
     for k in range(np.uint64(n)):
-        before = zero if is_first else rows[DIFFUSE_SUM + channel_row + k]
-        rows[DIFFUSE_SUM + channel_row + k] = before + color * rows[DIFFUSE + k]
-        if is_shiny:
-            before = zero if is_first else rows[SPECULAR_SUM + channel_row + k]
-            rows[SPECULAR_SUM + channel_row + k] = before + color * rows[SPECULAR + k]
+        before = zero if is_first else rows[sums + k]
+        rows[sums + k] = before + color * rows[reflected + k]
 
 
 @helper

@@ -15,6 +15,7 @@ Which one is decided for each triangle by bounds that stand beside the code, nev
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
 from .._kernel import borrow, helper
 from .block import (
@@ -24,7 +25,6 @@ from .block import (
     BLOCK,
     IS_FLIPPED,
     IS_GOOD,
-    IS_SLIVER,
     LEVEL,
     MOST_ATTRIBUTES,
     NEXT,
@@ -59,7 +59,8 @@ MAX_RECORDS = 1 << (LEVEL_BITS - 1)
 
 EXACT, IN_WORDS, IN_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # kinds of coding; IN_PLANES and above have records with planes
 
-# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, the side that is seen.
+# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and the side that
+# is seen.
 PLACE, FACE, SIDE = 0, 6, 7
 # Columns of an exact record's numbers: 1/w, depth (orthographic) and each attribute, each at the three vertices.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
@@ -71,7 +72,7 @@ DISTANCE = 3  # the fourth attribute of the normals' group: 1/w, or depth withou
 
 
 class Coding(NamedTuple):
-    """What the words and records of this frame hold."""
+    """What the words and records of this frame hold. Its subclass decides what is compiled."""
 
     kind: int  # EXACT, IN_WORDS, IN_PLANES or NORMAL_PLANES
     level_scale: float  # levels a unit of intensity
@@ -83,6 +84,17 @@ class Coding(NamedTuple):
     inv_w_scale: float
     depth_offset: float  # orthographic depth = depth_offset + depth_scale · z, scene units; 0 + 0 z in perspective
     depth_scale: float
+
+
+class LevelCoding(Coding):
+    """Intensities in words or in planes of levels, where they are good enough."""
+
+
+class NormalCoding(Coding):
+    """Normals, and what stands behind them, in planes of float32 where they are good enough."""
+
+
+CODINGS = {EXACT: Coding, IN_WORDS: LevelCoding, IN_PLANES: LevelCoding, NORMAL_PLANES: NormalCoding}
 
 
 class Records(NamedTuple):
@@ -106,18 +118,35 @@ def borrow_records(records):
 # ---------------------------------------------------------------- a block at a time: planes, and whether they are good enough
 
 
+def carry_attributes(n_attribute, coding, block):
+    """Find the planes of a block's attributes, and where they are good enough (IS_GOOD)."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(carry_attributes)
+def _overload_carry_attributes(n_attribute, coding, block):
+    if coding.instance_class is LevelCoding:
+        return lambda n_attribute, coding, block: carry_levels(n_attribute, coding, block)
+    if coding.instance_class is NormalCoding:
+        return lambda n_attribute, coding, block: carry_normals(n_attribute, coding, block)
+    return lambda n_attribute, coding, block: None
+
+
 @helper
-def carry_attributes(n, n_attribute, coding, block):
-    """Find the planes of the attributes of the first n triangles of a block, and where they are good enough (IS_GOOD)."""
-    if coding.kind == IN_WORDS or coding.kind == IN_PLANES:
-        for channel in range(np.uint64(n_attribute)):
-            find_levels(n, channel, coding, block)
-    elif coding.kind == NORMAL_PLANES:
-        find_normals(n, coding, block)
-        for k in range(np.uint64(3), np.uint64(n_attribute)):
-            find_albedo(n, k, coding, block)
-        if coding.needs_distance:
-            find_distances(n, coding, block)
+def carry_levels(n_attribute, coding, block):
+    """One channel for words, three for planes."""
+    for channel in range(np.uint64(n_attribute)):
+        find_levels(channel, coding, block)
+
+
+@helper
+def carry_normals(n_attribute, coding, block):
+    """Normals, albedo, and distances, where there are any."""
+    find_normals(coding, block)
+    for k in range(np.uint64(3), np.uint64(n_attribute)):
+        find_albedo(k, coding, block)
+    if coding.needs_distance:
+        find_distances(coding, block)
 
 
 @helper
@@ -131,7 +160,7 @@ def inv_ws(z0, z1, z2, coding):
 
 
 @helper
-def find_levels(n, channel, coding, block):
+def find_levels(channel, coding, block):
     """Planes, in whole levels, of one channel's intensity.
 
     Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no value can
@@ -142,8 +171,9 @@ def find_levels(n, channel, coding, block):
     ints, longs, reals = block.ints, block.longs, block.reals
     scale, most = coding.level_scale, float(LEVEL_MASK)  # no rounding can carry into the bits above
     row, out = ATTRIBUTE0 + np.uint64(3) * channel * NEXT, LEVEL + np.uint64(3) * channel * NEXT
-    for k in range(n):
-        l0, l1, l2 = min(reals[row + k] * scale, most), min(reals[row + NEXT + k] * scale, most), min(reals[row + NEXT + NEXT + k] * scale, most)
+    for k in range(np.uint64(BLOCK)):
+        a0, a1, a2 = reals[row + k], reals[row + NEXT + k], reals[row + NEXT + NEXT + k]
+        l0, l1, l2 = min(a0 * scale, most), min(a1 * scale, most), min(a2 * scale, most)
         low, high = min(l0, l1, l2), max(l0, l1, l2)
         spread, middle = high - low, 0.5 * (low + high)
         reach = float(ints[STEPS_X + k] + ints[STEPS_Y + k]) + 1.0  # 2e
@@ -163,14 +193,14 @@ def find_levels(n, channel, coding, block):
 
 
 @helper
-def find_normals(n, coding, block):
+def find_normals(coding, block):
     """Planes of n/w: their direction is all that counts, so 1/w is scaled to at most 1.
 
     A float32 plane that rises by s over the box of its triangle errs by at most 2^-24·(3 + 4 s) there: the roundings of value,
     slopes, products and sums.
     """
     ints, reals = block.ints, block.reals
-    for k in range(n):
+    for k in range(np.uint64(BLOCK)):
         z0, z1, z2 = reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]
         inv_w_min, inv_w_rise = inv_ws(z0, z1, z2, coding)
         sign = -1.0 if ints[IS_FLIPPED + k] else 1.0
@@ -193,11 +223,11 @@ def find_normals(n, coding, block):
 
 
 @helper
-def find_albedo(n, attribute, coding, block):
+def find_albedo(attribute, coding, block):
     """The plane of an attribute behind the normals, in affine interpolation: see find_levels for its bound."""
     ints, reals = block.ints, block.reals
     row = ATTRIBUTE0 + np.uint64(3) * attribute * NEXT
-    for k in range(n):
+    for k in range(np.uint64(BLOCK)):
         a0, a1, a2 = reals[row + k], reals[row + NEXT + k], reals[row + NEXT + NEXT + k]
         inv_w_min, inv_w_rise = inv_ws(reals[Z0 + k], reals[Z1 + k], reals[Z2 + k], coding)
         spread = max(a0, a1, a2) - min(a0, a1, a2)
@@ -207,13 +237,13 @@ def find_albedo(n, attribute, coding, block):
 
 
 @helper
-def find_distances(n, coding, block):
+def find_distances(coding, block):
     """The plane of 1/w, or of depth without perspective, behind those of the attributes."""
     ints, reals = block.ints, block.reals
     add, times = coding.inv_w_offset, coding.inv_w_scale
     if coding.depth_scale != 0.0:
         add, times = coding.depth_offset, coding.depth_scale
-    for k in range(n):
+    for k in range(np.uint64(BLOCK)):
         a0, a1, a2 = add + times * reals[Z0 + k], add + times * reals[Z1 + k], add + times * reals[Z2 + k]
         most = find_plane(k, np.uint64(MOST_ATTRIBUTES), a0, a1, a2, block)
         # 1/w loses digits where it spans much.

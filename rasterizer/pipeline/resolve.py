@@ -51,7 +51,7 @@ def srgb_thresholds():
 
 
 def make_level_table():
-    """Return an int32 for every bucket of floats from LEAST to MOST: added to the lower bits of a float in the bucket, it gives
+    """Return an int32 for every bucket of floats from LEAST to MOST: the sum of it and of the lower bits of a float in the bucket has
     the float's level in its upper bits.
 
     A bucket is 2^-7 of its octave wide, and no two thresholds come so close: so it holds one threshold at most, and the sum carries
@@ -65,7 +65,8 @@ def make_level_table():
     return ((level << BUCKET_SHIFT) + to_carry).astype(np.int32)
 
 
-LEVEL_TABLE = make_level_table()  # a constant of the compiled code: what can't change can't be aliased, and look-ups are vectorised
+# A constant of the compiled code: what can't change can't be aliased, and look-ups become vector instructions.
+LEVEL_TABLE = make_level_table()
 
 
 @kernel
@@ -78,7 +79,8 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
     out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
     encoding = borrow_encoding(encoding)
     pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
-    n_covered = 0
+    behind, n_covered = encoding.background, 0
+    blank = encode_pixel(behind[0], behind[1], behind[2], np.float32(1), encoding) if encoding.has_background else np.uint32(0)
     # The usual case: bytes alone, a sample a pixel, nothing to mix or to scale.
     n_channel = radiance.shape[0]
     is_plain = (factor == 1) & (out.color.shape[0] == 0) & (encoding.policy == CLAMP) & (not encoding.has_background)
@@ -86,8 +88,7 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
     for j in range(y_start, y_stop):
         row = (j - y_start) * factor
         first, stop = touched_columns(canvas, row, factor)
-        fill_blank(out, j, 0, first, encoding)
-        fill_blank(out, j, stop, canvas.width // factor, encoding)
+        fill_blank(out, j, first, stop, encoding, blank)
         if is_plain:
             start, n = np.uint64(row * canvas.pitch + first), np.uint64(stop - first)
             samples, pixels_out = words[start : start + n], out.rgba[np.uint64(j), np.uint64(first) :]
@@ -135,7 +136,7 @@ def touched_columns(canvas, row, factor):
 
 @helper
 def encode_samples(words, radiance, start, out):
-    """Encode one sample a pixel, a whole row in one loop; transparent black where nothing is covered; return how many are covered."""
+    """Encode one sample a pixel, a row in one loop; transparent black where none is covered; return how many are covered."""
     n = np.uint64(len(words))
     blank, opaque = np.uint32(0), np.int32(255)
     n_covered = np.int64(0)
@@ -148,8 +149,9 @@ def encode_samples(words, radiance, start, out):
     else:
         green, blue = radiance[1, start : start + n], radiance[2, start : start + n]
         for i in range(n):
-            r, g, b = encode_channel(np.float32(red[i])), encode_channel(np.float32(green[i])), encode_channel(np.float32(blue[i]))
             is_covered = words[i] < CLEAR
+            r, g = encode_channel(np.float32(red[i])), encode_channel(np.float32(green[i]))
+            b = encode_channel(np.float32(blue[i]))
             out[i] = pack(r, g, b, opaque) if is_covered else blank
             n_covered += is_covered
     return n_covered
@@ -231,21 +233,19 @@ def write_colors(pixels, n, color, alpha):
 
 
 @helper
-def fill_blank(out, j, first, stop, encoding):
-    """Fill the pixels first..stop of a row, where nothing is drawn, with the background, or with transparent black."""
-    zero, one = np.float32(0), np.float32(1)
+def fill_blank(out, j, first, stop, encoding, blank):
+    """Fill a row's pixels on both sides of first..stop, where nothing is drawn, with the background, or with transparent black."""
     red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
-    pixel = encode_pixel(red, green, blue, one, encoding) if encoding.has_background else np.uint32(0)
-    alpha = one if encoding.has_background else zero
-    if out.rgba.shape[0] > 0:
-        for i in range(np.uint64(first), np.uint64(stop)):
-            out.rgba[np.uint64(j), i] = pixel
-    if out.color.shape[0] > 0:
-        for i in range(np.uint64(first), np.uint64(stop)):
-            out.color[np.uint64(j), i, 0] = red
-            out.color[np.uint64(j), i, 1] = green
-            out.color[np.uint64(j), i, 2] = blue
-            out.alpha[np.uint64(j), i] = alpha
+    alpha = np.float32(1) if encoding.has_background else np.float32(0)
+    for left, right in ((0, first), (stop, out.rgba.shape[1])):
+        for i in range(np.uint64(left), np.uint64(right)):
+            out.rgba[np.uint64(j), i] = blank
+        if out.color.shape[0] > 0:
+            for i in range(np.uint64(left), np.uint64(right)):
+                out.color[np.uint64(j), i, 0] = red
+                out.color[np.uint64(j), i, 1] = green
+                out.color[np.uint64(j), i, 2] = blue
+                out.alpha[np.uint64(j), i] = alpha
 
 
 @helper

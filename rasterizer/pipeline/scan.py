@@ -41,7 +41,6 @@ from .block import (
     STEPS_X,
     STEPS_Y,
     TOP,
-    VECTOR,
     X0,
     X1,
     X2,
@@ -107,13 +106,12 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, 
     for first in range(0, len(faces), BLOCK):
         some = faces[np.uint64(first) : np.uint64(min(first + BLOCK, len(faces)))]
         # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.
-        n = np.uint64((len(some) + VECTOR - 1) // VECTOR * VECTOR)
         gather_vertices(some, polygons, vertices, block)
-        order_vertices(n, block)
+        order_vertices(block)
         gather_attributes(len(some), attributes, block)
-        set_up_boxes(n, y_start, y_stop, canvas.width, block)
-        set_up_depths(n, block)
-        carry_attributes(n, attributes.shape[2], coding, block)
+        set_up_boxes(y_start, y_stop, canvas.width, block)
+        set_up_depths(block)
+        carry_attributes(attributes.shape[2], coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
         for k in range(np.uint64(len(some))):
             left, right = np.int64(block.ints[LEFT + k]), np.int64(block.ints[RIGHT + k])
