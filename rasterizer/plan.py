@@ -4,6 +4,7 @@ Found here, from the scene alone: one channel or three, float32 or float64, whet
 row functions are compiled, where the z-buffer's range lies. The bounds that justify a cheaper path stand beside the choice.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +12,23 @@ import numpy as np
 from ._kernel import row_function
 from .options import Options
 from .pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, N_MATERIAL_COLUMN, SPECULAR_COLOR, Lighting
-from .pipeline.lights import ATTENUATION, COLOR, LIGHTS, MOST, N_NUMBER, VECTOR
+from .pipeline.lights import (
+    ATTENUATION,
+    AXIS,
+    COLOR,
+    CONE_EXPONENT,
+    CONE_SCALE,
+    COS_OUTER,
+    INVERSE_RANGE,
+    LIGHTS,
+    MOST,
+    N_NUMBER,
+    VECTOR,
+)
 from .pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
-from .pipeline.reflection import REFLECTIONS, SHININESS
+from .pipeline.reflection import FRESNEL, LEAST_COSINE, LEVELS, REFLECTIONS, ROUGHNESS, SCALE, SHININESS
 from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
-from .scene.lights import AmbientLight, DirectionalLight, PointLight
+from .scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
 
 ULP = 2.0**-24  # relative rounding error of float32
 NEAREST = 2.0**-20  # the fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there
@@ -38,7 +51,7 @@ class Plan(NamedTuple):
     error_bound: float  # linear intensity
     is_lit_per_sample: bool
     ambient: np.ndarray  # (3,) float64, the sum of the ambient lights
-    lights: tuple  # the others
+    lights: tuple  # the others; those of an area light one by one
     materials: tuple  # one a mesh
     has_albedo: bool
 
@@ -52,14 +65,16 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     is_precise : use float64 even where the scene alone does not ask for it; see `is_too_close`
     """
     ambient = sum((np.array(light.color) for light in scene.lights if isinstance(light, AmbientLight)), np.zeros(3))
-    lights = tuple(light for light in scene.lights if not isinstance(light, AmbientLight))
+    others = [light for light in scene.lights if not isinstance(light, AmbientLight)]
+    lights = tuple(part for light in others for part in (light.cells() if isinstance(light, AreaLight) else (light,)))
     materials = tuple(mesh.material for mesh in scene.meshes)
     has_albedo = len(albedo) > 0
     tint = None if has_albedo else common_color(materials, lights, ambient)
     bound, shine = intensity_bounds(materials, lights, ambient, albedo.max(initial=1.0))
     # Float32 may spend half of the tolerance on the lighting, a quarter on normals; affine interpolation the rest.
     rounding = ULP * (16.0 * bound + 8.0 * shine)
-    is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and not is_precise
+    is_stepped = any(material.reflection == "toon" for material in materials)  # next to a step, no error is small
+    is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and not is_precise and not is_stepped
     dtype = np.dtype(np.float32 if is_single else np.float64)
     is_lit_per_sample = options.shading == "phong"
     coding, normal_limit = EXACT, 0.0
@@ -73,7 +88,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
         dtype=dtype,
         coding=coding,
-        level_scale=(int(LEVEL_MASK) - 1) / (bound + rounding) if 0.0 < bound < np.inf else 1.0,
+        level_scale=(int(LEVEL_MASK) - 1) / (bound + rounding) if 0.0 < bound + rounding < np.inf else 1.0,
         normal_limit=normal_limit,
         bound=bound,
         magnified=shine,
@@ -90,12 +105,63 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
 
 def _kind(light) -> str:
     """Name of the light's row function."""
-    return {DirectionalLight: "directional", PointLight: "point"}[type(light)]
+    return {DirectionalLight: "directional", PointLight: "point", SpotLight: "spot"}[type(light)]
 
 
 def _model(material) -> str:
-    """Name of the material's row function: a dull material needs no exponent."""
-    return material.reflection if max(material.specular) > 0 else "lambert"
+    """Name of the material's reflection model: a dull material needs no exponent, and what isn't asked for costs nothing."""
+    if material.reflection in ("lambert", "oren-nayar", "toon"):
+        return material.reflection
+    if max(material.specular) == 0:
+        return "lambert"
+    if material.reflection == "cook-torrance":
+        return material.distribution
+    return f"weighted {material.reflection}" if material.normalized or material.fresnel is not None else material.reflection
+
+
+def _has_highlight(material) -> bool:
+    """Tell whether a material has a highlight."""
+    return max(material.specular) > 0 and REFLECTIONS[_model(material)].has_highlight
+
+
+def first_fresnel(material) -> float:
+    """F0 of a material's specular reflection function W(θ); with 1, W is 1."""
+    if material.fresnel is not None:
+        return material.fresnel
+    return 0.04 if material.reflection == "cook-torrance" else 1.0
+
+
+def highlight_scale(material) -> float:
+    """The factor of a normalised highlight, beside N·L; 0 for a classic one. Sources: see `Material`."""
+    n = material.shininess
+    if not material.normalized:
+        return 0.0
+    return (n + 2) / 2 if material.reflection == "phong" else (n + 2) * (n + 4) / (8 * (2 ** (-n / 2) + n))
+
+
+def highlight_bounds(material) -> tuple[float, float]:
+    """Largest value of a material's highlight for ks = 1, and how far it magnifies a relative error of the directions.
+
+    A power h^n magnifies by n, W(θ) by 5 at most, N·L by 1.
+    Cook-Torrance with GGX: π D <= 1/α², N·L G1(L)/(2 N·L) <= 1/2, G1(V)/(2 N·V) <= 1/α. ln D rises by at most 2/α a radian, and
+    G by 1/α. With Beckmann's D: π D has its maximum at tan² = max(0, 2 m² - 1), and G1(V)/N·V <= 3.535/m.
+    """
+    model, r = _model(material), material.roughness
+    if model == "ggx":
+        return 1.0 / (2.0 * r**3), 4.0 / r + 5.0
+    if model == "beckmann":
+        tangent_square = max(0.0, 2.0 * r * r - 1.0)
+        return math.exp(-tangent_square / r**2) * (1.0 + tangent_square) ** 2 / r**3 * (3.535 / 4.0), 4.0 / r + 5.0
+    if not _has_highlight(material):
+        return 0.0, 0.0
+    fresnel = 5.0 if material.fresnel is not None else 0.0
+    return max(highlight_scale(material), 1.0), material.shininess + fresnel + (1.0 if material.normalized else 0.0)
+
+
+def matte_magnification(material) -> float:
+    """How far a material's matte reflection magnifies an error of the directions, beyond Lambert's: tan β of Oren-Nayar does."""
+    square = material.roughness**2
+    return 0.45 * square / (square + 0.09) / LEAST_COSINE if material.reflection == "oren-nayar" else 0.0
 
 
 def common_color(materials, lights, ambient):
@@ -105,7 +171,8 @@ def common_color(materials, lights, ambient):
     materials' colours multiples of one triple, or the other way round.
     """
     of_lights = [np.array(light.color) for light in lights] + [ambient]
-    of_materials = [np.array(getattr(m, name)) for m in materials for name in ("ambient", "diffuse", "specular")]
+    of_materials = [np.array(getattr(m, name)) for m in materials for name in ("ambient", "diffuse")]
+    of_materials += [np.array(m.specular) for m in materials if _has_highlight(m)]
     glow = [np.array(m.emissive) for m in materials]
     if _direction(of_lights) is not None and np.ptp(_direction(of_lights)) == 0.0:
         return _direction(of_materials + glow)
@@ -125,7 +192,7 @@ def _direction(colors):
 
 
 def intensity_bounds(materials, lights, ambient, most_albedo) -> tuple[float, float]:
-    """Largest intensity that any point can have, and the largest sum of highlights, each times its exponent.
+    """Largest intensity that any point can have, and the largest sum of highlights, each times its exponent or what stands for it.
 
     The second says how far an error of the directions is magnified: a power h^n multiplies the relative error of h by n. Each of
     the roundings on the way to h costs 2^-24, of which about eight fall together; the matte terms take about sixteen.
@@ -133,15 +200,34 @@ def intensity_bounds(materials, lights, ambient, most_albedo) -> tuple[float, fl
     bound = magnified = 0.0
     for material in materials:
         matte = max(material.ambient) * ambient.max() * most_albedo + max(material.emissive)
-        shine = 0.0
+        peak, magnification = highlight_bounds(material)
+        specular = peak * max(material.specular)
+        shine = steep = rough = 0.0
         for light in lights:
             most = np.inf if getattr(light, "amplify", False) and light.attenuation[0] < 1.0 else 1.0
             # A light that gives nothing can't be amplified: no 0 times infinity.
             matte += most * max(light.color) * max(material.diffuse) * most_albedo if max(light.color) > 0 else 0.0
-            shine += most * max(light.color) * max(material.specular) if max(light.color) > 0 and max(material.specular) > 0 else 0.0
+            shine += most * max(light.color) * specular if max(light.color) > 0 and specular > 0 else 0.0
+            if max(light.color) > 0 and (slope := max(material.diffuse) * matte_magnification(material)) > 0:
+                rough += slope * most * max(light.color) * most_albedo
+            if max(light.color) > 0 and (slope := steepness(light)) > 0:
+                steep += slope * most * max(light.color) * (max(material.diffuse) * most_albedo + specular)
         bound = max(bound, matte + shine)
-        magnified = max(magnified, shine * material.shininess)
+        magnified = max(magnified, shine * magnification + rough + steep)
     return bound, magnified
+
+
+def steepness(light) -> float:
+    """How far the factors of a light's cone and range magnify an error of its direction, or a relative one of its distance.
+
+    t² (3 - 2 t) rises by at most 3/2 of what t does, c^e by at most e; (d/r)^4 by four times the relative error of d, twice that
+    of d². Infinite for a sharp cone: its edge is drawn in float64.
+    """
+    slope = 4.0 if getattr(light, "range", None) is not None else 0.0
+    if isinstance(light, SpotLight):
+        inner, outer = cone_cosines(light)
+        slope += light.exponent + (1.5 / (inner - outer) if inner > outer else np.inf)
+    return slope
 
 
 def is_too_close(plan: Plan, tolerance, furthest, clearance) -> bool:
@@ -170,15 +256,22 @@ def make_lighting(plan: Plan, view) -> Lighting:
         row[COLOR : COLOR + 3] = source.color
         in_camera = source.attached == "camera"
         if isinstance(source, DirectionalLight):
-            row[VECTOR : VECTOR + 3] = -(np.array(source.direction) @ axes if in_camera else np.array(source.direction))
-        else:
-            position = np.array(source.position)
-            row[VECTOR : VECTOR + 3] = position @ axes if in_camera else position - view.eye
-            row[ATTENUATION : ATTENUATION + 3] = source.attenuation
-            row[MOST] = np.inf if source.amplify else 1.0
+            row[VECTOR : VECTOR + 3] = _to_world(np.array(source.direction), axes, in_camera) * -1.0
+            continue
+        position = np.array(source.position)
+        row[VECTOR : VECTOR + 3] = position @ axes if in_camera else position - view.eye
+        row[ATTENUATION : ATTENUATION + 3] = source.attenuation
+        row[MOST] = np.inf if source.amplify else 1.0
+        row[INVERSE_RANGE] = 1.0 / source.range if source.range is not None else 0.0
+        if isinstance(source, SpotLight):
+            row[AXIS : AXIS + 3] = _to_world(np.array(source.direction), axes, in_camera)
+            inner, outer = cone_cosines(source)
+            row[COS_OUTER], row[CONE_EXPONENT] = outer, source.exponent
+            row[CONE_SCALE] = 1.0 / (inner - outer) if inner > outer else np.inf
     material = np.zeros((len(plan.materials), N_MATERIAL_COLUMN))
     for row, source in zip(material, plan.materials, strict=True):
-        row[SHININESS] = source.shininess
+        row[SHININESS], row[ROUGHNESS], row[LEVELS] = source.shininess, source.roughness, source.levels
+        row[FRESNEL], row[SCALE] = first_fresnel(source), highlight_scale(source)
         for column, color in (
             (EMISSIVE, source.emissive),
             (AMBIENT, np.array(source.ambient) * plan.ambient),
@@ -188,15 +281,31 @@ def make_lighting(plan: Plan, view) -> Lighting:
             row[column : column + 3] = color
     if plan.n_channel == 1:
         _reduce_to_one_channel(light, material, is_grey)
-    is_shiny = material[:, SPECULAR_COLOR : SPECULAR_COLOR + 3].max(axis=1) > 0
-    functions = [LIGHTS[_kind(source)].row_function for source in plan.lights]
-    functions += [REFLECTIONS[_model(source)] for source in plan.materials]
-    addresses = np.array([row_function(function, plan.dtype).address for function in functions], np.int64)
+    is_shiny = np.array([_has_highlight(source) for source in plan.materials], np.bool_)
+    models = [REFLECTIONS[_model(source)] for source in plan.materials]
+    is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
+    addresses = np.array([row_function(function, plan.dtype).address for function in row_functions_of(plan)], np.int64)
     return Lighting(
-        addresses[:n_light], light.astype(plan.dtype), addresses[n_light:], material.astype(plan.dtype), is_shiny,
-        len(channels), 1 if is_grey or plan.n_channel == 1 else 3, bool(is_shiny.any()),
+        addresses[:n_light], light.astype(plan.dtype), addresses[n_light:], material.astype(plan.dtype),
+        is_shiny, is_view_dependent, len(channels), 1 if is_grey or plan.n_channel == 1 else 3, bool(is_view_dependent.any()),
         any(LIGHTS[_kind(source)].needs_position for source in plan.lights), plan.has_albedo,
     )  # fmt: skip
+
+
+def row_functions_of(plan: Plan) -> list:
+    """The row functions that a scene uses, and nothing else is compiled: of its lights one by one, then of its materials."""
+    of_lights = [LIGHTS[_kind(source)].row_function for source in plan.lights]
+    return of_lights + [REFLECTIONS[_model(source)].row_function for source in plan.materials]
+
+
+def _to_world(direction, axes, in_camera):
+    """A direction that may be given in the camera's frame."""
+    return direction @ axes if in_camera else direction
+
+
+def cone_cosines(light) -> tuple[float, float]:
+    """Cosines of a spot light's inner and outer angle."""
+    return math.cos(math.radians(light.inner)), math.cos(math.radians(light.outer))
 
 
 def _reduce_to_one_channel(light, material, is_grey) -> None:

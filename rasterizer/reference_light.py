@@ -13,7 +13,7 @@ import numpy as np
 
 from rasterizer.errors import SceneError
 from rasterizer.scene.camera import Projection, View
-from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
+from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.normals import split_creases
 from rasterizer.scene.scene import Scene
@@ -37,7 +37,7 @@ class Stage(NamedTuple):
 
     view: View
     projection: Projection
-    materials: np.ndarray  # (n_mesh,) records: ambient, diffuse, specular, emissive (3,), shininess, is_blinn
+    materials: np.ndarray  # (n_mesh,) records: ambient, diffuse, specular, emissive (3,), and the numbers and words of the model
     lights: tuple
     shading: str
 
@@ -91,12 +91,15 @@ def _corner_albedo(mesh: Mesh) -> np.ndarray:
 def read_materials(scene: Scene) -> np.ndarray:
     """Return one record of reflection coefficients a mesh."""
     rgb = [(name, np.float64, 3) for name in ("ambient", "diffuse", "specular", "emissive")]
-    table = np.zeros(len(scene.meshes), [*rgb, ("shininess", np.float64), ("is_blinn", bool)])
+    numbers = [(name, np.float64) for name in ("shininess", "roughness", "levels")]
+    words = [("reflection", "U16"), ("distribution", "U16"), ("normalized", bool)]
+    table = np.zeros(len(scene.meshes), [*rgb, *numbers, *words, ("fresnel", np.float64)])
     for row, mesh in zip(table, scene.meshes, strict=True):
-        for name in ("diffuse", "specular", "emissive", "shininess"):
+        for name in ("diffuse", "specular", "emissive", *(name for name, _ in numbers + words)):
             row[name] = getattr(mesh.material, name)
         row["ambient"] = mesh.material.diffuse if mesh.material.ambient is None else mesh.material.ambient
-        row["is_blinn"] = mesh.material.reflection == "blinn"
+        absent = 0.04 if mesh.material.reflection == "cook-torrance" else 1.0
+        row["fresnel"] = absent if mesh.material.fresnel is None else mesh.material.fresnel
     return table
 
 
@@ -198,27 +201,115 @@ def _sample_points(part: Seen, stage: Stage) -> np.ndarray:
 def _illuminate(points, normals, albedo, material, stage: Stage) -> np.ndarray:
     """Evaluate the illumination equation at points (n, 3); return (n, 3) intensities, linear.
 
-    I = ke + ka Ia + sum over the lights of f_att Ip (kd max(N.L, 0) + lit ks spec), per channel,
-    spec = max(R.V, 0)^n or max(N.H, 0)^n; lit means N.L > 0: no highlight from a light behind the surface.
-    Sources: Phong 1975, Comm. ACM 18(6), 311-317; Blinn 1977, Proc. SIGGRAPH, 192-198.
+    I = ke + ka Ia + sum over the lights of f_att Ip lit (kd D + ks S), per channel, with D and S as `_reflect` finds
+    them; lit means N.L > 0: no highlight from a light behind the surface.
     """
     table = stage.materials[material]
-    diffuse, specular, shininess = albedo * table["diffuse"], table["specular"], table["shininess"][:, None]
+    diffuse, specular = albedo * table["diffuse"], table["specular"]
     to_viewer = _to_viewer(points, stage)
     intensity = table["emissive"].copy()
-    for light in stage.lights:
+    for light in _point_by_point(stage.lights):
         if isinstance(light, AmbientLight):
             intensity += albedo * table["ambient"] * np.array(light.color)
             continue
         light_dirs, strength = _light_at(light, points, stage.view)
         n_dot_l = dot(normals, light_dirs)[:, None]
-        r_dot_v = dot(2 * n_dot_l * normals - light_dirs, to_viewer)
-        n_dot_h = dot(normals, _unit(light_dirs + to_viewer))
-        highlight = np.maximum(np.where(table["is_blinn"], n_dot_h, r_dot_v), 0)[:, None] ** shininess
+        matte, highlight = _reflect(table, normals, light_dirs, to_viewer)
         with np.errstate(invalid="ignore"):  # an amplifying light in the very point
-            reflected = strength * (diffuse * n_dot_l + specular * highlight)
+            reflected = strength * (diffuse * matte + specular * highlight)
         intensity += np.where(n_dot_l > 0, reflected, 0)
     return intensity
+
+
+def _reflect(table, normals, light_dirs, to_viewer):
+    """Return D and S (n, 1) of the material of each row of `table`, for unit vectors (n, 3); of no meaning where N.L <= 0."""
+    matte, highlight = np.zeros((2, len(table), 1))
+    for model in np.unique(table["reflection"]):
+        at = table["reflection"] == model
+        parts = _MODELS[str(model)](table[at], normals[at], light_dirs[at], to_viewer[at])
+        matte[at, 0], highlight[at, 0] = parts
+    return matte, highlight
+
+
+def _reflect_lambert(_table, normals, light_dirs, _to_viewer):
+    """Lambert 1760: the cosine of the angle of incidence."""
+    return dot(normals, light_dirs), 0.0
+
+
+def _reflect_phong(table, normals, light_dirs, to_viewer):
+    """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
+    n_dot_l, n = dot(normals, light_dirs), table["shininess"]
+    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** n
+    return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], (n / 2 + 1) * n_dot_l, 1.0)
+
+
+def _reflect_blinn(table, normals, light_dirs, to_viewer):
+    """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor derivation."""
+    n_dot_l, n = dot(normals, light_dirs), table["shininess"]
+    highlight = np.maximum(dot(normals, _unit(light_dirs + to_viewer)), 0) ** n
+    peak = (n + 2) * (n + 4) / (8 * (np.exp2(-n / 2) + n))
+    return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], peak * n_dot_l, 1.0)
+
+
+def _reflect_oren_nayar(table, normals, light_dirs, to_viewer):
+    """Oren & Nayar 1994, Proc. SIGGRAPH, 239-246, equation 30, by angles; cos beta is 1/64 at least."""
+    theta_l, theta_v = _angle(normals, light_dirs), _angle(normals, to_viewer)
+    across_l, across_v = (_unit(d - dot(d, normals)[:, None] * normals) for d in (light_dirs, to_viewer))
+    variance = table["roughness"] ** 2
+    a, b = 1 - variance / (2 * (variance + 0.33)), 0.45 * variance / (variance + 0.09)
+    alpha, beta = np.maximum(theta_l, theta_v), np.minimum(theta_l, theta_v)
+    tangent = np.sin(beta) / np.maximum(np.cos(beta), 1 / 64)
+    return np.cos(theta_l) * (a + b * np.maximum(dot(across_l, across_v), 0) * np.sin(alpha) * tangent), 0.0
+
+
+def _reflect_cook_torrance(table, normals, light_dirs, to_viewer):
+    """Return pi D F G / (4 N.V): Cook & Torrance 1981; Walter et al. 2007, EGSR, 195-206, equations 25, 27, 33 and 34."""
+    half, m = _unit(light_dirs + to_viewer), table["roughness"]
+    n_dot_l = dot(normals, light_dirs)
+    # Beyond the silhouette the limit at 90 degrees is taken.
+    theta_h, theta_l, theta_v = (_angle(normals, d) for d in (half, light_dirs, to_viewer))
+    theta_l, theta_v = np.minimum(theta_l, np.pi / 2 - 1e-12), np.minimum(theta_v, np.pi / 2 - 1e-12)
+    is_ggx, is_ahead = table["distribution"] == "ggx", theta_h < np.pi / 2
+    slope = np.tan(np.where(is_ahead, theta_h, 0.0)) / m
+    with np.errstate(over="ignore", under="ignore"):
+        shape = np.where(is_ggx, 1 / (1 + slope**2) ** 2, np.exp(-(slope**2)))
+        facets = np.where(is_ahead, shape / (m**2 * np.cos(theta_h) ** 4), 0.0)
+    masked = np.ones_like(m)
+    for theta in (theta_l, theta_v):
+        tangent = m * np.tan(theta)
+        a = 1 / np.maximum(tangent, 1e-12)
+        beckmann = np.where(a < 1.6, np.minimum((3.535 * a + 2.181 * a**2) / (1 + 2.276 * a + 2.577 * a**2), 1), 1)
+        masked *= np.where(is_ggx, 2 / (1 + np.hypot(1, tangent)), beckmann)
+    return n_dot_l, facets * _schlick(table, dot(light_dirs, half)) * masked / (4 * np.cos(theta_v))
+
+
+def _reflect_toon(table, normals, light_dirs, to_viewer):
+    """Return N.L raised to a multiple of 1/levels, and 1 or 0 where (R.V)^n is above or below one half."""
+    n_dot_l, levels = dot(normals, light_dirs), table["levels"]
+    steps = np.arange(1, levels.max() + 1)
+    step = 1 + (steps < levels[:, None] * n_dot_l[:, None]).sum(axis=1)
+    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** table["shininess"]
+    return np.minimum(step, levels) / levels, np.where(highlight >= 0.5, 1.0, 0.0)
+
+
+_MODELS = {
+    "lambert": _reflect_lambert,
+    "phong": _reflect_phong,
+    "blinn": _reflect_blinn,
+    "oren-nayar": _reflect_oren_nayar,
+    "cook-torrance": _reflect_cook_torrance,
+    "toon": _reflect_toon,
+}
+
+
+def _schlick(table, cosine):
+    """Schlick 1994, Computer Graphics Forum 13(3), 233-246: W = F0 + (1 - F0)(1 - cos theta)^5."""
+    return table["fresnel"] + (1 - table["fresnel"]) * np.clip(1 - cosine, 0, 1) ** 5
+
+
+def _angle(a, b):
+    """Return the angles (n,) between vectors (n, 3); exact for small ones and right ones."""
+    return np.arctan2(_length(np.cross(a, b))[:, 0], dot(a, b))
 
 
 def _light_at(light, points, view: View):
@@ -228,7 +319,7 @@ def _light_at(light, points, view: View):
     color = np.array(light.color)
     if isinstance(light, DirectionalLight):
         return np.broadcast_to(-(np.array(light.direction) @ axes), points.shape), color
-    if not isinstance(light, PointLight):
+    if not isinstance(light, PointLight | SpotLight):
         raise SceneError(f"the reference renderer knows no {type(light).__name__}")
     position = np.array(light.position) @ axes + (view.eye if is_carried else 0.0)
     to_light = position - points
@@ -236,7 +327,36 @@ def _light_at(light, points, view: View):
     constant, linear, quadratic = light.attenuation
     with np.errstate(divide="ignore"):
         attenuation = 1.0 / (constant + linear * distance + quadratic * distance**2)
-    return _unit(to_light), color * (attenuation if light.amplify else np.minimum(attenuation, 1.0))
+    strength = attenuation if light.amplify else np.minimum(attenuation, 1.0)
+    if light.range is not None:
+        strength = np.where(distance < light.range, strength * (1.0 - (distance / light.range) ** 4), 0.0)
+    if isinstance(light, SpotLight):
+        strength = strength * _cone(light, np.array(light.direction) @ axes, _unit(to_light))
+    return _unit(to_light), color * strength
+
+
+def _cone(light, axis, light_dirs) -> np.ndarray:
+    """Return the part of a spot light (n, 1) that goes into the directions opposite to light_dirs (n, 3)."""
+    cosine = -dot(light_dirs, axis)[:, None]
+    inner, outer = np.cos(np.radians([light.inner, light.outer]))
+    t = np.clip((cosine - outer) / (inner - outer), 0.0, 1.0) if inner > outer else 1.0 * (cosine >= outer)
+    return t**2 * (3.0 - 2.0 * t) * np.clip(cosine, 0.0, 1.0) ** light.exponent
+
+
+def _point_by_point(lights) -> list:
+    """Replace every area light by a point light in the centre of each of its cells."""
+    points = []
+    for light in lights:
+        if not isinstance(light, AreaLight):
+            points.append(light)
+            continue
+        corner, u, v = (np.array(vector) for vector in (light.corner, light.edge_u, light.edge_v))
+        m, n = light.resolution
+        for s, t in np.ndindex(m, n):
+            place = corner + u * (s + 0.5) / m + v * (t + 0.5) / n
+            share = tuple(np.array(light.color) / (m * n))
+            points.append(PointLight(place, share, light.attenuation, light.attached, light.amplify, light.range))
+    return points
 
 
 def _to_viewer(points, stage: Stage) -> np.ndarray:

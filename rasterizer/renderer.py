@@ -26,7 +26,7 @@ from .plan import (
 )
 from .scene.camera import Camera
 from .scene.geometry import find_clearance, gather_geometry
-from .scene.lights import PointLight
+from .scene.lights import PointLight, SpotLight
 from .scene.scene import Scene
 
 
@@ -143,8 +143,8 @@ class Renderer:
         return counts
 
     def _plan_for(self, view):
-        """The plan, or one with float64 where a point light is very close to a surface that is seen from afar."""
-        points = [light for light in self._plan.lights if isinstance(light, PointLight)]
+        """The plan, or one with float64 where a light with a place is very close to a surface that is seen from afar."""
+        points = [light for light in self._plan.lights if isinstance(light, PointLight | SpotLight)]
         if not points or self._plan.dtype == np.float64:
             return self._plan
         axes = np.stack([view.right, view.up, -view.forward])

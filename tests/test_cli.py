@@ -297,6 +297,12 @@ def test_lights():
     assert lights_of("--light", "directional:-1,-1,0,color=orange,attached=camera") == (
         rz.DirectionalLight((-1, -1, 0), "orange", "camera"),
     )
+    assert lights_of(
+        "--light", "spot:1,2,3,direction=0/-1/0,inner=10,outer=20,exponent=2,attenuation=1/d^2,range=9,amplify=yes",
+    ) == (rz.SpotLight((1, 2, 3), (0, -1, 0), 1, 10, 20, 2, "1/d^2", "world", True, 9),)  # fmt: skip
+    assert lights_of("--light", "area:1,2,3,edge_u=1/0/0,edge_v=0/0/-1,resolution=8/4,attenuation=1/(d+2),color=0.5") == (
+        rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 0, -1), 0.5, (8, 4), (2, 1, 0)),
+    )
     assert lights_of("--light", "point:1,2,3", "--light", "point:1,2,3,attenuation=1/0.5/.25,color=3e-1") == (
         rz.PointLight((1, 2, 3)),
         rz.PointLight((1, 2, 3), 0.3, (1, 0.5, 0.25)),
@@ -393,6 +399,12 @@ def test_no_colour_codes(capsys):
         ([CUBE, "--light", "directional:0,1"], "three numbers"),
         ([CUBE, "--light", "point:0,1,2,attenuation=0/0/0"], "not all 0"),
         ([CUBE, "--light", "point:0,1,2,size=3"], "'size=3'"),
+        ([CUBE, "--light", "point:0,1,2,attenuation=1/d^3"], '"1/d^2"'),
+        ([CUBE, "--light", "point:0,1,2,amplify=maybe"], "yes or no"),
+        ([CUBE, "--light", "spot:0,1,2"], "needs direction"),
+        ([CUBE, "--light", "spot:0,1,2,direction=0/1/0,inner=50"], "inner angle"),
+        ([CUBE, "--light", "area:0,1,2,edge_u=1/0/0"], "needs edge_v"),
+        ([CUBE, "--light", "area:0,1,2,edge_u=1/0/0,edge_v=0/1/0,resolution=4"], "M/N"),
         ([CUBE, "--light", "point:0,1,2,attached=wall"], "attached"),
         ([CUBE, "-q", "-v"], "not allowed with"),
         ([CUBE, "-o", "x.foo"], "'.foo' is unknown"),

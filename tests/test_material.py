@@ -65,9 +65,40 @@ def test_legal_shininess(shininess):
         ("opacity", None),
         ("reflection", "Phong"),
         ("reflection", None),
+        ("roughness", -0.1),
+        ("roughness", 1.1),
+        ("roughness", "rough"),
+        ("distribution", "GGX"),
+        ("distribution", None),
+        ("fresnel", 1.5),
+        ("fresnel", -0.1),
+        ("fresnel", math.nan),
+        ("normalized", 1),
+        ("normalized", "yes"),
+        ("levels", 0),
+        ("levels", 2.5),
+        ("levels", 257),
+        ("levels", True),
         ("name", None),
     ],
 )
 def test_illegal_values_are_refused_by_field(field, wrong):
     with pytest.raises(SceneError, match=f"material's {field}"):
         Material(**{field: wrong})
+
+
+def test_cook_torrance_needs_some_roughness():
+    assert Material(reflection="oren-nayar", roughness=0).roughness == 0.0
+    assert Material(reflection="cook-torrance", roughness=0.001).roughness == 0.001
+    for roughness in (0.0, 0.0009):
+        with pytest.raises(SceneError, match="material's roughness must be within 0.001..1"):
+            Material(reflection="cook-torrance", roughness=roughness)
+    with pytest.raises(SceneError, match="material's roughness"):
+        replace(Material(roughness=0.0), reflection="cook-torrance")
+
+
+def test_numbers_of_the_models_in_their_normal_form():
+    material = Material(fresnel=1, levels=4.0, normalized=True, roughness=1)
+    assert (material.fresnel, material.levels, material.normalized, material.roughness) == (1.0, 4, True, 1.0)
+    assert type(material.levels) is int and type(material.fresnel) is float
+    assert Material().fresnel is None

@@ -1,4 +1,4 @@
-"""The command line: `raster render MODEL...` and `raster warmup`.
+"""The command line: `raster render MODEL...`, `raster compare MODEL...` and `raster warmup`.
 
     arguments ─ models, outputs ─ cameras, lights ─ load ─ Renderer ─ file
     argparse    globs, names      before anything    one model after the other
@@ -63,9 +63,11 @@ def _run(arguments, messages) -> int:
 
         warm_up(messages)
         return DONE
-    from .render import render_models
-
-    failures, n_model = render_models(arguments, messages)
+    if arguments.command == "compare":
+        from .compare import compare_models as run
+    else:
+        from .render import render_models as run
+    failures, n_model = run(arguments, messages)
     if failures and len(failures) < n_model:
         return SOME_FAILED
     return exit_code(failures[0]) if failures else DONE

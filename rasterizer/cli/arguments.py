@@ -12,8 +12,9 @@ from .messages import NORMAL, QUIET, VERBOSE
 FORMATS = ("obj", "stl", "ply", "off", "glb", "gltf", "3mf")
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 PRESETS = ("studio", "headlight")
-REFLECTIONS = ("phong", "blinn")
+REFLECTIONS = ("phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon")
 AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # those of Camera.framing; a test holds that
+COMPARED_SIZE = (320, 240)  # four pictures beside each other, one of them by the reference, which is slow
 PICTURE_SAMPLES = 4  # a picture is to look good; an array is to be exact, with Options' one sample
 
 # name: (azimuth, elevation) in degrees; front is seen from +z with y up, from -y with z up
@@ -30,8 +31,14 @@ VIEWS = {
 LIGHTS = {  # kind: (numbers it is given, names it takes besides)
     "ambient": (None, ()),
     "directional": ("direction", ("color", "attached")),
-    "point": ("position", ("color", "attenuation", "attached")),
+    "point": ("position", ("color", "attenuation", "range", "amplify", "attached")),
+    "spot": (
+        "position",
+        ("direction", "color", "inner", "outer", "exponent", "attenuation", "range", "amplify", "attached"),
+    ),
+    "area": ("corner", ("edge_u", "edge_v", "color", "resolution", "attenuation", "range", "amplify", "attached")),
 }
+_NEEDED = {"spot": ("direction",), "area": ("edge_u", "edge_v")}  # without them there is no such light
 
 
 class LightArgument(NamedTuple):
@@ -95,11 +102,30 @@ def _make_parsers() -> tuple[_Parser, dict[str, _Parser]]:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    _add_files(render)
-    _add_camera(render.add_argument_group("camera", "Unless --eye is given, the model fills the picture."))
-    _add_look(render.add_argument_group("look"))
-    _add_exactness(render.add_argument_group("exactness and speed"))
+    _add_files(render, "{stem}", Options.size)
+    _add_array(render)
+    _add_camera(render)
+    look = render.add_argument_group("look")
+    _add_method(look)
+    _add_look(look)
+    exactness = render.add_argument_group("exactness and speed")
+    _add_tolerance(exactness)
+    _add_loading(exactness)
     _add_messages(render)
+    compare = commands.add_parser(
+        "compare",
+        help="show flat, Gouraud's and Phong's shading beside the reference, with error maps",
+        usage="raster compare MODEL... [-o OUT] [options]",
+        description=_COMPARE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    _add_files(compare, "{stem}-compare", COMPARED_SIZE)
+    _add_reference(compare)
+    _add_camera(compare)
+    _add_look(compare.add_argument_group("look"))
+    _add_loading(compare.add_argument_group("loading and speed"))
+    _add_messages(compare)
     warmup = commands.add_parser(
         "warmup",
         help="compile all kernels now, so that the first picture doesn't wait for it",
@@ -107,7 +133,7 @@ def _make_parsers() -> tuple[_Parser, dict[str, _Parser]]:
         allow_abbrev=False,
     )
     _add_messages(warmup)
-    return parser, {"render": render, "warmup": warmup}
+    return parser, {"render": render, "compare": compare, "warmup": warmup}
 
 
 _EXAMPLES = """\
@@ -122,14 +148,30 @@ examples:
 lights, in scene units, colours #f80, orange, 0.5 (linear grey) or 1/0.9/0.8 (linear):
   ambient:COLOR
   directional:X,Y,Z[,color=COLOR][,attached=camera]          the way the light goes
-  point:X,Y,Z[,color=COLOR][,attenuation=KC/KL/KQ][,attached=camera]
+  point:X,Y,Z[,color=COLOR][,attenuation=KC/KL/KQ][,range=R][,amplify=yes][,attached=camera]
+  spot:X,Y,Z,direction=X/Y/Z[,inner=A][,outer=A][,exponent=E][, and as for point]     angles in degrees from the axis
+  area:X,Y,Z,edge_u=X/Y/Z,edge_v=X/Y/Z[,resolution=M/N][, and as for point]           corner and two edges
+attenuation is 1/(KC + KL d + KQ d^2), never above 1 without amplify; 1, 1/(d+3) and 1/d^2 may be written as such
 
 exit codes: 0 done, 1 some models failed and the rest was done, 2 usage, 3 a model can't be read or is empty,
 4 an output can't be written, 130 interrupted
 """
 
 
-def _add_files(parser) -> None:
+_COMPARE = """\
+Draw each model with flat, Gouraud's and Phong's shading and with the reference, one sample a pixel, side by
+side on one sheet. Below them are their errors, in false colours on one scale: the difference of linear
+intensity from the reference's Phong shading. On stdout goes a table:
+
+  max, rms           error, in linear intensity where white is 1
+  levels over 1      8-bit values, three a pixel, that are more than one level off
+  value, slope jump  Mach bands: the largest jump of the intensity, and of its slope per pixel, across the edge
+                     of two polygons where the surface is smooth
+"""
+
+
+def _add_files(parser, default_name, size) -> None:
+    parser.set_defaults(default_name=default_name)
     add = parser.add_argument
     add(
         "models",
@@ -141,23 +183,16 @@ def _add_files(parser) -> None:
         "-o",
         "--output",
         metavar="OUT",
-        help="the picture's name (default MODEL.png in the current folder), a folder, a template with {stem} "
-        "{ext} {view}, or - for stdout; the suffix chooses the format",
+        help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}.png in the current folder), a "
+        "folder, a template with {stem} {ext} {view}, or - for stdout; the suffix chooses the format",
     )
     add(
         "-s",
         "--size",
         type=_size,
-        default=Options.size,
+        default=size,
         metavar="WxH",
-        help=f"pixels, or one number for a square (default {Options.size[0]}x{Options.size[1]})",
-    )
-    add(
-        "--array",
-        dest="outputs",
-        choices=OUTPUTS,
-        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb "
-        "uint8, depth in scene units, face the face's index or -1, normal in world space; one sample a pixel",
+        help=f"pixels, or one number for a square (default {size[0]}x{size[1]})",
     )
     add(
         "--json",
@@ -167,7 +202,28 @@ def _add_files(parser) -> None:
     add("--input-format", choices=FORMATS, help="of the models, whatever their suffix; needed for stdin")
 
 
-def _add_camera(group) -> None:
+def _add_array(parser) -> None:
+    parser.add_argument(
+        "--array",
+        dest="outputs",
+        choices=OUTPUTS,
+        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb "
+        "uint8, depth in scene units, face the face's index or -1, normal in world space; one sample a pixel",
+    )
+
+
+def _add_reference(parser) -> None:
+    parser.set_defaults(outputs=None)  # a sheet of pictures, no array
+    parser.add_argument(
+        "--no-reference",
+        dest="has_reference",
+        action="store_false",
+        help="compare with Phong's shading as rendered, which takes no time",
+    )
+
+
+def _add_camera(parser) -> None:
+    group = parser.add_argument_group("camera", "Unless --eye is given, the model fills the picture.")
     add = group.add_argument
     add(
         "--view",
@@ -203,7 +259,7 @@ def _add_camera(group) -> None:
     )
 
 
-def _add_look(group) -> None:
+def _add_method(group) -> None:
     add = group.add_argument
     add(
         "--shading",
@@ -213,12 +269,22 @@ def _add_look(group) -> None:
         f"(default {Options.shading})",
     )
     add(
+        "--samples",
+        type=int,
+        choices=SAMPLES,
+        help=f"samples a pixel (default {PICTURE_SAMPLES}, {Options.samples} for arrays)",
+    )
+
+
+def _add_look(group) -> None:
+    add = group.add_argument
+    add(
         "--crease-angle",
         type=_number,
         metavar="A",
         help="edges between faces that meet at more degrees stay sharp (default: as the file says, else 30)",
     )
-    add("--reflection", choices=REFLECTIONS, help="formula of the highlight (default: the material's)")
+    add("--reflection", choices=REFLECTIONS, help="reflection model (default: the material's)")
     add("--preset", choices=PRESETS, help="ready-made lights (default studio, or none beside --light)")
     add(
         "--light",
@@ -237,12 +303,6 @@ def _add_look(group) -> None:
         help="colour, or transparent (default)",
     )
     add(
-        "--samples",
-        type=int,
-        choices=SAMPLES,
-        help=f"samples a pixel (default {PICTURE_SAMPLES}, {Options.samples} for arrays)",
-    )
-    add(
         "--color-range",
         choices=COLOR_RANGES,
         default=Options.color_range,
@@ -257,9 +317,8 @@ def _add_look(group) -> None:
     )
 
 
-def _add_exactness(group) -> None:
-    add = group.add_argument
-    add(
+def _add_tolerance(group) -> None:
+    group.add_argument(
         "--tolerance",
         type=_number,
         default=Options.tolerance,
@@ -267,6 +326,10 @@ def _add_exactness(group) -> None:
         help="error accepted, in linear intensity with white = 1; 0 = as exact as float64 (default 1/4096: "
         "8-bit values are off by one level at most)",
     )
+
+
+def _add_loading(group) -> None:
+    add = group.add_argument
     add(
         "--threads",
         type=int,
@@ -348,7 +411,29 @@ def _light(text) -> LightArgument:
         if name not in names or not value:
             legal = ", ".join(f"{name}=..." for name in names)
             raise argparse.ArgumentTypeError(f"a {kind} light takes {legal}; given {part!r}")
-        settings[name] = (
-            _color(value) if name == "color" else _vector(value, "/") if name == "attenuation" else value
-        )
+        settings[name] = _light_value(name, value)
+    for name in _NEEDED.get(kind, ()):
+        if name not in settings:
+            raise argparse.ArgumentTypeError(f"a {kind} light needs {name}=X/Y/Z; given {text!r}")
     return LightArgument(kind, settings)
+
+
+def _light_value(name, value):
+    """One value of a light, as its class takes it."""
+    if name == "color":
+        return _color(value)
+    if name in ("direction", "edge_u", "edge_v"):
+        return _vector(value, "/")
+    if name == "attenuation":
+        return value if value.startswith("1/(") or "d" in value or "/" not in value else _vector(value, "/")
+    if name in ("inner", "outer", "exponent", "range"):
+        return _number(value)
+    if name == "resolution":
+        if not re.fullmatch(r"\d+/\d+", value):
+            raise argparse.ArgumentTypeError(f"a resolution is M/N, two whole numbers; given {value!r}")
+        return tuple(int(count) for count in value.split("/"))
+    if name == "amplify":
+        if value not in ("yes", "no"):
+            raise argparse.ArgumentTypeError(f"amplify is yes or no; given {value!r}")
+        return value == "yes"
+    return value

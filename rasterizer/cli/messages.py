@@ -43,11 +43,15 @@ def _say(text) -> None:
 
 def print_record(record: dict, is_stdout_taken: bool) -> None:
     """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout."""
-    line = json.dumps(record) + "\n"
+    print_text(json.dumps(record) + "\n", is_stdout_taken)
+
+
+def print_text(text: str, is_stdout_taken: bool) -> None:
+    """Print lines that were asked for: on stdout, or on stderr where a picture goes to stdout."""
     if not is_stdout_taken:
-        write_stdout(line.encode())
+        write_stdout(text.encode())
     elif sys.stderr is not None:
-        sys.stderr.write(line)
+        sys.stderr.write(text)
 
 
 def write_stdout(content: bytes) -> None:

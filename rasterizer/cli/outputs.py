@@ -60,7 +60,7 @@ def _expand(patterns) -> list[str]:
 def _template(arguments) -> str:
     """The output as a template with a suffix."""
     suffix = ".npy" if arguments.outputs else ".png"
-    name = ("{stem}-{view}" if len(arguments.views) > 1 else "{stem}") + suffix
+    name = arguments.default_name + ("-{view}" if len(arguments.views) > 1 else "") + suffix
     output = arguments.output
     if output is None:
         return name

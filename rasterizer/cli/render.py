@@ -3,6 +3,7 @@
 import sys
 import warnings
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 
@@ -39,7 +40,14 @@ def render_models(arguments, messages) -> tuple[list, int]:
     SceneError : an argument that is wrong for every model
     OutputError : the folder of an output doesn't exist
     """
-    options = make_options(arguments)
+    return draw_models(arguments, messages, partial(_render_model, options=make_options(arguments)))
+
+
+def draw_models(arguments, messages, draw) -> tuple[list, int]:
+    """Hand every model to `draw`, which is called with its targets, the arguments, the settings of `load` and the messages.
+
+    Returns and raises what `render_models` does.
+    """
     settings = {
         "lights": make_lights(arguments),
         "background": None
@@ -55,7 +63,7 @@ def render_models(arguments, messages) -> tuple[list, int]:
     with compiling_announced(messages):
         for targets in plan:
             try:
-                _render_model(targets, arguments, options, settings, messages)
+                draw(targets, arguments, settings, messages)
             except (ModelError, OutputError, SceneError, MemoryError) as error:
                 if isinstance(error, MemoryError):
                     error = SceneError(
@@ -86,20 +94,15 @@ def _checked_angle(angle):
     return angle
 
 
-def _render_model(targets, arguments, options, settings, messages) -> None:
+def _render_model(targets, arguments, settings, messages, options) -> None:
     """Draw all views of one model."""
     start = perf_counter()
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        scene = _load(targets[0].model, arguments, settings, messages)
-    of_model = list(dict.fromkeys(str(warning.message) for warning in caught))
-    for text in of_model:
-        messages.warn(text)
+    scene, of_model = load_scene(targets[0].model, arguments, settings, messages)
     with Renderer(scene, **_as_keywords(options)) as renderer:
         for target in targets:
             camera = make_camera(arguments, target.view, scene, scene.bounds, scene.up)
             frame = renderer.render(camera)
-            doubts = [f"{target.model}: {text}" for text in _doubts(frame, scene, arguments)]
+            doubts = [f"{target.model}: {text}" for text in find_doubts(frame, scene, arguments)]
             for text in doubts:
                 messages.warn(text)
             _write(frame, target.output, options.outputs[0])
@@ -112,6 +115,17 @@ def _render_model(targets, arguments, options, settings, messages) -> None:
 
 def _as_keywords(options) -> dict:
     return {field.name: getattr(options, field.name) for field in fields(options)}
+
+
+def load_scene(model, arguments, settings, messages) -> tuple[Scene, list[str]]:
+    """Load a model; return it with the warnings that it gave, which were said."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        scene = _load(model, arguments, settings, messages)
+    texts = list(dict.fromkeys(str(warning.message) for warning in caught))
+    for text in texts:
+        messages.warn(text)
+    return scene, texts
 
 
 def _load(model, arguments, settings, messages) -> Scene:
@@ -137,7 +151,7 @@ def _checked_path(model, input_format) -> str:
     return model
 
 
-def _doubts(frame, scene, arguments) -> list[str]:
+def find_doubts(frame, scene, arguments) -> list[str]:
     """Say what looks like a mistake in a picture, and what to try."""
     if frame.stats.coverage == 0.0:
         if frame.stats.faces == frame.stats.culled:
@@ -160,11 +174,17 @@ def _doubts(frame, scene, arguments) -> list[str]:
 def _write(frame, output, array) -> None:
     """Write a picture, or the array asked for, to a file or to stdout."""
     is_array = array != "rgb" or output.lower().endswith(".npy")
-    if is_array:
-        content = frame.encode_array(array)
-    else:
-        name = "PNG" if output == STDIO else picture_format(Path(output).suffix)
-        content = frame.encode(name, **_ENCODING.get(name, {}))
+    write_content(frame.encode_array(array) if is_array else encode_picture(frame, output), output)
+
+
+def encode_picture(frame, output) -> bytes:
+    """A picture, in the format of its output's suffix; PNG for stdout."""
+    name = "PNG" if output == STDIO else picture_format(Path(output).suffix)
+    return frame.encode(name, **_ENCODING.get(name, {}))
+
+
+def write_content(content, output) -> None:
+    """Write bytes to a file, which appears whole or not at all, or to stdout."""
     if output == STDIO:
         write_stdout(content)
     else:

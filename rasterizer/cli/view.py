@@ -14,6 +14,8 @@ _LIGHTS = {
     "ambient": lights.AmbientLight,
     "directional": lights.DirectionalLight,
     "point": lights.PointLight,
+    "spot": lights.SpotLight,
+    "area": lights.AreaLight,
 }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from .._kernel import borrow, call_row, helper, kernel
 from .lights import COLOR
+from .reflection import N_MATERIAL_NUMBER
 from .rows import (
     ALBEDO,
     CHUNK,
@@ -34,8 +35,8 @@ from .rows import (
 )
 
 # A material's numbers: those that its row function reads (reflection.py), then its coefficients, a column a channel.
-EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR = 4, 7, 10, 13
-N_MATERIAL_COLUMN = 16
+EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR = (N_MATERIAL_NUMBER + 3 * k for k in range(4))
+N_MATERIAL_COLUMN = N_MATERIAL_NUMBER + 12
 
 
 class Lighting(NamedTuple):
@@ -46,9 +47,10 @@ class Lighting(NamedTuple):
     reflection_function: np.ndarray  # (n_material,) int64, addresses of row functions
     material: np.ndarray  # (n_material, N_MATERIAL_COLUMN); AMBIENT is ka·Ia
     is_shiny: np.ndarray  # (n_material,) bool: the material has a highlight
+    is_view_dependent: np.ndarray  # (n_material,) bool: its row function reads N·V and the view directions
     n_channel: int
     n_light_channel: int  # 1 where all lights are grey: then the sums over the lights need one channel only
-    needs_view: bool  # some material has a highlight
+    needs_view: bool  # some material is view-dependent
     needs_position: bool  # some light has a place
     has_albedo: bool  # colours are given with the model
 
@@ -99,7 +101,7 @@ def light_rows(rows, n, lighting, material):
     zero = rows.dtype.type(0)
     is_shiny = lighting.is_shiny[material]
     number = lighting.material[material]
-    if is_shiny:
+    if lighting.is_view_dependent[material]:
         find_n_dot_v(rows, n)
     if len(lighting.light_function) == 0:
         for k in range(np.uint64(n)):

@@ -4,8 +4,12 @@ A row function reads the rows of normals, lights, view directions, N_DOT_L, N_DO
 SPECULAR, which shade.py multiplies by the light's colour and sums. To add a model: write its function here
 and one line in REFLECTIONS.
 
-None of these models conserves energy or is reciprocal in its classic form; see README, Limits.
+Which of them conserve energy, and which are reciprocal: see the table in scene/material.py. At a silhouette N·V may come out
+below 0, by a rounding error or an interpolated normal: Cook-Torrance takes it for 0, where the formula has a finite limit; the
+others don't divide by it.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import carray
@@ -30,9 +34,20 @@ from .rows import (
     VIEW_Z,
 )
 
-SHININESS = 0  # the first number of a material that a row function reads
-N_MATERIAL_NUMBER = 4
+# A material's numbers, as far as row functions read them. SCALE: of a normalised highlight, 0 for a classic one.
+SHININESS, ROUGHNESS, FRESNEL, SCALE, LEVELS = range(5)
+N_MATERIAL_NUMBER = 5
 MOST_SQUARED = 4096  # integer exponents up to this are raised by squaring
+LEAST_COSINE = 1 / 64  # of Oren-Nayar's smaller angle: see there
+VISIBLE = 2.0**-12  # a fifth power of less is taken for 0: invisible, and never a denormal number
+
+
+class Reflection(NamedTuple):
+    """A reflection model as the shader sees it."""
+
+    row_function: object
+    needs_view: bool  # it reads N_DOT_V and the view directions
+    has_highlight: bool  # it writes SPECULAR
 
 
 def lambert(rows, n, numbers):
@@ -45,6 +60,7 @@ def lambert(rows, n, numbers):
         row[DIFFUSE + k] = row[STRENGTH + k] * n_dot_l if n_dot_l > zero else zero
 
 
+@register_jitable
 def phong(rows, n, numbers):
     """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975); R·V = 2 (N·L)(N·V) - L·V."""
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
@@ -55,6 +71,7 @@ def phong(rows, n, numbers):
     finish_highlights(row, n, number[SHININESS])
 
 
+@register_jitable
 def blinn(rows, n, numbers):
     """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); H = (L + V) / |L + V|.
 
@@ -71,7 +88,168 @@ def blinn(rows, n, numbers):
     finish_highlights(row, n, number[SHININESS])
 
 
-REFLECTIONS = {"lambert": lambert, "phong": phong, "blinn": blinn}
+def weighted_phong(rows, n, numbers):
+    """Phong's highlight times W(θ), or normalised, or both."""
+    phong(rows, n, numbers)
+    weigh_highlights(rows, n, numbers)
+
+
+def weighted_blinn(rows, n, numbers):
+    """Blinn's highlight times W(θ), or normalised, or both."""
+    blinn(rows, n, numbers)
+    weigh_highlights(rows, n, numbers)
+
+
+def oren_nayar(rows, n, numbers):
+    """Rough matte surfaces: N·L·(A + B·max(0, cos(φl - φv))·sin α·tan β), α the larger, β the smaller angle of L and V with N.
+
+    Oren & Nayar 1994, Proc. SIGGRAPH, 239-246, equation 30 (the qualitative model). The part of L across the normal times that
+    of V is cos(φl - φv)·sin θl·sin θv = L·V - (N·L)(N·V), and the smaller angle has the larger cosine, so the last three factors
+    are max(0, L·V - (N·L)(N·V)) / max(N·L, N·V).
+    N·L·tan β has no limit where both directions graze; cos β is taken for 1/64 at least (89.1°), which makes it continuous, keeps
+    the model reciprocal and changes only the last 1/8192 of a sphere's radius. Never above 1, because A² + B² <= 1.
+    """
+    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
+    zero, least = row.dtype.type(0), row.dtype.type(LEAST_COSINE)
+    square = number[ROUGHNESS] * number[ROUGHNESS]
+    a = row.dtype.type(1) - row.dtype.type(0.5) * square / (square + row.dtype.type(0.33))
+    b = row.dtype.type(0.45) * square / (square + row.dtype.type(0.09))
+    for k in range(np.uint64(n)):
+        n_dot_l, n_dot_v = row[N_DOT_L + k], row[N_DOT_V + k]
+        l_dot_v = row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
+        across = max(l_dot_v - n_dot_l * n_dot_v, zero)
+        reflected = n_dot_l * (a + b * across / max(max(n_dot_l, n_dot_v), least))
+        row[DIFFUSE + k] = row[STRENGTH + k] * reflected if n_dot_l > zero else zero
+
+
+def cook_torrance_ggx(rows, n, numbers):
+    """Lambert and a highlight of microscopic mirrors (Cook & Torrance 1981), tilted as GGX says: π D F G / (4 N·V).
+
+    D and G: Walter, Marschner, Li & Torrance 2007, EGSR, 195-206, equations 33, 34 and 23 (Smith's G, the two directions masked
+    independently). With s = |N×H|, c = N·H: D = α² / (π (α² c² + s²)²); s by the cross product, because 1 - c² loses its digits
+    in the highlight. G1(V) / (2 N·V) = 1 / (N·V + √(α² + (1-α²)(N·V)²)) is finite at N·V = 0, unlike with the V-shaped grooves
+    of 1981.
+    """
+    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
+    zero, one = row.dtype.type(0), row.dtype.type(1)
+    square = number[ROUGHNESS] * number[ROUGHNESS]
+    rest = one - square
+    for k in range(np.uint64(n)):
+        half_square, along, across = half_parts(row, k)
+        n_dot_l, n_dot_v, strength = max(row[N_DOT_L + k], zero), max(row[N_DOT_V + k], zero), row[STRENGTH + k]
+        spread = square * along * along + across
+        ratio = half_square / spread if (along > zero) & (spread > zero) else zero
+        mirrors = square * ratio * ratio
+        masked = n_dot_l / (n_dot_l + np.sqrt(square + rest * n_dot_l * n_dot_l))
+        masked = masked / (n_dot_v + np.sqrt(square + rest * n_dot_v * n_dot_v))
+        reflected = mirrors * masked * schlick(number[FRESNEL], np.sqrt(half_square) / row.dtype.type(2))
+        row[DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
+        row[SPECULAR + k] = strength * reflected if n_dot_l > zero else zero
+
+
+def cook_torrance_beckmann(rows, n, numbers):
+    """As `cook_torrance_ggx`, with mirrors tilted as Beckmann says: D = exp(-tan²θh / m²) / (π m² cos⁴θh).
+
+    Cook & Torrance 1981, Proc. SIGGRAPH, 307-316; Smith's G in the approximation of Walter et al. 2007, section 5.2.
+    Mirrors tilted by more than 89.9° count as none: exp(-2^20).
+    """
+    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
+    zero, one, steep = row.dtype.type(0), row.dtype.type(1), row.dtype.type(2.0**-20)
+    m = number[ROUGHNESS]
+    scale = one / (m * m)
+    for k in range(np.uint64(n)):
+        half_square, along, across = half_parts(row, k)
+        n_dot_l, n_dot_v, strength = max(row[N_DOT_L + k], zero), max(row[N_DOT_V + k], zero), row[STRENGTH + k]
+        square = along * along
+        inverse = one / square if (along > zero) & (square > steep * half_square) else zero
+        ratio = half_square * inverse  # 1 / cos²θh
+        mirrors = exponential(-scale * across * inverse) * scale * ratio * ratio
+        masked = n_dot_l * beckmann_visible(n_dot_l, m) * beckmann_visible(n_dot_v, m) / row.dtype.type(4)
+        reflected = mirrors * masked * schlick(number[FRESNEL], np.sqrt(half_square) / row.dtype.type(2))
+        row[DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
+        row[SPECULAR + k] = strength * reflected if n_dot_l > zero else zero
+
+
+def toon(rows, n, numbers):
+    """Few levels, as in a drawing: N·L raised to the next k/levels, k = 1, 2, .. levels; a highlight of 1 where (R·V)^n >= 1/2.
+
+    A step is a step: a rounding error next to one costs a whole level. The plan takes float64 for this model, so that only
+    points within about 1e-15 of a step may fall on its other side. After Lake, Marshall, Harris & Blackstein 2000, NPAR, 13-20.
+    """
+    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
+    zero, one, two = row.dtype.type(0), row.dtype.type(1), row.dtype.type(2)
+    levels, least = number[LEVELS], row.dtype.type(0.5) ** (one / number[SHININESS])
+    for k in range(np.uint64(n)):
+        n_dot_l, strength = row[N_DOT_L + k], row[STRENGTH + k]
+        l_dot_v = row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
+        mirrored = two * n_dot_l * row[N_DOT_V + k] - l_dot_v
+        # A cosine may come out a little above 1.
+        step = min(np.ceil(levels * n_dot_l), levels) / levels
+        row[DIFFUSE + k] = strength * step if n_dot_l > zero else zero
+        row[SPECULAR + k] = strength if (n_dot_l > zero) & (mirrored >= least) else zero
+
+
+REFLECTIONS = {
+    "lambert": Reflection(lambert, needs_view=False, has_highlight=False),
+    "phong": Reflection(phong, needs_view=True, has_highlight=True),
+    "blinn": Reflection(blinn, needs_view=True, has_highlight=True),
+    "weighted phong": Reflection(weighted_phong, needs_view=True, has_highlight=True),
+    "weighted blinn": Reflection(weighted_blinn, needs_view=True, has_highlight=True),
+    "oren-nayar": Reflection(oren_nayar, needs_view=True, has_highlight=False),
+    "ggx": Reflection(cook_torrance_ggx, needs_view=True, has_highlight=True),
+    "beckmann": Reflection(cook_torrance_beckmann, needs_view=True, has_highlight=True),
+    "toon": Reflection(toon, needs_view=True, has_highlight=True),
+}
+
+
+@register_jitable
+def schlick(least, cosine):
+    """The specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5 (Schlick 1994, Computer Graphics Forum 13(3), 233-246)."""
+    number = type(cosine)
+    sink = number(1) - cosine
+    sink = sink if sink > number(VISIBLE) else number(0)
+    square = sink * sink
+    return least + (number(1) - least) * (square * square * sink)
+
+
+@register_jitable
+def weigh_highlights(rows, n, numbers):
+    """Multiply the row SPECULAR by W(θ), cos θ = N·L, and by SCALE·N·L if SCALE isn't 0."""
+    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
+    zero = row.dtype.type(0)
+    least, scale = number[FRESNEL], number[SCALE]
+    for k in range(np.uint64(n)):
+        row[SPECULAR + k] = row[SPECULAR + k] * schlick(least, max(row[N_DOT_L + k], zero))
+    if scale > zero:
+        for k in range(np.uint64(n)):
+            row[SPECULAR + k] = row[SPECULAR + k] * (scale * max(row[N_DOT_L + k], zero))
+
+
+@register_jitable
+def half_parts(row, k):
+    """|L + V|², and the sum's part along N, and the square of its part across N."""
+    half_x, half_y, half_z = row[LIGHT_X + k] + row[VIEW_X + k], row[LIGHT_Y + k] + row[VIEW_Y + k], row[LIGHT_Z + k] + row[VIEW_Z + k]
+    x, y, z = row[NORMAL_X + k], row[NORMAL_Y + k], row[NORMAL_Z + k]
+    cross_x, cross_y, cross_z = y * half_z - z * half_y, z * half_x - x * half_z, x * half_y - y * half_x
+    return (
+        half_x * half_x + half_y * half_y + half_z * half_z,
+        x * half_x + y * half_y + z * half_z,
+        cross_x * cross_x + cross_y * cross_y + cross_z * cross_z,
+    )
+
+
+@register_jitable
+def beckmann_visible(cosine, m):
+    """G1(θ) / cos θ of Beckmann's distribution: with a = 1/(m tan θ) < 1.6, G1 = (3.535 a + 2.181 a²) / (1 + 2.276 a + 2.577 a²).
+
+    Else 1 (Walter et al. 2007, equation 27). The fraction exceeds 1 by less than 1e-4 from a = 1.55 on; cut off at 1, it is continuous.
+    """
+    number = type(cosine)
+    slope = m * np.sqrt(max(number(1) - cosine * cosine, number(1e-12)))  # cos θ / a
+    a = cosine / slope
+    fraction = (number(3.535) + number(2.181) * a) / (number(1) + a * (number(2.276) + a * number(2.577))) / slope
+    whole = number(1) / max(cosine, number(1e-12))
+    return min(fraction, whole) if a < number(1.6) else whole
 
 
 @register_jitable
@@ -125,6 +303,25 @@ def _overload_power(base, exponent):
     return lambda base, exponent: base**exponent if base > 0 else 0.0
 
 
+def exponential(x):
+    """e ** x for x <= 0. Float32: without a branch, and 0 below 2^-60, so that products of it are no denormal numbers."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(exponential, inline="never")
+def _overload_exponential(x):
+    if x == np.float32 or getattr(x, "bitwidth", 64) == 32:
+        return lambda x: exponential_single(x)
+    return lambda x: np.exp(x)
+
+
+@register_jitable
+def exponential_single(x):
+    """e ** x in float32 for x <= 0: 2 ** (x·log2 e), an error of 2^-24·(2 + |x|)·2 of the result."""
+    y = max(x * np.float32(1.4426950), np.float32(-60))
+    return power_of_two(y) if y > np.float32(-60) else np.float32(0)
+
+
 @register_jitable
 def power_single(base, exponent):
     """base ** exponent in float32 without a branch, so that the loop round it vectorises: 2 ** (exponent * log2(base)).
@@ -146,6 +343,12 @@ def power_single(base, exponent):
     )
     log2 = np.float32(scale) + t * series
     y = max(exponent * log2, np.float32(-126))
+    return power_of_two(y) if (base > 0) & (y > np.float32(-126)) else np.float32(0)
+
+
+@register_jitable
+def power_of_two(y):
+    """2 ** y in float32 for -126 <= y < 128, with the series of `power_single`."""
     whole = np.float32(np.rint(y))
     f = y - whole
     result = np.float32(1.0) + f * (
@@ -165,4 +368,4 @@ def power_single(base, exponent):
         )
     )
     two_to_whole = np.int32(np.int32(np.int32(whole) + np.int32(127)) << np.int32(23)).view(np.float32)
-    return result * two_to_whole if (base > 0) & (y > np.float32(-126)) else np.float32(0)
+    return result * two_to_whole

@@ -1,4 +1,4 @@
-"""Lights: ambient, directional and point lights, and two ready-made sets that move with the camera.
+"""Lights: ambient, directional, point, spot and area lights, and two ready-made sets that move with the camera.
 
 A light is attached to the world or to the camera. Attached to the camera, its direction and position are
 given in the camera's frame (x right, y up, the camera looks down -z), so the light goes where the camera
@@ -8,10 +8,13 @@ Conventions: a direction is the one in which the light travels; intensities are 
 negative.
 """
 
+import math
+import operator
+import re
 from dataclasses import dataclass
 
 from rasterizer.errors import SceneError
-from rasterizer.scene._check import choice, shown, unit3, vector3
+from rasterizer.scene._check import choice, number, shown, unit3, vector3
 from rasterizer.scene.color import linear_rgb
 
 ATTACHMENTS = ("world", "camera")
@@ -72,14 +75,16 @@ class PointLight:
     ----------
     position : three numbers, scene units
     color : intensity Ip, linear: a number, three numbers, hex or CSS text
-    attenuation : (kc, kl, kq), finite, at least 0, not all 0; (1, 0, 0) = no fall-off, (0, 0, 1) = inverse
-        square
+    attenuation : (kc, kl, kq), finite, at least 0, not all 0, or text: "1" = (1, 0, 0), no fall-off;
+        "1/(d+3)" = (3, 1, 0); "1/d^2" = (0, 0, 1), inverse square
     attached : "world", or "camera" where `position` is given in the camera's frame
     amplify : whether the attenuation may exceed 1
+    range : scene units, above 0, or None: the intensity is multiplied by max(0, 1 - (d/range)^4), as glTF's
+        KHR_lights_punctual recommends, so that nothing beyond is lit
 
     Raises
     ------
-    SceneError : a position, colour, attenuation or attachment that is not legal
+    SceneError : a value that is not legal; the message names the light and the field
     """
 
     position: tuple[float, float, float]
@@ -87,22 +92,168 @@ class PointLight:
     attenuation: tuple[float, float, float] = (1.0, 0.0, 0.0)
     attached: str = "world"
     amplify: bool = False
+    range: float | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "position", vector3(self.position, "the point light's position"))
-        object.__setattr__(self, "color", linear_rgb(self.color, "the point light's color"))
-        attenuation = vector3(self.attenuation, "the point light's attenuation (kc, kl, kq)")
-        if min(attenuation) < 0.0 or max(attenuation) == 0.0:
-            legal = "at least 0 and not all 0"
+        _check_positional(self, "the point light's")
+
+
+@dataclass(frozen=True)
+class SpotLight:
+    """Light that shines from one point into a cone.
+
+    At the angle a from the axis the intensity of a point light is multiplied by (cos a)^exponent, and between
+    the two cones by t² (3 - 2 t) with t = (cos a - cos outer) / (cos inner - cos outer): 1 inside the inner
+    cone, falling smoothly to 0 at the outer one. Where both angles are equal the edge is sharp.
+
+    Parameters
+    ----------
+    position : three numbers, scene units
+    direction : three numbers, the direction in which the light travels; any length, stored as a unit vector
+    color : intensity Ip, linear: a number, three numbers, hex or CSS text
+    inner, outer : degrees from the axis, 0 <= inner <= outer, 0 < outer <= 90; inner None = four fifths of
+        `outer`
+    exponent : number, at least 0; 0 = even within the inner cone
+    attenuation, attached, amplify, range : as for PointLight; `attached` holds for position and direction
+
+    Raises
+    ------
+    SceneError : a value that is not legal; the message names the light and the field
+    """
+
+    position: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    color: object = 1.0
+    inner: float | None = None
+    outer: float = 30.0
+    exponent: float = 0.0
+    attenuation: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    attached: str = "world"
+    amplify: bool = False
+    range: float | None = None
+
+    def __post_init__(self):
+        object.__setattr__(self, "position", vector3(self.position, "the spot light's position"))
+        object.__setattr__(self, "direction", unit3(self.direction, "the spot light's direction"))
+        outer = number(self.outer, "the spot light's outer angle")
+        if not 0.0 < outer <= 90.0:
+            raise SceneError(f"the spot light's outer angle must be above 0 and at most 90 degrees; given {shown(self.outer)}")
+        inner = 0.8 * outer if self.inner is None else number(self.inner, "the spot light's inner angle")
+        if not 0.0 <= inner <= outer:
             raise SceneError(
-                f"the point light's attenuation (kc, kl, kq) must be {legal}; given {shown(self.attenuation)}"
+                f"the spot light's inner angle must be within 0..outer = {outer:g} degrees; given {shown(self.inner)}"
             )
-        object.__setattr__(self, "attenuation", attenuation)
-        choice(self.attached, ATTACHMENTS, "the point light's attached")
-        object.__setattr__(self, "amplify", bool(self.amplify))
+        exponent = number(self.exponent, "the spot light's exponent")
+        if exponent < 0.0:
+            raise SceneError(f"the spot light's exponent must be at least 0; given {shown(self.exponent)}")
+        for name, value in (("inner", inner), ("outer", outer), ("exponent", exponent)):
+            object.__setattr__(self, name, value)
+        _check_positional(self, "the spot light's")
 
 
-Light = AmbientLight | DirectionalLight | PointLight
+@dataclass(frozen=True)
+class AreaLight:
+    """Light from a parallelogram: m·n point lights at the centres of its cells, each with 1/(m·n) of the
+    intensity. It shines to both sides, without the cosine of a real emitter.
+
+    Parameters
+    ----------
+    corner : three numbers, scene units
+    edge_u, edge_v : three numbers each, scene units, from the corner along two sides; not parallel
+    color : intensity Ip of the whole light, linear: a number, three numbers, hex or CSS text
+    resolution : (m, n), cells along edge_u and edge_v, from 1 to 64 each
+    attenuation, attached, amplify, range : as for PointLight, for each cell; `attached` holds for corner and
+        edges
+
+    Raises
+    ------
+    SceneError : a value that is not legal; the message names the light and the field
+    """
+
+    corner: tuple[float, float, float]
+    edge_u: tuple[float, float, float]
+    edge_v: tuple[float, float, float]
+    color: object = 1.0
+    resolution: tuple[int, int] = (4, 4)
+    attenuation: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    attached: str = "world"
+    amplify: bool = False
+    range: float | None = None
+
+    def __post_init__(self):
+        for field in ("corner", "edge_u", "edge_v"):
+            object.__setattr__(self, field, vector3(getattr(self, field), f"the area light's {field}"))
+        u, v = (unit3(edge, f"the area light's {name}") for edge, name in ((self.edge_u, "edge_u"), (self.edge_v, "edge_v")))
+        # Unit vectors whose cosine is 1 to float64 rounding are parallel.
+        if abs(sum(a * b for a, b in zip(u, v, strict=True))) >= 1.0 - 1e-15:
+            raise SceneError(
+                f"the area light's edge_u and edge_v must not be parallel; given {shown(self.edge_u)} and {shown(self.edge_v)}"
+            )
+        object.__setattr__(self, "resolution", _cells(self.resolution))
+        _check_positional(self, "the area light's")
+
+    def cells(self) -> tuple[PointLight, ...]:
+        """Return the point lights that this light is made of, row after row."""
+        m, n = self.resolution
+        color = tuple(component / (m * n) for component in self.color)
+        steps = [((i + 0.5) / m, (j + 0.5) / n) for j in range(n) for i in range(m)]
+        return tuple(
+            PointLight(
+                tuple(c + s * u + t * v for c, u, v in zip(self.corner, self.edge_u, self.edge_v, strict=True)),
+                color, self.attenuation, self.attached, self.amplify, self.range,
+            )
+            for s, t in steps
+        )  # fmt: skip
+
+
+MOST_CELLS = 64  # of an area light, along each edge
+
+
+def _cells(resolution) -> tuple[int, int]:
+    """The numbers of cells along both edges of an area light."""
+    try:
+        m, n = (0 if isinstance(count, bool) else operator.index(count) for count in resolution)
+    except (TypeError, ValueError):
+        m = n = 0
+    if not (1 <= m <= MOST_CELLS and 1 <= n <= MOST_CELLS):
+        raise SceneError(
+            f"the area light's resolution must be two whole numbers from 1 to {MOST_CELLS}; given {shown(resolution)}"
+        )
+    return m, n
+
+
+def _check_positional(light, whose: str) -> None:
+    """Check and set what all lights with a place have: colour, attenuation, attachment, range."""
+    object.__setattr__(light, "color", linear_rgb(light.color, f"{whose} color"))
+    object.__setattr__(light, "attenuation", _attenuation(light.attenuation, whose))
+    choice(light.attached, ATTACHMENTS, f"{whose} attached")
+    object.__setattr__(light, "amplify", bool(light.amplify))
+    if light.range is not None:
+        reach = number(light.range, f"{whose} range")
+        if reach <= 0.0:
+            raise SceneError(f"{whose} range must be above 0, or None; given {shown(light.range)}")
+        object.__setattr__(light, "range", reach)
+
+
+def _attenuation(value, whose: str) -> tuple[float, float, float]:
+    """The coefficients of an attenuation, which may be written as text."""
+    what = f"{whose} attenuation (kc, kl, kq)"
+    if isinstance(value, str):
+        text = value.replace(" ", "").replace("²", "^2").replace("**", "^")
+        shifted = re.fullmatch(r"1/\(d\+([\d.eE+-]+)\)", text)
+        try:
+            coefficients = {"1": (1, 0, 0), "1/d": (0, 1, 0), "1/d^2": (0, 0, 1)}.get(text) or (float(shifted[1]), 1, 0)
+        except (TypeError, ValueError):
+            raise SceneError(f'{what} as text must be "1", "1/d", "1/(d+D)" or "1/d^2"; given {shown(value)}') from None
+    else:
+        coefficients = vector3(value, what)
+    if not all(math.isfinite(c) and c >= 0.0 for c in coefficients) or max(coefficients) == 0.0:
+        raise SceneError(f"{what} must be at least 0 and not all 0; given {shown(value)}")
+    return tuple(map(float, coefficients))
+
+
+Light = AmbientLight | DirectionalLight | PointLight | SpotLight | AreaLight
 
 
 def studio() -> tuple[Light, ...]:

@@ -138,6 +138,6 @@ def _checked_lights(lights) -> tuple[Light, ...]:
     for i, light in enumerate(lights):
         if not isinstance(light, Light):
             raise SceneError(
-                f"lights must be AmbientLight, DirectionalLight or PointLight; given {shown(light)} at {i}"
+                f"lights must be Ambient-, Directional-, Point-, Spot- or AreaLight; given {shown(light)} at {i}"
             )
     return lights
