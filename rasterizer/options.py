@@ -12,6 +12,8 @@ CULLS = ("none", "back")
 COLOR_RANGES = ("clamp", "global", "local")
 SAMPLES = (1, 4, 9, 16)
 MOST_PIXELS = 16_384  # along an axis, samples included: edge functions of the screen stay far below 2^53
+LEAST_WAVES, MOST_WAVES = 3, 401  # samples of the spectrum: one a nanometre is the most that the tables can tell
+MOST_STOPS = 64
 
 # One level of 8-bit sRGB is 1/3295 where the curve is steepest; an error below that moves a value by one level at most.
 DEFAULT_TOLERANCE = 1 / 4096
@@ -33,6 +35,9 @@ class Options:
     cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
     color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" (divide by the picture's largest) or "local"
         (divide a pixel by its own largest component)
+    exposure : stops by which the light of the scene is multiplied, 2^exposure; the background stays what it is
+    spectral : number of samples of 380..780 nm, 3 to 401, with which light and colours are multiplied; None = 81 (every 5 nm) where a
+        light or material has a Spectrum, else red, green and blue alone
     threads : how many; None = as many as the process may use
 
     Raises
@@ -47,6 +52,8 @@ class Options:
     outputs: tuple[str, ...] = ("color",)
     cull: str = "none"
     color_range: str = "clamp"
+    exposure: float = 0.0
+    spectral: int | None = None
     threads: int | None = None
 
     def __post_init__(self):
@@ -68,8 +75,21 @@ class Options:
         if not 0.0 <= tolerance < float("inf"):
             raise SceneError(f"tolerance must be a number from 0 upwards; given {self.tolerance!r}")
         object.__setattr__(self, "tolerance", tolerance)
+        object.__setattr__(self, "exposure", self._checked_exposure())
+        if self.spectral is not None and not (_is_int(self.spectral) and LEAST_WAVES <= self.spectral <= MOST_WAVES):
+            raise SceneError(f"spectral must be {LEAST_WAVES} to {MOST_WAVES} samples, or None; given {self.spectral!r}")
         if self.threads is not None and not (_is_int(self.threads) and 1 <= self.threads <= 1024):
             raise SceneError(f"threads must be 1 to 1024, or None; given {self.threads!r}")
+
+    def _checked_exposure(self) -> float:
+        """Return the exposure as a number; beyond 64 stops nothing is told apart."""
+        try:
+            exposure = float(self.exposure)
+        except (TypeError, ValueError):
+            exposure = float("nan")
+        if not -MOST_STOPS <= exposure <= MOST_STOPS:
+            raise SceneError(f"exposure must be a number within -{MOST_STOPS}..{MOST_STOPS} stops; given {self.exposure!r}")
+        return exposure
 
     def _checked_size(self) -> tuple[int, int]:
         """Return the size as two ints; a number alone makes a square."""

@@ -11,13 +11,47 @@ negative.
 import math
 import operator
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rasterizer.errors import SceneError
 from rasterizer.scene._check import choice, number, shown, unit3, vector3
 from rasterizer.scene.color import linear_rgb
 
 ATTACHMENTS = ("world", "camera")
+MOST_TEXELS = 8192  # along a side of a shadow map
+MOST_TAPS = 9  # along a side of its filter
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """How a light casts shadows: by shadow maps (Williams 1978), depths of the scene as the light sees it.
+
+    Parameters
+    ----------
+    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; so has a light with
+        a place from which the scene fits into a wide view, else it has six. The cells of an area light have maps of half the size
+    filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin & Cook
+        1987): an odd number, 1 (hard edges) to 9
+
+    Raises
+    ------
+    SceneError : a value that is not legal
+    """
+
+    size: int = 1024
+    filter: int = 1
+
+    def __post_init__(self):
+        for field, low, high, step in (("size", 16, MOST_TEXELS, 1), ("filter", 1, MOST_TAPS, 2)):
+            value = getattr(self, field)
+            try:
+                count = -1 if isinstance(value, bool) else operator.index(value)
+            except TypeError:
+                count = -1
+            if not (low <= count <= high and (count - low) % step == 0):
+                what = "an odd" if step == 2 else "a whole"
+                raise SceneError(f"the shadow's {field} must be {what} number within {low}..{high}; given {shown(value)}")
+            object.__setattr__(self, field, count)
 
 
 @dataclass(frozen=True)
@@ -48,6 +82,7 @@ class DirectionalLight:
     direction : three numbers, the direction in which the light travels; any length, stored as a unit vector
     color : intensity Ip, linear: a number, three numbers, hex or CSS text
     attached : "world", or "camera" where `direction` is given in the camera's frame
+    shadow : Shadow, or True for the default one; None or False = the light casts no shadows
 
     Raises
     ------
@@ -57,11 +92,13 @@ class DirectionalLight:
     direction: tuple[float, float, float]
     color: object = 1.0
     attached: str = "world"
+    shadow: Shadow | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "direction", unit3(self.direction, "the directional light's direction"))
         object.__setattr__(self, "color", linear_rgb(self.color, "the directional light's color"))
         choice(self.attached, ATTACHMENTS, "the directional light's attached")
+        object.__setattr__(self, "shadow", _checked_shadow(self.shadow, "the directional light's"))
 
 
 @dataclass(frozen=True)
@@ -81,6 +118,7 @@ class PointLight:
     amplify : whether the attenuation may exceed 1
     range : scene units, above 0, or None: the intensity is multiplied by max(0, 1 - (d/range)^4), as glTF's
         KHR_lights_punctual recommends, so that nothing beyond is lit
+    shadow : Shadow, or True for the default one; None or False = the light casts no shadows
 
     Raises
     ------
@@ -93,6 +131,7 @@ class PointLight:
     attached: str = "world"
     amplify: bool = False
     range: float | None = None
+    shadow: Shadow | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "position", vector3(self.position, "the point light's position"))
@@ -115,7 +154,7 @@ class SpotLight:
     inner, outer : degrees from the axis, 0 <= inner <= outer, 0 < outer <= 90; inner None = four fifths of
         `outer`
     exponent : number, at least 0; 0 = even within the inner cone
-    attenuation, attached, amplify, range : as for PointLight; `attached` holds for position and direction
+    attenuation, attached, amplify, range, shadow : as for PointLight; `attached` holds for position and direction
 
     Raises
     ------
@@ -132,6 +171,7 @@ class SpotLight:
     attached: str = "world"
     amplify: bool = False
     range: float | None = None
+    shadow: Shadow | None = None
 
     def __post_init__(self):
         object.__setattr__(self, "position", vector3(self.position, "the spot light's position"))
@@ -163,7 +203,7 @@ class AreaLight:
     edge_u, edge_v : three numbers each, scene units, from the corner along two sides; not parallel
     color : intensity Ip of the whole light, linear: a number, three numbers, hex or CSS text
     resolution : (m, n), cells along edge_u and edge_v, from 1 to 64 each
-    attenuation, attached, amplify, range : as for PointLight, for each cell; `attached` holds for corner and
+    attenuation, attached, amplify, range, shadow : as for PointLight, for each cell; `attached` holds for corner and
         edges
 
     Raises
@@ -180,6 +220,7 @@ class AreaLight:
     attached: str = "world"
     amplify: bool = False
     range: float | None = None
+    shadow: Shadow | None = None
 
     def __post_init__(self):
         for field in ("corner", "edge_u", "edge_v"):
@@ -197,11 +238,13 @@ class AreaLight:
         """Return the point lights that this light is made of, row after row."""
         m, n = self.resolution
         color = tuple(component / (m * n) for component in self.color)
+        # Where the edges of many shadows are averaged, half of the texels are enough for each.
+        shadow = self.shadow and replace(self.shadow, size=max(16, self.shadow.size // 2))
         steps = [((i + 0.5) / m, (j + 0.5) / n) for j in range(n) for i in range(m)]
         return tuple(
             PointLight(
                 tuple(c + s * u + t * v for c, u, v in zip(self.corner, self.edge_u, self.edge_v, strict=True)),
-                color, self.attenuation, self.attached, self.amplify, self.range,
+                color, self.attenuation, self.attached, self.amplify, self.range, shadow,
             )
             for s, t in steps
         )  # fmt: skip
@@ -234,6 +277,18 @@ def _check_positional(light, whose: str) -> None:
         if reach <= 0.0:
             raise SceneError(f"{whose} range must be above 0, or None; given {shown(light.range)}")
         object.__setattr__(light, "range", reach)
+    object.__setattr__(light, "shadow", _checked_shadow(light.shadow, whose))
+
+
+def _checked_shadow(shadow, whose: str) -> Shadow | None:
+    """A Shadow, or None for a light that casts none."""
+    if shadow is None or shadow is False:
+        return None
+    if shadow is True:
+        return Shadow()
+    if not isinstance(shadow, Shadow):
+        raise SceneError(f"{whose} shadow must be a Shadow, True, False or None; given {shown(shadow)}")
+    return shadow
 
 
 def _attenuation(value, whose: str) -> tuple[float, float, float]:

@@ -23,6 +23,7 @@ import numpy as np
 from rasterizer.errors import SceneError
 from rasterizer.scene._check import choice, number, shown
 from rasterizer.scene.color import linear_rgb
+from rasterizer.scene.texture import Texture
 
 REFLECTIONS = ("phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon")
 DISTRIBUTIONS = ("ggx", "beckmann")
@@ -46,7 +47,11 @@ class Material:
     shininess : exponent of the highlight (n) of "phong", "blinn" and "toon", finite, above 0; 1 is very dull,
         1000 nearly a mirror
     emissive : colour, light that the surface gives off by itself (ke)
-    opacity : number within 0..1; stored and reported, but every surface is drawn opaque
+    opacity : number within 0..1: the share of what is seen that is the surface itself; the rest comes from
+        behind it (1 - opacity is the transmission coefficient kt). Interpolated transparency (Foley, van Dam,
+        Feiner & Hughes 1990, 16.5.1): light is not bent
+    texture : Texture, or anything that its class takes as an image, or None: multiplies `diffuse` and `ambient`,
+        and its alpha the opacity; the mesh needs `uv`
     reflection : "phong" (1975, mirrored ray against viewer), "blinn" (1977, half vector against normal),
         "lambert" (1760, matte), "oren-nayar" (1994, matte and rough, as clay or the moon), "cook-torrance"
         (1981, metals and plastics made of microscopic mirrors) or "toon" (few levels, as in a drawing)
@@ -80,6 +85,7 @@ class Material:
     shininess: float = 32.0
     emissive: object = 0.0
     opacity: float = 1.0
+    texture: Texture | None = None
     reflection: str = "phong"
     roughness: float = 0.5
     distribution: str = "ggx"
@@ -100,6 +106,8 @@ class Material:
         if not 0.0 <= opacity <= 1.0:
             raise SceneError(f"the material's opacity must be within 0..1; given {self.opacity!r}")
         object.__setattr__(self, "opacity", opacity)
+        if self.texture is not None and not isinstance(self.texture, Texture):
+            object.__setattr__(self, "texture", Texture(self.texture))
         choice(self.reflection, REFLECTIONS, "the material's reflection")
         self._check_model()
         if not isinstance(self.name, str):
@@ -126,3 +134,8 @@ class Material:
         if levels != int(levels) or not 1 <= levels <= MOST_LEVELS:
             raise SceneError(f"the material's levels must be whole, within 1..{MOST_LEVELS}; given {self.levels!r}")
         object.__setattr__(self, "levels", int(levels))
+
+    @property
+    def is_opaque(self) -> bool:
+        """Whether nothing is seen through the surface."""
+        return self.opacity == 1.0 and (self.texture is None or not self.texture.has_alpha)

@@ -38,6 +38,10 @@ class Mesh:
         made where polygons are cut or faces dropped; None where every triangle is its own polygon
     smoothing : (n_face,) integers, OBJ smoothing groups, 0 = none; one a triangle, or a polygon as given;
         stored int32
+    materials : sequence of Material, where faces differ; `material` is then the first of them. Normals are averaged across
+        their borders
+    face_material : (n_face,) integers, index into `materials`, one a triangle, or a polygon as given; stored int32. Needed where
+        there are `materials` are given, and only there
     name : text, for reports
     drop_bad_faces : whether to drop the faces that use vertices whose coordinates are not finite, instead of
         raising an error. Those vertices are then moved onto the first good one, and normals that are not
@@ -61,14 +65,16 @@ class Mesh:
     face_colors: np.ndarray | None = None
     polygons: np.ndarray | None = None
     smoothing: np.ndarray | None = None
+    materials: tuple[Material, ...] | None = None
+    face_material: np.ndarray | None = None
     name: str = ""
     drop_bad_faces: bool = False
 
     def __post_init__(self):
         store = partial(object.__setattr__, self)
         store("crease_angle", _checked_crease_angle(self.crease_angle))
-        if not isinstance(self.material, Material):
-            raise SceneError(f"a mesh's material must be a Material; given {shown(self.material)}")
+        store("materials", _checked_materials(self.material, self.materials))
+        store("material", self.palette[0])
         if not isinstance(self.name, str):
             raise ModelError(f"a mesh's name must be text; given {shown(self.name)}")
         vertices = _arrays.checked_vertices(self.vertices)
@@ -79,6 +85,10 @@ class Mesh:
                 raise ModelError("polygons may be given only with triangles; these faces have more corners")
             polygons = _arrays.checked_ints(self.polygons, {len(faces)}, "polygons")
         attributes = self._checked_attributes(len(vertices), faces, polygons if is_cut else None)
+        if (self.materials is None) != (attributes["face_material"] is None):
+            raise ModelError("materials and face_material must be given together")
+        if self.uv is None and any(material.texture is not None for material in self.palette):
+            raise ModelError("a mesh with a texture needs texture coordinates, uv")
         vertices, keep = _arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
         if keep is not None:
             polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons
@@ -111,12 +121,23 @@ class Mesh:
             "face_colors": per_triangle(
                 _arrays.checked_colors(self.face_colors, {n_face, n_given}, "face_colors")
             ),
+            "face_material": per_triangle(self._checked_face_material(n_face, n_given)),
             "smoothing": per_triangle(_arrays.checked_ints(self.smoothing, {n_face, n_given}, "smoothing")),
         }
 
+    def _checked_face_material(self, n_face, n_given) -> np.ndarray | None:
+        """Return the indices of materials, checked against their number."""
+        indices = _arrays.checked_ints(self.face_material, {n_face, n_given}, "face_material")
+        n_material = len(self.palette)
+        if indices is not None and not (0 <= indices.min() and indices.max() < n_material):
+            raise ModelError(
+                f"face_material must be within 0..{n_material - 1}; given {indices.min()} to {indices.max()}"
+            )
+        return indices
+
     def __repr__(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
-        extras = ("normals", "colors", "uv", "face_colors", "polygons", "smoothing")
+        extras = ("normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
         given = "".join(f", {key}" for key in extras if getattr(self, key) is not None)
         return f"Mesh({name}{self.n_vertex} vertices, {self.n_face} faces{given})"
 
@@ -139,6 +160,11 @@ class Mesh:
             return cls(source[0], source[1])
         legal = "a Mesh, a trimesh.Trimesh or a pair (vertices, faces); files and trimesh scenes need load()"
         raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
+
+    @property
+    def palette(self) -> tuple[Material, ...]:
+        """The materials that `face_material` numbers: `materials`, or the one material."""
+        return (self.material,) if self.materials is None else self.materials
 
     @property
     def n_vertex(self) -> int:
@@ -234,6 +260,23 @@ def _checked_crease_angle(angle) -> float | None:
     return value
 
 
+def _checked_materials(material, materials) -> tuple[Material, ...] | None:
+    """Return the materials of a mesh whose faces differ, or None where it has one; the two must not contradict each other."""
+    if not isinstance(material, Material):
+        raise SceneError(f"a mesh's material must be a Material; given {shown(material)}")
+    if materials is None:
+        return None
+    try:
+        materials = tuple(materials)
+    except TypeError:
+        materials = ()
+    if not materials or not all(isinstance(each, Material) for each in materials):
+        raise SceneError(f"a mesh's materials must be a sequence of Material, not empty; given {shown(materials)}")
+    if material not in (Material(), materials[0]):
+        raise SceneError("a mesh takes one material, or materials and face_material; given both")
+    return materials
+
+
 def _checked_affine(matrix) -> np.ndarray:
     """Return a 4 × 4 affine matrix as float64."""
     try:
@@ -249,7 +292,7 @@ def _checked_affine(matrix) -> np.ndarray:
 
 def _is_per_face(key: str, array: np.ndarray | None) -> bool:
     """Tell whether an attribute has one entry a face: those of faces, and those of corners."""
-    return array is not None and (key in ("face_colors", "smoothing") or array.ndim == 3)
+    return array is not None and (key in ("face_colors", "smoothing", "face_material") or array.ndim == 3)
 
 
 def _trimesh_extras(source) -> dict[str, object]:
