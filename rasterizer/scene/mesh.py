@@ -41,7 +41,7 @@ class Mesh:
     materials : sequence of Material, where faces differ; `material` is then the first of them. Normals are averaged across
         their borders
     face_material : (n_face,) integers, index into `materials`, one a triangle, or a polygon as given; stored int32. Needed where
-        there are `materials` are given, and only there
+        `materials` are given, and only there
     name : text, for reports
     drop_bad_faces : whether to drop the faces that use vertices whose coordinates are not finite, instead of
         raising an error. Those vertices are then moved onto the first good one, and normals that are not
