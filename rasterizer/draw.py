@@ -16,6 +16,7 @@ from .pipeline.bands import sort_into_bands
 from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
 from .pipeline.clip import clip, extend
+from .pipeline.layers import Opacity, composite, open_layers, resolve_layers, scan_layer, scan_opaque
 from .pipeline.lighting import light_points
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
 from .pipeline.resolve import resolve
@@ -24,10 +25,24 @@ from .pipeline.scan import scan
 from .pipeline.scratch import BenchKind
 from .pipeline.setup import Faces, find_visible
 from .pipeline.shade import shade_interpolated, shade_lit
+from .pipeline.shadow import write_map
+from .pipeline.texture import shade_textured, take_texels
 from .pipeline.transform import transform
 from .plan import choose_band_rows
 
-NO_MATERIAL = np.empty(0, np.uint32)
+
+class FaceTable(NamedTuple):
+    """What is known of every triangle beside its corners; an array that isn't needed has no rows."""
+
+    material: np.ndarray  # (n_face,) uint32
+    shape: np.ndarray  # (n_face, 5) float64: the plane, and how far points are lifted; see pipeline/shadow.py
+
+    def of_parts(self, face):
+        """The table of triangles that are parts of the faces `face`."""
+        return FaceTable(*(rows[face] if len(rows) else rows for rows in self))
+
+
+NO_TABLE = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
 
 
 class Job(NamedTuple):
@@ -39,9 +54,12 @@ class Job(NamedTuple):
     is_culled: bool
     factor: int  # samples a pixel along each axis
     size: tuple  # (width, height) in pixels
-    finish: object  # (bench, n_exact, loaded_face, material, y_start, y_stop) -> samples covered: writes the rows y_start..y_stop
+    shade: object  # (bench, n_exact, table, y_start, n_row): fills bench.radiance for the visible samples
+    finish: object  # (bench, loaded_face, y_start, y_stop) -> samples covered: writes the rows y_start..y_stop
     is_filled: bool  # bands without polygons are written too
-    face_material: np.ndarray  # (n_face,) uint32, or empty where there is one material or none is needed
+    table: FaceTable = NO_TABLE
+    is_textured: bool = False
+    opacity: Opacity | None = None  # None where all is opaque
 
 
 class Counts(NamedTuple):
@@ -61,14 +79,13 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     clock.lap("transform")
 
     polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
-    attributes, loaded_face, n_clipped = job.attributes, np.empty(0, np.uint32), 0
-    material = job.face_material
+    attributes, loaded_face, n_clipped, table = job.attributes, np.empty(0, np.uint32), 0, job.table
     if n_outside:
-        clipped = clip(geometry.positions, *polygons[:2], vertices, screen, geometry.points is geometry.positions)
+        clipped = clip(geometry.positions, *polygons[:2], vertices, screen, geometry.is_shared)
         vertices, loaded_face, n_clipped = clipped.vertices, clipped.face, clipped.n_clipped
         polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[loaded_face])
-        attributes = extend(attributes, clipped) if geometry.points is geometry.positions else attributes
-        material = material[loaded_face] if len(material) else material
+        attributes = extend(attributes, clipped) if geometry.is_shared else attributes
+        table = table.of_parts(loaded_face)
         clock.lap("clip")
 
     width, height = job.size[0] * job.factor, job.size[1] * job.factor
@@ -79,16 +96,21 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
 
     n_attribute = attributes.shape[2]
     n_group = -(-n_attribute // 3) if job.coding.kind != EXACT else 0  # the normals, or the three channels; the albedo
-    kind = BenchKind(width, rows, job.n_channel, n_attribute, n_group, attributes.dtype)
+    is_layered = job.opacity is not None
+    kind = BenchKind(width, rows, job.n_channel, n_attribute, n_group, attributes.dtype, job.is_textured, is_layered)
 
     def draw_band(band):
         faces = bands.face[bands.start[band] : bands.start[band + 1]]
         y_start, y_stop = band * rows, min((band + 1) * rows, height)
         bench = scratch.take(kind, len(faces))
-        _, n_exact = scan(
-            faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, bench.canvas, bench.records
-        )
-        n_covered = job.finish(bench, n_exact, loaded_face, material, y_start, y_stop)
+        if is_layered:
+            peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench)
+        else:
+            _, n_exact = scan(
+                faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, bench.canvas, bench.records
+            )
+            job.shade(bench, n_exact, table, y_start, y_stop - y_start)
+        n_covered = job.finish(bench, loaded_face, y_start, y_stop)
         scratch.give_back(kind, bench)
         return n_covered
 
@@ -100,6 +122,25 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     n_culled = sum(part.n_culled for part in visible)
     n_drawn = sum(len(part.face) for part in visible)
     return Counts(geometry.vertex.shape[1], n_clipped, n_culled, n_drawn, sum(covered), width * height)
+
+
+def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench) -> None:
+    """Draw a band of a scene with transparent surfaces: shade one layer after the other, nearest first, and sum them up."""
+    canvas, layers, n_row = bench.canvas, bench.layers, y_stop - y_start
+    scan_opaque(
+        faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, canvas, bench.records,
+        job.opacity, table.material,
+    )  # fmt: skip
+    open_layers(canvas, layers)
+    is_more = True
+    while is_more:
+        scan_layer(
+            faces, polygons, vertices, y_start, y_stop, bench.block, canvas, layers.floor, job.opacity, table.material
+        )
+        job.shade(bench, len(faces), table, y_start, n_row)
+        is_more = composite(
+            canvas, bench.records, n_row, layers, bench.radiance, bench.texels, job.opacity, table.material
+        )
 
 
 def set_up(polygons, vertices, width, height, job, workers):
@@ -115,63 +156,93 @@ def set_up(polygons, vertices, width, height, job, workers):
         rows = max(job.factor, rows // 2 // job.factor * job.factor)
 
 
-def light(geometry, plan, lighting, screen, is_flat, n_side, workers) -> np.ndarray:
-    """Evaluate the illumination equation at all points: (n_side, n_point, n_channel) intensities, with flipped normals on side 1."""
+def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> np.ndarray:
+    """Evaluate the illumination equation at all points: (n_side, n_point, n_channel) intensities, with flipped normals on side 1.
+
+    `lift` is (n_point,), how far points are lifted where lights cast shadows, else empty.
+    """
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
     starts = geometry.point_offsets[:-1]
-    for mesh, start in enumerate(starts):
-        n = int(geometry.point_offsets[mesh + 1] - start)
+    for material, start in enumerate(starts):
+        n = int(geometry.point_offsets[material + 1] - start)
         for side, out in enumerate(intensities):
             sign = 0 if is_flat else 1 - 2 * side
             workers.map(
-                lambda part, mesh=mesh, start=int(start), sign=sign, out=out: light_points(
-                    geometry.points, geometry.normals, geometry.albedo, start + part[0], start + part[1],
-                    screen, sign, lighting, mesh, make_rows(plan.dtype), out,
+                lambda part, material=material, start=int(start), sign=sign, out=out: light_points(
+                    geometry.points, geometry.normals, geometry.albedo, lift, start + part[0], start + part[1],
+                    screen, sign, lighting, material, make_rows(plan.dtype), out,
                 ),
                 workers.ranges(n),
             )  # fmt: skip
     return intensities
 
 
-def interpolated_job(intensities, plan, coding, options, encoding, picture) -> Job:
+def interpolated_job(intensities, plan, coding, options, encoding, picture, table) -> Job:
     """Flat shading and Gouraud's method: intensities of polygons or vertices are interpolated."""
     level_step = plan.dtype.type(1.0 / plan.level_scale)
 
-    def finish(bench, n_exact, _loaded_face, _material, y_start, y_stop):
-        n_row, factor = y_stop - y_start, options.factor
-        shade_interpolated(
-            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.radiance,
-        )
-        return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
+    def shade(bench, n_exact, table, y_start, n_row):
+        if plan.textures is None:
+            shade_interpolated(
+                bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.radiance,
+            )
+        else:
+            take_texels(bench.canvas, bench.records, y_start, n_row, plan.textures, table.material, bench.texels)
+            shade_textured(bench.canvas, bench.records, y_start, n_row, bench.texels, bench.radiance)
 
-    return _picture_job(intensities, coding, plan, options, encoding, finish, NO_MATERIAL)
+    return _picture_job(intensities, coding, plan, options, encoding, picture, shade, table)
 
 
-def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting, face_material) -> Job:
+def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting, table) -> Job:
     """Phong's method: normals are interpolated and every visible sample is lit."""
 
-    def finish(bench, n_exact, _loaded_face, material, y_start, y_stop):
-        n_row, factor = y_stop - y_start, options.factor
+    def shade(bench, n_exact, table, y_start, n_row):
+        if plan.textures is not None:
+            take_texels(bench.canvas, bench.records, y_start, n_row, plan.textures, table.material, bench.texels)
         shade_lit(
-            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, screen, lighting, material,
-            bench.rows, bench.radiance,
+            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, screen, lighting, table.material, table.shape,
+            bench.texels, bench.rows, bench.radiance,
         )  # fmt: skip
-        return resolve(bench.canvas, bench.radiance, y_start // factor, y_stop // factor, factor, encoding, picture)
 
-    return _picture_job(normals, coding, plan, options, encoding, finish, face_material)
+    return _picture_job(normals, coding, plan, options, encoding, picture, shade, table)
 
 
-def _picture_job(attributes, coding, plan, options, encoding, finish, face_material) -> Job:
+def _picture_job(attributes, coding, plan, options, encoding, picture, shade, table) -> Job:
+    factor = options.factor
+
+    def finish(bench, _loaded_face, y_start, y_stop):
+        rows = y_start // factor, y_stop // factor, factor
+        if plan.opacity is not None:
+            return resolve_layers(bench.canvas, bench.layers, *rows, encoding, picture)
+        return resolve(bench.canvas, bench.radiance, *rows, encoding, picture)
+
     return Job(
-        attributes, coding, plan.n_channel, options.cull == "back", options.factor, options.size, finish,
-        True, face_material,
+        attributes, coding, plan.n_channel, options.cull == "back", factor, options.size, shade, finish, True, table,
+        plan.textures is not None, plan.opacity,
     )  # fmt: skip
 
 
 def buffers_job(normals, coding, options, screen, buffers) -> Job:
     """Exact buffers: one sample a pixel, at its centre, and a record for every polygon."""
 
-    def finish(bench, _n_exact, loaded_face, _material, y_start, y_stop):
+    def finish(bench, loaded_face, y_start, y_stop):
         return write_buffers(bench.canvas, bench.records, loaded_face, y_start, y_stop - y_start, screen, buffers)
 
-    return Job(normals, coding, 0, options.cull == "back", 1, options.size, finish, False, NO_MATERIAL)
+    return Job(normals, coding, 0, options.cull == "back", 1, options.size, _shade_nothing, finish, False)
+
+
+def shadow_job(nothing, coding, screen, texels) -> Job:
+    """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
+    depth = (-coding.depth_offset, -coding.depth_scale)
+    if screen.is_perspective:
+        depth = (coding.inv_w_offset, coding.inv_w_scale)
+
+    def finish(bench, _loaded_face, y_start, y_stop):
+        write_map(bench.canvas, y_start, y_stop - y_start, *depth, texels)
+        return 0
+
+    return Job(nothing, coding, 0, False, 1, texels.shape[::-1], _shade_nothing, finish, True)
+
+
+def _shade_nothing(_bench, _n_exact, _table, _y_start, _n_row) -> None:
+    """For what is drawn without light."""

@@ -2,7 +2,7 @@
 
 In: a `Scene` and the options of a picture. Out: a `Picture` of float64 arrays. It reads in working order:
 
-    view ─ clip ─ snap ─ cover ─ visibility ─ light (reference_light.py) ─ resolve
+    view ─ clip (reference_clip.py) ─ snap ─ cover ─ visibility ─ light (reference_light.py) ─ composite ─ resolve
 
 Letters: n_face loaded triangles; n_piece triangles after clipping, a fan for each face that is cut.
 Screen coordinates are integers in 1/256 px, x to the right, y down; row 0 is the top one:
@@ -19,52 +19,65 @@ import numpy as np
 
 from rasterizer import reference_light as lighting
 from rasterizer.errors import SceneError
-from rasterizer.reference_light import Seen, Stage, Surface, dot
-from rasterizer.scene.camera import Projection, View
+from rasterizer.options import Options
+from rasterizer.reference_clip import SNAP_LIMIT, SUBPIXELS, Pieces, Range, choose_range, clip_to_view, to_eye
+from rasterizer.reference_light import Seen, Stage, Surface
+from rasterizer.scene.camera import Projection
 from rasterizer.scene.color import linear_rgb, srgb_from_linear
 from rasterizer.scene.scene import Scene
 
-SUBPIXELS = 256
-SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
 DEPTH_STEPS = 2**39 - 2**23
-DEPTH_RATIO = 2.0**-20  # smallest near plane that is chosen for a scene, as a part of its far plane
+NOTHING = np.iinfo(np.int64).max  # of the depth buffer
 
 
 class Picture(NamedTuple):
-    """A rendered picture. Depth, face, normal and margin are those of the pixel centres."""
+    """A rendered picture. Depth, face, normal and margin are those of the pixel centres.
+
+    The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have margins
+    too; the least counts. The depth buffer's steps grow with the depth squared in perspective, so these margins are
+    brought to the depth of the nearest surface: as many steps there.
+    """
 
     color: np.ndarray  # (h, w, 3) float64, linear, not clamped, not premultiplied
     alpha: np.ndarray  # (h, w) float64
     rgb: np.ndarray  # (h, w, 3) uint8, sRGB
-    depth: np.ndarray  # (h, w) float64, scene units along the viewing axis, inf where nothing is
-    face: np.ndarray  # (h, w) int32 index into the faces as loaded, -1 where nothing is
-    normal: np.ndarray  # (h, w, 3) float64, unit, towards the viewer, 0 where nothing is
+    depth: np.ndarray  # (h, w) float64, scene units along the viewing axis, inf where nothing is; of the nearest surface
+    face: np.ndarray  # (h, w) int32 index into the faces as loaded, -1 where nothing is; of the nearest surface
+    normal: np.ndarray  # (h, w, 3) float64, unit, towards the viewer, 0 where nothing is; of the nearest surface
     margin: np.ndarray  # (h, w) float64, how much deeper the runner-up lies, inf where there is none
 
 
-class Range(NamedTuple):
-    """The depths of a picture, in scene units along the viewing axis."""
-
-    near: float
-    far: float
-    is_far_given: bool  # only a far plane that somebody asked for cuts anything off
-
-
-class Pieces(NamedTuple):
-    """Triangles after clipping."""
-
-    face: np.ndarray  # (n_piece,) int, ascending
-    position: np.ndarray  # (n_piece, 3, 3) float64 in the eye's frame: right, up, depth
-    weights: np.ndarray  # (n_piece, 3, 3) float64, of each corner on the three corners of its face
-
-
 class Visible(NamedTuple):
-    """What a grid of samples sees."""
+    """The nearest surface that a grid of samples sees, of all or of those that lie behind the layers seen already."""
 
     piece: np.ndarray  # (h, w) int, -1 where nothing is
     weights: np.ndarray  # (h, w, 3) float64, perspective-correct, on the corners of the piece
+    key: np.ndarray  # (h, w) int64, of the depth buffer; NOTHING where nothing is
     depth: np.ndarray  # (h, w) float64, inf where nothing is
     margin: np.ndarray  # (h, w) float64, inf where there is no runner-up
+
+
+class Pass(NamedTuple):
+    """What drawing a grid of samples starts from."""
+
+    pieces: Pieces
+    screen: np.ndarray  # (n_piece, 3, 2) int64, in 1/256 px
+    side: np.ndarray  # (n_piece,) int, +1 or -1, see reference_light.py
+    is_drawn: np.ndarray  # (n_piece,) bool
+    grid: tuple[int, int]  # columns, rows
+    depths: Range
+    is_perspective: bool
+
+
+class Drawn(NamedTuple):
+    """A grid of samples."""
+
+    color: np.ndarray  # (h, w, 3) float64, linear, premultiplied
+    alpha: np.ndarray  # (h, w) float64
+    normal: np.ndarray  # (h, w, 3) float64, of the nearest surface
+    face: np.ndarray  # (h, w) int32, of the nearest surface
+    depth: np.ndarray  # (h, w) float64, of the nearest surface
+    margin: np.ndarray  # (h, w) float64, as in `Picture`
 
 
 def render(
@@ -76,6 +89,9 @@ def render(
     color_range: str = "clamp",
     near: float | None = None,
     far: float | None = None,
+    *,
+    exposure: float = 0.0,
+    spectral: int | None = None,
 ) -> Picture:
     """Render a scene slowly, and as exactly as float64 allows.
 
@@ -88,6 +104,8 @@ def render(
     cull : "none", or "back" to leave out faces whose winding is clockwise as the viewer sees it
     color_range : "clamp", "global" or "local": what becomes of values above 1 in `Picture.rgb`
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
+    exposure : stops by which all light is multiplied, 2^exposure; not the background
+    spectral : samples of 380..780 nm, or None: 81 where a light or material has a spectrum, else RGB alone
 
     Returns
     -------
@@ -97,26 +115,27 @@ def render(
     ------
     SceneError : an option is not legal
     """
-    _check_options(size, shading, samples, cull, color_range)
+    _check_options(shading, samples, cull, color_range)
+    Options(exposure=exposure, spectral=spectral)  # refuses what isn't legal
     camera = scene.camera_for(size)
     near, far = (camera.near if near is None else near), (camera.far if far is None else far)
     shading = "flat" if shading == "lambert" else shading
-    surface, materials = lighting.gather(scene), lighting.read_materials(scene)
+    surface = lighting.gather(scene, shading)
 
-    def look(per_axis):
+    def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis
-        stage = Stage(camera.view(), camera.projection(grid), materials, scene.lights, shading)
+        stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral)
         return _draw(surface, stage, grid, cull, near, far)
 
     per_axis = round(samples**0.5)
-    color, normal, face, visible = look(1)
-    fine_color, _, fine_face, _ = look(per_axis) if per_axis > 1 else (color, normal, face, visible)
-    color, alpha = _resolve(fine_color, fine_face >= 0, per_axis, scene.background)
+    centres = look(1)
+    fine = look(per_axis) if per_axis > 1 else centres
+    color, alpha = _resolve(fine.color * 2.0**exposure, fine.alpha, per_axis, scene.background)
     rgb = _encode(color, color_range)
-    return Picture(color, alpha, rgb, visible.depth, face, normal, visible.margin)
+    return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin)
 
 
-def _check_options(size, shading, samples, cull, color_range) -> None:
+def _check_options(shading, samples, cull, color_range) -> None:
     """Refuse what the other functions of this file do not know."""
     shadings = ("flat", "lambert", "gouraud", "phong")
     for name, given, legal in (
@@ -129,117 +148,68 @@ def _check_options(size, shading, samples, cull, color_range) -> None:
             raise SceneError(f"{name} is {given!r}, legal are {', '.join(map(repr, legal))}")
 
 
-def _draw(surface: Surface, stage: Stage, grid, cull, near, far):
-    """Draw a surface on a grid of (columns, rows) samples; return colour, normal, face and the `Visible`."""
-    position = _to_eye(surface.corners, stage.view)
-    depths = _choose_range(position[..., 2], stage.projection.is_perspective, near, far)
-    pieces = _clip_to_view(position, stage.projection, depths)
+def _draw(surface: Surface, stage: Stage, grid, cull, near, far) -> Drawn:
+    """Draw a surface on a grid of (columns, rows) samples."""
+    position = to_eye(surface.corners, stage.view)
+    depths = choose_range(position[..., 2], stage.projection.is_perspective, near, far)
+    pieces = clip_to_view(position, stage.projection, depths)
     screen = _snap(pieces.position, stage.projection)
     facing = -np.sign(_doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if cull == "back" else facing != 0
-    visible = _find_visible(screen, pieces, is_drawn, grid, depths, stage.projection.is_perspective)
+    side = lighting.find_sides(surface, pieces.face, facing)
+    return _composite(surface, stage, Pass(pieces, screen, side, is_drawn, grid, depths, stage.projection.is_perspective))
+
+
+def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
+    """Put the layers of surfaces that each sample sees on each other, the nearest first, until one lets nothing through.
+
+    Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA, "Interactive
+    order-independent transparency", for a picture of the next layer behind the one before.
+    """
+    shape = job.grid[1], job.grid[0]
+    color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
+    nearest = visible = _find_visible(job)
+    seen = _see(visible, job)
+    layer, normal, opacity = lighting.light_samples(surface, seen, shape, stage)
+    face = np.full(shape, -1, np.int32)
+    face[seen.rows, seen.columns] = seen.face
+    while len(seen.face):
+        at = visible.piece >= 0
+        growth = (nearest.depth[at] / visible.depth[at]) ** 2 if job.is_perspective else 1.0
+        margin[at] = np.minimum(margin[at], visible.margin[at] * growth)
+        color += (through * opacity)[..., None] * layer
+        through *= 1.0 - opacity
+        is_open = at & (through > 0)
+        if not is_open.any():
+            break
+        visible = _find_visible(job, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
+        seen = _see(visible, job)
+        layer, _, opacity = lighting.light_samples(surface, seen, shape, stage)
+    return Drawn(color, 1.0 - through, normal, face, nearest.depth, margin)
+
+
+def _see(visible: Visible, job: Pass) -> Seen:
+    """List the samples that see something, and what."""
     rows, columns = at = np.nonzero(visible.piece >= 0)
-    piece = visible.piece[at]
-    face_weights = np.einsum("sp,spf->sf", visible.weights[at], pieces.weights[piece])
-    side = lighting.find_sides(surface, pieces.face, facing)[piece]
-    seen = Seen(rows, columns, pieces.face[piece], side, face_weights, visible.depth[at])
-    face = np.full(visible.piece.shape, -1, np.int32)
-    face[at] = seen.face
-    return *lighting.light_samples(surface, seen, face.shape, stage), face, visible
+    piece, weights = visible.piece[at], visible.weights[at]
+    face_weights = np.einsum("sp,spf->sf", weights, job.pieces.weights[piece])
+    steps = _weight_steps(piece, face_weights, visible.depth[at], job)
+    return Seen(rows, columns, job.pieces.face[piece], job.side[piece], face_weights, visible.depth[at], steps)
 
 
-# ── view and clip ─────────────────────────────────────────────────────────────────────────────────────────
+def _weight_steps(piece, face_weights, depth, job: Pass) -> np.ndarray:
+    """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right, and down.
 
-
-def _to_eye(points: np.ndarray, view: View) -> np.ndarray:
-    """Express world points (..., 3) in the eye's frame: right, up, depth along the viewing axis."""
-    r = points - view.eye
-    return np.stack([dot(r, axis) for axis in (view.right, view.up, view.forward)], axis=-1)
-
-
-def _choose_range(depth, is_perspective: bool, near, far) -> Range:
-    """Fit near and far to the depths of the corners where they are not given."""
-    depth = depth[np.isfinite(depth)]
-    deepest = depth.max(initial=-np.inf)
-    if near is None:
-        least = max(deepest * DEPTH_RATIO, np.finfo(np.float64).tiny) if is_perspective else 0.0
-        near = max(depth.min(initial=np.inf), least)
-    elif is_perspective and near <= 0:
-        raise SceneError(f"near is {near}, legal in a perspective view is > 0")
-    elif far is not None and near >= far:
-        raise SceneError(f"near is {near} and far is {far}, legal is near < far")
-    return Range(near, deepest if far is None else far, far is not None)
-
-
-def _clip_to_view(position, projection: Projection, depths: Range) -> Pieces:
-    """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen."""
-    face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
-    corner_weights = np.broadcast_to(np.eye(3), (len(face), 3, 3))
-    polygons = np.concatenate([position[face], corner_weights], axis=-1)
-    planes = [(0.0, 0.0, 1.0, -depths.near)]
-    if depths.is_far_given:
-        planes.append((0.0, 0.0, -1.0, depths.far))
-    face, polygons = _clip(face, polygons, planes)
-    face, polygons = _clip(face, polygons, _screen_planes(projection))
-    return Pieces(face, polygons[..., :3], polygons[..., 3:])
-
-
-def _screen_planes(projection: Projection) -> list[tuple[float, float, float, float]]:
-    """Return the planes |x_px|, |y_px| = 2^20 as (a, b, c, d), with a right + b up + c depth + d >= 0 inside.
-
-    x_px <= limit says center_x + scale_x right / w <= limit, so (limit - center_x) w - scale_x right >= 0, as
-    w > 0: w is the depth in a perspective view and 1 in an orthographic one. Likewise for the other three.
+    The affine weight of the corner that faces the edge a→b is its edge function over the doubled area, with the slopes -(b - a).y
+    and (b - a).x. A weight W on the face is Σ q W_k / Σ q, with q the affine weights over the depths of the piece's corners, so
+    dW = (Σ dq W_k - W Σ dq) / Σ q, and Σ q is 1/depth (in an orthographic view q are the affine weights, and Σ q is 1).
     """
-    limit = SNAP_LIMIT / SUBPIXELS
-    planes = []
-    for sign in (1.0, -1.0):
-        x_room, y_room = limit - sign * projection.center_x, limit - sign * projection.center_y
-        x_slope, y_slope = -sign * projection.scale_x, sign * projection.scale_y
-        for right, up, room in ((x_slope, 0.0, x_room), (0.0, y_slope, y_room)):
-            planes.append((right, up, room, 0.0) if projection.is_perspective else (right, up, 0.0, room))
-    return planes
-
-
-def _clip(face, triangles, planes):
-    """Clip triangles (n, 3, 6) at planes; return the fans of what is left and their faces, in order."""
-    distances = np.stack([_plane_distance(triangles, plane) for plane in planes], axis=-1)
-    is_kept = (distances >= 0).all(axis=(1, 2))
-    is_cut = ~is_kept & (distances >= 0).any(axis=1).all(axis=1)
-    source, fans = [np.flatnonzero(is_kept)], [triangles[is_kept]]
-    for triangle_idx in np.flatnonzero(is_cut):
-        polygon = triangles[triangle_idx]
-        for plane in planes:
-            polygon = _clip_polygon(polygon, plane)
-        for last in range(2, len(polygon)):
-            source.append([triangle_idx])
-            fans.append(polygon[None, [0, last - 1, last]])
-    source = np.concatenate(source)
-    order = np.argsort(source, kind="stable")
-    return face[source[order]], np.concatenate(fans)[order]
-
-
-def _clip_polygon(polygon: np.ndarray, plane) -> np.ndarray:
-    """Clip a convex polygon (k, 6) at a plane; the last three columns go along.
-
-    A new vertex is computed from the inside vertex to the outside one: both faces of an edge get the same.
-    Source: Sutherland & Hodgman 1974, Comm. ACM 17(1), 32-42.
-    """
-    distances = _plane_distance(polygon, plane)
-    kept = []
-    for here in range(len(polygon)):
-        after = (here + 1) % len(polygon)
-        if distances[here] >= 0:
-            kept.append(polygon[here])
-        if (distances[here] >= 0) != (distances[after] >= 0):
-            inside, outside = (here, after) if distances[here] >= 0 else (after, here)
-            t = distances[inside] / (distances[inside] - distances[outside])
-            kept.append(polygon[inside] + t * (polygon[outside] - polygon[inside]))
-    return np.array(kept).reshape(-1, polygon.shape[1])
-
-
-def _plane_distance(points, plane) -> np.ndarray:
-    """Return how far inside a plane points lie; their first three columns are right, up, depth."""
-    return dot(points, np.array(plane[:3])) + plane[3]
+    screen, corner_weights = job.screen[piece], job.pieces.weights[piece]
+    along = np.roll(screen, -2, axis=1) - np.roll(screen, -1, axis=1)  # b - a, for the edge that faces each corner
+    slopes = np.stack([-along[..., 1], along[..., 0]], axis=1) * SUBPIXELS / _doubled_area(screen)[:, None, None]
+    if job.is_perspective:
+        slopes = slopes / job.pieces.position[piece, :, 2][:, None, :] * depth[:, None, None]
+    return slopes @ corner_weights - slopes.sum(axis=2, keepdims=True) * face_weights[:, None, :]
 
 
 # ── snap and cover ────────────────────────────────────────────────────────────────────────────────────────
@@ -315,28 +285,35 @@ def _doubled_area(triangles) -> np.ndarray:
 # ── visibility ────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def _find_visible(screen, pieces: Pieces, is_drawn, grid, depths: Range, is_perspective: bool) -> Visible:
-    """Find the nearest piece at every sample; of equally near ones the first, which has the lowest face."""
-    shape = grid[1], grid[0]
-    z_first, z_second = np.full((2, *shape), np.iinfo(np.int64).max)
+def _find_visible(job: Pass, before: Visible | None = None) -> Visible:
+    """Find the nearest piece at every sample; of equally near ones the first, which has the lowest face.
+
+    Of the pieces `before`, and whatever lies in front of them, nothing is seen any more.
+    """
+    shape = job.grid[1], job.grid[0]
+    key_first, key_second = np.full((2, *shape), NOTHING)
     depth_first, depth_second = np.full((2, *shape), np.inf)
     winner, weights = np.full(shape, -1), np.zeros((*shape, 3))
-    for piece_idx in np.flatnonzero(is_drawn):
-        rows, columns, affine = _cover(screen[piece_idx], *grid)
-        corner_depths = pieces.position[piece_idx, :, 2]
-        z, depth, piece_weights = _interpolate(affine, corner_depths, depths, is_perspective)
-        wins = z < z_first[rows, columns]
+    for piece_idx in np.flatnonzero(job.is_drawn):
+        rows, columns, affine = _cover(job.screen[piece_idx], *job.grid)
+        corner_depths = job.pieces.position[piece_idx, :, 2]
+        key, depth, piece_weights = _interpolate(affine, corner_depths, job.depths, job.is_perspective)
+        is_behind = np.ones(len(key), bool)
+        if before is not None:
+            last = before.key[rows, columns]
+            is_behind = (key > last) | ((key == last) & (piece_idx > before.piece[rows, columns]))
+        wins = is_behind & (key < key_first[rows, columns])
         at = rows[wins], columns[wins]
-        z_second[at], depth_second[at] = z_first[at], depth_first[at]
-        z_first[at], depth_first[at] = z[wins], depth[wins]
+        key_second[at], depth_second[at] = key_first[at], depth_first[at]
+        key_first[at], depth_first[at] = key[wins], depth[wins]
         winner[at], weights[at] = piece_idx, piece_weights[wins]
-        follows = ~wins & (z < z_second[rows, columns])
+        follows = is_behind & ~wins & (key < key_second[rows, columns])
         at = rows[follows], columns[follows]
-        z_second[at], depth_second[at] = z[follows], depth[follows]
+        key_second[at], depth_second[at] = key[follows], depth[follows]
     margin = np.full(shape, np.inf)
     has_second = np.isfinite(depth_second)
     margin[has_second] = np.abs(depth_second[has_second] - depth_first[has_second])
-    return Visible(winner, weights, depth_first, margin)
+    return Visible(winner, weights, key_first, depth_first, margin)
 
 
 def _interpolate(affine, corner_depths, depths: Range, is_perspective: bool):
@@ -360,12 +337,14 @@ def _interpolate(affine, corner_depths, depths: Range, is_perspective: bool):
 # ── resolve ───────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def _resolve(color, is_covered, per_axis: int, background):
-    """Average blocks of per_axis² samples; return colour (h, w, 3) and alpha (h, w), over any background."""
-    height, width = is_covered.shape[0] // per_axis, is_covered.shape[1] // per_axis
-    n_covered = is_covered.reshape(height, per_axis, width, per_axis).sum(axis=(1, 3))
+def _resolve(color, alpha, per_axis: int, background):
+    """Average blocks of per_axis² samples, their colour premultiplied; return straight colour (h, w, 3), 0 where nothing is, and
+    alpha (h, w), over any background.
+    """
+    height, width = alpha.shape[0] // per_axis, alpha.shape[1] // per_axis
+    total_alpha = alpha.reshape(height, per_axis, width, per_axis).sum(axis=(1, 3))
     total = color.reshape(height, per_axis, width, per_axis, 3).sum(axis=(1, 3))
-    color, alpha = total / np.maximum(n_covered, 1)[..., None], n_covered / per_axis**2
+    color, alpha = total / np.where(total_alpha > 0, total_alpha, 1)[..., None], total_alpha / per_axis**2
     if background is None:
         return color, alpha
     opaque = alpha[..., None]

@@ -1,25 +1,39 @@
 """The lighting half of the judge: what the faces of a scene look like at any sample, in plain numpy float64.
 
 In: the faces of a scene corner by corner (`Surface`) and what each sample of a picture sees (`Seen`).
-Out: the linear colour and the shading normal of every sample. Everything happens in world space.
+Out: the linear colour, the opacity and the shading normal of every sample. Everything happens in world space.
 
-Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V.
-The *side* of a face is +1 where its shading normals look to the viewer and -1 where they must be turned.
+    reference_lamp        what arrives from a light at a point       reference_texture   what a texture shows at a sample
+    reference_shadow      whether it arrives                         reference_reflection   what goes on to the viewer
+
+Light is split into what the surface's colours multiply, the *matte* part (ambient and diffuse), and the *rest* (emissive and the
+highlights): intensity = texel·matte + rest, with the texel of the very sample in all methods of shading.
+With spectra the equation is evaluated for each wavelength; both parts then become RGB, and vertex colours and textures,
+which are RGB and no spectra, multiply the matte part's RGB.
+
+Letters: N normal, L to the light, V to the viewer. The *side* of a face is +1 where its shading normals look to the viewer and
+-1 where they must be turned.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.errors import SceneError
+from rasterizer.reference_lamp import place_lamps, shine
+from rasterizer.reference_reflection import reflect as _reflect
+from rasterizer.reference_shadow import NO_OWNER, Casters, gather_casters, reaches
+from rasterizer.reference_texture import look_up
+from rasterizer.reference_vectors import area_vectors, blend, dot, length, unit
 from rasterizer.scene.camera import Projection, View
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
+from rasterizer.scene.lights import AmbientLight
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.normals import split_creases
 from rasterizer.scene.scene import Scene
+from rasterizer.scene.spectrum import rgb_of, samples_of
 
 DEFAULT_CREASE_ANGLE = 30.0
 CHUNK = 2**16  # samples lit at a time: bounds the memory of a supersampled picture
+N_WAVE = 81  # samples of the spectrum where a scene has spectra and nobody chose
 
 
 class Surface(NamedTuple):
@@ -30,6 +44,7 @@ class Surface(NamedTuple):
     albedo: np.ndarray  # (n_face, 3, 3) float64, linear RGB that multiplies ka and kd
     polygon: np.ndarray  # (n_face,) int, polygon that the triangle came from
     material: np.ndarray  # (n_face,) int, row of the table of materials
+    uv: np.ndarray | None = None  # (n_face, 3, 2) float64, texture coordinates; None without any texture
 
 
 class Stage(NamedTuple):
@@ -37,9 +52,12 @@ class Stage(NamedTuple):
 
     view: View
     projection: Projection
-    materials: np.ndarray  # (n_mesh,) records: ambient, diffuse, specular, emissive (3,), and the numbers and words of the model
+    materials: np.ndarray  # (n_material,) records of `read_materials`
     lights: tuple
     shading: str
+    textures: tuple = ()  # Texture or None of each material; empty where no face has one
+    casters: Casters | None = None  # None where no light casts shadows
+    n_wave: int | None = None  # samples of the spectrum; None = red, green and blue
 
 
 class Seen(NamedTuple):
@@ -51,22 +69,70 @@ class Seen(NamedTuple):
     side: np.ndarray  # (n_sample,) int, +1 or -1
     weights: np.ndarray  # (n_sample, 3) float64, perspective-correct, on the corners of the face
     depth: np.ndarray  # (n_sample,) float64
+    steps: np.ndarray | None = None  # (n_sample, 2, 3) float64, change of the weights by one sample to the right, and down
+
+
+class Start(NamedTuple):
+    """Where the rays to the lights start."""
+
+    points: np.ndarray  # (n, 3) float64, world
+    owner: np.ndarray  # (n,) int, see `Casters`
 
 
 # ── gather ────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def gather(scene: Scene) -> Surface:
-    """Lay out the faces of all meshes of a scene corner by corner."""
-    parts, n_polygon = [], 0
-    for mesh_idx, mesh in enumerate(scene.meshes):
+def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection, shading: str, spectral) -> Stage:
+    """Gather what lighting needs, for one grid of samples; `spectral` is the number of wavelengths asked for, or None."""
+    palette = palette_of(scene)
+    n_wave = count_waves(scene, spectral)
+    textures = tuple(material.texture for material in palette)
+    casters = None
+    if any(getattr(light, "shadow", None) is not None for light in scene.lights):
+        is_opaque = np.array([material.is_opaque for material in palette])[surface.material]
+        owner = surface.polygon if shading == "flat" else np.arange(len(surface.corners))
+        casters = gather_casters(surface.corners, owner, is_opaque)
+    has_texture = any(texture is not None for texture in textures)
+    table = read_materials(scene, n_wave)
+    return Stage(view, projection, table, scene.lights, shading, textures if has_texture else (), casters, n_wave)
+
+
+def palette_of(scene: Scene) -> list:
+    """Return the materials of all meshes, one palette after the other: `Surface.material` counts them through."""
+    return [material for mesh in scene.meshes for material in mesh.palette]
+
+
+def count_waves(scene: Scene, spectral: int | None) -> int | None:
+    """Return the number of wavelengths: as asked for, else 81 where a colour is a spectrum, else None for RGB."""
+    colors = [light.color for light in scene.lights]
+    for material in palette_of(scene):
+        colors += [material.ambient, material.diffuse, material.specular, material.emissive]
+    has_spectrum = any(hasattr(color, "wavelengths") for color in colors)
+    return N_WAVE if spectral is None and has_spectrum else spectral
+
+
+def gather(scene: Scene, shading: str = "phong") -> Surface:
+    """Lay out the faces of all meshes of a scene corner by corner.
+
+    In flat shading a polygon has one material, that of its first triangle.
+    """
+    parts, n_polygon, n_material = [], 0, 0
+    has_texture = any(material.texture is not None for material in palette_of(scene))
+    for mesh in scene.meshes:
         polygon = np.arange(mesh.n_face) if mesh.polygons is None else np.asarray(mesh.polygons, np.int64)
-        material = np.full(mesh.n_face, mesh_idx)
-        corners = mesh.vertices[mesh.faces]
-        normals, albedo = _corner_normals(mesh), _corner_albedo(mesh)
-        parts.append(Surface(corners, normals, albedo, polygon + n_polygon, material))
+        material = np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
+        if shading == "flat":
+            _, first, number = np.unique(polygon, return_index=True, return_inverse=True)
+            material = material[first][number]
+        uv = _corner_uv(mesh) if has_texture else None
+        attributes = _corner_normals(mesh), _corner_albedo(mesh)
+        parts.append(
+            Surface(mesh.vertices[mesh.faces], *attributes, polygon + n_polygon, material + n_material, uv)
+        )
         n_polygon += int(polygon.max()) + 1
-    return Surface(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        n_material += len(mesh.palette)
+    columns = list(zip(*parts, strict=True))
+    return Surface(*(np.concatenate(column) for column in columns[:-1]), np.concatenate(columns[-1]) if has_texture else None)
 
 
 def _corner_normals(mesh: Mesh) -> np.ndarray:
@@ -88,19 +154,33 @@ def _corner_albedo(mesh: Mesh) -> np.ndarray:
     return np.ones((mesh.n_face, 3, 3))
 
 
-def read_materials(scene: Scene) -> np.ndarray:
-    """Return one record of reflection coefficients a mesh."""
-    rgb = [(name, np.float64, 3) for name in ("ambient", "diffuse", "specular", "emissive")]
-    numbers = [(name, np.float64) for name in ("shininess", "roughness", "levels")]
+def _corner_uv(mesh: Mesh) -> np.ndarray:
+    """Return the (n_face, 3, 2) texture coordinates of the corners, 0 where the mesh has none."""
+    if mesh.uv is None:
+        return np.zeros((mesh.n_face, 3, 2))
+    return mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
+
+
+def read_materials(scene: Scene, n_wave: int | None = None) -> np.ndarray:
+    """Return one record of reflection coefficients for each material of `palette_of`; colours have `n_wave` values, or three."""
+    palette = palette_of(scene)
+    colors = [(name, np.float64, 3 if n_wave is None else n_wave) for name in ("ambient", "diffuse", "specular", "emissive")]
+    numbers = [(name, np.float64) for name in ("shininess", "roughness", "levels", "opacity")]
     words = [("reflection", "U16"), ("distribution", "U16"), ("normalized", bool)]
-    table = np.zeros(len(scene.meshes), [*rgb, *numbers, *words, ("fresnel", np.float64)])
-    for row, mesh in zip(table, scene.meshes, strict=True):
-        for name in ("diffuse", "specular", "emissive", *(name for name, _ in numbers + words)):
-            row[name] = getattr(mesh.material, name)
-        row["ambient"] = mesh.material.diffuse if mesh.material.ambient is None else mesh.material.ambient
-        absent = 0.04 if mesh.material.reflection == "cook-torrance" else 1.0
-        row["fresnel"] = absent if mesh.material.fresnel is None else mesh.material.fresnel
+    table = np.zeros(len(palette), [*colors, *numbers, *words, ("fresnel", np.float64)])
+    for row, material in zip(table, palette, strict=True):
+        for name, *_ in colors:
+            row[name] = channels_of(getattr(material, name), n_wave)
+        for name, _ in numbers + words:
+            row[name] = getattr(material, name)
+        absent = 0.04 if material.reflection == "cook-torrance" else 1.0
+        row["fresnel"] = absent if material.fresnel is None else material.fresnel
     return table
+
+
+def channels_of(color, n_wave: int | None) -> np.ndarray:
+    """Return a colour as red, green and blue (3,), or as samples of its spectrum (n_wave,)."""
+    return np.array(color, np.float64) if n_wave is None else samples_of(color, n_wave)
 
 
 # ── where the equation is evaluated ───────────────────────────────────────────────────────────────────────
@@ -119,32 +199,65 @@ def find_sides(surface: Surface, face, facing) -> np.ndarray:
     -------
     (n,) int, +1 or -1
     """
-    agreement = dot(surface.normals[face].sum(axis=1), _area_vectors(surface.corners[face]))
+    agreement = dot(surface.normals[face].sum(axis=1), area_vectors(surface.corners[face]))
     return np.where(agreement >= 0, facing, -facing)
 
 
 def light_samples(surface: Surface, seen: Seen, shape, stage: Stage):
-    """Return the linear colour and the shading normal of every sample, (h, w, 3) each; 0 where nothing is.
+    """Light the samples that see a surface.
 
     Gouraud intensities are interpolated, so their normal is reported and not used.
+
+    Parameters
+    ----------
+    surface : all faces
+    seen : the samples, at most one for each place
+    shape : (rows, columns) of the grid of samples
+    stage : all else
+
+    Returns
+    -------
+    color : (h, w, 3) float64, linear; 0 where nothing is, as all of them
+    normal : (h, w, 3) float64, unit
+    opacity : (h, w) float64
+
     Sources: Gouraud 1971, IEEE Trans. Computers C-20(6), 623-629; Phong 1975, Comm. ACM 18(6), 311-317.
     """
-    color, normal = np.zeros((2, *shape, 3))
-    by_polygon = _light_polygons(surface, stage) if stage.shading == "flat" else None
-    for start in range(0, len(seen.face), CHUNK):
-        part = Seen(*(column[start : start + CHUNK] for column in seen))
+    color, normal, opacity = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
+    methods = {"flat": _light_polygons, "gouraud": _interpolate_corner_light, "phong": _light_points}
+    step = CHUNK * 3 // (stage.n_wave or 3)
+    for start in range(0, len(seen.face), step):
+        part = Seen(*(None if column is None else column[start : start + step] for column in seen))
         at = part.rows, part.columns
-        if stage.shading == "flat":
-            color[at], normal[at] = (values[surface.polygon[part.face]] for values in by_polygon)
-            continue
-        normal[at] = _unit(_blend(part.weights, surface.normals[part.face])) * part.side[:, None]
-        light = _interpolate_corner_light if stage.shading == "gouraud" else _light_points
-        color[at] = light(surface, part, normal[at], stage)
-    return color, normal
+        matte, rest, normal[at] = methods[stage.shading](surface, part, stage)
+        texels = _find_texels(surface, part, stage)
+        color[at] = texels[:, :3] * matte + rest
+        opacity[at] = stage.materials["opacity"][surface.material[part.face]] * texels[:, 3]
+    return color, normal, opacity
 
 
-def _light_polygons(surface: Surface, stage: Stage):
-    """Light each polygon once, at its centroid; return intensities and normals, (n_polygon, 3) each.
+def _find_texels(surface: Surface, part: Seen, stage: Stage) -> np.ndarray:
+    """Return what the textures show at samples, (n, 4); 1 where a surface has none."""
+    texels = np.ones((len(part.face), 4))
+    if not stage.textures:
+        return texels
+    material = surface.material[part.face]
+    for number in np.unique(material):
+        if stage.textures[number] is not None:
+            at = material == number
+            corners = surface.uv[part.face[at]]
+            uv, steps = blend(part.weights[at], corners), part.steps[at] @ corners
+            texels[at] = look_up(stage.textures[number], uv, steps)
+    return texels
+
+
+def _sample_normals(surface: Surface, part: Seen) -> np.ndarray:
+    """Return the unit normals (n, 3) at samples, towards the viewer."""
+    return unit(blend(part.weights, surface.normals[part.face])) * part.side[:, None]
+
+
+def _light_polygons(surface: Surface, part: Seen, stage: Stage):
+    """Light each polygon that is seen once, at its centroid; return both parts of the light and the normals, (n, 3) each.
 
     The normal is Newell's: the sum of the area vectors of the polygon's triangles.
     Source: Sutherland, Sproull & Schumacker 1974, ACM Computing Surveys 6(1), 1-55.
@@ -156,34 +269,48 @@ def _light_polygons(surface: Surface, stage: Stage):
         np.add.at(total, surface.polygon, values)
         return total
 
-    area_vectors = _area_vectors(surface.corners)
-    areas = _length(area_vectors)
-    total_area, n_triangle = add_up(areas), add_up(np.ones_like(areas))
-    centroids = add_up(areas * surface.corners.mean(axis=1)) / np.where(total_area > 0, total_area, 1)
-    albedo = add_up(surface.albedo.mean(axis=1)) / np.maximum(n_triangle, 1)
-    normals = _unit(add_up(area_vectors))
+    polygon, sample_seen = np.unique(surface.polygon[part.face], return_inverse=True)
+    vectors = area_vectors(surface.corners)
+    areas = length(vectors)
+    total_area, n_triangle = add_up(areas)[polygon], add_up(np.ones_like(areas))[polygon]
+    centroids = add_up(areas * surface.corners.mean(axis=1))[polygon] / np.where(total_area > 0, total_area, 1)
+    albedo = add_up(surface.albedo.mean(axis=1))[polygon] / n_triangle
+    normals = unit(add_up(vectors)[polygon])
     normals[dot(normals, _to_viewer(centroids, stage)) < 0] *= -1
     material = np.zeros(n_polygon, np.int64)
     material[surface.polygon] = surface.material
-    return _illuminate(centroids, normals, albedo, material, stage), normals
+    matte, rest = light_points(centroids, normals, material[polygon], stage, Start(centroids, polygon))
+    return (albedo * matte)[sample_seen], rest[sample_seen], normals[sample_seen]
 
 
-def _interpolate_corner_light(surface: Surface, part: Seen, _normals, stage: Stage) -> np.ndarray:
-    """Light the corners of faces on the sides that are seen; interpolate within the range of the three."""
+def _interpolate_corner_light(surface: Surface, part: Seen, stage: Stage):
+    """Light the corners of faces on the sides that are seen, each with its face's material; interpolate both parts of the light
+    within the range of the three corners. Return them and the normals, (n, 3) each.
+    """
     seen_sides, sample_seen = np.unique(2 * part.face + (part.side > 0), return_inverse=True)
     face, side = seen_sides // 2, 2 * (seen_sides % 2) - 1
     normals = surface.normals[face] * side[:, None, None]
-    corners = [values.reshape(-1, 3) for values in (surface.corners[face], normals, surface.albedo[face])]
-    corner_light = _illuminate(*corners, np.repeat(surface.material[face], 3), stage).reshape(-1, 3, 3)
-    corner_light = corner_light[sample_seen]
-    return np.clip(_blend(part.weights, corner_light), corner_light.min(axis=1), corner_light.max(axis=1))
+    corners, normals, albedo = (values.reshape(-1, 3) for values in (surface.corners[face], normals, surface.albedo[face]))
+    material, owner = np.repeat(surface.material[face], 3), np.full(len(corners), NO_OWNER)
+    matte, rest = light_points(corners, normals, material, stage, Start(corners, owner))
+    lights = []
+    for corner_light in (albedo * matte, rest):
+        corner_light = corner_light.reshape(-1, 3, 3)[sample_seen]
+        lights.append(np.clip(blend(part.weights, corner_light), corner_light.min(axis=1), corner_light.max(axis=1)))
+    return *lights, _sample_normals(surface, part)
 
 
-def _light_points(surface: Surface, part: Seen, normals, stage: Stage) -> np.ndarray:
-    """Light the points that the samples see, with their own normals."""
-    points = _sample_points(part, stage)
-    albedo = _blend(part.weights, surface.albedo[part.face])
-    return _illuminate(points, normals, albedo, surface.material[part.face], stage)
+def _light_points(surface: Surface, part: Seen, stage: Stage):
+    """Light the points that the samples see; return both parts of the light and the normals, (n, 3) each.
+
+    The rays to the lights start on the face itself: the rounding of its vertices on the screen may put the sample's point a
+    little beside it, and so behind the face next to it.
+    """
+    points, normals = _sample_points(part, stage), _sample_normals(surface, part)
+    albedo = blend(part.weights, surface.albedo[part.face])
+    start = Start(blend(part.weights, surface.corners[part.face]), part.face)
+    matte, rest = light_points(points, normals, surface.material[part.face], stage, start)
+    return albedo * matte, rest, normals
 
 
 def _sample_points(part: Seen, stage: Stage) -> np.ndarray:
@@ -199,197 +326,59 @@ def _sample_points(part: Seen, stage: Stage) -> np.ndarray:
 
 
 def _illuminate(points, normals, albedo, material, stage: Stage) -> np.ndarray:
-    """Evaluate the illumination equation at points (n, 3); return (n, 3) intensities, linear.
+    """Evaluate the illumination equation at points (n, 3) without textures or shadows; return (n, 3) intensities, linear."""
+    matte, rest = light_points(points, normals, material, stage)
+    return albedo * matte + rest
 
-    I = ke + ka Ia + sum over the lights of f_att Ip lit (kd D + ks S), per channel, with D and S as `_reflect` finds
-    them; lit means N.L > 0: no highlight from a light behind the surface.
+
+def light_points(points, normals, material, stage: Stage, start: Start | None = None):
+    """Evaluate the illumination equation.
+
+    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a kd D + ks F), per channel, with D and F as `reflect` finds
+    them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's colour; S is 0 in shadow, else 1.
+
+    Parameters
+    ----------
+    points : (n, 3) float64, world
+    normals : (n, 3) float64, unit
+    material : (n,) int, rows of the table of materials
+    stage : all else
+    start : where rays to the lights start; None = nothing lies in shadow
+
+    Returns
+    -------
+    matte : (n, 3) float64, linear RGB: what a multiplies
+    rest : (n, 3) float64, linear RGB
     """
     table = stage.materials[material]
-    diffuse, specular = albedo * table["diffuse"], table["specular"]
     to_viewer = _to_viewer(points, stage)
-    intensity = table["emissive"].copy()
-    for light in _point_by_point(stage.lights):
+    matte, rest = np.zeros_like(table["diffuse"]), table["emissive"].copy()
+    for light in stage.lights:
         if isinstance(light, AmbientLight):
-            intensity += albedo * table["ambient"] * np.array(light.color)
-            continue
-        light_dirs, strength = _light_at(light, points, stage.view)
-        n_dot_l = dot(normals, light_dirs)[:, None]
-        matte, highlight = _reflect(table, normals, light_dirs, to_viewer)
+            matte += table["ambient"] * channels_of(light.color, stage.n_wave)
+    for lamp in place_lamps(stage.lights, stage.view, lambda color: channels_of(color, stage.n_wave)):
+        light_dirs, strength = shine(lamp, points)
+        is_lit = dot(normals, light_dirs) > 0
+        if start is not None and stage.casters is not None and lamp.light.shadow is not None:
+            is_lit[is_lit] = _reaches(lamp, start, is_lit, stage.casters)
+        diffuse, specular = _reflect(table, normals, light_dirs, to_viewer)
         with np.errstate(invalid="ignore"):  # an amplifying light in the very point
-            reflected = strength * (diffuse * matte + specular * highlight)
-        intensity += np.where(n_dot_l > 0, reflected, 0)
-    return intensity
+            reflected = strength * table["diffuse"] * diffuse, strength * table["specular"] * specular
+        matte += np.where(is_lit[:, None], reflected[0], 0)
+        rest += np.where(is_lit[:, None], reflected[1], 0)
+    return (matte, rest) if stage.n_wave is None else (rgb_of(matte), rgb_of(rest))
 
 
-def _reflect(table, normals, light_dirs, to_viewer):
-    """Return D and S (n, 1) of the material of each row of `table`, for unit vectors (n, 3); of no meaning where N.L <= 0."""
-    matte, highlight = np.zeros((2, len(table), 1))
-    for model in np.unique(table["reflection"]):
-        at = table["reflection"] == model
-        parts = _MODELS[str(model)](table[at], normals[at], light_dirs[at], to_viewer[at])
-        matte[at, 0], highlight[at, 0] = parts
-    return matte, highlight
-
-
-def _reflect_lambert(_table, normals, light_dirs, _to_viewer):
-    """Lambert 1760: the cosine of the angle of incidence."""
-    return dot(normals, light_dirs), 0.0
-
-
-def _reflect_phong(table, normals, light_dirs, to_viewer):
-    """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
-    n_dot_l, n = dot(normals, light_dirs), table["shininess"]
-    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** n
-    return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], (n / 2 + 1) * n_dot_l, 1.0)
-
-
-def _reflect_blinn(table, normals, light_dirs, to_viewer):
-    """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor derivation."""
-    n_dot_l, n = dot(normals, light_dirs), table["shininess"]
-    highlight = np.maximum(dot(normals, _unit(light_dirs + to_viewer)), 0) ** n
-    peak = (n + 2) * (n + 4) / (8 * (np.exp2(-n / 2) + n))
-    return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], peak * n_dot_l, 1.0)
-
-
-def _reflect_oren_nayar(table, normals, light_dirs, to_viewer):
-    """Oren & Nayar 1994, Proc. SIGGRAPH, 239-246, equation 30, by angles; cos beta is 1/64 at least."""
-    theta_l, theta_v = _angle(normals, light_dirs), _angle(normals, to_viewer)
-    across_l, across_v = (_unit(d - dot(d, normals)[:, None] * normals) for d in (light_dirs, to_viewer))
-    variance = table["roughness"] ** 2
-    a, b = 1 - variance / (2 * (variance + 0.33)), 0.45 * variance / (variance + 0.09)
-    alpha, beta = np.maximum(theta_l, theta_v), np.minimum(theta_l, theta_v)
-    tangent = np.sin(beta) / np.maximum(np.cos(beta), 1 / 64)
-    return np.cos(theta_l) * (a + b * np.maximum(dot(across_l, across_v), 0) * np.sin(alpha) * tangent), 0.0
-
-
-def _reflect_cook_torrance(table, normals, light_dirs, to_viewer):
-    """Return pi D F G / (4 N.V): Cook & Torrance 1981; Walter et al. 2007, EGSR, 195-206, equations 25, 27, 33 and 34."""
-    half, m = _unit(light_dirs + to_viewer), table["roughness"]
-    n_dot_l = dot(normals, light_dirs)
-    # Beyond the silhouette the limit at 90 degrees is taken.
-    theta_h, theta_l, theta_v = (_angle(normals, d) for d in (half, light_dirs, to_viewer))
-    theta_l, theta_v = np.minimum(theta_l, np.pi / 2 - 1e-12), np.minimum(theta_v, np.pi / 2 - 1e-12)
-    is_ggx, is_ahead = table["distribution"] == "ggx", theta_h < np.pi / 2
-    slope = np.tan(np.where(is_ahead, theta_h, 0.0)) / m
-    with np.errstate(over="ignore", under="ignore"):
-        shape = np.where(is_ggx, 1 / (1 + slope**2) ** 2, np.exp(-(slope**2)))
-        facets = np.where(is_ahead, shape / (m**2 * np.cos(theta_h) ** 4), 0.0)
-    masked = np.ones_like(m)
-    for theta in (theta_l, theta_v):
-        tangent = m * np.tan(theta)
-        a = 1 / np.maximum(tangent, 1e-12)
-        beckmann = np.where(a < 1.6, np.minimum((3.535 * a + 2.181 * a**2) / (1 + 2.276 * a + 2.577 * a**2), 1), 1)
-        masked *= np.where(is_ggx, 2 / (1 + np.hypot(1, tangent)), beckmann)
-    return n_dot_l, facets * _schlick(table, dot(light_dirs, half)) * masked / (4 * np.cos(theta_v))
-
-
-def _reflect_toon(table, normals, light_dirs, to_viewer):
-    """Return N.L raised to a multiple of 1/levels, and 1 or 0 where (R.V)^n is above or below one half."""
-    n_dot_l, levels = dot(normals, light_dirs), table["levels"]
-    steps = np.arange(1, levels.max() + 1)
-    step = 1 + (steps < levels[:, None] * n_dot_l[:, None]).sum(axis=1)
-    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** table["shininess"]
-    return np.minimum(step, levels) / levels, np.where(highlight >= 0.5, 1.0, 0.0)
-
-
-_MODELS = {
-    "lambert": _reflect_lambert,
-    "phong": _reflect_phong,
-    "blinn": _reflect_blinn,
-    "oren-nayar": _reflect_oren_nayar,
-    "cook-torrance": _reflect_cook_torrance,
-    "toon": _reflect_toon,
-}
-
-
-def _schlick(table, cosine):
-    """Schlick 1994, Computer Graphics Forum 13(3), 233-246: W = F0 + (1 - F0)(1 - cos theta)^5."""
-    return table["fresnel"] + (1 - table["fresnel"]) * np.clip(1 - cosine, 0, 1) ** 5
-
-
-def _angle(a, b):
-    """Return the angles (n,) between vectors (n, 3); exact for small ones and right ones."""
-    return np.arctan2(_length(np.cross(a, b))[:, 0], dot(a, b))
-
-
-def _light_at(light, points, view: View):
-    """Return the unit vectors (n, 3) to a light and its attenuated colour, (n, 3) or (3,)."""
-    is_carried = light.attached == "camera"
-    axes = np.array([view.right, view.up, -view.forward]) if is_carried else np.eye(3)
-    color = np.array(light.color)
-    if isinstance(light, DirectionalLight):
-        return np.broadcast_to(-(np.array(light.direction) @ axes), points.shape), color
-    if not isinstance(light, PointLight | SpotLight):
-        raise SceneError(f"the reference renderer knows no {type(light).__name__}")
-    position = np.array(light.position) @ axes + (view.eye if is_carried else 0.0)
-    to_light = position - points
-    distance = _length(to_light)
-    constant, linear, quadratic = light.attenuation
-    with np.errstate(divide="ignore"):
-        attenuation = 1.0 / (constant + linear * distance + quadratic * distance**2)
-    strength = attenuation if light.amplify else np.minimum(attenuation, 1.0)
-    if light.range is not None:
-        strength = np.where(distance < light.range, strength * (1.0 - (distance / light.range) ** 4), 0.0)
-    if isinstance(light, SpotLight):
-        strength = strength * _cone(light, np.array(light.direction) @ axes, _unit(to_light))
-    return _unit(to_light), color * strength
-
-
-def _cone(light, axis, light_dirs) -> np.ndarray:
-    """Return the part of a spot light (n, 1) that goes into the directions opposite to light_dirs (n, 3)."""
-    cosine = -dot(light_dirs, axis)[:, None]
-    inner, outer = np.cos(np.radians([light.inner, light.outer]))
-    t = np.clip((cosine - outer) / (inner - outer), 0.0, 1.0) if inner > outer else 1.0 * (cosine >= outer)
-    return t**2 * (3.0 - 2.0 * t) * np.clip(cosine, 0.0, 1.0) ** light.exponent
-
-
-def _point_by_point(lights) -> list:
-    """Replace every area light by a point light in the centre of each of its cells."""
-    points = []
-    for light in lights:
-        if not isinstance(light, AreaLight):
-            points.append(light)
-            continue
-        corner, u, v = (np.array(vector) for vector in (light.corner, light.edge_u, light.edge_v))
-        m, n = light.resolution
-        for s, t in np.ndindex(m, n):
-            place = corner + u * (s + 0.5) / m + v * (t + 0.5) / n
-            share = tuple(np.array(light.color) / (m * n))
-            points.append(PointLight(place, share, light.attenuation, light.attached, light.amplify, light.range))
-    return points
+def _reaches(lamp, start: Start, at, casters: Casters) -> np.ndarray:
+    """Tell of the starts `at` (n,) bool which ones a lamp reaches."""
+    points = start.points[at]
+    is_finite = lamp.position is not None
+    to_light = lamp.position - points if is_finite else np.broadcast_to(-lamp.axis, points.shape)
+    return reaches(casters, points, start.owner[at], to_light, is_finite)
 
 
 def _to_viewer(points, stage: Stage) -> np.ndarray:
     """Return the unit vectors (n, 3) from points to the viewer."""
     if stage.projection.is_perspective:
-        return _unit(stage.view.eye - points)
+        return unit(stage.view.eye - points)
     return np.broadcast_to(-stage.view.forward, points.shape)
-
-
-# ── vectors ───────────────────────────────────────────────────────────────────────────────────────────────
-
-
-def dot(a, b) -> np.ndarray:
-    """Return the dot products over the last axis, added in one fixed order: equal vectors give equal bits."""
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
-
-
-def _unit(vectors) -> np.ndarray:
-    """Return the vectors at length 1; zero stays zero."""
-    length = _length(vectors)
-    return vectors / np.where(length > 0, length, 1)
-
-
-def _length(vectors) -> np.ndarray:
-    """Return lengths (..., 1); hypot keeps the squares from over- and underflowing."""
-    return np.hypot(np.hypot(vectors[..., :1], vectors[..., 1:2]), vectors[..., 2:])
-
-
-def _blend(weights, corner_values) -> np.ndarray:
-    """Return the weighted sums (n, 3) of the values at three corners (n, 3, 3), with weights (n, 3)."""
-    return np.einsum("sc,scv->sv", weights, corner_values)
-
-
-def _area_vectors(corners) -> np.ndarray:
-    """Return vectors (n, 3) about which triangles turn counter-clockwise, twice as long as their areas."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

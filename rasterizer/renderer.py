@@ -4,9 +4,10 @@ from time import perf_counter
 
 import numpy as np
 
-from .draw import buffers_job, draw, interpolated_job, light, lit_job
+from .draw import FaceTable, buffers_job, draw, interpolated_job, light, lit_job
 from .errors import SceneError
 from .frame import Frame, Stats
+from .illumination import make_lighting
 from .options import Options
 from .pipeline.clip import find_nearest
 from .pipeline.records import EXACT
@@ -14,20 +15,12 @@ from .pipeline.resolve import encode_picture
 from .pipeline.scratch import Scratch, empty_buffers, make_picture
 from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
-from .plan import (
-    DEEP,
-    NEAREST,
-    fit_depth_range,
-    is_too_close,
-    make_coding,
-    make_encoding,
-    make_lighting,
-    make_plan,
-)
+from .plan import DEEP, NEAREST, fit_depth_range, is_too_close, make_coding, make_encoding, make_plan
 from .scene.camera import Camera
-from .scene.geometry import find_clearance, gather_geometry
+from .scene.geometry import find_clearance, find_lifts, find_shapes, gather_geometry
 from .scene.lights import PointLight, SpotLight
 from .scene.scene import Scene
+from .shadow_maps import draw_shadow_map, find_casters
 
 
 def render(scene, size=(640, 480), **options) -> Frame:
@@ -64,7 +57,7 @@ class Renderer:
         self._workers = Workers(self.options.n_thread)
         self._scratch = Scratch()
         self._normals = {}
-        self._face_material = _find_face_material(self.scene)
+        self._casters, self._shadows, self._face_shape = None, {}, None
         self._is_closed = False
 
     def __enter__(self):
@@ -123,24 +116,70 @@ class Renderer:
         options, geometry = self.options, self._geometry
         view, screen = self._screen(camera, options.factor)
         plan = self._plan_for(view)
-        lighting = make_lighting(plan, view)
+        shadows = self._draw_shadows(view, clock) if plan.has_shadows else ()
+        lighting = make_lighting(plan, view, shadows)
         coding = make_coding(plan, screen, options.tolerance)
         encoding = self._encoding
         if plan.is_lit_per_sample:
-            job = lit_job(self._normal_attributes(plan.dtype, plan.has_albedo), plan, coding, options, encoding, picture,
-                          screen, lighting, self._face_material)  # fmt: skip
+            attributes = self._normal_attributes(plan.dtype, plan.has_albedo)
+            table = FaceTable(geometry.face_material, self._shapes())
+            job = lit_job(attributes, plan, coding, options, encoding, picture, screen, lighting, table)
         else:
-            is_one_sided = options.is_flat or (options.cull == "back" and not geometry.is_inverted.any())
-            n_side = 1 if is_one_sided else 2
-            intensities = light(geometry, plan, lighting, screen, options.is_flat, n_side, self._workers)
+            intensities = self._light_points(plan, lighting, screen)
             clock.lap("light")
-            job = interpolated_job(intensities, plan, coding, options, encoding, picture)
+            table = FaceTable(geometry.face_material, np.empty((0, 5)))
+            job = interpolated_job(intensities, plan, coding, options, encoding, picture, table)
         counts = draw(geometry, job, screen, self._scratch, self._workers, clock)
         if options.color_range == "global":
             encoding = encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         return counts
+
+    def _light_points(self, plan, lighting, screen) -> np.ndarray:
+        """Intensities of the points, (n_side, n_point, n_channel); with textures, those of a black surface in front of them, and texture
+        coordinates behind."""
+        options, geometry = self.options, self._geometry
+        is_one_sided = options.is_flat or (options.cull == "back" and not geometry.is_inverted.any())
+        n_side = 1 if is_one_sided else 2
+        lift = find_lifts(geometry) if plan.has_shadows else np.empty(0)
+
+        def light_all(geometry):
+            return light(geometry, lift, plan, lighting, screen, options.is_flat, n_side, self._workers)
+
+        if plan.textures is None:
+            return light_all(geometry)
+        # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
+        rest = light_all(geometry._replace(albedo=np.zeros_like(geometry.albedo)))
+        uv = np.broadcast_to(geometry.uv, (n_side, *geometry.uv.shape))
+        return np.concatenate([rest, light_all(geometry), uv], axis=2)
+
+    def _draw_shadows(self, view, clock) -> list:
+        """The shadow maps of the lights, None for those without; maps of lights that stay where they are, are kept."""
+        plan = self._plan
+        if self._casters is None:
+            is_opaque = np.array([material.is_opaque for material in plan.materials])
+            self._casters = find_casters(self._geometry, self._bounds, is_opaque)
+        shadows = []
+        for k, source in enumerate(plan.lights):
+            if source.shadow is None or self._casters is None:
+                shadows.append(None)
+                continue
+            if k not in self._shadows or source.attached == "camera":
+                silent = Clock()
+                self._shadows[k] = draw_shadow_map(source, view, self._casters, plan, self._scratch, self._workers, silent)
+            self._shadows[k].move(view.eye)
+            shadows.append(self._shadows[k])
+        clock.lap("shadows")
+        return shadows
+
+    def _shapes(self) -> np.ndarray:
+        """What shadows need of the triangles, (n_face, 5); empty where no light casts any."""
+        geometry = self._geometry
+        if self._plan.has_shadows and self._face_shape is None:
+            self._face_shape = np.empty((geometry.vertex.shape[1], 5))
+            find_shapes(geometry.positions, geometry.normals, geometry.vertex, self._face_shape)
+        return np.empty((0, 5)) if self._face_shape is None else self._face_shape
 
     def _plan_for(self, view):
         """The plan, or one with float64 where a light with a place is very close to a surface that is seen from afar."""
@@ -174,10 +213,11 @@ class Renderer:
         return draw(self._geometry, job, screen, self._scratch, self._workers, clock)
 
     def _normal_attributes(self, dtype, has_albedo) -> np.ndarray:
-        """Normals, and the model's colours behind them, as point attributes (1, n_point, 3 or 6)."""
+        """Normals, behind them the model's colours and the texture coordinates, as point attributes (1, n_point, 3, 6 or 8)."""
         key = np.dtype(dtype), has_albedo
         if key not in self._normals:
             columns = [self._geometry.normals.T] + ([self._geometry.albedo] if has_albedo else [])
+            columns += [self._geometry.uv] if has_albedo and len(self._geometry.uv) else []
             self._normals[key] = np.ascontiguousarray(np.concatenate(columns, axis=1)[None], dtype)
         return self._normals[key]
 
@@ -187,13 +227,6 @@ class Renderer:
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return np.stack([toward, -toward])
-
-
-def _find_face_material(scene) -> np.ndarray:
-    """Material of every face, (n_face,) uint32; empty where the scene has one mesh."""
-    if len(scene.meshes) == 1:
-        return np.empty(0, np.uint32)
-    return np.repeat(np.arange(len(scene.meshes), dtype=np.uint32), np.diff(scene.face_offsets))
 
 
 class Clock:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from rasterizer.errors import SceneError
 from rasterizer.scene.color import linear_from_srgb, linear_from_srgb_bytes, linear_rgb, srgb_from_linear
+from rasterizer.scene.spectrum import Spectrum
 
 
 @pytest.mark.parametrize(
@@ -102,3 +103,10 @@ def test_bytes_decode_through_the_table_and_alpha_is_linear():
     assert linear_from_srgb_bytes(colors) == pytest.approx(np.array([[0.0, 0.2158605, 1.0, 0.2]]), abs=1e-7)
     back = srgb_from_linear(linear_from_srgb_bytes(np.arange(256, dtype=np.uint8).reshape(-1, 1))) * 255.0
     assert np.array_equal(np.rint(back[:, 0]), np.arange(256))
+
+
+def test_a_spectrum_stays_one():
+    # It is a triple of linear RGB itself, and tells the wavelengths to those who ask.
+    spectrum = Spectrum([500, 520, 540], [0, 1, 0])
+    assert min(spectrum) < 0.0
+    assert linear_rgb(spectrum, "the lamp") is spectrum

@@ -167,7 +167,7 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     assert geometry.corner.shape == geometry.vertex.shape == (3, scene.n_face)
     assert (geometry.points is geometry.positions) == (not is_flat)
     for mesh in range(3):
-        start, stop = geometry.face_offsets[mesh : mesh + 2]
+        start, stop = scene.face_offsets[mesh : mesh + 2]
         first, last = geometry.point_offsets[mesh : mesh + 2]
         here = geometry.corner[:, start:stop]
         assert here.min() == first and here.max() == last - 1

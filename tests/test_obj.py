@@ -29,9 +29,9 @@ def triangles(mesh):
 
 
 def naive_read(text):
-    """Read OBJ text line by line; return for each material the points, normals ... of its triangles."""
+    """Read OBJ text line by line; return for each object its name and the points, normals ... of its triangles."""
     v, vn, vt, parts = [], [], [], {}
-    material, group = "", 0
+    material, group, part_name = "", 0, (0, "")
     for line in text.splitlines():
         key, *words = line.split()
         if key == "v":
@@ -40,30 +40,34 @@ def naive_read(text):
             vn.append([float(word) for word in words])
         elif key == "vt":
             vt.append([float(word) for word in words])
+        elif key == "o":
+            part_name = (part_name[0] + 1, words[0])
         elif key == "usemtl":
             material = words[0]
         elif key == "s":
             group = 0 if words[0] == "off" else int(words[0])
         elif key == "f":
-            part = parts.setdefault(
-                material, {"points": [], "normals": [], "groups": [], "polygons": [], "n": 0}
-            )
+            empty = {"points": [], "normals": [], "uv": [], "groups": [], "polygons": [], "materials": [], "n": 0}
+            part = parts.setdefault(part_name, empty)
             corners = [naive_corner(word, v, vt, vn) for word in words]
             fan = [(0, k, k + 1) for k in range(1, len(words) - 1)]
             for triangle in [(0, 1, 2), (2, 3, 0)] if len(words) == 4 else fan:
                 part["points"].append([corners[k][0] for k in triangle])
                 part["normals"].append([corners[k][1] for k in triangle])
+                part["uv"].append([corners[k][2] for k in triangle])
+                part["materials"].append(material)
                 part["groups"].append(group)
                 part["polygons"].append(part["n"])
             part["n"] += 1
-    return parts
+    return [(name, part) for (_, name), part in parts.items()]
 
 
-def naive_corner(word, v, _vt, vn):
+def naive_corner(word, v, vt, vn):
     indices = [int(index) if index else 0 for index in (word + "//").split("/")[:3]]
     point = v[indices[0] - 1 if indices[0] > 0 else indices[0]]
     normal = vn[indices[2] - 1 if indices[2] > 0 else indices[2]] if indices[2] else None
-    return point, normal
+    uv = vt[indices[1] - 1 if indices[1] > 0 else indices[1]][:2] if indices[1] else None
+    return point, normal, uv
 
 
 @st.composite
@@ -82,8 +86,8 @@ def obj_texts(draw):
         return number - count - 1 if may_be_negative and draw(st.booleans()) else number
 
     for _ in range(draw(st.integers(1, 8))):
-        if draw(st.integers(0, 3)) == 0:
-            lines.append(draw(st.sampled_from(["usemtl a", "usemtl b", "s 1", "s 3", "s off", "s 0"])))
+        if draw(st.integers(0, 2)) == 0:
+            lines.append(draw(st.sampled_from(["usemtl a", "usemtl b", "o a", "o b", "g x", "s 1", "s 3", "s off", "s 0"])))
         if is_mixed:
             form = draw(st.sampled_from(["{v}", "{v}/{vt}", "{v}//{vn}", "{v}/{vt}/{vn}"]))
         corners = draw(st.permutations(range(1, n_v + 1)))[: draw(sizes)]
@@ -103,10 +107,17 @@ def assert_same(text):
     """The meshes of a text are those that the naive reader finds, triangle by triangle."""
     expected = naive_read(text)
     scene = load_obj(text)
-    assert [mesh.name for mesh in scene.meshes] == list(expected)
-    for mesh in scene.meshes:
-        part = expected[mesh.name]
+    assert len(scene.meshes) == len(expected)
+    for mesh, (name, part) in zip(scene.meshes, expected, strict=True):
+        assert mesh.name == (name or ("x" if "\ng x" in text else ""))
         np.testing.assert_array_equal(triangles(mesh), np.array(part["points"]))
+        numbers = [0] * mesh.n_face if mesh.face_material is None else mesh.face_material.tolist()
+        assert [mesh.palette[number].name for number in numbers] == part["materials"]
+        assert [material.name for material in mesh.palette] == list(dict.fromkeys(part["materials"]))
+        assert (mesh.uv is not None) == any(None not in corners for corners in part["uv"]) or None in sum(part["uv"], [])
+        if mesh.uv is not None:
+            uv = mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
+            np.testing.assert_array_equal(uv, [[(0, 0) if pair is None else pair for pair in each] for each in part["uv"]])
         has_normals = all(normal is not None for corners in part["normals"] for normal in corners)
         assert (mesh.normals is not None) == has_normals
         if has_normals:
@@ -256,10 +267,37 @@ def test_materials_come_in_the_order_of_first_use_whatever_they_are_called(tmp_p
         POINTS + "f 1 2 3\n" + "".join(f"usemtl {name}\nf 1 2 {k + 3}\n" for k, name in enumerate(names[:5]))
     )
     text += "usemtl Plain\nf 2 3 8\n"
-    meshes = load_with_mtl(tmp_path, mtl, text).meshes
-    assert [mesh.name for mesh in meshes] == ["", *names[:5]]
-    assert [mesh.material.diffuse[0] for mesh in meshes[1:]] == [0, 1 / 8, 2 / 8, 3 / 8, 4 / 8]
-    assert [mesh.n_face for mesh in meshes] == [1, 2, 1, 1, 1, 1]
+    (mesh,) = load_with_mtl(tmp_path, mtl, text).meshes
+    assert [material.name for material in mesh.palette] == ["", *names[:5]]
+    assert [material.diffuse[0] for material in mesh.palette[1:]] == [0, 1 / 8, 2 / 8, 3 / 8, 4 / 8]
+    assert mesh.face_material.tolist() == [0, 1, 2, 3, 4, 5, 1]
+
+
+def test_normals_go_across_the_borders_of_materials_and_groups():
+    """Two triangles that meet in an edge share its vertices, whatever lies between their lines."""
+    (mesh,) = load_obj(POINTS + "g p\nusemtl a\nf 1 2 3\ng q\nusemtl b\nf 1 3 4\n").meshes
+    assert mesh.n_vertex == 4 and mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert mesh.face_material.tolist() == [0, 1] and mesh.name == ""
+
+
+def test_each_object_is_a_mesh_with_the_vertices_that_it_uses():
+    text = POINTS + "o left\nusemtl a\nf 1 2 3\no right\nf 2 5 6 3\no left\nf 7 8 1\n"
+    meshes = load_obj(text).meshes
+    assert [mesh.name for mesh in meshes] == ["left", "right", "left"]
+    assert [mesh.n_vertex for mesh in meshes] == [3, 4, 3]
+    assert [mesh.material.name for mesh in meshes] == ["a", "a", "a"]
+    assert meshes[1].polygons.tolist() == [0, 0] and meshes[0].polygons is None
+    assert meshes[2].vertices.tolist() == [[0, 0, 0], [0.5, -1, 0], [3, 1, 2]]
+
+
+def test_an_object_far_apart_in_the_file():
+    text = "".join(f"v {k} {k * k} 0\n" for k in range(100)) + "o a\nf 1 50 100\n"
+    (mesh,) = load_obj(text).meshes
+    assert mesh.vertices[:, 0].tolist() == [0, 49, 99]
+
+
+def test_the_only_group_names_a_file_without_objects():
+    assert load_obj(POINTS + "g wing\nf 1 2 3\n").meshes[0].name == "wing"
 
 
 def test_several_libraries_and_names_with_blanks(tmp_path):
@@ -268,7 +306,7 @@ def test_several_libraries_and_names_with_blanks(tmp_path):
     uses = "".join(f"usemtl {name}\nf 1 2 3\n" for name in "abc")
     path = tmp_path / "model.obj"
     path.write_text(f"mtllib one.mtl two.mtl\nmtllib my file.mtl\n{POINTS}{uses}")
-    assert [mesh.material.diffuse[0] for mesh in load(path).meshes] == [0.25] * 3
+    assert [material.diffuse[0] for material in load(path).meshes[0].palette] == [0.25] * 3
 
 
 def test_missing_library_is_warned_of_and_named(tmp_path):
@@ -276,18 +314,12 @@ def test_missing_library_is_warned_of_and_named(tmp_path):
     path.write_text(f"mtllib gone.mtl\n{POINTS}usemtl a\nf 1 2 3\n")
     with pytest.warns(UserWarning, match=r"model\.obj: material file 'gone\.mtl' not found"):
         (mesh,) = load(path).meshes
-    assert mesh.material.diffuse == Material().diffuse and mesh.name == "a"
+    assert mesh.material.diffuse == Material().diffuse and mesh.material.name == "a"
 
 
 def test_missing_material_is_warned_of_and_named(tmp_path):
     with pytest.warns(UserWarning, match="no definition of material 'a'"):
         load_with_mtl(tmp_path, "newmtl b\n")
-
-
-def test_texture_is_reported(tmp_path):
-    facts = []
-    load_with_mtl(tmp_path, "newmtl a\nmap_Kd wood.png\n", log=facts.append)
-    assert any("wood.png" in fact and "not drawn" in fact for fact in facts)
 
 
 @pytest.mark.parametrize("line", ["Kd red", "Kd -1 0 0", "Kd nan 0 0", "Ns", "d inf"])
@@ -343,16 +375,19 @@ def test_faces_that_are_not_finite_can_be_dropped():
     assert load_obj(text, drop_bad_faces=True).meshes[0].n_face == 2
 
 
-def test_a_degenerate_material_does_not_hide_the_others():
-    meshes = load_obj(POINTS + "usemtl a\nf 1 1 1\nusemtl b\nf 1 2 3\n").meshes
-    assert [mesh.name for mesh in meshes] == ["b"]
+@pytest.mark.parametrize("keyword", ["usemtl", "o"])
+def test_a_degenerate_part_stays_so_that_the_others_keep_their_numbers(keyword):
+    text = POINTS + f"{keyword} a\nf 1 1 1\n{keyword} b\nf 1 2 3\n{keyword} c\nf 2 2 2\nf 3 3 3\n"
+    (mesh,) = load_obj(text).meshes
+    assert mesh.n_face == 4 and mesh.faces[1].tolist() == [0, 1, 2]
+    assert mesh.name == ("b" if keyword == "o" else "")
 
 
 def test_unknown_texture_coordinates_are_not_a_fault():
-    assert load_obj(POINTS + "vt 0 0\nf 1/1 2/7 3/1\n").meshes[0].uv is None
+    assert load_obj(POINTS + "vt 0.5 0\nf 1/1 2/7 3/1\n").meshes[0].uv is None
 
 
 def test_names_in_another_encoding():
     text = b"# Gr\xfc\xdfe\nusemtl Gr\xfcn\n" + POINTS.encode() + b"f 1 2 3\n"
     with pytest.warns(UserWarning):
-        assert load(text, format="obj").meshes[0].name == "Grün"
+        assert load(text, format="obj").meshes[0].material.name == "Grün"

@@ -18,14 +18,16 @@ from ..frame import Frame
 from ..mach import mach_bands
 from ..renderer import Renderer
 from ..sheet import sheet
+from .loading import load_scene, with_options
 from .messages import QUIET, print_record, print_text
 from .outputs import STDIO
-from .render import draw_models, encode_picture, find_doubts, load_scene, write_content
-from .view import make_camera
+from .render import draw_models, encode_picture, find_doubts, write_content
+from .view import camera_of
 
 METHODS = {"flat": "flat", "gouraud": "Gouraud 1971", "phong": "Phong 1975"}
 # The reference needs some 60 microseconds a face and 1 a pixel on one core of 2 GHz: beyond this, about a second.
 _SLOW = 20_000  # faces and pixels / 60 together
+_OPTIONS = ("cull", "color_range", "exposure", "spectral", "threads")  # a scene file's size is that of a picture, not of four
 _PAPER = "white"
 _SHARE = 0.99  # of the covered pixels have errors on the maps' scale
 _ROOM = 230  # pixels: the width that a long label needs
@@ -62,9 +64,10 @@ def compare_models(arguments, messages) -> tuple[list, int]:
 def _compare_model(targets, arguments, settings, messages) -> None:
     """Compare the methods in all views of one model."""
     start = perf_counter()
-    scene, of_model = load_scene(targets[0].model, arguments, settings, messages)
+    loaded, of_model, own_options, framing = load_scene(targets[0].model, arguments, settings, messages)
+    arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
     for target in targets:
-        scene = replace(scene, camera=make_camera(arguments, target.view, scene, scene.bounds, scene.up))
+        scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
         drawn, doubts = _draw_methods(scene, arguments)
         doubts = [f"{target.model}: {text}" for text in doubts]
         for text in doubts:
@@ -77,7 +80,7 @@ def _compare_model(targets, arguments, settings, messages) -> None:
             drawn[judge] = _draw_reference(scene, arguments)
         figures = {method: _measure(picture, drawn[judge], scene) for method, picture in drawn.items()}
         figures[judge] = figures[judge]._replace(max=None, rms=None, over_one=None)
-        image, scale = _lay_out(drawn, judge, figures, settings["background"])
+        image, scale = _lay_out(drawn, judge, figures, scene.background)
         write_content(encode_picture(_framed(image), target.output), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         messages.detail(f"{target.model}: {target.output}, {scene.n_face} faces, {seconds:.2f} s in all")
@@ -93,7 +96,7 @@ def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], list[str]]:
     """Draw a scene by every method; return the pictures, and what looks like a mistake in the last one."""
     drawn = {}
     for method in METHODS:
-        options = {name: getattr(arguments, name) for name in ("size", "cull", "color_range", "threads")}
+        options = {name: getattr(arguments, name) for name in ("size", *_OPTIONS)}
         with Renderer(scene, shading=method, tolerance=0.0, outputs=("color", "face"), **options) as renderer:
             frame = renderer.render()
         drawn[method] = Drawn(frame.rgba, frame.color, frame.face)

@@ -1,9 +1,6 @@
 """`raster render`: one model after another is loaded, drawn and written; a failure doesn't stop the rest."""
 
-import sys
-import warnings
-from dataclasses import fields, replace
-from functools import partial
+from dataclasses import fields
 from pathlib import Path
 from time import perf_counter
 
@@ -11,13 +8,11 @@ from ..errors import ModelError, OutputError, SceneError
 from ..frame import picture_format, write_whole
 from ..options import Options
 from ..renderer import Renderer
-from ..scene.color import linear_rgb
-from ..scene.load import load
-from ..scene.scene import Scene
 from .arguments import PICTURE_SAMPLES
+from .loading import load_scene, make_settings, with_options
 from .messages import compiling_announced, print_record, write_stdout
 from .outputs import STDIO, plan_targets
-from .view import check_camera, make_camera, make_lights
+from .view import camera_of, check_camera, is_camera_given
 
 # Level 1 takes half the time of Pillow's 6, which is longer than that of the drawing; files grow by a third.
 _ENCODING = {"PNG": {"compress_level": 1}, "JPEG": {"quality": 92}}
@@ -40,23 +35,16 @@ def render_models(arguments, messages) -> tuple[list, int]:
     SceneError : an argument that is wrong for every model
     OutputError : the folder of an output doesn't exist
     """
-    return draw_models(arguments, messages, partial(_render_model, options=make_options(arguments)))
+    make_options(arguments)  # what is not legal is told before a model is loaded
+    return draw_models(arguments, messages, _render_model)
 
 
 def draw_models(arguments, messages, draw) -> tuple[list, int]:
-    """Hand every model to `draw`, which is called with its targets, the arguments, the settings of `load` and the messages.
+    """Hand every model to `draw`, which is called with its targets, the arguments, the Settings and the messages.
 
     Returns and raises what `render_models` does.
     """
-    settings = {
-        "lights": make_lights(arguments),
-        "background": None
-        if arguments.background == "transparent"
-        else linear_rgb(arguments.background, "--background"),
-        "up": None if arguments.up == "auto" else arguments.up,
-        "crease_angle": _checked_angle(arguments.crease_angle),
-        "drop_bad_faces": arguments.drop_bad_faces,
-    }
+    settings = make_settings(arguments)
     check_camera(arguments)
     plan = plan_targets(arguments)
     failures = []
@@ -80,7 +68,7 @@ def draw_models(arguments, messages, draw) -> tuple[list, int]:
 def make_options(arguments) -> Options:
     """The options of the pictures: every field of `Options` is a flag."""
     values = {field.name: getattr(arguments, field.name) for field in fields(Options)}
-    is_picture = values["outputs"] is None and not str(arguments.output).lower().endswith(".npy")
+    is_picture = values["outputs"] is None and not _is_npy(arguments)
     if values["samples"] is None:
         values["samples"] = PICTURE_SAMPLES if is_picture else Options.samples
     if values["outputs"] is None:
@@ -88,19 +76,15 @@ def make_options(arguments) -> Options:
     return Options(**values)
 
 
-def _checked_angle(angle):
-    if angle is not None and not 0.0 <= angle <= 180.0:
-        raise SceneError(f"--crease-angle must be within 0..180 degrees; given {angle:g}")
-    return angle
-
-
-def _render_model(targets, arguments, settings, messages, options) -> None:
+def _render_model(targets, arguments, settings, messages) -> None:
     """Draw all views of one model."""
     start = perf_counter()
-    scene, of_model = load_scene(targets[0].model, arguments, settings, messages)
+    scene, of_model, own_options, framing = load_scene(targets[0].model, arguments, settings, messages)
+    arguments = with_options(arguments, own_options, _names_of_file(arguments), targets[0].model)
+    options = make_options(arguments)
     with Renderer(scene, **_as_keywords(options)) as renderer:
         for target in targets:
-            camera = make_camera(arguments, target.view, scene, scene.bounds, scene.up)
+            camera = camera_of(arguments, target.view, scene, framing)
             frame = renderer.render(camera)
             doubts = [f"{target.model}: {text}" for text in find_doubts(frame, scene, arguments)]
             for text in doubts:
@@ -113,42 +97,18 @@ def _render_model(targets, arguments, settings, messages, options) -> None:
                 print_record(record, target.output == STDIO)
 
 
+def _is_npy(arguments) -> bool:
+    return str(arguments.output).lower().endswith(".npy")
+
+
+def _names_of_file(arguments) -> set[str]:
+    """The options that a scene file may set; what is written is known before it is read, but for which array a .npy holds."""
+    names = {field.name for field in fields(Options)}
+    return names if _is_npy(arguments) else names - {"outputs"}
+
+
 def _as_keywords(options) -> dict:
     return {field.name: getattr(options, field.name) for field in fields(options)}
-
-
-def load_scene(model, arguments, settings, messages) -> tuple[Scene, list[str]]:
-    """Load a model; return it with the warnings that it gave, which were said."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        scene = _load(model, arguments, settings, messages)
-    texts = list(dict.fromkeys(str(warning.message) for warning in caught))
-    for text in texts:
-        messages.warn(text)
-    return scene, texts
-
-
-def _load(model, arguments, settings, messages) -> Scene:
-    """Load a model, and give its materials the reflection formula asked for."""
-    source = sys.stdin.buffer.read() if model == STDIO else _checked_path(model, arguments.input_format)
-    scene = load(source, format=arguments.input_format, log=messages.detail, **settings)
-    if arguments.reflection is None:
-        return scene
-    meshes = tuple(
-        replace(mesh, material=replace(mesh.material, reflection=arguments.reflection))
-        for mesh in scene.meshes
-    )
-    return replace(scene, meshes=meshes)
-
-
-def _checked_path(model, input_format) -> str:
-    """Refuse, in the command line's own words, a folder and a name that doesn't tell its format."""
-    path = Path(model)
-    if path.is_dir():
-        raise ModelError(f"{model}: is a folder; give the models in it, e.g. '{path / '*.stl'}'")
-    if input_format is None and not path.suffix and path.exists():
-        raise ModelError(f"{model}: the format is unknown without a suffix; give --input-format")
-    return model
 
 
 def find_doubts(frame, scene, arguments) -> list[str]:
@@ -161,6 +121,8 @@ def find_doubts(frame, scene, arguments) -> list[str]:
             hint = (
                 f"the model reaches from {low} to {high}; try another --eye or --target, or leave --eye out"
             )
+        elif scene.camera is not None and not is_camera_given(arguments):
+            hint = "the camera of the file sees nothing of it; try --view iso"
         elif arguments.zoom > 1.0:
             hint = "try a smaller --zoom"
         else:

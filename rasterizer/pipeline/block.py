@@ -33,8 +33,9 @@ N_LONG = 3 + 9
 Z0, Z1, Z2 = (np.uint64(BLOCK * k) for k in range(3))
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = (np.uint64(BLOCK * k) for k in range(3, 7))
 OFFSET_X, OFFSET_Y = (np.uint64(BLOCK * k) for k in range(7, 9))
-ATTRIBUTE0, MOST_ATTRIBUTES = np.uint64(BLOCK * 9), 6
+ATTRIBUTE0, MOST_ATTRIBUTES = np.uint64(BLOCK * 9), 8
 PLANE0, MOST_PLANES = np.uint64(BLOCK * (9 + 3 * MOST_ATTRIBUTES)), 7
+DISTANCE_PLANE = MOST_PLANES - 1
 N_REAL = 9 + 3 * MOST_ATTRIBUTES + 3 * MOST_PLANES
 NEXT = np.uint64(BLOCK)
 

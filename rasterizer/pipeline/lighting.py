@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, call_row, helper, kernel
-from .lights import COLOR
 from .reflection import N_MATERIAL_NUMBER
 from .rows import (
     ALBEDO,
@@ -19,11 +18,16 @@ from .rows import (
     DIFFUSE,
     DIFFUSE_SUM,
     INTENSITY,
+    LIFT,
     N_DOT_V,
     NEXT_CHANNEL,
     NORMAL_X,
     NORMAL_Y,
     NORMAL_Z,
+    OFFSET,
+    PLANE_X,
+    PLANE_Y,
+    PLANE_Z,
     POSITION_X,
     POSITION_Y,
     POSITION_Z,
@@ -53,6 +57,9 @@ class Lighting(NamedTuple):
     needs_view: bool  # some material is view-dependent
     needs_position: bool  # some light has a place
     has_albedo: bool  # colours are given with the model
+    color: np.ndarray  # (1 or n_material, n_light, 6): what D, and what the highlight, is multiplied by, a column a channel
+    shadow_function: int  # address of the row function that casts shadows
+    shadow: np.ndarray  # (n_light,) int64, addresses of the lights' shadow maps (shadow.py), 0 for none; empty where no light has one
 
 
 @helper
@@ -101,6 +108,7 @@ def light_rows(rows, n, lighting, material):
     zero = rows.dtype.type(0)
     is_shiny = lighting.is_shiny[material]
     number = lighting.material[material]
+    color = lighting.color[min(np.uint64(material), np.uint64(lighting.color.shape[0] - 1))]
     if lighting.is_view_dependent[material]:
         find_n_dot_v(rows, n)
     if len(lighting.light_function) == 0:
@@ -108,12 +116,14 @@ def light_rows(rows, n, lighting, material):
             rows[DIFFUSE_SUM + k] = rows[SPECULAR_SUM + k] = zero
     for light in range(np.uint64(len(lighting.light_function))):
         call_row(lighting.light_function[light], rows.ctypes.data, n, lighting.light[light].ctypes.data)
+        if len(lighting.shadow) > 0 and lighting.shadow[light] != 0:
+            call_row(lighting.shadow_function, rows.ctypes.data, n, lighting.shadow[light])
         call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
         for channel in range(np.uint64(lighting.n_light_channel)):
-            color = lighting.light[light, np.uint64(COLOR) + channel]
-            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, color, light == 0)
+            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, color[light, channel], light == 0)
             if is_shiny:
-                add_light(rows, n, SPECULAR_SUM + channel * NEXT_CHANNEL, SPECULAR, color, light == 0)
+                shine = color[light, np.uint64(3) + channel]
+                add_light(rows, n, SPECULAR_SUM + channel * NEXT_CHANNEL, SPECULAR, shine, light == 0)
     for channel in range(np.uint64(lighting.n_channel)):
         # With grey lights all channels read the sums of channel 0.
         compose(rows, n, channel, channel if lighting.n_light_channel > 1 else np.uint64(0), number, lighting.has_albedo, is_shiny)
@@ -145,13 +155,14 @@ def compose(rows, n, channel, source, number, has_albedo, is_shiny):
 
 
 @kernel
-def light_points(positions, normals, albedo, start, stop, screen, side, lighting, material, rows, out_intensity):
+def light_points(positions, normals, albedo, lift, start, stop, screen, side, lighting, material, rows, out_intensity):
     """Evaluate the illumination equation at surface points: the vertices of Gouraud's method, the centroids of flat shading.
 
     Parameters
     ----------
     positions, normals : (3, n) float64, world space; the normals have unit length
     albedo : (n, n_channel) float64, read only if lighting.has_albedo
+    lift : (n,) float64, scene units, see shadow.py; read only if a light casts shadows
     start, stop : the points to light
     side : 1 or -1, a factor of the normals; 0 flips every normal towards the viewer
     out_intensity : (n, n_channel) float32 or float64
@@ -174,6 +185,8 @@ def light_points(positions, normals, albedo, start, stop, screen, side, lighting
             view_from_position(rows, n)
         elif lighting.needs_view:
             view_from_direction(rows, n, number(back_x), number(back_y), number(back_z))
+        if len(lighting.shadow) > 0:
+            take_shapes(lift[chunk], rows)
         light_rows(rows, n, lighting, material)
         for channel in range(np.uint64(lighting.n_channel)):
             for k in range(np.uint64(n)):
@@ -197,6 +210,16 @@ def take_normals(x, y, z, sign, rows):
         rows[NORMAL_X + k] = sign * x[k]
         rows[NORMAL_Y + k] = sign * y[k]
         rows[NORMAL_Z + k] = sign * z[k]
+
+
+@helper
+def take_shapes(lift, rows):
+    """Of a point alone, its own normal is that of the surface's plane."""
+    for k in range(np.uint64(len(lift))):
+        x, y, z = rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k]
+        rows[PLANE_X + k], rows[PLANE_Y + k], rows[PLANE_Z + k] = x, y, z
+        rows[OFFSET + k] = x * rows[POSITION_X + k] + y * rows[POSITION_Y + k] + z * rows[POSITION_Z + k]
+        rows[LIFT + k] = lift[k]
 
 
 @helper

@@ -31,10 +31,10 @@ from .rows import (
     STRENGTH,
 )
 
-# A light's numbers. Colour first: shade.py reads it for every kind.
-COLOR, VECTOR, ATTENUATION, MOST, INVERSE_RANGE = 0, 3, 6, 9, 10
-AXIS, COS_OUTER, CONE_SCALE, CONE_EXPONENT = 11, 14, 15, 16  # of spot lights
-N_NUMBER = 17
+# A light's numbers.
+VECTOR, ATTENUATION, MOST, INVERSE_RANGE = 0, 3, 6, 7
+AXIS, COS_OUTER, CONE_SCALE, CONE_EXPONENT = 8, 11, 12, 13  # of spot lights
+N_NUMBER = 14
 
 
 class LightKind(NamedTuple):

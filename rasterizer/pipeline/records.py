@@ -23,10 +23,10 @@ from .block import (
     ANCHOR_Y,
     ATTRIBUTE0,
     BLOCK,
+    DISTANCE_PLANE,
     IS_FLIPPED,
     IS_GOOD,
     LEVEL,
-    MOST_ATTRIBUTES,
     NEXT,
     OFFSET_X,
     OFFSET_Y,
@@ -245,7 +245,7 @@ def find_distances(coding, block):
         add, times = coding.depth_offset, coding.depth_scale
     for k in range(np.uint64(BLOCK)):
         a0, a1, a2 = add + times * reals[Z0 + k], add + times * reals[Z1 + k], add + times * reals[Z2 + k]
-        most = find_plane(k, np.uint64(MOST_ATTRIBUTES), a0, a1, a2, block)
+        most = find_plane(k, np.uint64(DISTANCE_PLANE), a0, a1, a2, block)
         # 1/w loses digits where it spans much.
         is_good = (most <= coding.normal_limit * max(a0, a1, a2)) & (max(a0, a1, a2) <= 2.0 * min(a0, a1, a2))
         ints[IS_GOOD + k] &= is_good
@@ -286,7 +286,7 @@ def write_planes(records, n_record, k, face, n_attribute, coding, block):
         return
     copy_planes(planes, column, PLANE0 + k, reals)
     if coding.needs_distance:
-        copy_plane(planes, column + np.uint64(DISTANCE), PLANE0 + np.uint64(3 * MOST_ATTRIBUTES) * NEXT + k, reals)
+        copy_plane(planes, column + np.uint64(DISTANCE), PLANE0 + np.uint64(3 * DISTANCE_PLANE) * NEXT + k, reals)
     if n_attribute > 3:
         copy_planes(planes, column + np.uint64(3 * GROUP), PLANE0 + np.uint64(9) * NEXT + k, reals)
 

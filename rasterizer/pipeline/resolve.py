@@ -79,8 +79,7 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
     out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
     encoding = borrow_encoding(encoding)
     pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
-    behind, n_covered = encoding.background, 0
-    blank = encode_pixel(behind[0], behind[1], behind[2], np.float32(1), encoding) if encoding.has_background else np.uint32(0)
+    n_covered, blank = 0, first_blank(encoding)
     # The usual case: bytes alone, a sample a pixel, nothing to mix or to scale.
     n_channel = radiance.shape[0]
     is_plain = (factor == 1) & (out.color.shape[0] == 0) & (encoding.policy == CLAMP) & (not encoding.has_background)
@@ -101,18 +100,33 @@ def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
                 n_covered += take_samples(words[place : place + n], radiance, place, pixels)
             else:
                 n_covered += average_samples(words, canvas.pitch, radiance, row, left, factor, n, pixels)
-            # One row of pixels is enough where no more is read: in a grey picture of bytes.
-            is_single = encoding.is_grey and encoding.policy == CLAMP and out.color.shape[0] == 0
-            if radiance.shape[0] == 1 and not is_single:
-                spread_channel(pixels, n, encoding)
-            if encoding.has_background:
-                show_background(pixels, n, encoding, 1 if is_single else 3)
-            if out.color.shape[0] > 0:
-                write_colors(pixels, n, out.color[np.uint64(j), np.uint64(left) :], out.alpha[np.uint64(j), np.uint64(left) :])
-            if out.rgba.shape[0] > 0:
-                encode_chunk(pixels, levels, n, encoding, out.rgba[np.uint64(j), np.uint64(left) :])
+            write_pixels(pixels, levels, n, n_channel, encoding, out, j, left)
     clean(canvas, (y_stop - y_start) * factor)
     return n_covered
+
+
+@helper
+def first_blank(encoding):
+    """The bytes of a pixel where nothing is drawn: the background's, or transparent black."""
+    behind = encoding.background
+    if encoding.has_background:
+        return encode_pixel(behind[0], behind[1], behind[2], np.float32(1), encoding)
+    return np.uint32(0)
+
+
+@helper
+def write_pixels(pixels, levels, n, n_channel, encoding, out, j, left):
+    """Write a chunk of pixels, from `left` on in row j, as linear colours and as bytes, whatever is wanted."""
+    # One row of pixels is enough where no more is read: in a grey picture of bytes.
+    is_single = encoding.is_grey and encoding.policy == CLAMP and out.color.shape[0] == 0
+    if n_channel == 1 and not is_single:
+        spread_channel(pixels, n, encoding)
+    if encoding.has_background:
+        show_background(pixels, n, encoding, 1 if is_single else 3)
+    if out.color.shape[0] > 0:
+        write_colors(pixels, n, out.color[np.uint64(j), np.uint64(left) :], out.alpha[np.uint64(j), np.uint64(left) :])
+    if out.rgba.shape[0] > 0:
+        encode_chunk(pixels, levels, n, encoding, out.rgba[np.uint64(j), np.uint64(left) :])
 
 
 @helper
@@ -196,6 +210,33 @@ def average_samples(words, pitch, radiance, row, left, factor, n, pixels):
             pixels[NEXT_CHANNEL + NEXT_CHANNEL + i] = sum2 * scale
         pixels[ALPHA + i] = np.float32(n_covered) / np.float32(factor * factor)
         count += np.int64(n_covered)
+    return count
+
+
+@helper
+def average_layers(color, transmitted, pitch, row, left, factor, n, pixels):
+    """Mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many samples show anything.
+
+    `color` is weighted by opacity already; `transmitted` is 1 - opacity.
+    """
+    n_channel, count = np.uint64(color.shape[0]), np.int64(0)
+    for i in range(n):
+        sum0 = sum1 = sum2 = opacity = 0.0
+        for sub in range(row, row + factor):
+            place = np.uint64(sub * pitch + (left + np.int64(i)) * factor)
+            for k in range(place, place + np.uint64(factor)):
+                count += transmitted[k] < 1.0
+                opacity += 1.0 - transmitted[k]
+                sum0 += color[0, k]
+                if n_channel > np.uint64(1):
+                    sum1 += color[1, k]
+                    sum2 += color[2, k]
+        scale = 1.0 / opacity if opacity > 0.0 else 0.0
+        pixels[i] = sum0 * scale
+        if n_channel > np.uint64(1):
+            pixels[NEXT_CHANNEL + i] = sum1 * scale
+            pixels[NEXT_CHANNEL + NEXT_CHANNEL + i] = sum2 * scale
+        pixels[ALPHA + i] = opacity / (factor * factor)
     return count
 
 

@@ -22,7 +22,10 @@ SPECULAR_SUM = np.uint64(CHUNK * 20)
 ALBEDO = np.uint64(CHUNK * 23)
 INTENSITY = LIGHT_X  # the result, a row a channel, when no light is left to ask
 NEXT_CHANNEL = np.uint64(CHUNK)
-N_ROW = 27  # planes come in groups of four: the last row is what the albedo leaves over
+# Of shadows: the polygon's plane, n·P = OFFSET with a unit normal n, and how far the point is lifted above it. Planes of attributes come in groups of four:
+# the row between is what the albedo leaves over.
+PLANE_X, PLANE_Y, PLANE_Z, OFFSET, LIFT = (np.uint64(CHUNK * k) for k in range(27, 32))
+N_ROW = 32
 
 
 def make_rows(dtype):

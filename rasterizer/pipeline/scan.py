@@ -168,7 +168,7 @@ def fill(canvas, box, k, payload, block):
         fill_lanes(canvas.words, canvas.pitch, box, triangle, (origin, word_x, word_y))
     else:
         depths = (reals[Z0 + k], reals[Z1 + k], reals[Z2 + k])
-        fill_spans(canvas, box, triangle, (origin, word_x, word_y), is_sliver, depths, payload[0])
+        fill_spans(canvas, box, triangle, (origin, word_x, word_y), is_sliver, depths, payload[0], None)
 
 
 @helper
@@ -206,8 +206,11 @@ def edge_function(xa, ya, xb, yb, sx, sy):
 
 
 @helper
-def fill_spans(canvas, box, triangle, plane, is_sliver, depths, payload):
-    """Walk the left and the right chain down the rows and fill the samples between them, slivers exactly."""
+def fill_spans(canvas, box, triangle, plane, is_sliver, depths, payload, floor):
+    """Walk the left and the right chain down the rows and fill the samples between them, slivers exactly.
+
+    `floor` is None, or the words that everything must lie behind (layers.py).
+    """
     _, _, top, bottom, base = box
     x0, y0, x1, y1, x2, y2 = triangle
     origin, word_x, word_y = plane
@@ -231,10 +234,15 @@ def fill_spans(canvas, box, triangle, plane, is_sliver, depths, payload):
             if start < stop:
                 place = base + (j - top) * canvas.pitch + start
                 row = canvas.words[np.uint64(place) : np.uint64(place + stop - start)]
-                if is_sliver:
-                    fill_span_exactly(row, start, j, triangle, depths, payload)
+                word = origin + np.uint64(j) * word_y + np.uint64(start) * word_x
+                if floor is None:
+                    if is_sliver:
+                        fill_span_exactly(row, start, j, triangle, depths, payload)
+                    else:
+                        fill_span(row, word, word_x)
                 else:
-                    fill_span(row, origin + np.uint64(j) * word_y + np.uint64(start) * word_x, word_x)
+                    ahead = floor[np.uint64(place) : np.uint64(place + stop - start)]
+                    fill_span_behind(row, ahead, start, j, triangle, depths, payload, is_sliver, word, word_x)
             rest_left += d_rest_left
             carry = rest_left >= run_left
             rest_left -= run_left if carry else 0
@@ -272,13 +280,29 @@ def fill_span(row, word, step):
 @helper
 def fill_span_exactly(row, start, j, triangle, depths, payload):
     """Fill a span of a triangle that is too thin for a plane: its depth comes from exact edge functions at every sample."""
+    for k in range(np.uint64(len(row))):
+        new, old = word_of_sliver(start + np.int64(k), j, triangle, depths, payload), row[k]
+        row[k] = new if new < (old & DEPTH_MASK) else old
+
+
+@helper
+def word_of_sliver(i, j, triangle, depths, payload):
+    """Depth at a sample from exact edge functions, above the payload."""
     x0, y0, x1, y1, x2, y2 = triangle
     z0, z1, z2 = depths
     area = float((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0))
-    uy = j * SUBPIXEL + HALF - y0
+    ux, uy = i * SUBPIXEL + HALF - x0, j * SUBPIXEL + HALF - y0
+    b1 = (ux * (y2 - y0) - uy * (x2 - x0)) / area
+    b2 = (uy * (x1 - x0) - ux * (y1 - y0)) / area
+    return np.int64(pack(np.rint(z0 + b1 * (z1 - z0) + b2 * (z2 - z0)), payload))
+
+
+@helper
+def fill_span_behind(row, ahead, start, j, triangle, depths, payload, is_sliver, word, step):
+    """Fill a span with what lies behind the words `ahead`; whole words are compared, so that at equal depth the triangle with the
+    lower number lies in front."""
     for k in range(np.uint64(len(row))):
-        ux = (start + np.int64(k)) * SUBPIXEL + HALF - x0
-        b1 = (ux * (y2 - y0) - uy * (x2 - x0)) / area
-        b2 = (uy * (x1 - x0) - ux * (y1 - y0)) / area
-        new, old = np.int64(pack(np.rint(z0 + b1 * (z1 - z0) + b2 * (z2 - z0)), payload)), row[k]
-        row[k] = new if new < (old & DEPTH_MASK) else old
+        new = word_of_sliver(start + np.int64(k), j, triangle, depths, payload) if is_sliver else np.int64(word)
+        if ahead[k] < new and new < row[k]:
+            row[k] = new
+        word += step

@@ -7,6 +7,7 @@ import numpy as np
 from .block import Block, make_block
 from .buffers import Buffers
 from .lanes import GROUP
+from .layers import Layers
 from .records import ATTRIBUTE, PLANE, Records
 from .resolve import Picture
 from .rows import make_rows
@@ -21,6 +22,8 @@ class Bench(NamedTuple):
     block: Block  # the scan stage's rows
     radiance: np.ndarray  # (n_channel, rows * pitch)
     rows: np.ndarray  # lighting's rows
+    texels: np.ndarray  # (4, rows * pitch), no planes where the scene has no textures
+    layers: Layers  # with room only where the scene has transparent surfaces
 
 
 class BenchKind(NamedTuple):
@@ -32,6 +35,8 @@ class BenchKind(NamedTuple):
     n_attribute: int
     n_group: int  # of planes in a record
     dtype: np.dtype
+    is_textured: bool
+    is_layered: bool
 
 
 class Scratch:
@@ -61,7 +66,14 @@ def _make_bench(kind) -> Bench:
     canvas = Canvas(np.full(n_row * pitch, CLEAR), pitch, width, left, right)
     radiance = np.zeros((kind.n_channel, n_row * pitch), kind.dtype)
     records = _make_records(1, kind.n_attribute, kind.n_group, kind.dtype)
-    return Bench(canvas, records, make_block(), radiance, make_rows(kind.dtype))
+    n_sample = n_row * pitch
+    n_layered = n_sample if kind.is_layered else 0
+    texels = np.zeros((4 if kind.is_textured else 0, n_sample), kind.dtype)
+    layers = Layers(
+        np.zeros(n_layered, np.int64), np.zeros(n_layered, np.int64), np.zeros(n_layered, kind.dtype),
+        np.zeros((kind.n_channel, n_layered), kind.dtype),
+    )  # fmt: skip
+    return Bench(canvas, records, make_block(), radiance, make_rows(kind.dtype), texels, layers)
 
 
 def _make_records(n, n_attribute, n_group, dtype) -> Records:

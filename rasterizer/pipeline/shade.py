@@ -36,10 +36,15 @@ from .rows import (
     CHUNK,
     DISTANCE,
     INTENSITY,
+    LIFT,
     NEXT_CHANNEL,
     NORMAL_X,
     NORMAL_Y,
     NORMAL_Z,
+    OFFSET,
+    PLANE_X,
+    PLANE_Y,
+    PLANE_Z,
     POSITION_X,
     POSITION_Y,
     POSITION_Z,
@@ -113,14 +118,18 @@ def interpolate_runs(words, records, first, y, n_channel, out):
 
 
 @kernel
-def shade_lit(canvas, records, n_exact, kind, y_start, n_row, screen, lighting, face_material, rows, out_radiance):
+def shade_lit(
+    canvas, records, n_exact, kind, y_start, n_row, screen, lighting, face_material, face_shape, texels, rows, out_radiance
+):
     """Interpolate normals and evaluate the illumination equation at every visible sample.
 
     Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo). `face_material` is the material
-    of every triangle, or empty where there is one material. `n_exact` records of the band are exact.
+    of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows; `texels` has
+    planes only where there are textures. `n_exact` records of the band are exact.
     """
     words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
     radiance, face_material = borrow(out_radiance), borrow(face_material)
+    face_shape, texels = borrow(face_shape), borrow(texels)
     records = borrow_records(records)
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
@@ -138,6 +147,11 @@ def shade_lit(canvas, records, n_exact, kind, y_start, n_row, screen, lighting, 
                     invert_distances(rows, n)
             if n_exact > 0 and has_exact(chunk):
                 interpolate_normal_runs(chunk, records, first, y, lighting.has_albedo, screen.is_perspective, rows)
+            if texels.shape[0] > 0:
+                for channel in range(np.uint64(3)):
+                    weigh_albedo(rows, n, channel, texels[channel, start : start + np.uint64(n)])
+            if len(lighting.shadow) > 0:
+                take_shapes(chunk, records, face_shape, screen.eye, rows)
             normalize_normals(rows, n)
             if lighting.needs_view or lighting.needs_position:
                 fill_positions(screen, first, y, n, lighting.needs_position, rows)
@@ -146,6 +160,25 @@ def shade_lit(canvas, records, n_exact, kind, y_start, n_row, screen, lighting, 
                 for k in range(np.uint64(n)):
                     radiance[channel, start + k] = rows[INTENSITY + channel * NEXT_CHANNEL + k]
             first += n
+
+
+@helper
+def weigh_albedo(rows, n, channel, texels):
+    """Multiply one channel of the albedo by the texture."""
+    row = ALBEDO + channel * NEXT_CHANNEL
+    for k in range(np.uint64(n)):
+        rows[row + k] *= texels[k]
+
+
+@helper
+def take_shapes(words, records, face_shape, eye, rows):
+    """What shadows need of the polygons: their planes, relative to the eye, and how far points are lifted."""
+    for k in range(np.uint64(len(words))):
+        face = face_of(words[k], records) if words[k] & IS_ID else np.uint64(0)
+        x, y, z = face_shape[face, 0], face_shape[face, 1], face_shape[face, 2]
+        rows[PLANE_X + k], rows[PLANE_Y + k], rows[PLANE_Z + k] = x, y, z
+        rows[OFFSET + k] = face_shape[face, 3] - (x * eye[0] + y * eye[1] + z * eye[2])
+        rows[LIFT + k] = face_shape[face, 4]
 
 
 @helper

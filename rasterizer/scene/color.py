@@ -22,12 +22,13 @@ def linear_rgb(color, what: str = "color") -> RGB:
     Parameters
     ----------
     color : number (a linear grey), three numbers (linear RGB as they are; above 1 is legal), or str (sRGB:
-        "#f80", "#ff8800", "orange", "rgb(255, 136, 0)", anything that PIL.ImageColor reads)
+        "#f80", "#ff8800", "orange", "rgb(255, 136, 0)", anything that PIL.ImageColor reads), or Spectrum
     what : name of the argument, for messages
 
     Returns
     -------
-    (red, green, blue) floats, linear, at least 0
+    (red, green, blue) floats, linear, at least 0; a Spectrum itself, which is such a triple too, but may have
+    negative components
 
     Raises
     ------
@@ -36,6 +37,8 @@ def linear_rgb(color, what: str = "color") -> RGB:
     """
     if isinstance(color, str):
         return _rgb_of_text(color, what)
+    if isinstance(color, tuple) and hasattr(color, "wavelengths"):
+        return color  # a Spectrum: its module imports this one
     is_sequence = hasattr(color, "__len__") and getattr(color, "ndim", 1) > 0
     if is_sequence:
         rgb = vector3(color, what)

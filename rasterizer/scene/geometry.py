@@ -25,8 +25,14 @@ class Geometry(NamedTuple):
     normals: np.ndarray  # (3, n_point) float64, unit length
     albedo: np.ndarray  # (n_point, 3) float64, linear; (0, 3) where no mesh has colours
     is_inverted: np.ndarray  # (n_face,) uint8: 1 where the normals look against the winding
-    point_offsets: np.ndarray  # (n_mesh + 1,) int64
-    face_offsets: np.ndarray  # (n_mesh + 1,) int64
+    point_offsets: np.ndarray  # (n_material + 1,) int64: the points of each material stand side by side
+    face_material: np.ndarray  # (n_face,) uint32; empty where there is one material
+    uv: np.ndarray  # (n_point, 2) float64, texture coordinates; (0, 2) where no material has a texture
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether every vertex of a triangle has a point of its own: then what is clipped gets new points, too."""
+        return self.corner is self.vertex
 
 
 class Part(NamedTuple):
@@ -38,29 +44,76 @@ class Part(NamedTuple):
     points: np.ndarray  # (n_point, 3)
     normals: np.ndarray  # (n_point, 3)
     albedo: np.ndarray | None  # (n_point, 3)
+    uv: np.ndarray | None = None  # (n_point, 2)
+    n_points: tuple = ()  # of each material
 
 
 def gather_geometry(scene, is_flat: bool) -> Geometry:
     """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices."""
-    parts = [flat_part(mesh) if is_flat else smooth_part(mesh) for mesh in scene.meshes]
+    materials = [material for mesh in scene.meshes for material in mesh.palette]
+    is_textured = any(material.texture is not None for material in materials)
+    parts = [split_points(flat_part(mesh) if is_flat else smooth_part(mesh), mesh, is_textured) for mesh in scene.meshes]
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
     first_point = np.cumsum([0] + [len(part.points) for part in parts])
     positions = _columns([part.positions for part in parts], np.float64)
     vertex = _columns([part.vertex for part in parts], np.uint32, first_vertex)
+    points, corner = positions, vertex
     if is_flat:
         points = _columns([part.points for part in parts], np.float64)
-        corner = _columns([part.corner for part in parts], np.uint32, first_point)
-    else:
-        points, corner = positions, vertex
+        corner = vertex if is_textured else _columns([part.corner for part in parts], np.uint32, first_point)
     normals = _columns([part.normals for part in parts], np.float64)
     albedo = np.empty((0, 3))
-    if any(part.albedo is not None for part in parts):
+    if is_textured or any(part.albedo is not None for part in parts):
         white = [np.ones((len(part.points), 3)) if part.albedo is None else part.albedo for part in parts]
         albedo = np.concatenate(white)
     is_inverted = np.zeros(vertex.shape[1], np.uint8)
     if not is_flat:
         flag_inverted(positions, normals, vertex, is_inverted)
-    return Geometry(positions, vertex, corner, points, normals, albedo, is_inverted, first_point, scene.face_offsets)
+    uv = np.concatenate([part.uv for part in parts]) if is_textured else np.empty((0, 2))
+    offsets = np.cumsum([0] + [n for part in parts for n in part.n_points])
+    return Geometry(
+        positions, vertex, corner, points, normals, albedo, is_inverted, offsets, gather_face_materials(scene.meshes), uv
+    )
+
+
+def gather_face_materials(meshes) -> np.ndarray:
+    """Material of every face of a scene, (n_face,) uint32, counted through all meshes' palettes; empty where there is one."""
+    first = np.cumsum([0] + [len(mesh.palette) for mesh in meshes])
+    if first[-1] == 1:
+        return np.empty(0, np.uint32)
+    numbers = [np.zeros(mesh.n_face, np.uint32) if mesh.face_material is None else mesh.face_material for mesh in meshes]
+    return np.concatenate([start + number for start, number in zip(first, numbers, strict=False)]).astype(np.uint32)
+
+
+def split_points(part, mesh, is_textured) -> Part:
+    """Split the points of a mesh where faces of different materials meet, and where texture coordinates differ.
+
+    The points of a material then stand side by side, so that they can be lit together. With textures every point gets its
+    texture coordinates, and belongs to one vertex: also in flat shading, where points are polygons else.
+    """
+    n_material = len(mesh.palette)
+    if mesh.face_material is None and not is_textured:
+        return part._replace(n_points=(len(part.points),))
+    corner, vertex = np.asarray(part.corner, np.int64).ravel(), np.asarray(part.vertex, np.int64).ravel()
+    material = np.zeros(len(corner), np.int64)
+    if mesh.face_material is not None:
+        material = np.repeat(mesh.face_material.astype(np.int64), 3)
+    keys, uv = [material[:, None], corner[:, None]], np.zeros((len(corner), 2))
+    if is_textured:
+        if mesh.uv is not None:
+            uv = (mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv).reshape(-1, 2)
+        keys += [vertex[:, None], uv]
+    first, kind = _unique_rows(keys)
+    order = np.argsort(material[first], kind="stable")
+    first, rank = first[order], np.argsort(order)
+    kind = rank[kind].astype(np.uint32).reshape(-1, 3)
+    point = corner[first]
+    is_own = is_textured or part.corner is part.vertex  # every vertex has a point of its own
+    return Part(
+        part.positions[vertex[first]] if is_own else part.positions, kind if is_own else part.vertex, kind,
+        part.points[point], part.normals[point], None if part.albedo is None else part.albedo[point],
+        uv[first], tuple(np.bincount(material[first], minlength=n_material).tolist()),
+    )  # fmt: skip
 
 
 def _columns(arrays, dtype, offsets=None) -> np.ndarray:
@@ -187,3 +240,50 @@ def find_clearance(positions, vertex, x, y, z):
         dx, dy, dz = x - center_x, y - center_y, z - center_z
         least = min(least, np.sqrt(dx * dx + dy * dy + dz * dz) - np.sqrt(radius))
     return max(least, 0.0)
+
+
+@kernel
+def find_shapes(positions, normals, vertex, out_shape):
+    """Find what shadows need of every triangle: its plane, and how far its corners lie, at most, from the tangent planes at the other
+    corners: how far the curved surface that it may stand for is from it.
+
+    Parameters
+    ----------
+    positions, normals : (3, n) float64
+    vertex : (3, n_face) uint32
+    out_shape : (n_face, 5) float64: unit normal n, n·P of the plane, and that distance, scene units
+    """
+    for face in range(np.uint64(vertex.shape[1])):
+        a, b, c = vertex[0, face], vertex[1, face], vertex[2, face]
+        e1_x, e1_y, e1_z = positions[0, b] - positions[0, a], positions[1, b] - positions[1, a], positions[2, b] - positions[2, a]
+        e2_x, e2_y, e2_z = positions[0, c] - positions[0, a], positions[1, c] - positions[1, a], positions[2, c] - positions[2, a]
+        x, y, z = e1_y * e2_z - e1_z * e2_y, e1_z * e2_x - e1_x * e2_z, e1_x * e2_y - e1_y * e2_x
+        length = np.sqrt(x * x + y * y + z * z)
+        scale = 1.0 / length if length > 0.0 else 0.0
+        out_shape[face, 0], out_shape[face, 1], out_shape[face, 2] = x * scale, y * scale, z * scale
+        out_shape[face, 3] = (x * positions[0, a] + y * positions[1, a] + z * positions[2, a]) * scale
+        lift = 0.0
+        for i in (a, b, c):
+            for j in (a, b, c):
+                lift = max(lift, abs(
+                    (positions[0, j] - positions[0, i]) * normals[0, i]
+                    + (positions[1, j] - positions[1, i]) * normals[1, i]
+                    + (positions[2, j] - positions[2, i]) * normals[2, i]
+                ))  # fmt: skip
+        out_shape[face, 4] = lift
+
+
+def find_lifts(geometry) -> np.ndarray:
+    """How far points are lifted for shadows, (n_point,) float64, scene units: as the triangles about a vertex are; the centroid of a
+    polygon as far as its corners are from its plane."""
+    lifts = np.zeros(geometry.points.shape[1])
+    if geometry.points is geometry.positions:
+        shape = np.empty((geometry.vertex.shape[1], 5))
+        find_shapes(geometry.positions, geometry.normals, geometry.vertex, shape)
+        for corner in geometry.corner:
+            np.maximum.at(lifts, corner, shape[:, 4])
+        return lifts
+    for vertex, corner in zip(geometry.vertex, geometry.corner, strict=True):
+        away = geometry.positions[:, vertex] - geometry.points[:, corner]
+        np.maximum.at(lifts, corner, np.abs((away * geometry.normals[:, corner]).sum(axis=0)))
+    return lifts

@@ -237,7 +237,9 @@ class AreaLight:
     def cells(self) -> tuple[PointLight, ...]:
         """Return the point lights that this light is made of, row after row."""
         m, n = self.resolution
-        color = tuple(component / (m * n) for component in self.color)
+        share = 1.0 / (m * n)
+        is_spectrum = hasattr(self.color, "scaled")
+        color = self.color.scaled(share) if is_spectrum else tuple(component * share for component in self.color)
         # Where the edges of many shadows are averaged, half of the texels are enough for each.
         shadow = self.shadow and replace(self.shadow, size=max(16, self.shadow.size // 2))
         steps = [((i + 0.5) / m, (j + 0.5) / n) for j in range(n) for i in range(m)]

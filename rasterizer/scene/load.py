@@ -9,6 +9,7 @@ In: a path, bytes, an open file, or a mesh. Out: a Scene.
 
 import importlib.util
 import os
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,17 @@ from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene.gltf import read_gltf
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.obj import read_obj
-from rasterizer.scene.parse import ModelFile, Part, is_drawable, part_from, run_trimesh, triangle_meshes, weld
+from rasterizer.scene.parse import (
+    Contents,
+    ModelFile,
+    Part,
+    is_drawable,
+    materials_of,
+    part_from,
+    run_trimesh,
+    triangle_meshes,
+    weld,
+)
 from rasterizer.scene.scene import Scene
 from rasterizer.scene.soup import read_off, read_ply, read_stl
 
@@ -42,7 +53,8 @@ def load(
     drop_bad_faces=False,
     log=None,
 ):
-    """Load a model into a scene: its meshes, with studio lights and a framed camera unless others are given.
+    """Load a model into a scene: its meshes, with studio lights and a framed camera unless others are given, here or in the
+    file.
 
     Parameters
     ----------
@@ -53,8 +65,8 @@ def load(
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals of the file if it has any, else its smoothing groups, else 30
     up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, y for the others
-    lights : sequence of lights; None = studio lights
-    camera : Camera; None = framed when the picture is made
+    lights : sequence of lights; None = those of the file (GLB and glTF may have some), else studio lights
+    camera : Camera; None = the first of the file, else framed when the picture is made
     background : colour; None = transparent
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
     log : function of one text, called with facts about the file; None = nobody wants them
@@ -71,7 +83,7 @@ def load(
 
     Warns
     -----
-    UserWarning : materials that the file uses are missing
+    UserWarning : materials, textures or texture coordinates that the file uses are missing or unreadable
     """
     log = log or _keep_quiet
     settings = {"lights": lights, "camera": camera, "background": background, "up": up}
@@ -81,7 +93,12 @@ def load(
     if _is_file(source):
         model = _open(source, format, log)
         settings.setdefault("up", _UP_AXES.get(model.format, "y"))
-        meshes = _read_meshes(model, crease_angle, drop_bad_faces)
+        contents = _READERS[model.format](model)
+        contents = contents if isinstance(contents, Contents) else Contents(contents)
+        meshes = _make_meshes(model, contents, crease_angle, drop_bad_faces)
+        for key in ("lights", "camera"):
+            if getattr(contents, key) is not None:
+                settings.setdefault(key, getattr(contents, key))
     else:
         meshes = _take_meshes(source, crease_angle, drop_bad_faces)
     return Scene(meshes, **settings)
@@ -171,15 +188,15 @@ def _format_of(name, format) -> str:
 # --- meshes -------------------------------------------------------------------------------------------------
 
 
-def _read_meshes(model, crease_angle, drop_bad_faces) -> list[Mesh]:
-    """Read the file, check its parts, and place them."""
-    placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in _READERS[model.format](model)]
+def _make_meshes(model, contents, crease_angle, drop_bad_faces) -> list[Mesh]:
+    """Check the parts of a file, and place them."""
+    placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in contents.parts]
     if not placed:
         raise model.error("no faces")
     for part, _ in placed:
         if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
             raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
-    _report(model, [part for part, _ in placed], crease_angle)
+    _report(model, contents, [part for part, _ in placed], crease_angle)
     if len(placed) > 1:
         placed = [pair for pair in placed if _is_worth_drawing(*pair, drop_bad_faces)] or placed[:1]
     return [
@@ -193,7 +210,22 @@ def _prepare(model, part, crease_angle) -> Part:
     is_split = model.format in _SPLIT_FORMATS or (model.format == "ply" and "uv" in part)
     if is_split and (crease_angle is not None or "normals" not in part):
         part = weld(part)
-    return _mend_normals(model, part)
+    return _mend_normals(model, _without_useless_textures(model, part))
+
+
+def _without_useless_textures(model, part: Part) -> Part:
+    """Take the textures off the materials of a part that has no texture coordinates."""
+    useless = [material.name for material in materials_of(part) if material.texture is not None]
+    if "uv" in part or not useless:
+        return part
+    names = ", ".join(f"'{name}'" for name in useless)
+    warnings.warn(
+        f"{model.name}: mesh '{part['name']}' has no texture coordinates; it is drawn without the texture of its material {names}",
+        stacklevel=2,
+    )
+    if "materials" in part:
+        return {**part, "materials": tuple(replace(material, texture=None) for material in part["materials"])}
+    return {**part, "material": replace(part["material"], texture=None)}
 
 
 def _place(model, part, matrix, crease_angle, drop_bad_faces) -> Mesh:
@@ -240,13 +272,19 @@ def _mend_normals(model, part: Part) -> Part:
     return {**part, "normals": np.where(is_bad[..., None], of_face[:, None], normals)}
 
 
-def _report(model, parts, crease_angle):
+def _report(model, contents, parts, crease_angle):
     """Say in one line what the file had and what is used of it."""
     n_face = sum(len(part["faces"]) for part in parts)
-    n_material = len({part["material"].name for part in parts} - {""})
+    materials = [material for part in parts for material in materials_of(part)]
+    n_material = len({material.name for material in materials} - {""})
+    n_texture = len({id(material.texture) for material in materials} - {id(None)})
+    n_light = len(contents.lights or ())
     facts = [f"{n_face} faces"]
     facts += [f"{len(parts)} meshes"] if len(parts) > 1 else []
     facts += [f"{n_material} material" + "s" * (n_material > 1)] if n_material else []
+    facts += [f"{n_texture} texture" + "s" * (n_texture > 1)] if n_texture else []
+    facts += [f"{n_light} light" + "s" * (n_light > 1)] if n_light else []
+    facts += ["a camera"] if contents.camera is not None else []
     has = {key for part in parts for key in part}
     facts += ["polygons with more than 3 corners"] if "polygons" in has else []
     facts += ["vertex colours"] if "colors" in has else []

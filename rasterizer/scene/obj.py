@@ -1,28 +1,38 @@
-"""Read OBJ through trimesh, and recover what it loses: normals, smoothing groups, polygons, materials.
+"""Read OBJ through trimesh, and recover what it loses: normals, smoothing groups, polygons, objects, materials.
 
 trimesh parses the numbers and cuts polygons into triangles. Where the face lines say more than three vertex
 numbers, they are read a second time into a table of corners, which is laid beside trimesh's triangles; every
 vertex of every triangle must then be the same point in both, which holds the two readers together. A plain
 file costs no more than a few searches through its text.
 
-    text ─ tidy ─ number the materials ─┬─ trimesh ──────────┬─ parts, one a material
-                                        └─ table of corners ─┘
+    text ─ tidy ─┬─ trimesh ──────────┬─ all faces ─ parts, one an object
+                 ├─ table of corners ─┤
+                 └─ o, usemtl ────────┘
 
-Parts come in the order in which faces first use their material. Their vertices are those of the file: copies
-that trimesh makes of a vertex with several normals or texture coordinates are joined again. Faces keep the
-order of the file within their material. Format: Wavefront, Advanced Visualizer manual, appendix B1, 1995.
+Each `o` line with faces begins a part, which may have several materials; groups (`g`) only name faces, so normals
+go across their borders. Faces keep the order of the file. The vertices are those of the file: copies that trimesh
+makes of a vertex with several normals or texture coordinates are joined again. Format: Wavefront, Advanced
+Visualizer manual, appendix B1, 1995.
 """
 
 import re
 import warnings
-from collections import defaultdict
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
 from rasterizer.errors import ModelError
 from rasterizer.scene.material import Material
-from rasterizer.scene.mtl import read_materials
+from rasterizer.scene.mtl import Maps, file_beside, read_materials
+from rasterizer.scene.obj_corners import (
+    Corners,
+    MisreadError,
+    in_force,
+    read_corners,
+    read_normals,
+    read_texture_coordinates,
+    rewrite_faces,
+)
 from rasterizer.scene.obj_fault import find_fault
 from rasterizer.scene.parse import (
     Fans,
@@ -37,37 +47,25 @@ from rasterizer.scene.parse import (
 
 _UNNAMED = -1  # material number of faces before the first usemtl
 
-# Ways to write a corner: slashes of one corner * 2 + whether two of them touch. The numbers say which columns
-# are v, vt and vn.
-_PATTERNS = {0: ("v",), 2: ("v", "vt"), 4: ("v", "vt", "vn"), 5: ("v", "vn")}
-
-
-class Corners(NamedTuple):
-    """What the face lines say, indices counted from 0."""
-
-    v: np.ndarray  # (n_corner,) int64
-    vt: np.ndarray  # (n_corner,) int64, -1 where a corner has none
-    vn: np.ndarray  # (n_corner,) int64, -1 where a corner has none
-    n_corner: np.ndarray  # (n_face,) int64
-    material: np.ndarray  # (n_face,) int64, number of the material
-    smoothing: np.ndarray  # (n_face,) int64, 0 = none
-    is_plain: bool  # trimesh understands the face lines as they are
-
 
 def read_obj(model: ModelFile) -> list[Part]:
-    """Read an OBJ file and the MTL files that it names.
+    """Read an OBJ file, the MTL files that it names, and the textures that those name.
 
     Returns
     -------
-    one part for each material, in the order in which faces first use them
+    one part for each object, in the order of the file
 
     Raises
     ------
     ModelError : naming the line where one is at fault
+
+    Warns
+    -----
+    UserWarning : materials, textures or texture coordinates that are missing
     """
     try:
         parts = _read(model)
-    except (_MisreadError, ModelError) as fault:
+    except (MisreadError, ModelError) as fault:
         found = find_fault(model.data)
         if found is None and isinstance(fault, ModelError):
             raise
@@ -79,33 +77,50 @@ def read_obj(model: ModelFile) -> list[Part]:
     return parts
 
 
-class _MisreadError(Exception):
-    """The face lines can't be read, or trimesh understands them in another way."""
-
-
 def _read(model):
-    text, names = _number_materials(_tidy(model.data))
-    corners = None
-    if _needs_table(text):
-        corners = _read_corners(text)
-        if not corners.is_plain:
-            text = _rewrite_faces(text, corners)
-    meshes = _run(model, text, names)
-    n_triangle = sum(len(mesh.faces) for mesh in meshes.values())
-    if corners is None and meshes and n_triangle != text.count("\nf "):
-        corners = _read_corners(text)
-    normals = _read_normals(text) if corners is not None and (corners.vn >= 0).any() else None
+    text = _tidy(model.data)
+    corners = read_corners(text) if _needs_table(text) else None
+    mesh = _run(model, text if corners is None or corners.is_plain else rewrite_faces(text, corners))
+    if mesh is None:
+        return []
+    n_line = text.count("\nf ")
+    if corners is None and len(mesh.faces) != n_line:
+        corners = read_corners(text)
+    part = part_from(mesh)
+    part.pop("uv", None)
+    if corners is not None:
+        part = _recover(part, corners, text)
+    object_of_line, objects = _named(text, "o", n_line)
+    material_of_line, names = _named(text, "usemtl", n_line)
+    lines = np.arange(n_line) if corners is None else fans(corners.n_corner).polygons
     materials = _find_materials(model, text, names)
-    parts = []
-    for number in sorted(meshes):
-        name = names[number] if number >= 0 else ""
-        part = part_from(meshes[number], name)
-        if corners is not None:
-            part = _recover(part, corners, number, normals)
-        if name in materials or "colors" not in part:
-            part["material"] = materials.get(name, Material(name=name))
-        parts.append(part)
-    return parts
+    default = replace(part.pop("material"), name="")
+    palette = [materials.get(name, replace(default, name=name)) for name in names] + [default]
+    part["face_material"] = material_of_line[lines]
+    return [
+        _with_materials(model, piece, palette, objects[number] if number >= 0 else _only_group(text))
+        for number, piece in _objects(part, object_of_line[lines])
+    ]
+
+
+def _named(text, keyword, n_line) -> tuple[np.ndarray, list[str]]:
+    """Return the number of the name in force at each face line, -1 = none yet, and the names.
+
+    Equal materials have one number; every `o` line begins an object, whatever it is called.
+    """
+    names = {}
+
+    def number(name):
+        return names.setdefault(name if keyword == "usemtl" else (len(names), name), len(names))
+
+    numbers = in_force(text, keyword, number, _UNNAMED, n_line)
+    return numbers, [name if keyword == "usemtl" else name[1] for name in names]
+
+
+def _only_group(text) -> str:
+    """Return the name of the group where the file has just one, to name faces that belong to no object."""
+    groups = {name.strip() for name in re.findall(r"\ng (.*)", text)}
+    return groups.pop() if len(groups) == 1 else ""
 
 
 # --- text ---------------------------------------------------------------------------------------------------
@@ -127,17 +142,6 @@ def _tidy(data: bytes) -> str:
     return text
 
 
-def _number_materials(text: str) -> tuple[str, list[str]]:
-    """Replace the names after usemtl, which trimesh changes, by numbers; return the text and the names."""
-    names = {}
-
-    def number(match):
-        return f"\nusemtl {names.setdefault(match[1], len(names))}"
-
-    text = re.sub(r"\nusemtl +(.*?) *(?=\n)", number, text)
-    return text, list(names)
-
-
 def _needs_table(text: str) -> bool:
     """Tell whether the face lines may say more than vertex numbers above 0, or smoothing groups are used."""
     start, last = text.find("\nf "), text.rfind("\nf ")
@@ -150,164 +154,44 @@ def _needs_table(text: str) -> bool:
 # --- trimesh ------------------------------------------------------------------------------------------------
 
 
-def _run(model, text, names) -> dict:
-    """Parse the text with trimesh; return a mesh for each number of a material.
-
-    trimesh tells which mesh has which material only if it has found the material, so it gets a file that
-    defines just the names.
-    """
-    library = "".join(f"newmtl {number}\nKd 1 1 1\n" for number in range(len(names))).encode()
-    if names:
-        text = "\nmtllib names\n" + text
-    scene = run_trimesh(model, text, resolver=defaultdict(lambda: library))
-    numbers = {str(number): number for number in range(len(names))}
-    meshes = {}
-    for mesh in triangle_meshes(scene).values():
-        number = numbers.get(getattr(getattr(mesh.visual, "material", None), "name", None), _UNNAMED)
-        if number in meshes or mesh.vertices.shape[1:] != (3,):
-            raise _MisreadError("vertices or materials are mixed up")
-        meshes[number] = mesh
-    return meshes
-
-
-# --- table of corners ---------------------------------------------------------------------------------------
-
-
-def _read_corners(text) -> Corners:
-    """Read the face lines, and which material and smoothing group is in force at each."""
-    faces = re.findall(r"\nf (.*)", text)
-    n_corner, pattern = _patterns(faces)
-    columns = _read_mixed(faces, int(n_corner.sum())) if pattern is None else _read_uniform(faces, pattern, int(n_corner.sum()))
-    is_plain = pattern is not None
-    indices = {}
-    for kind in ("v", "vt", "vn"):
-        column = columns.get(kind)
-        if column is not None and column.min(initial=1) < 0:
-            is_plain = False
-            column = _count_from_start(column, text, kind, n_corner)
-        indices[kind] = np.full(int(n_corner.sum()), -1) if column is None else column - 1
-    if indices["v"].min(initial=0) < 0:
-        raise _MisreadError("a face refers to a vertex before the first")
-    material = _in_force(text, "usemtl", int, _UNNAMED, len(faces))
-    smoothing = _in_force(text, "s", _smoothing_group, 0, len(faces))
-    return Corners(**indices, n_corner=n_corner, material=material, smoothing=smoothing, is_plain=is_plain)
-
-
-def _patterns(faces):
-    """Return the number of corners of each face line, and their pattern, None if there are several."""
-    blob = np.frombuffer("\n".join(faces).encode("utf-8", "replace"), np.uint8)
-    is_gap = blob <= ord(" ")
-    starts = np.flatnonzero(~is_gap & np.concatenate(([True], is_gap[:-1])))
-    line_of_byte = np.cumsum(blob == ord("\n"), dtype=np.int32)
-    n_corner = np.bincount(line_of_byte[starts], minlength=len(faces))
-    if not len(starts):
-        return n_corner, ("v",)
-    is_slash = blob == ord("/")
-    is_double = is_slash & np.concatenate(([False], is_slash[:-1]))
-    code = 2 * np.add.reduceat(is_slash, starts, dtype=np.int32) + np.add.reduceat(
-        is_double, starts, dtype=np.int32
-    )
-    return n_corner, _PATTERNS.get(int(code[0])) if (code == code[0]).all() else None
-
-
-def _numbers_in(text, dtype, place) -> np.ndarray:
-    """Return the numbers of a text with blanks between them; numpy before 2.4 only warns where it stops at anything else."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)
-            return np.fromstring(text, dtype=dtype, sep=" ")
-    except (ValueError, DeprecationWarning) as fault:
-        raise _MisreadError(f"{place} holds something that is no number") from fault
-
-
-def _read_uniform(faces, pattern, n_corner) -> dict:
-    """Read face lines whose corners are all written alike; return the columns by kind, as in the file."""
-    text = " ".join(faces).replace("//", " ").replace("/", " ")
-    numbers = _numbers_in(text, np.int64, "a face line")
-    if len(numbers) != n_corner * len(pattern):
-        raise _MisreadError("a corner of a face lacks a number")
-    return dict(zip(pattern, numbers.reshape(-1, len(pattern)).T, strict=True))
-
-
-def _read_mixed(faces, n_corner) -> dict:
-    """Read face lines whose corners are written in different ways, a missing number as 0."""
-    words = [[*word.split("/"), "", ""][:3] for word in " ".join(faces).split()]
-    if len(words) != n_corner:
-        raise _MisreadError("a face line holds a blank that is none of ASCII's")
-    try:
-        table = np.array([[int(number or 0) for number in word] for word in words], np.int64)
-    except (ValueError, OverflowError) as fault:
-        raise _MisreadError("a face line holds something that is no number") from fault
-    return dict(zip(("v", "vt", "vn"), table.reshape(-1, 3).T, strict=True))
-
-
-def _count_from_start(column, text, kind, n_corner):
-    """Turn negative numbers, which count back from their line, into numbers from 1; 0 if there are none."""
-    given_at = [match.start() for match in re.finditer(f"\n{kind} ", text)]
-    face_at = [match.start() for match in re.finditer("\nf ", text)]
-    so_far = np.repeat(np.searchsorted(given_at, face_at), n_corner)
-    return np.where(column < 0, np.maximum(so_far + column + 1, 0), column)
-
-
-def _in_force(text, keyword, value_of, default, n_face):
-    """Return for each face line the value of the last line before it that begins with the keyword."""
-    values, n_before, place = [default], [], 0
-    for match in re.finditer(rf"\n{keyword} (.*)", text):
-        n_before.append(text.count("\nf ", place, match.start() + 1))
-        values.append(value_of(match[1].strip()))
-        place = match.start()
-    n_before = np.cumsum(n_before, dtype=np.int64)
-    return np.repeat(np.array(values, np.int64), np.diff(n_before, prepend=0, append=n_face))
-
-
-def _smoothing_group(word: str) -> int:
-    """Return the number of a smoothing group: `off` and anything unknown are 0, `on` is 1."""
-    if word == "on":
-        return 1
-    is_number = word.isascii() and word.isdigit() and len(word) < 10  # within int32
-    return int(word) if is_number else 0
-
-
-def _rewrite_faces(text, corners) -> str:
-    """Write the face lines anew for trimesh: numbers from 1; texture coordinates if every corner has one."""
-    words = [str(v) for v in (corners.v + 1).tolist()]
-    if len(words) and corners.vt.min() >= 0:
-        words = [f"{v}/{vt}" for v, vt in zip(words, (corners.vt + 1).tolist(), strict=True)]
-    ends = np.cumsum(corners.n_corner).tolist()
-    faces = iter(["\nf " + " ".join(words[start:end]) for start, end in zip([0, *ends], ends, strict=False)])
-    return re.sub("\nf .*", lambda _: next(faces), text)
-
-
-def _read_normals(text) -> np.ndarray:
-    """Return the three numbers of every vn line, (n, 3) float64."""
-    rows = re.findall(r"\nvn (.*)", text)
-    numbers = _numbers_in(" ".join(rows), np.float64, "a normal")
-    if len(numbers) != 3 * len(rows):
-        raise _MisreadError("a normal has not three numbers")
-    return numbers.reshape(-1, 3)
+def _run(model, text):
+    """Parse the text with trimesh, as one object of one material; None if it has no faces."""
+    plain = re.sub(r"\n(?:usemtl|mtllib|o|g)(?: .*)?(?=\n)", "", text)
+    meshes = list(triangle_meshes(run_trimesh(model, plain)).values())
+    if not meshes:
+        return None
+    if len(meshes) > 1 or meshes[0].vertices.shape[1:] != (3,):
+        raise MisreadError("vertices or objects are mixed up")
+    return meshes[0]
 
 
 # --- alignment ----------------------------------------------------------------------------------------------
 
 
-def _recover(part: Part, corners: Corners, number: int, normals) -> Part:
-    """Lay the table beside the triangles of one material, and take from it what trimesh has lost."""
-    is_mine = corners.material == number
-    corner_idx = np.flatnonzero(np.repeat(is_mine, corners.n_corner))
-    n_corner = corners.n_corner[is_mine]
-    triangles = fans(n_corner)
+def _recover(part: Part, corners: Corners, text) -> Part:
+    """Lay the table beside all triangles, and take from it what trimesh has lost."""
+    triangles = fans(corners.n_corner)
     if len(triangles.polygons) != len(part["faces"]):
-        raise _MisreadError("trimesh finds another number of triangles")
-    taken = part["faces"][_file_order(n_corner, triangles)]
-    corner_idx = corner_idx[triangles.corners]
-    merged = _join_seams(part, taken, corners.v[corner_idx])
-    if normals is not None and (normal_idx := corners.vn[corner_idx]).min() >= 0:
+        raise MisreadError("trimesh finds another number of triangles")
+    taken = part["faces"][_file_order(corners.n_corner, triangles)]
+    merged = _join_seams(part, taken, corners.v[triangles.corners])
+    normal_idx = corners.vn[triangles.corners]
+    if normal_idx.max() >= 0:
+        normals = read_normals(text)
         if normal_idx.max() >= len(normals):
-            raise _MisreadError("a face refers to a normal after the last")
+            raise MisreadError("a face refers to a normal after the last")
         merged["normals"] = normals[normal_idx]
-    if n_corner.max() > 3:
-        merged["polygons"] = triangles.polygons.astype(np.int32)
-    smoothing = corners.smoothing[is_mine][triangles.polygons]
+        merged["has_normals"] = (normal_idx >= 0).all(axis=1)
+    uv_idx = corners.vt[triangles.corners]
+    if uv_idx.max() >= 0:
+        coordinates = read_texture_coordinates(text)
+        is_there = (uv_idx >= 0) & (uv_idx < len(coordinates))
+        if is_there.any():
+            merged["uv"] = np.where(is_there[..., None], coordinates[np.where(is_there, uv_idx, 0)], 0.0)
+            merged["has_uv"] = is_there.all(axis=1)
+    if corners.n_corner.max() > 3:
+        merged["polygons"] = triangles.polygons
+    smoothing = corners.smoothing[triangles.polygons]
     if smoothing.any():
         merged["smoothing"] = smoothing.astype(np.int32)
     return merged
@@ -328,34 +212,135 @@ def _join_seams(part: Part, taken, v) -> Part:
     taken : (n_triangle, 3) trimesh's faces, in the order of the file
     v : (n_triangle, 3) the vertices of the same triangles, as the file numbers them
     """
-    is_used = np.zeros(int(v.max()) + 1, bool)
-    is_used[v] = True
-    faces = (np.cumsum(is_used) - 1)[v]
+    n_used, faces = _compact(v)
     merged = {**part, "faces": faces}
     merged.pop("normals", None)
-    for attribute in ("vertices", "colors", "uv"):
-        if attribute not in part:
-            continue
-        of_corner = part[attribute][taken]
-        values = np.empty((int(is_used.sum()), of_corner.shape[2]), of_corner.dtype)
-        values[faces] = of_corner
-        if np.array_equal(values[faces], of_corner, equal_nan=attribute != "colors"):
-            merged[attribute] = values
-        elif attribute == "uv":
-            merged[attribute] = of_corner
-        else:
-            raise _MisreadError("trimesh finds other triangles")
+    for attribute in ("vertices", "colors"):
+        if attribute in part:
+            merged[attribute] = _per_vertex(part[attribute][taken], faces, n_used)
+            if merged[attribute] is None:
+                raise MisreadError("trimesh finds other triangles")
     return merged
 
 
+def _compact(v) -> tuple[int, np.ndarray]:
+    """Number the vertices in use from 0, in their order; return how many they are, and the faces in new numbers."""
+    first, span = int(v.min()), int(np.ptp(v)) + 1
+    if span > 8 * v.size:  # few faces, far apart: sorting them is less than looking at all between
+        used, faces = np.unique(v, return_inverse=True)
+        return len(used), faces.reshape(v.shape)
+    is_used = np.zeros(span, bool)
+    is_used[v - first] = True
+    return int(is_used.sum()), (np.cumsum(is_used) - 1)[v - first]
+
+
+def _per_vertex(of_corner, faces, n_vertex) -> np.ndarray | None:
+    """Return what corners hold as values of their vertices; None where corners of one vertex differ."""
+    values = np.empty((n_vertex, of_corner.shape[2]), of_corner.dtype)
+    values[faces] = of_corner
+    is_real = of_corner.dtype.kind == "f"
+    return values if np.array_equal(values[faces], of_corner, equal_nan=is_real) else None
+
+
+# --- objects ------------------------------------------------------------------------------------------------
+
+
+def _objects(part: Part, number) -> list[tuple[int, Part]]:
+    """Cut a part where the number (n_triangle,) of the object changes.
+
+    Objects without a face that has an area go with their neighbour, so that the faces keep their numbers: a mesh must
+    have such a face.
+    """
+    starts = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
+    if len(starts) > 1:
+        n_drawable = np.add.reduceat(_has_area(part), starts, dtype=np.int64)
+        is_kept = n_drawable > 0
+        is_kept[int(is_kept.argmax()) if is_kept.any() else 0] = True
+        kept = starts[is_kept]
+    else:
+        kept = starts
+    numbers = number[kept]
+    ends = [*kept[1:].tolist(), len(number)]
+    begins = [0, *kept[1:].tolist()]
+    return [(int(n), _cut(part, a, b)) for n, a, b in zip(numbers, begins, ends, strict=True)]
+
+
+def _has_area(part: Part) -> np.ndarray:
+    """Tell which triangles have finite corners and an area; the limit is that of `Mesh`."""
+    with np.errstate(all="ignore"):
+        corners = part["vertices"][part["faces"]].astype(np.float64)
+        edges = corners[:, 1:] - corners[:, :1]
+        edges /= np.maximum(np.abs(edges).max(axis=(1, 2), keepdims=True), np.finfo(np.float64).tiny)
+        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        lengths = np.linalg.norm(edges, axis=2)
+        return area > 4 * np.finfo(np.float64).eps * lengths[:, 0] * lengths[:, 1]
+
+
+def _cut(part: Part, begin, end) -> Part:
+    """Return the triangles from `begin` to `end` with what belongs to them; attributes that some lack are left out."""
+    faces = part["faces"][begin:end]
+    n_used, compact = _compact(faces)
+    piece = {"faces": compact, "name": "", "face_material": part["face_material"][begin:end]}
+    if n_used == len(part["vertices"]):
+        piece |= {key: part[key] for key in ("vertices", "colors") if key in part}
+    else:
+        used = np.zeros(n_used, np.int64)
+        used[compact] = faces
+        piece |= {key: part[key][used] for key in ("vertices", "colors") if key in part}
+    if "normals" in part and part["has_normals"][begin:end].all():
+        piece["normals"] = part["normals"][begin:end]
+    if "uv" in part and part["has_uv"][begin:end].any():
+        uv = part["uv"][begin:end]
+        per_vertex = _per_vertex(uv, compact, n_used)
+        piece["uv"] = uv if per_vertex is None else per_vertex
+        piece["has_uv"] = part["has_uv"][begin:end]
+    if "polygons" in part:
+        polygons = part["polygons"][begin:end] - part["polygons"][begin]
+        polygons = np.cumsum(np.diff(polygons, prepend=0) > 0)  # lines of fewer than 3 corners leave gaps
+        if polygons[-1] + 1 < len(polygons):
+            piece["polygons"] = polygons.astype(np.int32)
+    if "smoothing" in part and part["smoothing"][begin:end].any():
+        piece["smoothing"] = part["smoothing"][begin:end]
+    return piece
+
+
 # --- materials ----------------------------------------------------------------------------------------------
+
+
+def _with_materials(model, part: Part, palette, name) -> Part:
+    """Give a part its name and, of a palette, the materials that its faces use, in the order of their first use.
+
+    Faces without texture coordinates get their material without its texture.
+    """
+    numbers = part.pop("face_material")
+    has_uv = part.pop("has_uv", None)
+    palette = list(palette)
+    if has_uv is not None and not has_uv.all():
+        numbers = numbers.copy()
+        for number in np.unique(numbers[~has_uv]).tolist():
+            if palette[number].texture is not None:
+                is_bare = (numbers == number) & ~has_uv
+                palette.insert(-1, replace(palette[number], texture=None))  # the last one is the unnamed, -1
+                numbers[is_bare] = len(palette) - 2
+                warnings.warn(
+                    f"{model.name}: {int(is_bare.sum())} faces of mesh '{name}' with the material "
+                    f"'{palette[number].name}' have no texture coordinates; they are drawn without its texture",
+                    stacklevel=2,
+                )
+    used, first, inverse = np.unique(numbers, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    part["name"] = name
+    if len(used) == 1:
+        return part | {"material": palette[used[0]]}
+    rank = np.argsort(order).astype(np.int32)
+    return part | {"materials": tuple(palette[used[k]] for k in order), "face_material": rank[inverse]}
 
 
 def _find_materials(model, text, names) -> dict[str, Material]:
     """Read the MTL files that the OBJ names; warn of what is missing."""
     if not names:
         return {}
-    materials, missing = {}, []
+    materials, missing, maps = {}, [], Maps(model.log)
     for line in re.findall(r"\nmtllib +(.*?) *(?=\n)", text):
         # Names with blanks are written like several names.
         for name in [line] if _library(model, line) else line.split():
@@ -363,7 +348,7 @@ def _find_materials(model, text, names) -> dict[str, Material]:
             if library is None:
                 missing.append(name)
             else:
-                materials |= read_materials(library)
+                materials |= read_materials(library, set(names), maps)
     unknown = [name for name in names if name not in materials]
     if missing:
         listed = ", ".join(f"'{name}'" for name in dict.fromkeys(missing))
@@ -380,8 +365,8 @@ def _library(model, name) -> ModelFile | None:
     """Return an MTL file beside the model, or None."""
     if model.folder is None:
         return None
-    path = model.folder / name.replace("\\", "/")
     try:
-        return ModelFile(str(path), "mtl", path.read_bytes(), model.folder, model.log)
+        path = file_beside(model.folder, name)
+        return path and ModelFile(str(path), "mtl", path.read_bytes(), path.parent, model.log)
     except (OSError, ValueError):
         return None

@@ -33,6 +33,19 @@ WHITE = Material(diffuse=1.0)
 Part = dict
 
 
+class Contents(NamedTuple):
+    """What a file holds: parts, or pairs of a part and the matrix (4, 4) of its place; lights; a camera."""
+
+    parts: list
+    lights: tuple | None = None  # of rasterizer.scene.lights; None = the file has none
+    camera: object = None  # Camera or None
+
+
+def materials_of(part: Part) -> tuple[Material, ...]:
+    """Return the materials of a part, whether it has one or several."""
+    return part.get("materials") or (part["material"],)
+
+
 class ModelFile(NamedTuple):
     """One file: name for messages, format, bytes, the folder of the files it refers to, and who is told."""
 

@@ -57,6 +57,51 @@ class Scene:
         camera = "framed" if self.camera is None else "given"
         return f"Scene({len(self.meshes)} meshes, {self.n_face} faces, lights: {kinds}, camera: {camera})"
 
+    @classmethod
+    def load(cls, path) -> "Scene":
+        """Read a scene from a .json or .toml file, as `save` writes it or as a person does.
+
+        Parameters
+        ----------
+        path : path of a scene file; the names of files in it are relative to its folder
+
+        Returns
+        -------
+        Scene; the options that the file has for its picture are left out. Where the file asks for framing, the camera is made
+        for a picture of the file's size, else of 4:3
+
+        Raises
+        ------
+        ModelError : a file that can't be read or is no JSON or TOML, or a mesh that is not legal
+        SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is legal
+        """
+        from rasterizer.scene.file import read_scene  # which loads models into scenes
+
+        return read_scene(path).framed_scene()
+
+    def save(self, path):
+        """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera and background come back.
+
+        Arrays are written beside it as NAME.npz and textures as NAME-texture0.png, or into the .npz where they are no 8-bit
+        pictures; files of these names are replaced. Each file appears whole or not at all.
+
+        Parameters
+        ----------
+        path : where to; the suffix chooses the format, .json or .toml
+
+        Returns
+        -------
+        Path, the same as given
+
+        Raises
+        ------
+        SceneError : another suffix
+        OutputError : a file can't be written
+        """
+        from rasterizer.scene.file_write import write_scene
+
+        return write_scene(self, path)
+
     @property
     def n_face(self) -> int:
         """Number of triangles of all meshes."""

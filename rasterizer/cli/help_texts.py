@@ -1,0 +1,42 @@
+"""The longer texts of the help."""
+
+EXAMPLES = """\
+examples:
+  raster render part.stl                                     part.png, here
+  raster render part.stl -o side.jpg --view left --ortho -s 1920x1080 --background white
+  raster render 'parts/*.stl' -o 'thumbs/{stem}-{view}.png' --view iso --view top -s 256 --json
+  raster render part.obj --light ambient:0.2 --light directional:1,-1,0,color=#ffddaa
+  raster render part.obj --material diffuse=orange,shininess=80 --shadows
+  raster render scene.json -s 1920x1080                      a scene file, with its own lights and camera
+  raster render part.obj --array depth -o depth.npy          float32, inf where nothing is
+  cat part.stl | raster render - --input-format stl -o - > part.png
+
+lights, in scene units, colours #f80, orange, 0.5 (linear grey) or 1/0.9/0.8 (linear):
+  ambient:COLOR
+  directional:X,Y,Z[,color=COLOR][,attached=camera][,shadow=yes]          the way the light goes
+  point:X,Y,Z[,color=COLOR][,attenuation=KC/KL/KQ][,range=R][,amplify=yes][,attached=camera][,shadow=yes]
+  spot:X,Y,Z,direction=X/Y/Z[,inner=A][,outer=A][,exponent=E][, and as for point]     angles in degrees from the axis
+  area:X,Y,Z,edge_u=X/Y/Z,edge_v=X/Y/Z[,resolution=M/N][, and as for point]           corner and two edges
+attenuation is 1/(KC + KL d + KQ d^2), never above 1 without amplify; 1, 1/(d+3) and 1/d^2 may be written as such
+shadow is yes, no, SIZE or SIZE/FILTER: texels along its map, and along the square that softens its edge
+
+materials: ambient diffuse specular emissive (colours) shininess opacity roughness fresnel levels (numbers) texture (a
+picture) reflection distribution (words) normalized (yes or no); without ambient= the ambient follows diffuse
+
+a scene file (.json or .toml) holds models, materials, lights, camera and options; flags come before what it says
+
+exit codes: 0 done, 1 some models failed and the rest was done, 2 usage, 3 a model can't be read or is empty,
+4 an output can't be written, 130 interrupted
+"""
+
+
+COMPARE = """\
+Draw each model with flat, Gouraud's and Phong's shading and with the reference, one sample a pixel, side by
+side on one sheet. Below them are their errors, in false colours on one scale: the difference of linear
+intensity from the reference's Phong shading. On stdout goes a table:
+
+  max, rms           error, in linear intensity where white is 1
+  levels over 1      8-bit values, three a pixel, that are more than one level off
+  value, slope jump  Mach bands: the largest jump of the intensity, and of its slope per pixel, across the edge
+                     of two polygons where the surface is smooth
+"""

@@ -1,0 +1,66 @@
+"""Types of arguments: text to value, ArgumentTypeError where it is none. They import nothing heavy."""
+
+import argparse
+import re
+
+
+def number(text) -> float:
+    """A finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise argparse.ArgumentTypeError(f"a finite number is needed; given {text!r}")
+    return value
+
+
+def whole(text) -> int:
+    """A whole number."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"a whole number is needed; given {text!r}") from None
+
+
+def vector(text, separator=",") -> tuple[float, ...]:
+    """Three numbers."""
+    parts = text.split(separator)
+    if len(parts) != 3:
+        form = separator.join("XYZ")
+        raise argparse.ArgumentTypeError(f"three numbers {form} are needed; given {text!r}")
+    return tuple(number(part) for part in parts)
+
+
+def picture_size(text) -> tuple[int, int]:
+    """800x600, or 512 for a square."""
+    match = re.fullmatch(r"(\d{1,9})(?:[xX×](\d{1,9}))?", text)
+    if not match:
+        raise argparse.ArgumentTypeError(f"WIDTHxHEIGHT or one number is needed, in pixels; given {text!r}")
+    width, height = match.groups()
+    return int(width), int(height or width)
+
+
+def color(text):
+    """A linear grey or triple as numbers; anything else stays text, to be read as hex or a CSS name."""
+    if re.fullmatch(r"[-+.\d]+([eE][-+]?\d+)?", text):
+        return number(text)
+    return vector(text, "/") if "/" in text else text
+
+
+def yes_or_no(text) -> bool:
+    """A truth value."""
+    if text not in ("yes", "no"):
+        raise argparse.ArgumentTypeError(f"yes or no is needed; given {text!r}")
+    return text == "yes"
+
+
+def word_of(legal):
+    """The type of a word out of `legal`."""
+
+    def word(text) -> str:
+        if text not in legal:
+            raise argparse.ArgumentTypeError(f"one of {', '.join(legal)} is needed; given {text!r}")
+        return text
+
+    return word

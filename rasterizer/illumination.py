@@ -1,0 +1,118 @@
+"""The illumination of a scene as arrays, for one view: what the row functions of lights and materials read (pipeline/lighting.py)."""
+
+import numpy as np
+
+from ._kernel import row_function
+from .bounds import cone_cosines, first_fresnel, has_highlight, highlight_scale, kind_of, model_of
+from .pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, N_MATERIAL_COLUMN, SPECULAR_COLOR, Lighting
+from .pipeline.lights import (
+    ATTENUATION,
+    AXIS,
+    CONE_EXPONENT,
+    CONE_SCALE,
+    COS_OUTER,
+    INVERSE_RANGE,
+    LIGHTS,
+    MOST,
+    N_NUMBER,
+    VECTOR,
+)
+from .pipeline.reflection import FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, SCALE, SHININESS
+from .pipeline.shadow import cast
+from .plan import Plan
+from .scene.lights import DirectionalLight, SpotLight
+
+
+_COLUMNS = (EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR)
+
+
+def make_lighting(plan: Plan, view, shadows=()) -> Lighting:
+    """Write lights and materials as arrays, for one view.
+
+    `shadows` holds a light's shadow map (see shadow_maps.py), or None, for each light; nothing where no light has one. Whoever draws
+    keeps it until the picture is done.
+    """
+    light, material = _list_lights(plan, view), _list_materials(plan)
+    color, n_light_channel = _color_lights(plan)
+    is_shiny = np.array([has_highlight(source) for source in plan.materials], np.bool_)
+    models = [REFLECTIONS[model_of(source)] for source in plan.materials]
+    is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
+    addresses = [row_function(function, plan.dtype).address for function in row_functions_of(plan)]
+    return Lighting(
+        light_function=np.array(addresses[: len(light)], np.int64),
+        light=light.astype(plan.dtype),
+        reflection_function=np.array(addresses[len(light) :], np.int64),
+        material=material.astype(plan.dtype),
+        is_shiny=is_shiny,
+        is_view_dependent=is_view_dependent,
+        n_channel=plan.n_channel,
+        n_light_channel=n_light_channel,
+        needs_view=bool(is_view_dependent.any()),
+        needs_position=plan.has_shadows or any(LIGHTS[kind_of(source)].needs_position for source in plan.lights),
+        has_albedo=plan.has_albedo,
+        color=color.astype(plan.dtype),
+        shadow_function=row_function(cast, plan.dtype).address if plan.has_shadows else 0,
+        shadow=np.array([0 if shadow is None else shadow.block.ctypes.data for shadow in shadows], np.int64),
+    )
+
+
+def _list_lights(plan, view) -> np.ndarray:
+    """A row of numbers for each light; those that move with the camera are turned to the world, positions are relative to the eye."""
+    axes = np.stack([view.right, view.up, -view.forward])  # rows: the camera's axes in the world
+    light = np.zeros((len(plan.lights), N_NUMBER))
+    for row, source in zip(light, plan.lights, strict=True):
+        in_camera = source.attached == "camera"
+        if isinstance(source, DirectionalLight):
+            row[VECTOR : VECTOR + 3] = _to_world(np.array(source.direction), axes, in_camera) * -1.0
+            continue
+        position = np.array(source.position)
+        row[VECTOR : VECTOR + 3] = position @ axes if in_camera else position - view.eye
+        row[ATTENUATION : ATTENUATION + 3] = source.attenuation
+        row[MOST] = np.inf if source.amplify else 1.0
+        row[INVERSE_RANGE] = 1.0 / source.range if source.range is not None else 0.0
+        if isinstance(source, SpotLight):
+            row[AXIS : AXIS + 3] = _to_world(np.array(source.direction), axes, in_camera)
+            inner, outer = cone_cosines(source)
+            row[COS_OUTER], row[CONE_EXPONENT] = outer, source.exponent
+            row[CONE_SCALE] = 1.0 / (inner - outer) if inner > outer else np.inf
+    return light
+
+
+def _list_materials(plan) -> np.ndarray:
+    """A row of numbers for each material: those of its model, then its coefficients, as far as lights are no part of them."""
+    material = np.zeros((len(plan.materials), N_MATERIAL_COLUMN))
+    for k, (row, source) in enumerate(zip(material, plan.materials, strict=True)):
+        row[SHININESS], row[ROUGHNESS], row[LEVELS] = source.shininess, source.roughness, source.levels
+        row[FRESNEL], row[SCALE] = first_fresnel(source), highlight_scale(source)
+        colors = (source.emissive, np.array(source.ambient) * plan.ambient, source.diffuse, source.specular)
+        if plan.products is not None:
+            colors = (plan.products.emissive[k], plan.products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
+        for column, color in zip(_COLUMNS, colors, strict=True):
+            row[column : column + 3] = color
+        if plan.n_channel == 1:  # the largest component: all are grey or multiples of the picture's tint
+            for column in _COLUMNS:
+                row[column] = row[column : column + 3].max()
+    return material
+
+
+def _color_lights(plan) -> tuple[np.ndarray, int]:
+    """What the sums over the lights are weighted with, (1 or n_material, n_light, 6), and how many channels they need."""
+    n_light = len(plan.lights)
+    if plan.products is not None:
+        return np.concatenate([plan.products.diffuse, plan.products.specular], axis=2), 3
+    colors = np.array([light.color for light in plan.lights]).reshape(n_light, 3)
+    is_grey = bool((np.ptp(colors, axis=1) == 0).all()) if n_light else True
+    if plan.n_channel == 1:
+        colors = np.repeat(colors.max(axis=1, keepdims=True, initial=0.0), 3, axis=1)
+    return np.concatenate([colors, colors], axis=1)[None], 1 if is_grey or plan.n_channel == 1 else 3
+
+
+def row_functions_of(plan: Plan) -> list:
+    """The row functions that a scene uses, and nothing else is compiled: of its lights one by one, then of its materials."""
+    of_lights = [LIGHTS[kind_of(source)].row_function for source in plan.lights]
+    return of_lights + [REFLECTIONS[model_of(source)].row_function for source in plan.materials]
+
+
+def _to_world(direction, axes, in_camera):
+    """A direction that may be given in the camera's frame."""
+    return direction @ axes if in_camera else direction

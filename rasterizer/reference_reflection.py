@@ -1,0 +1,100 @@
+"""The reflection models of the judge: how much of a light a surface sends to the viewer, in plain numpy float64.
+
+Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V; `table` is a row of
+`reference_light.read_materials` for each point.
+"""
+
+import numpy as np
+
+from rasterizer.reference_vectors import dot, length, unit
+
+
+def reflect(table, normals, light_dirs, to_viewer):
+    """Return D and S (n, 1) of the material of each row of `table`, for unit vectors (n, 3); of no meaning where N.L <= 0."""
+    matte, highlight = np.zeros((2, len(table), 1))
+    for model in np.unique(table["reflection"]):
+        at = table["reflection"] == model
+        parts = _MODELS[str(model)](table[at], normals[at], light_dirs[at], to_viewer[at])
+        matte[at, 0], highlight[at, 0] = parts
+    return matte, highlight
+
+
+def _reflect_lambert(_table, normals, light_dirs, _to_viewer):
+    """Lambert 1760: the cosine of the angle of incidence."""
+    return dot(normals, light_dirs), 0.0
+
+
+def _reflect_phong(table, normals, light_dirs, to_viewer):
+    """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
+    n_dot_l, n = dot(normals, light_dirs), table["shininess"]
+    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** n
+    return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], (n / 2 + 1) * n_dot_l, 1.0)
+
+
+def _reflect_blinn(table, normals, light_dirs, to_viewer):
+    """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor derivation."""
+    n_dot_l, n = dot(normals, light_dirs), table["shininess"]
+    highlight = np.maximum(dot(normals, unit(light_dirs + to_viewer)), 0) ** n
+    peak = (n + 2) * (n + 4) / (8 * (np.exp2(-n / 2) + n))
+    return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], peak * n_dot_l, 1.0)
+
+
+def _reflect_oren_nayar(table, normals, light_dirs, to_viewer):
+    """Oren & Nayar 1994, Proc. SIGGRAPH, 239-246, equation 30, by angles; cos beta is 1/64 at least."""
+    theta_l, theta_v = _angle(normals, light_dirs), _angle(normals, to_viewer)
+    across_l, across_v = (unit(d - dot(d, normals)[:, None] * normals) for d in (light_dirs, to_viewer))
+    variance = table["roughness"] ** 2
+    a, b = 1 - variance / (2 * (variance + 0.33)), 0.45 * variance / (variance + 0.09)
+    alpha, beta = np.maximum(theta_l, theta_v), np.minimum(theta_l, theta_v)
+    tangent = np.sin(beta) / np.maximum(np.cos(beta), 1 / 64)
+    return np.cos(theta_l) * (a + b * np.maximum(dot(across_l, across_v), 0) * np.sin(alpha) * tangent), 0.0
+
+
+def _reflect_cook_torrance(table, normals, light_dirs, to_viewer):
+    """Return pi D F G / (4 N.V): Cook & Torrance 1981; Walter et al. 2007, EGSR, 195-206, equations 25, 27, 33 and 34."""
+    half, m = unit(light_dirs + to_viewer), table["roughness"]
+    n_dot_l = dot(normals, light_dirs)
+    # Beyond the silhouette the limit at 90 degrees is taken.
+    theta_h, theta_l, theta_v = (_angle(normals, d) for d in (half, light_dirs, to_viewer))
+    theta_l, theta_v = np.minimum(theta_l, np.pi / 2 - 1e-12), np.minimum(theta_v, np.pi / 2 - 1e-12)
+    is_ggx, is_ahead = table["distribution"] == "ggx", theta_h < np.pi / 2
+    slope = np.tan(np.where(is_ahead, theta_h, 0.0)) / m
+    with np.errstate(over="ignore", under="ignore"):
+        shape = np.where(is_ggx, 1 / (1 + slope**2) ** 2, np.exp(-(slope**2)))
+        facets = np.where(is_ahead, shape / (m**2 * np.cos(theta_h) ** 4), 0.0)
+    masked = np.ones_like(m)
+    for theta in (theta_l, theta_v):
+        tangent = m * np.tan(theta)
+        a = 1 / np.maximum(tangent, 1e-12)
+        beckmann = np.where(a < 1.6, np.minimum((3.535 * a + 2.181 * a**2) / (1 + 2.276 * a + 2.577 * a**2), 1), 1)
+        masked *= np.where(is_ggx, 2 / (1 + np.hypot(1, tangent)), beckmann)
+    return n_dot_l, facets * _schlick(table, dot(light_dirs, half)) * masked / (4 * np.cos(theta_v))
+
+
+def _reflect_toon(table, normals, light_dirs, to_viewer):
+    """Return N.L raised to a multiple of 1/levels, and 1 or 0 where (R.V)^n is above or below one half."""
+    n_dot_l, levels = dot(normals, light_dirs), table["levels"]
+    steps = np.arange(1, levels.max() + 1)
+    step = 1 + (steps < levels[:, None] * n_dot_l[:, None]).sum(axis=1)
+    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** table["shininess"]
+    return np.minimum(step, levels) / levels, np.where(highlight >= 0.5, 1.0, 0.0)
+
+
+_MODELS = {
+    "lambert": _reflect_lambert,
+    "phong": _reflect_phong,
+    "blinn": _reflect_blinn,
+    "oren-nayar": _reflect_oren_nayar,
+    "cook-torrance": _reflect_cook_torrance,
+    "toon": _reflect_toon,
+}
+
+
+def _schlick(table, cosine):
+    """Schlick 1994, Computer Graphics Forum 13(3), 233-246: W = F0 + (1 - F0)(1 - cos theta)^5."""
+    return table["fresnel"] + (1 - table["fresnel"]) * np.clip(1 - cosine, 0, 1) ** 5
+
+
+def _angle(a, b):
+    """Return the angles (n,) between vectors (n, 3); exact for small ones and right ones."""
+    return np.arctan2(length(np.cross(a, b))[:, 0], dot(a, b))

@@ -1,0 +1,187 @@
+"""A whole scene in one file: JSON or TOML.
+
+    file ─ text ─ tables, duplicate keys refused ─ meshes, materials, lights, camera ─ Scene
+           utf-8  json, tomllib                    file_meshes, file_parts
+
+    meshes      list: {file = "part.obj", transform, material, ...}, {vertices, faces, ...} or {arrays = "x.npz", mesh = 0, ...}
+    materials   table of named materials that meshes refer to
+    lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
+    camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
+    background  colour      up  axis      options  those of a picture, as `Options` names them
+
+Names of files are relative to the folder of the scene file. `file_write` writes what is read here.
+"""
+
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from rasterizer.errors import ModelError
+from rasterizer.scene._check import picture_size
+from rasterizer.scene.camera import Camera
+from rasterizer.scene.file_entry import Entry
+from rasterizer.scene.file_meshes import read_meshes
+from rasterizer.scene.file_parts import Context, read_camera, read_color, read_lights, read_material
+from rasterizer.scene.scene import Scene
+
+FORMATS = ("json", "toml")
+KEYS = ("meshes", "materials", "lights", "camera", "background", "up", "options")
+# The fields of Options, which this side of the package doesn't import; a test holds that.
+OPTIONS = (
+    "size", "shading", "tolerance", "samples", "outputs", "cull", "color_range", "exposure", "spectral", "threads",
+)  # fmt: skip
+
+
+class SceneFile(NamedTuple):
+    """What a scene file holds.
+
+    Parameters
+    ----------
+    scene : Scene; without a camera where the file asks for framing
+    options : dict of options of a picture by name, not checked
+    framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
+    unshadowed : places of those lights that say `shadow = false`, other than those that say nothing
+    """
+
+    scene: Scene
+    options: dict = {}
+    framing: dict | None = None
+    unshadowed: tuple[int, ...] = ()
+
+    def framed_scene(self) -> Scene:
+        """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of 4:3."""
+        if self.framing is None:
+            return self.scene
+        size = self.options.get("size", (4, 3))
+        width, height = picture_size(size if isinstance(size, tuple) else (size, size))
+        camera = Camera.framing(self.scene, up=self.scene.up, aspect=width / height, **self.framing)
+        return replace(self.scene, camera=camera)
+
+
+def is_scene_file(source, format=None) -> bool:
+    """Tell whether a source, as `load` takes it, is a scene file, by its format or suffix."""
+    name = source if isinstance(source, (str, os.PathLike)) else getattr(source, "name", None)
+    if format is None and isinstance(name, (str, os.PathLike)):
+        format = Path(os.fsdecode(name)).suffix
+    return isinstance(format, str) and format.lower().removeprefix(".") in FORMATS
+
+
+def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None, drop_bad_faces=False) -> SceneFile:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    source : path, bytes, or file object
+    folder : path to which the names of files are relative; None = that of the path, for bytes the current one
+    log : function of one text, called with facts about the files; None = nobody wants them
+    format : "json" or "toml"; None = by the suffix of the path, for bytes JSON
+    crease_angle : degrees within 0..180, of all meshes in place of their own; None = as the file says
+    drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite
+
+    Returns
+    -------
+    SceneFile
+
+    Raises
+    ------
+    ModelError : a file that can't be read or is no JSON or TOML, duplicate keys, a mesh that is not legal
+    SceneError : an unknown or missing key, or a value that is not legal; messages name file, place and what is legal
+    """
+    name, data, own_folder = _read(source)
+    format = (format or Path(name).suffix or "json").lower().removeprefix(".")
+    root = Entry(_parse(data, format, name), name)
+    folder = Path(own_folder if folder is None else folder)
+    context = Context(folder, log or (lambda _text: None), crease_angle, drop_bad_faces)
+    top = root.table(KEYS, ("meshes",))
+    if "materials" in top:
+        for key, entry in top["materials"].names().items():
+            context.materials[key] = read_material(entry, context, key)
+    meshes, up = read_meshes(top["meshes"], context)
+    settings = {"up": up}
+    unshadowed = ()
+    if "lights" in top:
+        settings["lights"], unshadowed = read_lights(top["lights"])
+    camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
+    if "background" in top and top["background"].value is not None:
+        settings["background"] = read_color(top["background"])
+    if "up" in top:
+        settings["up"] = top["up"].text()
+    scene = root.call(Scene, meshes, camera=camera, **settings)
+    if framing is not None:
+        top["camera"].call(Camera.framing, scene.meshes[0], up=scene.up, **framing)
+    return SceneFile(scene, _options(top.get("options")), framing, unshadowed)
+
+
+def _options(entry) -> dict:
+    """The options of a picture; lists become tuples, the values are looked at where the picture is made."""
+    if entry is None:
+        return {}
+    items = entry.table(OPTIONS).items()
+    return {key: tuple(item.value) if isinstance(item.value, list) else item.value for key, item in items if item.value is not None}
+
+
+# --- text to tables -----------------------------------------------------------------------------------------
+
+
+def _read(source) -> tuple[str, bytes, Path]:
+    """Return name, bytes and folder of a source."""
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        return "scene", bytes(source), Path()
+    try:
+        if hasattr(source, "read"):
+            label = getattr(source, "name", None)
+            name = label if isinstance(label, str) else "scene"
+            data = source.read()
+            return name, data.encode("utf-8", "surrogateescape") if isinstance(data, str) else bytes(data), Path(name).parent
+        path = Path(os.fsdecode(source))
+        return str(path), path.read_bytes(), path.parent
+    except FileNotFoundError:
+        raise ModelError(f"{path}: no such file") from None
+    except (OSError, ValueError, TypeError) as fault:
+        raise ModelError(f"{source}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
+
+
+def _parse(data, format, name):
+    """Parse the text of a scene file."""
+    if not data.strip():
+        raise ModelError(f"{name}: the file is empty")
+    if format not in FORMATS:
+        raise ModelError(f"{name}: unknown format {format!r} of a scene file; readable are {', '.join(FORMATS)}")
+    try:
+        text = data.decode("utf-8-sig")
+        if format == "toml":
+            return _toml(name).loads(text.replace("\r\n", "\n"))
+        return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse)
+    except UnicodeDecodeError as fault:
+        raise ModelError(f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start})") from fault
+    except RecursionError as fault:
+        raise ModelError(f"{name}: lists or tables are nested too deeply") from fault
+    except ValueError as fault:  # those of json and tomllib, and too many digits
+        raise ModelError(f"{name}: is not legal {format.upper()}: {fault}") from fault
+
+
+def _without_duplicates(pairs) -> dict:
+    """Make a table of JSON, whose keys may be there once only; of two, json itself would drop one silently."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"duplicate key {next(key for key in keys if keys.count(key) > 1)!r}")
+    return table
+
+
+def _refuse(word):
+    raise ValueError(f"{word} is no number of JSON")
+
+
+def _toml(name):
+    """The parser of TOML: Python's own from 3.11 on, else its elder copy."""
+    try:
+        import tomllib
+    except ImportError:
+        try:
+            import tomli as tomllib
+        except ImportError:
+            raise ModelError(f"{name}: TOML needs Python 3.11, or tomli: pip install tomli; JSON needs neither") from None
+    return tomllib

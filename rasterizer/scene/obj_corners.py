@@ -1,0 +1,161 @@
+"""The table of corners of an OBJ file: which vertex, texture coordinate and normal each corner of each face line names.
+
+In: the tidy text of the file, every line begun by a keyword. Out: `Corners`, and the rows of its vt and vn lines.
+"""
+
+import re
+import warnings
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+# Ways to write a corner: slashes of one corner * 2 + whether two of them touch. The numbers say which columns
+# are v, vt and vn.
+_PATTERNS = {0: ("v",), 2: ("v", "vt"), 4: ("v", "vt", "vn"), 5: ("v", "vn")}
+
+
+class MisreadError(Exception):
+    """The face lines can't be read, or trimesh understands them in another way."""
+
+
+class Corners(NamedTuple):
+    """What the face lines say, indices counted from 0."""
+
+    v: np.ndarray  # (n_corner,) int64
+    vt: np.ndarray  # (n_corner,) int64, -1 where a corner has none
+    vn: np.ndarray  # (n_corner,) int64, -1 where a corner has none
+    n_corner: np.ndarray  # (n_face,) int64
+    smoothing: np.ndarray  # (n_face,) int64, 0 = none
+    is_plain: bool  # trimesh understands the face lines as they are
+
+
+def read_corners(text) -> Corners:
+    """Read the face lines, and which smoothing group is in force at each.
+
+    Raises
+    ------
+    MisreadError : lines that are no list of corners
+    """
+    faces = re.findall(r"\nf (.*)", text)
+    n_corner, pattern = _patterns(faces)
+    columns = _read_mixed(faces, int(n_corner.sum())) if pattern is None else _read_uniform(faces, pattern, int(n_corner.sum()))
+    is_plain = pattern is not None
+    indices = {}
+    for kind in ("v", "vt", "vn"):
+        column = columns.get(kind)
+        if column is not None and column.min(initial=1) < 0:
+            is_plain = False
+            column = _count_from_start(column, text, kind, n_corner)
+        indices[kind] = np.full(int(n_corner.sum()), -1) if column is None else column - 1
+    if indices["v"].min(initial=0) < 0:
+        raise MisreadError("a face refers to a vertex before the first")
+    smoothing = in_force(text, "s", _smoothing_group, 0, len(faces))
+    return Corners(**indices, n_corner=n_corner, smoothing=smoothing, is_plain=is_plain)
+
+
+def _patterns(faces):
+    """Return the number of corners of each face line, and their pattern, None if there are several."""
+    blob = np.frombuffer("\n".join(faces).encode("utf-8", "replace"), np.uint8)
+    is_gap = blob <= ord(" ")
+    starts = np.flatnonzero(~is_gap & np.concatenate(([True], is_gap[:-1])))
+    line_of_byte = np.cumsum(blob == ord("\n"), dtype=np.int32)
+    n_corner = np.bincount(line_of_byte[starts], minlength=len(faces))
+    if not len(starts):
+        return n_corner, ("v",)
+    is_slash = blob == ord("/")
+    is_double = is_slash & np.concatenate(([False], is_slash[:-1]))
+    code = 2 * np.add.reduceat(is_slash, starts, dtype=np.int32) + np.add.reduceat(
+        is_double, starts, dtype=np.int32
+    )
+    return n_corner, _PATTERNS.get(int(code[0])) if (code == code[0]).all() else None
+
+
+def numbers_in(text, dtype, place) -> np.ndarray:
+    """Return the numbers of a text with blanks between them; numpy before 2.4 only warns where it stops at anything else."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)
+            return np.fromstring(text, dtype=dtype, sep=" ")
+    except (ValueError, DeprecationWarning) as fault:
+        raise MisreadError(f"{place} holds something that is no number") from fault
+
+
+def _read_uniform(faces, pattern, n_corner) -> dict:
+    """Read face lines whose corners are all written alike; return the columns by kind, as in the file."""
+    text = " ".join(faces).replace("//", " ").replace("/", " ")
+    numbers = numbers_in(text, np.int64, "a face line")
+    if len(numbers) != n_corner * len(pattern):
+        raise MisreadError("a corner of a face lacks a number")
+    return dict(zip(pattern, numbers.reshape(-1, len(pattern)).T, strict=True))
+
+
+def _read_mixed(faces, n_corner) -> dict:
+    """Read face lines whose corners are written in different ways, a missing number as 0."""
+    words = [[*word.split("/"), "", ""][:3] for word in " ".join(faces).split()]
+    if len(words) != n_corner:
+        raise MisreadError("a face line holds a blank that is none of ASCII's")
+    try:
+        table = np.array([[int(number or 0) for number in word] for word in words], np.int64)
+    except (ValueError, OverflowError) as fault:
+        raise MisreadError("a face line holds something that is no number") from fault
+    return dict(zip(("v", "vt", "vn"), table.reshape(-1, 3).T, strict=True))
+
+
+def _count_from_start(column, text, kind, n_corner):
+    """Turn negative numbers, which count back from their line, into numbers from 1; 0 if there are none."""
+    given_at = [match.start() for match in re.finditer(f"\n{kind} ", text)]
+    face_at = [match.start() for match in re.finditer("\nf ", text)]
+    so_far = np.repeat(np.searchsorted(given_at, face_at), n_corner)
+    return np.where(column < 0, np.maximum(so_far + column + 1, 0), column)
+
+
+def in_force(text, keyword, value_of, default, n_face):
+    """Return for each face line the value of the last line before it that begins with the keyword."""
+    values, n_before, place = [default], [], 0
+    for match in re.finditer(rf"\n{keyword} (.*)", text):
+        n_before.append(text.count("\nf ", place, match.start() + 1))
+        values.append(value_of(match[1].strip()))
+        place = match.start()
+    n_before = np.cumsum(n_before, dtype=np.int64)
+    return np.repeat(np.array(values, np.int64), np.diff(n_before, prepend=0, append=n_face))
+
+
+def _smoothing_group(word: str) -> int:
+    """Return the number of a smoothing group: `off` and anything unknown are 0, `on` is 1."""
+    if word == "on":
+        return 1
+    is_number = word.isascii() and word.isdigit() and len(word) < 10  # within int32
+    return int(word) if is_number else 0
+
+
+def rewrite_faces(text, corners) -> str:
+    """Write the face lines anew for trimesh: just the vertices, numbers from 1."""
+    words = [str(v) for v in (corners.v + 1).tolist()]
+    ends = np.cumsum(corners.n_corner).tolist()
+    faces = iter(["\nf " + " ".join(words[start:end]) for start, end in zip([0, *ends], ends, strict=False)])
+    return re.sub("\nf .*", lambda _: next(faces), text)
+
+
+def read_normals(text) -> np.ndarray:
+    """Return the three numbers of every vn line, (n, 3) float64."""
+    rows = re.findall(r"\nvn (.*)", text)
+    numbers = numbers_in(" ".join(rows), np.float64, "a normal")
+    if len(numbers) != 3 * len(rows):
+        raise MisreadError("a normal has not three numbers")
+    return numbers.reshape(-1, 3)
+
+
+def read_texture_coordinates(text) -> np.ndarray:
+    """Return the first two numbers of every vt line, (n, 2) float64; the second is 0 where a line has one."""
+    rows = re.findall(r"\nvt (.*)", text)
+    width = len(rows[0].split()) if rows else 0
+    numbers = numbers_in(" ".join(rows), np.float64, "a texture coordinate")
+    if not 1 <= width <= 3 or len(numbers) != width * len(rows):  # lines of several lengths
+        pairs = [[*row.split(), "0"][:2] for row in rows]
+        numbers, width = numbers_in(" ".join(chain.from_iterable(pairs)), np.float64, "a texture coordinate"), 2
+    if len(numbers) != width * len(rows):
+        raise MisreadError("a texture coordinate has no number")
+    uv = np.zeros((len(rows), 2))
+    uv[:, : min(width, 2)] = numbers.reshape(len(rows), width)[:, :2]
+    return uv

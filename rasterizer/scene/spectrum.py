@@ -1,0 +1,378 @@
+"""Spectra: colours as functions of the wavelength, their linear RGB, and the smoothest spectrum of an RGB colour.
+
+Convention: every spectrum S is relative to daylight. A reflectance is just the reflectance; a light of spectrum 1 is D65, white
+of intensity 1; light times reflectance is the product of their spectra. What the eye makes of it is
+
+    X, Y, Z = k ∫ S(λ) D65(λ) (x(λ), y(λ), z(λ)) dλ,  380 to 780 nm, with k such that S = 1 has Y = 1
+
+(CIE 15:2018, 7.1; the tables are in `cie`), and linear RGB is XYZ times the matrix of the sRGB primaries (IEC 61966-2-1:1999) and
+of the white that S = 1 has in this very sum. So S = 1 is (1, 1, 1), and a grey surface under white light stays grey, however
+coarse the sampling.
+
+A spectrum sampled at n wavelengths is taken as linear between them. The integral is the trapezoid rule over the tables' grid
+(every 5 nm), or over the n wavelengths where these are closer.
+
+From RGB back to a spectrum there is no unique way (Smits 1999, J. Graphics Tools 4(4), 11-22; Mallett & Yuksel 2019, EGSR, whose
+three basis curves add up to 1 as ours do). Here a colour gets the spectrum that varies least: see `rgb_basis`.
+"""
+
+from functools import cache
+
+import numpy as np
+
+from rasterizer.errors import SceneError
+from rasterizer.scene._check import number, shown
+from rasterizer.scene.cie import D65, MATCHING, WAVELENGTHS
+from rasterizer.scene.color import linear_rgb
+
+N_TABLE = len(WAVELENGTHS)
+SHORTEST, LONGEST = float(WAVELENGTHS[0]), float(WAVELENGTHS[-1])
+COLDEST = 100.0  # kelvin: colder bodies give the eye less than 1e-70 of the light that they give at 1000 K
+
+# Chromaticities x, y of the red, green and blue primaries: IEC 61966-2-1:1999, table 1.
+PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
+# Second radiation constant h c / k in nm K, exact since the SI of 2019 (CODATA 2018).
+_C2 = 6.62607015e-34 * 299_792_458.0 / 1.380649e-23 * 1e9
+
+
+class Spectrum(tuple):
+    """Hold a colour as a function of the wavelength, relative to D65: a reflectance, or the ratio of a light to white.
+
+    As a tuple it is its linear RGB, three floats. Unlike those of other colours they may be negative: no display shows the pure
+    colours of the spectrum. Between samples the spectrum is linear, beyond the first and the last constant. A picture sees it at
+    `Options.spectral` wavelengths, and its RGB is computed from every 5 nm: lines that are narrower are lost or
+    too strong, so average a finer measurement first. Two spectra are equal where their samples are, whatever their RGB.
+
+    Parameters
+    ----------
+    wavelengths : (n,) numbers, nm, increasing, reaching into 380..780
+    values : (n,) numbers, finite, at least 0
+
+    Raises
+    ------
+    SceneError : samples that are not legal
+    """
+
+    def __new__(cls, wavelengths, values):
+        wavelengths = _row(wavelengths, "the spectrum's wavelengths")
+        values = _row(values, "the spectrum's values")
+        _check_samples(wavelengths, values, "values")
+        return _spectrum(wavelengths, values, cls)
+
+    @property
+    def wavelengths(self) -> np.ndarray:
+        """(n,) float64, nm, increasing, read-only."""
+        return self._wavelengths
+
+    @property
+    def values(self) -> np.ndarray:
+        """(n,) float64, relative to D65, read-only."""
+        return self._values
+
+    @classmethod
+    def flat(cls, value) -> "Spectrum":
+        """Return the spectrum that has one value at all wavelengths: a grey, or white light; a number, at least 0."""
+        value = number(value, "the flat spectrum's value")
+        return cls((SHORTEST, LONGEST), (value, value))
+
+    @classmethod
+    def of_power(cls, wavelengths, power) -> "Spectrum":
+        """Return the spectrum of a lamp whose power was measured, scaled to the luminance of a white light of 1.
+
+        Parameters
+        ----------
+        wavelengths : (n,) numbers, nm, increasing, reaching into 380..780
+        power : (n,) numbers, power for each nm of wavelength in any unit, at least 0; linear between, constant beyond the ends
+
+        Returns
+        -------
+        Spectrum, the power divided by that of D65, at the wavelengths given within 380..780 nm and every 5 nm
+
+        Raises
+        ------
+        SceneError : samples that are not legal, a lamp without visible light
+        """
+        wavelengths = _row(wavelengths, "the lamp's wavelengths")
+        power = _row(power, "the lamp's power")
+        _check_samples(wavelengths, power, "power")
+        is_seen = (wavelengths > SHORTEST) & (wavelengths < LONGEST)
+        nodes = np.union1d(WAVELENGTHS, wavelengths[is_seen])
+        ratio = np.interp(nodes, wavelengths, power) / np.interp(nodes, WAVELENGTHS, D65)
+        luminance = np.interp(WAVELENGTHS, nodes, ratio) @ xyz_weights(N_TABLE)[:, 1]
+        if not luminance > 0.0:
+            raise SceneError(f"the lamp's power must be above 0 at some of 380, 385, .. 780 nm; given {shown(power)}")
+        return cls(nodes, ratio / luminance)
+
+    @classmethod
+    def blackbody(cls, kelvin) -> "Spectrum":
+        """Return the light of a glowing black body, scaled to the luminance of a white light of 1.
+
+        Parameters
+        ----------
+        kelvin : number, temperature in kelvin, at least 100: 1900 is a candle, 2856 a light bulb, 6500 nearly white
+
+        Returns
+        -------
+        Spectrum, every 5 nm
+
+        Raises
+        ------
+        SceneError : a temperature that is not legal
+
+        Source: Planck 1900, Verh. Dtsch. Phys. Ges. 2, 237-245: power ~ λ^-5 / (exp(h c / λ k T) - 1).
+        """
+        temperature = number(kelvin, "the black body's temperature")
+        if temperature < COLDEST:
+            raise SceneError(f"the black body's temperature must be at least {COLDEST:g} kelvin; given {shown(kelvin)}")
+        exponent = _C2 / (WAVELENGTHS * temperature)
+        # In logarithms, log(e^x - 1) = x + log(1 - e^-x), as e^x overflows for a cold body.
+        log_power = -5.0 * np.log(WAVELENGTHS) - exponent - np.log(-np.expm1(-exponent))
+        return cls.of_power(WAVELENGTHS, np.exp(log_power - log_power.max()))
+
+    @classmethod
+    def of_rgb(cls, color) -> "Spectrum":
+        """Return the spectrum of an RGB colour that varies least with the wavelength; a grey is flat.
+
+        Its values may leave 0..1: those of red, green and blue lie within -0.18..1.09.
+
+        Parameters
+        ----------
+        color : colour as `linear_rgb` reads it: a number (grey), three linear numbers, hex or CSS text
+
+        Returns
+        -------
+        Spectrum, every 5 nm, whose RGB is that of the colour
+
+        Raises
+        ------
+        SceneError : a colour that is not legal
+        """
+        rgb = tuple(linear_rgb(color, "the spectrum's color"))
+        return _spectrum(WAVELENGTHS, samples_of(rgb, N_TABLE), cls)
+
+    def at(self, wavelengths) -> np.ndarray:
+        """Return the values at wavelengths: finite numbers in nm, of any shape; float64 of the same shape."""
+        return np.interp(_numbers(wavelengths, "wavelengths"), self._wavelengths, self._values)
+
+    def scaled(self, factor) -> "Spectrum":
+        """Return the spectrum times a number, at least 0: a weaker or stronger light, a darker or brighter surface."""
+        value = number(factor, "the spectrum's factor")
+        if value < 0.0:
+            raise SceneError(f"the spectrum's factor must be at least 0; given {shown(factor)}")
+        return _spectrum(self._wavelengths, self._values * value, type(self))
+
+    def __eq__(self, other) -> bool:
+        if not isinstance(other, tuple):
+            return NotImplemented
+        return (
+            isinstance(other, Spectrum)
+            and np.array_equal(self._wavelengths, other._wavelengths)
+            and np.array_equal(self._values, other._values)
+        )
+
+    def __ne__(self, other) -> bool:
+        return not self == other  # a tuple has its own, by RGB
+
+    def __hash__(self) -> int:
+        return hash((self._wavelengths.tobytes(), self._values.tobytes()))
+
+    def __reduce__(self):
+        return _spectrum, (self._wavelengths, self._values, type(self))
+
+    def __repr__(self) -> str:
+        red, green, blue = self
+        reach = f"{self._wavelengths[0]:g}..{self._wavelengths[-1]:g} nm, {len(self._values)} samples"
+        return f"Spectrum({reach}, RGB {red:.4g}, {green:.4g}, {blue:.4g})"
+
+
+def _spectrum(wavelengths, values, cls) -> Spectrum:
+    """Make a spectrum of samples that are known to be legal, but for values below 0."""
+    wavelengths, values = (_frozen(row) for row in (wavelengths, values))
+    rgb = rgb_of(np.interp(WAVELENGTHS, wavelengths, values))
+    spectrum = tuple.__new__(cls, rgb.tolist())
+    spectrum._wavelengths, spectrum._values = wavelengths, values
+    return spectrum
+
+
+def _frozen(row) -> np.ndarray:
+    """A read-only copy; adding 0 turns -0 into 0, so that equal spectra have equal bytes."""
+    row = row + 0.0
+    row.flags.writeable = False
+    return row
+
+
+def _row(values, what: str) -> np.ndarray:
+    """A row of finite numbers as (n,) float64, n at least 1."""
+    row = _numbers(values, what)
+    if row.ndim != 1 or row.size == 0:
+        raise SceneError(f"{what} must be a row of numbers; given {shown(values)}")
+    return row
+
+
+def _numbers(values, what: str) -> np.ndarray:
+    """Finite numbers of any shape as float64."""
+    try:
+        numbers = np.asarray(values)
+    except ValueError:  # rows of several lengths
+        numbers = np.asarray(None)
+    if numbers.dtype.kind not in "fiu" or not np.isfinite(numbers).all():
+        raise SceneError(f"{what} must be finite numbers; given {shown(values)}")
+    return numbers.astype(np.float64)
+
+
+def _check_samples(wavelengths, values, name: str) -> None:
+    """Refuse samples that make no spectrum."""
+    if len(wavelengths) != len(values):
+        raise SceneError(f"a spectrum needs as many samples of {name} as wavelengths; given {len(values)} for {len(wavelengths)}")
+    if not (np.diff(wavelengths) > 0.0).all():
+        raise SceneError(f"the wavelengths of a spectrum must increase; given {shown(wavelengths.tolist())}")
+    if wavelengths[0] > LONGEST or wavelengths[-1] < SHORTEST:
+        reach = f"{wavelengths[0]:g}..{wavelengths[-1]:g}"
+        raise SceneError(f"the wavelengths of a spectrum must be in nm and reach into 380..780; given {reach}")
+    if values.min() < 0.0:
+        k = int(values.argmin())
+        raise SceneError(f"the {name} of a spectrum must be at least 0; given {values[k]:g} at {wavelengths[k]:g} nm")
+
+
+# --- sampled spectra ----------------------------------------------------------------------------------------
+
+
+def sampling(n: int) -> np.ndarray:
+    """Return n wavelengths, at least 2, evenly from 380 to 780 nm: (n,) float64."""
+    return np.linspace(SHORTEST, LONGEST, n)
+
+
+@cache
+def xyz_weights(n: int) -> np.ndarray:
+    """Return the weights of a spectrum's samples in its tristimulus values.
+
+    Where n is less than 81 a sample stands for all of the curve around it: its weight is the integral of the hat that is 1 at
+    it and 0 at its neighbours. So no part of the tables is missed, and the white of every such n is that of D65.
+
+    Parameters
+    ----------
+    n : number of samples, as `sampling` has them
+
+    Returns
+    -------
+    (n, 3) float64, read-only: X, Y, Z = samples @ weights, with Y = 1 where all samples are 1
+
+    Source: CIE 15:2018, 7.1.
+    """
+    nodes = sampling(max(n, N_TABLE))
+    curves = np.stack([np.interp(nodes, WAVELENGTHS, curve) for curve in MATCHING.T], axis=1)
+    weights = curves * np.interp(nodes, WAVELENGTHS, D65)[:, None]
+    weights[[0, -1]] *= 0.5  # the ends of the trapezoid rule
+    if n < N_TABLE:
+        hats = np.stack([np.interp(nodes, sampling(n), hat) for hat in np.eye(n)])
+        weights = hats @ weights
+    weights /= weights[:, 1].sum()
+    weights.flags.writeable = False
+    return weights
+
+
+@cache
+def rgb_weights(n: int) -> np.ndarray:
+    """Return the weights of a spectrum's samples in its linear RGB.
+
+    Parameters
+    ----------
+    n : number of samples, at least 3, as `sampling` has them
+
+    Returns
+    -------
+    (n, 3) float64, read-only: RGB = samples @ weights; each column adds up to 1, but for rounding
+    """
+    xyz = xyz_weights(n)
+    weights = xyz @ rgb_from_xyz(xyz.sum(axis=0)).T
+    weights /= weights.sum(axis=0)
+    weights.flags.writeable = False
+    return weights
+
+
+def rgb_from_xyz(white) -> np.ndarray:
+    """Return the matrix from XYZ to linear RGB with the sRGB primaries and a given white.
+
+    Parameters
+    ----------
+    white : (3,) float64, XYZ of the white that becomes (1, 1, 1)
+
+    Returns
+    -------
+    (3, 3) float64, RGB = matrix @ XYZ
+
+    Source: SMPTE RP 177:1993. The columns of the inverse are the primaries, each with the strength that it has in white.
+    """
+    primaries = np.array([(x, y, 1.0 - x - y) for x, y in PRIMARIES]).T
+    strengths = np.linalg.solve(primaries, white)
+    return np.linalg.inv(primaries * strengths)
+
+
+def rgb_of(samples) -> np.ndarray:
+    """Return the linear RGB of sampled spectra.
+
+    Parameters
+    ----------
+    samples : (..., n) float64, values at `sampling(n)`, n at least 3
+
+    Returns
+    -------
+    (..., 3) float64, linear; negative where no display shows the colour, exactly neutral where the spectrum is flat
+    """
+    samples = np.asarray(samples, dtype=np.float64)
+    # The weights add up to 1: taking the first sample out of the sum keeps greys from being rounded.
+    first = samples[..., :1]
+    return first + (samples - first) @ rgb_weights(samples.shape[-1])
+
+
+@cache
+def rgb_basis(n: int) -> np.ndarray:
+    """Return the spectra of pure red, green and blue that vary least, as samples.
+
+    Each minimises the sum of its squared first differences, |D s|², where its RGB is given, Wᵀ s = e. With Lagrange multipliers m
+    that is one linear system for all three:
+
+        ( DᵀD  W ) (s)   (0)
+        ( Wᵀ   0 ) (m) = (e)
+
+    The solution is linear in e, and the smoothest white is the constant 1: so the curves add up to 1, a grey is flat, and every
+    colour is met. They leave 0..1: to -0.18 and 1.08 for n = 81, to -0.30 and 1.16 for n = 7, to -5.6 and 4.5 for n = 3. Least
+    second differences would go to -2.4 and 2.9 at the ends for n = 81, where the eye sees little and nothing else holds them.
+
+    Parameters
+    ----------
+    n : number of samples, at least 3, as `sampling` has them
+
+    Returns
+    -------
+    (n, 3) float64, read-only; the samples of a colour are `rgb_basis(n) @ rgb`
+    """
+    differences = np.diff(np.eye(n), axis=0)
+    system = np.zeros((n + 3, n + 3))
+    system[:n, :n] = differences.T @ differences
+    system[:n, n:] = rgb_weights(n)
+    system[n:, :n] = rgb_weights(n).T
+    basis = np.linalg.solve(system, np.eye(n + 3)[:, n:])[:n]
+    basis[:, 2] = 1.0 - basis[:, 0] - basis[:, 1]  # the same but for rounding
+    basis.flags.writeable = False
+    return basis
+
+
+def samples_of(color, n: int) -> np.ndarray:
+    """Return a colour as samples of a spectrum.
+
+    Parameters
+    ----------
+    color : Spectrum, or three linear numbers, which may be negative
+    n : number of samples, at least 3, as `sampling` has them
+
+    Returns
+    -------
+    (n,) float64: the values of a Spectrum, or for RGB the curve that varies least, with exactly this RGB at any n
+    """
+    if isinstance(color, Spectrum):
+        return color.at(sampling(n))
+    red, green, blue = color
+    # Blue's curve is 1 - red's - green's; written so, a grey is flat to the last bit.
+    basis = rgb_basis(n)
+    return blue + (red - blue) * basis[:, 0] + (green - blue) * basis[:, 1]

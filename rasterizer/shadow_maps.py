@@ -1,0 +1,180 @@
+"""Shadow maps: for every light that casts shadows, pictures of the opaque surfaces as the light sees them (pipeline/shadow.py).
+
+    directional   one map, parallel rays, fitted to the scene
+    spot          one map about its axis, as wide as the outer cone
+    point         one map, if the scene fits into a wide view from the light; else six, the faces of a cube round it
+    area          maps of its cells, as for points
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .draw import draw, shadow_job
+from .pipeline.clip import find_nearest
+from .pipeline.records import IN_WORDS
+from .pipeline.shadow import (
+    CENTER_X,
+    CENTER_Y,
+    FILTER,
+    FORWARD,
+    HEADER,
+    IS_PERSPECTIVE,
+    MAPS,
+    N_MAP,
+    N_MAP_NUMBER,
+    ORIGIN,
+    RIGHT,
+    ROUNDING,
+    SCALE_X,
+    SCALE_Y,
+    SIZE,
+    UP,
+)
+from .pipeline.transform import make_screen
+from .plan import DEEP, NEAREST, make_coding
+from .scene.camera import Projection, View
+from .scene.lights import DirectionalLight, SpotLight
+
+WIDEST = 2.0  # tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have
+MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow.py
+
+MARGIN = 1.0  # texels that stay free at the borders of a fitted map
+CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)  # the order of shadow.cube_face
+
+
+class ShadowMap(NamedTuple):
+    """The maps of one light."""
+
+    block: np.ndarray  # float64: the header, then the texels
+    origin: np.ndarray  # (3,) world space: the place that the maps' coordinates are relative to
+
+    def move(self, eye) -> None:
+        """Write the place relative to the eye, as the positions of surface points are."""
+        for k in range(int(self.block[N_MAP])):
+            start = MAPS + N_MAP_NUMBER * k + ORIGIN
+            self.block[start : start + 3] = self.origin - eye
+
+
+class Casters(NamedTuple):
+    """What casts shadows."""
+
+    geometry: object  # Geometry of the opaque faces
+    corners: np.ndarray  # (n, 3) float64, corners of boxes round them, world space
+
+
+def find_casters(geometry, bounds, is_opaque) -> Casters | None:
+    """The opaque faces of a scene; None if there are none.
+
+    Parameters
+    ----------
+    bounds : (n_mesh, 2, 3) float64, boxes round the meshes
+    is_opaque : (n_material,) bool
+    """
+    if not is_opaque.all():
+        faces = np.flatnonzero(is_opaque[geometry.face_material] if len(geometry.face_material) else [])
+        if len(faces) == 0:
+            return None
+        vertex = np.ascontiguousarray(geometry.vertex[:, faces])
+        geometry = geometry._replace(vertex=vertex, is_inverted=geometry.is_inverted[faces])
+    corners = np.stack([bounds[:, [(k >> axis) & 1 for axis in range(3)], range(3)] for k in range(8)], axis=1).reshape(-1, 3)
+    return Casters(geometry._replace(corner=geometry.vertex), corners)
+
+
+def draw_shadow_map(light, view, casters, plan, scratch, workers, clock) -> ShadowMap:
+    """Draw what a light sees; one that is attached to the camera is where `view` puts it."""
+    axes = np.stack([view.right, view.up, -view.forward])
+    in_camera = light.attached == "camera"
+    direction = getattr(light, "direction", None)
+    direction = np.array(direction) @ axes if in_camera and direction is not None else direction
+    origin = casters.corners.mean(axis=0)
+    if not isinstance(light, DirectionalLight):
+        origin = view.eye + np.array(light.position) @ axes if in_camera else np.array(light.position)
+    size = light.shadow.size
+    views = _choose_views(light, origin, direction, casters.corners - origin, size)
+    block = np.zeros(HEADER + len(views) * size * size)
+    block[[N_MAP, SIZE, FILTER, IS_PERSPECTIVE]] = len(views), size, light.shadow.filter, views[0][1].is_perspective
+    texels = block[HEADER:].reshape(len(views), size, size)
+    for k, (light_view, projection) in enumerate(views):
+        screen = _fit_screen(light_view, projection, casters, size)
+        coding = make_coding(plan._replace(coding=IN_WORDS, lights=()), screen, 0.0)
+        nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
+        job = shadow_job(nothing, coding, screen, texels[k])
+        draw(casters.geometry, job, screen, scratch, workers, clock)
+        row = block[MAPS + N_MAP_NUMBER * k : MAPS + N_MAP_NUMBER * (k + 1)]
+        row[RIGHT : RIGHT + 3], row[UP : UP + 3], row[FORWARD : FORWARD + 3] = light_view.right, light_view.up, light_view.forward
+        row[[SCALE_X, SCALE_Y, CENTER_X, CENTER_Y]] = projection[:4]
+        row[ROUNDING] = MAP_ROUNDING * _value_range(screen, coding)
+    return ShadowMap(block, origin)
+
+
+def _choose_views(light, origin, direction, corners, size) -> list[tuple[View, Projection]]:
+    """The views that a light needs of the scene; `corners` are relative to its place."""
+    if isinstance(light, DirectionalLight):
+        view = _look(origin, direction)
+        box = _extent(corners @ view.right), _extent(corners @ view.up)
+        return [(view, _fit_projection(*box, size, False))]
+    spread = math.tan(math.radians(light.outer)) if isinstance(light, SpotLight) and light.outer < 90.0 else math.inf
+    view = _look(origin, direction if spread <= WIDEST else corners.mean(axis=0))
+    depth = corners @ view.forward
+    across = upward = (-math.inf, math.inf)
+    if depth.min() > 0.0:
+        across, upward = _extent(corners @ view.right / depth), _extent(corners @ view.up / depth)
+    if spread <= WIDEST:
+        across, upward = (_overlap(extent, spread) for extent in (across, upward))
+    if max(map(abs, (*across, *upward))) <= WIDEST:
+        return [(view, _fit_projection(across, upward, size, True))]
+    whole = Projection(size / 2, size / 2, size / 2, size / 2, True)
+    return [(_look(origin, forward), whole) for forward in CUBE]
+
+
+def _look(origin, forward) -> View:
+    """A view in a direction; which way is up doesn't matter."""
+    length = np.linalg.norm(forward)
+    forward = np.array([0.0, 0.0, -1.0]) if length == 0.0 else np.asarray(forward) / length
+    across = np.cross(forward, np.eye(3)[np.argmin(np.abs(forward))])
+    right = across / np.linalg.norm(across)
+    return View(origin, right, np.cross(right, forward), forward)
+
+
+def _extent(values) -> tuple[float, float]:
+    """Least and largest value."""
+    return float(values.min()), float(values.max())
+
+
+def _overlap(extent, spread) -> tuple[float, float]:
+    """The part of an extent within -spread..spread; all of that where they don't meet."""
+    low, high = max(extent[0], -spread), min(extent[1], spread)
+    return (low, high) if low < high else (-spread, spread)
+
+
+def _fit_projection(across, upward, size, is_perspective) -> Projection:
+    """The projection that spreads an extent over the map, but for a margin."""
+    widths = [high - low for low, high in (across, upward)]
+    least = max(*widths, 2.0**-1000) * NEAREST  # something that is seen edge-on has no width
+    scale_x, scale_y = ((size - 2 * MARGIN) / max(width, least) for width in widths)
+    return Projection(scale_x, scale_y, MARGIN - scale_x * across[0], MARGIN + scale_y * upward[1], is_perspective)
+
+
+def _fit_screen(view, projection, casters, size):
+    """The screen of a map, its depths fitted to what is seen there."""
+    depth = (casters.corners - view.eye) @ view.forward
+    nearest, furthest = _extent(depth)
+    if not projection.is_perspective:
+        margin = NEAREST * max(furthest - nearest, np.abs(depth).max())
+        return make_screen(view, projection, (nearest - margin, furthest + margin), nearest - margin, np.inf)
+    furthest = (furthest if furthest > 0.0 else 1.0) * (1 + NEAREST)
+    near = max(nearest * (1 - NEAREST), furthest * NEAREST)
+    screen = make_screen(view, projection, (near, furthest), near, np.inf)
+    if near < furthest * DEEP:
+        seen = find_nearest(casters.geometry.positions, casters.geometry.vertex, screen, size, size) * (1 - NEAREST)
+        if near < seen < furthest:
+            screen = make_screen(view, projection, (seen, furthest), near, np.inf)
+    return screen
+
+
+def _value_range(screen, coding) -> float:
+    """What the values of a map range over: 1/w, or depth."""
+    scale = coding.inv_w_scale if screen.is_perspective else coding.depth_scale
+    return abs(scale) * 2.0**38
