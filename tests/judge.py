@@ -18,11 +18,12 @@ BUFFERS = ("color", "depth", "face", "normal")
 class Verdict(NamedTuple):
     """What a comparison found."""
 
-    color: float  # largest difference of linear intensity
+    color: float  # largest difference of linear intensity; premultiplied where surfaces let light through
     normal: float
     depth: float  # relative
     n_compared: int  # covered pixels
     n_ignored: int  # pixels in which two surfaces lie nearer to each other than depth can tell
+    n_far: int  # compared pixels whose colour is further off than `limit`
 
 
 @lru_cache(maxsize=4)
@@ -41,11 +42,11 @@ def depth_resolution(scene, size, depth, units) -> np.ndarray:
     return np.where(np.isfinite(depth), depth, 0.0) ** 2 * (units * (1 / near - 1 / far) / DEPTH_SPAN)
 
 
-def compare(scene, size, units=2.0**14, **options) -> Verdict:
+def compare(scene, size, units=2.0**14, limit=EXACT, **options) -> Verdict:
     """Render both ways; refuse any difference in coverage, face or depth.
 
     `units` is what planes of depth may be off, in steps of the z-buffer: half a step for each sample of the
-    largest box.
+    largest box. Where surfaces let light through, the order of all of them must be clear.
     """
     frame = rz.render(scene, size, outputs=BUFFERS, **options)
     options.pop("tolerance", None)
@@ -65,14 +66,25 @@ def compare(scene, size, units=2.0**14, **options) -> Verdict:
     if options.get("samples", 1) > 1:
         is_safe = clear_pixels(scene, size, units, options)
         n_ignored = int((~is_safe).sum())
-    color = np.abs(frame.color - expected.color)[is_safe]
+    color = color_errors(scene, frame, expected)[is_safe]
     normal = np.abs(frame.normal - expected.normal)[is_seen]
     depth = np.abs(frame.depth[is_seen] / expected.depth[is_seen] - 1)
     assert np.isfinite(frame.color).all(), "a colour is not finite"
     assert not frame.normal[~is_covered].any() and np.isinf(frame.depth[~is_covered]).all()
     n_compared = int((is_safe & (expected.alpha > 0)).sum())
     largest = (values.max(initial=0.0) for values in (color, normal, depth))
-    return Verdict(*largest, n_compared, n_ignored)
+    return Verdict(*largest, n_compared, n_ignored, int((color > limit).any(axis=-1).sum()))
+
+
+def color_errors(scene, frame, expected) -> np.ndarray:
+    """Return the differences of linear intensity (h, w, 3).
+
+    A straight colour is divided by its alpha, and what rounding did to it with it: where surfaces may be next to clear,
+    premultiplied colours are compared.
+    """
+    errors = np.abs(frame.color - expected.color)
+    is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
+    return errors if is_opaque else errors * expected.alpha[..., None]
 
 
 def clear_pixels(scene, size, units, options) -> np.ndarray:
@@ -84,16 +96,18 @@ def clear_pixels(scene, size, units, options) -> np.ndarray:
     return is_clear.reshape(size[1], per_axis, size[0], per_axis).all(axis=(1, 3))
 
 
-def check(scene, size, budget, ignored=0.002, units=2.0**14, normal=NORMAL, **options) -> Verdict:
+def check(scene, size, budget, ignored=0.002, units=2.0**14, normal=NORMAL, far=0.0, **options) -> Verdict:
     """Refuse a picture whose colours are further than `budget` from the judge's.
 
-    `ignored` is the share of the pixels that may be left out.
+    `ignored` is the share of the pixels that may be left out, `far` the share of those compared that may be further off: at the
+    edges of shadows, which are drawn with shadow maps, and between texels where a filter jumps.
     """
-    found = compare(scene, size, units, **options)
+    found = compare(scene, size, units, limit=budget, **options)
     assert found.n_compared > 0, "nothing is covered"
     share = found.n_ignored / (size[0] * size[1])
     assert share <= ignored, f"{options}: {share:.4f} of the pixels ignored > {ignored}"
-    assert found.color <= budget, f"{options}: colours differ by {found.color:.3g} > {budget:.3g}"
+    message = f"{options}: colours differ by {found.color:.3g} > {budget:.3g} in {found.n_far} of {found.n_compared} pixels"
+    assert found.n_far <= far * found.n_compared, message
     assert found.normal <= normal, f"{options}: normals differ by {found.normal:.3g} > {normal:.3g}"
     assert found.depth <= 1e-6, f"{options}: depths differ by {found.depth:.3g} > 1e-6"
     return found

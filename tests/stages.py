@@ -5,6 +5,7 @@ from fractions import Fraction
 import numpy as np
 
 import rasterizer as rz
+from rasterizer.illumination import make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline.block import Polygons
 from rasterizer.pipeline.records import CODINGS
@@ -12,7 +13,7 @@ from rasterizer.pipeline.scan import scan
 from rasterizer.pipeline.scratch import BenchKind, Scratch
 from rasterizer.pipeline.transform import Vertices, make_screen
 from rasterizer.pipeline.workers import Workers
-from rasterizer.plan import make_lighting, make_plan
+from rasterizer.plan import make_plan
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection, View
 
@@ -52,7 +53,7 @@ def scan_alone(triangles, depth, attributes, coding, screen, size, is_inverted=N
     vertices = Vertices(*(np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2)), z.ravel())
     index = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
     is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
-    kind = BenchKind(size[0], size[1], n_channel or n_attribute, n_attribute, n_group, attributes.dtype)
+    kind = BenchKind(size[0], size[1], n_channel or n_attribute, n_attribute, n_group, attributes.dtype, False, False)
     bench = Scratch().take(kind, n)
     faces, rows = (
         np.arange(n, dtype=np.uint32),

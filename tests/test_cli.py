@@ -21,7 +21,7 @@ from rasterizer.cli.messages import Messages, compiling_announced
 from rasterizer.frame import Frame
 from rasterizer.options import Options
 from rasterizer.renderer import Renderer
-from rasterizer.scene import lights, load, material
+from rasterizer.scene import file, lights, load, material
 from rasterizer.scene._check import AXES
 
 ROOT = Path(__file__).parent.parent
@@ -218,7 +218,7 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
         arguments.FOV,
     ]
     assert tuple(AXES) == arguments.AXES and arguments.REFLECTIONS == material.REFLECTIONS
-    assert tuple(load._READERS) == arguments.FORMATS
+    assert tuple(load._READERS) == arguments.FORMATS and arguments.SCENE_FORMATS == file.FORMATS
     assert all(getattr(lights, name)() for name in arguments.PRESETS)
 
 
@@ -230,7 +230,7 @@ def camera_of(*argv, aspect=1.5):
     check_camera(parsed)
     scene = rz.load(CUBE)
     view = parsed.views[0] if parsed.views else None
-    return make_camera(parsed, view, scene, scene.bounds, "y" if parsed.up == "auto" else parsed.up)
+    return make_camera(parsed, view, scene, scene.bounds, parsed.up or "y")
 
 
 @pytest.mark.parametrize(
@@ -287,7 +287,8 @@ def lights_of(*argv):
 
 
 def test_lights():
-    assert lights_of() == rz.studio() and lights_of("--preset", "headlight") == rz.headlight()
+    assert lights_of() is None and lights_of("--preset", "studio") == rz.studio()
+    assert lights_of("--preset", "headlight") == rz.headlight()
     assert lights_of("--light", "ambient:0.2") == (rz.AmbientLight(0.2),)
     assert lights_of("--light", "ambient:color=#fff") == (rz.AmbientLight(1.0),)
     assert lights_of("--preset", "headlight", "--light", "ambient:1/0.5/0") == (
@@ -538,7 +539,7 @@ def test_the_examples_of_the_help_parse(capsys):
         main(["render", "--help"])
     examples = re.findall(r"raster (render .*?)(?:   .*| > .*)?$", capsys.readouterr().out, re.MULTILINE)
     examples = [example for example in examples if "MODEL..." not in example]
-    assert len(examples) == 6
+    assert len(examples) == 8
     for example in examples:
         arguments.parse(example.replace("'", "").split())
 

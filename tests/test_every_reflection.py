@@ -11,7 +11,7 @@ from test_light_rows import DTYPES
 from test_reflection import UP, directions_of, polar, random_directions, reflect
 
 import rasterizer as rz
-from rasterizer import plan, reference_light
+from rasterizer import bounds, illumination, plan, reference_light
 from rasterizer.cli import main
 from rasterizer.pipeline.reflection import FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, SCALE
 from rasterizer.scene.material import REFLECTIONS as NAMES
@@ -64,11 +64,11 @@ def fast(material, normal, to_light, to_viewer, has_kernels_cosines=False):
     """D and S by the row function that the plan would choose, (2, n) float64."""
     numbers = {
         ROUGHNESS: material.roughness,
-        FRESNEL: plan.first_fresnel(material),
-        SCALE: plan.highlight_scale(material),
+        FRESNEL: bounds.first_fresnel(material),
+        SCALE: bounds.highlight_scale(material),
         LEVELS: material.levels,
     }
-    model = plan._model(material)
+    model = bounds.model_of(material)
     found = reflect(
         model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, numbers
     )
@@ -119,7 +119,7 @@ def test_row_functions_compute_what_the_judge_does(name):
     material, sides = MATERIALS[name], all_directions(np.float64)
     found, expected = fast(material, *sides), judged(material, *sides)
     # Squared exponents leave out what is below 2^-28.
-    least = 2.0**-28 * (1 + plan.highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
+    least = 2.0**-28 * (1 + bounds.highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
     n_wrong = (np.abs(found - expected) > 1e-9 * (1 + expected) + least).sum()
     assert n_wrong == 0, f"{n_wrong} of {expected.size} wrong, by up to {np.abs(found - expected).max():.3g}"
     assert (expected[0] > 0.01).mean() > 0.1
@@ -132,7 +132,7 @@ def test_float32_has_the_digits_that_the_plan_counts_on(name):
     found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
     expected = judged(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
     lights = (rz.DirectionalLight((0, 0, -1)),)
-    bound, magnified = plan.intensity_bounds((material,), lights, np.zeros(3), 1.0)
+    bound, magnified = bounds.intensity_bounds((material,), lights, np.zeros(3), 1.0)
     assert expected.max() <= bound * (1 + 1e-12), f"{expected.max():.4g} > the bound {bound:.4g}"
     error, budget = np.abs(found - expected).max(), plan.ULP * (16 * bound + 8 * magnified)
     assert error <= budget, f"{error:.3g} > {budget:.3g}"
@@ -249,7 +249,7 @@ def test_the_others_reflect_more_than_arrives_as_the_table_says(name):
 def test_the_usual_factor_of_blinn_reflects_too_much():
     """(n + 8)/8 instead of the exact factor: why it isn't taken."""
     material = made("blinn", shininess=10, normalized=True)
-    usual = albedos(material, 0.0)[1] * (10 + 8) / 8 / plan.highlight_scale(material)
+    usual = albedos(material, 0.0)[1] * (10 + 8) / 8 / bounds.highlight_scale(material)
     assert usual == pytest.approx(1.0748, abs=1e-3)
 
 
@@ -262,7 +262,7 @@ def test_reciprocity_holds_where_the_table_says_so_and_nowhere_else(name):
     back = fast(MATERIALS[name], normal, to_viewer, to_light) / (normal * to_viewer).sum(axis=1)
     difference = np.abs(there - back).max()
     if name in RECIPROCAL:
-        least = 2.0**-27 * (1 + plan.highlight_scale(MATERIALS[name])) if "normalised" in name else 0.0
+        least = 2.0**-27 * (1 + bounds.highlight_scale(MATERIALS[name])) if "normalised" in name else 0.0
         assert difference <= 1e-12 * max(1.0, there.max()) + least, f"{difference:.3g}"
     else:
         assert difference > 0.1, f"{difference:.3g}"
@@ -276,16 +276,16 @@ def planned(*materials, shading="phong", lights=GREY, **options):
     meshes = [rz.Mesh(*octasphere(0), material=material) for material in materials]
     scene = rz.Scene(meshes, lights, VIEW)
     made_plan = plan.make_plan(scene, rz.Options(shading=shading, **options), np.zeros((0, 3)))
-    return made_plan, plan.make_lighting(made_plan, VIEW.view())
+    return made_plan, illumination.make_lighting(made_plan, VIEW.view())
 
 
 def test_every_name_has_a_row_function_and_options_choose_another():
-    assert {plan._model(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTIONS)
-    assert {plan._model(material) for material in MATERIALS.values()} == set(REFLECTIONS)
-    assert plan._model(rz.Material()) == "phong"
+    assert {bounds.model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTIONS)
+    assert {bounds.model_of(material) for material in MATERIALS.values()} == set(REFLECTIONS)
+    assert bounds.model_of(rz.Material()) == "phong"
     for name in NAMES:
         dull = rz.Material(reflection=name, specular=0, normalized=True, fresnel=0.5)
-        assert plan._model(dull) == (name if name in ("oren-nayar", "toon") else "lambert")
+        assert bounds.model_of(dull) == (name if name in ("oren-nayar", "toon") else "lambert")
 
 
 def test_only_what_needs_the_viewer_pays_for_it():

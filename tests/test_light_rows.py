@@ -10,7 +10,6 @@ from rasterizer.pipeline import rows as r
 from rasterizer.pipeline.lights import (
     ATTENUATION,
     AXIS,
-    COLOR,
     CONE_EXPONENT,
     CONE_SCALE,
     COS_OUTER,
@@ -57,7 +56,6 @@ def points(seed, n, dtype):
 def light(dtype, vector, attenuation=(1, 0, 0), most=1.0):
     """A light's numbers."""
     numbers = np.zeros(N_NUMBER, dtype)
-    numbers[COLOR : COLOR + 3] = 9.0
     numbers[VECTOR : VECTOR + 3], numbers[ATTENUATION : ATTENUATION + 3], numbers[MOST] = (
         vector,
         attenuation,

@@ -73,6 +73,7 @@ def light_them(camera, lights, material, dtype, side, points, has_albedo, n_mate
     light_points(
         *columns,
         albedo if has_albedo else NOTHING,
+        np.empty(0),
         start,
         stop,
         screen,

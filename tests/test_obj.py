@@ -114,7 +114,7 @@ def assert_same(text):
         numbers = [0] * mesh.n_face if mesh.face_material is None else mesh.face_material.tolist()
         assert [mesh.palette[number].name for number in numbers] == part["materials"]
         assert [material.name for material in mesh.palette] == list(dict.fromkeys(part["materials"]))
-        assert (mesh.uv is not None) == any(None not in corners for corners in part["uv"]) or None in sum(part["uv"], [])
+        assert (mesh.uv is not None) == any(None not in corners for corners in part["uv"])
         if mesh.uv is not None:
             uv = mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
             np.testing.assert_array_equal(uv, [[(0, 0) if pair is None else pair for pair in each] for each in part["uv"]])

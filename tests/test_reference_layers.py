@@ -123,7 +123,7 @@ def test_a_glass_sphere_has_two_layers():
     front = draw(vertices, faces, (48, 36), camera=camera, material=material, cull="back")
     solid = draw(vertices, faces, (48, 36), camera=camera, material=Material(diffuse=0.0, specular=0.0, emissive=0.5))
     is_hit = solid.face >= 0
-    assert is_hit.sum() > 400
+    assert is_hit.sum() > 300
     # the silhouette belongs to front and back alike: coverage is that of closed meshes
     np.testing.assert_allclose(both.alpha, np.where(is_hit, 1 - 0.7**2, 0), atol=1e-15)
     np.testing.assert_allclose(front.alpha, np.where(is_hit, 0.3, 0), atol=1e-15)

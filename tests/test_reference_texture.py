@@ -113,12 +113,13 @@ def test_a_checkerboard_in_perspective(shading):
 
 
 @pytest.mark.parametrize("samples", [1, 4])
-def test_the_level_of_detail_of_a_slanted_plane(samples):
+@pytest.mark.parametrize("first", [1.0, -3.0])  # depth where the floor begins: before the eye, or behind it, to be clipped
+def test_the_level_of_detail_of_a_slanted_plane(samples, first):
     # the floor above with a picture whose value is its level: u = (x/8 + ½), v = (depth - 1)/8, both in perspective;
     # depth = 1/s for the slope s below the horizon, so dv/ds = -depth²/8 and du/dx = depth/8 for each unit of the screen
     size, per_axis = (64, 48), round(samples**0.5)
-    floor = np.array([(-4, -1, -1.0), (4, -1, -1), (4, -1, -9), (-4, -1, -9)])
-    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    floor = np.array([(-4, -1, -first), (4, -1, -first), (4, -1, -9), (-4, -1, -9)])
+    uv = np.array([[0.0, (first - 1) / 8], [1, (first - 1) / 8], [1, 1], [0, 1]])
     texture = Texture(np.zeros((64, 256), np.float32))
     levels = tuple(np.full((*level.shape[:2], 4), (k, k, k, 1), np.float32) for k, level in enumerate(texture.pyramid))
     object.__setattr__(texture, "pyramid", levels)

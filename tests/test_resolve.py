@@ -37,7 +37,7 @@ def encoding(policy=CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0), is_
 def fill(covered, radiance, factor=1, dtype=np.float32):
     """A working place with the intensities (n_channel, rows, columns) where `covered`, rubbish elsewhere."""
     n_row, width = covered.shape
-    bench = Scratch().take(BenchKind(width, n_row, len(radiance), 1, 0, np.dtype(dtype)), 1)
+    bench = Scratch().take(BenchKind(width, n_row, len(radiance), 1, 0, np.dtype(dtype), False, False), 1)
     canvas = bench.canvas
     bench.radiance[:] = 77.0
     bench.radiance.reshape(len(radiance), n_row, canvas.pitch)[:, :, :width] = np.where(

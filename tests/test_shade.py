@@ -29,6 +29,7 @@ LEVELS = float(LEVEL_MASK - 1)
 DEPTHS = (1.0, 4.0)
 DTYPES = [np.float32, np.float64]
 NO_MATERIAL = np.empty(0, np.uint32)
+NO_SHAPE = np.empty((0, 5))
 MAYBE_EXACT = 1  # how many records are exact: the shade stage looks for them unless it is told that there are none
 
 
@@ -187,6 +188,8 @@ def draw_lit(bench, screen):
         screen,
         lighting,
         NO_MATERIAL,
+        NO_SHAPE,
+        bench.texels,
         bench.rows,
         bench.radiance,
     )
@@ -282,6 +285,8 @@ def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspe
             screen,
             lighting,
             NO_MATERIAL,
+            NO_SHAPE,
+            bench.texels,
             bench.rows,
             bench.radiance,
         )
@@ -320,6 +325,8 @@ def test_each_sample_takes_the_material_of_its_own_face(kind):
             screen,
             lighting,
             material,
+            NO_SHAPE,
+            bench.texels,
             bench.rows,
             bench.radiance,
         )

@@ -58,5 +58,6 @@ def _scene(reflection, is_colored) -> Scene:
         Mesh(_VERTICES, _FACES, smoothing=np.ones(len(_FACES), np.int32), material=Material(specular=0.0)),
         Mesh(_VERTICES, _FACES, normals=np.tile((0.0, 0.0, 1.0), (len(_VERTICES), 1)), material=material),
     ]
-    lights = [AmbientLight(0.1), DirectionalLight((0, -1, -1), 0.5), PointLight((50, 50, 50), 0.5, (1, 0.1, 0))]  # far away: float32 will do
+    far_away = (50, 50, 50)  # float32 will do
+    lights = [AmbientLight(0.1), DirectionalLight((0, -1, -1), 0.5), PointLight(far_away, 0.5, (1, 0.1, 0))]
     return Scene(meshes, lights, Camera.perspective((0, 0, 5)))

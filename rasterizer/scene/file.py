@@ -119,7 +119,8 @@ def _options(entry) -> dict:
     if entry is None:
         return {}
     items = entry.table(OPTIONS).items()
-    return {key: tuple(item.value) if isinstance(item.value, list) else item.value for key, item in items if item.value is not None}
+    values = {key: item.value for key, item in items if item.value is not None}
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
 
 
 # --- text to tables -----------------------------------------------------------------------------------------

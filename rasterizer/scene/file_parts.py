@@ -1,6 +1,8 @@
 """Materials, textures, lights and cameras of a scene file."""
 
 import math
+import zipfile
+import zlib
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
 
@@ -30,6 +32,10 @@ FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
 # A unit vector that was computed once has n·n = 1 to 10 roundings of 2^-53: 3 of the sum, 1 of the root and 1 of the division of
 # each component count twice in the square, 3 of this sum, and 1 to spare.
 _UNIT_SLACK = 10 * 2.0**-53
+
+
+# What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
+_NPZ_FAULTS = (OSError, ValueError, EOFError, TypeError, SyntaxError, KeyError, NotImplementedError, MemoryError)
 
 
 class Context:
@@ -72,9 +78,6 @@ class Context:
 
 def _read_npz(path, entry) -> dict[str, np.ndarray]:
     """Read a file of arrays; no object in it is ever made."""
-    import zipfile
-    import zlib
-
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as content:
             if not hasattr(content, "files"):
@@ -82,7 +85,7 @@ def _read_npz(path, entry) -> dict[str, np.ndarray]:
             return {name: content[name] for name in content.files}
     except FileNotFoundError:
         raise entry.fault(f"{path}: no such file", ModelError) from None
-    except (OSError, ValueError, EOFError, TypeError, SyntaxError, KeyError, zipfile.BadZipFile, zlib.error, NotImplementedError) as fault:
+    except (*_NPZ_FAULTS, zipfile.BadZipFile, zlib.error) as fault:
         raise entry.fault(f"{path}: can't be read as .npz ({fault})", ModelError) from fault
 
 
@@ -246,7 +249,7 @@ def keeping_units(made, given, names):
 
 
 def keeping_normals(mesh, normals):
-    """Give a mesh back the normals (.., 3) that were saved, where all of them are unit vectors or zero, as with `keeping_units`."""
+    """Give a mesh back the normals (.., 3) that were saved, where all are unit vectors or zero; see `keeping_units`."""
     if mesh.normals is None or mesh.normals.shape != normals.shape or normals.dtype != np.float64:
         return mesh
     squares = np.einsum("...i,...i", normals, normals)

@@ -1,9 +1,8 @@
 """Read GLB and glTF through trimesh, but keep coefficients and colours, which it rounds to 8 bits or drops.
 
 The JSON tree is read first. Vertex colours and texture coordinates are renamed to custom attributes, which
-trimesh hands on as they are; the materials are taken from the tree. The base colour factor becomes the
-diffuse coefficient, the emissive factor the emissive one, both linear; metallic and roughness have no
-counterpart in this equation and are left out. Format: Khronos, glTF 2.0 Specification, 2021.
+trimesh hands on as they are; materials, lights and cameras are taken from the tree: `gltf_material`, `gltf_scene`.
+Format: Khronos, glTF 2.0 Specification, 2021.
 """
 
 import json
@@ -12,9 +11,11 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from rasterizer.errors import ModelError
+from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene.gltf_material import Paint, Pictures, linear_values, read_paint, uv_from_gltf
+from rasterizer.scene.gltf_scene import read_lights_and_camera
 from rasterizer.scene.material import Material
-from rasterizer.scene.parse import ModelFile, Part, part_from, run_trimesh, triangle_meshes
+from rasterizer.scene.parse import Contents, ModelFile, Part, part_from, run_trimesh, triangle_meshes
 
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
 _READ_MODES = (0, 1, 4, 5)  # points, lines, triangles, strips: what becomes a geometry in trimesh
@@ -36,26 +37,38 @@ class FolderFiles:
             raise self.model.error(f"needs the file '{name}', which can't be read ({fault})") from fault
 
 
-def read_gltf(model: ModelFile) -> list[tuple[Part, np.ndarray]]:
-    """Read the triangle meshes of a GLB or glTF file.
+def read_gltf(model: ModelFile) -> Contents:
+    """Read the triangle meshes, lights and cameras of a GLB or glTF file.
 
     Returns
     -------
-    list of (part, world_from_mesh (4, 4) float64), one for each node that shows a mesh, in the order of the
-    file's meshes
+    Contents whose parts are pairs (part, world_from_mesh (4, 4) float64), one for each node that shows a mesh, in the
+    order of the file's meshes
+
+    Raises
+    ------
+    ModelError : the file can't be read, or a light or camera is not legal
+
+    Warns
+    -----
+    UserWarning : a texture is missing or can't be read
     """
     tree, tail = _read_tree(model)
     try:
         _check_tree(model, tree)
-        primitives = _set_aside_colors(tree)
-        materials = [_material(source) for source in tree.pop("materials", [])]
-        textures = tree.pop("images", []), tree.pop("textures", [])
+        lights, camera = read_lights_and_camera(model, tree)
+        pictures = Pictures(model, tree, tail, FolderFiles(model))
+        primitives = [primitive for mesh in tree.get("meshes", []) for primitive in mesh["primitives"]]
+        used = {primitive.get("material") for primitive in primitives}
+        paints = [
+            read_paint(source, pictures) if number in used else Paint(Material())
+            for number, source in enumerate(tree.get("materials", []))
+        ]
+        primitives = _set_aside(tree, primitives, paints)
     except ModelError:
         raise
-    except (TypeError, AttributeError, LookupError, ValueError, OverflowError) as fault:
+    except (TypeError, AttributeError, LookupError, ValueError, OverflowError, SceneError) as fault:
         raise model.error(f"not a readable glTF file ({type(fault).__name__}: {fault})") from fault
-    if any(textures):
-        model.log(f"{model.name}: textures are not drawn by this version")
     scene = run_trimesh(model, _write_tree(model, tree, tail), FolderFiles(model))
     if len(primitives) != len(scene.geometry):
         raise model.error("not a readable glTF file (another number of meshes than its tree says)")
@@ -63,9 +76,14 @@ def read_gltf(model: ModelFile) -> list[tuple[Part, np.ndarray]]:
     parts = {}
     for name, mesh in triangle_meshes(scene).items():
         number = by_name[name].get("material")
-        material = materials[number] if isinstance(number, int) and number < len(materials) else Material()
-        parts[name] = _part(mesh, name, material, number is not None)
-    return _instances(scene, parts)
+        parts[name] = _part(mesh, name, _paint_of(by_name[name], paints), number is not None)
+    return Contents(_instances(scene, parts), lights, camera)
+
+
+def _paint_of(primitive, paints) -> Paint:
+    """Return the paint of a primitive, the default one where it names none."""
+    number = primitive.get("material")
+    return paints[number] if isinstance(number, int) and number < len(paints) else Paint(Material())
 
 
 def _read_tree(model):
@@ -111,47 +129,42 @@ def _check_tree(model, tree):
             accessor["count"] = 0  # of a morph target or an animation; trimesh would make room for it
 
 
-def _set_aside_colors(tree) -> list[dict]:
-    """Rename the attributes that trimesh would convert; return the primitives that become geometries."""
-    primitives = [primitive for mesh in tree.get("meshes", []) for primitive in mesh["primitives"]]
+def _set_aside(tree, primitives, paints) -> list[dict]:
+    """Take out of the tree what is read here, or what trimesh would convert; return the primitives that become geometries.
+
+    Vertex colours get a name of their own, as do the texture coordinates that the primitive's texture uses.
+    """
     for primitive in primitives:
         attributes = primitive["attributes"]
-        for theirs, ours in (("COLOR_0", "_color"), ("TEXCOORD_0", "_uv")):
-            if theirs in attributes:
-                attributes[ours] = attributes.pop(theirs)
+        wanted = f"TEXCOORD_{_paint_of(primitive, paints).uv_set}"
+        for name in [name for name in attributes if name.startswith(("COLOR_", "TEXCOORD_"))]:
+            number = attributes.pop(name)
+            if name in ("COLOR_0", wanted):
+                attributes["_color" if name == "COLOR_0" else "_uv"] = number
         primitive.pop("extensions", None)
     kept = [dict(primitive) for primitive in primitives if primitive.get("mode", 4) in _READ_MODES]
     for primitive in primitives:
         primitive.pop("material", None)
+    for key in ("materials", "images", "textures", "samplers", "cameras"):
+        tree.pop(key, None)
+    for node in tree.get("nodes", []):
+        node.pop("camera", None)  # trimesh would leave out all below it
     return kept
 
 
-def _material(source) -> Material:
-    """Turn a glTF material into a `Material`."""
-    surface = source.get("pbrMetallicRoughness", {})
-    red, green, blue, alpha = (float(value) for value in surface.get("baseColorFactor", (1, 1, 1, 1)))
-    emissive = tuple(float(value) for value in source.get("emissiveFactor", (0, 0, 0)))
-    opacity = 1.0 if source.get("alphaMode", "OPAQUE") == "OPAQUE" else alpha
-    return Material(
-        diffuse=(red, green, blue), emissive=emissive, opacity=opacity, name=str(source.get("name", ""))
-    )
-
-
-def _part(mesh, name, material, has_material) -> Part:
+def _part(mesh, name, paint, has_material) -> Part:
     """Turn one primitive into a part; its vertex colours multiply its base colour."""
     colors = mesh.vertex_attributes.get("_color")
     part = part_from(mesh, name)
-    part["material"] = material
+    part["material"] = paint.material
+    part.pop("uv", None)
+    uv = mesh.vertex_attributes.get("_uv")
+    if np.shape(uv) == (len(mesh.vertices), 2):
+        part["uv"] = uv_from_gltf(uv, paint.uv_matrix)
     if np.shape(colors) in ((len(mesh.vertices), 3), (len(mesh.vertices), 4)):
-        part["colors"] = _linear(np.asarray(colors))
-        part["material"] = material if has_material else Material(diffuse=1.0)
+        part["colors"] = linear_values(colors)
+        part["material"] = paint.material if has_material else Material(diffuse=1.0)
     return part
-
-
-def _linear(values):
-    """Return the values of a normalised accessor as floats."""
-    scale = np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0
-    return values.astype(np.float64) / scale
 
 
 def _instances(scene, parts) -> list[tuple[Part, np.ndarray]]:

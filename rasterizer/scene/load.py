@@ -85,11 +85,16 @@ def load(
     -----
     UserWarning : materials, textures or texture coordinates that the file uses are missing or unreadable
     """
+    from rasterizer.scene.file import is_scene_file, read_scene  # which loads models in turn
+
     log = log or _keep_quiet
     settings = {"lights": lights, "camera": camera, "background": background, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
     if isinstance(source, Scene):
         return _with_changes(source, settings, crease_angle)
+    if is_scene_file(source, format):
+        read = read_scene(source, log=log, format=format, crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
+        return _with_changes(read.framed_scene(), settings, None)
     if _is_file(source):
         model = _open(source, format, log)
         settings.setdefault("up", _UP_AXES.get(model.format, "y"))
