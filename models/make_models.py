@@ -29,6 +29,7 @@ from model_formats import (
     rounded,
     stl_bytes,
 )
+from model_globe import globe_files
 
 # Martin Newell's teapot, University of Utah, 1975, with the bottom that was added later; z is up here.
 # Four rows of control points make a bicubic patch and neighbours share a row: rows 0-3, 3-6, 6-9 and so on.
@@ -325,12 +326,53 @@ def still_life():
     ]
 
 
+def table():
+    """Set a box, a sphere and a cone on a floor of 4 x 4: parts that cast shadows, sharp edges and round ones."""
+    return [
+        ("floor", "wood", floor(4)),
+        ("box", "glaze", placed(cube(), scale=(0.45, 0.45, 0.45), turn=30, move=(-0.85, 0.45, -0.55))),
+        ("sphere", "clay", placed(sphere(3), scale=(0.55, 0.55, 0.55), move=(0.35, 0.55, 0.55))),
+        ("cone", "brass", placed(cone(48), scale=(0.45, 0.65, 0.45), move=(0.95, 0, -0.75))),
+    ]
+
+
+# name: Ka, Kd, Ks, Ns, Ke, d
+GLASS = {
+    "ground": ((0.5, 0.48, 0.44), (0.6, 0.58, 0.53), (0, 0, 0), 1, (0, 0, 0), 1.0),
+    "pearl": ((0.6, 0.6, 0.6), (0.75, 0.75, 0.75), (0.4, 0.4, 0.4), 80, (0, 0, 0), 1.0),
+    "red": ((0.7, 0.06, 0.05), (0.85, 0.08, 0.06), (0.5, 0.5, 0.5), 120, (0, 0, 0), 0.4),
+    "green": ((0.08, 0.5, 0.1), (0.1, 0.65, 0.14), (0.5, 0.5, 0.5), 120, (0, 0, 0), 0.4),
+    "blue": ((0.06, 0.14, 0.7), (0.08, 0.18, 0.85), (0.5, 0.5, 0.5), 120, (0, 0, 0), 0.4),
+}
+
+
+def pane(width=1.3, height=1.3):
+    """Make one upright rectangle that stands on y = 0 and faces +z."""
+    h = width / 2
+    return Solid(np.array([(-h, 0.0, 0), (h, 0, 0), (h, height, 0), (-h, height, 0)]), [(0, 1, 2, 3)])
+
+
+def glass():
+    """Set three coloured panes, one before the other and before a ball, on a floor."""
+    return [
+        ("floor", "ground", floor(4)),
+        ("ball", "pearl", placed(sphere(3), scale=(0.6, 0.6, 0.6), move=(0, 0.6, -0.6))),
+        ("left", "red", placed(pane(), turn=10, move=(-0.45, 0, 0.3))),
+        ("middle", "green", placed(pane(height=1.0), move=(0, 0, 0.75))),
+        ("right", "blue", placed(pane(), turn=-10, move=(0.45, 0, 1.2))),
+    ]
+
+
 def model_files():
     """Return every model file as a dict of name and bytes."""
     makers = (teapot, sphere, torus, cube, cylinder, cone, sawtooth, gear, floor)
     files = {f"{maker.__name__}.obj": obj_bytes(maker.__name__, maker()) for maker in makers}
     files["still_life.obj"] = obj_parts_bytes(still_life(), "still_life.mtl")
     files["still_life.mtl"] = mtl_bytes(MATERIALS)
+    files["table.obj"] = obj_parts_bytes(table(), "still_life.mtl")
+    files["glass.obj"] = obj_parts_bytes(glass(), "glass.mtl")
+    files["glass.mtl"] = mtl_bytes(GLASS)
+    files |= globe_files()
     files["knot.ply"] = ply_bytes(knot(), knot_colors())
     files["gear.stl"] = stl_bytes("gear", gear())
     files["torus.glb"] = glb_bytes("torus", torus(), (0.8, 0.22, 0.06))

@@ -2,6 +2,8 @@
 
 import base64
 import json
+import struct
+from io import BytesIO
 
 import trimesh
 
@@ -45,6 +47,37 @@ def gltf_with(change) -> bytes:
     tree = embedded_gltf(trimesh.Scene(box()))
     change(tree, tree["meshes"][0]["primitives"][0])
     return json.dumps(tree).encode()
+
+
+def rich_gltf() -> bytes:
+    """Return a glTF box with a texture of one texel, a light of each kind and a camera."""
+    from PIL import Image
+
+    picture, uv = BytesIO(), struct.pack("<16f", *(k / 16 for k in range(16)))
+    Image.new("RGB", (1, 1), "red").save(picture, "png")
+
+    def uri(data):
+        return "data:;base64," + base64.b64encode(data).decode()
+
+    def change(tree, primitive):
+        tree["buffers"].append({"uri": uri(uv), "byteLength": len(uv)})
+        tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": len(uv)})
+        view = len(tree["bufferViews"]) - 1
+        tree["accessors"].append({"bufferView": view, "componentType": 5126, "count": 8, "type": "VEC2"})
+        primitive["attributes"]["TEXCOORD_0"], primitive["material"] = len(tree["accessors"]) - 1, 0
+        tree["images"], tree["textures"] = [{"uri": uri(picture.getvalue())}], [{"source": 0, "sampler": 0}]
+        tree["samplers"] = [{"wrapS": 33071, "magFilter": 9729, "minFilter": 9729}]
+        surface = {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.5]}
+        tree["materials"] = [{"alphaMode": "MASK", "alphaCutoff": 0.5, "pbrMetallicRoughness": surface}]
+        lights = [{"type": kind, "intensity": 2, "color": [1, 0.5, 0]} for kind in ("directional", "point", "spot")]
+        tree["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+        tree["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "zfar": 50}}]
+        first = len(tree["nodes"])
+        tree["nodes"] += [{"extensions": {"KHR_lights_punctual": {"light": k}}, "translation": [k, 2, 3]} for k in range(3)]
+        tree["nodes"].append({"camera": 0, "rotation": [0, 0, 0, 1], "translation": [0, 0, 9]})
+        tree["scenes"][0]["nodes"] += range(first, first + 4)
+
+    return gltf_with(change)
 
 
 GLB = exported(trimesh.Scene(box()), "glb", include_normals=False)

@@ -161,7 +161,7 @@ def test_all_lights_cast_shadows_but_those_that_do_not():
 def test_presets_cast_shadows(flags):
     scene = loaded(CUBE, *flags, "--shadows").scene
     assert len(scene.lights) > 1
-    assert [light.shadow for light in scene.lights if not isinstance(light, rz.AmbientLight)] == [SHADOW] * (len(scene.lights) - 1)
+    assert {light.shadow for light in scene.lights if not isinstance(light, rz.AmbientLight)} == {SHADOW}
     assert all(getattr(light, "shadow", None) is None for light in loaded(CUBE, *flags).scene.lights)
 
 
@@ -197,7 +197,7 @@ def test_subdivided_meshes(folder, capsys):
     assert loaded(CUBE, "--subdivide", "2").scene.n_face == 16 * rz.load(CUBE).n_face
     assert main(["compare", CUBE, "-s", "24x16", "--subdivide", "1", "--no-reference", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["faces"] == 48
-    assert "cube.obj: a mesh may have up to" in error_of(capsys, CUBE, "--subdivide", "15")
+    assert "cube.obj: a mesh may have up to" in error_of(capsys, CUBE, "--subdivide", "15", code=3)
 
 
 # --- what files bring along ---------------------------------------------------------------------------------
@@ -241,7 +241,8 @@ def test_a_camera_of_the_file_is_used_unless_a_flag_asks_for_another(folder, giv
         assert main(["render", name, "-s", "30x20", *flags]) == 0
     plain, zoomed, top, *others = (draw.camera for draw in given)
     assert plain == own
-    assert zoomed.position == own.position and zoomed.projection((9, 9)).scale_y == pytest.approx(2 * own.projection((9, 9)).scale_y)
+    scales = [camera.projection((9, 9)).scale_y for camera in (own, zoomed)]
+    assert zoomed.position == own.position and scales[1] == pytest.approx(2 * scales[0])
     assert top.view().forward == pytest.approx((0, -1, 0)) and own not in others and len(set(others)) == 4
     assert main(["compare", name, "--no-reference", "-q"]) == 0 and given[-1].camera == own
 
@@ -312,6 +313,8 @@ def test_options_of_the_file_come_before_defaults_and_after_flags(folder, given,
     assert main(["render", name, "--array", "face"]) == 0 and given[-1].options["outputs"] == ("face",)
     assert main(["compare", name, "--no-reference", "-q"]) == 0
     assert given[-1].options["size"] == arguments.COMPARED_SIZE and given[-1].options["exposure"] == 1.5
+    square = write(folder, {"meshes": [{"file": CUBE}], "options": {"size": 12}}, "square.json")
+    assert main(["render", square]) == 0 and given[-1].options["size"] == (12, 12)
     bad = write(folder, {"meshes": [{"file": CUBE}], "options": {"samples": 5}}, "bad.json")
     assert "bad.json: options: samples must be one of 1, 4, 9, 16; given 5" in error_of(capsys, bad)
 

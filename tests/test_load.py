@@ -331,3 +331,20 @@ def test_unique_rows(rows):
 
 def test_default_material_is_kept_where_a_file_has_none():
     assert only_mesh(exported(box(), "off"), format="off").material == Material()
+
+
+def test_committed_models_have_what_they_are_for():
+    globe = only_mesh(MODELS / "globe.obj")
+    assert globe.material.texture.image.shape == (128, 256, 4) and globe.uv.shape == (globe.n_face, 3, 2)
+    glass = {mesh.name: mesh.material.opacity for mesh in load(MODELS / "glass.obj").meshes}
+    assert glass == {"floor": 1.0, "ball": 1.0, "left": 0.4, "middle": 0.4, "right": 0.4}
+    assert [mesh.material.name for mesh in load(MODELS / "table.obj").meshes] == ["wood", "glaze", "clay", "brass"]
+
+
+def test_a_damaged_picture_does_not_stop_a_model(tmp_path):
+    for name in ("globe.obj", "globe.mtl"):
+        (tmp_path / name).write_bytes((MODELS / name).read_bytes())
+    (tmp_path / "globe.png").write_bytes((MODELS / "globe.png").read_bytes()[:60])
+    with pytest.warns(UserWarning, match=r"globe\.png"):
+        mesh = only_mesh(tmp_path / "globe.obj")
+    assert mesh.material.texture is None and mesh.uv is not None

@@ -3,7 +3,7 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from model_bytes import GLB, PLY_HEADER, box, exported, gltf_with
+from model_bytes import GLB, PLY_HEADER, box, exported, gltf_with, rich_gltf
 
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene.load import load
@@ -106,6 +106,11 @@ def test_broken_gltf(change, fault):
         load(gltf_with(change), format="gltf")
 
 
+def test_the_rich_file_is_sound():
+    scene = load(rich_gltf(), format="gltf")
+    assert len(scene.lights) == 3 and scene.camera is not None and scene.meshes[0].material.texture is not None
+
+
 def test_unused_accessors_without_data_take_no_room():
     def change(tree, _primitive):
         tree["accessors"].append({"componentType": 5126, "count": 10**12, "type": "VEC3"})
@@ -118,12 +123,14 @@ SEEDS = {
         exported(box(), "obj"),
         b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 1\nvt 0 0\n"
         b"usemtl a\ns 1\nf 1/1/1 2/1/1 3/1/1 4/1/1\nf 1 2 -1\n",
+        b"o p\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0 0\nvt 1 1\ng x\nusemtl a\nf 1/1 2/2 3/-1\n"
+        b"o q\nv 2 2 2\nf 1 2 4\nusemtl b\nf 2 3 4\no r\nf 1 1 1\n",
     ],
     "stl": [exported(box(), "stl"), exported(box(), "stl_ascii")],
     "ply": [exported(box(), "ply"), exported(box(), "ply", encoding="ascii")],
     "off": [exported(box(), "off")],
     "glb": [GLB],
-    "gltf": [gltf_with(lambda tree, primitive: None)],
+    "gltf": [gltf_with(lambda tree, primitive: None), rich_gltf()],
 }
 
 

@@ -1,6 +1,7 @@
 """Tests of the committed models: reproducible, small, wound outwards, closed where they should be."""
 
 import importlib.util
+import io
 import struct
 import sys
 from collections import Counter
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 MODELS = Path(__file__).parent.parent / "models"
 CLOSED = ("sphere", "torus", "cube", "cylinder", "cone", "gear")
@@ -31,7 +33,7 @@ def read_obj(name):
     """Read points (n, 3) and zero-based faces of a committed OBJ."""
     lines = [line.split() for line in (MODELS / f"{name}.obj").read_text().splitlines()]
     points = np.array([line[1:] for line in lines if line[:1] == ["v"]], dtype=float)
-    return points, [tuple(int(i) - 1 for i in line[1:]) for line in lines if line[:1] == ["f"]]
+    return points, [tuple(int(i.split("/")[0]) - 1 for i in line[1:]) for line in lines if line[:1] == ["f"]]
 
 
 def directed_edges(faces):
@@ -66,7 +68,7 @@ def test_files_are_what_the_script_makes(maker):
 
 
 def test_no_file_is_left_over(maker):
-    suffixes = {".obj", ".mtl", ".ply", ".stl", ".glb"}
+    suffixes = {".obj", ".mtl", ".ply", ".stl", ".glb", ".png"}
     assert {path.name for path in MODELS.iterdir() if path.suffix in suffixes} == set(maker.model_files())
 
 
@@ -175,6 +177,54 @@ def test_still_life_parts(maker):
     assert "d 0.4" in text
 
 
+def test_table_and_glass_parts(maker):
+    """Round things and boxes are closed and stand on the floor; floors and panes are single faces."""
+    for name, materials in (("table", maker.MATERIALS), ("glass", maker.GLASS)):
+        parts = getattr(maker, name)()
+        for part, material, solid in parts:
+            assert material in materials
+            assert solid.points[:, 1].min() == pytest.approx(0, abs=1e-6), part
+            if len(solid.faces) > 1:
+                assert_closed(*solid)
+        assert [len(solid.faces) for part, _, solid in parts if part == "floor"] == [1]
+    assert [maker.GLASS[material][-1] for _, material, _ in maker.glass()] == [1, 1, 0.4, 0.4, 0.4]
+
+
+def test_panes_overlap_as_the_camera_sees_them(maker):
+    panes = [solid.points for _, material, solid in maker.glass() if maker.GLASS[material][-1] < 1]
+    for before, behind in zip(panes[1:], panes, strict=False):
+        assert before[:, 0].min() < behind[:, 0].max() and behind[:, 0].min() < before[:, 0].max()
+        assert before[:, 2].min() > behind[:, 2].max()
+
+
+def test_globe_is_closed_and_its_coordinates_are_longitude_and_latitude():
+    points, faces = read_obj("globe")
+    assert_closed(points, faces)
+    lines = [line.split() for line in (MODELS / "globe.obj").read_text().splitlines()]
+    uv = np.array([line[1:] for line in lines if line[:1] == ["vt"]], float)
+    for line in lines:
+        if line[:1] != ["f"]:
+            continue
+        v, vt = np.array([[int(i) - 1 for i in corner.split("/")] for corner in line[1:]]).T
+        longitude, latitude = (uv[vt, 0] - 0.5) * 2 * np.pi, (uv[vt, 1] - 0.5) * np.pi
+        expected = [np.cos(latitude) * np.sin(longitude), np.sin(latitude), np.cos(latitude) * np.cos(longitude)]
+        # both are written with six decimals, an angle of 1e-6 / 2 of a full turn
+        np.testing.assert_allclose(points[v], np.transpose(expected), atol=5e-6)
+        assert np.ptp(uv[vt, 0]) < 0.05, "a face reaches across the seam"
+
+
+def test_globe_picture(maker):
+    data = maker.model_files()["globe.png"]
+    with Image.open(io.BytesIO(data)) as picture:
+        picture.verify()
+    with Image.open(io.BytesIO(data)) as picture:
+        assert picture.size == (256, 128) and picture.mode == "P"
+        colors = {color for _, color in picture.convert("RGB").getcolors()}
+    assert 8 <= len(colors) <= 11
+    globe = [(MODELS / f"globe.{suffix}").stat().st_size for suffix in ("obj", "mtl", "png")]
+    assert sum(globe) <= 64_000
+
+
 def test_ply_stl_and_glb_sizes(maker):
     """The counts in the binary headers agree with the models and the lengths of the files."""
     knot, gear, torus = maker.knot(), maker.gear(), maker.torus()
@@ -203,5 +253,6 @@ def test_readme_lists_every_file_with_its_counts():
     for name in CLOSED + OPEN:
         points, faces = read_obj(name)
         assert f"| `{name}.obj` | {len(points)} | {len(faces)} | {len(fan(faces))} |" in text
-    points, faces = read_obj("still_life")
-    assert f"| `still_life.obj`, `.mtl` | {len(points)} | {len(faces)} | {len(fan(faces))} |" in text
+    for name, beside in (("still_life", ", `.mtl`"), ("table", ""), ("glass", ", `.mtl`"), ("globe", ", `.mtl`, `.png`")):
+        points, faces = read_obj(name)
+        assert f"| `{name}.obj`{beside} | {len(points)} | {len(faces)} | {len(fan(faces))} |" in text

@@ -68,8 +68,8 @@ def _compare_model(targets, arguments, settings, messages) -> None:
     arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
     for target in targets:
         scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
-        drawn, doubts = _draw_methods(scene, arguments)
-        doubts = [f"{target.model}: {text}" for text in doubts]
+        drawn, frame = _draw_methods(scene, arguments)
+        doubts = [f"{target.model}: {text}" for text in find_doubts(frame, loaded, arguments)]
         for text in doubts:
             messages.warn(text)
         judge = "phong"
@@ -92,21 +92,20 @@ def _compare_model(targets, arguments, settings, messages) -> None:
             print_text(_table(target, figures), target.output == STDIO)
 
 
-def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], list[str]]:
-    """Draw a scene by every method; return the pictures, and what looks like a mistake in the last one."""
+def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], Frame]:
+    """Draw a scene by every method; return the pictures, and the last one's frame."""
     drawn = {}
     for method in METHODS:
         options = {name: getattr(arguments, name) for name in ("size", *_OPTIONS)}
         with Renderer(scene, shading=method, tolerance=0.0, outputs=("color", "face"), **options) as renderer:
             frame = renderer.render()
         drawn[method] = Drawn(frame.rgba, frame.color, frame.face)
-    return drawn, find_doubts(frame, scene, arguments)
+    return drawn, frame
 
 
 def _draw_reference(scene, arguments) -> Drawn:
-    picture = reference.render(
-        scene, arguments.size, "phong", cull=arguments.cull, color_range=arguments.color_range
-    )
+    options = {name: getattr(arguments, name) for name in _OPTIONS if name != "threads"}
+    picture = reference.render(scene, arguments.size, "phong", **options)
     alpha = np.rint(255.0 * picture.alpha).astype(np.uint8)
     return Drawn(np.dstack([picture.rgb, alpha]), picture.color, picture.face)
 

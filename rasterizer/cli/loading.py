@@ -170,15 +170,15 @@ def with_options(arguments, options, names, model):
 
     Raises SceneError for an option that is not legal.
     """
-    changed = copy(arguments)
     own = {name: value for name, value in options.items() if name in names and name not in arguments.given}
+    changed = copy(arguments)
     if own:
         try:
-            Options(**{name: value for name, value in vars(arguments).items() if _is_option(name, value)} | own)
+            checked = Options(**{name: value for name, value in vars(arguments).items() if _is_option(name, value)} | own)
         except SceneError as fault:
             raise SceneError(f"{model}: options: {fault}") from fault
-    for name, value in own.items():
-        setattr(changed, name, value)
+        for name in own:
+            setattr(changed, name, getattr(checked, name))
     return changed
 
 

@@ -42,10 +42,11 @@ def clip(positions, vertex, corner, vertices, screen, has_own_points) -> Clipped
     triangle keeps the points of its face (flat shading).
     """
     touched = np.flatnonzero((vertices.x[vertex] == OUTSIDE).any(axis=0))
-    most = MOST_CORNERS - 2
-    triangles = np.empty((len(touched) * most, 3, N_COLUMN))
-    owner = np.empty(len(touched) * most, np.uint32)
-    n_new = clip_faces(positions, vertex, touched.astype(np.uint32), screen, triangles, owner)
+    crossing = np.empty(len(touched), np.uint32)
+    crossing = crossing[: find_crossing(positions, vertex, touched.astype(np.uint32), screen, crossing)]
+    most = len(crossing) * (MOST_CORNERS - 2)
+    triangles, owner = np.empty((most, 3, N_COLUMN)), np.empty(most, np.uint32)
+    n_new = clip_faces(positions, vertex, crossing, screen, triangles, owner)
     triangles, owner = triangles[:n_new].reshape(-1, N_COLUMN), owner[:n_new]
 
     x, y, z, is_inside = place(triangles, screen)
@@ -100,6 +101,28 @@ def place(corners, screen):
 
 
 @kernel
+def find_crossing(positions, vertex, faces, screen, out_face):
+    """Find those of the triangles `faces` that don't lie wholly beyond one of the planes; return how many: nothing is left of the others."""
+    corners = np.empty((3, N_COLUMN))
+    n_out = np.uint64(0)
+    for face in faces:
+        take_triangle(positions, vertex, face, screen, corners)
+        out_face[n_out] = face
+        n_out += np.uint64(not is_beyond(corners, screen, GUARD))
+    return n_out
+
+
+@helper
+def is_beyond(corners, screen, limits):
+    """Tell whether a triangle lies wholly beyond one of the planes; also where its corners are not finite."""
+    for plane in range(N_PLANE):
+        d0, d1 = distance(corners[0], plane, screen, limits), distance(corners[1], plane, screen, limits)
+        if not max(d0, d1, distance(corners[2], plane, screen, limits)) >= 0.0:
+            return True
+    return False
+
+
+@kernel
 def clip_faces(positions, vertex, faces, screen, out_triangles, out_face):
     """Clip the triangles `faces`; write what is left of each as a fan of triangles; return how many."""
     polygon, scratch = np.empty((MOST_CORNERS + 1, N_COLUMN)), np.empty((MOST_CORNERS + 1, N_COLUMN))
@@ -131,7 +154,7 @@ def find_nearest(positions, vertex, screen, width, height):
     nearest = np.inf
     for face in range(np.uint64(vertex.shape[1])):
         take_triangle(positions, vertex, face, screen, polygon)
-        if min(polygon[0, W], polygon[1, W], polygon[2, W]) >= nearest:
+        if min(polygon[0, W], polygon[1, W], polygon[2, W]) >= nearest or is_beyond(polygon, screen, limits):
             continue
         n = 3
         for plane in range(N_PLANE):

@@ -77,8 +77,8 @@ class Entry:
         try:
             return function(*args, **settings)
         except (ModelError, SceneError) as fault:
-            # Errors of the scene's classes name a field as in "the point light's color must be ..".
-            named = re.findall(r"(?:'s|^) (\w+)", f" {fault}") if isinstance(self.value, dict) else []
-            field = next((name for name in named if name in self.value), None)
+            # Errors of the scene's classes name a field as in "the point light's color must be ..", "the azimuth must be ..".
+            named = re.finditer(r"(?:'s|\bthe) (\w+)|^(\w+)", str(fault)) if isinstance(self.value, dict) else ()
+            field = next((match[match.lastindex] for match in named if match[match.lastindex] in self.value), None)
             place = self if field is None else Entry(None, self.file, self._below(field))
             raise place.fault(str(fault), type(fault)) from fault

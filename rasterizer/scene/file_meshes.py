@@ -51,7 +51,7 @@ def read_meshes(entry, context) -> tuple[list[Mesh], str]:
 
 
 def _read_model(entry, context) -> tuple[list[Mesh], str]:
-    """Read a model file; its meshes get the transform and the materials that are asked for."""
+    """Read a model file; its meshes get the transform, name and materials asked for. Its camera and lights aren't used."""
     table = entry.table(("file", *_PLACING, "material", "materials"), ("file",))
     path = context.path(table["file"])
     if path.suffix.lower() in (".json", ".toml"):
@@ -154,6 +154,7 @@ def _numbers(entry, key):
 def _placed(mesh, table, entry) -> Mesh:
     """Give a mesh its name, and move it."""
     if "name" in table:
+        # The mesh is new; a copy by `replace` would normalise its normals once more, which moves them by a rounding.
         object.__setattr__(mesh, "name", table["name"].text())
     if "transform" not in table:
         return mesh

@@ -1,0 +1,101 @@
+"""Do the same pictures take the same time as with another version of the package?
+
+    git worktree add ../before v0.2.0
+    python bench/before_after.py ../before
+    python bench/before_after.py ../before path/to/scan.obj dense --threads 2
+
+Two processes, one for each version, draw the same scene frame by frame in turns; only one of them works at a time. The scenes use nothing
+that is optional: what a picture doesn't need must cost it nothing, in either version. Columns are explained in bench/README.md.
+"""
+
+import argparse
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # a checkout need not be installed
+from bench import measure
+
+CHILD = """
+import sys, time
+from bench import scenes
+from rasterizer import Renderer
+case, size, shading, channels, cull, threads = sys.argv[1:]
+size = scenes.size_of(size)
+renderer = Renderer(scenes.build(case, size, "one", channels), size, shading=shading, cull=cull, outputs=("rgb",), threads=int(threads))
+renderer.render()
+print("ready", flush=True)
+for _ in sys.stdin:
+    start = time.perf_counter()
+    renderer.render()
+    print(1000 * (time.perf_counter() - start), flush=True)
+"""
+KINDS = (("gouraud", "mono"), ("gouraud", "rgb"), ("phong", "mono"))
+
+
+class Version:
+    """A process that draws a frame whenever it is asked to."""
+
+    def __init__(self, folder, arguments):
+        # The bench of this checkout with the package of that folder.
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
+        self._process = subprocess.Popen([sys.executable, "-c", CHILD, *map(str, arguments)], env=environment, text=True,
+                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
+        if self._process.stdout.readline().strip() != "ready":
+            raise SystemExit(f"the package in {folder} can't draw this scene")
+
+    def draw(self) -> float:
+        """Milliseconds of one frame."""
+        self._process.stdin.write("\n")
+        self._process.stdin.flush()
+        return float(self._process.stdout.readline())
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.stdin.close()
+        self._process.wait()
+
+
+def main(argv=None) -> int:
+    """Run the script; the arguments are those of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("before", type=Path, metavar="FOLDER", help="a checkout of the other version")
+    parser.add_argument("cases", nargs="*", default=["dense", "quads-front"], metavar="CASE")
+    parser.add_argument("--size", default="1080p")
+    parser.add_argument("--cull", choices=("none", "back"), default="back")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--frames", type=int, default=60)
+    args = parser.parse_args(argv)
+    machine, rows = measure.Machine(), []
+    table = measure.Table([("case        ", "case", ""), ("shading", "shading", ""), ("channels", "channels", ""),
+                           ("before", "ms_before", ".2f"), (" after", "ms_after", ".2f"), ("ratio", "ratio", ".3f"),
+                           ("ratio of best", "ratio_of_best", ".3f")])  # fmt: skip
+    for case in args.cases:
+        for shading, channels in KINDS:
+            row = {"case": Path(case).stem, "shading": shading, "channels": channels}
+            row |= compare(args, (case, args.size, shading, channels, args.cull, args.threads))
+            table.print(row)
+            rows.append(row)
+    measure.print_json("before_after", machine, args, rows)
+    return 0
+
+
+def compare(args, arguments) -> dict:
+    """Frames of both versions in turns: medians, and the median of the ratios of neighbouring frames."""
+    before, after = Version(args.before.resolve(), arguments), Version(ROOT, arguments)
+    try:
+        times = np.array([(before.draw(), after.draw()) for _ in range(args.frames)])
+    finally:
+        before.close()
+        after.close()
+    median, best = np.median(times, axis=0), times.min(axis=0)
+    return {"ms_before": median[0], "ms_after": median[1], "ratio": float(np.median(times[:, 1] / times[:, 0])),
+            "ratio_of_best": float(best[1] / best[0])}  # fmt: skip
+
+
+if __name__ == "__main__":
+    sys.exit(main())

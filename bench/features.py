@@ -1,0 +1,127 @@
+"""What does each thing that a scene may use cost?
+
+    python bench/features.py                       lights, reflection models, shadows, textures, layers, spectra
+    python bench/features.py --model path/to/scan.obj --size 1080p
+
+Light and material: a square that fills the picture, Phong's shading, so that every pixel is lit. Shadow maps: those of a model, drawn
+anew for every frame, because their light moves with the camera. Columns are explained in bench/README.md.
+"""
+
+import argparse
+import sys
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
+import rasterizer as rz
+from bench import measure, scenes
+
+LOOK = rz.Material(diffuse=0.6, specular=0.3, shininess=32)
+SUN = rz.DirectionalLight((-0.3, -0.2, -1.0), 0.5)
+MORE = 4  # lights added at once: what one of them costs is a quarter
+CAMERA = rz.Camera.perspective((0, 0, 1), (0, 0, 0), fov=40)
+
+
+def square(material, **attributes):
+    """A square that fills any picture, with normals that differ."""
+    normals = [[0.1, 0, 0.99], [-0.1, 0, 0.99], [0, 0.2, 0.98], [0, -0.2, 0.98]]
+    vertices = [[-4, -4, -1], [4, -4, -1], [4, 4, -1], [-4, 4, -1]]
+    return rz.Mesh(vertices, [[0, 1, 2], [0, 2, 3]], normals, uv=[[0, 0], [4, 0], [4, 4], [0, 4]], material=material, **attributes)
+
+
+def scene_of(material=LOOK, lights=(SUN,), n_layer=1):
+    """The square, or several behind each other."""
+    moved = [np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -0.1 * k], [0, 0, 0, 1]], float) for k in range(n_layer)]
+    return rz.Scene([square(material).transformed(matrix) for matrix in moved], lights, CAMERA)
+
+
+def list_features() -> dict:
+    """name -> (scene, options, how many of the thing are added to the plain square)."""
+    checks = (np.indices((64, 64)).sum(axis=0) // 8 % 2 * 200 + 55).astype(np.uint8)
+    suns = [rz.DirectionalLight((0.1 * k - 0.3, -0.2, -1.0), 0.1) for k in range(MORE)]
+    lamps = [rz.PointLight((30 * k - 20, 20, 30), 0.1, (1, 0.01, 0)) for k in range(MORE)]
+    spots = [rz.SpotLight((30 * k - 20, 20, 30), (-k, -1, -1), 0.1, 30, 60) for k in range(MORE)]
+    features = {"plain": (scene_of(), {}, 1)}
+    for name, lights in (("directional light", suns), ("point light", lamps), ("spot light", spots)):
+        features[name] = (scene_of(lights=(SUN, *lights)), {}, MORE)
+    for name in ("blinn", "lambert", "oren-nayar", "cook-torrance", "toon"):
+        features[name] = (scene_of(replace(LOOK, reflection=name)), {}, 1)
+    for name in ("nearest", "bilinear", "trilinear"):
+        features[f"texture, {name}"] = (scene_of(replace(LOOK, texture=rz.Texture(checks, filter=name))), {}, 1)
+    features["float64"] = (scene_of(), {"tolerance": 0.0}, 1)
+    features["spectrum, 81 samples"] = (scene_of(), {"spectral": 81}, 1)
+    features["shadow, look-up"] = (scene_of(lights=(replace(SUN, shadow=True),)), {}, 1)
+    features["shadow, filter 3"] = (scene_of(lights=(replace(SUN, shadow=rz.Shadow(filter=3)),)), {}, 1)
+    for n_layer in (1, 4):
+        features[f"layers, {n_layer}"] = (scene_of(replace(LOOK, opacity=0.5), n_layer=n_layer), {}, n_layer)
+    return features
+
+
+def main(argv=None) -> int:
+    """Run the script; the arguments are those of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--model", default="dense-torus", help="whose shadow maps are drawn: a file, or a name (default: %(default)s)")
+    parser.add_argument("--size", default="1080p")
+    parser.add_argument("--seconds", type=float, default=20.0, help="time limit of each table (default: %(default)s)")
+    parser.add_argument("--frames", type=int, default=25)
+    args = parser.parse_args(argv)
+    machine = measure.Machine()
+    rows = [*measure_features(args), *measure_maps(args)]
+    measure.print_json("features", machine, args, rows)
+    return 0
+
+
+def measure_features(args):
+    """Frames of all features in turns, with one thread."""
+    size = scenes.size_of(args.size)
+    table = measure.Table([("feature               ", "feature", ""), ("    ms", "ms", ".2f"), ("more ns/px", "ns_more", ".2f"),
+                           ("number   ", "dtype", "")])  # fmt: skip
+    with ExitStack() as stack:
+        calls, dtypes, features = {}, {}, list_features()
+        for name, (scene, options, _) in features.items():
+            renderer = stack.enter_context(rz.Renderer(scene, size, shading="phong", outputs=("rgb",), threads=1, **options))
+            renderer.render()
+            calls[name], dtypes[name] = renderer.render, str(renderer._plan.dtype)
+        turns = measure.take_turns(calls, args.seconds, args.frames)
+    median = {name: float(np.median(times)) for name, (times, _) in turns.items()}
+    for name, (_, _, count) in features.items():
+        more = 1e6 * (median[name] - median["plain"]) / count / (size[0] * size[1])
+        row = {"feature": name, "ms": median[name], "ns_more": more if name != "plain" else None, "dtype": dtypes[name]}
+        table.print(row)
+        yield row
+
+
+def measure_maps(args):
+    """Shadow maps of a model: of a directional light, and of a point light in its middle, which needs six."""
+    table = measure.Table([("light          ", "light", ""), ("triangles", "triangles", "d"), ("texels", "texels", "d"),
+                           (" ms 1T", "ms_1", ".2f"), (" ms 2T", "ms_2", ".2f")])  # fmt: skip
+    size = scenes.size_of("64")
+    meshes = scenes.build(args.model, size, "one", "mono").meshes
+    center = np.mean([mesh.bounds for mesh in meshes], axis=(0, 1))
+    for name, light in (("directional", rz.DirectionalLight((-0.5, -1, -0.4), shadow=True)),
+                        ("point, six maps", rz.PointLight(center, shadow=True))):  # fmt: skip
+        with ExitStack() as stack:
+            calls = {}
+            for n_thread in (1, 2):
+                renderer = stack.enter_context(rz.Renderer(rz.Scene(meshes, [light]), size, outputs=("rgb",), threads=n_thread))
+                calls[n_thread] = lambda renderer=renderer: redraw(renderer)
+                calls[n_thread]()
+            turns = measure.take_turns(calls, args.seconds / 4, args.frames)
+        ms = {n: float(np.median([stats.milliseconds["shadows"] for stats in turns[n][1]])) for n in calls}
+        row = {"light": name, "triangles": sum(mesh.n_face for mesh in meshes), "texels": light.shadow.size}
+        row |= {"ms_1": ms[1], "ms_2": ms[2]}
+        table.print(row)
+        yield row
+
+
+def redraw(renderer):
+    """A frame whose shadow maps are not kept from the one before."""
+    renderer._shadows.clear()
+    return renderer.render()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,235 @@
+"""Tests of textures in MTL files: which picture, how it is laid, and what is said where it can't be."""
+
+import warnings
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rasterizer.errors import ModelError
+from rasterizer.scene import mtl
+from rasterizer.scene.load import load
+from rasterizer.scene.material import Material
+from rasterizer.scene.mtl import file_beside
+from rasterizer.scene.texture import Texture
+
+POINTS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\n"
+TEXTURED = POINTS + "usemtl a\nf 1/1 2/2 3/3\n"
+PIXELS = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [90, 90, 90]]], np.uint8)
+ALPHA = np.array([[0, 51], [128, 255]], np.uint8)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    Image.fromarray(PIXELS).save(tmp_path / "wood.png")
+    Image.fromarray(np.dstack([PIXELS, ALPHA])).save(tmp_path / "leaf.png")
+    Image.fromarray(ALPHA).save(tmp_path / "mask.png")
+    Image.fromarray(np.zeros((3, 3), np.uint8)).save(tmp_path / "large.png")
+    return tmp_path
+
+
+def load_obj(folder, mtl, text=TEXTURED, **options):
+    """Load a model with a material file; a warning is an error."""
+    (folder / "m.mtl").write_text(mtl)
+    (folder / "model.obj").write_text("mtllib m.mtl\n" + text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return load(folder / "model.obj", **options)
+
+
+def material_of(folder, lines, **options) -> Material:
+    return load_obj(folder, "newmtl a\n" + lines, **options).meshes[0].material
+
+
+# --- what a map does ----------------------------------------------------------------------------------------
+
+
+def test_map_kd_is_the_texture_and_multiplies_kd(folder):
+    material = material_of(folder, "Kd 0.8 0.4 0.2\nKa 0.1 0.1 0.1\nmap_Kd wood.png")
+    np.testing.assert_array_equal(material.texture.image, Texture(PIXELS).image)
+    assert material.diffuse == (0.8, 0.4, 0.2) and material.ambient == (0.1, 0.1, 0.1)
+    assert material.texture.name.endswith("wood.png") and material.texture.wrap == ("repeat", "repeat")
+
+
+def test_without_kd_the_picture_is_the_colour(folder):
+    material = material_of(folder, "map_Kd wood.png")
+    assert material.diffuse == material.ambient == (1.0, 1.0, 1.0)
+    assert material_of(folder, "map_Kd wood.png\nKd 0.5").diffuse == (0.5, 0.5, 0.5)
+
+
+@pytest.mark.parametrize("lines", ["map_Kd leaf.png", "map_Kd leaf.png\nmap_d leaf.png", "map_d leaf.png\nmap_Kd leaf.png"])
+def test_the_pictures_own_alpha(folder, lines):
+    texture = material_of(folder, lines).texture
+    np.testing.assert_array_equal(texture.image[..., 3], (ALPHA / 255).astype(np.float32))
+
+
+def test_map_d_gives_its_grey_undecoded(folder):
+    material = material_of(folder, "d 0.5\nmap_Kd wood.png\nmap_d mask.png")
+    np.testing.assert_array_equal(material.texture.image[..., 3], (ALPHA / 255).astype(np.float32))
+    np.testing.assert_array_equal(material.texture.image[..., :3], Texture(PIXELS).image[..., :3])
+    assert material.opacity == 0.5
+
+
+def test_map_d_alone_leaves_the_colour(folder):
+    material = material_of(folder, "Kd 0.5 0 0\nmap_d mask.png")
+    assert (material.texture.image[..., :3] == 1.0).all() and material.diffuse == (0.5, 0, 0)
+    np.testing.assert_array_equal(material.texture.image[..., 3], (ALPHA / 255).astype(np.float32))
+    mean = material_of(folder, "map_d wood.png").texture.image[..., 3]
+    np.testing.assert_allclose(mean, [[1 / 3, 1 / 3], [1 / 3, 90 / 255]], rtol=1e-6)
+
+
+def test_map_d_of_another_size_is_reported(folder):
+    facts = []
+    texture = material_of(folder, "map_Kd wood.png\nmap_d large.png", log=facts.append).texture
+    assert not texture.has_alpha and any("'large.png'" in fact and "another size" in fact for fact in facts)
+
+
+def test_illum_0_with_a_texture_is_lit_and_reported(folder):
+    facts = []
+    material = material_of(folder, "Kd 1 1 1\nKs 1 1 1\nillum 0\nmap_Kd wood.png", log=facts.append)
+    assert material.diffuse == (1, 1, 1) and material.specular == (0, 0, 0) and material.emissive == (0, 0, 0)
+    assert any("illum 0" in fact for fact in facts)
+
+
+@pytest.mark.parametrize("model", [4, 6, 7, 9])
+def test_glass_without_d_is_opaque(folder, model):
+    assert material_of(folder, f"Kd 1 1 1\nillum {model}").opacity == 1.0
+
+
+def test_the_first_texel_is_the_upper_left_one(folder):
+    """v points up in OBJ as it does here, so coordinates stay as they are."""
+    (mesh,) = load_obj(folder, "newmtl a\nmap_Kd wood.png").meshes
+    assert mesh.uv.tolist() == [[0, 0], [1, 0], [1, 1]]
+
+
+# --- options and names --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("line", "wrap", "n_fact"),
+    [
+        ("map_Kd -clamp on wood.png", "clamp", 0),
+        ("map_Kd -clamp off wood.png", "repeat", 0),
+        ("map_Kd -s 2 2 2 -o 0.5 -clamp on wood.png", "clamp", 2),
+        ("map_Kd -s 1 1 wood.png", "repeat", 1),
+        ("map_Kd -mm 0 1 -blendu on -bm 3 wood.png", "repeat", 3),
+        ("map_Kd -t 0 0 0 my  wood.png", "repeat", 1),
+        ("MAP_KD\twood.png", "repeat", 0),
+    ],
+)
+def test_options(folder, line, wrap, n_fact):
+    (folder / "my wood.png").write_bytes((folder / "wood.png").read_bytes())
+    facts = []
+    texture = material_of(folder, line, log=facts.append).texture
+    assert texture.wrap == (wrap, wrap)
+    assert sum("is not applied" in fact for fact in facts) == n_fact
+    assert all("m.mtl:2: the option '-" in fact for fact in facts[:n_fact])
+
+
+def test_a_picture_whose_name_is_a_number(folder):
+    (folder / "7").write_bytes((folder / "wood.png").read_bytes())
+    assert material_of(folder, "map_Kd -s 1 2 7").texture is not None
+
+
+@pytest.mark.parametrize("name", ["tex/wood.png", "tex\\wood.png", "TEX/Wood.PNG", "C:\\art\\wood.png", "/home/ann/Wood.png"])
+def test_how_a_name_may_be_written(folder, name):
+    (folder / "tex").mkdir()
+    (folder / "tex" / "wood.png").write_bytes((folder / "wood.png").read_bytes())
+    assert material_of(folder, f"map_Kd {name}").texture is not None
+
+
+def test_names_are_relative_to_the_material_file(folder):
+    (folder / "sub").mkdir()
+    (folder / "wood.png").rename(folder / "sub" / "wood.png")
+    (folder / "sub" / "m.mtl").write_text("newmtl a\nmap_Kd wood.png\n")
+    (folder / "model.obj").write_text("mtllib sub/m.mtl\n" + TEXTURED)
+    assert load(folder / "model.obj").meshes[0].material.texture is not None
+
+
+def test_file_beside(tmp_path):
+    (tmp_path / "a.png").write_bytes(b"")
+    (tmp_path / "A.png").write_bytes(b"")
+    assert file_beside(tmp_path, "a.png") == tmp_path / "a.png"
+    assert file_beside(tmp_path, "A.PNG") in (tmp_path / "a.png", tmp_path / "A.png")
+    assert file_beside(tmp_path, "b.png") is None and file_beside(tmp_path, "") is None
+
+
+def test_other_maps_are_reported(folder):
+    facts = []
+    material = material_of(folder, "map_Bump bumps.png\nbump b.png\nmap_Ks shine.png", log=facts.append)
+    assert material.texture is None
+    assert [sum(name in fact and "not drawn" in fact for fact in facts) for name in ("bumps.png", "b.png", "shine.png")] == [1, 1, 1]
+
+
+# --- sharing ------------------------------------------------------------------------------------------------
+
+
+def test_a_picture_is_read_once_and_textures_are_shared(folder, monkeypatch):
+    reads = []
+    monkeypatch.setattr(mtl, "read_picture", lambda path, name: reads.append(path.name) or PIXELS)
+    lines = "newmtl a\nmap_Kd wood.png\nnewmtl b\nmap_Kd ./wood.png\nnewmtl c\nmap_Kd -clamp on wood.png\nnewmtl d\nmap_Kd leaf.png\n"
+    text = TEXTURED + "".join(f"usemtl {name}\nf 1/1 2/2 3/3\n" for name in "bc")
+    (mesh,) = load_obj(folder, lines, text).meshes
+    a, b, c = (material.texture for material in mesh.palette)
+    assert a is b and c is not a
+    assert reads == ["wood.png"]  # nor is the picture read of a material that isn't used
+
+
+# --- what is missing ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["gone.png", "m.mtl", "a\0b.png"])
+def test_a_missing_or_broken_picture_is_warned_of(folder, name):
+    with pytest.raises(UserWarning, match=rf"m\.mtl: texture '{name}' of material 'a'.* keeps its plain colour"):
+        material_of(folder, f"Kd 0.5 0 0\nmap_Kd {name}")
+    with pytest.warns(UserWarning, match="plain colour"):
+        (mesh,) = load(folder / "model.obj").meshes
+    assert mesh.material.texture is None and mesh.material.diffuse == (0.5, 0, 0)
+
+
+def test_a_missing_picture_leaves_the_default_colour(folder):
+    with pytest.raises(UserWarning, match="plain colour"):
+        load_obj(folder, "newmtl a\nmap_Kd gone.png")
+    with pytest.warns(UserWarning):
+        assert load(folder / "model.obj").meshes[0].material.diffuse == Material().diffuse
+
+
+def test_a_missing_picture_that_many_use_is_read_but_once(folder):
+    (folder / "bad.png").write_bytes(b"no picture")
+    lines = "newmtl a\nmap_Kd bad.png\nnewmtl b\nmap_Kd bad.png\n"
+    (folder / "m.mtl").write_text(lines)
+    (folder / "model.obj").write_text("mtllib m.mtl\n" + TEXTURED + "usemtl b\nf 1/1 2/2 3/3\n")
+    with pytest.warns(UserWarning, match="bad.png") as caught:
+        load(folder / "model.obj")
+    assert len(caught) == 1
+
+
+def test_a_picture_that_is_too_large(folder):
+    Image.fromarray(np.zeros((1, 2**14 + 1), np.uint8)).save(folder / "wide.png")
+    with pytest.raises(ModelError, match=r"wide\.png: .*16384 texels"):
+        material_of(folder, "map_Kd wide.png")
+
+
+def test_no_coordinates_at_all(folder):
+    with pytest.raises(UserWarning, match="mesh 'box' has no texture coordinates; .* of its material 'a'"):
+        load_obj(folder, "newmtl a\nmap_Kd wood.png", POINTS + "o box\nusemtl a\nf 1 2 3\n")
+    with pytest.warns(UserWarning):
+        assert load(folder / "model.obj").meshes[0].material.texture is None
+
+
+def test_faces_without_coordinates_are_drawn_plain(folder):
+    text = POINTS + "o box\nusemtl b\nf 1 2 3\nusemtl a\nf 1/1 2/2 3/3\nf 1/1 3/3 4\nusemtl b\nf 2 3 4\n"
+    with pytest.raises(UserWarning, match="1 faces of mesh 'box' with the material 'a' have no texture coordinates"):
+        load_obj(folder, "newmtl a\nKd 0.5\nmap_Kd wood.png\nnewmtl b\n", text)
+    with pytest.warns(UserWarning):
+        (mesh,) = load(folder / "model.obj").meshes
+    has_texture = [mesh.palette[number].texture is not None for number in mesh.face_material]
+    assert has_texture == [False, True, False, False]
+    assert [mesh.palette[number].name for number in mesh.face_material] == ["b", "a", "a", "b"]
+    assert mesh.palette[mesh.face_material[2]].diffuse == (0.5, 0.5, 0.5)
+
+
+def test_facts_count_textures(folder):
+    facts = []
+    material_of(folder, "map_Kd wood.png", log=facts.append)
+    assert "1 faces, 1 material, 1 texture, no file normals" in facts[-1]
