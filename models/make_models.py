@@ -353,13 +353,13 @@ def pane(width=1.3, height=1.3):
 
 
 def glass():
-    """Set three coloured panes, one before the other and before a ball, on a floor."""
+    """Set three coloured panes, one before the other and before a ball as seen from azimuth 35, on a floor."""
     return [
         ("floor", "ground", floor(4)),
-        ("ball", "pearl", placed(sphere(3), scale=(0.6, 0.6, 0.6), move=(0, 0.6, -0.6))),
-        ("left", "red", placed(pane(), turn=10, move=(-0.45, 0, 0.3))),
-        ("middle", "green", placed(pane(height=1.0), move=(0, 0, 0.75))),
-        ("right", "blue", placed(pane(), turn=-10, move=(0.45, 0, 1.2))),
+        ("ball", "pearl", placed(sphere(3), scale=(0.6, 0.6, 0.6), move=(-0.5, 0.6, -0.7))),
+        ("left", "red", placed(pane(), turn=25, move=(-0.4, 0, 0.2))),
+        ("middle", "green", placed(pane(height=1.0), turn=35, move=(0.2, 0, 0.35))),
+        ("right", "blue", placed(pane(), turn=45, move=(0.8, 0, 0.5))),
     ]
 
 

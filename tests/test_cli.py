@@ -1,33 +1,20 @@
 """The command line: what it writes and says, how it ends. Pictures are small; most runs are in-process."""
 
-import inspect
 import io
 import json
 import os
-import re
-import subprocess
 import sys
-from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command import CUBE, GEAR, SMALL, errors, one_error, picture, run
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer import _kernel
-from rasterizer.cli import arguments, main, render, warmup
-from rasterizer.cli.messages import Messages, compiling_announced
+from rasterizer.cli import main, warmup
 from rasterizer.frame import Frame
-from rasterizer.options import Options
 from rasterizer.renderer import Renderer
-from rasterizer.scene import file, lights, load, material
-from rasterizer.scene._check import AXES
-
-ROOT = Path(__file__).parent.parent
-CUBE = str(ROOT / "models" / "cube.obj")
-GEAR = str(ROOT / "models" / "gear.stl")
-SMALL = ["-s", "24x16", "--threads", "1"]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -41,36 +28,6 @@ def folder(tmp_path, monkeypatch):
     """Every test has an empty current folder of its own."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def run(*argv) -> int:
-    """Draw a small picture in this process."""
-    return main(["render", *SMALL, *map(str, argv)])
-
-
-def start(*argv, cwd=None, **options):
-    """Run the program itself."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "rasterizer", *argv]
-    return subprocess.run(command, capture_output=True, env=environment, cwd=cwd, **options)
-
-
-def errors(capsys) -> str:
-    """What was said on stderr; nothing was said on stdout, and nothing looks like a traceback."""
-    out, err = capsys.readouterr()
-    assert out == "" and "Traceback" not in err
-    assert all(line.startswith("raster: ") for line in err.splitlines())
-    return err
-
-
-def one_error(capsys) -> str:
-    err = errors(capsys)
-    assert err.startswith("raster: error: ") and err.count("\n") == 1, err
-    return err
-
-
-def picture(name) -> np.ndarray:
-    return np.asarray(Image.open(name))
 
 
 # --- what is written ----------------------------------------------------------------------------------------
@@ -189,149 +146,6 @@ def test_the_file_is_the_same_every_time(capsys):
     for threads in (1, 3):
         assert main(["render", CUBE, "-s", "60", "--threads", str(threads), "-o", f"{threads}.png"]) == 0
     assert Path("1.png").read_bytes() == Path("3.png").read_bytes()
-
-
-# --- flags --------------------------------------------------------------------------------------------------
-
-
-def test_every_option_is_a_flag():
-    defaults = vars(arguments.parse(["render", "x.obj"]))
-    for field in fields(Options):
-        assert field.name in defaults
-        if field.name not in (
-            "samples",
-            "outputs",
-        ):  # they depend on whether a picture or an array is written
-            assert defaults[field.name] == field.default, field.name
-    assert render.make_options(arguments.parse(["render", "x.obj"])) == Options(samples=4, outputs="rgb")
-    assert render.make_options(arguments.parse(["render", "x.obj", "--array", "face"])) == Options(
-        outputs="face"
-    )
-    assert render.make_options(arguments.parse(["render", "x.obj", "-o", "x.npy"])) == Options()
-
-
-def test_words_and_numbers_of_the_help_are_those_of_the_scene():
-    framing = inspect.signature(rz.Camera.framing).parameters
-    assert [framing[name].default for name in ("azimuth", "elevation", "fov")] == [
-        arguments.AZIMUTH,
-        arguments.ELEVATION,
-        arguments.FOV,
-    ]
-    assert tuple(AXES) == arguments.AXES and arguments.REFLECTIONS == material.REFLECTIONS
-    assert tuple(load._READERS) == arguments.FORMATS and arguments.SCENE_FORMATS == file.FORMATS
-    assert all(getattr(lights, name)() for name in arguments.PRESETS)
-
-
-def camera_of(*argv, aspect=1.5):
-    """The camera that the arguments make for the cube."""
-    from rasterizer.cli.view import check_camera, make_camera
-
-    parsed = arguments.parse(["render", CUBE, "-s", "300x200", *argv])
-    check_camera(parsed)
-    scene = rz.load(CUBE)
-    view = parsed.views[0] if parsed.views else None
-    return make_camera(parsed, view, scene, scene.bounds, parsed.up or "y")
-
-
-@pytest.mark.parametrize(
-    ("view", "forward"),
-    [
-        ("front", (0, 0, -1)),
-        ("back", (0, 0, 1)),
-        ("left", (1, 0, 0)),
-        ("right", (-1, 0, 0)),
-        ("top", (0, -1, 0)),
-        ("bottom", (0, 1, 0)),
-        ("iso", (-(3**-0.5), -(3**-0.5), -(3**-0.5))),
-    ],
-)
-def test_views(view, forward):
-    assert camera_of("--view", view).view().forward == pytest.approx(forward, abs=1e-12)
-    assert set(arguments.VIEWS) == {"front", "back", "left", "right", "top", "bottom", "iso"}
-
-
-def test_cameras():
-    assert camera_of() == rz.Camera.framing(rz.load(CUBE), aspect=1.5)
-    assert camera_of(
-        "--azimuth", "-30", "--elevation", "-10", "--fov", "50", "--up", "-z"
-    ) == rz.Camera.framing(rz.load(CUBE), -30, -10, 50, "-z", aspect=1.5)
-    assert camera_of("--view", "left", "--elevation", "5") == rz.Camera.framing(
-        rz.load(CUBE), -90, 5, aspect=1.5
-    )
-    assert camera_of("--eye", "-3,2,4", "--fov", "40") == rz.Camera.perspective((-3, 2, 4), fov=40)
-    eye = camera_of("--eye", "0,0,4", "--target", "-.5,0,0", "--up", "x", "--fov", "60")
-    assert eye == rz.Camera.perspective((0, 0, 4), (-0.5, 0, 0), "x", 60)
-
-
-@pytest.mark.parametrize("lens", [[], ["--ortho"]])
-@pytest.mark.parametrize("place", [[], ["--eye", "3,2,5"]])
-def test_zoom_enlarges(lens, place):
-    wide, near = camera_of(*lens, *place), camera_of(*lens, *place, "--zoom", "2.5")
-    assert near.position == wide.position and wide.is_perspective == (not lens)
-    assert near.projection((300, 200)).scale_y == pytest.approx(2.5 * wide.projection((300, 200)).scale_y)
-
-
-def test_orthographic_keeps_the_size_of_the_target():
-    place = ["--eye", "3,2,5", "--target", "0,1,0"]
-    with_perspective, without = camera_of(*place), camera_of(*place, "--ortho")
-    distance = np.linalg.norm(np.subtract((3, 2, 5), (0, 1, 0)))
-    assert without.projection((300, 200)).scale_y == pytest.approx(
-        with_perspective.projection((300, 200)).scale_y / distance
-    )
-
-
-def lights_of(*argv):
-    from rasterizer.cli.view import make_lights
-
-    return make_lights(arguments.parse(["render", CUBE, *argv]))
-
-
-def test_lights():
-    assert lights_of() is None and lights_of("--preset", "studio") == rz.studio()
-    assert lights_of("--preset", "headlight") == rz.headlight()
-    assert lights_of("--light", "ambient:0.2") == (rz.AmbientLight(0.2),)
-    assert lights_of("--light", "ambient:color=#fff") == (rz.AmbientLight(1.0),)
-    assert lights_of("--preset", "headlight", "--light", "ambient:1/0.5/0") == (
-        *rz.headlight(),
-        rz.AmbientLight((1, 0.5, 0)),
-    )
-    assert lights_of("--light", "directional:-1,-1,0,color=orange,attached=camera") == (
-        rz.DirectionalLight((-1, -1, 0), "orange", "camera"),
-    )
-    assert lights_of(
-        "--light", "spot:1,2,3,direction=0/-1/0,inner=10,outer=20,exponent=2,attenuation=1/d^2,range=9,amplify=yes",
-    ) == (rz.SpotLight((1, 2, 3), (0, -1, 0), 1, 10, 20, 2, "1/d^2", "world", True, 9),)  # fmt: skip
-    assert lights_of("--light", "area:1,2,3,edge_u=1/0/0,edge_v=0/0/-1,resolution=8/4,attenuation=1/(d+2),color=0.5") == (
-        rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 0, -1), 0.5, (8, 4), (2, 1, 0)),
-    )
-    assert lights_of("--light", "point:1,2,3", "--light", "point:1,2,3,attenuation=1/0.5/.25,color=3e-1") == (
-        rz.PointLight((1, 2, 3)),
-        rz.PointLight((1, 2, 3), 0.3, (1, 0.5, 0.25)),
-    )
-
-
-def test_the_look_reaches_the_picture(capsys):
-    looks = {
-        "default": [],
-        "flat": ["--shading", "flat"],
-        "crease": ["--crease-angle", "1"],
-        "blinn": ["--reflection", "blinn", "--shading", "phong"],
-        "phong": ["--shading", "phong"],
-        "light": ["--light", "directional:0,-1,0"],
-        "background": ["--background", "0.2/0.1/0"],
-        "samples": ["--samples", "1"],
-    }
-    torus = ROOT / "models" / "torus.obj"
-    for name, flags in looks.items():
-        assert run(torus, "-o", f"{name}.png", *flags) == 0
-    assert errors(capsys) == ""
-    assert len({picture(f"{name}.png").tobytes() for name in looks}) == len(looks)
-    scene = rz.load(torus)
-    mesh = scene.meshes[0]
-    scene = replace(scene, meshes=[replace(mesh, material=replace(mesh.material, reflection="blinn"))])
-    assert np.array_equal(picture("blinn.png"), rz.render(scene, (24, 16), shading="phong", samples=4))
-    corner = picture("background.png")[0, 0].tolist()
-    assert corner == rz.render(rz.load(CUBE, background=(0.2, 0.1, 0)), 8).rgb[0, 0].tolist()
 
 
 # --- what is said -------------------------------------------------------------------------------------------
@@ -519,133 +333,3 @@ def test_faults_of_ours_are_not_hidden(monkeypatch):
     monkeypatch.setattr(Frame, "encode", fail)
     with pytest.raises(ZeroDivisionError):
         run(CUBE)
-
-
-# --- help, kernels, and the program itself ------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("argv", [["--help"], ["render", "--help"], ["warmup", "-h"], ["--version"]])
-def test_help(argv, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main(argv)
-    out, err = capsys.readouterr()
-    assert stop.value.code == 0 and err == "" and out
-    if argv == ["--version"]:
-        assert out == f"raster {rz.__version__}\n"
-
-
-def test_the_examples_of_the_help_parse(capsys):
-    with pytest.raises(SystemExit):
-        main(["render", "--help"])
-    examples = re.findall(r"raster (render .*?)(?:   .*| > .*)?$", capsys.readouterr().out, re.MULTILINE)
-    examples = [example for example in examples if "MODEL..." not in example]
-    assert len(examples) == 8
-    for example in examples:
-        arguments.parse(example.replace("'", "").split())
-
-
-def test_warmup_leaves_nothing_to_compile(capsys):
-    with compiling_announced(Messages()) as announced:
-        for model in ("still_life.obj", "knot.ply", "gear.stl", "torus.glb"):
-            path = ROOT / "models" / model
-            for flags in (
-                ["--shading", "phong"],
-                ["--shading", "phong", "--light", "point:1,1,1", "--tolerance", "0", "--crease-angle", "60"],
-                [
-                    "--shading",
-                    "flat",
-                    "--light",
-                    "directional:1,1,1,color=#f00",
-                    "--samples",
-                    "9",
-                    "--cull",
-                    "back",
-                ],
-                [
-                    "--eye",
-                    "0.1,0,0.2",
-                    "--target",
-                    "5,1,0",
-                    "--color-range",
-                    "local",
-                    "--background",
-                    "white",
-                ],
-                ["--eye", "0.1,0,0.2", "--array", "face", "--ortho"],
-                ["--array", "normal"],
-                ["--array", "depth", "--shading", "flat"],
-            ):
-                output = "x.npy" if "--array" in flags else "x.png"
-                assert run(path, *flags, "-o", output, "-q") == 0
-    assert announced == [] and capsys.readouterr().err == ""
-
-
-def test_compiling_is_announced_once(capsys):
-    import numba
-
-    with compiling_announced(Messages()) as announced:
-        for increment in (1, 2):
-            numba.njit(lambda x, increment=increment: x + increment)(1)
-    assert len(announced) == 1
-    assert errors(capsys).startswith("raster: compiling kernels for the first time")
-
-
-def test_warmup_says_where_kernels_are(capsys, monkeypatch):
-    assert main(["warmup"]) == 0
-    assert re.match(r"raster: kernels were ready already after [\d.]+ s, in ", errors(capsys))
-    monkeypatch.setattr(_kernel, "CACHE_FOLDER", None)
-    assert main(["warmup"]) == 4 and "NUMBA_CACHE_DIR" in one_error(capsys)
-
-
-def test_a_cache_folder_that_cannot_be_written_breaks_nothing(folder):
-    (folder / "file").write_bytes(b"")
-    code = "from rasterizer import _kernel; print(_kernel.CACHE_FOLDER, _kernel.is_cache_cold())"
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "file" / "below")}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=True)
-    assert done.stdout == "None True\n"
-
-
-def test_help_imports_neither_numpy_nor_numba_nor_trimesh():
-    code = (
-        "import sys; from rasterizer.cli import main\n"
-        "try: main(['render', '--help'])\n"
-        "except SystemExit: pass\n"
-        "heavy = {'numpy', 'numba', 'llvmlite', 'trimesh', 'PIL', 'scipy'} & set(sys.modules)\n"
-        "print(sorted(heavy), len(sys.modules), file=sys.stderr)"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True
-    )
-    heavy, n_module = result.stderr.strip().rsplit(" ", 1)
-    assert heavy == "[]" and int(n_module) < 150
-
-
-def test_the_program_itself(folder):
-    done = start("render", CUBE, *SMALL, "-o", "-", cwd=folder)
-    assert done.returncode == 0 and done.stdout.startswith(b"\x89PNG") and b"error" not in done.stderr
-    failed = start("render", "nope.obj", cwd=folder)
-    assert failed.returncode == 3 and failed.stderr == b"raster: error: nope.obj: no such file\n"
-
-
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
-def test_a_full_disk_behind_stdout(folder):
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": ""}
-    command = [sys.executable, "-m", "rasterizer", "--help"]
-    with open("/dev/full", "wb") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, env=environment, cwd=folder)
-    assert (
-        done.returncode == 4
-        and done.stderr == b"raster: error: can't write to stdout: No space left on device\n"
-    )
-
-
-@pytest.mark.skipif(os.name != "posix", reason="pipes of POSIX")
-def test_a_reader_that_has_gone(folder):
-    reader, writer = os.pipe()
-    os.close(reader)
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "rasterizer", "render", CUBE, *SMALL, "--json", "-q"]
-    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, env=environment, cwd=folder)
-    os.close(writer)
-    assert done.returncode == 4 and done.stderr == b""

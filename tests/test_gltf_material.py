@@ -200,7 +200,9 @@ def test_alpha_modes(material, alpha, opacity):
     assert found.opacity == opacity
 
 
-@pytest.mark.parametrize(("mode", "alpha", "opacity"), [("OPAQUE", 0.3, 1), ("BLEND", 0.3, 0.3), ("MASK", 0.3, 0), ("MASK", 0.5, 1)])
+@pytest.mark.parametrize(
+    ("mode", "alpha", "opacity"), [("OPAQUE", 0.3, 1), ("BLEND", 0.3, 0.3), ("MASK", 0.3, 0), ("MASK", 0.5, 1)]
+)
 def test_alpha_modes_without_a_texture(mode, alpha, opacity):
     def change(tree, primitive):
         tree["materials"] = [{"alphaMode": mode, "pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, alpha]}}]

@@ -268,6 +268,12 @@ def _add_look(group) -> None:
         help="replace this in every material of the model",
     )
     add("--reflection", choices=REFLECTIONS, help="short for --material reflection=...")
+    _add_lights(group)
+    _add_range(group)
+
+
+def _add_lights(group) -> None:
+    add = group.add_argument
     add(
         "--preset",
         choices=PRESETS,
@@ -285,6 +291,10 @@ def _add_look(group) -> None:
     add("--shadows", action="store_true", help="all lights but ambient ones cast shadows, unless one says shadow=no")
     add("--shadow-size", type=int, metavar="N", help="texels along the side of their maps, 16 to 8192 (default 1024)")
     add("--shadow-filter", type=int, metavar="N", help="texels that soften their edges, odd, 1 (hard, default) to 9")
+
+
+def _add_range(group) -> None:
+    add = group.add_argument
     add(
         "--background",
         type=values.color,

@@ -6,8 +6,8 @@ A node's matrix is that of its parents times its own; a light shines and a camer
                           not converted; a white matte surface under 1 lux of directional light has the value 1
     point, spot           get weaker with 1/d², also nearer than 1 (`amplify`), and end at `range` where the file has one
     spot                  innerConeAngle and outerConeAngle in radians, half angles
-    camera                perspective: yfov (radians, vertical), znear, zfar; orthographic: the picture is 2·ymag high; aspectRatio
-                          and xmag are those of the picture that is asked for
+    camera                perspective: yfov (radians, vertical), znear, zfar; orthographic: the picture is 2·ymag high;
+                          aspectRatio and xmag are those of the picture that is asked for
 
 Sources: Khronos, glTF 2.0 Specification, 2021, 3.5 and 3.10; KHR_lights_punctual.
 """

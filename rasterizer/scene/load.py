@@ -224,10 +224,8 @@ def _without_useless_textures(model, part: Part) -> Part:
     if "uv" in part or not useless:
         return part
     names = ", ".join(f"'{name}'" for name in useless)
-    warnings.warn(
-        f"{model.name}: mesh '{part['name']}' has no texture coordinates; it is drawn without the texture of its material {names}",
-        stacklevel=2,
-    )
+    what = f"{model.name}: mesh '{part['name']}' has no texture coordinates"
+    warnings.warn(f"{what}; it is drawn without the texture of its material {names}", stacklevel=2)
     if "materials" in part:
         return {**part, "materials": tuple(replace(material, texture=None) for material in part["materials"])}
     return {**part, "material": replace(part["material"], texture=None)}

@@ -241,9 +241,8 @@ class Maps:
             return texture
         grey = _grey(self._pictures[alpha_path])
         if grey.shape != texture.image.shape[:2]:
-            self.log(
-                f"{library.name}: map_d '{alpha_path.name}' of material '{material}' has another size than its map_Kd; not applied"
-            )
+            what = f"{library.name}: map_d '{alpha_path.name}' of material '{material}'"
+            self.log(f"{what} has another size than its map_Kd; it is not applied")
             return texture
         return replace(texture, image=np.dstack([texture.image[..., :3], grey]))
 
