@@ -163,8 +163,8 @@ def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> n
     """
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
     starts = geometry.point_offsets[:-1]
-    for material, start in enumerate(starts):
-        n = int(geometry.point_offsets[material + 1] - start)
+    for material, start, stop in zip(geometry.group_material.tolist(), starts, geometry.point_offsets[1:], strict=True):
+        n = int(stop - start)
         for side, out in enumerate(intensities):
             sign = 0 if is_flat else 1 - 2 * side
             workers.map(

@@ -16,6 +16,7 @@ from .pipeline.lights import LIGHTS
 from .pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
 from .pipeline.texture import Textures, make_textures
+from .scene.geometry import number_materials
 from .scene.lights import AmbientLight, AreaLight
 from .spectral import Products, multiply_spectra
 
@@ -41,7 +42,7 @@ class Plan(NamedTuple):
     is_lit_per_sample: bool
     ambient: np.ndarray  # (3,) float64, the sum of the ambient lights
     lights: tuple  # the others; those of an area light one by one
-    materials: tuple  # those of all meshes, one after the other
+    materials: tuple  # the different ones of all meshes
     has_albedo: bool
     has_shadows: bool
     textures: Textures | None  # None where the scene has none
@@ -106,11 +107,11 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
 
 
 def list_parts(scene):
-    """The ambient lights, the others (those of an area light one by one), and the materials of all meshes."""
+    """The ambient lights, the others (those of an area light one by one), and the different materials."""
     ambient = tuple(light for light in scene.lights if isinstance(light, AmbientLight))
     others = [light for light in scene.lights if not isinstance(light, AmbientLight)]
     lights = tuple(part for light in others for part in (light.cells() if isinstance(light, AreaLight) else (light,)))
-    return ambient, lights, tuple(material for mesh in scene.meshes for material in mesh.palette)
+    return ambient, lights, number_materials(scene.meshes)[0]
 
 
 def expose(ambient_lights, lights, materials, scale):

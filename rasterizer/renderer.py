@@ -30,7 +30,7 @@ def render(scene, size=(640, 480), **options) -> Frame:
     ----------
     scene : Scene, or anything that a Scene takes as its meshes
     size : (width, height) in pixels, or one number for a square
-    options : those of `Options`: shading, tolerance, samples, outputs, cull, color_range, threads
+    options : those of `Options`: shading, tolerance, samples, outputs, cull, color_range, exposure, spectral, threads
 
     Raises SceneError for an option that is not legal, ModelError for a mesh that is not.
     """

@@ -1,5 +1,7 @@
 """Check what is made of meshes before they are drawn: points, normals, colours, the distance to a light."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pinhole import octasphere, torus, unit
@@ -159,7 +161,9 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     rng = np.random.default_rng(3)
     ball, ring = octasphere(1), torus(8, 5)
     colors = rng.random(ring[0].shape)
-    meshes = [rz.Mesh(*ball), rz.Mesh(*ring, colors=colors), rz.Mesh(CUBE, QUADS)]
+    looks = [rz.Material(shininess=n) for n in (8, 16, 32)]
+    shapes = [rz.Mesh(*ball), rz.Mesh(*ring, colors=colors), rz.Mesh(CUBE, QUADS)]
+    meshes = [replace(mesh, material=look) for mesh, look in zip(shapes, looks, strict=True)]
     scene = rz.Scene(meshes)
     geometry = gather_geometry(scene, is_flat)
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
@@ -176,6 +180,19 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     assert len(geometry.albedo) == geometry.points.shape[1] == geometry.point_offsets[-1]
     assert gather_geometry(rz.Scene(meshes[:1]), is_flat).albedo.shape == (0, 3)
     assert not geometry.is_inverted.any()
+    assert geometry.group_material.tolist() == [0, 1, 2]
+    assert (geometry.face_material == np.repeat(np.arange(3), np.diff(scene.face_offsets))).all()
+
+
+@pytest.mark.parametrize("is_flat", [True, False])
+def test_meshes_of_equal_materials_are_one_group(is_flat):
+    shapes = [rz.Mesh(CUBE, QUADS, material=rz.Material(shininess=n)) for n in (8, 8, 16, 8)]
+    geometry = gather_geometry(rz.Scene(shapes), is_flat)
+    n = geometry.points.shape[1] // 4
+    assert geometry.group_material.tolist() == [0, 1, 0]
+    assert geometry.point_offsets.tolist() == [0, 2 * n, 3 * n, 4 * n]
+    assert geometry.face_material.tolist() == [0] * 24 + [1] * 12 + [0] * 12
+    assert len(gather_geometry(rz.Scene(shapes[:2]), is_flat).face_material) == 0
 
 
 def test_faces_whose_normals_contradict_their_winding_are_flagged():

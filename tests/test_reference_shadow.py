@@ -151,6 +151,15 @@ def test_a_convex_body_casts_no_shadow_on_what_faces_the_light(shading, shift):
         assert (shadowed == bare)[bare > 0.15].all()
 
 
+def test_a_bent_polygon_does_not_shade_its_own_centroid():
+    # a square folded along its diagonal like a roof seen from inside: the light grazes one half on its way to the centroid
+    bent = np.array([(-9, -9, -20.0), (9, -9, -14), (9, 9, -20), (-9, 9, -14)])
+    light = PointLight((0, 0, -2), shadow=True)
+    for material, faces, polygons in ((DULL, [[0, 1, 2], [0, 2, 3]], [0, 0]), (DULL, [[0, 1, 3], [1, 2, 3]], [0, 0])):
+        mesh = Mesh(bent, faces, material=material, polygons=polygons)
+        assert (show([mesh], light, "flat").color[20:28, 28:36] > 0.3).all()
+
+
 def test_a_box_on_a_floor():
     # a box of edge 2 stands on the floor y = 0; the light comes down at 45 degrees along x: the shadow is 2 long
     x, y, z = np.meshgrid([-1.0, 1], [0.0, 2], [-1.0, 1], indexing="ij")

@@ -81,10 +81,10 @@ def test_all_terms_are_spectra():
 
 
 def test_an_area_light_shares_its_spectrum_out():
-    area = AreaLight((-0.5, -0.5, 0.0), (1, 0, 0), (0, 1, 0), LAMP, resolution=(2, 1))
-    points = [PointLight((x, 0.0, 0.0), LAMP) for x in (-0.25, 0.25)]
-    both = show(matte(LEAF), points, "phong").color
-    np.testing.assert_allclose(show(matte(LEAF), area, "phong").color, both / 2, rtol=1e-12)
+    area = AreaLight((-0.5, -0.5, 0.0), (1, 0, 0), (0, 1, 0), LAMP, resolution=(2, 2))
+    points = [PointLight((x, y, 0.0), LAMP) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]
+    total = show(matte(LEAF), points, "phong").color
+    np.testing.assert_allclose(show(matte(LEAF), area, "phong").color, total / 4, rtol=1e-12)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)

@@ -180,7 +180,7 @@ def test_faces_of_one_mesh_have_their_own_materials(shading):
     # two triangles of a sheet: one textured, one plain; Gouraud's corners take the material of their face
     material = painted(np.full((1, 1, 3), 0.25, np.float32))
     mesh = Mesh(np.array(sheet((8, 8))), QUAD, uv=UV, materials=(material, ALBEDO), face_material=[1, 0])
-    other = Mesh(np.array(sheet((8, 8), 3.0)), QUAD, material=Material(emissive=0.5))
+    other = Mesh(np.array(sheet((8, 8), 3.0)), QUAD, materials=(Material(), Material()), face_material=[0, 0])
     picture = render(Scene([other, mesh], lights=AmbientLight(), camera=eye_camera()), (8, 8), shading)
     assert set(np.unique(picture.face)) == {2, 3}
     np.testing.assert_allclose(picture.color[..., 0], np.where(picture.face == 2, 1.0, 0.25), rtol=1e-15)

@@ -108,7 +108,7 @@ def light_rows(rows, n, lighting, material):
     zero = rows.dtype.type(0)
     is_shiny = lighting.is_shiny[material]
     number = lighting.material[material]
-    color = lighting.color[min(np.uint64(material), np.uint64(lighting.color.shape[0] - 1))]
+    set_of_colors = min(np.uint64(material), np.uint64(lighting.color.shape[0] - 1))
     if lighting.is_view_dependent[material]:
         find_n_dot_v(rows, n)
     if len(lighting.light_function) == 0:
@@ -120,9 +120,9 @@ def light_rows(rows, n, lighting, material):
             call_row(lighting.shadow_function, rows.ctypes.data, n, lighting.shadow[light])
         call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
         for channel in range(np.uint64(lighting.n_light_channel)):
-            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, color[light, channel], light == 0)
+            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, lighting.color[set_of_colors, light, channel], light == 0)
             if is_shiny:
-                shine = color[light, np.uint64(3) + channel]
+                shine = lighting.color[set_of_colors, light, np.uint64(3) + channel]
                 add_light(rows, n, SPECULAR_SUM + channel * NEXT_CHANNEL, SPECULAR, shine, light == 0)
     for channel in range(np.uint64(lighting.n_channel)):
         # With grey lights all channels read the sums of channel 0.
@@ -186,7 +186,7 @@ def light_points(positions, normals, albedo, lift, start, stop, screen, side, li
         elif lighting.needs_view:
             view_from_direction(rows, n, number(back_x), number(back_y), number(back_z))
         if len(lighting.shadow) > 0:
-            take_shapes(lift[chunk], rows)
+            take_shapes(lift, np.uint64(first), n, rows)
         light_rows(rows, n, lighting, material)
         for channel in range(np.uint64(lighting.n_channel)):
             for k in range(np.uint64(n)):
@@ -213,13 +213,13 @@ def take_normals(x, y, z, sign, rows):
 
 
 @helper
-def take_shapes(lift, rows):
+def take_shapes(lift, first, n, rows):
     """Of a point alone, its own normal is that of the surface's plane."""
-    for k in range(np.uint64(len(lift))):
+    for k in range(np.uint64(n)):
         x, y, z = rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k]
         rows[PLANE_X + k], rows[PLANE_Y + k], rows[PLANE_Z + k] = x, y, z
         rows[OFFSET + k] = x * rows[POSITION_X + k] + y * rows[POSITION_Y + k] + z * rows[POSITION_Z + k]
-        rows[LIFT + k] = lift[k]
+        rows[LIFT + k] = lift[first + k]
 
 
 @helper

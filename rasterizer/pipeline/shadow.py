@@ -8,17 +8,19 @@ multiplies STRENGTH by the lit part. Its numbers are a header followed by the ma
 float64: next to a shadow's edge no error is small.
 
 A texel shows the depth at its centre alone. So a surface's own depth is taken there, too: the value at the point plus the slopes of
-its polygon's plane times the way to the centre. On one plane both agree, but for
+its tangent plane, which the normal gives, times the way to the centre. On one plane both agree, but for
 
     half a texel times the slopes     neighbouring polygons that fold towards the light reach into the texel by that much;
                                       it also covers the rounding of the map's vertices, a 512th of a texel
     2^-32 of the map's range          rounding of its values: planes of depth err by a 2^-33rd of it (block.py)
     2^-40 of the distances            rounding of positions: float64, a few operations from the corners to the point
 
-which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px, which tilts its
-polygons a little: so a point is first moved onto the plane that its polygon has in the scene. A polygon that stands for a piece of a curved surface may lie below it:
-the point is then lifted along its normal by LIFT, how far the polygon's corners lie from their neighbours' tangent planes
-(geometry.py); flat surfaces have no lift. Where a polygon is seen edge-on by the light its slopes are infinite, and the point is lit.
+which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px, which tilts
+its polygons a little: so a point is first moved onto the plane that its polygon has in the scene. A polygon that stands for a
+piece of a curved surface may lie below it: the point is then lifted along its normal by LIFT, how far the polygon's corners lie from
+their neighbours' tangent planes (geometry.py); flat surfaces have no lift. Nothing of a convex surface is before a tangent plane
+of a point so lifted; its polygon's own plane may cut off neighbours, near the line where light and shade meet. Where the light lies on the plane
+or behind it there are no slopes, and the point is lit.
 """
 
 import numpy as np
@@ -67,11 +69,12 @@ def cast(rows, n, numbers):
     for k in range(np.uint64(n)):
         if row[N_DOT_L + k] > zero and row[STRENGTH + k] > zero:
             x, y, z = row[POSITION_X + k], row[POSITION_Y + k], row[POSITION_Z + k]
-            plane = (row[PLANE_X + k], row[PLANE_Y + k], row[PLANE_Z + k])
-            back, lift = row[OFFSET + k] - (plane[0] * x + plane[1] * y + plane[2] * z), row[LIFT + k]
-            x += back * plane[0] + lift * row[NORMAL_X + k] - header[MAPS + ORIGIN]
-            y += back * plane[1] + lift * row[NORMAL_Y + k] - header[MAPS + ORIGIN + 1]
-            z += back * plane[2] + lift * row[NORMAL_Z + k] - header[MAPS + ORIGIN + 2]
+            across, upward, outward = row[PLANE_X + k], row[PLANE_Y + k], row[PLANE_Z + k]
+            back, lift = row[OFFSET + k] - (across * x + upward * y + outward * z), row[LIFT + k]
+            plane = (row[NORMAL_X + k], row[NORMAL_Y + k], row[NORMAL_Z + k])
+            x += back * across + lift * plane[0] - header[MAPS + ORIGIN]
+            y += back * upward + lift * plane[1] - header[MAPS + ORIGIN + 1]
+            z += back * outward + lift * plane[2] - header[MAPS + ORIGIN + 2]
             face = cube_face(x, y, z) if is_cube else 0
             place = np.uint64(MAPS + N_MAP_NUMBER * face)
             first = np.uint64(HEADER + face * size * size)
@@ -92,7 +95,7 @@ def cube_face(x, y, z):
 
 @register_jitable
 def lit_part(header, texels, place, first, point, plane, reach, size, taps, is_perspective):
-    """The part of the texels about a point whose surface doesn't lie before the point's own plane."""
+    """The part of the texels about a point whose surface doesn't lie before its tangent plane."""
     x, y, z = point
     number = header.dtype.type
     zero, one, half = number(0), number(1), number(0.5)
@@ -111,6 +114,8 @@ def lit_part(header, texels, place, first, point, plane, reach, size, taps, is_p
         magnification = one / depth
         value = magnification
         constant = plane_across * across + plane_upward * upward + plane_depth * depth
+        if constant >= zero:  # lifted beyond the light: its plane hides nothing from the point
+            return one
         slope_x, slope_y = plane_across / (constant * scale_x), -plane_upward / (constant * scale_y)
     else:
         slope_x, slope_y = plane_across / (plane_depth * scale_x), -plane_upward / (plane_depth * scale_y)

@@ -25,7 +25,8 @@ class Geometry(NamedTuple):
     normals: np.ndarray  # (3, n_point) float64, unit length
     albedo: np.ndarray  # (n_point, 3) float64, linear; (0, 3) where no mesh has colours
     is_inverted: np.ndarray  # (n_face,) uint8: 1 where the normals look against the winding
-    point_offsets: np.ndarray  # (n_material + 1,) int64: the points of each material stand side by side
+    point_offsets: np.ndarray  # (n_group + 1,) int64: points of one material stand side by side, in one or several groups
+    group_material: np.ndarray  # (n_group,) int64
     face_material: np.ndarray  # (n_face,) uint32; empty where there is one material
     uv: np.ndarray  # (n_point, 2) float64, texture coordinates; (0, 2) where no material has a texture
 
@@ -50,7 +51,7 @@ class Part(NamedTuple):
 
 def gather_geometry(scene, is_flat: bool) -> Geometry:
     """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices."""
-    materials = [material for mesh in scene.meshes for material in mesh.palette]
+    materials, numbers = number_materials(scene.meshes)
     is_textured = any(material.texture is not None for material in materials)
     parts = [split_points(flat_part(mesh) if is_flat else smooth_part(mesh), mesh, is_textured) for mesh in scene.meshes]
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
@@ -70,19 +71,30 @@ def gather_geometry(scene, is_flat: bool) -> Geometry:
     if not is_flat:
         flag_inverted(positions, normals, vertex, is_inverted)
     uv = np.concatenate([part.uv for part in parts]) if is_textured else np.empty((0, 2))
-    offsets = np.cumsum([0] + [n for part in parts for n in part.n_points])
+    offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
+    face_material = np.empty(0, np.uint32)
+    if len(materials) > 1:
+        of_meshes = zip(scene.meshes, numbers, strict=True)
+        face_material = np.concatenate(
+            [number[np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material] for mesh, number in of_meshes]
+        ).astype(np.uint32)
     return Geometry(
-        positions, vertex, corner, points, normals, albedo, is_inverted, offsets, gather_face_materials(scene.meshes), uv
+        positions, vertex, corner, points, normals, albedo, is_inverted, offsets, group_material, face_material, uv
     )
 
 
-def gather_face_materials(meshes) -> np.ndarray:
-    """Material of every face of a scene, (n_face,) uint32, counted through all meshes' palettes; empty where there is one."""
-    first = np.cumsum([0] + [len(mesh.palette) for mesh in meshes])
-    if first[-1] == 1:
-        return np.empty(0, np.uint32)
-    numbers = [np.zeros(mesh.n_face, np.uint32) if mesh.face_material is None else mesh.face_material for mesh in meshes]
-    return np.concatenate([start + number for start, number in zip(first, numbers, strict=False)]).astype(np.uint32)
+def number_materials(meshes) -> tuple[tuple, list[np.ndarray]]:
+    """The different materials of a scene, and for each mesh the numbers, int64, of those in its palette."""
+    number = {}
+    numbers = [np.array([number.setdefault(material, len(number)) for material in mesh.palette]) for mesh in meshes]
+    return tuple(number), numbers
+
+
+def group_points(n_points, material) -> tuple[np.ndarray, np.ndarray]:
+    """Join neighbouring groups of points of the same material; return where the groups begin and end, and their materials."""
+    ends, material = np.cumsum(n_points), np.asarray(material, np.int64)
+    is_last = np.append(material[1:] != material[:-1], True)
+    return np.append(0, ends[is_last]), material[is_last]
 
 
 def split_points(part, mesh, is_textured) -> Part:
