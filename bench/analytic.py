@@ -23,12 +23,12 @@ class Truth(NamedTuple):
 
 
 def find_surface(scene) -> str | None:
-    """Return "sphere" or "torus" if all vertices of the scene lie on that surface, else None."""
-    if (
-        len(scene.meshes) != 1
-        or scene.meshes[0].colors is not None
-        or scene.meshes[0].face_colors is not None
-    ):
+    """Return "sphere" or "torus" if all vertices of the scene lie on that surface, and nothing but light and one plain material matter;
+    else None."""
+    mesh = scene.meshes[0]
+    is_plain = len(scene.meshes) == len(mesh.palette) == 1 and mesh.colors is None and mesh.face_colors is None
+    is_plain &= mesh.material.texture is None and mesh.material.is_opaque
+    if not is_plain or any(getattr(light, "shadow", None) is not None for light in scene.lights):
         return None
     x, y, z = scene.meshes[0].used_vertices.T
     off = {

@@ -86,7 +86,7 @@ def _meshes(name: str, channels: str, aspect: float):
     scene = rz.load(find_file(name))
     if channels == "own":
         return scene.meshes, scene.up
-    plain = {"material": paint, "colors": None, "face_colors": None}
+    plain = {"material": paint, "materials": None, "face_material": None, "colors": None, "face_colors": None}
     return tuple(replace(mesh, **plain) for mesh in scene.meshes), scene.up
 
 

@@ -120,7 +120,7 @@ def render(
     camera = scene.camera_for(size)
     near, far = (camera.near if near is None else near), (camera.far if far is None else far)
     shading = "flat" if shading == "lambert" else shading
-    surface = lighting.gather(scene, shading)
+    surface = lighting.gather(scene)
 
     def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis

@@ -111,19 +111,13 @@ def count_waves(scene: Scene, spectral: int | None) -> int | None:
     return N_WAVE if spectral is None and has_spectrum else spectral
 
 
-def gather(scene: Scene, shading: str = "phong") -> Surface:
-    """Lay out the faces of all meshes of a scene corner by corner.
-
-    In flat shading a polygon has one material, that of its first triangle.
-    """
+def gather(scene: Scene) -> Surface:
+    """Lay out the faces of all meshes of a scene corner by corner."""
     parts, n_polygon, n_material = [], 0, 0
     has_texture = any(material.texture is not None for material in palette_of(scene))
     for mesh in scene.meshes:
         polygon = np.arange(mesh.n_face) if mesh.polygons is None else np.asarray(mesh.polygons, np.int64)
         material = np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
-        if shading == "flat":
-            _, first, number = np.unique(polygon, return_index=True, return_inverse=True)
-            material = material[first][number]
         uv = _corner_uv(mesh) if has_texture else None
         attributes = _corner_normals(mesh), _corner_albedo(mesh)
         parts.append(

@@ -177,7 +177,9 @@ def test_imports_go_one_way(module):
 
 
 def test_the_judge_shares_nothing_with_the_judged():
-    for module in ("reference.py", "reference_light.py"):
+    judges = [module for module in MODULES if module.startswith("reference")]
+    assert len(judges) >= 2
+    for module in judges:
         assert not imported_folders(module) & {"pipeline", "_kernel", "plan", "draw", "renderer"}
 
 

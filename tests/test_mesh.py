@@ -342,3 +342,48 @@ def test_transformed_refuses_other_matrices(wrong):
 def test_transformed_to_nothing_is_refused():
     with pytest.raises(ModelError, match="zero area"):
         Mesh(SQUARE, TWO).transformed(np.diag([1, 0, 1, 1]))
+
+
+# --- several materials ------------------------------------------------------------------------------------------------
+
+
+RED, BLUE = Material(diffuse="red", name="red"), Material(diffuse="blue", name="blue")
+
+
+def test_several_materials():
+    mesh = Mesh(SQUARE, TWO, materials=[RED, BLUE], face_material=[1, 0])
+    assert mesh.palette == mesh.materials == (RED, BLUE) and mesh.material is RED
+    assert mesh.face_material.dtype == np.int32 and mesh.face_material.tolist() == [1, 0]
+    assert Mesh(SQUARE, TWO, material=BLUE).palette == (BLUE,)
+    # One a polygon as given; bad faces take theirs along.
+    assert Mesh(SQUARE, [(0, 1, 2, 3)], materials=[RED, BLUE], face_material=[1]).face_material.tolist() == [1, 1]
+    holed = np.vstack([SQUARE, [[np.nan, 0, 0]]])
+    kept = Mesh(holed, [(0, 1, 4), *TWO], materials=[RED, BLUE], face_material=[0, 1, 0], drop_bad_faces=True)
+    assert kept.face_material.tolist() == [1, 0]
+    assert replace(mesh, name="other").palette == (RED, BLUE)
+    assert replace(mesh, material=BLUE, materials=None, face_material=None).palette == (BLUE,)
+    assert mesh.subdivide(1).face_material.tolist() == [1] * 4 + [0] * 4
+    mirror = np.diag([-1.0, 1, 1, 1])
+    assert mesh.transformed(mirror).face_material.tolist() == [1, 0] and mesh.transformed(mirror).palette == (RED, BLUE)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "what"),
+    [
+        ({"materials": [RED, BLUE]}, ModelError, "together"),
+        ({"face_material": [0, 0]}, ModelError, "together"),
+        ({"materials": [], "face_material": [0, 0]}, SceneError, "not empty"),
+        ({"materials": [RED, 3], "face_material": [0, 0]}, SceneError, "sequence of Material"),
+        ({"materials": 3, "face_material": [0, 0]}, SceneError, "sequence of Material"),
+        ({"materials": [RED, BLUE], "face_material": [0, 2]}, ModelError, "within 0..1; given 0 to 2"),
+        ({"materials": [RED, BLUE], "face_material": [-1, 0]}, ModelError, "given -1..0"),
+        ({"materials": [RED, BLUE], "face_material": [0]}, ModelError, "face_material"),
+        ({"materials": [RED, BLUE], "face_material": [0.5, 0]}, ModelError, "face_material"),
+        ({"materials": [RED], "face_material": [0, 0], "material": BLUE}, SceneError, "given both"),
+        ({"materials": [RED, BLUE], "face_material": [0, 1], "polygons": [4, 4]}, ModelError, "polygon 4 differ"),
+        ({"material": Material(texture=np.zeros((2, 2)))}, ModelError, "needs texture coordinates"),
+    ],
+)
+def test_materials_that_are_refused(arguments, error, what):
+    with pytest.raises(error, match=what):
+        Mesh(SQUARE, TWO, **arguments)

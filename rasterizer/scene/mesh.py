@@ -87,6 +87,7 @@ class Mesh:
         attributes = self._checked_attributes(len(vertices), faces, polygons if is_cut else None)
         if (self.materials is None) != (attributes["face_material"] is None):
             raise ModelError("materials and face_material must be given together")
+        _check_polygon_materials(polygons, attributes["face_material"])
         if self.uv is None and any(material.texture is not None for material in self.palette):
             raise ModelError("a mesh with a texture needs texture coordinates, uv")
         vertices, keep = _arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
@@ -275,6 +276,17 @@ def _checked_materials(material, materials) -> tuple[Material, ...] | None:
     if material not in (Material(), materials[0]):
         raise SceneError("a mesh takes one material, or materials and face_material; given both")
     return materials
+
+
+def _check_polygon_materials(polygons, face_material) -> None:
+    """Refuse polygons whose triangles have different materials: flat shading lights a polygon once."""
+    if polygons is None or face_material is None:
+        return
+    order = np.lexsort((face_material, polygons))
+    polygon, material = polygons[order], face_material[order]
+    torn = np.flatnonzero((polygon[1:] == polygon[:-1]) & (material[1:] != material[:-1]))
+    if len(torn):
+        raise ModelError(f"the triangles of a polygon must have one material; those of polygon {polygon[torn[0]]} differ")
 
 
 def _checked_affine(matrix) -> np.ndarray:

@@ -65,6 +65,7 @@ def _cut_once(mesh):
         polygons=np.repeat(polygons, 4),
         face_colors=None if mesh.face_colors is None else np.repeat(mesh.face_colors, 4, axis=0),
         smoothing=None if mesh.smoothing is None else np.repeat(mesh.smoothing, 4),
+        face_material=None if mesh.face_material is None else np.repeat(mesh.face_material, 4),
     )
     if mesh.normals is None or mesh.crease_angle is not None:
         return replace(finer, normals=_averaged_normals(finer), crease_angle=None)
