@@ -187,7 +187,9 @@ def interpolated_job(intensities, plan, coding, options, encoding, picture, tabl
                 bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, plan.n_channel, level_step, bench.radiance,
             )
         else:
-            take_texels(bench.canvas, bench.records, y_start, n_row, plan.textures, table.material, bench.texels)
+            take_texels(
+                bench.canvas, bench.records, y_start, n_row, plan.textures, table.material, bench.rows, bench.texels
+            )
             shade_textured(bench.canvas, bench.records, y_start, n_row, bench.texels, bench.radiance)
 
     return _picture_job(intensities, coding, plan, options, encoding, picture, shade, table)
@@ -198,7 +200,9 @@ def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting,
 
     def shade(bench, n_exact, table, y_start, n_row):
         if plan.textures is not None:
-            take_texels(bench.canvas, bench.records, y_start, n_row, plan.textures, table.material, bench.texels)
+            take_texels(
+                bench.canvas, bench.records, y_start, n_row, plan.textures, table.material, bench.rows, bench.texels
+            )
         shade_lit(
             bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, screen, lighting, table.material, table.shape,
             bench.texels, bench.rows, bench.radiance,

@@ -184,11 +184,3 @@ def test_faces_of_one_mesh_have_their_own_materials(shading):
     picture = render(Scene([other, mesh], lights=AmbientLight(), camera=eye_camera()), (8, 8), shading)
     assert set(np.unique(picture.face)) == {2, 3}
     np.testing.assert_allclose(picture.color[..., 0], np.where(picture.face == 2, 1.0, 0.25), rtol=1e-15)
-
-
-def test_a_polygon_has_the_material_of_its_first_triangle_in_flat_shading():
-    materials = [Material(ambient=a, diffuse=0.0, specular=0.0) for a in (0.2, 0.6)]
-    for polygons, expected in (([0, 0], {0.6}), (None, {0.2, 0.6})):
-        mesh = Mesh(np.array(sheet((8, 8))), QUAD, materials=materials, face_material=[1, 0], polygons=polygons)
-        picture = render(Scene(mesh, lights=AmbientLight(), camera=eye_camera()), (8, 8), "flat")
-        assert set(np.unique(picture.color)) == expected

@@ -15,18 +15,21 @@ import numpy as np
 from .._kernel import borrow, helper, kernel
 from .exact import corner_weights, corners_of, is_exact, mean, place_of, run_end
 from .records import ATTRIBUTE, FACE, INV_W, RECORD_MASK, borrow_records
+from .rows import CHUNK
 from .scan import GROUP_SHIFT
 from .transform import HALF, SUBPIXEL
 
 NEAREST, BILINEAR, TRILINEAR = 0, 1, 2  # filters
 REPEAT, CLAMP, MIRROR = 0, 1, 2  # what lies outside the picture
+# Rows of a chunk of samples: texture coordinates, the place within the picture from the left and from the top, 1 / Σ q, the mipmap.
+PLACE_U, PLACE_V, PLACE_S, PLACE_T, WEIGHT, DETAIL = (np.uint64(CHUNK * k) for k in range(6))
 LIGHT_COLUMNS = 6  # attributes in front of the texture coordinates
 
 
 class Textures(NamedTuple):
     """All textures of a scene, level by level in one array."""
 
-    texel: np.ndarray  # (n_texel, 4) float32, linear red, green, blue, and alpha
+    texel: np.ndarray  # (4 * n_texel,) float32: linear red, green, blue, and alpha of each
     level: np.ndarray  # (n_level, 3) int64: first texel, width, height
     first_level: np.ndarray  # (n_texture + 1,) int64
     filter: np.ndarray  # (n_texture,) int64
@@ -43,7 +46,7 @@ def make_textures(materials) -> Textures:
     first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
     filters, wraps = ("nearest", "bilinear", "trilinear"), ("repeat", "clamp", "mirror")
     return Textures(
-        np.concatenate([level.reshape(-1, 4) for level in levels]) if levels else np.empty((0, 4), np.float32),
+        np.concatenate([level.ravel() for level in levels]) if levels else np.empty(0, np.float32),
         np.column_stack([first[:-1], shapes[:, 1], shapes[:, 0]]).astype(np.int64),
         np.cumsum([0] + [len(texture.pyramid) for texture in different.values()]).astype(np.int64),
         np.array([filters.index(texture.filter) for texture in different.values()], np.int64),
@@ -53,10 +56,14 @@ def make_textures(materials) -> Textures:
 
 
 @kernel
-def take_texels(canvas, records, y_start, n_row, textures, face_material, out_texels):
-    """Look the texture up at every sample of the band; `face_material` is that of each triangle, or empty where there is one."""
+def take_texels(canvas, records, y_start, n_row, textures, face_material, rows, out_texels):
+    """Look the texture up at every sample of the band; `face_material` is that of each triangle, or empty where there is one.
+
+    `rows` are those of lighting, in float64, for what is computed on the way.
+    """
     words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
     records, face_material, texels = borrow_records(records), borrow(face_material), borrow(out_texels)
+    rows = borrow(rows)
     textures = Textures(
         borrow(textures.texel), borrow(textures.level), borrow(textures.first_level), borrow(textures.filter),
         borrow(textures.wrap), borrow(textures.of_material),
@@ -77,8 +84,10 @@ def take_texels(canvas, records, y_start, n_row, textures, face_material, out_te
                 face = np.uint64(records.integers[record, np.uint64(FACE)])
                 number = textures.of_material[face_material[face] if len(face_material) > 0 else np.uint32(0)]
             if number >= 0:
-                out = texels[:, start + k : start + stop]
-                take_run(records, record, left[group] + np.int64(k), y_start + j, textures, np.uint64(number), out)
+                for first in range(k, stop, np.uint64(CHUNK)):
+                    end = min(first + np.uint64(CHUNK), stop)
+                    x, out = left[group] + np.int64(first), texels[:, start + first : start + end]
+                    take_run(records, record, x, y_start + j, textures, np.uint64(number), rows, out)
             else:
                 for channel in range(np.uint64(4)):
                     for i in range(start + k, start + stop):
@@ -87,39 +96,62 @@ def take_texels(canvas, records, y_start, n_row, textures, face_material, out_te
 
 
 @helper
-def take_run(records, record, x, y, textures, number, out):
+def take_run(records, record, x, y, textures, number, rows, out):
     """Look a texture up along a run of samples of one triangle that begins at (x, y)."""
+    n = np.uint64(out.shape[1])
+    first, last = textures.first_level[number], textures.first_level[number + np.uint64(1)] - 1
+    kind, wrap_u, wrap_v = textures.filter[number], textures.wrap[number, 0], textures.wrap[number, 1]
+    find_places(records, record, x, y, n, wrap_u, wrap_v, rows)
+    if kind == TRILINEAR:
+        find_details(records, record, n, place_of_level(textures, first), float(last - first), rows)
+    for k in range(n):
+        if kind == NEAREST:
+            color = nearest(textures, first, rows[PLACE_S + k], rows[PLACE_T + k])
+        else:
+            level, part = first, 0.0
+            if kind == TRILINEAR:
+                level, part = first + np.int64(rows[DETAIL + k]), rows[DETAIL + k] - np.floor(rows[DETAIL + k])
+            color = bilinear(textures, level, wrap_u, wrap_v, rows[PLACE_S + k], rows[PLACE_T + k])
+            if part > 0.0:
+                coarse = bilinear(textures, level + 1, wrap_u, wrap_v, rows[PLACE_S + k], rows[PLACE_T + k])
+                color = mix(color, coarse, part)
+        out[0, k], out[1, k], out[2, k], out[3, k] = color
+
+
+@helper
+def find_places(records, record, x, y, n, wrap_u, wrap_v, rows):
+    """Fill the rows of texture coordinates, as they are and within the picture, and of 1 / Σ q."""
     place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
     us = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
     vs = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
-    first, last = textures.first_level[number], textures.first_level[number + np.uint64(1)] - 1
-    kind = textures.filter[number]
-    wrap_u, wrap_v = textures.wrap[number, 0], textures.wrap[number, 1]
-    width, height = float(textures.level[np.uint64(first), 1]), float(textures.level[np.uint64(first), 2])
-    _, _, dx1, dy1, dx2, dy2 = place
-    # What one step of a sample, to the right and down, adds to the weights of corners 1 and 2; corner 0 loses both.
-    d_x, u_x, v_x = steps(float(dy2 * SUBPIXEL), float(-dy1 * SUBPIXEL), inv_w, us, vs)
-    d_y, u_y, v_y = steps(float(-dx2 * SUBPIXEL), float(dx1 * SUBPIXEL), inv_w, us, vs)
-    for k in range(np.uint64(out.shape[1])):
+    for k in range(n):
         q0, q1, q2 = corner_weights(place, inv_w, (x + np.int64(k)) * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
         scale = 1.0 / (q0 + q1 + q2)
         u, v = mean(us, q0 * scale, q1 * scale, q2 * scale), mean(vs, q0 * scale, q1 * scale, q2 * scale)
-        level, part = first, 0.0
-        if kind == TRILINEAR:
-            across = ((u_x - u * d_x) * scale * width, (v_x - v * d_x) * scale * height)
-            down = ((u_y - u * d_y) * scale * width, (v_y - v * d_y) * scale * height)
-            square = max(across[0] * across[0] + across[1] * across[1], down[0] * down[0] + down[1] * down[1])
-            detail = min(0.5 * np.log2(square), float(last - first)) if square > 1.0 else 0.0
-            level, part = first + np.int64(detail), detail - np.floor(detail)
-        if kind == NEAREST:
-            red, green, blue, alpha = nearest(textures, level, wrap_u, wrap_v, u, v)
-        else:
-            red, green, blue, alpha = bilinear(textures, level, wrap_u, wrap_v, u, v)
-        if part > 0.0:
-            coarse = bilinear(textures, level + 1, wrap_u, wrap_v, u, v)
-            red, green = red + part * (coarse[0] - red), green + part * (coarse[1] - green)
-            blue, alpha = blue + part * (coarse[2] - blue), alpha + part * (coarse[3] - alpha)
-        out[0, k], out[1, k], out[2, k], out[3, k] = red, green, blue, alpha
+        rows[WEIGHT + k], rows[PLACE_U + k], rows[PLACE_V + k] = scale, u, v
+        rows[PLACE_S + k], rows[PLACE_T + k] = into_picture(u, wrap_u), into_picture(1.0 - v, wrap_v)
+
+
+@helper
+def find_details(records, record, n, size, most, rows):
+    """Fill the row of the mipmaps' numbers: whole ones are the levels, what lies between is a mixture of two."""
+    _, width, height = size
+    _, _, dx1, dy1, dx2, dy2 = place_of(records.integers, record)
+    inv_w = corners_of(records.numbers, record, INV_W)
+    us = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
+    vs = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
+    # What one step of a sample, to the right and down, adds to the weights of corners 1 and 2; corner 0 loses both.
+    d_x, u_x, v_x = steps(float(dy2 * SUBPIXEL), float(-dy1 * SUBPIXEL), inv_w, us, vs)
+    d_y, u_y, v_y = steps(float(-dx2 * SUBPIXEL), float(dx1 * SUBPIXEL), inv_w, us, vs)
+    wide, high = float(width), float(height)
+    for k in range(n):
+        u, v, scale = rows[PLACE_U + k], rows[PLACE_V + k], rows[WEIGHT + k]
+        across_u, across_v = (u_x - u * d_x) * scale * wide, (v_x - v * d_x) * scale * high
+        down_u, down_v = (u_y - u * d_y) * scale * wide, (v_y - v * d_y) * scale * high
+        rows[DETAIL + k] = max(across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v)
+    for k in range(n):
+        square = rows[DETAIL + k]
+        rows[DETAIL + k] = min(0.5 * np.log2(square), most) if square > 1.0 else 0.0
 
 
 @helper
@@ -130,25 +162,44 @@ def steps(e1, e2, inv_w, us, vs):
 
 
 @helper
-def nearest(textures, level, wrap_u, wrap_v, u, v):
-    """The texel that a point lies in."""
-    start, width, height = place_of_level(textures, level)
-    i, j = wrapped(np.int64(np.floor(u * width)), width, wrap_u), wrapped(np.int64(np.floor((1.0 - v) * height)), height, wrap_v)
-    return texel_at(textures, start + j * width + i)
+def into_picture(x, wrap):
+    """The place within 0..1 that stands for any place along an axis, from the left or from the top."""
+    if wrap == CLAMP:
+        return min(max(x, 0.0), 1.0)
+    if wrap == MIRROR:
+        x = x - 2.0 * np.floor(0.5 * x)
+        return min(x, 2.0 - x)
+    return x - np.floor(x)
 
 
 @helper
-def bilinear(textures, level, wrap_u, wrap_v, u, v):
+def nearest(textures, level, s, t):
+    """The texel that a point lies in; the picture's right and lower border belong to the last one."""
+    start, width, height = place_of_level(textures, level)
+    return texel_at(textures, start + min(np.int64(t * height), height - 1) * width + min(np.int64(s * width), width - 1))
+
+
+@helper
+def bilinear(textures, level, wrap_u, wrap_v, s, t):
     """Mean of the four texels whose centres are about a point."""
     start, width, height = place_of_level(textures, level)
-    x, y = u * width - 0.5, (1.0 - v) * height - 0.5
+    x, y = s * width - 0.5, t * height - 0.5
     left, top = np.floor(x), np.floor(y)
     across, down = x - left, y - top
-    i0, i1 = wrapped(np.int64(left), width, wrap_u), wrapped(np.int64(left) + 1, width, wrap_u)
-    j0, j1 = wrapped(np.int64(top), height, wrap_v), wrapped(np.int64(top) + 1, height, wrap_v)
+    i0, i1 = neighbours(np.int64(left), width, wrap_u)
+    j0, j1 = neighbours(np.int64(top), height, wrap_v)
     above = mix(texel_at(textures, start + j0 * width + i0), texel_at(textures, start + j0 * width + i1), across)
     below = mix(texel_at(textures, start + j1 * width + i0), texel_at(textures, start + j1 * width + i1), across)
     return mix(above, below, down)
+
+
+@helper
+def neighbours(i, n, wrap):
+    """The texels i and i + 1, of which one may lie a step outside the picture: mirrored, that is the one at the border again."""
+    low, high = i, i + 1
+    if wrap == REPEAT:
+        return n - 1 if low < 0 else low, np.int64(0) if high >= n else high
+    return max(low, np.int64(0)), min(high, n - 1)
 
 
 @helper
@@ -169,19 +220,11 @@ def place_of_level(textures, level):
 @helper
 def texel_at(textures, index):
     """One texel."""
-    row = textures.texel[np.uint64(index)]
-    return float(row[0]), float(row[1]), float(row[2]), float(row[3])
-
-
-@helper
-def wrapped(i, n, wrap):
-    """The index within 0..n-1 that stands for any index."""
-    if wrap == CLAMP:
-        return min(max(i, np.int64(0)), n - 1)
-    if wrap == MIRROR:
-        i = i % (2 * n)
-        return min(i, 2 * n - 1 - i)
-    return i % n
+    i = np.uint64(index) << np.uint64(2)
+    texel = textures.texel
+    return (
+        float(texel[i]), float(texel[i + np.uint64(1)]), float(texel[i + np.uint64(2)]), float(texel[i + np.uint64(3)]),
+    )  # fmt: skip
 
 
 @kernel
