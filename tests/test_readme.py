@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 PICTURES = re.findall(r"!\[[^]]*\]\((models/pictures/[^)]+)\)", README)
-COMMANDS = re.findall(r"`raster (render [^`]+ -o [^`]+)`", README)
+COMMANDS = re.findall(r"`raster ((?:render|compare) [^`]+ -o [^`]+)`", README)
 
 
 @pytest.fixture
