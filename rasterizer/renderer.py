@@ -167,7 +167,10 @@ class Renderer:
                 continue
             if k not in self._shadows or source.attached == "camera":
                 silent = Clock()
-                self._shadows[k] = draw_shadow_map(source, view, self._casters, plan, self._scratch, self._workers, silent)
+                before = self._shadows.get(k)
+                self._shadows[k] = draw_shadow_map(
+                    source, view, self._casters, plan, self._scratch, self._workers, silent, before
+                )
             self._shadows[k].move(view.eye)
             shadows.append(self._shadows[k])
         clock.lap("shadows")

@@ -82,8 +82,11 @@ def find_casters(geometry, bounds, is_opaque) -> Casters | None:
     return Casters(geometry._replace(corner=geometry.vertex), corners)
 
 
-def draw_shadow_map(light, view, casters, plan, scratch, workers, clock) -> ShadowMap:
-    """Draw what a light sees; one that is attached to the camera is where `view` puts it."""
+def draw_shadow_map(light, view, casters, plan, scratch, workers, clock, before=None) -> ShadowMap:
+    """Draw what a light sees; one that is attached to the camera is where `view` puts it.
+
+    `before` is the light's map in the picture before, whose memory is used again: new memory costs a fifth of the time.
+    """
     axes = np.stack([view.right, view.up, -view.forward])
     in_camera = light.attached == "camera"
     direction = getattr(light, "direction", None)
@@ -93,7 +96,8 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, clock) -> Shad
         origin = view.eye + np.array(light.position) @ axes if in_camera else np.array(light.position)
     size = light.shadow.size
     views = _choose_views(light, origin, direction, casters.corners - origin, size)
-    block = np.zeros(HEADER + len(views) * size * size)
+    n_number = HEADER + len(views) * size * size
+    block = before.block if before is not None and len(before.block) == n_number else np.empty(n_number)
     block[[N_MAP, SIZE, FILTER, IS_PERSPECTIVE]] = len(views), size, light.shadow.filter, views[0][1].is_perspective
     texels = block[HEADER:].reshape(len(views), size, size)
     for k, (light_view, projection) in enumerate(views):

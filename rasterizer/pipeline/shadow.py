@@ -1,14 +1,14 @@
 """Shadows: which part of a light arrives, by comparing depths with a map of what the light sees (Williams 1978).
 
-A shadow map is a picture of the scene from the light, drawn by this rasterizer: a texel holds 1/w of the nearest surface, or minus
-its depth where the rays are parallel; so larger is nearer, and both are planes over the map where the surface is one.
+A shadow map is a picture of the scene from the light, drawn by this rasterizer: a texel holds 1/w of the nearest surface, or
+minus its depth where the rays are parallel; so larger is nearer, and both are planes over the map where the surface is one.
 
 `cast` is a row function like those of lights (lights.py): it reads the rows of positions, normals and of the surface's shape, and
-multiplies STRENGTH by the lit part. Its numbers are a header followed by the maps themselves. A picture with shadows is computed in
-float64: next to a shadow's edge no error is small.
+multiplies STRENGTH by the lit part. Its numbers are a header followed by the maps themselves. A picture with shadows is computed
+in float64: next to a shadow's edge no error is small.
 
-A texel shows the depth at its centre alone. So a surface's own depth is taken there, too: the value at the point plus the slopes of
-its tangent plane, which the normal gives, times the way to the centre. On one plane both agree, but for
+A texel shows the depth at its centre alone. So a surface's own depth is taken there, too: the value at the point plus the slopes
+of its tangent plane, which the normal gives, times the way to the centre. On one plane both agree, but for
 
     half a texel times the slopes     neighbouring polygons that fold towards the light reach into the texel by that much;
                                       it also covers the rounding of the map's vertices, a 512th of a texel
@@ -17,10 +17,10 @@ its tangent plane, which the normal gives, times the way to the centre. On one p
 
 which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px, which tilts
 its polygons a little: so a point is first moved onto the plane that its polygon has in the scene. A polygon that stands for a
-piece of a curved surface may lie below it: the point is then lifted along its normal by LIFT, how far the polygon's corners lie from
-their neighbours' tangent planes (geometry.py); flat surfaces have no lift. Nothing of a convex surface is before a tangent plane
-of a point so lifted; its polygon's own plane may cut off neighbours, near the line where light and shade meet. Where the light lies on the plane
-or behind it there are no slopes, and the point is lit.
+piece of a curved surface may lie below it: the point is then lifted along its normal by LIFT, how far the polygon's corners lie
+from their neighbours' tangent planes (geometry.py); flat surfaces have no lift. So nothing of a convex surface lies before the
+tangent plane of a lifted point; before the plane of its polygon neighbours may lie, where the polygon is turned away from the
+light and its normals are not yet. Where a point is lifted beyond the light, it is lit.
 """
 
 import numpy as np
@@ -49,8 +49,9 @@ from .rows import (
 )
 from .scan import CLEAR, GROUP_SHIFT
 
-# The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether rays diverge;
-# then for each map: the light's place relative to the eye, its axes (right, up, forward), scale and centre, texels; rounding of its values.
+# The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether rays
+# diverge; then for each map: the light's place relative to the eye, its axes (right, up, forward), scale and centre, texels;
+# rounding of its values.
 N_MAP, SIZE, FILTER, IS_PERSPECTIVE, MAPS = 0, 1, 2, 3, 4
 ORIGIN, RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, N_MAP_NUMBER = (
     0, 3, 6, 9, 12, 13, 14, 15, 16, 17,
