@@ -1,5 +1,7 @@
 """Check the illumination equation over points against the judge's, in float32 and with grazing light, too."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stages import NOTHING, lighting_of
@@ -65,7 +67,11 @@ def light_them(camera, lights, material, dtype, side, points, has_albedo, n_mate
     view = camera.view()
     screen = make_screen(view, camera.projection(SIZE), (0.5, 20.0), 0.5, np.inf)
     lighting, plan = lighting_of(
-        lights, [material] * n_material, view, dtype, albedo if has_albedo else NOTHING
+        lights,
+        [replace(material, name=str(k)) for k in range(n_material)],
+        view,
+        dtype,
+        albedo if has_albedo else NOTHING,
     )
     out = np.full((len(positions), plan.n_channel), np.nan, dtype)
     columns = [np.ascontiguousarray(values.T) for values in (positions, normals)]
