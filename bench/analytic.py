@@ -23,8 +23,8 @@ class Truth(NamedTuple):
 
 
 def find_surface(scene) -> str | None:
-    """Return "sphere" or "torus" if all vertices of the scene lie on that surface, and nothing but light and one plain material matter;
-    else None."""
+    """Return "sphere" or "torus" if all vertices of the scene lie on that surface, and nothing but light and one plain material
+    matter; else None."""
     mesh = scene.meshes[0]
     is_plain = len(scene.meshes) == len(mesh.palette) == 1 and mesh.colors is None and mesh.face_colors is None
     is_plain &= mesh.material.texture is None and mesh.material.is_opaque

@@ -4,8 +4,9 @@
     python bench/before_after.py ../before
     python bench/before_after.py ../before path/to/scan.obj dense --threads 2
 
-Two processes, one for each version, draw the same scene frame by frame in turns; only one of them works at a time. The scenes use nothing
-that is optional: what a picture doesn't need must cost it nothing, in either version. Columns are explained in bench/README.md.
+Two processes, one for each version, draw the same scene frame by frame in turns; only one of them works at a time. The scenes
+use nothing that is optional: what a picture doesn't need must cost it nothing, in either version. Columns are explained in
+bench/README.md.
 """
 
 import argparse
@@ -26,10 +27,8 @@ from bench import scenes
 from rasterizer import Renderer
 case, size, shading, channels, cull, threads = sys.argv[1:]
 size = scenes.size_of(size)
-renderer = Renderer(scenes.build(case, size, "one", channels), size, shading=shading, cull=cull, outputs=("rgb",), threads=int(threads))
-renderer.render()
-print("ready", flush=True)
-for _ in sys.stdin:
+renderer = Renderer(scenes.build(case, size, "one", channels), size, shading=shading, cull=cull, outputs=("rgb",),
+threads=int(threads)) renderer.render() print("ready", flush=True) for _ in sys.stdin:
     start = time.perf_counter()
     renderer.render()
     print(1000 * (time.perf_counter() - start), flush=True)

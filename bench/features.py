@@ -3,8 +3,8 @@
     python bench/features.py                       lights, reflection models, shadows, textures, layers, spectra
     python bench/features.py --model path/to/scan.obj --size 1080p
 
-Light and material: a square that fills the picture, Phong's shading, so that every pixel is lit. Shadow maps: those of a model, drawn
-anew for every frame, because their light moves with the camera. Columns are explained in bench/README.md.
+Light and material: a square that fills the picture, Phong's shading, so that every pixel is lit. Shadow maps: those of a model,
+drawn anew for every frame, because their light moves with the camera. Columns are explained in bench/README.md.
 """
 
 import argparse
@@ -29,7 +29,8 @@ def square(material, **attributes):
     """A square that fills any picture, with normals that differ."""
     normals = [[0.1, 0, 0.99], [-0.1, 0, 0.99], [0, 0.2, 0.98], [0, -0.2, 0.98]]
     vertices = [[-4, -4, -1], [4, -4, -1], [4, 4, -1], [-4, 4, -1]]
-    return rz.Mesh(vertices, [[0, 1, 2], [0, 2, 3]], normals, uv=[[0, 0], [4, 0], [4, 4], [0, 4]], material=material, **attributes)
+    uv = [[0, 0], [4, 0], [4, 4], [0, 4]]
+    return rz.Mesh(vertices, [[0, 1, 2], [0, 2, 3]], normals, uv=uv, material=material, **attributes)
 
 
 def scene_of(material=LOOK, lights=(SUN,), n_layer=1):
@@ -63,7 +64,7 @@ def list_features() -> dict:
 def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", default="dense-torus", help="whose shadow maps are drawn: a file, or a name (default: %(default)s)")
+    parser.add_argument("--model", default="dense-torus", help="whose shadow maps are drawn (default: %(default)s)")
     parser.add_argument("--size", default="1080p")
     parser.add_argument("--seconds", type=float, default=20.0, help="time limit of each table (default: %(default)s)")
     parser.add_argument("--frames", type=int, default=25)

@@ -4,8 +4,8 @@
 `helper` is for scalar functions that kernels call: the compiler inlines them.
 
 Numba stamps its cache with one file's time and size only, so a changed helper in another file would leave stale kernels behind.
-The cache folder therefore carries a hash of all the sources that kernels are made of. Where no folder can be written the kernels are compiled
-in every process: slower, never broken.
+The cache folder therefore carries a hash of all the sources that kernels are made of. Where no folder can be written the
+kernels are compiled in every process: slower, never broken.
 """
 
 import contextlib

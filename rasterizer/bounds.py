@@ -73,7 +73,8 @@ def matte_magnification(material) -> float:
 
 
 def common_color(materials, lights, ambient):
-    """Return the RGB triple, its largest component 1, of which every intensity of the picture is a multiple; None if there is none.
+    """Return the RGB triple, its largest component 1, of which every intensity of the picture is a multiple; None if there is
+    none.
 
     Intensities are products of a material's and a light's colour, so it is enough that all lights are grey and all the
     materials' colours multiples of one triple, or the other way round.
@@ -100,7 +101,8 @@ def _direction(colors):
 
 
 def intensity_bounds(materials, lights, ambient, most_albedo) -> tuple[float, float]:
-    """Largest intensity that any point can have, and the largest sum of highlights, each times its exponent or what stands for it.
+    """Largest intensity that any point can have, and the largest sum of highlights, each times its exponent or what stands for
+    it.
 
     The second says how far an error of the directions is magnified: a power h^n multiplies the relative error of h by n. Each of
     the roundings on the way to h costs 2^-24, of which about eight fall together; the matte terms take about sixteen.

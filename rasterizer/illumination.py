@@ -1,4 +1,5 @@
-"""The illumination of a scene as arrays, for one view: what the row functions of lights and materials read (pipeline/lighting.py)."""
+"""The illumination of a scene as arrays, for one view: what the row functions of lights and materials read
+(pipeline/lighting.py)."""
 
 import numpy as np
 
@@ -22,15 +23,14 @@ from .pipeline.shadow import cast
 from .plan import Plan
 from .scene.lights import DirectionalLight, SpotLight
 
-
 _COLUMNS = (EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR)
 
 
 def make_lighting(plan: Plan, view, shadows=()) -> Lighting:
     """Write lights and materials as arrays, for one view.
 
-    `shadows` holds a light's shadow map (see shadow_maps.py), or None, for each light; nothing where no light has one. Whoever draws
-    keeps it until the picture is done.
+    `shadows` holds a light's shadow map (see shadow_maps.py), or None, for each light; nothing where no light has one. Whoever
+    draws keeps it until the picture is done.
     """
     light, material = _list_lights(plan, view), _list_materials(plan)
     color, n_light_channel = _color_lights(plan)
@@ -57,7 +57,8 @@ def make_lighting(plan: Plan, view, shadows=()) -> Lighting:
 
 
 def _list_lights(plan, view) -> np.ndarray:
-    """A row of numbers for each light; those that move with the camera are turned to the world, positions are relative to the eye."""
+    """A row of numbers for each light; those that move with the camera are turned to the world, positions are relative to the
+    eye."""
     axes = np.stack([view.right, view.up, -view.forward])  # rows: the camera's axes in the world
     light = np.zeros((len(plan.lights), N_NUMBER))
     for row, source in zip(light, plan.lights, strict=True):

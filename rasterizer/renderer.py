@@ -137,8 +137,8 @@ class Renderer:
         return counts
 
     def _light_points(self, plan, lighting, screen) -> np.ndarray:
-        """Intensities of the points, (n_side, n_point, n_channel); with textures, those of a black surface in front of them, and texture
-        coordinates behind."""
+        """Intensities of the points, (n_side, n_point, n_channel); with textures, those of a black surface in front of them,
+        and texture coordinates behind."""
         options, geometry = self.options, self._geometry
         is_one_sided = options.is_flat or (options.cull == "back" and not geometry.is_inverted.any())
         n_side = 1 if is_one_sided else 2
@@ -191,7 +191,8 @@ class Renderer:
             return self._plan
         axes = np.stack([view.right, view.up, -view.forward])
         places = [
-            tuple(view.eye + np.array(light.position) @ axes) if light.attached == "camera" else light.position for light in points
+            tuple(view.eye + np.array(light.position) @ axes) if light.attached == "camera" else light.position
+            for light in points
         ]
         for place in places:
             if place not in self._clearances:

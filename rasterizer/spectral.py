@@ -1,7 +1,7 @@
 """Spectral colour: light and colours are multiplied wavelength by wavelength, and seen by the standard observer at the end.
 
-The illumination equation is a sum of products of colours, each times a factor that geometry alone decides (cosines, powers, attenuation,
-shadows). The observer's response is linear. So it may be applied to the products before anything is drawn:
+The illumination equation is a sum of products of colours, each times a factor that geometry alone decides (cosines, powers,
+attenuation, shadows). The observer's response is linear. So it may be applied to the products before anything is drawn:
 
     RGB(Σ_i g_i · kd·Ip_i) = Σ_i g_i · RGB(kd·Ip_i)
 

@@ -139,8 +139,8 @@ def test_many_lights_add_up():
 
 def test_a_scene_without_a_spot_compiles_and_runs_no_spot_code():
     """Row functions are looked up by the lights that are there."""
-    from rasterizer.pipeline.lights import LIGHTS as KINDS
     from rasterizer.illumination import row_functions_of
+    from rasterizer.pipeline.lights import LIGHTS as KINDS
 
     scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
     used = row_functions_of(rz.Renderer(scene, 8)._plan)

@@ -1,4 +1,4 @@
-"""Check transparent surfaces: sums over layers in closed form, whatever the order of the faces, the samples, the bands and the threads."""
+"""Check transparent surfaces: sums over layers in closed form, whatever the order of the faces, the samples and the threads."""
 
 import itertools
 from dataclasses import replace
@@ -199,7 +199,8 @@ def soup(seed, n=60):
     points = rng.normal(size=(n, 3, 3)) * (2, 2, 1) + (0, 0, -5)
     points[: n // 6, 0] = rng.normal(size=(n // 6, 3)) * 3 + (0, 0, 2)  # behind the eye
     points[n // 6 : n // 3, 2] = points[n // 6 : n // 3, :2].mean(axis=1) + 0.003 * rng.normal(size=(n // 6, 3))
-    materials = [rz.Material(diffuse=tuple(c), specular=0.2, opacity=o) for c, o in zip(COLORS, (*OPACITIES[:4], 1.0), strict=True)]
+    looks = zip(COLORS, (*OPACITIES[:4], 1.0), strict=True)
+    materials = [rz.Material(diffuse=tuple(color), specular=0.2, opacity=opacity) for color, opacity in looks]
     numbers = np.arange(n) % 5
     return rz.Mesh(points.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3), materials=materials, face_material=numbers)
 

@@ -1,4 +1,4 @@
-"""Check shadows in whole pictures: no acne, edges and penumbrae where geometry has them, and the same bytes however they are drawn."""
+"""Check shadows in whole pictures: no acne, edges and penumbrae where geometry has them, same bytes however they are drawn."""
 
 from dataclasses import replace
 

@@ -4,7 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pinhole import ALBEDO, SHADINGS, WHITE, at_pixel, eye_camera, octasphere, sheet_camera
+from pinhole import (
+    ALBEDO,
+    SHADINGS,
+    WHITE,
+    at_pixel,
+    eye_camera,
+    octasphere,
+    sheet_camera,
+)
 
 import rasterizer as rz
 
@@ -119,7 +127,8 @@ def test_samples_look_their_own_texels_up(samples):
     assert whole.sum() > 300 and np.abs(frame.color - mean)[whole].max() < 1e-6
 
 
-def test_a_floor_that_runs_under_the_eye_is_clipped():
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_a_floor_that_runs_under_the_eye_is_clipped(shading):
     """Corners far behind the eye: what is left of the triangle carries its texture on."""
     vertices = np.array([(-30, -1, 9), (30, -1, 9), (2, -1, -40)], float)
     uv = vertices[:, [0, 2]] * (0.3, -0.2)
@@ -130,7 +139,7 @@ def test_a_floor_that_runs_under_the_eye_is_clipped():
     drift = (np.abs(steps).sum(axis=0) / 0.01 / 512) * texels
     for kind in ("nearest", "bilinear"):
         material = replace(ALBEDO, texture=rz.Texture(TEXELS, kind))
-        frame = show([rz.Mesh(vertices, [[0, 1, 2]], uv=uv, material=material)], camera=eye_camera(near=0.5))
+        frame = show([rz.Mesh(vertices, [[0, 1, 2]], uv=uv, material=material)], shading, camera=eye_camera(near=0.5))
         assert frame.stats.clipped == 1
         off = np.abs(frame.color - looked_up(TEXELS, place, kind)).max(axis=-1)
         if kind == "nearest":
@@ -169,7 +178,8 @@ def test_trilinear_takes_the_level_of_its_derivatives(scale, wrap):
 def test_narrow_textures(shape, kind):
     texels = rng.uniform(0, 1, (*shape, 3))
     triangle, uv = tilted_quad()
-    frame = show([rz.Mesh(triangle[:3], [[0, 1, 2]], uv=uv[:3] * 0.01, material=replace(ALBEDO, texture=rz.Texture(texels, kind)))])
+    material = replace(ALBEDO, texture=rz.Texture(texels, kind))
+    frame = show([rz.Mesh(triangle[:3], [[0, 1, 2]], uv=uv[:3] * 0.01, material=material)])
     place = coordinates(triangle, uv * 0.01, *grid())
     expected = looked_up(texels, place, "nearest" if kind == "nearest" else "bilinear")
     off = np.abs(frame.color - expected)[(frame.alpha > 0) & ~is_near_border(texels, place)]
@@ -225,7 +235,8 @@ def test_each_face_has_the_texture_of_its_material(shading):
 def test_the_texture_weakens_the_matte_light_alone(shading, colored):
     """Emission and highlight stay: rest + (whole - rest)·texel, each of the two drawn without textures."""
     vertices, faces = octasphere(1)
-    mesh = {"normals": vertices.copy(), "uv": vertices[:, :2], "colors": rng.uniform(0.3, 1, (len(vertices), 3)) if colored else None}
+    colors = rng.uniform(0.3, 1, (len(vertices), 3)) if colored else None
+    mesh = {"normals": vertices.copy(), "uv": vertices[:, :2], "colors": colors}
     vertices = vertices + (0, 0, -3)
     shiny = rz.Material(ambient=(0.5, 0.2, 0.4), diffuse=(0.6, 0.5, 0.3), specular=0.4, shininess=5, emissive=(0.05, 0, 0.1))
     picture = rz.Texture(TEXELS, "nearest")
@@ -234,7 +245,8 @@ def test_the_texture_weakens_the_matte_light_alone(shading, colored):
         return show([rz.Mesh(vertices, faces, material=replace(shiny, **changes), **mesh)], shading, LIT).color
 
     whole, rest, product = draw(), draw(diffuse=0, ambient=0), draw(texture=picture)
-    texel = show([rz.Mesh(vertices, faces, material=replace(ALBEDO, texture=picture), **(mesh | {"colors": None}))], shading).color
+    white = mesh | {"colors": None}
+    texel = show([rz.Mesh(vertices, faces, material=replace(ALBEDO, texture=picture), **white)], shading).color
     assert np.ptp(texel) > 0.5 and np.ptp(rest) > 0.1
     assert np.abs(product - (rest + (whole - rest) * texel)).max() < 1e-6
 

@@ -2,8 +2,9 @@
 
 The scan stage takes its triangles BLOCK at a time. What is to be known of them stands in rows, one quantity a row and one
 triangle a column, so that the arithmetic runs through all of them in vector instructions: done one by one, small triangles would
-take as long to set up as to fill. A block that isn't full is worked on to its end all the same: constant loops are shorter. All rows of a type stand one behind the other in one flat array, `reals[Z0 + k]`: with
-offsets that are known when it is compiled, the compiler sees that rows don't overlap.
+take as long to set up as to fill. A block that isn't full is worked on to its end all the same: constant loops are shorter. All
+rows of a type stand one behind the other in one flat array, `reals[Z0 + k]`: with offsets that are known when it is compiled,
+the compiler sees that rows don't overlap.
 """
 
 from typing import NamedTuple

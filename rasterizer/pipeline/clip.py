@@ -102,7 +102,8 @@ def place(corners, screen):
 
 @kernel
 def find_crossing(positions, vertex, faces, screen, out_face):
-    """Find those of the triangles `faces` that don't lie wholly beyond one of the planes; return how many: nothing is left of the others."""
+    """Find those of the triangles `faces` that don't lie wholly beyond one of the planes; return how many: nothing is left of
+    the others."""
     corners = np.empty((3, N_COLUMN))
     n_out = np.uint64(0)
     for face in faces:

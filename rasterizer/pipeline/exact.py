@@ -1,7 +1,7 @@
 """Exact interpolation over the triangle of an exact record (records.py), for shade.py and buffers.py.
 
-It is perspective-correct: with the edge functions e_i of a sample, q_i = e_i / w_i, an attribute is Σ q_i·a_i / Σ q_i (Blinn 1992,
-"Hyperbolic interpolation"). Nothing is extrapolated, and the e_i are exact integers, so slivers are as good as any.
+It is perspective-correct: with the edge functions e_i of a sample, q_i = e_i / w_i, an attribute is Σ q_i·a_i / Σ q_i (Blinn
+1992, "Hyperbolic interpolation"). Nothing is extrapolated, and the e_i are exact integers, so slivers are as good as any.
 """
 
 import numpy as np

@@ -4,9 +4,9 @@ In:  the band's list of triangles, which of them are opaque.
 Out: every sample's colour, weighted by its opacity, and its opacity: all surfaces that are seen there, nearest first, up to the
      first opaque one.
 
-The layers are peeled off one by one (Everitt 2001, "Interactive order-independent transparency"; Mammen 1989): each pass finds, at
-every sample, the nearest surface behind the one before. Words hold depth above the triangle's number, so they order all surfaces
-at a sample, whatever their order in the file: at equal depth the lower number lies in front, as everywhere.
+The layers are peeled off one by one (Everitt 2001, "Interactive order-independent transparency"; Mammen 1989): each pass finds,
+at every sample, the nearest surface behind the one before. Words hold depth above the triangle's number, so they order all
+surfaces at a sample, whatever their order in the file: at equal depth the lower number lies in front, as everywhere.
 
     color += transmitted · a · c      transmitted *= 1 - a      nearest first (Porter & Duff 1984, `over`)
 """

@@ -59,7 +59,7 @@ class Lighting(NamedTuple):
     has_albedo: bool  # colours are given with the model
     color: np.ndarray  # (1 or n_material, n_light, 6): what D, and what the highlight, is multiplied by, a column a channel
     shadow_function: int  # address of the row function that casts shadows
-    shadow: np.ndarray  # (n_light,) int64, addresses of the lights' shadow maps (shadow.py), 0 for none; empty where no light has one
+    shadow: np.ndarray  # (n_light,) int64, addresses of shadow maps (shadow.py), 0 for none; empty where no light has one
 
 
 @helper
@@ -120,13 +120,15 @@ def light_rows(rows, n, lighting, material):
             call_row(lighting.shadow_function, rows.ctypes.data, n, lighting.shadow[light])
         call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
         for channel in range(np.uint64(lighting.n_light_channel)):
-            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, lighting.color[set_of_colors, light, channel], light == 0)
+            matte = lighting.color[set_of_colors, light, channel]
+            add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, matte, light == 0)
             if is_shiny:
                 shine = lighting.color[set_of_colors, light, np.uint64(3) + channel]
                 add_light(rows, n, SPECULAR_SUM + channel * NEXT_CHANNEL, SPECULAR, shine, light == 0)
     for channel in range(np.uint64(lighting.n_channel)):
         # With grey lights all channels read the sums of channel 0.
-        compose(rows, n, channel, channel if lighting.n_light_channel > 1 else np.uint64(0), number, lighting.has_albedo, is_shiny)
+        source = channel if lighting.n_light_channel > 1 else np.uint64(0)
+        compose(rows, n, channel, source, number, lighting.has_albedo, is_shiny)
 
 
 @helper

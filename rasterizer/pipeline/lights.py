@@ -117,8 +117,8 @@ def end_at_range(row, n, number):
 
 @register_jitable
 def keep_to_cone(row, n, number):
-    """Let the strength fall from the inner to the outer cone as t²(3 - 2t), t = (c - c_outer)/(c_inner - c_outer), c the cosine of
-    the angle from the axis; a step where both cones are the same, which belongs to the inside."""
+    """Let the strength fall from the inner to the outer cone as t²(3 - 2t), t = (c - c_outer)/(c_inner - c_outer), c the cosine
+    of the angle from the axis; a step where both cones are the same, which belongs to the inside."""
     axis_x, axis_y, axis_z = number[AXIS], number[AXIS + 1], number[AXIS + 2]
     outer, scale = number[COS_OUTER], number[CONE_SCALE]
     zero, one, two, three = number.dtype.type(0), number.dtype.type(1), number.dtype.type(2), number.dtype.type(3)

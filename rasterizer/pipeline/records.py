@@ -6,7 +6,8 @@ There are three ways for a triangle's attributes to reach its samples; each tria
   1971). One channel, flat shading and Gouraud's method.
 * In planes: a record holds value, d/dx and d/dy of every attribute. Three channels (integers, so that constants stay constant and
   nothing leaves the range of the vertices), and the normals of Phong's method (float32).
-* Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in perspective.
+* Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
+perspective.
   What the first two can't do within the tolerance, and everything at tolerance 0.
 
 Which one is decided for each triangle by bounds that stand beside the code, never by measuring.
@@ -59,8 +60,8 @@ MAX_RECORDS = 1 << (LEVEL_BITS - 1)
 
 EXACT, IN_WORDS, IN_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # kinds of coding; IN_PLANES and above have records with planes
 
-# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and the side that
-# is seen.
+# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and the side
+# that is seen.
 PLACE, FACE, SIDE = 0, 6, 7
 # Columns of an exact record's numbers: 1/w, depth (orthographic) and each attribute, each at the three vertices.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6

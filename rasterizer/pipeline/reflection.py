@@ -242,7 +242,8 @@ def half_parts(row, k):
 def beckmann_visible(cosine, m):
     """G1(θ) / cos θ of Beckmann's distribution: with a = 1/(m tan θ) < 1.6, G1 = (3.535 a + 2.181 a²) / (1 + 2.276 a + 2.577 a²).
 
-    Else 1 (Walter et al. 2007, equation 27). The fraction exceeds 1 by less than 1e-4 from a = 1.55 on; cut off at 1, it is continuous.
+    Else 1 (Walter et al. 2007, equation 27). The fraction exceeds 1 by less than 1e-4 from a = 1.55 on; cut off at 1, it is
+    continuous.
     """
     number = type(cosine)
     slope = m * np.sqrt(max(number(1) - cosine * cosine, number(1e-12)))  # cos θ / a

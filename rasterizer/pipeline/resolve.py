@@ -1,10 +1,12 @@
 """Stage 7, resolve: a band's intensities into the picture, while they are in the cache.
 
 In:  the band's z-buffer (what is covered) and radiance (linear intensities).
-Out: all of the band's rows of the picture: linear colour float32, and red, green, blue, alpha in 8 bits. The z-buffer is left clean for the next band.
+Out: all of the band's rows of the picture: linear colour float32, and red, green, blue, alpha in 8 bits. The z-buffer is left
+clean for the next band.
 
-Samples are averaged over each pixel (box filter, linear light) where there are several; a pixel's colour is the mean of its covered
-samples, its alpha the covered fraction. Then the out-of-range policy, the sRGB curve (IEC 61966-2-1) and rounding to the nearest level.
+Samples are averaged over each pixel (box filter, linear light) where there are several; a pixel's colour is the mean of its
+covered samples, its alpha the covered fraction. Then the out-of-range policy, the sRGB curve (IEC 61966-2-1) and rounding to
+the nearest level.
 """
 
 from typing import NamedTuple
@@ -51,11 +53,11 @@ def srgb_thresholds():
 
 
 def make_level_table():
-    """Return an int32 for every bucket of floats from LEAST to MOST: the sum of it and of the lower bits of a float in the bucket has
-    the float's level in its upper bits.
+    """Return an int32 for every bucket of floats from LEAST to MOST: the sum of it and of the lower bits of a float in the
+    bucket has the float's level in its upper bits.
 
-    A bucket is 2^-7 of its octave wide, and no two thresholds come so close: so it holds one threshold at most, and the sum carries
-    into the level from there on. (Positive floats are ordered as their bits are.)
+    A bucket is 2^-7 of its octave wide, and no two thresholds come so close: so it holds one threshold at most, and the sum
+    carries into the level from there on. (Positive floats are ordered as their bits are.)
     """
     threshold = srgb_thresholds().view(np.int32)
     start = np.arange(FIRST_BUCKET, (MOST.view(np.int32) >> BUCKET_SHIFT) + 1, dtype=np.int32) << BUCKET_SHIFT
@@ -275,7 +277,8 @@ def write_colors(pixels, n, color, alpha):
 
 @helper
 def fill_blank(out, j, first, stop, encoding, blank):
-    """Fill a row's pixels on both sides of first..stop, where nothing is drawn, with the background, or with transparent black."""
+    """Fill a row's pixels on both sides of first..stop, where nothing is drawn, with the background, or with transparent
+    black."""
     red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
     alpha = np.float32(1) if encoding.has_background else np.float32(0)
     for left, right in ((0, first), (stop, out.rgba.shape[1])):

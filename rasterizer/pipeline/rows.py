@@ -22,8 +22,8 @@ SPECULAR_SUM = np.uint64(CHUNK * 20)
 ALBEDO = np.uint64(CHUNK * 23)
 INTENSITY = LIGHT_X  # the result, a row a channel, when no light is left to ask
 NEXT_CHANNEL = np.uint64(CHUNK)
-# Of shadows: the polygon's plane, n·P = OFFSET with a unit normal n, and how far the point is lifted above it. Planes of attributes come in groups of four:
-# the row between is what the albedo leaves over.
+# Of shadows: the polygon's plane, n·P = OFFSET with a unit normal n, and how far the point is lifted above it. Planes of
+# attributes come in groups of four: the row between is what the albedo leaves over.
 PLANE_X, PLANE_Y, PLANE_Z, OFFSET, LIFT = (np.uint64(CHUNK * k) for k in range(27, 32))
 N_ROW = 32
 

@@ -1,4 +1,5 @@
-"""Textures: what a picture laid over the surface shows at every visible sample of a band. Between scan and shade, where a scene has any.
+"""Textures: what a picture laid over the surface shows at every visible sample of a band. Between scan and shade, where a scene
+has any.
 
 In:  the band's z-buffer and its exact records (records.py), two attributes of which are texture coordinates.
 Out: `texels`, red, green, blue and alpha of the texture, a plane each; 1 where the visible surface has none.
@@ -21,7 +22,8 @@ from .transform import HALF, SUBPIXEL
 
 NEAREST, BILINEAR, TRILINEAR = 0, 1, 2  # filters
 REPEAT, CLAMP, MIRROR = 0, 1, 2  # what lies outside the picture
-# Rows of a chunk of samples: texture coordinates, the place within the picture from the left and from the top, 1 / Σ q, the mipmap.
+# Rows of a chunk of samples: texture coordinates, the place within the picture from the left and from the top, 1 / Σ q, the
+# mipmap.
 PLACE_U, PLACE_V, PLACE_S, PLACE_T, WEIGHT, DETAIL = (np.uint64(CHUNK * k) for k in range(6))
 LIGHT_COLUMNS = 6  # attributes in front of the texture coordinates
 
@@ -253,7 +255,9 @@ def shade_textured(canvas, records, y_start, n_row, texels, out_radiance):
                     scale = 1.0 / (q0 + q1 + q2)
                     for channel in range(np.uint64(3)):
                         column = np.uint64(ATTRIBUTE) + np.uint64(3) * channel
-                        rest = mean(corners_of(records.numbers, record, column), q0 * scale, q1 * scale, q2 * scale)
-                        whole = mean(corners_of(records.numbers, record, column + np.uint64(9)), q0 * scale, q1 * scale, q2 * scale)
+                        of_rest = corners_of(records.numbers, record, column)
+                        of_whole = corners_of(records.numbers, record, column + np.uint64(9))
+                        rest = mean(of_rest, q0 * scale, q1 * scale, q2 * scale)
+                        whole = mean(of_whole, q0 * scale, q1 * scale, q2 * scale)
                         radiance[channel, start + i] = rest + (whole - rest) * texels[channel, start + i]
             k = stop

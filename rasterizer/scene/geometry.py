@@ -74,10 +74,11 @@ def gather_geometry(scene, is_flat: bool) -> Geometry:
     offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
     face_material = np.empty(0, np.uint32)
     if len(materials) > 1:
-        of_meshes = zip(scene.meshes, numbers, strict=True)
-        face_material = np.concatenate(
-            [number[np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material] for mesh, number in of_meshes]
-        ).astype(np.uint32)
+        of_meshes = [
+            np.full(mesh.n_face, number[0]) if mesh.face_material is None else number[mesh.face_material]
+            for mesh, number in zip(scene.meshes, numbers, strict=True)
+        ]
+        face_material = np.concatenate(of_meshes).astype(np.uint32)
     return Geometry(
         positions, vertex, corner, points, normals, albedo, is_inverted, offsets, group_material, face_material, uv
     )
@@ -256,8 +257,8 @@ def find_clearance(positions, vertex, x, y, z):
 
 @kernel
 def find_shapes(positions, normals, vertex, out_shape):
-    """Find what shadows need of every triangle: its plane, and how far its corners lie, at most, from the tangent planes at the other
-    corners: how far the curved surface that it may stand for is from it.
+    """Find what shadows need of every triangle: its plane, and how far its corners lie, at most, from the tangent planes at the
+    other corners: how far the curved surface that it may stand for is from it.
 
     Parameters
     ----------
@@ -286,8 +287,8 @@ def find_shapes(positions, normals, vertex, out_shape):
 
 
 def find_lifts(geometry) -> np.ndarray:
-    """How far points are lifted for shadows, (n_point,) float64, scene units: as the triangles about a vertex are; the centroid of a
-    polygon as far as its corners are from its plane."""
+    """How far points are lifted for shadows, (n_point,) float64, scene units: as the triangles about a vertex are; the centroid
+    of a polygon as far as its corners are from its plane."""
     lifts = np.zeros(geometry.points.shape[1])
     if geometry.points is geometry.positions:
         shape = np.empty((geometry.vertex.shape[1], 5))

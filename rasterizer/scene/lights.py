@@ -28,7 +28,8 @@ class Shadow:
 
     Parameters
     ----------
-    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; so has a light with
+    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; so has a light
+    with
         a place from which the scene fits into a wide view, else it has six. The cells of an area light have maps of half the size
     filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin & Cook
         1987): an odd number, 1 (hard edges) to 9
@@ -60,7 +61,7 @@ class AmbientLight:
 
     Parameters
     ----------
-    color : intensity Ia, linear: a number, three numbers, hex or CSS text
+    color : intensity Ia, linear: a number, three numbers, hex or CSS text, or a Spectrum
 
     Raises
     ------
@@ -80,7 +81,7 @@ class DirectionalLight:
     Parameters
     ----------
     direction : three numbers, the direction in which the light travels; any length, stored as a unit vector
-    color : intensity Ip, linear: a number, three numbers, hex or CSS text
+    color : intensity Ip, linear: a number, three numbers, hex or CSS text, or a Spectrum
     attached : "world", or "camera" where `direction` is given in the camera's frame
     shadow : Shadow, or True for the default one; None or False = the light casts no shadows
 
@@ -111,7 +112,7 @@ class PointLight:
     Parameters
     ----------
     position : three numbers, scene units
-    color : intensity Ip, linear: a number, three numbers, hex or CSS text
+    color : intensity Ip, linear: a number, three numbers, hex or CSS text, or a Spectrum
     attenuation : (kc, kl, kq), finite, at least 0, not all 0, or text: "1" = (1, 0, 0), no fall-off;
         "1/(d+3)" = (3, 1, 0); "1/d^2" = (0, 0, 1), inverse square
     attached : "world", or "camera" where `position` is given in the camera's frame
@@ -150,7 +151,7 @@ class SpotLight:
     ----------
     position : three numbers, scene units
     direction : three numbers, the direction in which the light travels; any length, stored as a unit vector
-    color : intensity Ip, linear: a number, three numbers, hex or CSS text
+    color : intensity Ip, linear: a number, three numbers, hex or CSS text, or a Spectrum
     inner, outer : degrees from the axis, 0 <= inner <= outer, 0 < outer <= 90; inner None = four fifths of
         `outer`
     exponent : number, at least 0; 0 = even within the inner cone
@@ -201,7 +202,7 @@ class AreaLight:
     ----------
     corner : three numbers, scene units
     edge_u, edge_v : three numbers each, scene units, from the corner along two sides; not parallel
-    color : intensity Ip of the whole light, linear: a number, three numbers, hex or CSS text
+    color : intensity Ip of the whole light, linear: a number, three numbers, hex or CSS text, or a Spectrum
     resolution : (m, n), cells along edge_u and edge_v, from 1 to 64 each
     attenuation, attached, amplify, range, shadow : as for PointLight, for each cell; `attached` holds for corner and
         edges

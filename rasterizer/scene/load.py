@@ -60,8 +60,8 @@ def load(
     ----------
     source : path (str or PathLike), bytes, file object, trimesh.Trimesh or trimesh.Scene, Mesh, pair
         (vertices, faces), or Scene
-    format : text, "obj", "stl", "ply", "off", "glb", "gltf" or "3mf"; None = by the suffix of the path or the
-        file's name
+    format : text, "obj", "stl", "ply", "off", "glb", "gltf" or "3mf", or "json" or "toml" for a scene file; None = by the
+        suffix of the path or the file's name
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals of the file if it has any, else its smoothing groups, else 30
     up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, y for the others

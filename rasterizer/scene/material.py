@@ -37,7 +37,7 @@ class Material:
     triple.
 
     Colours are written as `rasterizer.scene.color.linear_rgb` reads them: a number (grey), three linear
-    numbers, hex or CSS text.
+    numbers, hex or CSS text, or a `Spectrum`.
 
     Parameters
     ----------
