@@ -205,7 +205,7 @@ def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting,
             )
         shade_lit(
             bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, screen, lighting, table.material, table.shape,
-            bench.texels, bench.rows, bench.radiance,
+            bench.texels if plan.textures is not None else None, bench.rows, bench.radiance,
         )  # fmt: skip
 
     return _picture_job(normals, coding, plan, options, encoding, picture, shade, table)

@@ -5,7 +5,7 @@ import numpy as np
 
 from ._kernel import row_function
 from .bounds import cone_cosines, first_fresnel, has_highlight, highlight_scale, kind_of, model_of
-from .pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, N_MATERIAL_COLUMN, SPECULAR_COLOR, Lighting
+from .pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, N_MATERIAL_COLUMN, SPECULAR_COLOR, Lighting, ShadowedLighting
 from .pipeline.lights import (
     ATTENUATION,
     AXIS,
@@ -38,7 +38,7 @@ def make_lighting(plan: Plan, view, shadows=()) -> Lighting:
     models = [REFLECTIONS[model_of(source)] for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
     addresses = [row_function(function, plan.dtype).address for function in row_functions_of(plan)]
-    return Lighting(
+    return (ShadowedLighting if plan.has_shadows else Lighting)(
         light_function=np.array(addresses[: len(light)], np.int64),
         light=light.astype(plan.dtype),
         reflection_function=np.array(addresses[len(light) :], np.int64),

@@ -189,7 +189,7 @@ def draw_lit(bench, screen):
         lighting,
         NO_MATERIAL,
         NO_SHAPE,
-        bench.texels,
+        None,
         bench.rows,
         bench.radiance,
     )
@@ -286,7 +286,7 @@ def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspe
             lighting,
             NO_MATERIAL,
             NO_SHAPE,
-            bench.texels,
+            None,
             bench.rows,
             bench.radiance,
         )
@@ -326,7 +326,7 @@ def test_each_sample_takes_the_material_of_its_own_face(kind):
             lighting,
             material,
             NO_SHAPE,
-            bench.texels,
+            None,
             bench.rows,
             bench.radiance,
         )

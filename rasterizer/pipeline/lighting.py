@@ -9,6 +9,7 @@ light's row function (lights.py), those that depend on the material by the refle
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
 from .._kernel import borrow, call_row, helper, kernel
 from .reflection import N_MATERIAL_NUMBER
@@ -60,6 +61,10 @@ class Lighting(NamedTuple):
     color: np.ndarray  # (1 or n_material, n_light, 6): what D, and what the highlight, is multiplied by, a column a channel
     shadow_function: int  # address of the row function that casts shadows
     shadow: np.ndarray  # (n_light,) int64, addresses of shadow maps (shadow.py), 0 for none; empty where no light has one
+
+
+class ShadowedLighting(Lighting):
+    """Lights some of which cast shadows. Only with these are shadows compiled."""
 
 
 @helper
@@ -116,8 +121,7 @@ def light_rows(rows, n, lighting, material):
             rows[DIFFUSE_SUM + k] = rows[SPECULAR_SUM + k] = zero
     for light in range(np.uint64(len(lighting.light_function))):
         call_row(lighting.light_function[light], rows.ctypes.data, n, lighting.light[light].ctypes.data)
-        if len(lighting.shadow) > 0 and lighting.shadow[light] != 0:
-            call_row(lighting.shadow_function, rows.ctypes.data, n, lighting.shadow[light])
+        cast_shadow(rows, n, lighting, light)
         call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
         for channel in range(np.uint64(lighting.n_light_channel)):
             matte = lighting.color[set_of_colors, light, channel]
@@ -129,6 +133,24 @@ def light_rows(rows, n, lighting, material):
         # With grey lights all channels read the sums of channel 0.
         source = channel if lighting.n_light_channel > 1 else np.uint64(0)
         compose(rows, n, channel, source, number, lighting.has_albedo, is_shiny)
+
+
+def cast_shadow(rows, n, lighting, light):
+    """Multiply STRENGTH by the part of a light that arrives."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(cast_shadow)
+def _overload_cast_shadow(rows, n, lighting, light):
+    if lighting.instance_class is ShadowedLighting:
+        return look_up_shadow
+    return lambda rows, n, lighting, light: None
+
+
+def look_up_shadow(rows, n, lighting, light):
+    """Ask the light's shadow map, if it has one."""
+    if lighting.shadow[light] != 0:
+        call_row(lighting.shadow_function, rows.ctypes.data, n, lighting.shadow[light])
 
 
 @helper
@@ -187,8 +209,7 @@ def light_points(positions, normals, albedo, lift, start, stop, screen, side, li
             view_from_position(rows, n)
         elif lighting.needs_view:
             view_from_direction(rows, n, number(back_x), number(back_y), number(back_z))
-        if len(lighting.shadow) > 0:
-            take_shapes(lift, np.uint64(first), n, rows)
+        take_shapes(lighting, lift, np.uint64(first), n, rows)
         light_rows(rows, n, lighting, material)
         for channel in range(np.uint64(lighting.n_channel)):
             for k in range(np.uint64(n)):
@@ -214,8 +235,19 @@ def take_normals(x, y, z, sign, rows):
         rows[NORMAL_Z + k] = sign * z[k]
 
 
-@helper
-def take_shapes(lift, first, n, rows):
+def take_shapes(lighting, lift, first, n, rows):
+    """Fill the rows of planes and lifts, which shadows need."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(take_shapes)
+def _overload_take_shapes(lighting, lift, first, n, rows):
+    if lighting.instance_class is ShadowedLighting:
+        return take_own_planes
+    return lambda lighting, lift, first, n, rows: None
+
+
+def take_own_planes(lighting, lift, first, n, rows):
     """Of a point alone, its own normal is that of the surface's plane."""
     for k in range(np.uint64(n)):
         x, y, z = rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k]

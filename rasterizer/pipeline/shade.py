@@ -10,11 +10,12 @@ records, if the band has any, are then put in run by run.
 """
 
 import numpy as np
+from numba.extending import overload
 
 from .._kernel import borrow, helper, kernel
 from .exact import corner_weights, corners_of, has_exact, is_exact, mean, place_of, run_end
 from .lanes import GROUP, take_planes
-from .lighting import light_rows, normalize_normals, view_from_direction
+from .lighting import ShadowedLighting, light_rows, normalize_normals, view_from_direction
 from .records import (
     ATTRIBUTE,
     DEPTH,
@@ -124,12 +125,12 @@ def shade_lit(
     """Interpolate normals and evaluate the illumination equation at every visible sample.
 
     Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo). `face_material` is the material
-    of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows; `texels` has
-    planes only where there are textures. `n_exact` records of the band are exact.
+    of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows; `texels`
+    is None where there are no textures. `n_exact` records of the band are exact.
     """
     words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
     radiance, face_material = borrow(out_radiance), borrow(face_material)
-    face_shape, texels = borrow(face_shape), borrow(texels)
+    face_shape = borrow(face_shape)
     records = borrow_records(records)
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
@@ -147,11 +148,10 @@ def shade_lit(
                     invert_distances(rows, n)
             if n_exact > 0 and has_exact(chunk):
                 interpolate_normal_runs(chunk, records, first, y, lighting.has_albedo, screen.is_perspective, rows)
-            if texels.shape[0] > 0:
+            if texels is not None:
                 for channel in range(np.uint64(3)):
-                    weigh_albedo(rows, n, channel, texels[channel, start : start + np.uint64(n)])
-            if len(lighting.shadow) > 0:
-                take_shapes(chunk, records, face_shape, screen.eye, rows)
+                    weigh_albedo(rows, n, channel, borrow(texels)[channel, start : start + np.uint64(n)])
+            take_shapes(lighting, chunk, records, face_shape, screen.eye, rows)
             normalize_normals(rows, n)
             if lighting.needs_view or lighting.needs_position:
                 fill_positions(screen, first, y, n, lighting.needs_position, rows)
@@ -170,9 +170,20 @@ def weigh_albedo(rows, n, channel, texels):
         rows[row + k] *= texels[k]
 
 
-@helper
-def take_shapes(words, records, face_shape, eye, rows):
-    """What shadows need of the polygons: their planes, relative to the eye, and how far points are lifted."""
+def take_shapes(lighting, words, records, face_shape, eye, rows):
+    """Fill the rows of planes and lifts, which shadows need."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(take_shapes)
+def _overload_take_shapes(lighting, words, records, face_shape, eye, rows):
+    if lighting.instance_class is ShadowedLighting:
+        return take_face_shapes
+    return lambda lighting, words, records, face_shape, eye, rows: None
+
+
+def take_face_shapes(lighting, words, records, face_shape, eye, rows):
+    """The planes of the visible polygons, relative to the eye, and how far points are lifted above them."""
     for k in range(np.uint64(len(words))):
         face = face_of(words[k], records) if words[k] & IS_ID else np.uint64(0)
         x, y, z = face_shape[face, 0], face_shape[face, 1], face_shape[face, 2]
