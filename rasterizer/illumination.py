@@ -18,7 +18,7 @@ from .pipeline.lights import (
     N_NUMBER,
     VECTOR,
 )
-from .pipeline.reflection import FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, SCALE, SHININESS
+from .pipeline.reflection import DISTANT, FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, SCALE, SHININESS
 from .pipeline.shadow import cast
 from .plan import Plan
 from .scene.lights import DirectionalLight, SpotLight
@@ -26,7 +26,7 @@ from .scene.lights import DirectionalLight, SpotLight
 _COLUMNS = (EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR)
 
 
-def make_lighting(plan: Plan, view, shadows=()) -> Lighting:
+def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting:
     """Write lights and materials as arrays, for one view.
 
     `shadows` holds a light's shadow map (see shadow_maps.py), or None, for each light; nothing where no light has one. Whoever
@@ -37,11 +37,11 @@ def make_lighting(plan: Plan, view, shadows=()) -> Lighting:
     is_shiny = np.array([has_highlight(source) for source in plan.materials], np.bool_)
     models = [REFLECTIONS[model_of(source)] for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
-    addresses = [row_function(function, plan.dtype).address for function in row_functions_of(plan)]
+    of_lights, of_materials = row_functions_of(plan, is_perspective)
     return (ShadowedLighting if plan.has_shadows else Lighting)(
-        light_function=np.array(addresses[: len(light)], np.int64),
+        light_function=_addresses(of_lights, plan.dtype),
         light=light.astype(plan.dtype),
-        reflection_function=np.array(addresses[len(light) :], np.int64),
+        reflection_function=np.stack([_addresses(functions, plan.dtype) for functions in of_materials]),
         material=material.astype(plan.dtype),
         is_shiny=is_shiny,
         is_view_dependent=is_view_dependent,
@@ -108,10 +108,20 @@ def _color_lights(plan) -> tuple[np.ndarray, int]:
     return np.concatenate([colors, colors], axis=1)[None], 1 if is_grey or plan.n_channel == 1 else 3
 
 
-def row_functions_of(plan: Plan) -> list:
-    """The row functions that a scene uses, and nothing else is compiled: of its lights one by one, then of its materials."""
+def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
+    """The row functions that a scene uses; nothing else is compiled. One for each light, and a list for each material: one a light."""
     of_lights = [LIGHTS[kind_of(source)].row_function for source in plan.lights]
-    return of_lights + [REFLECTIONS[model_of(source)].row_function for source in plan.materials]
+    of_materials = []
+    for material in plan.materials:
+        usual = REFLECTIONS[model_of(material)].row_function
+        distant = usual if is_perspective else DISTANT.get(model_of(material), usual)
+        of_materials.append([distant if isinstance(source, DirectionalLight) else usual for source in plan.lights])
+    return of_lights, of_materials
+
+
+def _addresses(functions, dtype) -> np.ndarray:
+    """Compile row functions; return their addresses, int64."""
+    return np.array([row_function(function, dtype).address for function in functions], np.int64)
 
 
 def _to_world(direction, axes, in_camera):

@@ -117,7 +117,7 @@ class Renderer:
         view, screen = self._screen(camera, options.factor)
         plan = self._plan_for(view)
         shadows = self._draw_shadows(view, clock) if plan.has_shadows else ()
-        lighting = make_lighting(plan, view, shadows)
+        lighting = make_lighting(plan, view, shadows, screen.is_perspective)
         coding = make_coding(plan, screen, options.tolerance)
         encoding = self._encoding
         if plan.is_lit_per_sample:

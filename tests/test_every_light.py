@@ -143,6 +143,6 @@ def test_a_scene_without_a_spot_compiles_and_runs_no_spot_code():
     from rasterizer.pipeline.lights import LIGHTS as KINDS
 
     scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
-    used = row_functions_of(rz.Renderer(scene, 8)._plan)
+    used, _ = row_functions_of(rz.Renderer(scene, 8)._plan, True)
     assert KINDS["point"].row_function in used
     assert KINDS["spot"].row_function not in used and KINDS["directional"].row_function not in used

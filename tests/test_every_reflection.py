@@ -355,3 +355,14 @@ def test_the_command_line_knows_every_model(name, tmp_path):
     meshes = [replace(m, material=replace(m.material, reflection=name)) for m in scene.meshes]
     expected = rz.render(replace(scene, meshes=tuple(meshes)), (24, 24), shading="phong", outputs=("color",)).color
     assert (np.load(out) == expected).all()
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("fresnel", [None, 0.2])
+def test_one_half_vector_serves_all_points_where_light_and_viewer_are_at_infinity(shading, fresnel):
+    material = made("blinn", shininess=30, fresnel=fresnel)
+    camera = rz.Camera.orthographic((1, 2, 5), height=2.6)
+    lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -0.5, -0.3), 0.7), rz.PointLight((2, 3, 4), 0.5))
+    scene = rz.Scene([rz.Mesh(*octasphere(3), material=material, crease_angle=180)], lights, camera)
+    verdict = compare(scene, (60, 50), shading=shading, tolerance=0)
+    assert verdict.color <= EXACT, f"{verdict.color:.3g} > {EXACT:.3g}"

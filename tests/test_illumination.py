@@ -29,7 +29,7 @@ from rasterizer.pipeline.lights import (
     point,
     spot,
 )
-from rasterizer.pipeline.reflection import SHININESS
+from rasterizer.pipeline.reflection import SHININESS, blinn, distant_blinn, lambert
 from rasterizer.plan import make_plan
 from rasterizer.scene.spectrum import Spectrum
 
@@ -88,9 +88,11 @@ def test_row_functions_are_those_of_the_lights_and_then_of_the_materials():
     area = rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 1, 0), resolution=(2, 1))
     lights = (rz.AmbientLight(), rz.SpotLight((1, 2, 3), (0, 0, -1)), area, rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, rz.Material(specular=0), rz.Material(reflection="blinn"))
-    functions = row_functions_of(plan)
-    assert functions[:4] == [spot, point, point, directional] and len(functions) == 6
-    assert len(lighting.light_function) == 4 and len(lighting.reflection_function) == 2
+    of_lights, of_materials = row_functions_of(plan, True)
+    assert of_lights == [spot, point, point, directional] and of_materials == [[lambert] * 4, [blinn] * 4]
+    assert len(lighting.light_function) == 4 and lighting.reflection_function.shape == (2, 4)
+    # The half vector is constant where light and viewer are at infinity.
+    assert row_functions_of(plan, False)[1] == [[lambert] * 4, [blinn] * 3 + [distant_blinn]]
     assert len(set(lighting.light_function.tolist())) == 3 and lighting.needs_position and lighting.needs_view
     assert not lighting_of((rz.DirectionalLight((0, 0, -1)),), rz.Material(specular=0))[0].needs_view
 

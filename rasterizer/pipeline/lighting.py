@@ -49,7 +49,7 @@ class Lighting(NamedTuple):
 
     light_function: np.ndarray  # (n_light,) int64, addresses of row functions
     light: np.ndarray  # (n_light, lights.N_NUMBER)
-    reflection_function: np.ndarray  # (n_material,) int64, addresses of row functions
+    reflection_function: np.ndarray  # (n_material, n_light) int64, addresses of row functions
     material: np.ndarray  # (n_material, N_MATERIAL_COLUMN); AMBIENT is ka·Ia
     is_shiny: np.ndarray  # (n_material,) bool: the material has a highlight
     is_view_dependent: np.ndarray  # (n_material,) bool: its row function reads N·V and the view directions
@@ -122,7 +122,7 @@ def light_rows(rows, n, lighting, material):
     for light in range(np.uint64(len(lighting.light_function))):
         call_row(lighting.light_function[light], rows.ctypes.data, n, lighting.light[light].ctypes.data)
         cast_shadow(rows, n, lighting, light)
-        call_row(lighting.reflection_function[material], rows.ctypes.data, n, number.ctypes.data)
+        call_row(lighting.reflection_function[material, light], rows.ctypes.data, n, number.ctypes.data)
         for channel in range(np.uint64(lighting.n_light_channel)):
             matte = lighting.color[set_of_colors, light, channel]
             add_light(rows, n, DIFFUSE_SUM + channel * NEXT_CHANNEL, DIFFUSE, matte, light == 0)

@@ -88,6 +88,20 @@ def blinn(rows, n, numbers):
     finish_highlights(row, n, number[SHININESS])
 
 
+@register_jitable
+def distant_blinn(rows, n, numbers):
+    """Blinn's highlight where light and viewer are at infinity: H is the same everywhere, and is found once for all n points."""
+    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
+    half_x, half_y, half_z = row[LIGHT_X] + row[VIEW_X], row[LIGHT_Y] + row[VIEW_Y], row[LIGHT_Z] + row[VIEW_Z]
+    square = half_x * half_x + half_y * half_y + half_z * half_z
+    zero, one = row.dtype.type(0), row.dtype.type(1)
+    scale = one / np.sqrt(square) if square > zero else zero
+    half_x, half_y, half_z = half_x * scale, half_y * scale, half_z * scale
+    for k in range(np.uint64(n)):
+        row[SPECULAR + k] = row[NORMAL_X + k] * half_x + row[NORMAL_Y + k] * half_y + row[NORMAL_Z + k] * half_z
+    finish_highlights(row, n, number[SHININESS])
+
+
 def weighted_phong(rows, n, numbers):
     """Phong's highlight times W(θ), or normalised, or both."""
     phong(rows, n, numbers)
@@ -97,6 +111,12 @@ def weighted_phong(rows, n, numbers):
 def weighted_blinn(rows, n, numbers):
     """Blinn's highlight times W(θ), or normalised, or both."""
     blinn(rows, n, numbers)
+    weigh_highlights(rows, n, numbers)
+
+
+def weighted_distant_blinn(rows, n, numbers):
+    """The same where light and viewer are at infinity."""
+    distant_blinn(rows, n, numbers)
     weigh_highlights(rows, n, numbers)
 
 
@@ -200,6 +220,8 @@ REFLECTIONS = {
     "beckmann": Reflection(cook_torrance_beckmann, needs_view=True, has_highlight=True),
     "toon": Reflection(toon, needs_view=True, has_highlight=True),
 }
+# What takes their place where light and viewer are at infinity.
+DISTANT = {"blinn": distant_blinn, "weighted blinn": weighted_distant_blinn}
 
 
 @register_jitable
