@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-from bench import analytic, frame, measure, scenes, speed_vs_error
+from bench import analytic, before_after, features, frame, measure, scenes, speed_vs_error
 
 QUICK = ["--frames", "3", "--seconds", "0.01"]
 MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
@@ -48,6 +48,28 @@ def test_frame(capsys):
                             "spread", "yard_ms", "yards", "gain", "ns_triangle", "ns_pixel", "coverage", "stages"}  # fmt: skip
         assert row["ms_1"] > 0 and row["n_frame"] == 3 and set(row["stages"]) == {"1", "2"}
         assert (row["coverage"] == 1.0) == (row["case"] == "quads-back")
+
+
+@pytest.mark.slow
+def test_features(capsys):
+    assert features.main(["--model", "cube", "--size", "40", "--seconds", "0.01", "--frames", "3"]) == 0
+    rows = record_of(capsys, "features")["rows"]
+    costs = {row["feature"]: row for row in rows if "feature" in row}
+    assert set(costs) == set(features.list_features()) and all(row["ms"] > 0 for row in costs.values())
+    assert costs["plain"]["ns_more"] is None and costs["plain"]["dtype"] == "float32"
+    assert costs["shadow, look-up"]["dtype"] == "float64"
+    maps = [row for row in rows if "light" in row]
+    assert [row["triangles"] for row in maps] == [12, 12] and all(row["ms_1"] > 0 and row["ms_2"] > 0 for row in maps)
+
+
+def test_before_after(capsys):
+    """A version compared with itself."""
+    assert before_after.main([str(ROOT), "cube", "--size", "32", "--frames", "3"]) == 0
+    rows = record_of(capsys, "before_after")["rows"]
+    assert [(row["shading"], row["channels"]) for row in rows] == list(before_after.KINDS)
+    assert all(row["case"] == "cube" and row["ratio"] > 0 and row["ratio_of_best"] > 0 for row in rows)
+    with pytest.raises(SystemExit, match="can't draw"):
+        before_after.Version(ROOT, ("no such scene", "32", "flat", "mono", "none", 1))
 
 
 def test_frame_in_fresh_processes(capsys):
