@@ -27,8 +27,11 @@ from bench import scenes
 from rasterizer import Renderer
 case, size, shading, channels, cull, threads = sys.argv[1:]
 size = scenes.size_of(size)
-renderer = Renderer(scenes.build(case, size, "one", channels), size, shading=shading, cull=cull, outputs=("rgb",),
-threads=int(threads)) renderer.render() print("ready", flush=True) for _ in sys.stdin:
+scene = scenes.build(case, size, "one", channels)
+renderer = Renderer(scene, size, shading=shading, cull=cull, outputs=("rgb",), threads=int(threads))
+renderer.render()
+print("ready", flush=True)
+for _ in sys.stdin:
     start = time.perf_counter()
     renderer.render()
     print(1000 * (time.perf_counter() - start), flush=True)
