@@ -54,10 +54,12 @@ class Frame:
     ----------
     color : (height, width, 3) float32, linear, not limited to 1; where alpha is 0, 0
     rgb : (height, width, 3) uint8, sRGB
-    alpha : (height, width) float32, covered share of each pixel; 1 with a background; in steps of 1/255 where only "rgb" was
-    asked for depth : (height, width) float32, distance along the viewing axis in scene units, inf where nothing is face :
-    (height, width) int32, index of the face as loaded, -1 where nothing is normal : (height, width, 3) float32, unit normal in
-    world space, towards the viewer, 0 where nothing is stats : Stats
+    alpha : (height, width) float32, covered share of each pixel, weighted by opacity; 1 with a background; in steps of 1/255
+        where only "rgb" was asked for
+    depth : (height, width) float32, distance along the viewing axis in scene units, inf where nothing is
+    face : (height, width) int32, index of the face as loaded, -1 where nothing is
+    normal : (height, width, 3) float32, unit normal in world space, towards the viewer, 0 where nothing is
+    stats : Stats
 
     An array that was not asked for raises SceneError, which says what to ask for.
     """

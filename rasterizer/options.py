@@ -37,8 +37,7 @@ class Options:
         (divide a pixel by its own largest component)
     exposure : stops by which the light of the scene is multiplied, 2^exposure; the background stays what it is
     spectral : number of samples of 380..780 nm, 3 to 401, with which light and colours are multiplied; None = 81 (every 5 nm)
-    where a
-        light or material has a Spectrum, else red, green and blue alone
+        where a light or material has a Spectrum, else red, green and blue alone
     threads : how many; None = as many as the process may use
 
     Raises

@@ -57,7 +57,7 @@ class Renderer:
         self._workers = Workers(self.options.n_thread)
         self._scratch = Scratch()
         self._normals = {}
-        self._casters, self._shadows, self._face_shape = None, {}, None
+        self._casters, self._shadows, self._face_shape, self._lift = None, {}, None, None
         self._is_closed = False
 
     def __enter__(self):
@@ -142,10 +142,11 @@ class Renderer:
         options, geometry = self.options, self._geometry
         is_one_sided = options.is_flat or (options.cull == "back" and not geometry.is_inverted.any())
         n_side = 1 if is_one_sided else 2
-        lift = find_lifts(geometry) if plan.has_shadows else np.empty(0)
+        if plan.has_shadows and self._lift is None:
+            self._lift = find_lifts(geometry)
 
         def light_all(geometry):
-            return light(geometry, lift, plan, lighting, screen, options.is_flat, n_side, self._workers)
+            return light(geometry, np.empty(0) if self._lift is None else self._lift, plan, lighting, screen, options.is_flat, n_side, self._workers)
 
         if plan.textures is None:
             return light_all(geometry)
