@@ -144,9 +144,10 @@ class Renderer:
         n_side = 1 if is_one_sided else 2
         if plan.has_shadows and self._lift is None:
             self._lift = find_lifts(geometry)
+        lift = np.empty(0) if self._lift is None else self._lift
 
         def light_all(geometry):
-            return light(geometry, np.empty(0) if self._lift is None else self._lift, plan, lighting, screen, options.is_flat, n_side, self._workers)
+            return light(geometry, lift, plan, lighting, screen, options.is_flat, n_side, self._workers)
 
         if plan.textures is None:
             return light_all(geometry)
