@@ -109,7 +109,7 @@ def _color_lights(plan) -> tuple[np.ndarray, int]:
 
 
 def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
-    """The row functions that a scene uses; nothing else is compiled. One for each light, and a list for each material: one a light."""
+    """The row functions that a scene uses; nothing else is compiled: one for each light, and for each material one a light."""
     of_lights = [LIGHTS[kind_of(source)].row_function for source in plan.lights]
     of_materials = []
     for material in plan.materials:

@@ -20,7 +20,7 @@ from .scene.camera import Camera
 from .scene.geometry import find_clearance, find_lifts, find_shapes, gather_geometry
 from .scene.lights import PointLight, SpotLight
 from .scene.scene import Scene
-from .shadow_maps import draw_shadow_map, find_casters
+from .shadow_maps import MOST_NUMBERS, draw_shadow_map, find_casters
 
 
 def render(scene, size=(640, 480), **options) -> Frame:
@@ -162,7 +162,7 @@ class Renderer:
         if self._casters is None:
             is_opaque = np.array([material.is_opaque for material in plan.materials])
             self._casters = find_casters(self._geometry, self._bounds, is_opaque)
-        shadows = []
+        shadows, room = [], MOST_NUMBERS
         for k, source in enumerate(plan.lights):
             if source.shadow is None or self._casters is None:
                 shadows.append(None)
@@ -171,9 +171,10 @@ class Renderer:
                 silent = Clock()
                 before = self._shadows.get(k)
                 self._shadows[k] = draw_shadow_map(
-                    source, view, self._casters, plan, self._scratch, self._workers, silent, before
+                    source, view, self._casters, plan, self._scratch, self._workers, silent, room, before
                 )
             self._shadows[k].move(view.eye)
+            room -= len(self._shadows[k].block)
             shadows.append(self._shadows[k])
         clock.lap("shadows")
         return shadows

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .draw import draw, shadow_job
+from .errors import SceneError
 from .pipeline.clip import find_nearest
 from .pipeline.records import IN_WORDS
 from .pipeline.shadow import (
@@ -40,6 +41,7 @@ from .scene.lights import DirectionalLight, SpotLight
 WIDEST = 2.0  # tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have
 MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow.py
 
+MOST_NUMBERS = 2**28  # of all maps of a scene: 2 GiB
 MARGIN = 1.0  # texels that stay free at the borders of a fitted map
 CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)  # the order of shadow.cube_face
 
@@ -82,10 +84,17 @@ def find_casters(geometry, bounds, is_opaque) -> Casters | None:
     return Casters(geometry._replace(corner=geometry.vertex), corners)
 
 
-def draw_shadow_map(light, view, casters, plan, scratch, workers, clock, before=None) -> ShadowMap:
+def draw_shadow_map(light, view, casters, plan, scratch, workers, clock, room=MOST_NUMBERS, before=None) -> ShadowMap:
     """Draw what a light sees; one that is attached to the camera is where `view` puts it.
 
-    `before` is the light's map in the picture before, whose memory is used again: new memory costs a fifth of the time.
+    Parameters
+    ----------
+    room : numbers that the map may have
+    before : the light's map in the picture before, whose memory is used again: new memory costs a fifth of the time
+
+    Raises
+    ------
+    SceneError : there is no room for the map
     """
     axes = np.stack([view.right, view.up, -view.forward])
     in_camera = light.attached == "camera"
@@ -97,6 +106,11 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, clock, before=
     size = light.shadow.size
     views = _choose_views(light, origin, direction, casters.corners - origin, size)
     n_number = HEADER + len(views) * size * size
+    if n_number > room:
+        raise SceneError(
+            f"the shadow maps of all lights may have {MOST_NUMBERS // 2**17} MiB; this scene needs more: "
+            "choose a smaller shadow size, or fewer cells of area lights"
+        )
     block = before.block if before is not None and len(before.block) == n_number else np.empty(n_number)
     block[[N_MAP, SIZE, FILTER, IS_PERSPECTIVE]] = len(views), size, light.shadow.filter, views[0][1].is_perspective
     texels = block[HEADER:].reshape(len(views), size, size)

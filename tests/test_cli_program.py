@@ -50,7 +50,7 @@ def test_the_examples_of_the_help_parse(capsys):
 
 def test_warmup_leaves_nothing_to_compile(capsys):
     with compiling_announced(Messages()) as announced:
-        for model in ("still_life.obj", "knot.ply", "gear.stl", "torus.glb"):
+        for model in ("still_life.obj", "globe.obj", "glass.obj", "room.json", "knot.ply", "gear.stl", "torus.glb"):
             path = ROOT / "models" / model
             for flags in (
                 ["--shading", "phong"],
@@ -78,6 +78,9 @@ def test_warmup_leaves_nothing_to_compile(capsys):
                 ["--eye", "0.1,0,0.2", "--array", "face", "--ortho"],
                 ["--array", "normal"],
                 ["--array", "depth", "--shading", "flat"],
+                ["--shadows", "--shading", "phong", "-s", "32"],
+                ["--shadows", "--light", "area:1,3,1,edge_u=1/0/0,edge_v=0/0/1,resolution=2/2", "-s", "32"],
+                ["--ortho", "--reflection", "blinn", "--spectral", "5", "--shading", "phong"],
             ):
                 output = "x.npy" if "--array" in flags else "x.png"
                 assert run(path, *flags, "-o", output, "-q") == 0

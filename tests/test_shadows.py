@@ -397,3 +397,14 @@ def test_neither_threads_nor_earlier_pictures_matter(shading):
             for k in (0, 1, 2, 0, 0):
                 frame = renderer.render(cameras[k])
                 assert frame.color.tobytes() == fresh[k].color.tobytes() and frame.rgba.tobytes() == fresh[k].rgba.tobytes()
+
+
+def test_too_many_maps_are_refused(monkeypatch):
+    from rasterizer import renderer
+
+    monkeypatch.setattr(renderer, "MOST_NUMBERS", 3 * 64**2)
+    mesh = rz.Mesh(*octasphere(1))
+    lights = [rz.DirectionalLight((0, k, -1), shadow=rz.Shadow(size=64)) for k in range(3)]
+    rz.render(rz.Scene([mesh], lights[:2]), 16)
+    with pytest.raises(rz.SceneError, match="smaller shadow size, or fewer cells"):
+        rz.render(rz.Scene([mesh], lights), 16)

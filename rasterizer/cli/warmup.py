@@ -1,5 +1,6 @@
 """`raster warmup`: compile what any picture may need, by drawing small ones of every kind."""
 
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -8,8 +9,8 @@ from .. import _kernel
 from ..errors import OutputError
 from ..renderer import render
 from ..scene.camera import Camera
-from ..scene.lights import AmbientLight, DirectionalLight, PointLight
-from ..scene.material import Material
+from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
+from ..scene.material import REFLECTIONS, Material
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from .messages import compiling_announced
@@ -47,6 +48,32 @@ def draw_all_kinds() -> None:
     for samples in (1, 4):
         render(scenes[0], 16, samples=samples, outputs=("rgb",), threads=1, cull="back")
     render(scenes[0], 16, outputs=("depth", "face", "normal"), threads=1)
+    for scene in _rarer_scenes():
+        for shading in _SHADINGS:
+            for tolerance in (0.0, 1 / 4096):
+                render(scene, 16, shading=shading, tolerance=tolerance, threads=1, outputs=("rgb",))
+
+
+def _rarer_scenes():
+    """Transparent, textured and shadowed scenes, and lights and reflection models that not every scene has."""
+    plain = _scene("phong", False)
+    colored, checks = _scene("phong", True), np.eye(4)
+    sun, lamp = DirectionalLight((0, -1, -1), 0.5, shadow=True), PointLight((0, 0, 1), 0.5, shadow=True)
+    for scene in (plain, colored):
+        clear = [replace(mesh, material=replace(mesh.material, opacity=0.5)) for mesh in scene.meshes]
+        yield replace(scene, meshes=[*clear, scene.meshes[0]])
+        yield replace(scene, lights=[sun, lamp])
+    for opacity in (0.5, 1.0):
+        look = Material(texture=checks, opacity=opacity)
+        papered = [replace(mesh, uv=mesh.vertices[:, :2], material=look) for mesh in plain.meshes]
+        yield replace(plain, meshes=papered)
+        yield replace(plain, meshes=papered, lights=[sun])
+    models = [Material(reflection=name, **extra) for name in REFLECTIONS for extra in ({}, {"fresnel": 0.1})]
+    models += [Material(reflection="cook-torrance", distribution="beckmann")]
+    meshes = [replace(plain.meshes[0], material=model) for model in models]
+    spot = SpotLight((50, 50, 50), (-1, -1, -1), 0.5)
+    far_away = Camera.orthographic((0, 0, 5))
+    yield replace(plain, meshes=meshes, lights=[spot, DirectionalLight((0, -1, -1), 0.5)], camera=far_away)
 
 
 def _scene(reflection, is_colored) -> Scene:

@@ -17,26 +17,12 @@ import numpy as np
 
 from .._kernel import borrow, helper, kernel
 from .block import (
-    ANCHOR_X,
-    ANCHOR_Y,
     BLOCK,
     BOTTOM,
-    DEPTH,
-    DEPTH_X,
-    DEPTH_Y,
     IS_SLIVER,
     LEFT,
     RIGHT,
     TOP,
-    X0,
-    X1,
-    X2,
-    Y0,
-    Y1,
-    Y2,
-    Z0,
-    Z1,
-    Z2,
     Block,
     Polygons,
     gather_attributes,
@@ -48,7 +34,7 @@ from .block import (
 from .records import FACE, IS_EXACT, IS_ID, RECORD_MASK, borrow_records, write_exact
 from .resolve import average_layers, borrow_encoding, clean, fill_blank, first_blank, touched_columns, write_pixels
 from .rows import CHUNK
-from .scan import CLEAR, GROUP_SHIFT, Canvas, fill, fill_spans, note_extent, pack
+from .scan import CLEAR, GROUP_SHIFT, Canvas, depths_of, fill, fill_spans, note_extent, plane_of, triangle_of
 from .transform import Vertices
 
 IN_FRONT_OF_ALL, BEHIND_ALL = np.int64(-1), np.int64(2**63 - 1)
@@ -107,7 +93,9 @@ def scan_layer(faces, polygons, vertices, y_start, y_stop, block, canvas, floor,
             if left < right and top < bottom and not opacity.is_opaque[material_of(some[k], material)]:
                 note_extent(canvas, left, right, top - y_start, bottom - y_start)
                 box = (left, right, top, bottom, (top - y_start) * canvas.pitch)
-                fill_behind(canvas, box, k, IS_ID | IS_EXACT | (first + np.int64(k)), block, floor)
+                payload = (IS_ID | IS_EXACT | (first + np.int64(k)), np.int64(0), np.int64(0))
+                plane, is_sliver = plane_of(k, payload, block), block.ints[IS_SLIVER + k] != 0
+                fill_spans(canvas, box, triangle_of(k, block), plane, is_sliver, depths_of(k, block), payload[0], floor)
 
 
 @helper
@@ -134,20 +122,6 @@ def box_of(k, block):
 def material_of(face, material):
     """The material of a triangle; `material` is empty where there is one."""
     return material[face] if len(material) > 0 else np.uint32(0)
-
-
-@helper
-def fill_behind(canvas, box, k, payload, block, floor):
-    """Fill triangle k of the block, span by span, behind `floor`."""
-    ints, longs, reals = block.ints, block.longs, block.reals
-    x0, y0, x1, y1 = np.int64(ints[X0 + k]), np.int64(ints[Y0 + k]), np.int64(ints[X1 + k]), np.int64(ints[Y1 + k])
-    triangle = (x0, y0, x1, y1, np.int64(ints[X2 + k]), np.int64(ints[Y2 + k]))
-    nothing = np.int64(0)
-    word_x, word_y = pack(longs[DEPTH_X + k], nothing), pack(longs[DEPTH_Y + k], nothing)
-    anchor_x, anchor_y = np.uint64(np.int64(ints[ANCHOR_X + k])), np.uint64(np.int64(ints[ANCHOR_Y + k]))
-    origin = pack(longs[DEPTH + k], payload) - anchor_x * word_x - anchor_y * word_y
-    depths = (reals[Z0 + k], reals[Z1 + k], reals[Z2 + k])
-    fill_spans(canvas, box, triangle, (origin, word_x, word_y), ints[IS_SLIVER + k] != 0, depths, payload, floor)
 
 
 @kernel

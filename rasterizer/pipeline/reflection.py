@@ -80,7 +80,8 @@ def blinn(rows, n, numbers):
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero = row.dtype.type(0)
     for k in range(np.uint64(n)):
-        half_x, half_y, half_z = row[LIGHT_X + k] + row[VIEW_X + k], row[LIGHT_Y + k] + row[VIEW_Y + k], row[LIGHT_Z + k] + row[VIEW_Z + k]
+        half_x, half_y = row[LIGHT_X + k] + row[VIEW_X + k], row[LIGHT_Y + k] + row[VIEW_Y + k]
+        half_z = row[LIGHT_Z + k] + row[VIEW_Z + k]
         square = half_x * half_x + half_y * half_y + half_z * half_z
         along = row[NORMAL_X + k] * half_x + row[NORMAL_Y + k] * half_y + row[NORMAL_Z + k] * half_z
         # Where L = -V there is no half vector, and no highlight.
@@ -250,7 +251,8 @@ def weigh_highlights(rows, n, numbers):
 @register_jitable
 def half_parts(row, k):
     """|L + V|², and the sum's part along N, and the square of its part across N."""
-    half_x, half_y, half_z = row[LIGHT_X + k] + row[VIEW_X + k], row[LIGHT_Y + k] + row[VIEW_Y + k], row[LIGHT_Z + k] + row[VIEW_Z + k]
+    half_x, half_y = row[LIGHT_X + k] + row[VIEW_X + k], row[LIGHT_Y + k] + row[VIEW_Y + k]
+    half_z = row[LIGHT_Z + k] + row[VIEW_Z + k]
     x, y, z = row[NORMAL_X + k], row[NORMAL_Y + k], row[NORMAL_Z + k]
     cross_x, cross_y, cross_z = y * half_z - z * half_y, z * half_x - x * half_z, x * half_y - y * half_x
     return (

@@ -25,7 +25,8 @@ NEXT_CHANNEL = np.uint64(CHUNK)
 # Of shadows: the polygon's plane, n·P = OFFSET with a unit normal n, and how far the point is lifted above it. Planes of
 # attributes come in groups of four: the row between is what the albedo leaves over.
 PLANE_X, PLANE_Y, PLANE_Z, OFFSET, LIFT = (np.uint64(CHUNK * k) for k in range(27, 32))
-N_ROW = 32
+SEEN_X, SEEN_Y, SEEN_Z, SLOPE_X, SLOPE_Y = (np.uint64(CHUNK * k) for k in range(32, 37))  # what the light sees, see shadow.py
+N_ROW = 37
 
 
 def make_rows(dtype):

@@ -157,18 +157,37 @@ def widen(canvas, group, left, right):
 @helper
 def fill(canvas, box, k, payload, block):
     """Fill triangle k of the block: all samples of a small box side by side, else span by span."""
-    ints, longs, reals = block.ints, block.longs, block.reals
-    x0, y0, x1, y1 = np.int64(ints[X0 + k]), np.int64(ints[Y0 + k]), np.int64(ints[X1 + k]), np.int64(ints[Y1 + k])
-    triangle = (x0, y0, x1, y1, np.int64(ints[X2 + k]), np.int64(ints[Y2 + k]))
+    triangle, plane = triangle_of(k, block), plane_of(k, payload, block)
+    is_sliver = block.ints[IS_SLIVER + k] != 0
+    if block.ints[STEPS_X + k] <= MOST_WIDE and block.ints[STEPS_Y + k] <= MOST_HIGH and not is_sliver:
+        fill_lanes(canvas.words, canvas.pitch, box, triangle, plane)
+    else:
+        fill_spans(canvas, box, triangle, plane, is_sliver, depths_of(k, block), payload[0], None)
+
+
+@helper
+def triangle_of(k, block):
+    """The vertices of triangle k of the block."""
+    ints = block.ints
+    return (
+        np.int64(ints[X0 + k]), np.int64(ints[Y0 + k]), np.int64(ints[X1 + k]), np.int64(ints[Y1 + k]),
+        np.int64(ints[X2 + k]), np.int64(ints[Y2 + k]),
+    )  # fmt: skip
+
+
+@helper
+def depths_of(k, block):
+    """Depths at the vertices of triangle k of the block."""
+    return block.reals[Z0 + k], block.reals[Z1 + k], block.reals[Z2 + k]
+
+
+@helper
+def plane_of(k, payload, block):
+    """The words of triangle k of the block: at the picture's sample (0, 0), and what one step to the right, or down, adds."""
+    ints, longs = block.ints, block.longs
     word_x, word_y = pack(longs[DEPTH_X + k], payload[1]), pack(longs[DEPTH_Y + k], payload[2])
     anchor_x, anchor_y = np.uint64(np.int64(ints[ANCHOR_X + k])), np.uint64(np.int64(ints[ANCHOR_Y + k]))
-    origin = pack(longs[DEPTH + k], payload[0]) - anchor_x * word_x - anchor_y * word_y  # the plane's word at sample (0, 0)
-    is_sliver = ints[IS_SLIVER + k] != 0
-    if ints[STEPS_X + k] <= MOST_WIDE and ints[STEPS_Y + k] <= MOST_HIGH and not is_sliver:
-        fill_lanes(canvas.words, canvas.pitch, box, triangle, (origin, word_x, word_y))
-    else:
-        depths = (reals[Z0 + k], reals[Z1 + k], reals[Z2 + k])
-        fill_spans(canvas, box, triangle, (origin, word_x, word_y), is_sliver, depths, payload[0], None)
+    return pack(longs[DEPTH + k], payload[0]) - anchor_x * word_x - anchor_y * word_y, word_x, word_y
 
 
 @helper

@@ -33,7 +33,6 @@ from .resolve import clean
 from .rows import (
     CHUNK,
     LIFT,
-    N_DOT_L,
     N_ROW,
     NORMAL_X,
     NORMAL_Y,
@@ -45,6 +44,11 @@ from .rows import (
     POSITION_X,
     POSITION_Y,
     POSITION_Z,
+    SEEN_X,
+    SEEN_Y,
+    SEEN_Z,
+    SLOPE_X,
+    SLOPE_Y,
     STRENGTH,
 )
 from .scan import CLEAR, GROUP_SHIFT
@@ -53,9 +57,9 @@ from .scan import CLEAR, GROUP_SHIFT
 # diverge; then for each map: the light's place relative to the eye, its axes (right, up, forward), scale and centre, texels;
 # rounding of its values.
 N_MAP, SIZE, FILTER, IS_PERSPECTIVE, MAPS = 0, 1, 2, 3, 4
-ORIGIN, RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, N_MAP_NUMBER = (
-    0, 3, 6, 9, 12, 13, 14, 15, 16, 17,
-)  # fmt: skip
+N_MAP_NUMBER = 17
+ORIGIN, RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING = 0, 3, 6, 9, 12, 13, 14, 15, 16
+AT_X, AT_Y, LIMIT = SEEN_X, SEEN_Y, SEEN_Z  # where a point lies on the map, texels; its limit, see find_limits
 HEADER = MAPS + 6 * N_MAP_NUMBER
 POSITION_ROUNDING = 2.0**-40
 
@@ -63,29 +67,40 @@ POSITION_ROUNDING = 2.0**-40
 def cast(rows, n, numbers):
     """Multiply STRENGTH by the part of the light that isn't held off."""
     row, header = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (HEADER,))
-    size, taps = np.int64(header[SIZE]), np.int64(header[FILTER])
-    is_cube, is_perspective = header[N_MAP] > header.dtype.type(1), header[IS_PERSPECTIVE] != header.dtype.type(0)
-    texels = carray(numbers, (HEADER + np.int64(header[N_MAP]) * size * size,))
-    zero = header.dtype.type(0)
-    for k in range(np.uint64(n)):
-        if row[N_DOT_L + k] > zero and row[STRENGTH + k] > zero:
-            x, y, z = row[POSITION_X + k], row[POSITION_Y + k], row[POSITION_Z + k]
-            across, upward, outward = row[PLANE_X + k], row[PLANE_Y + k], row[PLANE_Z + k]
-            back, lift = row[OFFSET + k] - (across * x + upward * y + outward * z), row[LIFT + k]
-            plane = (row[NORMAL_X + k], row[NORMAL_Y + k], row[NORMAL_Z + k])
-            x += back * across + lift * plane[0] - header[MAPS + ORIGIN]
-            y += back * upward + lift * plane[1] - header[MAPS + ORIGIN + 1]
-            z += back * outward + lift * plane[2] - header[MAPS + ORIGIN + 2]
-            face = cube_face(x, y, z) if is_cube else 0
-            place = np.uint64(MAPS + N_MAP_NUMBER * face)
-            first = np.uint64(HEADER + face * size * size)
-            reach = abs(x) + abs(y) + abs(z) + abs(header[MAPS]) + abs(header[MAPS + 1]) + abs(header[MAPS + 2])
-            row[STRENGTH + k] *= lit_part(header, texels, place, first, (x, y, z), plane, reach, size, taps, is_perspective)
+    size, n_map = np.int64(header[SIZE]), np.int64(header[N_MAP])
+    texels = carray(numbers, (HEADER + n_map * size * size,))
+    n = np.uint64(n)
+    place_points(row, header, n)
+    start = np.uint64(0)
+    while start < n:
+        # Neighbouring points look at the same map, as far as there are several.
+        stop, face = n, 0
+        if n_map > 1:
+            face, stop = cube_face(row, start), start + np.uint64(1)
+            while stop < n and cube_face(row, stop) == face:
+                stop += np.uint64(1)
+        find_limits(row, header, MAPS + N_MAP_NUMBER * face, start, stop)
+        compare(row, header, texels, np.uint64(HEADER + face * size * size), start, stop)
+        start = stop
 
 
 @register_jitable
-def cube_face(x, y, z):
-    """The face of a cube round the light that a direction passes: +x, -x, +y, -y, +z, -z."""
+def place_points(row, header, n):
+    """Move points onto the planes of their polygons, lift them, and count from the light."""
+    origin_x, origin_y, origin_z = header[MAPS + ORIGIN], header[MAPS + ORIGIN + 1], header[MAPS + ORIGIN + 2]
+    for k in range(n):
+        x, y, z = row[POSITION_X + k], row[POSITION_Y + k], row[POSITION_Z + k]
+        plane_x, plane_y, plane_z = row[PLANE_X + k], row[PLANE_Y + k], row[PLANE_Z + k]
+        back, lift = row[OFFSET + k] - (plane_x * x + plane_y * y + plane_z * z), row[LIFT + k]
+        row[SEEN_X + k] = x + back * plane_x + lift * row[NORMAL_X + k] - origin_x
+        row[SEEN_Y + k] = y + back * plane_y + lift * row[NORMAL_Y + k] - origin_y
+        row[SEEN_Z + k] = z + back * plane_z + lift * row[NORMAL_Z + k] - origin_z
+
+
+@register_jitable
+def cube_face(row, k):
+    """The face of a cube round the light behind which a point lies: +x, -x, +y, -y, +z, -z."""
+    x, y, z = row[SEEN_X + k], row[SEEN_Y + k], row[SEEN_Z + k]
     ax, ay, az = abs(x), abs(y), abs(z)
     if ax >= ay and ax >= az:
         return 0 if x > 0 else 1
@@ -95,51 +110,72 @@ def cube_face(x, y, z):
 
 
 @register_jitable
-def lit_part(header, texels, place, first, point, plane, reach, size, taps, is_perspective):
-    """The part of the texels about a point whose surface doesn't lie before its tangent plane."""
-    x, y, z = point
-    number = header.dtype.type
-    zero, one, half = number(0), number(1), number(0.5)
-    across = along(header, place + np.uint64(RIGHT), x, y, z)
-    upward = along(header, place + np.uint64(UP), x, y, z)
-    depth = along(header, place + np.uint64(FORWARD), x, y, z)
-    if is_perspective and depth <= zero:
-        return one
-    plane_across = along(header, place + np.uint64(RIGHT), plane[0], plane[1], plane[2])
-    plane_upward = along(header, place + np.uint64(UP), plane[0], plane[1], plane[2])
-    plane_depth = along(header, place + np.uint64(FORWARD), plane[0], plane[1], plane[2])
-    scale_x, scale_y = header[place + np.uint64(SCALE_X)], header[place + np.uint64(SCALE_Y)]
-    value, magnification = -depth, one
-    if is_perspective:
-        # n·X = c with X = w (F + a R + b U): 1/w is the plane (n·F + a n·R + b n·U)/c.
-        magnification = one / depth
-        value = magnification
-        constant = plane_across * across + plane_upward * upward + plane_depth * depth
-        if constant >= zero:  # lifted beyond the light: its plane hides nothing from the point
-            return one
-        slope_x, slope_y = plane_across / (constant * scale_x), -plane_upward / (constant * scale_y)
-    else:
-        slope_x, slope_y = plane_across / (plane_depth * scale_x), -plane_upward / (plane_depth * scale_y)
-    at_x = header[place + np.uint64(CENTER_X)] + scale_x * across * magnification
-    at_y = header[place + np.uint64(CENTER_Y)] - scale_y * upward * magnification
-    rounding = header[place + np.uint64(ROUNDING)] + number(POSITION_ROUNDING) * reach * magnification * magnification
-    slack = half * (abs(slope_x) + abs(slope_y)) + rounding
-    i, j = np.int64(np.floor(at_x)), np.int64(np.floor(at_y))
-    radius, n_lit = taps >> 1, zero
-    for v in range(j - radius, j + radius + 1):
-        for u in range(i - radius, i + radius + 1):
-            column, line = min(max(u, 0), size - 1), min(max(v, 0), size - 1)
-            to_x, to_y = number(column) + half - at_x, number(line) + half - at_y
-            limit = value + slope_x * to_x + slope_y * to_y + slack
-            # Also where the limit is no number, because the slopes are infinite.
-            n_lit += zero if texels[first + np.uint64(line * size + column)] > limit else one
-    return n_lit / number(taps * taps)
+def find_limits(row, header, place, start, stop):
+    """Find where points lie on one map, and the largest value that a texel may have there: a plane over the map.
+
+    The rows of the points' places are written over. The plane is limit + column·slope_x + line·slope_y at a texel's centre.
+    """
+    right_x, right_y, right_z = header[place + RIGHT], header[place + RIGHT + 1], header[place + RIGHT + 2]
+    up_x, up_y, up_z = header[place + UP], header[place + UP + 1], header[place + UP + 2]
+    forward_x, forward_y, forward_z = header[place + FORWARD], header[place + FORWARD + 1], header[place + FORWARD + 2]
+    scale_x, scale_y, center_x, center_y = (
+        header[place + SCALE_X], header[place + SCALE_Y], header[place + CENTER_X], header[place + CENTER_Y],
+    )  # fmt: skip
+    far = abs(header[MAPS + ORIGIN]) + abs(header[MAPS + ORIGIN + 1]) + abs(header[MAPS + ORIGIN + 2])
+    zero, one, half = header.dtype.type(0), header.dtype.type(1), header.dtype.type(0.5)
+    fixed, growing = header[place + ROUNDING], header.dtype.type(POSITION_ROUNDING)
+    is_perspective, infinite = header[IS_PERSPECTIVE] != zero, header.dtype.type(np.inf)
+    for k in range(start, stop):
+        x, y, z = row[SEEN_X + k], row[SEEN_Y + k], row[SEEN_Z + k]
+        n_x, n_y, n_z = row[NORMAL_X + k], row[NORMAL_Y + k], row[NORMAL_Z + k]
+        across, upward = x * right_x + y * right_y + z * right_z, x * up_x + y * up_y + z * up_z
+        depth = x * forward_x + y * forward_y + z * forward_z
+        n_across, n_upward = n_x * right_x + n_y * right_y + n_z * right_z, n_x * up_x + n_y * up_y + n_z * up_z
+        # n·X = c with X = w (F + a R + b U): 1/w is the plane (n·F + a n·R + b n·U)/c. Parallel rays: X = a R + b U + w F.
+        constant = n_x * x + n_y * y + n_z * z if is_perspective else n_x * forward_x + n_y * forward_y + n_z * forward_z
+        magnification = one / depth if is_perspective else one
+        value = magnification if is_perspective else -depth
+        slope_x, slope_y = n_across / (constant * scale_x), -n_upward / (constant * scale_y)
+        at_x = center_x + scale_x * across * magnification
+        at_y = center_y - scale_y * upward * magnification
+        rounding = fixed + growing * (abs(x) + abs(y) + abs(z) + far) * magnification * magnification
+        slack = half * (abs(slope_x) + abs(slope_y)) + rounding
+        limit = value + slack + slope_x * (half - at_x) + slope_y * (half - at_y)
+        # Lit is what lies behind the light, or is lifted beyond it: its own plane hides nothing from such a point.
+        is_free = is_perspective & ((depth <= zero) | (constant >= zero))
+        row[LIMIT + k] = infinite if is_free else limit
+        row[SLOPE_X + k], row[SLOPE_Y + k] = zero if is_free else slope_x, zero if is_free else slope_y
+        # A place outside the map may be any number, or none; one texel beyond the border says as much.
+        row[AT_X + k] = min(max(at_x, -one), header[SIZE]) if abs(at_x) < infinite else -one
+        row[AT_Y + k] = min(max(at_y, -one), header[SIZE]) if abs(at_y) < infinite else -one
 
 
 @register_jitable
-def along(header, axis, x, y, z):
-    """Component of a vector along one of the map's axes."""
-    return x * header[axis] + y * header[axis + np.uint64(1)] + z * header[axis + np.uint64(2)]
+def compare(row, header, texels, first, start, stop):
+    """Multiply STRENGTH by the part of the texels about each point whose surface doesn't lie before the point's plane."""
+    size, taps = np.int64(header[SIZE]), np.int64(header[FILTER])
+    last, radius = size - 1, taps >> 1
+    zero, one = header.dtype.type(0), header.dtype.type(1)
+    if taps == 1:
+        for k in range(start, stop):
+            column = min(max(np.int64(np.floor(row[AT_X + k])), 0), last)
+            line = min(max(np.int64(np.floor(row[AT_Y + k])), 0), last)
+            limit = row[LIMIT + k] + row[SLOPE_X + k] * column + row[SLOPE_Y + k] * line
+            # Lit also where the limit is no number, because the slopes are infinite: the plane is seen edge-on.
+            is_held = texels[first + np.uint64(line * size + column)] > limit
+            row[STRENGTH + k] = zero if is_held else row[STRENGTH + k]
+        return
+    share = one / header.dtype.type(taps * taps)
+    for k in range(start, stop):
+        i, j, n_lit = np.int64(np.floor(row[AT_X + k])), np.int64(np.floor(row[AT_Y + k])), zero
+        for v in range(j - radius, j + radius + 1):
+            line = min(max(v, 0), last)
+            edge = row[LIMIT + k] + row[SLOPE_Y + k] * line
+            for u in range(i - radius, i + radius + 1):
+                column = min(max(u, 0), last)
+                is_held = texels[first + np.uint64(line * size + column)] > edge + row[SLOPE_X + k] * column
+                n_lit += zero if is_held else one
+        row[STRENGTH + k] = row[STRENGTH + k] * (n_lit * share) if n_lit > zero else zero
 
 
 @kernel
