@@ -70,7 +70,8 @@ def main(argv=None) -> int:
     parser.add_argument("--size", default="1080p")
     parser.add_argument("--cull", choices=("none", "back"), default="back")
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--frames", type=int, default=60)
+    parser.add_argument("--frames", type=int, default=30, help="of each pair of processes (default: %(default)s)")
+    parser.add_argument("--pairs", type=int, default=4, help="of processes (default: %(default)s)")
     args = parser.parse_args(argv)
     machine, rows = measure.Machine(), []
     table = measure.Table([("case        ", "case", ""), ("shading", "shading", ""), ("channels", "channels", ""),
@@ -88,15 +89,20 @@ def main(argv=None) -> int:
 
 def compare(args, arguments) -> dict:
     """Frames of both versions in turns: medians, and the median of the ratios of neighbouring frames."""
-    before, after = Version(args.before.resolve(), arguments), Version(ROOT, arguments)
-    try:
-        times = np.array([(before.draw(), after.draw()) for _ in range(args.frames)])
-    finally:
-        before.close()
-        after.close()
+    times = np.concatenate([draw_pair(args, arguments) for _ in range(args.pairs)])
     median, best = np.median(times, axis=0), times.min(axis=0)
     return {"ms_before": median[0], "ms_after": median[1], "ratio": float(np.median(times[:, 1] / times[:, 0])),
             "ratio_of_best": float(best[1] / best[0])}  # fmt: skip
+
+
+def draw_pair(args, arguments) -> np.ndarray:
+    """Milliseconds of frames of both versions, (n_frame, 2), by a pair of new processes."""
+    before, after = Version(args.before.resolve(), arguments), Version(ROOT, arguments)
+    try:
+        return np.array([(before.draw(), after.draw()) for _ in range(args.frames)])
+    finally:
+        before.close()
+        after.close()
 
 
 if __name__ == "__main__":

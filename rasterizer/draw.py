@@ -16,7 +16,7 @@ from .pipeline.bands import sort_into_bands
 from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
 from .pipeline.clip import clip, extend
-from .pipeline.layers import Opacity, composite, open_layers, resolve_layers, scan_layer, scan_opaque
+from .pipeline.layers import Opacity, composite, open_layers, scan_layer, scan_opaque
 from .pipeline.lighting import light_points
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
 from .pipeline.resolve import resolve
@@ -215,10 +215,10 @@ def _picture_job(attributes, coding, plan, options, encoding, picture, shade, ta
     factor = options.factor
 
     def finish(bench, _loaded_face, y_start, y_stop):
-        rows = y_start // factor, y_stop // factor, factor
-        if plan.opacity is not None:
-            return resolve_layers(bench.canvas, bench.layers, *rows, encoding, picture)
-        return resolve(bench.canvas, bench.radiance, *rows, encoding, picture)
+        layers = bench.layers if plan.opacity is not None else None
+        return resolve(
+            bench.canvas, bench.radiance, layers, y_start // factor, y_stop // factor, factor, encoding, picture
+        )
 
     return Job(
         attributes, coding, plan.n_channel, options.cull == "back", factor, options.size, shade, finish, True, table,

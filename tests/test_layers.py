@@ -260,10 +260,10 @@ def test_an_opaque_scene_compiles_no_layers():
         "scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]])])\n"
         "for shading in ('flat', 'gouraud', 'phong'):\n"
         "    rz.render(scene, 16, shading=shading)\n"
-        "kernels = [layers.scan_opaque, layers.scan_layer, layers.open_layers, layers.composite, layers.resolve_layers]\n"
+        "kernels = [layers.scan_opaque, layers.scan_layer, layers.open_layers, layers.composite]\n"
         "kernels += [shadow.write_map, texture.take_texels, texture.shade_textured]\n"
         "assert not any(kernel.signatures for kernel in kernels)\n"
         "glass = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=rz.Material(opacity=0.5))])\n"
         "rz.render(glass, 16)\n"
-        "assert all(kernel.signatures for kernel in kernels[:5])\n"
+        "assert all(kernel.signatures for kernel in kernels[:4])\n"
     )

@@ -61,7 +61,7 @@ def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, hei
     picture = make_picture((width, height or n_row), with_color)
     for array in picture:
         array.fill(0)
-    n_covered = resolve(bench.canvas, bench.radiance, y_start, y_start + n_row, factor, how, picture)
+    n_covered = resolve(bench.canvas, bench.radiance, None, y_start, y_start + n_row, factor, how, picture)
     return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), bench, n_covered
 
 
@@ -199,7 +199,7 @@ def test_every_pixel_of_the_band_is_written():
         bench, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
         for array in picture:
             array.fill(77)
-        resolve(bench.canvas, bench.radiance, 0, 24, 1, encoding(), picture)
+        resolve(bench.canvas, bench.radiance, None, 0, 24, 1, encoding(), picture)
         assert not picture.rgba[~covered].any() and (picture.rgba[covered] != 77).all()
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
 
@@ -254,7 +254,7 @@ def test_what_lanes_wrote_behind_a_row_is_cleaned():
     words = bench.canvas.words.reshape(9, bench.canvas.pitch)
     assert bench.canvas.pitch >= 40 + PADDING
     words[2, 10 : 10 + PADDING] = words[8, 40 : 40 + PADDING] = 7
-    resolve(bench.canvas, bench.radiance, 0, 9, 1, encoding(), make_picture((40, 9), True))
+    resolve(bench.canvas, bench.radiance, None, 0, 9, 1, encoding(), make_picture((40, 9), True))
     assert (words == CLEAR).all()
 
 

@@ -32,8 +32,6 @@ from .block import (
     set_up_depths,
 )
 from .records import FACE, IS_EXACT, IS_ID, RECORD_MASK, borrow_records, write_exact
-from .resolve import average_layers, borrow_encoding, clean, fill_blank, first_blank, touched_columns, write_pixels
-from .rows import CHUNK
 from .scan import CLEAR, GROUP_SHIFT, Canvas, depths_of, fill, fill_spans, note_extent, plane_of, triangle_of
 from .transform import Vertices
 
@@ -168,21 +166,3 @@ def composite(canvas, records, n_row, layers, radiance, texels, opacity, materia
             words[k] = opaque[k]
             is_more |= not is_done
     return is_more
-
-
-@kernel
-def resolve_layers(canvas, layers, y_start, y_stop, factor, encoding, out):
-    """Write the rows y_start..y_stop of the picture from the layers; clean the band; return how many samples show anything."""
-    encoding = borrow_encoding(encoding)
-    pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
-    n_covered, blank = 0, first_blank(encoding)
-    for j in range(y_start, y_stop):
-        row = (j - y_start) * factor
-        first, stop = touched_columns(canvas, row, factor)
-        fill_blank(out, j, first, stop, encoding, blank)
-        for left in range(first, stop, CHUNK):
-            n = np.uint64(min(stop - left, CHUNK))
-            n_covered += average_layers(layers.color, layers.transmitted, canvas.pitch, row, left, factor, n, pixels)
-            write_pixels(pixels, levels, n, layers.color.shape[0], encoding, out, j, left)
-    clean(canvas, (y_stop - y_start) * factor)
-    return n_covered

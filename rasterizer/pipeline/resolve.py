@@ -72,63 +72,53 @@ LEVEL_TABLE = make_level_table()
 
 
 @kernel
-def resolve(canvas, radiance, y_start, y_stop, factor, encoding, out):
+def resolve(canvas, radiance, layers, y_start, y_stop, factor, encoding, out):
     """Write the rows y_start..y_stop of the picture from the band; clean the band; return how many samples are covered.
 
-    `factor` is the number of samples a pixel along each axis; the band's rows are y_start*factor .. y_stop*factor.
+    `factor` is the number of samples a pixel along each axis; the band's rows are y_start*factor .. y_stop*factor. `layers` is
+    None, or takes the place of the radiance where surfaces are transparent (layers.py).
     """
     words, radiance = borrow(canvas.words), borrow(radiance)
     out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
     encoding = borrow_encoding(encoding)
     pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
-    n_covered, blank = 0, first_blank(encoding)
+    behind, n_covered = encoding.background, 0
+    blank = encode_pixel(behind[0], behind[1], behind[2], np.float32(1), encoding) if encoding.has_background else np.uint32(0)
     # The usual case: bytes alone, a sample a pixel, nothing to mix or to scale.
     n_channel = radiance.shape[0]
     is_plain = (factor == 1) & (out.color.shape[0] == 0) & (encoding.policy == CLAMP) & (not encoding.has_background)
     is_plain &= (n_channel == 3) | encoding.is_grey
+    # One row of pixels is enough where no more is read: in a grey picture of bytes.
+    is_single = encoding.is_grey and encoding.policy == CLAMP and out.color.shape[0] == 0
     for j in range(y_start, y_stop):
         row = (j - y_start) * factor
         first, stop = touched_columns(canvas, row, factor)
         fill_blank(out, j, first, stop, encoding, blank)
-        if is_plain:
-            start, n = np.uint64(row * canvas.pitch + first), np.uint64(stop - first)
-            samples, pixels_out = words[start : start + n], out.rgba[np.uint64(j), np.uint64(first) :]
-            n_covered += encode_samples(samples, radiance, start, pixels_out)
-            continue
+        if layers is None:
+            if is_plain:
+                start, n = np.uint64(row * canvas.pitch + first), np.uint64(stop - first)
+                samples, pixels_out = words[start : start + n], out.rgba[np.uint64(j), np.uint64(first) :]
+                n_covered += encode_samples(samples, radiance, start, pixels_out)
+                continue
         for left in range(first, stop, CHUNK):
             n = np.uint64(min(stop - left, CHUNK))
-            if factor == 1:
+            if layers is not None:
+                n_covered += average_layers(layers.color, layers.transmitted, canvas.pitch, row, left, factor, n, pixels)
+            elif factor == 1:
                 place = np.uint64(row * canvas.pitch + left)
                 n_covered += take_samples(words[place : place + n], radiance, place, pixels)
             else:
                 n_covered += average_samples(words, canvas.pitch, radiance, row, left, factor, n, pixels)
-            write_pixels(pixels, levels, n, n_channel, encoding, out, j, left)
+            if n_channel == 1 and not is_single:
+                spread_channel(pixels, n, encoding)
+            if encoding.has_background:
+                show_background(pixels, n, encoding, 1 if is_single else 3)
+            if out.color.shape[0] > 0:
+                write_colors(pixels, n, out.color[np.uint64(j), np.uint64(left) :], out.alpha[np.uint64(j), np.uint64(left) :])
+            if out.rgba.shape[0] > 0:
+                encode_chunk(pixels, levels, n, encoding, out.rgba[np.uint64(j), np.uint64(left) :])
     clean(canvas, (y_stop - y_start) * factor)
     return n_covered
-
-
-@helper
-def first_blank(encoding):
-    """The bytes of a pixel where nothing is drawn: the background's, or transparent black."""
-    behind = encoding.background
-    if encoding.has_background:
-        return encode_pixel(behind[0], behind[1], behind[2], np.float32(1), encoding)
-    return np.uint32(0)
-
-
-@helper
-def write_pixels(pixels, levels, n, n_channel, encoding, out, j, left):
-    """Write a chunk of pixels, from `left` on in row j, as linear colours and as bytes, whatever is wanted."""
-    # One row of pixels is enough where no more is read: in a grey picture of bytes.
-    is_single = encoding.is_grey and encoding.policy == CLAMP and out.color.shape[0] == 0
-    if n_channel == 1 and not is_single:
-        spread_channel(pixels, n, encoding)
-    if encoding.has_background:
-        show_background(pixels, n, encoding, 1 if is_single else 3)
-    if out.color.shape[0] > 0:
-        write_colors(pixels, n, out.color[np.uint64(j), np.uint64(left) :], out.alpha[np.uint64(j), np.uint64(left) :])
-    if out.rgba.shape[0] > 0:
-        encode_chunk(pixels, levels, n, encoding, out.rgba[np.uint64(j), np.uint64(left) :])
 
 
 @helper
