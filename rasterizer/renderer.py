@@ -17,10 +17,10 @@ from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
 from .plan import DEEP, NEAREST, fit_depth_range, is_too_close, make_coding, make_encoding, make_plan
 from .scene.camera import Camera
-from .scene.geometry import find_clearance, find_lifts, find_shapes, gather_geometry
+from .scene.geometry import find_clearance, gather_geometry
 from .scene.lights import PointLight, SpotLight
 from .scene.scene import Scene
-from .shadow_maps import MOST_NUMBERS, draw_shadow_map, find_casters
+from .shadow_maps import Shadows
 
 
 def render(scene, size=(640, 480), **options) -> Frame:
@@ -57,7 +57,7 @@ class Renderer:
         self._workers = Workers(self.options.n_thread)
         self._scratch = Scratch()
         self._normals = {}
-        self._casters, self._shadows, self._face_shape, self._lift = None, {}, None, None
+        self._shadows = Shadows(self._geometry, self._bounds, self._plan) if self._plan.has_shadows else None
         self._is_closed = False
 
     def __enter__(self):
@@ -116,18 +116,21 @@ class Renderer:
         options, geometry = self.options, self._geometry
         view, screen = self._screen(camera, options.factor)
         plan = self._plan_for(view)
-        shadows = self._draw_shadows(view, clock) if plan.has_shadows else ()
-        lighting = make_lighting(plan, view, shadows, screen.is_perspective)
+        maps, shapes = (), np.empty((0, 5))
+        if self._shadows is not None:
+            maps = self._shadows.draw(view, self._scratch, self._workers)
+            shapes = self._shadows.shapes if plan.is_lit_per_sample else shapes
+            clock.lap("shadows")
+        lighting = make_lighting(plan, view, maps, screen.is_perspective)
         coding = make_coding(plan, screen, options.tolerance)
         encoding = self._encoding
+        table = FaceTable(geometry.face_material, shapes)
         if plan.is_lit_per_sample:
             attributes = self._normal_attributes(plan.dtype, plan.has_albedo)
-            table = FaceTable(geometry.face_material, self._shapes())
             job = lit_job(attributes, plan, coding, options, encoding, picture, screen, lighting, table)
         else:
             intensities = self._light_points(plan, lighting, screen)
             clock.lap("light")
-            table = FaceTable(geometry.face_material, np.empty((0, 5)))
             job = interpolated_job(intensities, plan, coding, options, encoding, picture, table)
         counts = draw(geometry, job, screen, self._scratch, self._workers, clock)
         if options.color_range == "global":
@@ -142,9 +145,7 @@ class Renderer:
         options, geometry = self.options, self._geometry
         is_one_sided = options.is_flat or (options.cull == "back" and not geometry.is_inverted.any())
         n_side = 1 if is_one_sided else 2
-        if plan.has_shadows and self._lift is None:
-            self._lift = find_lifts(geometry)
-        lift = np.empty(0) if self._lift is None else self._lift
+        lift = np.empty(0) if self._shadows is None else self._shadows.lifts
 
         def light_all(geometry):
             return light(geometry, lift, plan, lighting, screen, options.is_flat, n_side, self._workers)
@@ -155,37 +156,6 @@ class Renderer:
         rest = light_all(geometry._replace(albedo=np.zeros_like(geometry.albedo)))
         uv = np.broadcast_to(geometry.uv, (n_side, *geometry.uv.shape))
         return np.concatenate([rest, light_all(geometry), uv], axis=2)
-
-    def _draw_shadows(self, view, clock) -> list:
-        """The shadow maps of the lights, None for those without; maps of lights that stay where they are, are kept."""
-        plan = self._plan
-        if self._casters is None:
-            is_opaque = np.array([material.is_opaque for material in plan.materials])
-            self._casters = find_casters(self._geometry, self._bounds, is_opaque)
-        shadows, room = [], MOST_NUMBERS
-        for k, source in enumerate(plan.lights):
-            if source.shadow is None or self._casters is None:
-                shadows.append(None)
-                continue
-            if k not in self._shadows or source.attached == "camera":
-                silent = Clock()
-                before = self._shadows.get(k)
-                self._shadows[k] = draw_shadow_map(
-                    source, view, self._casters, plan, self._scratch, self._workers, silent, room, before
-                )
-            self._shadows[k].move(view.eye)
-            room -= len(self._shadows[k].block)
-            shadows.append(self._shadows[k])
-        clock.lap("shadows")
-        return shadows
-
-    def _shapes(self) -> np.ndarray:
-        """What shadows need of the triangles, (n_face, 5); empty where no light casts any."""
-        geometry = self._geometry
-        if self._plan.has_shadows and self._face_shape is None:
-            self._face_shape = np.empty((geometry.vertex.shape[1], 5))
-            find_shapes(geometry.positions, geometry.normals, geometry.vertex, self._face_shape)
-        return np.empty((0, 5)) if self._face_shape is None else self._face_shape
 
     def _plan_for(self, view):
         """The plan, or one with float64 where a light with a place is very close to a surface that is seen from afar."""

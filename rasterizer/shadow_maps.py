@@ -7,6 +7,8 @@
 """
 
 import math
+from functools import cached_property
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -36,11 +38,12 @@ from .pipeline.shadow import (
 from .pipeline.transform import make_screen
 from .plan import DEEP, NEAREST, make_coding
 from .scene.camera import Projection, View
+from .scene.geometry import find_lifts, find_shapes
 from .scene.lights import DirectionalLight, SpotLight
 
 WIDEST = 2.0  # tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have
+NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # the stages of a map are not those of the picture
 MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow.py
-
 MOST_NUMBERS = 2**28  # of all maps of a scene: 2 GiB
 MARGIN = 1.0  # texels that stay free at the borders of a fitted map
 CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)  # the order of shadow.cube_face
@@ -66,6 +69,45 @@ class Casters(NamedTuple):
     corners: np.ndarray  # (n, 3) float64, corners of boxes round them, world space
 
 
+class Shadows:
+    """The shadow maps of a scene, kept from picture to picture, and what looking them up needs of the surfaces."""
+
+    def __init__(self, geometry, bounds, plan):
+        is_opaque = np.array([material.is_opaque for material in plan.materials])
+        self._casters = find_casters(geometry, bounds, is_opaque)
+        self._geometry, self._plan, self._maps = geometry, plan, {}
+
+    def draw(self, view, scratch, workers) -> list:
+        """The maps of all lights, None for those that cast no shadows; those of lights that stay where they are, are kept.
+
+        Raises SceneError where they would have more than MOST_NUMBERS numbers.
+        """
+        maps, room = [], MOST_NUMBERS
+        for k, light in enumerate(self._plan.lights):
+            if light.shadow is None or self._casters is None:
+                maps.append(None)
+                continue
+            if k not in self._maps or light.attached == "camera":
+                before = self._maps.get(k)
+                self._maps[k] = draw_shadow_map(light, view, self._casters, self._plan, scratch, workers, room, before)
+            self._maps[k].move(view.eye)
+            room -= len(self._maps[k].block)
+            maps.append(self._maps[k])
+        return maps
+
+    @cached_property
+    def shapes(self) -> np.ndarray:
+        """The planes of all triangles, and how far their points are lifted, (n_face, 5) float64."""
+        out = np.empty((self._geometry.vertex.shape[1], 5))
+        find_shapes(self._geometry.positions, self._geometry.normals, self._geometry.vertex, out)
+        return out
+
+    @cached_property
+    def lifts(self) -> np.ndarray:
+        """How far the points are lifted that are lit before they are drawn, (n_point,) float64."""
+        return find_lifts(self._geometry)
+
+
 def find_casters(geometry, bounds, is_opaque) -> Casters | None:
     """The opaque faces of a scene; None if there are none.
 
@@ -84,7 +126,7 @@ def find_casters(geometry, bounds, is_opaque) -> Casters | None:
     return Casters(geometry._replace(corner=geometry.vertex), corners)
 
 
-def draw_shadow_map(light, view, casters, plan, scratch, workers, clock, room=MOST_NUMBERS, before=None) -> ShadowMap:
+def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMBERS, before=None) -> ShadowMap:
     """Draw what a light sees; one that is attached to the camera is where `view` puts it.
 
     Parameters
@@ -119,7 +161,7 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, clock, room=MO
         coding = make_coding(plan._replace(coding=IN_WORDS, lights=()), screen, 0.0)
         nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
         job = shadow_job(nothing, coding, screen, texels[k])
-        draw(casters.geometry, job, screen, scratch, workers, clock)
+        draw(casters.geometry, job, screen, scratch, workers, NO_CLOCK)
         row = block[MAPS + N_MAP_NUMBER * k : MAPS + N_MAP_NUMBER * (k + 1)]
         row[RIGHT : RIGHT + 3], row[UP : UP + 3], row[FORWARD : FORWARD + 3] = light_view.right, light_view.up, light_view.forward
         row[[SCALE_X, SCALE_Y, CENTER_X, CENTER_Y]] = projection[:4]

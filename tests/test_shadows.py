@@ -237,7 +237,7 @@ def test_edges_are_within_a_pixel_of_the_analytic_ones(name):
     frame, bare = draw_both(meshes, light, ABOVE, FLOOR_SIZE)
     with rz.Renderer(rz.Scene(meshes, (light,), ABOVE), 16) as renderer:
         renderer.render()
-        assert renderer._shadows[0].block[N_MAP] == n_map
+        assert renderer._shadows._maps[0].block[N_MAP] == n_map
     hidden = is_hidden(quad, floor_points(), light)
     could_be_lit = (bare.color[..., 0] > AMBIENT * 0.7) & (frame.face < 2)
     wrong = ((frame.color != bare.color).any(axis=-1) != hidden) & could_be_lit
@@ -400,9 +400,9 @@ def test_neither_threads_nor_earlier_pictures_matter(shading):
 
 
 def test_too_many_maps_are_refused(monkeypatch):
-    from rasterizer import renderer
+    from rasterizer import shadow_maps
 
-    monkeypatch.setattr(renderer, "MOST_NUMBERS", 3 * 64**2)
+    monkeypatch.setattr(shadow_maps, "MOST_NUMBERS", 3 * 64**2)
     mesh = rz.Mesh(*octasphere(1))
     lights = [rz.DirectionalLight((0, k, -1), shadow=rz.Shadow(size=64)) for k in range(3)]
     rz.render(rz.Scene([mesh], lights[:2]), 16)
