@@ -65,7 +65,8 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     ambient = sum((np.array(light.color) for light in ambient_lights), np.zeros(3))
     is_textured = any(material.texture is not None for material in materials)
     has_albedo = len(albedo) > 0
-    tint = None if has_albedo or products is not None else common_color(materials, lights, ambient)
+    is_tinted = products is None and not is_textured and not (has_albedo and np.ptp(albedo, axis=1).any())
+    tint = common_color(materials, lights, ambient) if is_tinted else None
     bound, shine = intensity_bounds(materials, lights, ambient, albedo.max(initial=1.0) * brightest_texel(materials))
     # Float32 may spend half of the tolerance on the lighting, a quarter on normals; affine interpolation the rest.
     rounding = ULP * (16.0 * bound + 8.0 * shine)

@@ -96,9 +96,16 @@ def test_one_channel_is_found_where_all_colours_are_multiples_of_one(name):
         check(scene, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
 
 
-def test_colours_of_a_model_need_three_channels():
-    for colors in ({"colors": np.full((18, 3), 0.5)}, {"face_colors": np.full((32, 3), 0.5)}):
-        assert plan_of(scene_of([GREY], GREY_LIGHTS, **colors)).n_channel == 3
+def test_colours_of_a_model_need_three_channels_unless_they_are_grey():
+    rng = np.random.default_rng(4)
+    for name, n in (("colors", 18), ("face_colors", 32)):
+        greys = np.repeat(rng.uniform(0.2, 1.0, (n, 1)), 3, axis=1)
+        grey = scene_of([GREY], GREY_LIGHTS, **{name: greys})
+        assert plan_of(grey).n_channel == 1 and plan_of(grey).has_albedo
+        assert plan_of(scene_of([GREY], GREY_LIGHTS, **{name: greys + [[0, 0, 1e-9]]})).n_channel == 3
+        for shading in SHADINGS:
+            check(grey, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
+            check(grey, (48, 20), DEFAULT_TOLERANCE, shading=shading, ignored=0.01)
 
 
 def test_tints_that_differ_by_rounding_are_one():
