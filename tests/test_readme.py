@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
+from raster import HAS_TOML
 
 from rasterizer.cli import main
 
@@ -44,6 +45,14 @@ def test_a_picture_is_what_its_command_makes(picture, command, checkout):
     difference = np.abs(made - kept)
     assert difference.max() <= 1, f"levels differ by {difference.max()} > 1"
     assert (difference > 0).mean() <= 0.001, f"{(difference > 0).mean():.4f} of the values differ > 0.001"
+
+
+@pytest.mark.skipif(not HAS_TOML, reason="TOML needs Python 3.11, or tomli")
+def test_the_scene_file_is_one(checkout):
+    (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    Path("scene.toml").write_text(text, encoding="utf-8")
+    assert main(["render", "scene.toml", "-s", "64x48", "-o", "scene.png"]) == 0
+    assert len(np.unique(np.asarray(Image.open("scene.png")))) > 50
 
 
 def test_it_opens_with_the_two_commands():
