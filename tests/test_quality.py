@@ -461,3 +461,21 @@ def test_facets_of_a_round_wall_show_only_without_smoothing():
         row = rz.render(scene, (320, 240), tolerance=0).color[120, :, 1]
         n_value = len(np.unique(row.round(6)))
         assert least <= n_value <= most, f"{angle} degrees: {n_value} values, not {least} to {most}"
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_triangles_that_reach_far_out_of_the_picture_keep_their_depth(shading):
+    """A floor on which the eye stands, clipped next to it, slabs above and below it, some way off, and a speck before the eye, so
+    that depth has a long way to go: the floor is hundreds of thousands of pixels high."""
+    height, near_by = 2.0, 0.0005
+    floor = [[-1000, 0, -1000], [1000, 0, -1000], [1000, 0, 1000], [-1000, 0, 1000]]
+    slabs = [
+        [[x, y, -60], [x + 6, y, -60], [x + 6, y, -20], [x, y, -20]] for x, y in ((-8, near_by), (2, -near_by))
+    ]
+    speck = np.array([[0, 0, 0], [1e-4, 0, 0], [1e-4, 1e-4, 0], [0, 1e-4, 0]]) + (0, height, -2e-3)
+    meshes = [rz.Mesh(points, [[0, 3, 2, 1]]) for points in (floor, *slabs, speck)]
+    scene = rz.Scene(meshes, GREY, rz.Camera.perspective((0, height, 0), (0, 0, -15), up=(0.4, 1, 0), fov=50))
+    compare(scene, (160, 120), shading=shading, tolerance=0)
+    face = rz.render(scene, (160, 120), shading=shading, outputs=("face",)).face
+    # The floor's own vertices are rounded to 1/256 px, which lets the lower slab through at its end.
+    assert np.isin(face, (2, 3)).sum() > 200 and np.isin(face, (4, 5)).sum() < 50

@@ -20,7 +20,8 @@ BLOCK = 64
 # Rows of int32. The vertices are in 1/256 px, clockwise on the screen, the topmost (then leftmost) first; boxes in samples.
 X0, Y0, X1, Y1, X2, Y2 = (np.uint64(BLOCK * k) for k in range(6))
 LEFT, RIGHT, TOP, BOTTOM = (np.uint64(BLOCK * k) for k in range(6, 10))  # clipped: left..right, top..bottom
-ANCHOR_X, ANCHOR_Y = (np.uint64(BLOCK * k) for k in range(10, 12))  # first sample of the unclipped box
+# Where planes begin: the first sample of the box, but not beyond the picture's left or upper border.
+ANCHOR_X, ANCHOR_Y = (np.uint64(BLOCK * k) for k in range(10, 12))
 STEPS_X, STEPS_Y = (np.uint64(BLOCK * k) for k in range(12, 14))  # its extent
 IS_FLIPPED, IS_SLIVER, IS_GOOD = (np.uint64(BLOCK * k) for k in range(14, 17))
 CORNER0, CORNER1, CORNER2 = (np.uint64(BLOCK * k) for k in range(17, 20))  # where the vertices' attributes are
@@ -134,14 +135,17 @@ def gather_attributes(n, attributes, block):
 
 @helper
 def set_up_boxes(y_start, y_stop, width, block):
-    """Find the boxes of the triangles: unclipped for the anchor, clipped to the band for the loops."""
+    """Find the boxes of the triangles: clipped at the picture's left and upper border for the anchor, to the band for the loops.
+
+    From an anchor far outside, the rounding of a plane's steps would add up before the picture is reached.
+    """
     ints = block.ints
     for k in range(np.uint64(BLOCK)):
         x0, x1, x2 = ints[X0 + k], ints[X1 + k], ints[X2 + k]
         y0, y1, y2 = ints[Y0 + k], ints[Y1 + k], ints[Y2 + k]
         anchor_x, anchor_y = first_sample(min(x0, x1, x2)), first_sample(y0)
         end_x, end_y = first_sample(max(x0, x1, x2)), first_sample(max(y1, y2))
-        ints[ANCHOR_X + k], ints[ANCHOR_Y + k] = anchor_x, anchor_y
+        ints[ANCHOR_X + k], ints[ANCHOR_Y + k] = max(anchor_x, 0), max(anchor_y, 0)
         ints[STEPS_X + k], ints[STEPS_Y + k] = end_x - anchor_x, end_y - anchor_y
         ints[LEFT + k], ints[RIGHT + k] = max(anchor_x, 0), min(end_x, width)
         ints[TOP + k], ints[BOTTOM + k] = max(anchor_y, y_start), min(end_y, y_stop)

@@ -9,9 +9,10 @@ decides visibility and writes both:
     63        62 ............ 25   24     23 ............. 0
     sign (0)  depth (38 bits)      is_id  intensity or record number
 
-A plane is anchored at the first sample of the triangle's unclipped box, and integer addition is associative: a word is a
-function of triangle and sample alone, not of band, span start or thread. Products may overflow 64 bits on the way;
-arithmetic modulo 2^64 gives the right word all the same, because the word itself fits.
+A plane is anchored at the first sample of the part of the triangle's box that lies right of and below the picture's upper left
+corner, and integer addition is associative: a word is a function of triangle and sample alone, not of band, span start or
+thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right word all the same, because the word
+itself fits.
 
     top v0                    Clockwise on the screen (y points down): v0 is the topmost vertex, the leftmost of two.
        /\\                     Left chain v0-v2(-v1), right chain v0-v1(-v2). A sample on a left or top edge belongs to
