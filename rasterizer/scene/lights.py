@@ -29,8 +29,8 @@ class Shadow:
     Parameters
     ----------
     size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; so has a light
-    with
-        a place from which the scene fits into a wide view, else it has six. The cells of an area light have maps of half the size
+        with a place from which the scene fits into a wide view, else it has six. The cells of an area light have maps of half
+        the size
     filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin & Cook
         1987): an odd number, 1 (hard edges) to 9
 
