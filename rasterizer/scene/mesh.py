@@ -28,7 +28,8 @@ class Mesh:
         outside; stored (n_face, 3) uint32
     normals : (n_vertex, 3), or (n_face, 3, 3) for each corner of each triangle; stored float64 of unit
         length, zero where a zero was given
-    colors : (n_vertex, 3 or 4), uint8 = sRGB-encoded, float = linear; stored float64, linear
+    colors : (n_vertex, 3 or 4), uint8 = sRGB-encoded, float = linear; stored float64, linear. An alpha is kept, and not drawn:
+        opacity is the material's, or its texture's
     uv : (n_vertex, 2), or (n_face, 3, 2) for each corner; texture coordinates, stored float64
     material : Material
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
