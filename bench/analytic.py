@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.reference_light import Seen, Stage, Surface, light_samples, read_materials
+from rasterizer.reference.light import Seen, Stage, Surface, light_samples, read_materials
 
 RING, TUBE = 1.0, 0.4  # radii of the torus of models/make_models.py, about the y axis
 ON_SURFACE = 1e-5  # how far the vertices may be off: files hold six decimals

@@ -11,9 +11,10 @@ from test_light_rows import DTYPES
 from test_reflection import UP, directions_of, polar, random_directions, reflect
 
 import rasterizer as rz
-from rasterizer import bounds, illumination, plan, reference_light
+from rasterizer import bounds, illumination, plan
 from rasterizer.cli import main
 from rasterizer.pipeline.reflection import FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, SCALE
+from rasterizer.reference import light as reference_light
 from rasterizer.scene.material import REFLECTIONS as NAMES
 
 SIZE = (96, 72)

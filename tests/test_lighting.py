@@ -7,11 +7,11 @@ import pytest
 from stages import NOTHING, lighting_of
 
 import rasterizer as rz
-from rasterizer import reference_light
 from rasterizer.pipeline.lighting import light_points
 from rasterizer.pipeline.rows import CHUNK, make_rows
 from rasterizer.pipeline.transform import make_screen
-from rasterizer.reference_light import Stage
+from rasterizer.reference import light as reference_light
+from rasterizer.reference.light import Stage
 
 SIZE = (64, 48)
 EYE = (1.5, 2.0, 4.0)

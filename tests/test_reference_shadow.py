@@ -7,7 +7,7 @@ import pytest
 from pinhole import DULL, QUAD, SHADINGS, layer, octasphere, sheet_camera, unit
 
 from rasterizer.reference import render
-from rasterizer.reference_shadow import NO_OWNER, gather_casters, reaches
+from rasterizer.reference.shadow import NO_OWNER, gather_casters, reaches
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
 from rasterizer.scene.material import Material

@@ -5,7 +5,7 @@ import pytest
 from pinhole import ALBEDO, QUAD, SHADINGS, at_pixel, draw, eye_camera, sample_rays, sheet_camera
 
 from rasterizer.reference import render
-from rasterizer.reference_texture import level_of_detail, look_up
+from rasterizer.reference.texture import level_of_detail, look_up
 from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh

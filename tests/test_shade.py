@@ -16,12 +16,12 @@ from stages import (
 )
 
 import rasterizer as rz
-from rasterizer import reference_light
 from rasterizer.pipeline.records import EXACT, IN_PLANES, IN_WORDS, IS_EXACT, IS_ID, LEVEL_MASK, NORMAL_PLANES
 from rasterizer.pipeline.rows import CHUNK
 from rasterizer.pipeline.scan import CLEAR
 from rasterizer.pipeline.shade import shade_interpolated, shade_lit
-from rasterizer.reference_light import Stage
+from rasterizer.reference import light as reference_light
+from rasterizer.reference.light import Stage
 from rasterizer.scene.camera import Projection, View
 
 SIZE, WIDE = (120, 90), (3 * CHUNK + 50, 12)

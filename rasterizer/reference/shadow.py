@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.reference_vectors import area_vectors, dot, unit
+from rasterizer.reference.vectors import area_vectors, dot, unit
 
 CHUNK = 2**17  # pairs of rays and faces looked at together: some 40 MB
 NO_OWNER = -1  # of a point whose own faces are known by their planes alone

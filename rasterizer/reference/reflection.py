@@ -6,7 +6,7 @@ Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H hal
 
 import numpy as np
 
-from rasterizer.reference_vectors import dot, length, unit
+from rasterizer.reference.vectors import dot, length, unit
 
 
 def reflect(table, normals, light_dirs, to_viewer):

@@ -2,7 +2,7 @@
 
 In: a `Scene` and the options of a picture. Out: a `Picture` of float64 arrays. It reads in working order:
 
-    view ─ clip (reference_clip.py) ─ snap ─ cover ─ visibility ─ light (reference_light.py) ─ composite ─ resolve
+    view ─ clip (reference/clip.py) ─ snap ─ cover ─ visibility ─ light (reference/light.py) ─ composite ─ resolve
 
 Letters: n_face loaded triangles; n_piece triangles after clipping, a fan for each face that is cut.
 Screen coordinates are integers in 1/256 px, x to the right, y down; row 0 is the top one:
@@ -17,11 +17,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer import reference_light as lighting
 from rasterizer.errors import SceneError
 from rasterizer.options import Options
-from rasterizer.reference_clip import SNAP_LIMIT, SUBPIXELS, Pieces, Range, choose_range, clip_to_view, to_eye
-from rasterizer.reference_light import Seen, Stage, Surface
+from rasterizer.reference import light as lighting
+from rasterizer.reference.clip import SNAP_LIMIT, SUBPIXELS, Pieces, Range, choose_range, clip_to_view, to_eye
+from rasterizer.reference.light import Seen, Stage, Surface
 from rasterizer.scene.camera import Projection
 from rasterizer.scene.color import linear_rgb, srgb_from_linear
 from rasterizer.scene.scene import Scene
@@ -62,7 +62,7 @@ class Pass(NamedTuple):
 
     pieces: Pieces
     screen: np.ndarray  # (n_piece, 3, 2) int64, in 1/256 px
-    side: np.ndarray  # (n_piece,) int, +1 or -1, see reference_light.py
+    side: np.ndarray  # (n_piece,) int, +1 or -1, see reference/light.py
     is_drawn: np.ndarray  # (n_piece,) bool
     grid: tuple[int, int]  # columns, rows
     depths: Range

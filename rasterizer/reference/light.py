@@ -3,8 +3,8 @@
 In: the faces of a scene corner by corner (`Surface`) and what each sample of a picture sees (`Seen`).
 Out: the linear colour, the opacity and the shading normal of every sample. Everything happens in world space.
 
-    reference_lamp        what arrives from a light at a point       reference_texture   what a texture shows at a sample
-    reference_shadow      whether it arrives                         reference_reflection   what goes on to the viewer
+    lamp        what arrives from a light at a point       texture      what a texture shows at a sample
+    shadow      whether it arrives                         reflection   what goes on to the viewer
 
 Light is split into what the surface's colours multiply, the *matte* part (ambient and diffuse), and the *rest* (emissive and the
 highlights): intensity = texel·matte + rest, with the texel of the very sample in all methods of shading.
@@ -19,11 +19,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.reference_lamp import place_lamps, shine
-from rasterizer.reference_reflection import reflect as _reflect
-from rasterizer.reference_shadow import NO_OWNER, Casters, gather_casters, reaches
-from rasterizer.reference_texture import look_up
-from rasterizer.reference_vectors import area_vectors, blend, dot, length, unit
+from rasterizer.reference.lamp import place_lamps, shine
+from rasterizer.reference.reflection import reflect as _reflect
+from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
+from rasterizer.reference.texture import look_up
+from rasterizer.reference.vectors import area_vectors, blend, dot, length, unit
 from rasterizer.scene.camera import Projection, View
 from rasterizer.scene.lights import AmbientLight
 from rasterizer.scene.mesh import Mesh

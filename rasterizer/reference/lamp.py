@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.errors import SceneError
-from rasterizer.reference_vectors import dot, length, unit
+from rasterizer.reference.vectors import dot, length, unit
 from rasterizer.scene.camera import View
 from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.errors import SceneError
-from rasterizer.reference_vectors import dot
+from rasterizer.reference.vectors import dot
 from rasterizer.scene.camera import Projection, View
 
 SUBPIXELS = 256
