@@ -2,13 +2,13 @@
 
 import io
 import os
-import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from .errors import OutputError, SceneError
+from .scene._files import write_and_move
 
 ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
 SAVED_ARRAYS = ("color", "rgb", "rgba", "alpha", "depth", "face", "normal")
@@ -243,22 +243,8 @@ def write_whole(path, content: bytes) -> None:
             with open(place, "wb") as stream:
                 stream.write(content)
         else:
-            _write_and_move(place, content)
+            write_and_move({place: content})
     except OSError as error:
         folder = os.path.dirname(place)
         reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
         raise OutputError(f"can't write {path}: {reason}") from error
-
-
-def _write_and_move(place, content) -> None:
-    """Write a hidden file in the folder of `place` and give it that name."""
-    temporary = os.path.join(os.path.dirname(place), f".raster-{secrets.token_hex(8)}")
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-    descriptor = os.open(temporary, flags, 0o666)  # less what the process's umask takes away
-    try:
-        with open(descriptor, "wb") as stream:
-            stream.write(content)
-        os.replace(temporary, place)
-    except BaseException:  # an interrupt too leaves nothing behind
-        os.unlink(temporary)
-        raise

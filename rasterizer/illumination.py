@@ -59,20 +59,18 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
 def _list_lights(plan, view) -> np.ndarray:
     """A row of numbers for each light; those that move with the camera are turned to the world, positions are relative to the
     eye."""
-    axes = np.stack([view.right, view.up, -view.forward])  # rows: the camera's axes in the world
     light = np.zeros((len(plan.lights), N_NUMBER))
     for row, source in zip(light, plan.lights, strict=True):
-        in_camera = source.attached == "camera"
         if isinstance(source, DirectionalLight):
-            row[VECTOR : VECTOR + 3] = _to_world(np.array(source.direction), axes, in_camera) * -1.0
+            row[VECTOR : VECTOR + 3] = world_direction(source, view) * -1.0
             continue
-        position = np.array(source.position)
-        row[VECTOR : VECTOR + 3] = position @ axes if in_camera else position - view.eye
+        position = _to_world(source.position, source, view)
+        row[VECTOR : VECTOR + 3] = position if source.attached == "camera" else position - view.eye
         row[ATTENUATION : ATTENUATION + 3] = source.attenuation
         row[MOST] = np.inf if source.amplify else 1.0
         row[INVERSE_RANGE] = 1.0 / source.range if source.range is not None else 0.0
         if isinstance(source, SpotLight):
-            row[AXIS : AXIS + 3] = _to_world(np.array(source.direction), axes, in_camera)
+            row[AXIS : AXIS + 3] = world_direction(source, view)
             inner, outer = cone_cosines(source)
             row[COS_OUTER], row[CONE_EXPONENT] = outer, source.exponent
             row[CONE_SCALE] = 1.0 / (inner - outer) if inner > outer else np.inf
@@ -124,6 +122,19 @@ def _addresses(functions, dtype) -> np.ndarray:
     return np.array([row_function(function, dtype).address for function in functions], np.int64)
 
 
-def _to_world(direction, axes, in_camera):
-    """A direction that may be given in the camera's frame."""
-    return direction @ axes if in_camera else direction
+def world_position(light, view) -> np.ndarray:
+    """The position of a light in the world, (3,) float64, also of one that moves with the camera."""
+    position = _to_world(light.position, light, view)
+    return view.eye + position if light.attached == "camera" else position
+
+
+def world_direction(light, view) -> np.ndarray:
+    """The direction of a light in the world, (3,) float64, also of one that moves with the camera."""
+    return _to_world(light.direction, light, view)
+
+
+def _to_world(vector, light, view) -> np.ndarray:
+    """A vector along the world's axes that may be given along those of the camera."""
+    if light.attached != "camera":
+        return np.array(vector)
+    return np.array(vector) @ np.stack([view.right, view.up, -view.forward])  # rows: the camera's axes in the world

@@ -11,11 +11,14 @@ import numpy as np
 
 from .bounds import common_color, intensity_bounds, kind_of
 from .options import Options
+from .pipeline import texture as texturing
+from .pipeline.clip import find_nearest
 from .pipeline.layers import Opacity
 from .pipeline.lights import LIGHTS
 from .pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
-from .pipeline.texture import Textures, make_textures
+from .pipeline.texture import Textures
+from .pipeline.transform import make_screen
 from .scene.geometry import number_materials
 from .scene.lights import AmbientLight, AreaLight
 from .spectral import Products, multiply_spectra
@@ -101,7 +104,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         materials=materials,
         has_albedo=has_albedo,
         has_shadows=has_shadows,
-        textures=make_textures(materials) if is_textured else None,
+        textures=list_textures(materials) if is_textured else None,
         opacity=None if is_opaque else list_opacities(materials),
         products=products,
     )
@@ -139,6 +142,24 @@ def list_opacities(materials) -> Opacity:
     return Opacity(
         np.array([material.opacity for material in materials]),
         np.array([material.is_opaque for material in materials], np.bool_),
+    )
+
+
+def list_textures(materials) -> Textures:
+    """Lay the textures of materials, at least one, behind each other; those that are shared, once."""
+    different = {id(material.texture): material.texture for material in materials if material.texture is not None}
+    number = {key: k for k, key in enumerate(different)}
+    levels = [level for texture in different.values() for level in texture.pyramid]
+    first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
+    filters = {"nearest": texturing.NEAREST, "bilinear": texturing.BILINEAR, "trilinear": texturing.TRILINEAR}
+    wraps = {"repeat": texturing.REPEAT, "clamp": texturing.CLAMP, "mirror": texturing.MIRROR}
+    return Textures(
+        np.concatenate([level.ravel() for level in levels]),
+        np.array([(start, level.shape[1], level.shape[0]) for start, level in zip(first, levels, strict=False)], np.int64),
+        np.cumsum([0] + [len(texture.pyramid) for texture in different.values()]).astype(np.int64),
+        np.array([filters[texture.filter] for texture in different.values()], np.int64),
+        np.array([[wraps[word] for word in texture.wrap] for texture in different.values()], np.int64),
+        np.array([number.get(id(material.texture), -1) for material in materials], np.int64),
     )
 
 
@@ -211,6 +232,24 @@ def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
     if camera.far is not None:
         return (near, camera.far), camera.far
     return (near, max(far, near)), np.inf
+
+
+def fit_screen(view, projection, depth_range, far_clip, geometry, size):
+    """The screen of a view with perspective whose depth range is fitted to a box: where that spans much, to what is seen in it.
+
+    Parameters
+    ----------
+    depth_range : (near, far) of the box, scene units
+    size : (width, height) of the picture in samples
+    """
+    near, far = depth_range
+    if near < far * DEEP:
+        # The box round the scene says little about the depths that are seen.
+        screen = make_screen(view, projection, depth_range, near, far_clip)
+        nearest = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
+        if near < nearest < far:
+            depth_range = (nearest, far)
+    return make_screen(view, projection, depth_range, near, far_clip)
 
 
 def choose_band_rows(width, height, n_thread, factor) -> int:

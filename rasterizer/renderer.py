@@ -7,15 +7,14 @@ import numpy as np
 from .draw import FaceTable, buffers_job, draw, interpolated_job, light, lit_job
 from .errors import SceneError
 from .frame import Frame, Stats
-from .illumination import make_lighting
+from .illumination import make_lighting, world_position
 from .options import Options
-from .pipeline.clip import find_nearest
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
 from .pipeline.scratch import Scratch, empty_buffers, make_picture
 from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
-from .plan import DEEP, NEAREST, fit_depth_range, is_too_close, make_coding, make_encoding, make_plan
+from .plan import fit_depth_range, fit_screen, is_too_close, make_coding, make_encoding, make_plan
 from .scene.camera import Camera
 from .scene.geometry import find_clearance, gather_geometry
 from .scene.lights import PointLight, SpotLight
@@ -102,14 +101,11 @@ class Renderer:
         view = camera.view()
         width, height = self.options.size
         projection = camera.projection((width * factor, height * factor))
-        (near, far), far_clip = fit_depth_range(camera, view, self._bounds)
-        screen = make_screen(view, projection, (near, far), near, far_clip)
-        if camera.is_perspective and camera.near is None and near < far * DEEP:
-            # The box round the scene says little about the depths that are seen.
-            nearest = find_nearest(self._geometry.positions, self._geometry.vertex, screen, width * factor, height * factor)
-            if near < nearest * (1 - NEAREST) < far:
-                screen = make_screen(view, projection, (nearest * (1 - NEAREST), far), near, far_clip)
-        return view, screen
+        depth_range, far_clip = fit_depth_range(camera, view, self._bounds)
+        if camera.is_perspective and camera.near is None:
+            size = width * factor, height * factor
+            return view, fit_screen(view, projection, depth_range, far_clip, self._geometry, size)
+        return view, make_screen(view, projection, depth_range, depth_range[0], far_clip)
 
     def _draw_picture(self, camera, picture, clock):
         """Draw the picture: the colour of every pixel."""
@@ -162,11 +158,7 @@ class Renderer:
         points = [light for light in self._plan.lights if isinstance(light, PointLight | SpotLight)]
         if not points or self._plan.dtype == np.float64:
             return self._plan
-        axes = np.stack([view.right, view.up, -view.forward])
-        places = [
-            tuple(view.eye + np.array(light.position) @ axes) if light.attached == "camera" else light.position
-            for light in points
-        ]
+        places = [tuple(world_position(light, view).tolist()) for light in points]
         for place in places:
             if place not in self._clearances:
                 self._clearances = {kept: self._clearances[kept] for kept in places if kept in self._clearances}

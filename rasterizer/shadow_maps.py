@@ -15,7 +15,7 @@ import numpy as np
 
 from .draw import draw, shadow_job
 from .errors import SceneError
-from .pipeline.clip import find_nearest
+from .illumination import world_direction, world_position
 from .pipeline.records import IN_WORDS
 from .pipeline.shadow import (
     CENTER_X,
@@ -36,10 +36,10 @@ from .pipeline.shadow import (
     UP,
 )
 from .pipeline.transform import make_screen
-from .plan import DEEP, NEAREST, make_coding
+from .plan import NEAREST, fit_screen, make_coding
 from .scene.camera import Projection, View
 from .scene.geometry import find_lifts, find_shapes
-from .scene.lights import DirectionalLight, SpotLight
+from .scene.lights import DirectionalLight, PointLight, SpotLight
 
 WIDEST = 2.0  # tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have
 NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # the stages of a map are not those of the picture
@@ -73,8 +73,7 @@ class Shadows:
     """The shadow maps of a scene, kept from picture to picture, and what looking them up needs of the surfaces."""
 
     def __init__(self, geometry, bounds, plan):
-        is_opaque = np.array([material.is_opaque for material in plan.materials])
-        self._casters = find_casters(geometry, bounds, is_opaque)
+        self._casters = find_casters(geometry, bounds, plan.opacity)
         self._geometry, self._plan, self._maps = geometry, plan, {}
 
     def draw(self, view, scratch, workers) -> list:
@@ -108,16 +107,16 @@ class Shadows:
         return find_lifts(self._geometry)
 
 
-def find_casters(geometry, bounds, is_opaque) -> Casters | None:
+def find_casters(geometry, bounds, opacity) -> Casters | None:
     """The opaque faces of a scene; None if there are none.
 
     Parameters
     ----------
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes
-    is_opaque : (n_material,) bool
+    opacity : Opacity, or None where all is opaque
     """
-    if not is_opaque.all():
-        faces = np.flatnonzero(is_opaque[geometry.face_material] if len(geometry.face_material) else [])
+    if opacity is not None:
+        faces = np.flatnonzero(opacity.is_opaque[geometry.face_material] if len(geometry.face_material) else [])
         if len(faces) == 0:
             return None
         vertex = np.ascontiguousarray(geometry.vertex[:, faces])
@@ -138,13 +137,8 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMB
     ------
     SceneError : there is no room for the map
     """
-    axes = np.stack([view.right, view.up, -view.forward])
-    in_camera = light.attached == "camera"
-    direction = getattr(light, "direction", None)
-    direction = np.array(direction) @ axes if in_camera and direction is not None else direction
-    origin = casters.corners.mean(axis=0)
-    if not isinstance(light, DirectionalLight):
-        origin = view.eye + np.array(light.position) @ axes if in_camera else np.array(light.position)
+    direction = None if isinstance(light, PointLight) else world_direction(light, view)
+    origin = casters.corners.mean(axis=0) if isinstance(light, DirectionalLight) else world_position(light, view)
     size = light.shadow.size
     views = _choose_views(light, origin, direction, casters.corners - origin, size)
     n_number = HEADER + len(views) * size * size
@@ -226,12 +220,7 @@ def _fit_screen(view, projection, casters, size):
         return make_screen(view, projection, (nearest - margin, furthest + margin), nearest - margin, np.inf)
     furthest = (furthest if furthest > 0.0 else 1.0) * (1 + NEAREST)
     near = max(nearest * (1 - NEAREST), furthest * NEAREST)
-    screen = make_screen(view, projection, (near, furthest), near, np.inf)
-    if near < furthest * DEEP:
-        seen = find_nearest(casters.geometry.positions, casters.geometry.vertex, screen, size, size) * (1 - NEAREST)
-        if near < seen < furthest:
-            screen = make_screen(view, projection, (seen, furthest), near, np.inf)
-    return screen
+    return fit_screen(view, projection, (near, furthest), np.inf, casters.geometry, (size, size))
 
 
 def _value_range(screen, coding) -> float:

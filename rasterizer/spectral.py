@@ -12,8 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-DEFAULT_WAVES = 81  # samples: every 5 nm, as the tables have them
-
 
 class Products(NamedTuple):
     """Products of the spectra of materials and lights, as linear RGB; components may be negative."""
@@ -31,9 +29,9 @@ def multiply_spectra(materials, lights, ambient_lights, options) -> Products | N
     colors += [light.color for light in (*lights, *ambient_lights)]
     if options.spectral is None and not any(hasattr(color, "wavelengths") for color in colors):
         return None
-    from .scene.spectrum import rgb_weights, samples_of
+    from .scene.spectrum import N_TABLE, rgb_weights, samples_of
 
-    n = options.spectral or DEFAULT_WAVES
+    n = options.spectral or N_TABLE  # samples: every 5 nm, as the tables have them
     weights = rgb_weights(n) * 2.0**options.exposure
     emissive, ambient, diffuse, specular = (
         np.array([samples_of(getattr(material, field), n) for material in materials]) for field in fields

@@ -39,24 +39,6 @@ class Textures(NamedTuple):
     of_material: np.ndarray  # (n_material,) int64, -1 for none
 
 
-def make_textures(materials) -> Textures:
-    """Lay the textures of materials behind each other; those that are shared, once."""
-    different = {id(material.texture): material.texture for material in materials if material.texture is not None}
-    number = {key: k for k, key in enumerate(different)}
-    levels = [level for texture in different.values() for level in texture.pyramid]
-    shapes = np.array([level.shape[:2] for level in levels], np.int64).reshape(-1, 2)
-    first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
-    filters, wraps = ("nearest", "bilinear", "trilinear"), ("repeat", "clamp", "mirror")
-    return Textures(
-        np.concatenate([level.ravel() for level in levels]) if levels else np.empty(0, np.float32),
-        np.column_stack([first[:-1], shapes[:, 1], shapes[:, 0]]).astype(np.int64),
-        np.cumsum([0] + [len(texture.pyramid) for texture in different.values()]).astype(np.int64),
-        np.array([filters.index(texture.filter) for texture in different.values()], np.int64),
-        np.array([[wraps.index(word) for word in texture.wrap] for texture in different.values()], np.int64).reshape(-1, 2),
-        np.array([number.get(id(material.texture), -1) for material in materials], np.int64),
-    )
-
-
 @kernel
 def take_texels(canvas, records, y_start, n_row, textures, face_material, rows, out_texels):
     """Look the texture up at every sample of the band; `face_material` is that of each triangle, or empty where there is one.
@@ -233,7 +215,7 @@ def texel_at(textures, index):
 def shade_textured(canvas, records, y_start, n_row, texels, out_radiance):
     """Flat shading and Gouraud's method with textures: interpolate the light that the texture weakens and the rest apart.
 
-    The attributes are those of make_attributes: what a black surface gives off (0-2) and what the whole one gives off (3-5).
+    Attributes 0-2 of the records are what a black surface gives off, 3-5 what the whole one gives off.
     """
     words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
     records, texels, radiance = borrow_records(records), borrow(texels), borrow(out_radiance)

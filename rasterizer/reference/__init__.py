@@ -1,8 +1,12 @@
 """The judge: the same pictures in plain numpy float64 and Python integers, slowly, sharing no kernel with the fast way.
 
-    picture      which face each sample sees, layer behind layer; samples to pixels       clip      near plane, limits of the screen
-    light        where the illumination equation is evaluated, and the equation            lamp      what arrives of each light
-    reflection   the models of reflection      texture      what a picture on the surface shows      shadow    rays to the lights
+    picture      which face each sample sees, layer behind layer; samples to pixels
+    clip         near plane, limits of the screen
+    light        where the illumination equation is evaluated, and the equation
+    lamp         what arrives of each light
+    shadow       rays to the lights
+    reflection   the models of reflection
+    texture      what a picture on the surface shows
 """
 
 from rasterizer.reference.picture import Picture, coverage, render

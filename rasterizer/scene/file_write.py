@@ -10,7 +10,6 @@ All are written in full under other names first, and then renamed, the scene fil
 import io
 import json
 import os
-import secrets
 from dataclasses import fields
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import numpy as np
 
 from rasterizer.errors import OutputError, SceneError
 from rasterizer.scene._check import shown
+from rasterizer.scene._files import write_and_move
 from rasterizer.scene.color import LINEAR_OF_BYTE
 from rasterizer.scene.file_meshes import ARRAYS
 from rasterizer.scene.file_parts import COLORS, LIGHTS
@@ -257,24 +257,11 @@ def _toml_value(value) -> str:
 
 
 def _write_all(path, contents) -> None:
-    """Write files into the folder of `path`, all of them or none: first under other names, then renamed in turn.
-
-    Raises OutputError.
-    """
+    """Write files into the folder of `path`, all of them or none. Raises OutputError."""
     folder = path.parent
-    written = {}
     try:
-        for name, content in contents.items():
-            place = Path(os.path.realpath(folder / name))  # a link keeps its name and gets a new target
-            temporary = place.parent / f".raster-{secrets.token_hex(8)}"
-            written[temporary] = place
-            with open(temporary, "xb") as stream:
-                stream.write(content)
-        for temporary, place in written.items():
-            os.replace(temporary, place)
+        # A link keeps its name and gets a new target.
+        write_and_move({os.path.realpath(folder / name): content for name, content in contents.items()})
     except OSError as fault:
         reason = (fault.strerror or str(fault)) if folder.is_dir() else f"there is no folder {folder}"
         raise OutputError(f"can't write {path}: {reason}") from fault
-    finally:
-        for temporary in written:
-            temporary.unlink(missing_ok=True)
