@@ -9,3 +9,10 @@ from rasterizer.cli import main
 def compiled_kernels():
     """Compile all kernels before the first test, so that no test pays for it, or finds the notice about it on stderr."""
     assert main(["warmup", "--quiet"]) == 0
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The current folder: an empty one of the test's own."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

@@ -12,22 +12,11 @@ from command import CUBE, GEAR, SMALL, errors, one_error, picture, run
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.cli import main, warmup
+from rasterizer.cli import main
 from rasterizer.frame import Frame
 from rasterizer.renderer import Renderer
 
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled():
-    """Kernels are compiled before the first test, so that no test sees it announced."""
-    warmup.draw_all_kinds()
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    """Every test has an empty current folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 # --- what is written ----------------------------------------------------------------------------------------

@@ -16,11 +16,7 @@ from rasterizer.cli.arguments import COMPARED_SIZE
 
 BALL, CUBE = (str(ROOT / "models" / name) for name in ("sphere.obj", "cube.obj"))
 
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def run(*argv) -> int:

@@ -9,23 +9,12 @@ from command import CUBE, errors, picture, run
 from raster import ROOT
 
 import rasterizer as rz
-from rasterizer.cli import arguments, render, warmup
+from rasterizer.cli import arguments, render
 from rasterizer.options import Options
 from rasterizer.scene import file, lights, load, material
 from rasterizer.scene._check import AXES
 
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled():
-    """Kernels are compiled before the first test, so that no test sees it announced."""
-    warmup.draw_all_kinds()
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    """Every test has an empty current folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_every_option_is_a_flag():

@@ -22,11 +22,7 @@ from rasterizer.scene.material import DISTRIBUTIONS, REFLECTIONS
 CUBE, LIFE = (str(ROOT / "models" / name) for name in ("cube.obj", "still_life.obj"))
 SHADOW = rz.Shadow()
 
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def loaded(model, *argv):

@@ -11,21 +11,10 @@ from raster import ROOT
 
 import rasterizer as rz
 from rasterizer import _kernel
-from rasterizer.cli import arguments, main, warmup
+from rasterizer.cli import arguments, main
 from rasterizer.cli.messages import Messages, compiling_announced
 
-
-@pytest.fixture(scope="module", autouse=True)
-def compiled():
-    """Kernels are compiled before the first test, so that no test sees it announced."""
-    warmup.draw_all_kinds()
-
-
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    """Every test has an empty current folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 @pytest.mark.parametrize("argv", [["--help"], ["render", "--help"], ["warmup", "-h"], ["--version"]])
