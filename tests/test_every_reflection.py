@@ -15,6 +15,7 @@ from rasterizer import bounds, illumination, plan
 from rasterizer.cli import main
 from rasterizer.pipeline.reflection import FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, SCALE
 from rasterizer.reference import light as reference_light
+from rasterizer.reference import reflection
 from rasterizer.scene.material import REFLECTIONS as NAMES
 
 SIZE = (96, 72)
@@ -84,7 +85,7 @@ def judged(material, *sides):
     scene = rz.Scene([rz.Mesh(*octasphere(0), material=material)])
     table = np.repeat(reference_light.read_materials(scene), len(sides[0]))
     normal, to_light, to_viewer = (side.astype(float) for side in sides)
-    found = np.stack(reference_light._reflect(table, normal, to_light, to_viewer))[:, :, 0]
+    found = np.stack(reflection.reflect(table, normal, to_light, to_viewer))[:, :, 0]
     return np.where((normal * to_light).sum(axis=1) > 0, found, 0)
 
 

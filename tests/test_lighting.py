@@ -102,7 +102,8 @@ def judge_them(camera, lights, material, side, points, has_albedo):
     toward = np.sign((normals * reference_light._to_viewer(positions, stage)).sum(axis=1, keepdims=True))
     normals = normals * (side if side else toward)
     white = albedo if has_albedo else np.ones_like(positions)
-    return reference_light._illuminate(positions, normals, white, np.zeros(len(positions), int), stage)
+    matte, rest = reference_light.light_points(positions, normals, np.zeros(len(positions), int), stage)
+    return white * matte + rest
 
 
 @pytest.mark.parametrize("dtype, budget", BUDGETS)

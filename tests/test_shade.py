@@ -244,7 +244,8 @@ def expected_light(screen, size, triangle, depth, normals, albedo, lights, mater
         screen.scale_x, screen.scale_y, screen.center_x, screen.center_y, screen.is_perspective
     )
     stage = Stage(view_of(screen), projection, reference_light.read_materials(scene), tuple(lights), "phong")
-    light = reference_light._illuminate(points, normal, colors, np.zeros(len(rows), int), stage)
+    matte, rest = reference_light.light_points(points, normal, np.zeros(len(rows), int), stage)
+    light = colors * matte + rest
     return rows, columns, light
 
 

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.reference.lamp import place_lamps, shine
-from rasterizer.reference.reflection import reflect as _reflect
+from rasterizer.reference.reflection import reflect
 from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
 from rasterizer.reference.texture import look_up
 from rasterizer.reference.vectors import area_vectors, blend, dot, length, unit
@@ -319,12 +319,6 @@ def _sample_points(part: Seen, stage: Stage) -> np.ndarray:
 # ── the illumination equation ─────────────────────────────────────────────────────────────────────────────
 
 
-def _illuminate(points, normals, albedo, material, stage: Stage) -> np.ndarray:
-    """Evaluate the illumination equation at points (n, 3) without textures or shadows; return (n, 3) intensities, linear."""
-    matte, rest = light_points(points, normals, material, stage)
-    return albedo * matte + rest
-
-
 def light_points(points, normals, material, stage: Stage, start: Start | None = None):
     """Evaluate the illumination equation.
 
@@ -355,7 +349,7 @@ def light_points(points, normals, material, stage: Stage, start: Start | None = 
         is_lit = dot(normals, light_dirs) > 0
         if start is not None and stage.casters is not None and lamp.light.shadow is not None:
             is_lit[is_lit] = _reaches(lamp, start, is_lit, stage.casters)
-        diffuse, specular = _reflect(table, normals, light_dirs, to_viewer)
+        diffuse, specular = reflect(table, normals, light_dirs, to_viewer)
         with np.errstate(invalid="ignore"):  # an amplifying light in the very point
             reflected = strength * table["diffuse"] * diffuse, strength * table["specular"] * specular
         matte += np.where(is_lit[:, None], reflected[0], 0)
