@@ -2,17 +2,20 @@
 
     python tests/campaign.py SEED INDEX          one scene, and what is wrong with it
     python tests/campaign.py SEED FIRST STOP     a range of scenes
+    python tests/campaign.py SEED FIRST STOP N   N steps uphill from each of them, towards errors above their bounds
     RASTERIZER_FUZZ_CASES=20000 pytest tests/test_campaign.py
 
 Each scene is drawn with its own tolerance, with tolerance 0, and by the judge; `find_faults` says which promises don't hold.
 """
 
 import sys
+import warnings
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from campaign_scenes import Case, make_case
+from campaign_steps import mutated, next_to_step
 from judge import EXACT, color_errors, depth_resolution
 
 import rasterizer as rz
@@ -22,7 +25,6 @@ from rasterizer.options import DEFAULT_TOLERANCE
 OUTPUTS = ("color", "depth", "face")
 UNITS = 2.0**14  # steps of the z-buffer within which two surfaces are equally near, as in `judge.compare`
 ROUNDED = 2.0**-23  # relative, of an intensity stored as float32: in the frame, and in its alpha
-N_JOLT = 6
 JOLTS = {np.dtype(np.float64): 1e-9, np.dtype(np.float32): 4e-6}  # how far a step reaches, relative; see `next_to_step`
 
 
@@ -43,27 +45,33 @@ def find_faults(case: Case) -> Outcome:
     judge's than the stated bounds; within one level of 8 bits with the default tolerance; same bytes with two threads.
     """
     scene, size, options = case.scene, case.size, case.options
-    with rz.Renderer(scene, size, outputs=OUTPUTS, threads=1, **options) as renderer:
-        frame = renderer.render()
-        plan = renderer._plan_for(scene.camera_for(size).view())
-    exact = rz.render(scene, size, outputs=OUTPUTS, threads=1, **(options | {"tolerance": 0.0}))
-    dtype = np.dtype(plan.dtype)
-    faults = check_alone(case, frame, plan)
-    if case.index % 16 == 0:
-        other = rz.render(scene, size, outputs=OUTPUTS, threads=2, **options)
-        if any(getattr(frame, name).tobytes() != getattr(other, name).tobytes() for name in (*OUTPUTS, "alpha", "rgb")):
-            faults.append("other bytes with two threads")
-    if faults:
-        return Outcome(faults, dtype, np.inf, 0, 0)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        frame, dtype = draw(case)
+        exact, _ = draw(case, tolerance=0.0)
+        faults = check_alone(case, frame) + check_alone(case, exact, "with tolerance 0, ")
+        if case.index % 16 == 0:
+            other, _ = draw(case, threads=2)
+            if any(getattr(frame, name).tobytes() != getattr(other, name).tobytes() for name in (*OUTPUTS, "alpha", "rgb")):
+                faults.append("other bytes with two threads")
+    faults += sorted({f"a warning: {warning.message}" for warning in caught})
     if has_shadows(scene):
-        return Outcome(check_shadows(case, frame, exact), dtype, 0.0, 0, 0)
+        return Outcome(faults + check_shadows(case, frame, exact), dtype, 0.0, 0, 0)
     settings = {name: value for name, value in options.items() if name != "tolerance"}
     with np.errstate(all="ignore"):
         expected = reference.render(scene, size, **settings)
-    faults, is_clear = check_surfaces(case, frame, exact, expected)
-    if faults:
-        return Outcome(faults, dtype, np.inf, 0, 0)
-    return check_colors(case, frame, exact, expected, is_clear, dtype)
+    found, is_clear = check_surfaces(case, frame, exact, expected)
+    if found:
+        return Outcome(faults + found, dtype, np.inf, 0, 0)
+    outcome = check_colors(case, frame, exact, expected, is_clear, dtype)
+    return outcome._replace(faults=faults + outcome.faults)
+
+
+def draw(case, **others):
+    """Draw a case, with some other options; return the frame, and in which dtype it was lit."""
+    with rz.Renderer(case.scene, case.size, **({"outputs": OUTPUTS, "threads": 1} | case.options | others)) as renderer:
+        frame = renderer.render()
+        return frame, np.dtype(renderer._plan_for(case.scene.camera_for(case.size).view()).dtype)
 
 
 def has_shadows(scene) -> bool:
@@ -71,21 +79,20 @@ def has_shadows(scene) -> bool:
     return any(getattr(light, "shadow", None) is not None for light in scene.lights)
 
 
-def check_alone(case, frame, plan) -> list:
+def check_alone(case, frame, which="") -> list:
     """What can be said of a frame without another one."""
     faults = []
-    bound = frame.stats.error_bound
     if not np.isfinite(frame.color).all():
-        faults.append(f"{(~np.isfinite(frame.color)).sum()} colours are not finite")
-    if np.isnan(frame.depth).any() or (frame.depth[frame.face >= 0] == np.inf).any() or (frame.depth == -np.inf).any():
-        faults.append("a depth is not finite")
-    is_dark = frame.color.min() < 0.0
-    if is_dark and not has_spectra(case):
-        faults.append(f"a colour is {frame.color.min():.3g}")
-    if not np.isfinite(bound):
-        faults.append(f"the stated bound is {bound}")
+        faults.append(f"{which}{(~np.isfinite(frame.color)).sum()} colours are not finite")
+    is_hit = frame.face >= 0
+    if not np.isfinite(frame.depth[is_hit]).all() or (frame.depth[~is_hit] != np.inf).any():
+        faults.append(f"{which}a depth is not finite, or finite where nothing is")
+    if frame.color.min() < 0.0 and not has_spectra(case):
+        faults.append(f"{which}a colour is {frame.color.min():.3g}")
+    if not np.isfinite(frame.stats.error_bound):
+        faults.append(f"{which}the stated bound is {frame.stats.error_bound}")
     if not (0.0 <= frame.alpha.min() and frame.alpha.max() <= 1.0):
-        faults.append(f"alpha is within {frame.alpha.min()}..{frame.alpha.max()}")
+        faults.append(f"{which}alpha is within {frame.alpha.min()}..{frame.alpha.max()}")
     return faults
 
 
@@ -107,7 +114,8 @@ def check_shadows(case, frame, exact) -> list:
         return []
     scene, faults = case.scene, []
     dark = replace(scene, lights=[light for light in scene.lights if getattr(light, "shadow", None) is None])
-    bright = replace(scene, lights=[light if isinstance(light, rz.AmbientLight) else replace(light, shadow=None) for light in scene.lights])
+    bare = [light if isinstance(light, rz.AmbientLight) else replace(light, shadow=None) for light in scene.lights]
+    bright = replace(scene, lights=bare)
     options = case.options | {"tolerance": 0.0, "outputs": OUTPUTS, "threads": 1}
     low, high = (rz.render(each, case.size, **options) for each in (dark, bright))
     for name, one in (("its tolerance", frame), ("tolerance 0", exact)):
@@ -150,39 +158,38 @@ def check_surfaces(case, frame, exact, expected):
 def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
     """Colours, against the picture with tolerance 0 and against the judge's."""
     scene, faults, worst, n_step = case.scene, [], 0.0, 0
-    full = np.maximum(np.abs(expected.color).max(), 1.0)  # full scale
     stored = ROUNDED * np.abs(expected.color)
+    promised = EXACT * max(np.abs(expected.color).max(), 1.0)  # of full scale
+    bound, least = frame.stats.error_bound, exact.stats.error_bound
     pairs = (
-        ("tolerance 0 against the judge", errors(scene, exact, expected), EXACT * full + stored, np.dtype(np.float64)),
-        ("its tolerance against tolerance 0", errors(scene, frame, exact), frame.stats.error_bound + exact.stats.error_bound, dtype),
-        ("its tolerance against the judge", errors(scene, frame, expected), frame.stats.error_bound + stored, dtype),
+        ("tolerance 0 against the judge", color_errors(scene, exact, expected), promised + stored, np.dtype(np.float64)),
+        ("against tolerance 0", color_errors(scene, frame, exact), np.full(stored.shape, bound + least), dtype),
+        ("against the judge", color_errors(scene, frame, expected), bound + stored, dtype),
     )
-    for name, error, bound, kind in pairs:
-        is_far = (error > bound).any(axis=-1)
+    for name, error, limit, kind in pairs:
+        is_far = (error > limit).any(axis=-1)
         if is_far.any() and "judge" in name:
             is_far &= is_clear if case.options["samples"] == 1 else clear_pixels(case)
         if is_far.any():
-            steps = next_to_step(case, expected, JOLTS[kind], bound)
+            steps = next_to_step(case, JOLTS[kind], limit.min())
             n_step += (is_far & steps).sum()
             is_far &= ~steps
-        ratio = (error / bound)[is_far] if is_far.any() else np.minimum(error / bound, 1.0)
-        worst = max(worst, float(ratio.max(initial=0.0)))
+        share = (error / limit).max(axis=-1)
+        share[~is_far] = np.minimum(share, 1.0)[~is_far]
+        worst = max(worst, float(share.max(initial=0.0)))
         if is_far.any():
-            y, x = np.unravel_index(np.argmax((error / bound).max(axis=-1) * is_far), is_far.shape)
-            faults.append(f"{name}: {error[y, x].max():.3g} is {ratio.max():.3g} times the bound, {is_far.sum()} pixels, at {x}, {y}")
+            y, x = np.unravel_index(np.argmax(share), share.shape)
+            faults.append(
+                f"{name}: {error[y, x].max():.3g} is {share.max():.3g} times the bound, {is_far.sum()} pixels, at {x}, {y}"
+            )
     if case.options["tolerance"] <= DEFAULT_TOLERANCE and not faults:
         levels = np.abs(frame.rgb.astype(int) - exact.rgb).max(axis=-1)
         is_far = levels > 1
         if is_far.any():
-            is_far &= ~next_to_step(case, expected, JOLTS[dtype], DEFAULT_TOLERANCE)
+            is_far &= ~next_to_step(case, JOLTS[dtype], DEFAULT_TOLERANCE)
         if is_far.any():
             faults.append(f"{is_far.sum()} pixels differ by up to {levels[is_far].max()} levels")
     return Outcome(faults, dtype, worst, int((expected.alpha > 0).sum()), int(n_step))
-
-
-def errors(scene, frame, expected) -> np.ndarray:
-    """Differences of linear intensity (h, w, 3)."""
-    return color_errors(scene, frame, expected)
 
 
 def clear_pixels(case) -> np.ndarray:
@@ -197,85 +204,46 @@ def clear_pixels(case) -> np.ndarray:
     return is_clear.reshape(height, per_axis, width, per_axis).all(axis=(1, 3))
 
 
-# ── steps ─────────────────────────────────────────────────────────────────────────────────────────────────
+# ── climbing, and the command line ────────────────────────────────────────────────────────────────────────
 
 
-def next_to_step(case, expected, jolt, bound) -> np.ndarray:
-    """Tell which pixels (h, w) lie next to a step, where no error is small.
+def climb(case: Case, n: int):
+    """Change a case's numbers step by step, `n` times, and keep what brings the error nearer to its bound.
 
-    Steps: the levels of toon, N·L = 0 of highlights that are not weakened by it, sharp cones, the edges of texels without
-    filter. The judge draws the scene again with lights, normals and texture coordinates moved by `jolt`, relatively: what
-    is continuous moves by a little; next to a step, values jump between groups that lie further apart than each is wide.
+    Returns
+    -------
+    (Case, Outcome) of the highest place; steps that are not legal, or leave nothing to be seen, are not taken
     """
-    if not has_steps(case):
-        return np.zeros(expected.alpha.shape, bool)
-    rng = np.random.default_rng(case.index)
-    settings = {name: value for name, value in case.options.items() if name != "tolerance"}
-    values = [expected.color]
-    for _ in range(N_JOLT):
-        with np.errstate(all="ignore"):
-            values.append(reference.render(jolted(case.scene, rng, jolt), case.size, **settings).color)
-    values = np.sort(values, axis=0)
-    gaps = np.diff(values, axis=0)
-    largest = gaps.max(axis=0)
-    rest = gaps.sum(axis=0) - largest
-    return ((largest > 4 * rest) & (largest > 0.25 * bound)).any(axis=-1)
+    rng, best = np.random.default_rng((case.seed, case.index, n)), find_faults(case)
+    for _ in range(n):
+        if best.faults:
+            break
+        try:
+            neighbour = mutated(case, rng)
+        except rz.RasterizerError:
+            continue
+        outcome = find_faults(neighbour)
+        if outcome.faults or (outcome.ratio >= best.ratio and outcome.n_judged > 0):
+            case, best = neighbour, outcome
+    return case, best
 
 
-def has_steps(case) -> bool:
-    """Tell whether anything in a scene jumps."""
-    for mesh in case.scene.meshes:
-        for material in mesh.palette:
-            is_jumping = material.reflection == "toon" or (material.reflection in ("phong", "blinn") and not material.normalized)
-            is_nearest = material.texture is not None and material.texture.filter == "nearest"
-            if is_jumping or is_nearest:
-                return True
-    return any(isinstance(light, rz.SpotLight) and light.inner > light.outer * (1 - 1e-3) for light in case.scene.lights)
-
-
-def jolted(scene, rng, jolt) -> rz.Scene:
-    """The scene with lights, normals and texture coordinates moved by a little."""
-    center, extent = scene.bounds.mean(axis=0), np.ptp(scene.bounds, axis=0).max()
-    lights = [jolted_light(light, rng, jolt, center, extent) for light in scene.lights]
-    meshes = []
-    for mesh in scene.meshes:
-        changes = {}
-        if mesh.normals is not None:
-            changes["normals"] = mesh.normals + jolt * rng.normal(size=mesh.normals.shape)
-        if mesh.uv is not None:
-            changes["uv"] = mesh.uv + jolt * rng.normal(size=mesh.uv.shape) * np.maximum(np.abs(mesh.uv), 1)
-        meshes.append(replace(mesh, **changes))
-    return replace(scene, meshes=meshes, lights=lights)
-
-
-def jolted_light(light, rng, jolt, center, extent):
-    """A light moved by a little, as seen from the scene."""
-    changes = {}
-    if hasattr(light, "position"):
-        away = extent + np.linalg.norm(np.subtract(light.position, center if light.attached == "world" else 0.0))
-        changes["position"] = light.position + jolt * away * rng.normal(size=3)
-    if hasattr(light, "corner"):
-        changes["corner"] = light.corner + jolt * (extent + np.linalg.norm(light.corner)) * rng.normal(size=3)
-    if hasattr(light, "direction"):
-        changes["direction"] = light.direction + jolt * rng.normal(size=3)
-    return replace(light, **changes) if changes else light
-
-
-def report(case, outcome) -> str:
+def report(case, outcome, command="") -> str:
     """What a person needs to see a fault again."""
-    lines = "\n    ".join(outcome.faults)
-    return f"seed {case.seed}, scene {case.index}: {case.words}\n    {lines}\n    python tests/campaign.py {case.seed} {case.index}"
+    lines = "".join(f"\n    {fault}" for fault in outcome.faults)
+    head = f"seed {case.seed}, scene {case.index}: {case.words}"
+    return f"{head}{lines}\n    python tests/campaign.py {case.seed} {case.index}{command}"
 
 
-def main(seed, first, stop=None) -> int:
-    """Check one scene or a range of them, from the command line."""
+def main(seed, first, stop=None, n_climb=0) -> int:
+    """Check one scene or a range of them, from the command line; climb from each."""
     n_fault = 0
     for index in range(first, first + 1 if stop is None else stop):
         case = make_case(seed, index)
-        outcome = find_faults(case)
+        case, outcome = climb(case, n_climb) if n_climb else (case, find_faults(case))
+        n_fault += bool(outcome.faults)
         if outcome.faults or stop is None:
-            n_fault += bool(outcome.faults)
-            print(report(case, outcome), outcome[1:] if stop is None else "", flush=True)
+            print(report(case, outcome), *([] if outcome.faults else outcome[1:]), flush=True)
     return int(n_fault > 0)
 
 
