@@ -12,14 +12,17 @@ import rasterizer as rz
 from rasterizer import reference
 
 N_JOLT = 6
+ROUNDINGS = 2.0**-51  # relative: two roundings of float64
 SEPARATE = 4.0  # groups lie so many times further apart than each is wide
 
 
 def next_to_step(case, jolt, bound) -> np.ndarray:
-    """Tell which pixels (h, w) have a sample next to a step.
+    """Tell which pixels (h, w) have a sample next to a step, or one that the scene's own numbers do not determine.
 
     The judge draws the scene again with lights, normals and texture coordinates moved by `jolt`, relatively. What is
-    continuous moves by about as much each time; next to a step, values fall into groups.
+    continuous moves by about as much each time; next to a step, values fall into groups. Where lights moved by a few roundings
+    of float64 change a value by a good part of the bound, as for a light in the very point that it lights, nobody can tell
+    what it is.
 
     Parameters
     ----------
@@ -28,17 +31,24 @@ def next_to_step(case, jolt, bound) -> np.ndarray:
     bound : linear intensity; smaller jumps are none
     """
     width, height = case.size
-    if not has_steps(case):
-        return np.zeros((height, width), bool)
+    n = round(case.options["samples"] ** 0.5)
+    is_loose = np.zeros((n * height, n * width), bool)
+    if has_steps(case):
+        gaps = np.diff(np.sort(_draw_jolted(case, jolt), axis=0), axis=0)
+        largest = gaps.max(axis=0)
+        is_loose |= ((largest > SEPARATE * (gaps.sum(axis=0) - largest)) & (largest > bound / 4)).any(axis=-1)
+    if any(hasattr(light, "attenuation") for light in case.scene.lights):
+        is_loose |= (np.ptp(_draw_jolted(case, ROUNDINGS), axis=0) > bound / 4).any(axis=-1)
+    return is_loose.reshape(height, n, width, n).any(axis=(1, 3))
+
+
+def _draw_jolted(case, jolt) -> np.ndarray:
+    """Colours (1 + N_JOLT, h, w, 3) of a case's samples, as it is and moved by a little."""
     rng, n = np.random.default_rng(case.index), round(case.options["samples"] ** 0.5)
     settings = {name: case.options[name] for name in ("shading", "cull", "exposure", "spectral")}
     scenes = [case.scene] + [jolted(case.scene, rng, jolt) for _ in range(N_JOLT)]
     with np.errstate(all="ignore"):
-        values = [reference.render(scene, (n * width, n * height), **settings).color for scene in scenes]
-    gaps = np.diff(np.sort(values, axis=0), axis=0)
-    largest = gaps.max(axis=0)
-    is_split = (largest > SEPARATE * (gaps.sum(axis=0) - largest)) & (largest > bound / 4)
-    return is_split.any(axis=-1).reshape(height, n, width, n).any(axis=(1, 3))
+        return np.stack([reference.render(scene, (n * case.size[0], n * case.size[1]), **settings).color for scene in scenes])
 
 
 def has_steps(case) -> bool:
