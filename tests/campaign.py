@@ -16,14 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from campaign_scenes import Case, make_case
 from campaign_steps import mutated, next_to_step
-from judge import EXACT, color_errors, depth_resolution
+from judge import EXACT, clear_pixels, color_errors, depth_resolution
 
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
 
 OUTPUTS = ("color", "depth", "face")
-UNITS = 2.0**14  # steps of the z-buffer within which two surfaces are equally near, as in `judge.compare`
 ROUNDED = 2.0**-23  # relative, of an intensity stored as float32: in the frame, and in its alpha
 JOLTS = {np.dtype(np.float64): 1e-9, np.dtype(np.float32): 4e-6}  # how far a step reaches, relative; see `next_to_step`
 
@@ -143,7 +142,7 @@ def check_surfaces(case, frame, exact, expected):
         faults.append(f"{n_wrong} samples covered wrongly")
     if np.abs(frame.alpha - expected.alpha).max() > 1e-6:
         faults.append(f"alpha is off by {np.abs(frame.alpha - expected.alpha).max():.3g}")
-    resolution = depth_resolution(case.scene, case.size, expected.depth, UNITS)
+    resolution = depth_resolution(case.scene, case.size, expected.depth)
     is_clear = expected.margin > resolution
     is_seen = (expected.face >= 0) & is_clear
     wrong = is_seen & (frame.face != expected.face)
@@ -169,7 +168,7 @@ def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
     for name, error, limit, kind in pairs:
         is_far = (error > limit).any(axis=-1)
         if is_far.any() and "judge" in name:
-            is_far &= is_clear if case.options["samples"] == 1 else clear_pixels(case)
+            is_far &= is_clear if case.options["samples"] == 1 else all_clear(case)
         if is_far.any():
             steps = next_to_step(case, JOLTS[kind], limit.min())
             n_step += (is_far & steps).sum()
@@ -192,16 +191,13 @@ def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
     return Outcome(faults, dtype, worst, int((expected.alpha > 0).sum()), int(n_step))
 
 
-def clear_pixels(case) -> np.ndarray:
+def all_clear(case) -> np.ndarray:
     """Tell of which pixels (h, w) every sample shows clearly what is in front."""
     settings = {name: case.options[name] for name in ("shading", "cull", "exposure", "spectral")}
-    per_axis = round(case.options["samples"] ** 0.5)
-    width, height = case.size
-    grid = width * per_axis, height * per_axis
     with np.errstate(all="ignore"):
-        fine = reference.render(case.scene, grid, samples=1, **settings)
-    is_clear = fine.margin > depth_resolution(case.scene, grid, fine.depth, UNITS)
-    return is_clear.reshape(height, per_axis, width, per_axis).all(axis=(1, 3))
+        return clear_pixels(
+            case.scene, case.size, case.options["samples"], lambda grid: reference.render(case.scene, grid, **settings)
+        )
 
 
 # ── climbing, and the command line ────────────────────────────────────────────────────────────────────────
