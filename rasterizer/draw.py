@@ -15,7 +15,7 @@ from .errors import SceneError
 from .pipeline.bands import sort_into_bands
 from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
-from .pipeline.clip import clip, extend
+from .pipeline.clip import NO_PLANES, clip
 from .pipeline.layers import Opacity, composite, open_layers, scan_layer, scan_opaque
 from .pipeline.lighting import light_points
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
@@ -79,12 +79,11 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     clock.lap("transform")
 
     polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
-    attributes, loaded_face, n_clipped, table = job.attributes, np.empty(0, np.uint32), 0, job.table
+    loaded_face, planes, n_clipped, table = np.empty(0, np.uint32), NO_PLANES, 0, job.table
     if n_outside:
-        clipped = clip(geometry.positions, *polygons[:2], vertices, screen, geometry.is_shared)
-        vertices, loaded_face, n_clipped = clipped.vertices, clipped.face, clipped.n_clipped
-        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[loaded_face])
-        attributes = extend(attributes, clipped) if geometry.is_shared else attributes
+        clipped = clip(geometry.positions, *polygons[:2], vertices, screen)
+        vertices, loaded_face, planes, n_clipped = clipped.vertices, clipped.face, clipped.planes, clipped.n_clipped
+        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[loaded_face], clipped.cut)
         table = table.of_parts(loaded_face)
         clock.lap("clip")
 
@@ -94,6 +93,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     bands = sort_into_bands(visible, workers)
     clock.lap("bands")
 
+    attributes = job.attributes
     n_attribute = attributes.shape[2]
     n_group = -(-n_attribute // 3) if job.coding.kind != EXACT else 0  # the normals, or the three channels; the albedo
     is_layered = job.opacity is not None
@@ -103,6 +103,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
         faces = bands.face[bands.start[band] : bands.start[band + 1]]
         y_start, y_stop = band * rows, min((band + 1) * rows, height)
         bench = scratch.take(kind, len(faces))
+        bench = bench._replace(records=bench.records._replace(cut=planes))
         if is_layered:
             peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench)
         else:

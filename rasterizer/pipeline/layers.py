@@ -24,7 +24,7 @@ from .block import (
     RIGHT,
     TOP,
     Block,
-    Polygons,
+    borrow_polygons,
     gather_attributes,
     gather_vertices,
     order_vertices,
@@ -101,7 +101,7 @@ def borrow_all(vertices, polygons, canvas, block):
     """The arrays of these, without counted references."""
     return (
         Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z)),
-        Polygons(borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted)),
+        borrow_polygons(polygons),
         Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right)),
         Block(borrow(block.ints), borrow(block.longs), borrow(block.reals)),
     )

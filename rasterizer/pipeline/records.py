@@ -48,6 +48,8 @@ from .block import (
     Z1,
     Z2,
 )
+from .block import CUT as CUT_FACE
+from .clip import WHOLE_DEPTH
 from .lanes import GROUP
 
 LEVEL_BITS = 24
@@ -61,8 +63,9 @@ MAX_RECORDS = 1 << (LEVEL_BITS - 1)
 EXACT, IN_WORDS, IN_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # kinds of coding; IN_PLANES and above have records with planes
 
 # Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and the side
-# that is seen.
-PLACE, FACE, SIDE = 0, 6, 7
+# that is seen; the row of the planes of the clipped face that it is a part of, or -1.
+PLACE, FACE, SIDE, CUT = 0, 6, 7, 8
+N_INTEGER = 9
 # Columns of an exact record's numbers: 1/w, depth (orthographic) and each attribute, each at the three vertices.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
 # Columns of a record of planes: the triangle, the sample where the planes are anchored, and then the planes of four attributes a
@@ -101,19 +104,21 @@ CODINGS = {EXACT: Coding, IN_WORDS: LevelCoding, IN_PLANES: LevelCoding, NORMAL_
 class Records(NamedTuple):
     """What shade.py interpolates: a row for each triangle of the band whose words hold a record number."""
 
-    integers: np.ndarray  # (n, 8) int32
+    integers: np.ndarray  # (n, N_INTEGER) int32
     numbers: np.ndarray  # (n, 6 + 3 * n_attribute) float32 or float64
     levels: np.ndarray  # (n << plane_shift,) int32: the planes
     planes: np.ndarray  # the same memory as float32
     plane_shift: int
+    cut: np.ndarray  # (n_cut, 14) float64: the planes of clipped faces, see clip.Clipped; those of the picture, not of the band
 
 
 @helper
 def borrow_records(records):
     """The records as arrays that count no references."""
     return Records(
-        borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes), records.plane_shift
-    )
+        borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes), records.plane_shift,
+        borrow(records.cut),
+    )  # fmt: skip
 
 
 # ---------------------------------------------------------------- a block at a time: planes, and whether they are good enough
@@ -308,7 +313,8 @@ def copy_plane(planes, column, source, reals):
 
 @helper
 def write_exact(records, n_record, k, face, n_attribute, coding, block):
-    """Write where triangle k lies on the screen, and 1/w, depth and the attributes of its three corners."""
+    """Write where triangle k lies on the screen, and 1/w, depth and the attributes of its three corners; of a part of a clipped
+    face the depths and attributes are those of the face's corners, and the weights come from its planes."""
     ints, reals = block.ints, block.reals
     row, numbers = np.uint64(n_record), records.numbers
     x0, y0 = np.int64(ints[X0 + k]), np.int64(ints[Y0 + k])
@@ -317,9 +323,14 @@ def write_exact(records, n_record, k, face, n_attribute, coding, block):
         records.integers[row, np.uint64(PLACE + column)] = place[column]
     records.integers[row, np.uint64(FACE)] = face
     records.integers[row, np.uint64(SIDE)] = -1 if ints[IS_FLIPPED + k] else 1
+    cut = ints[CUT_FACE + k]
+    records.integers[row, np.uint64(CUT)] = cut
     for corner in range(np.uint64(3)):
         z = reals[Z0 + corner * NEXT + k]
         numbers[row, np.uint64(INV_W) + corner] = coding.inv_w_offset + coding.inv_w_scale * z
         numbers[row, np.uint64(DEPTH) + corner] = coding.depth_offset + coding.depth_scale * z
+    if cut >= 0:
+        for corner in range(np.uint64(3)):
+            numbers[row, np.uint64(DEPTH) + corner] = records.cut[np.uint64(cut), np.uint64(WHOLE_DEPTH) + corner]
     for column in range(np.uint64(3 * n_attribute)):
         numbers[row, np.uint64(ATTRIBUTE) + column] = reals[ATTRIBUTE0 + column * NEXT + k]

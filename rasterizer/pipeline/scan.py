@@ -52,7 +52,7 @@ from .block import (
     Z1,
     Z2,
     Block,
-    Polygons,
+    borrow_polygons,
     gather_attributes,
     gather_vertices,
     order_vertices,
@@ -100,7 +100,7 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, 
     """
     faces, attributes, records = borrow(faces), borrow(attributes), borrow_records(records)
     vertices = Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z))
-    polygons = Polygons(borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted))
+    polygons = borrow_polygons(polygons)
     canvas = Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right))
     block = Block(borrow(block.ints), borrow(block.longs), borrow(block.reals))
     n_record = n_exact = np.int64(0)

@@ -8,7 +8,8 @@ from .block import Block, make_block
 from .buffers import Buffers
 from .lanes import GROUP
 from .layers import Layers
-from .records import ATTRIBUTE, PLANE, Records
+from .clip import NO_PLANES
+from .records import ATTRIBUTE, N_INTEGER, PLANE, Records
 from .resolve import Picture
 from .rows import make_rows
 from .scan import CLEAR, GROUP_SHIFT, PADDING, Canvas
@@ -81,8 +82,9 @@ def _make_records(n, n_attribute, n_group, dtype) -> Records:
     shift = (PLANE + 3 * GROUP * n_group - 1).bit_length()
     levels = np.zeros(n << shift, np.int32)
     return Records(
-        np.zeros((n, 8), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype), levels, levels.view(np.float32), shift
-    )
+        np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype), levels, levels.view(np.float32),
+        shift, NO_PLANES,
+    )  # fmt: skip
 
 
 def make_picture(size, with_color) -> Picture:

@@ -13,7 +13,7 @@ import numpy as np
 from numba.extending import overload
 
 from .._kernel import borrow, helper, kernel
-from .exact import corner_weights, corners_of, has_exact, is_exact, mean, place_of, run_end
+from .exact import corner_weights, corners_of, has_exact, is_exact, mean, run_end, weights_of
 from .lanes import GROUP, take_planes
 from .lighting import ShadowedLighting, light_rows, normalize_normals, view_from_direction
 from .records import (
@@ -22,7 +22,6 @@ from .records import (
     FACE,
     IN_PLANES,
     IN_WORDS,
-    INV_W,
     IS_ID,
     LEVEL_MASK,
     NORMAL_PLANES,
@@ -100,12 +99,12 @@ def interpolate_runs(words, records, first, y, n_channel, out):
         if is_exact(words[start]):
             stop = run_end(words, start)
             record = np.uint64(words[start] & RECORD_MASK)
-            place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
+            weights = weights_of(records, record)
             red = corners_of(records.numbers, record, ATTRIBUTE)
             green = corners_of(records.numbers, record, ATTRIBUTE + 3) if n_channel > 1 else red
             blue = corners_of(records.numbers, record, ATTRIBUTE + 6) if n_channel > 1 else red
             for k in range(start, stop):
-                q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
+                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
                 p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
                 out[0, k] = mean(red, p0, p1, p2)
@@ -245,25 +244,24 @@ def interpolate_normal_runs(words, records, first, y, has_albedo, is_perspective
         if is_exact(words[start]):
             stop = run_end(words, start)
             record = np.uint64(words[start] & RECORD_MASK)
-            place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
+            weights = weights_of(records, record)
             side = float(records.integers[record, np.uint64(SIDE)])
             nx = corners_of(records.numbers, record, ATTRIBUTE)
             ny = corners_of(records.numbers, record, ATTRIBUTE + 3)
             nz = corners_of(records.numbers, record, ATTRIBUTE + 6)
-            area = float(place[2] * place[5] - place[4] * place[3])
             depths = corners_of(records.numbers, record, DEPTH)
             red = corners_of(records.numbers, record, ATTRIBUTE + 9) if has_albedo else depths
             green = corners_of(records.numbers, record, ATTRIBUTE + 12) if has_albedo else depths
             blue = corners_of(records.numbers, record, ATTRIBUTE + 15) if has_albedo else depths
             for k in range(start, stop):
-                q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
+                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
                 p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
                 rows[NORMAL_X + k] = number(side) * mean(nx, p0, p1, p2)
                 rows[NORMAL_Y + k] = number(side) * mean(ny, p0, p1, p2)
                 rows[NORMAL_Z + k] = number(side) * mean(nz, p0, p1, p2)
                 # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
-                rows[DISTANCE + k] = number(area * scale) if is_perspective else mean(depths, p0, p1, p2)
+                rows[DISTANCE + k] = number(weights.area * scale) if is_perspective else mean(depths, p0, p1, p2)
                 if has_albedo:
                     rows[ALBEDO + k] = mean(red, p0, p1, p2)
                     rows[ALBEDO + NEXT_CHANNEL + k] = mean(green, p0, p1, p2)

@@ -20,8 +20,19 @@ import numpy as np
 from rasterizer.errors import SceneError
 from rasterizer.options import Options
 from rasterizer.reference import light as lighting
-from rasterizer.reference.clip import SNAP_LIMIT, SUBPIXELS, Pieces, Range, choose_range, clip_to_view, to_eye
+from rasterizer.reference.clip import (
+    SNAP_LIMIT,
+    SUBPIXELS,
+    Pieces,
+    Range,
+    choose_range,
+    clip_to_view,
+    rays,
+    snap,
+    to_eye,
+)
 from rasterizer.reference.light import Seen, Stage, Surface
+from rasterizer.reference.vectors import dot
 from rasterizer.scene.camera import Projection
 from rasterizer.scene.color import linear_rgb, srgb_from_linear
 from rasterizer.scene.scene import Scene
@@ -51,7 +62,7 @@ class Visible(NamedTuple):
     """The nearest surface that a grid of samples sees, of all or of those that lie behind the layers seen already."""
 
     piece: np.ndarray  # (h, w) int, -1 where nothing is
-    weights: np.ndarray  # (h, w, 3) float64, perspective-correct, on the corners of the piece
+    weights: np.ndarray  # (h, w, 3) float64, perspective-correct, on the corners of the face
     key: np.ndarray  # (h, w) int64, of the depth buffer; NOTHING where nothing is
     depth: np.ndarray  # (h, w) float64, inf where nothing is
     margin: np.ndarray  # (h, w) float64, inf where there is no runner-up
@@ -66,7 +77,7 @@ class Pass(NamedTuple):
     is_drawn: np.ndarray  # (n_piece,) bool
     grid: tuple[int, int]  # columns, rows
     depths: Range
-    is_perspective: bool
+    projection: Projection
 
 
 class Drawn(NamedTuple):
@@ -153,11 +164,11 @@ def _draw(surface: Surface, stage: Stage, grid, cull, near, far) -> Drawn:
     position = to_eye(surface.corners, stage.view)
     depths = choose_range(position[..., 2], stage.projection.is_perspective, near, far)
     pieces = clip_to_view(position, stage.projection, depths)
-    screen = _snap(pieces.position, stage.projection)
+    screen = snap(pieces.position, stage.projection)
     facing = -np.sign(_doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if cull == "back" else facing != 0
     side = lighting.find_sides(surface, pieces.face, facing)
-    return _composite(surface, stage, Pass(pieces, screen, side, is_drawn, grid, depths, stage.projection.is_perspective))
+    return _composite(surface, stage, Pass(pieces, screen, side, is_drawn, grid, depths, stage.projection))
 
 
 def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
@@ -175,7 +186,7 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
     face[seen.rows, seen.columns] = seen.face
     while len(seen.face):
         at = visible.piece >= 0
-        growth = (nearest.depth[at] / visible.depth[at]) ** 2 if job.is_perspective else 1.0
+        growth = (nearest.depth[at] / visible.depth[at]) ** 2 if job.projection.is_perspective else 1.0
         margin[at] = np.minimum(margin[at], visible.margin[at] * growth)
         color += (through * opacity)[..., None] * layer
         through *= 1.0 - opacity
@@ -192,35 +203,33 @@ def _see(visible: Visible, job: Pass) -> Seen:
     """List the samples that see something, and what."""
     rows, columns = at = np.nonzero(visible.piece >= 0)
     piece, weights = visible.piece[at], visible.weights[at]
-    face_weights = np.einsum("sp,spf->sf", weights, job.pieces.weights[piece])
-    steps = _weight_steps(piece, face_weights, visible.depth[at], job)
-    return Seen(rows, columns, job.pieces.face[piece], job.side[piece], face_weights, visible.depth[at], steps)
+    steps = _weight_steps(piece, weights, visible.depth[at], job)
+    return Seen(rows, columns, job.pieces.face[piece], job.side[piece], weights, visible.depth[at], steps)
 
 
-def _weight_steps(piece, face_weights, depth, job: Pass) -> np.ndarray:
+def _weight_steps(piece, weights, depth, job: Pass) -> np.ndarray:
     """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right, and down.
 
-    The affine weight of the corner that faces the edge a→b is its edge function over the doubled area, with the slopes -(b - a).y
-    and (b - a).x. A weight W on the face is Σ q W_k / Σ q, with q the affine weights over the depths of the piece's corners, so
-    dW = (Σ dq W_k - W Σ dq) / Σ q, and Σ q is 1/depth (in an orthographic view q are the affine weights, and Σ q is 1).
+    A weight is q_k / Σ q, where the q_k are affine on the screen and Σ q is 1/depth (in an orthographic view 1), so
+    dW_k = (dq_k - W_k Σ dq) / Σ q. Of a whole face q_k is the affine weight of the corner that faces the edge a→b, over the
+    corner's depth: its edge function over the doubled area, with the slopes -(b - a).y and (b - a).x. Of a face that is cut, see
+    `_weights_of_cut`.
     """
-    screen, corner_weights = job.screen[piece], job.pieces.weights[piece]
+    screen, is_perspective = job.screen[piece], job.projection.is_perspective
     along = np.roll(screen, -2, axis=1) - np.roll(screen, -1, axis=1)  # b - a, for the edge that faces each corner
     slopes = np.stack([-along[..., 1], along[..., 0]], axis=1) * SUBPIXELS / _doubled_area(screen)[:, None, None]
-    if job.is_perspective:
-        slopes = slopes / job.pieces.position[piece, :, 2][:, None, :] * depth[:, None, None]
-    return slopes @ corner_weights - slopes.sum(axis=2, keepdims=True) * face_weights[:, None, :]
+    if is_perspective:
+        slopes = slopes / job.pieces.position[piece, :, 2][:, None, :]
+    is_cut = job.pieces.is_cut[piece]
+    one_px = rays(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), job.projection)
+    steps = one_px[1:] - one_px[0]  # of the ray, by one sample to the right, and down
+    corners = job.pieces.corners[piece[is_cut]]
+    slopes[is_cut] = _meet(corners, np.broadcast_to(steps, (len(corners), 2, 3)), is_perspective, edge_on=0.0)
+    sums = 1.0 / depth[:, None, None] if is_perspective else 1.0
+    return (slopes - slopes.sum(axis=2, keepdims=True) * weights[:, None, :]) / sums
 
 
 # ── snap and cover ────────────────────────────────────────────────────────────────────────────────────────
-
-
-def _snap(position, projection: Projection) -> np.ndarray:
-    """Project eye-space points (..., 3) to the screen (..., 2), int64 in 1/256 px, rounded half to even."""
-    w = position[..., 2] if projection.is_perspective else 1.0
-    x_px = projection.center_x + projection.scale_x * position[..., 0] / w
-    y_px = projection.center_y - projection.scale_y * position[..., 1] / w
-    return np.rint(SUBPIXELS * np.stack([x_px, y_px], axis=-1)).astype(np.int64)
 
 
 def coverage(triangle, width: int, height: int) -> np.ndarray:
@@ -296,8 +305,11 @@ def _find_visible(job: Pass, before: Visible | None = None) -> Visible:
     winner, weights = np.full(shape, -1), np.zeros((*shape, 3))
     for piece_idx in np.flatnonzero(job.is_drawn):
         rows, columns, affine = _cover(job.screen[piece_idx], *job.grid)
-        corner_depths = job.pieces.position[piece_idx, :, 2]
-        key, depth, piece_weights = _interpolate(affine, corner_depths, job.depths, job.is_perspective)
+        if job.pieces.is_cut[piece_idx]:
+            depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, job)
+        else:
+            depth, piece_weights = _interpolate(affine, job.pieces.position[piece_idx, :, 2], job.projection.is_perspective)
+        key = _keys(depth, job.depths, job.projection.is_perspective)
         is_behind = np.ones(len(key), bool)
         if before is not None:
             last = before.key[rows, columns]
@@ -316,22 +328,66 @@ def _find_visible(job: Pass, before: Visible | None = None) -> Visible:
     return Visible(winner, weights, key_first, depth_first, margin)
 
 
-def _interpolate(affine, corner_depths, depths: Range, is_perspective: bool):
-    """Return depth buffer keys (n,), depths (n,) and perspective-correct weights (n, 3) of samples.
+def _interpolate(affine, corner_depths, is_perspective: bool):
+    """Return depths (n,) and perspective-correct weights (n, 3) of samples with affine weights (n, 3).
 
     1/depth is affine on the screen, and so is A/depth for every A that is affine on the surface.
     Source: Blinn 1992, Hyperbolic interpolation, IEEE Computer Graphics and Applications 12(4), 89-94.
     """
+    if not is_perspective:
+        return (affine * corner_depths).sum(axis=1), affine
+    q = affine / corner_depths
+    inv_depth = q.sum(axis=1)
+    return 1.0 / inv_depth, q / inv_depth[:, None]
+
+
+def _weights_of_cut(rows, columns, piece_idx, job: Pass):
+    """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's corners.
+
+    The ray r of a sample meets the face where depth·r = Σ W_k P_k, so W/depth solves a linear system; in an orthographic view the
+    third coordinate is 1, and it is W. A piece's corners are rounded to the screen's grid, so a sample may lie as far outside the
+    face: no weight is below 0, and the depth stays within that of what is left of the face.
+    """
+    ray = rays(columns + 0.5, rows + 0.5, job.projection)
+    corners, is_perspective = job.pieces.corners[piece_idx], job.projection.is_perspective
+    near, far = job.pieces.depth_range[piece_idx]
+    weights = np.maximum(_meet(corners[None], ray[None], is_perspective)[0], 0.0)
+    inv_depth = weights.sum(axis=1)
+    weights = weights / inv_depth[:, None]
     if is_perspective:
-        q = affine / corner_depths
-        inv_depth = q.sum(axis=1)
-        depth, weights = 1.0 / inv_depth, q / inv_depth[:, None]
-        passed, whole = 1.0 / depths.near - inv_depth, 1.0 / depths.near - 1.0 / depths.far
+        return 1.0 / np.clip(inv_depth, 1.0 / far, 1.0 / near), weights
+    return weights @ corners[:, 2], weights
+
+
+def _meet(corners, directions, is_perspective: bool, edge_on=1.0) -> np.ndarray:
+    """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each; `edge_on` for
+    faces that are seen edge-on, where there are none.
+
+    The determinant of the P_k is P_0·(e_1 × e_2), with the edges e from P_0. Each coordinate is off by 2^-53 of the largest one, R,
+    and so is every difference; so the determinant is known to 2^-50 R² (|e_1| + |e_2|) at best.
+    """
+    columns = np.swapaxes(corners, -1, -2).copy()
+    if not is_perspective:
+        columns[:, 2, :] = 1.0
+    largest = np.abs(columns).max(axis=(1, 2), initial=np.finfo(np.float64).tiny, keepdims=True)
+    columns = columns / largest
+    first, edges = columns[:, :, 0], columns[:, :, 1:] - columns[:, :, :1]
+    determinant = dot(first, np.cross(edges[:, :, 0], edges[:, :, 1]))
+    is_edge_on = ~(np.abs(determinant) > 2.0**-50 * np.linalg.norm(edges, axis=1).sum(axis=1))
+    columns[is_edge_on] = np.eye(3)
+    q = np.swapaxes(np.linalg.solve(columns, np.swapaxes(directions, 1, 2)), 1, 2) / largest
+    q[is_edge_on] = edge_on
+    return q
+
+
+def _keys(depth, depths: Range, is_perspective: bool) -> np.ndarray:
+    """Return the depth buffer's keys (n,) int64 of depths (n,)."""
+    if is_perspective:
+        passed, whole = 1.0 / depths.near - 1.0 / depth, 1.0 / depths.near - 1.0 / depths.far
     else:
-        depth, weights = (affine * corner_depths).sum(axis=1), affine
         passed, whole = depth - depths.near, depths.far - depths.near
     fraction = passed / whole if whole else np.zeros_like(depth)
-    return np.rint(DEPTH_STEPS * fraction).astype(np.int64), depth, weights
+    return np.rint(DEPTH_STEPS * fraction).astype(np.int64)
 
 
 # ── resolve ───────────────────────────────────────────────────────────────────────────────────────────────
