@@ -7,8 +7,8 @@ import numpy as np
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.pipeline.transform import DEPTH_SPAN
-from rasterizer.plan import fit_depth_range
+from rasterizer.plan import fit_depth_range, fit_screen
+from rasterizer.scene.geometry import gather_geometry
 
 EXACT = 1e-6  # promised with tolerance 0, in linear intensity
 NORMAL = 2e-6  # normals are stored as float32
@@ -34,12 +34,12 @@ def judged(scene, size, **options) -> reference.Picture:
 
 def depth_resolution(scene, size, depth, units) -> np.ndarray:
     """Depth (h, w) that `units` of the z-buffer stand for at the depths (h, w) of a picture."""
-    camera = scene.camera_for(size)
-    bounds = np.stack([mesh.bounds for mesh in scene.meshes])
-    (near, far), _ = fit_depth_range(camera, camera.view(), bounds)
-    if not camera.is_perspective:
-        return np.full(depth.shape, units * (far - near) / DEPTH_SPAN)
-    return np.where(np.isfinite(depth), depth, 0.0) ** 2 * (units * (1 / near - 1 / far) / DEPTH_SPAN)
+    camera, bounds = scene.camera_for(size), np.stack([mesh.bounds for mesh in scene.meshes])
+    view, projection = camera.view(), camera.projection(size)
+    depth_range, far_clip = fit_depth_range(camera, view, bounds)
+    screen = fit_screen(view, projection, depth_range, far_clip, gather_geometry(scene, True), size, bounds)
+    step = units / abs(screen.z_scale) if screen.z_scale != 0.0 else 0.0
+    return np.where(np.isfinite(depth), depth, 0.0) ** 2 * step if camera.is_perspective else np.full(depth.shape, step)
 
 
 def compare(scene, size, units=2.0**14, limit=EXACT, **options) -> Verdict:
