@@ -5,20 +5,20 @@ There the renderer and the reference may each show the other surface, and no dif
 
 import numpy as np
 
-from rasterizer.pipeline.transform import DEPTH_SPAN
-from rasterizer.plan import fit_depth_range
+from rasterizer.plan import fit_depth_range, fit_screen
+from rasterizer.scene.geometry import gather_geometry
 
 UNITS = 2.0**14  # steps of the z-buffer: half a step of rounding for each sample of the largest box
 
 
 def depth_resolution(scene, size, depth, units=UNITS) -> np.ndarray:
     """Depth (h, w) that `units` of the z-buffer stand for at the depths (h, w) of a picture."""
-    camera = scene.camera_for(size)
-    bounds = np.stack([mesh.bounds for mesh in scene.meshes])
-    (near, far), _ = fit_depth_range(camera, camera.view(), bounds)
-    if not camera.is_perspective:
-        return np.full(depth.shape, units * (far - near) / DEPTH_SPAN)
-    return np.where(np.isfinite(depth), depth, 0.0) ** 2 * (units * (1 / near - 1 / far) / DEPTH_SPAN)
+    camera, bounds = scene.camera_for(size), np.stack([mesh.bounds for mesh in scene.meshes])
+    view, projection = camera.view(), camera.projection(size)
+    depth_range, far_clip = fit_depth_range(camera, view, bounds)
+    screen = fit_screen(view, projection, depth_range, far_clip, gather_geometry(scene, True), size, bounds)
+    step = units / abs(screen.z_scale) if screen.z_scale != 0.0 else 0.0
+    return np.where(np.isfinite(depth), depth, 0.0) ** 2 * step if camera.is_perspective else np.full(depth.shape, step)
 
 
 def clear_pixels(scene, size, samples, draw, units=UNITS) -> np.ndarray:

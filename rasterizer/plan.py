@@ -25,6 +25,7 @@ from .spectral import Products, multiply_spectra
 
 ULP = 2.0**-24  # relative rounding error of float32
 NEAREST = 2.0**-20  # the fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there
+LEAST_NEAR = 2.0**-30  # a near plane that is given is never nearer than this part of the furthest distance
 DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 BAND_WORDS = 2**17  # a band's z-buffer is about 1 MB: half of a usual L2 cache
 
@@ -219,8 +220,7 @@ def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
     ----------
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
     """
-    depth = (bounds - view.eye) * view.forward  # (n_mesh, 2, 3): an axis' share of the depth at both ends of each box
-    nearest, furthest = depth.min(axis=1).sum(axis=1).min(), depth.max(axis=1).sum(axis=1).max()
+    nearest, furthest = depths_of_boxes(view, bounds)
     if camera.is_perspective:
         furthest = furthest if furthest > 0 else 1.0
         # A little more room, so that rounding clips nothing.
@@ -234,22 +234,42 @@ def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
     return (near, max(far, near)), np.inf
 
 
-def fit_screen(view, projection, depth_range, far_clip, geometry, size):
-    """The screen of a view with perspective whose depth range is fitted to a box: where that spans much, to what is seen in it.
+def depths_of_boxes(view, bounds) -> tuple[float, float]:
+    """The depths between which boxes lie, scene units."""
+    depth = (bounds - view.eye) * view.forward  # (n_mesh, 2, 3): an axis' share of the depth at both ends of each box
+    return float(depth.min(axis=1).sum(axis=1).min()), float(depth.max(axis=1).sum(axis=1).max())
+
+
+def fit_screen(view, projection, depth_range, far_clip, geometry, size, bounds=None):
+    """The screen of a view: what is nearer than `depth_range` is clipped, and the z-buffer is fitted to the depths that are seen.
+
+    So planes that somebody gives far before or behind the scene cost no digits of depth. With perspective the z-buffer's 38 bits
+    are even in 1/w: they leave 2^-38 · w/near of the depth w, so near counts most. Where it is small beside far, the nearest depth
+    that is seen is looked for. A near plane before LEAST_NEAR of the furthest depth counts as there: order is 2^-8 of that depth
+    then, and 1/w, whose rounding is 2^-53 of its range, still has 2^-23 of it.
+
+    What lies between the near plane and the nearest depth that is seen needs a depth, too, for the planes of triangles that reach
+    there; the near plane is brought so near to the range that such depths leave it by no more than 2^20 times.
 
     Parameters
     ----------
-    depth_range : (near, far) of the box, scene units
+    depth_range : (near, far), scene units; `far` clips only as `far_clip`
     size : (width, height) of the picture in samples
+    bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space; None where `depth_range` is fitted to them already
     """
     near, far = depth_range
+    nearest, furthest = depth_range if bounds is None else depths_of_boxes(view, bounds)
+    if not projection.is_perspective:
+        margin = NEAREST * (furthest - nearest)
+        fitted = max(near, nearest - margin), min(far, furthest + margin)
+        return make_screen(view, projection, fitted if fitted[0] < fitted[1] else depth_range, near, far_clip)
+    far = min(far, furthest * (1 + NEAREST)) if near < furthest else far
+    near_clip = near = max(near, far * LEAST_NEAR)
     if near < far * DEEP:
-        # The box round the scene says little about the depths that are seen.
-        screen = make_screen(view, projection, depth_range, near, far_clip)
-        nearest = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
-        if near < nearest < far:
-            depth_range = (nearest, far)
-    return make_screen(view, projection, depth_range, near, far_clip)
+        screen = make_screen(view, projection, (near, far), near, far_clip)
+        seen = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
+        near = seen if near < seen < far else near
+    return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip)
 
 
 def choose_band_rows(width, height, n_thread, factor) -> int:

@@ -12,7 +12,6 @@ from .options import Options
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
 from .pipeline.scratch import Scratch, empty_buffers, make_picture
-from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
 from .plan import fit_depth_range, fit_screen, is_too_close, make_coding, make_encoding, make_plan
 from .scene.camera import Camera
@@ -102,10 +101,8 @@ class Renderer:
         width, height = self.options.size
         projection = camera.projection((width * factor, height * factor))
         depth_range, far_clip = fit_depth_range(camera, view, self._bounds)
-        if camera.is_perspective and camera.near is None:
-            size = width * factor, height * factor
-            return view, fit_screen(view, projection, depth_range, far_clip, self._geometry, size)
-        return view, make_screen(view, projection, depth_range, depth_range[0], far_clip)
+        size = width * factor, height * factor
+        return view, fit_screen(view, projection, depth_range, far_clip, self._geometry, size, self._bounds)
 
     def _draw_picture(self, camera, picture, clock):
         """Draw the picture: the colour of every pixel."""

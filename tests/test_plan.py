@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from judge import EXACT as EXACTLY
-from judge import check
+from judge import check, compare
 from pinhole import SHADINGS, octasphere, torus
 from stages import screen_of
 
@@ -309,6 +309,45 @@ def test_scenes_without_depth_are_drawn():
         frame = rz.render(scene, (40, 30), outputs=("color", "depth"))
         assert frame.alpha.sum() > 100
         assert np.abs(frame.depth[frame.alpha > 0] - 3).max() < 1e-6
+
+
+NEARS = (None, 0.25, 1e-3, 1e-9, 1e-11, 1e-16, 1e-30, 1e-300, 5e-324)
+FARS = (None, 6.0, 1e10, 1e30, 1e300)
+
+
+@pytest.mark.parametrize("far", FARS)
+@pytest.mark.parametrize("near", [*NEARS, -1e30])
+@pytest.mark.parametrize("make", [rz.Camera.perspective, rz.Camera.orthographic])
+def test_near_and_far_planes_only_clip(make, near, far):
+    """A square lies a little before another one: however far the planes are from both, it hides it, and nothing is off."""
+    if make == rz.Camera.perspective and near is not None and near < 0:
+        return
+    square = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    vertices, colors = np.concatenate([square - (0, 0, 1e-3), square]), np.repeat([[1.0, 0, 0], [0, 1, 0]], 4, axis=0)
+    behind, before = [[0, 1, 2], [0, 2, 3]], [[4, 5, 6], [4, 6, 7]]
+    pictures = []
+    for faces in (behind + before, before + behind):
+        for given in ({"near": near, "far": far}, {}):
+            scene = rz.Scene([rz.Mesh(vertices, faces, colors=colors)], [rz.AmbientLight(1.0)], make((0, 0, 5), **given))
+            for tolerance in (0, DEFAULT_TOLERANCE):
+                frame = rz.render(scene, (32, 24), shading="phong", tolerance=tolerance, outputs=("color", "depth"))
+                is_seen = frame.alpha > 0
+                assert is_seen.sum() > 100 and np.abs(frame.depth[is_seen] - 5).max() < 1e-5
+                pictures.append(frame.color)
+    assert all(np.abs(picture - pictures[0]).max() <= DEFAULT_TOLERANCE for picture in pictures), "the other one is seen"
+
+
+@pytest.mark.parametrize("near", NEARS[1:])
+def test_a_camera_inside_a_mesh_may_have_any_near_plane(near):
+    """Next to the camera faces are cut, or are not: all colours and depths are finite, and those of the reference."""
+    rng = np.random.default_rng(5)
+    vertices = rng.uniform(-1, 1, (36, 3))
+    mesh = rz.Mesh(vertices, np.arange(36).reshape(-1, 3), colors=rng.uniform(0, 1, (36, 3)), crease_angle=0)
+    camera = rz.Camera.perspective((0, 0, 0), (0.3, 0.2, -1), fov=80, near=near)
+    scene = rz.Scene([mesh], GREY_LIGHTS, camera)
+    for shading in ("flat", "gouraud", "phong"):
+        verdict = compare(scene, (32, 24), shading=shading, tolerance=0)
+        assert verdict.color <= EXACTLY and verdict.depth <= EXACTLY and verdict.n_compared > 100
 
 
 # ---------------------------------------------------------------- bands

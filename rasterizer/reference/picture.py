@@ -24,7 +24,6 @@ from rasterizer.reference.clip import (
     SNAP_LIMIT,
     SUBPIXELS,
     Pieces,
-    Range,
     choose_range,
     clip_to_view,
     rays,
@@ -37,7 +36,7 @@ from rasterizer.scene.camera import Projection
 from rasterizer.scene.color import linear_rgb, srgb_from_linear
 from rasterizer.scene.scene import Scene
 
-DEPTH_STEPS = 2**39 - 2**23
+DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
 NOTHING = np.iinfo(np.int64).max  # of the depth buffer
 
 
@@ -45,7 +44,7 @@ class Picture(NamedTuple):
     """A rendered picture. Depth, face, normal and margin are those of the pixel centres.
 
     The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have margins
-    too; the least counts. The depth buffer's steps grow with the depth squared in perspective, so these margins are
+    too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins are
     brought to the depth of the nearest surface: as many steps there.
     """
 
@@ -76,7 +75,6 @@ class Pass(NamedTuple):
     side: np.ndarray  # (n_piece,) int, +1 or -1, see reference/light.py
     is_drawn: np.ndarray  # (n_piece,) bool
     grid: tuple[int, int]  # columns, rows
-    depths: Range
     projection: Projection
 
 
@@ -168,7 +166,7 @@ def _draw(surface: Surface, stage: Stage, grid, cull, near, far) -> Drawn:
     facing = -np.sign(_doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if cull == "back" else facing != 0
     side = lighting.find_sides(surface, pieces.face, facing)
-    return _composite(surface, stage, Pass(pieces, screen, side, is_drawn, grid, depths, stage.projection))
+    return _composite(surface, stage, Pass(pieces, screen, side, is_drawn, grid, stage.projection))
 
 
 def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
@@ -309,7 +307,7 @@ def _find_visible(job: Pass, before: Visible | None = None) -> Visible:
             depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, job)
         else:
             depth, piece_weights = _interpolate(affine, job.pieces.position[piece_idx, :, 2], job.projection.is_perspective)
-        key = _keys(depth, job.depths, job.projection.is_perspective)
+        key = _keys(depth, job)
         is_behind = np.ones(len(key), bool)
         if before is not None:
             last = before.key[rows, columns]
@@ -380,14 +378,17 @@ def _meet(corners, directions, is_perspective: bool, edge_on=1.0) -> np.ndarray:
     return q
 
 
-def _keys(depth, depths: Range, is_perspective: bool) -> np.ndarray:
-    """Return the depth buffer's keys (n,) int64 of depths (n,)."""
-    if is_perspective:
-        passed, whole = 1.0 / depths.near - 1.0 / depth, 1.0 / depths.near - 1.0 / depths.far
-    else:
-        passed, whole = depth - depths.near, depths.far - depths.near
-    fraction = passed / whole if whole else np.zeros_like(depth)
-    return np.rint(DEPTH_STEPS * fraction).astype(np.int64)
+def _keys(depth, job: Pass) -> np.ndarray:
+    """Return the depth buffer's keys (n,) int64 of depths (n,): what rounding alone tells apart shall be the same.
+
+    With perspective a step is 2^-40 of log2(depth), less than 2^-40 of the depth, wherever the near plane is; else it is a part of
+    the range of all depths.
+    """
+    if job.projection.is_perspective:
+        return np.rint(LOG_STEPS * np.log2(depth)).astype(np.int64)
+    nearest, furthest = job.pieces.depth_range[:, 0].min(), job.pieces.depth_range[:, 1].max()
+    whole = furthest - nearest
+    return np.rint(DEPTH_STEPS * ((depth - nearest) / whole if whole else np.zeros_like(depth))).astype(np.int64)
 
 
 # ── resolve ───────────────────────────────────────────────────────────────────────────────────────────────
