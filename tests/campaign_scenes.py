@@ -67,7 +67,7 @@ def make_lens(dice) -> Lens:
     else:
         options["fov"] = fov
     if dice.wild(0.25):
-        options["near"] = reach * (dice.power(-6, 0) if dice.chance(0.5) else dice.between(0.4, 1.3))
+        options["near"] = reach * (dice.power(-20, 0) if dice.chance(0.5) else dice.between(0.4, 1.3))
         dice.words.append("near")
     if dice.wild(0.12):
         options["far"] = max(reach, options.get("near", 0.0)) * dice.between(1.05, 2)

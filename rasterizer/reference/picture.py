@@ -26,6 +26,7 @@ from rasterizer.reference.clip import (
     Pieces,
     choose_range,
     clip_to_view,
+    furthest_depth,
     rays,
     snap,
     to_eye,
@@ -129,12 +130,12 @@ def render(
     camera = scene.camera_for(size)
     near, far = (camera.near if near is None else near), (camera.far if far is None else far)
     shading = "flat" if shading == "lambert" else shading
-    surface = lighting.gather(scene)
+    surface, boxes = lighting.gather(scene), np.stack([mesh.bounds for mesh in scene.meshes])
 
     def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis
         stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral)
-        return _draw(surface, stage, grid, cull, near, far)
+        return _draw(surface, stage, grid, cull, near, far, boxes)
 
     per_axis = round(samples**0.5)
     centres = look(1)
@@ -157,10 +158,11 @@ def _check_options(shading, samples, cull, color_range) -> None:
             raise SceneError(f"{name} is {given!r}, legal are {', '.join(map(repr, legal))}")
 
 
-def _draw(surface: Surface, stage: Stage, grid, cull, near, far) -> Drawn:
+def _draw(surface: Surface, stage: Stage, grid, cull, near, far, boxes) -> Drawn:
     """Draw a surface on a grid of (columns, rows) samples."""
     position = to_eye(surface.corners, stage.view)
-    depths = choose_range(position[..., 2], stage.projection.is_perspective, near, far)
+    deepest = furthest_depth(boxes, stage.view)
+    depths = choose_range(position[..., 2], stage.projection.is_perspective, near, far, deepest)
     pieces = clip_to_view(position, stage.projection, depths)
     screen = snap(pieces.position, stage.projection)
     facing = -np.sign(_doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
