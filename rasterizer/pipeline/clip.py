@@ -154,8 +154,8 @@ def round_places(across, upward, w, screen):
 def find_whole_planes(positions, vertex, screen):
     """Find the planes of the weights q_i of whole faces, and of their depths.
 
-    M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to lengths of at most 1, so that no product over- or underflows; without
-    perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of its length, twice, and so
+    M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to lengths of at most 1, so that no product over- or underflows;
+    without perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of its length, twice, and so
     det M = P_i·(P_j × P_k), products included, to less than 2^-50 Σ |P_i| |P_j × P_k|, however much further away one vertex is
     than another. A face whose determinant is no larger is seen edge-on: its weights are all the same, and so is its depth,
     which isn't known here.

@@ -51,8 +51,8 @@ def furthest_depth(boxes, view: View) -> float:
 def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
     """Fit near and far to the depths of the corners where they are not given.
 
-    With perspective the near plane is never nearer than a part of `deepest` (None = the deepest corner), or of the far plane if that
-    is given and nearer: DEPTH_RATIO, or GIVEN_RATIO where the near plane is given.
+    With perspective the near plane is never nearer than a part of `deepest` (None = the deepest corner), or of the far plane
+    if that is given and nearer: DEPTH_RATIO, or GIVEN_RATIO where the near plane is given.
     """
     depth = depth[np.isfinite(depth)]
     deepest = depth.max(initial=-np.inf) if deepest is None else deepest

@@ -363,8 +363,8 @@ def _meet(corners, directions, is_perspective: bool, edge_on=1.0) -> np.ndarray:
     """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each; `edge_on` for
     faces that are seen edge-on, where there are none.
 
-    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the determinant, products
-    included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third coordinate is 1 and no length.
+    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the determinant,
+    products included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third coordinate is 1 and no length.
     """
     columns, largest = np.swapaxes(corners, -1, -2).copy(), np.ones((len(corners), 3, 1))
     n_length = 3 if is_perspective else 2
