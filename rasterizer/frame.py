@@ -27,7 +27,8 @@ class Stats:
     covered : samples that something covers
     samples : samples of the picture
     threads : how many worked
-    error_bound : the error that the chosen paths may have, in linear intensity where 1 is white
+    error_bound : the error that the chosen paths may have, in linear intensity where 1 is white; for the rounding of vertices see
+        `position_bound`
     milliseconds : dict of stage to time
     """
 
@@ -40,6 +41,12 @@ class Stats:
     threads: int
     error_bound: float
     milliseconds: dict = field(default_factory=dict)
+
+    @property
+    def position_bound(self) -> float:
+        """How far, in px along either axis, a pixel's sample may lie from the point of the polygon that it shows: vertices are
+        rounded to 1/256 px. `error_bound` doesn't count this: it compares with a float64 evaluation of the rounded polygon."""
+        return 0.5 / 256  # pipeline/transform.py: POSITION_BOUND
 
     @property
     def coverage(self) -> float:

@@ -101,6 +101,7 @@ def render(
     *,
     exposure: float = 0.0,
     spectral: int | None = None,
+    rounded: bool = True,
 ) -> Picture:
     """Render a scene slowly, and as exactly as float64 allows.
 
@@ -115,6 +116,9 @@ def render(
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
     exposure : stops by which all light is multiplied, 2^exposure; not the background
     spectral : samples of 380..780 nm, or None: 81 where a light or material has a spectrum, else RGB alone
+    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as in the fast
+        way; False takes them from the polygons as they are, of which a sample at the very edge sees the nearest point, and leaves
+        the rounding to what is covered. The difference of both pictures is what the rounding of vertices does to colours
 
     Returns
     -------
@@ -134,7 +138,7 @@ def render(
     def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis
         stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral)
-        return _draw(surface, stage, grid, cull, near, far)
+        return _draw(surface, stage, grid, cull, near, far, rounded)
 
     per_axis = round(samples**0.5)
     centres = look(1)
@@ -157,11 +161,11 @@ def _check_options(shading, samples, cull, color_range) -> None:
             raise SceneError(f"{name} is {given!r}, legal are {', '.join(map(repr, legal))}")
 
 
-def _draw(surface: Surface, stage: Stage, grid, cull, near, far) -> Drawn:
+def _draw(surface: Surface, stage: Stage, grid, cull, near, far, is_rounded) -> Drawn:
     """Draw a surface on a grid of (columns, rows) samples."""
     position = to_eye(surface.corners, stage.view)
     depths = choose_range(position[..., 2], stage.projection.is_perspective, near, far)
-    pieces = clip_to_view(position, stage.projection, depths)
+    pieces = clip_to_view(position, stage.projection, depths, is_rounded)
     screen = snap(pieces.position, stage.projection)
     facing = -np.sign(_doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if cull == "back" else facing != 0
