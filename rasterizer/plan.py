@@ -78,7 +78,9 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     has_albedo = len(albedo) > 0
     is_tinted = products is None and not is_textured and not (has_albedo and np.ptp(albedo, axis=1).any())
     tint = common_color(materials, lights, ambient) if is_tinted else None
-    reflected = find_reflected(materials, lights, ambient, albedo.max(initial=1.0) * brightest_texel(materials), products)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
+        most_albedo = albedo.max(initial=1.0) * brightest_texel(materials)
+        reflected = find_reflected(materials, lights, ambient, most_albedo, products)
     greatest = reflected.amplified(find_most(lights))
     bound, behind = greatest.bound, max(scene.background or (0.0,))
     check_brightness(reflected.bound)

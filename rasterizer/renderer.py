@@ -197,6 +197,9 @@ class Renderer:
     def _draw_buffers(self, camera, buffers, clock):
         """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes them."""
         view, screen = self._screen(camera, 1)
+        if len(buffers.depth):
+            depths = np.abs((self._bounds - view.eye) * view.forward).max(axis=1).sum(axis=1)
+            check_depths(min(float(depths.max()), np.inf if camera.far is None else camera.far))
         coding = make_coding(self._plan._replace(coding=EXACT), screen, 0.0)
         n_point = self._geometry.points.shape[1]
         normals = self._normal_attributes(np.float64, False) if len(buffers.normal) else np.empty((1, n_point, 0))
@@ -220,6 +223,16 @@ class Renderer:
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return np.stack([toward, -toward])
+
+
+def check_depths(largest) -> None:
+    """Refuse a scene whose depths a float32 buffer can't hold, given the largest."""
+    limits = np.finfo(np.float32)
+    if largest != 0.0 and not limits.tiny <= largest <= limits.max:
+        raise SceneError(
+            f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {limits.tiny:.3g} to {limits.max:.3g}: "
+            "scale the scene, or leave depth out of the outputs"
+        )
 
 
 class Clock:
