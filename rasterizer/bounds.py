@@ -1,7 +1,4 @@
-"""Which row function serves a light or a material, and how far an illumination can go: largest intensities, magnified errors.
-
-The bounds that let a plan (plan.py) choose a cheaper path.
-"""
+"""Which row function serves a light or a material, and how bright a highlight can get; see rounding.py for what that bounds."""
 
 import math
 
@@ -48,9 +45,9 @@ def highlight_scale(material) -> float:
 
 
 def highlight_bounds(material) -> tuple[float, float]:
-    """Largest value of a material's highlight for ks = 1, and how far it magnifies a relative error of the directions.
+    """Largest value of a material's highlight for ks = 1, and how far it magnifies an error of the directions, relative to that.
 
-    A power h^n magnifies by n, W(θ) by 5 at most, N·L by 1.
+    A power h^n magnifies a relative error of h by n (that of directions by less: see rounding.py), W(θ) by 5 at most, N·L by 1.
     Cook-Torrance with GGX: π D <= 1/α², N·L G1(L)/(2 N·L) <= 1/2, G1(V)/(2 N·V) <= 1/α. ln D rises by at most 2/α a radian, and
     G by 1/α. With Beckmann's D: π D has its maximum at tan² = max(0, 2 m² - 1), and G1(V)/N·V <= 3.535/m.
     """
@@ -98,46 +95,6 @@ def _direction(colors):
     scaled = colors / colors.max(axis=1, keepdims=True)
     # Quotients of equal colours differ by a rounding error each.
     return scaled[0] if np.ptp(scaled, axis=0).max() <= 4 * np.finfo(float).eps else None
-
-
-def intensity_bounds(materials, lights, ambient, most_albedo) -> tuple[float, float]:
-    """Largest intensity that any point can have, and the largest sum of highlights, each times its exponent or what stands for
-    it.
-
-    The second says how far an error of the directions is magnified: a power h^n multiplies the relative error of h by n. Each of
-    the roundings on the way to h costs 2^-24, of which about eight fall together; the matte terms take about sixteen.
-    """
-    bound = magnified = 0.0
-    for material in materials:
-        matte = max(material.ambient) * ambient.max() * most_albedo + max(material.emissive)
-        peak, magnification = highlight_bounds(material)
-        specular = peak * max(material.specular)
-        shine = steep = rough = 0.0
-        for light in lights:
-            most = np.inf if getattr(light, "amplify", False) and light.attenuation[0] < 1.0 else 1.0
-            # A light that gives nothing can't be amplified: no 0 times infinity.
-            matte += most * max(light.color) * max(material.diffuse) * most_albedo if max(light.color) > 0 else 0.0
-            shine += most * max(light.color) * specular if max(light.color) > 0 and specular > 0 else 0.0
-            if max(light.color) > 0 and (slope := max(material.diffuse) * matte_magnification(material)) > 0:
-                rough += slope * most * max(light.color) * most_albedo
-            if max(light.color) > 0 and (slope := steepness(light)) > 0:
-                steep += slope * most * max(light.color) * (max(material.diffuse) * most_albedo + specular)
-        bound = max(bound, matte + shine)
-        magnified = max(magnified, shine * magnification + rough + steep)
-    return bound, magnified
-
-
-def steepness(light) -> float:
-    """How far the factors of a light's cone and range magnify an error of its direction, or a relative one of its distance.
-
-    t² (3 - 2 t) rises by at most 3/2 of what t does, c^e by at most e; (d/r)^4 by four times the relative error of d, twice that
-    of d². Infinite for a sharp cone: its edge is drawn in float64.
-    """
-    slope = 4.0 if getattr(light, "range", None) is not None else 0.0
-    if isinstance(light, SpotLight):
-        inner, outer = cone_cosines(light)
-        slope += light.exponent + (1.5 / (inner - outer) if inner > outer else np.inf)
-    return slope
 
 
 def cone_cosines(light) -> tuple[float, float]:

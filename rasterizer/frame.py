@@ -27,8 +27,11 @@ class Stats:
     covered : samples that something covers
     samples : samples of the picture
     threads : how many worked
-    error_bound : the error that the chosen paths may have, in linear intensity where 1 is white; for the rounding of vertices see
-        `position_bound`
+    error_bound : the largest error of an intensity that the paths of this frame may have, in linear intensity where 1 is white,
+        against the exact illumination of the same faces at the same samples: rounding to float32 or float64, and what was
+        approximated. What rounding of vertices to 1/256 px changes is no part of it, see `position_bound`. 0 where no picture was asked for
+    steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how near to
+        that the bound doesn't hold. Empty where it holds everywhere
     milliseconds : dict of stage to time
     """
 
@@ -40,6 +43,7 @@ class Stats:
     samples: int
     threads: int
     error_bound: float
+    steps: tuple = ()
     milliseconds: dict = field(default_factory=dict)
 
     @property

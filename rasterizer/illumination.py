@@ -74,6 +74,8 @@ def _list_lights(plan, view) -> np.ndarray:
             inner, outer = cone_cosines(source)
             row[COS_OUTER], row[CONE_EXPONENT] = outer, source.exponent
             row[CONE_SCALE] = 1.0 / (inner - outer) if inner > outer else np.inf
+            if plan.dtype == np.float32:
+                row[CONE_EXPONENT] = min(row[CONE_EXPONENT], np.finfo(np.float32).max)
     return light
 
 
@@ -91,6 +93,10 @@ def _list_materials(plan) -> np.ndarray:
         if plan.n_channel == 1:  # the largest component: all are grey or multiples of the picture's tint
             for column in _COLUMNS:
                 row[column] = row[column : column + 3].max()
+    if plan.dtype == np.float32:
+        # An exponent that float32 has no number for raises all cosines to 0 or 1, as the nearest one that it has does.
+        limits = np.finfo(np.float32)
+        np.clip(material[:, SHININESS], limits.tiny, limits.max, out=material[:, SHININESS])
     return material
 
 

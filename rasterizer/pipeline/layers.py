@@ -8,7 +8,11 @@ The layers are peeled off one by one (Everitt 2001, "Interactive order-independe
 at every sample, the nearest surface behind the one before. Words hold depth above the triangle's number, so they order all
 surfaces at a sample, whatever their order in the file: at equal depth the lower number lies in front, as everywhere.
 
-    color += transmitted · a · c      transmitted *= 1 - a      nearest first (Porter & Duff 1984, `over`)
+    color += transmitted · a · c      opacity += transmitted · a      transmitted *= 1 - a
+                                                        nearest first (Porter & Duff 1984, `over`)
+
+The opacity is summed up by itself: 1 - transmitted has no digits left where surfaces are next to clear, and colours are divided
+by it.
 """
 
 from typing import NamedTuple
@@ -44,6 +48,7 @@ class Layers(NamedTuple):
     opaque: np.ndarray  # (rows * pitch,) int64: the words of the opaque surfaces; CLEAR where the sample is done
     floor: np.ndarray  # (rows * pitch,) int64: the word of the layer before
     transmitted: np.ndarray  # (rows * pitch,): the part of the light from behind that arrives
+    opacity: np.ndarray  # (rows * pitch,): the rest of it
     color: np.ndarray  # (n_channel, rows * pitch)
 
 
@@ -127,9 +132,10 @@ def open_layers(canvas, layers):
     """Begin with the opaque surfaces in the canvas, and with all light transmitted."""
     words = borrow(canvas.words)
     opaque, floor, transmitted = borrow(layers.opaque), borrow(layers.floor), borrow(layers.transmitted)
+    total = borrow(layers.opacity)
     zero, one = layers.color.dtype.type(0), layers.color.dtype.type(1)
     for k in range(np.uint64(len(words))):
-        opaque[k], floor[k], transmitted[k] = words[k], IN_FRONT_OF_ALL, one
+        opaque[k], floor[k], transmitted[k], total[k] = words[k], IN_FRONT_OF_ALL, one, zero
     for channel in range(np.uint64(layers.color.shape[0])):
         for k in range(np.uint64(len(words))):
             layers.color[channel, k] = zero
@@ -141,7 +147,7 @@ def composite(canvas, records, n_row, layers, radiance, texels, opacity, materia
     words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
     records, material, opaque, floor = borrow_records(records), borrow(material), borrow(layers.opaque), borrow(layers.floor)
     transmitted, color, radiance = borrow(layers.transmitted), borrow(layers.color), borrow(radiance)
-    texels = borrow(texels)
+    texels, total = borrow(texels), borrow(layers.opacity)
     number = transmitted.dtype.type
     is_more = False
     for j in range(n_row):
@@ -157,6 +163,7 @@ def composite(canvas, records, n_row, layers, radiance, texels, opacity, materia
                 if texels.shape[0] > 0:
                     alpha *= texels[3, k]
             share = transmitted[k] * alpha
+            total[k] += share
             for channel in range(np.uint64(color.shape[0])):
                 color[channel, k] += share * radiance[channel, k]
             transmitted[k] *= number(1) - alpha

@@ -198,9 +198,10 @@ def light_points(positions, normals, albedo, lift, start, stop, screen, side, li
         n = min(CHUNK, stop - first)
         chunk = slice(np.uint64(first), np.uint64(first + n))
         take_points(positions[0, chunk], positions[1, chunk], positions[2, chunk], screen.eye, rows)
-        take_normals(normals[0, chunk], normals[1, chunk], normals[2, chunk], float(side) if side != 0 else 1.0, rows)
         if side == 0:
-            turn_normals(rows, n, screen.is_perspective, number(back_x), number(back_y), number(back_z))
+            turn_normals(positions[:, chunk], normals[:, chunk], screen, rows)
+        else:
+            take_normals(normals[0, chunk], normals[1, chunk], normals[2, chunk], float(side), rows)
         if lighting.has_albedo:
             for channel in range(np.uint64(lighting.n_channel)):
                 for k in range(np.uint64(n)):
@@ -257,13 +258,17 @@ def take_own_planes(lighting, lift, first, n, rows):
 
 
 @helper
-def turn_normals(rows, n, is_perspective, back_x, back_y, back_z):
-    """Turn every normal towards the viewer, who is at the origin, or at infinity in the direction `back`."""
-    zero, one = rows.dtype.type(0), rows.dtype.type(1)
-    for k in range(np.uint64(n)):
-        x, y, z = rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k]
-        toward = x * back_x + y * back_y + z * back_z
-        if is_perspective:
-            toward = -(x * rows[POSITION_X + k] + y * rows[POSITION_Y + k] + z * rows[POSITION_Z + k])
-        sign = -one if toward < zero else one
+def turn_normals(positions, normals, screen, rows):
+    """Copy normals, each turned to the side that the eye, or the viewer at infinity, is on.
+
+    In float64: of a face that is far away and seen at a grazing angle, N·(P - eye) is the small difference of large numbers.
+    """
+    eye_x, eye_y, eye_z = screen.eye
+    forward_x, forward_y, forward_z = screen.forward
+    for k in range(np.uint64(positions.shape[1])):
+        x, y, z = normals[0, k], normals[1, k], normals[2, k]
+        away = x * forward_x + y * forward_y + z * forward_z
+        if screen.is_perspective:
+            away = x * (positions[0, k] - eye_x) + y * (positions[1, k] - eye_y) + z * (positions[2, k] - eye_z)
+        sign = -1.0 if away > 0.0 else 1.0
         rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k] = sign * x, sign * y, sign * z

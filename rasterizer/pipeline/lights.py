@@ -14,7 +14,7 @@ import numpy as np
 from numba import carray
 from numba.extending import register_jitable
 
-from .reflection import power
+from .reflection import grazing, power
 from .rows import (
     CHUNK,
     LIGHT_X,
@@ -118,15 +118,16 @@ def end_at_range(row, n, number):
 @register_jitable
 def keep_to_cone(row, n, number):
     """Let the strength fall from the inner to the outer cone as t²(3 - 2t), t = (c - c_outer)/(c_inner - c_outer), c the cosine
-    of the angle from the axis; a step where both cones are the same, which belongs to the inside."""
+    of the angle from the axis; a step where both cones are the same, which belongs to the inside (see `grazing`)."""
     axis_x, axis_y, axis_z = number[AXIS], number[AXIS + 1], number[AXIS + 2]
     outer, scale = number[COS_OUTER], number[CONE_SCALE]
     zero, one, two, three = number.dtype.type(0), number.dtype.type(1), number.dtype.type(2), number.dtype.type(3)
     is_step = scale == np.inf
+    least = -grazing(zero) if is_step else zero
     for k in range(np.uint64(n)):
         above = -(row[LIGHT_X + k] * axis_x + row[LIGHT_Y + k] * axis_y + row[LIGHT_Z + k] * axis_z) - outer
         t = one if is_step else min(above * scale, one)
-        row[STRENGTH + k] = row[STRENGTH + k] * (t * t * (three - two * t)) if above >= zero else zero
+        row[STRENGTH + k] = row[STRENGTH + k] * (t * t * (three - two * t)) if above >= least else zero
 
 
 @register_jitable

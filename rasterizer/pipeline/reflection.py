@@ -62,31 +62,40 @@ def lambert(rows, n, numbers):
 
 @register_jitable
 def phong(rows, n, numbers):
-    """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975); R·V = 2 (N·L)(N·V) - L·V."""
+    """Lambert and a highlight (R·V)^n about the mirrored light direction R = 2 (N·L) N - L (Phong 1975).
+
+    R·V = 1 - |R - V|²/2, as both have unit length. An error e of a vector moves that by e·|R - V| alone, which the n-th power
+    magnifies by about √n (rounding.py); that of R·V itself, or of a vector's length, it would magnify by n. Never above 1.
+    """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
-    two = row.dtype.type(2)
+    one, two, half = row.dtype.type(1), row.dtype.type(2), row.dtype.type(0.5)
     for k in range(np.uint64(n)):
-        l_dot_v = row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
-        row[SPECULAR + k] = two * row[N_DOT_L + k] * row[N_DOT_V + k] - l_dot_v
-    finish_highlights(row, n, number[SHININESS])
+        twice = two * row[N_DOT_L + k]
+        x = twice * row[NORMAL_X + k] - row[LIGHT_X + k] - row[VIEW_X + k]
+        y = twice * row[NORMAL_Y + k] - row[LIGHT_Y + k] - row[VIEW_Y + k]
+        z = twice * row[NORMAL_Z + k] - row[LIGHT_Z + k] - row[VIEW_Z + k]
+        row[SPECULAR + k] = one - half * (x * x + y * y + z * z)
+    finish_highlights(row, n, number)
 
 
 @register_jitable
 def blinn(rows, n, numbers):
     """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); H = (L + V) / |L + V|.
 
-    By components: with 2 + 2 L·V for |L + V|² the digits cancel where the viewer looks towards the light.
+    By components: with 2 + 2 L·V for |L + V|² the digits cancel where the viewer looks towards the light. N·H = 1 - |N - H|²/2,
+    see `phong`.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
-    zero = row.dtype.type(0)
+    zero, one, half = row.dtype.type(0), row.dtype.type(1), row.dtype.type(0.5)
     for k in range(np.uint64(n)):
         half_x, half_y = row[LIGHT_X + k] + row[VIEW_X + k], row[LIGHT_Y + k] + row[VIEW_Y + k]
         half_z = row[LIGHT_Z + k] + row[VIEW_Z + k]
         square = half_x * half_x + half_y * half_y + half_z * half_z
-        along = row[NORMAL_X + k] * half_x + row[NORMAL_Y + k] * half_y + row[NORMAL_Z + k] * half_z
+        scale = one / np.sqrt(square)
+        x, y, z = row[NORMAL_X + k] - half_x * scale, row[NORMAL_Y + k] - half_y * scale, row[NORMAL_Z + k] - half_z * scale
         # Where L = -V there is no half vector, and no highlight.
-        row[SPECULAR + k] = along / np.sqrt(square) if square > zero else zero
-    finish_highlights(row, n, number[SHININESS])
+        row[SPECULAR + k] = one - half * (x * x + y * y + z * z) if square > zero else zero
+    finish_highlights(row, n, number)
 
 
 @register_jitable
@@ -95,12 +104,14 @@ def distant_blinn(rows, n, numbers):
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     half_x, half_y, half_z = row[LIGHT_X] + row[VIEW_X], row[LIGHT_Y] + row[VIEW_Y], row[LIGHT_Z] + row[VIEW_Z]
     square = half_x * half_x + half_y * half_y + half_z * half_z
-    zero, one = row.dtype.type(0), row.dtype.type(1)
-    scale = one / np.sqrt(square) if square > zero else zero
+    zero, one, half = row.dtype.type(0), row.dtype.type(1), row.dtype.type(0.5)
+    has_half = square > zero
+    scale = one / np.sqrt(square) if has_half else zero
     half_x, half_y, half_z = half_x * scale, half_y * scale, half_z * scale
     for k in range(np.uint64(n)):
-        row[SPECULAR + k] = row[NORMAL_X + k] * half_x + row[NORMAL_Y + k] * half_y + row[NORMAL_Z + k] * half_z
-    finish_highlights(row, n, number[SHININESS])
+        x, y, z = row[NORMAL_X + k] - half_x, row[NORMAL_Y + k] - half_y, row[NORMAL_Z + k] - half_z
+        row[SPECULAR + k] = one - half * (x * x + y * y + z * z) if has_half else zero
+    finish_highlights(row, n, number)
 
 
 def weighted_phong(rows, n, numbers):
@@ -194,20 +205,22 @@ def cook_torrance_beckmann(rows, n, numbers):
 def toon(rows, n, numbers):
     """Few levels, as in a drawing: N·L raised to the next k/levels, k = 1, 2, .. levels; a highlight of 1 where (R·V)^n >= 1/2.
 
-    A step is a step: a rounding error next to one costs a whole level. The plan takes float64 for this model, so that only
-    points within about 1e-15 of a step may fall on its other side. After Lake, Marshall, Harris & Blackstein 2000, NPAR, 13-20.
+    A step is a step: a rounding error next to one costs a whole level. The plan takes float64 for this model, and cosines
+    within `grazing` above a step count as lying on it: what lies on a step exactly (a light parallel to a face, or at 60 degrees
+    with two levels) falls on the same side everywhere. After Lake, Marshall, Harris & Blackstein 2000, NPAR, 13-20.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero, one, two = row.dtype.type(0), row.dtype.type(1), row.dtype.type(2)
+    slack = grazing(zero)
     levels, least = number[LEVELS], row.dtype.type(0.5) ** (one / number[SHININESS])
     for k in range(np.uint64(n)):
         n_dot_l, strength = row[N_DOT_L + k], row[STRENGTH + k]
         l_dot_v = row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
         mirrored = two * n_dot_l * row[N_DOT_V + k] - l_dot_v
         # A cosine may come out a little above 1.
-        step = min(np.ceil(levels * n_dot_l), levels) / levels
-        row[DIFFUSE + k] = strength * step if n_dot_l > zero else zero
-        row[SPECULAR + k] = strength if (n_dot_l > zero) & (mirrored >= least) else zero
+        step = min(np.ceil(levels * (n_dot_l - slack)), levels) / levels
+        row[DIFFUSE + k] = strength * step if n_dot_l > slack else zero
+        row[SPECULAR + k] = strength if (n_dot_l > slack) & (mirrored >= least - slack) else zero
 
 
 REFLECTIONS = {
@@ -278,10 +291,15 @@ def beckmann_visible(cosine, m):
 
 
 @register_jitable
-def finish_highlights(row, n, shininess):
-    """Raise the cosines in the row SPECULAR to the exponent, and fill DIFFUSE; no highlight from a light behind the surface."""
-    zero = row.dtype.type(0)
-    if shininess == np.floor(shininess) and shininess <= MOST_SQUARED:
+def finish_highlights(row, n, number):
+    """Raise the cosines in the row SPECULAR to the exponent, and fill DIFFUSE; no highlight from a light behind the surface.
+
+    A classic highlight ends at N·L = 0 with a step: what grazes the surface counts as behind it, see `grazing`. One that is
+    normalised falls to 0 there.
+    """
+    zero, one = row.dtype.type(0), row.dtype.type(1)
+    shininess, least = number[SHININESS], zero if number[SCALE] > zero else grazing(zero)
+    if shininess == np.floor(shininess) and one <= shininess <= MOST_SQUARED:
         square_and_multiply(row, n, np.int64(shininess))
     else:
         for k in range(np.uint64(n)):
@@ -289,7 +307,25 @@ def finish_highlights(row, n, shininess):
     for k in range(np.uint64(n)):
         n_dot_l, strength = row[N_DOT_L + k], row[STRENGTH + k]
         row[DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
-        row[SPECULAR + k] = strength * row[SPECULAR + k] if n_dot_l > zero else zero
+        row[SPECULAR + k] = strength * row[SPECULAR + k] if n_dot_l > least else zero
+
+
+def grazing(cosine):
+    """Cosines up to this, 2^-40 in float64 and 2^-18 in float32, count as 0 where a step lies at 0.
+
+    A light that is exactly parallel to a face has N·L = 0, and the rounding of the normal, of the light's direction and of their
+    product, about 20 roundings, must not decide for each sample by itself which side of the step it is on. In float64 the
+    normal's own rounding counts most: 2^-53 times the ratio of the coordinates to the face's size, which may be 2^10 here. In
+    float32 a light's place, up to three times as far from the eye as from the face, is covered, too: 20·2^-24·3 < 2^-18.
+    """
+    raise NotImplementedError("compiled code only")
+
+
+@overload(grazing, inline="never")
+def _overload_grazing(cosine):
+    if cosine == np.float32 or getattr(cosine, "bitwidth", 64) == 32:
+        return lambda cosine: np.float32(2.0**-18)
+    return lambda cosine: 2.0**-40
 
 
 @register_jitable
@@ -317,7 +353,8 @@ def square_and_multiply(row, n, exponent):
 
 
 def power(base, exponent):
-    """base ** exponent for a base up to about 1 and a positive exponent; 0 where base <= 0. Float32: see `power_single`."""
+    """base ** exponent of a cosine, for any positive exponent: 0 where base <= 0 or no number, 1 where base >= 1 by a rounding
+    error. Float32: see `power_single`."""
     raise NotImplementedError("compiled code only")
 
 
@@ -325,7 +362,7 @@ def power(base, exponent):
 def _overload_power(base, exponent):
     if base == np.float32 or getattr(base, "bitwidth", 64) == 32:
         return lambda base, exponent: power_single(base, exponent)
-    return lambda base, exponent: base**exponent if base > 0 else 0.0
+    return lambda base, exponent: min(base, 1.0) ** exponent if base > 0.0 else 0.0
 
 
 def exponential(x):
@@ -342,21 +379,29 @@ def _overload_exponential(x):
 
 @register_jitable
 def exponential_single(x):
-    """e ** x in float32 for x <= 0: 2 ** (x·log2 e), an error of 2^-24·(2 + |x|)·2 of the result."""
-    y = max(x * np.float32(1.4426950), np.float32(-60))
-    return power_of_two(y) if y > np.float32(-60) else np.float32(0)
+    """e ** x in float32 for x <= 0: 2 ** (x·log2 e), an error of 2^-24·(2 + |x|)·2 of the result; 0 where x is no number."""
+    low, high = np.float32(-60), np.float32(0)
+    y = x * np.float32(1.4426950)
+    y = y if y > low else low
+    y = y if y < high else high
+    return power_of_two(y) if y > low else np.float32(0)
 
 
 @register_jitable
 def power_single(base, exponent):
     """base ** exponent in float32 without a branch, so that the loop round it vectorises: 2 ** (exponent * log2(base)).
 
+    Whatever the arguments are, what comes out is a number from 0 to 1: the base is a cosine, above 1 only by rounding, and with
+    a base of 1 + 2^-23 an exponent of 1e11 would shift 2^y into the sign bit. So y is kept within -126..0, also where it is no
+    number, and no conversion to an integer is ever out of its range.
+
     log2 m = 2/ln 2 · artanh t, t = (m-1)/(m+1), for a mantissa m in [√½, √2]: |t| < 0.1716, the series to t^9 leaves
     2/ln 2 · t^11/11 < 1.1e-9. 2^f for |f| <= ½: the series to f^7 leaves (f·ln 2)^8/8! < 5.2e-9. Above that comes the rounding of
     float32: 2^-24 · (4 + 3·exponent·|log2 base|) of the result. Results below 2^-126 are 0: denormals would slow the row down.
     """
-    one = np.float32(1)
-    safe = max(base, np.float32(1e-30))
+    one, low, high = np.float32(1), np.float32(-126), np.float32(0)
+    safe = base if base > np.float32(1e-30) else np.float32(1e-30)
+    safe = safe if safe < one else one
     bits = np.float32(safe).view(np.int32)
     scale = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))  # exponent, rounded so that m is in [√½, √2)
     mantissa = np.int32(bits - np.int32(scale << np.int32(23))).view(np.float32)
@@ -367,8 +412,10 @@ def power_single(base, exponent):
         + square * (np.float32(0.57707802) + square * (np.float32(0.41219858) + square * np.float32(0.32059890)))
     )
     log2 = np.float32(scale) + t * series
-    y = max(exponent * log2, np.float32(-126))
-    return power_of_two(y) if (base > 0) & (y > np.float32(-126)) else np.float32(0)
+    y = exponent * log2
+    y = y if y > low else low
+    y = y if y < high else high
+    return power_of_two(y) if (base > 0) & (y > low) else np.float32(0)
 
 
 @register_jitable

@@ -72,7 +72,7 @@ def _make_bench(kind) -> Bench:
     texels = np.zeros((4 if kind.is_textured else 0, n_sample), kind.dtype)
     layers = Layers(
         np.zeros(n_layered, np.int64), np.zeros(n_layered, np.int64), np.zeros(n_layered, kind.dtype),
-        np.zeros((kind.n_channel, n_layered), kind.dtype),
+        np.zeros(n_layered, kind.dtype), np.zeros((kind.n_channel, n_layered), kind.dtype),
     )  # fmt: skip
     return Bench(canvas, records, make_block(), radiance, make_rows(kind.dtype), texels, layers)
 

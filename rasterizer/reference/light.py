@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.reference.lamp import place_lamps, shine
-from rasterizer.reference.reflection import reflect
+from rasterizer.reference.reflection import GRAZING, reflect
 from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
 from rasterizer.reference.texture import look_up
 from rasterizer.reference.vectors import area_vectors, blend, dot, length, unit
@@ -193,8 +193,10 @@ def find_sides(surface: Surface, face, facing) -> np.ndarray:
     -------
     (n,) int, +1 or -1
     """
-    agreement = dot(surface.normals[face].sum(axis=1), area_vectors(surface.corners[face]))
-    return np.where(agreement >= 0, facing, -facing)
+    vectors = area_vectors(surface.corners[face])
+    agreement = dot(surface.normals[face].sum(axis=1), vectors)
+    # Normals at right angles to the face agree with it: the sign of a rounding error decides nothing.
+    return np.where(agreement >= -GRAZING * np.abs(vectors).sum(axis=1), facing, -facing)
 
 
 def light_samples(surface: Surface, seen: Seen, shape, stage: Stage):

@@ -181,6 +181,7 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
     """
     shape = job.grid[1], job.grid[0]
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
+    alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = _find_visible(job)
     seen = _see(visible, job)
     layer, normal, opacity = lighting.light_samples(surface, seen, shape, stage)
@@ -191,6 +192,7 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
         growth = (nearest.depth[at] / visible.depth[at]) ** 2 if job.projection.is_perspective else 1.0
         margin[at] = np.minimum(margin[at], visible.margin[at] * growth)
         color += (through * opacity)[..., None] * layer
+        alpha += through * opacity
         through *= 1.0 - opacity
         is_open = at & (through > 0)
         if not is_open.any():
@@ -198,7 +200,7 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
         visible = _find_visible(job, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
         seen = _see(visible, job)
         layer, _, opacity = lighting.light_samples(surface, seen, shape, stage)
-    return Drawn(color, 1.0 - through, normal, face, nearest.depth, margin)
+    return Drawn(color, alpha, normal, face, nearest.depth, margin)
 
 
 def _see(visible: Visible, job: Pass) -> Seen:

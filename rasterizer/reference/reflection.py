@@ -8,6 +8,10 @@ import numpy as np
 
 from rasterizer.reference.vectors import dot, length, unit
 
+# A cosine up to this counts as 0 where a model jumps at 0, and one up to this above a step as lying on it: the rounding of normals
+# and directions must not decide for each point by itself on which side it is. A thousand roundings of 2^-53 are 2^-43.
+GRAZING = 2.0**-40
+
 
 def reflect(table, normals, light_dirs, to_viewer):
     """Return D and S (n, 1) of the material of each row of `table`, for unit vectors (n, 3); of no meaning where N.L <= 0."""
@@ -27,14 +31,16 @@ def _reflect_lambert(_table, normals, light_dirs, _to_viewer):
 def _reflect_phong(table, normals, light_dirs, to_viewer):
     """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
-    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** n
+    highlight = np.clip(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0, 1) ** n
+    highlight = np.where(table["normalized"] | (n_dot_l > GRAZING), highlight, 0.0)
     return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], (n / 2 + 1) * n_dot_l, 1.0)
 
 
 def _reflect_blinn(table, normals, light_dirs, to_viewer):
     """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor derivation."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
-    highlight = np.maximum(dot(normals, unit(light_dirs + to_viewer)), 0) ** n
+    highlight = np.clip(dot(normals, unit(light_dirs + to_viewer)), 0, 1) ** n
+    highlight = np.where(table["normalized"] | (n_dot_l > GRAZING), highlight, 0.0)
     peak = (n + 2) * (n + 4) / (8 * (np.exp2(-n / 2) + n))
     return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], peak * n_dot_l, 1.0)
 
@@ -75,9 +81,11 @@ def _reflect_toon(table, normals, light_dirs, to_viewer):
     """Return N.L raised to a multiple of 1/levels, and 1 or 0 where (R.V)^n is above or below one half."""
     n_dot_l, levels = dot(normals, light_dirs), table["levels"]
     steps = np.arange(1, levels.max() + 1)
-    step = 1 + (steps < levels[:, None] * n_dot_l[:, None]).sum(axis=1)
-    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** table["shininess"]
-    return np.minimum(step, levels) / levels, np.where(highlight >= 0.5, 1.0, 0.0)
+    step = 1 + (steps < levels[:, None] * (n_dot_l[:, None] - GRAZING)).sum(axis=1)
+    mirrored = dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer)
+    is_bright = mirrored >= 0.5 ** (1 / table["shininess"]) - GRAZING  # (R.V)^n >= 1/2
+    is_lit = n_dot_l > GRAZING
+    return np.where(is_lit, np.minimum(step, levels) / levels, 0.0), np.where(is_lit & is_bright, 1.0, 0.0)
 
 
 _MODELS = {

@@ -13,10 +13,9 @@ from itertools import chain
 import numpy as np
 
 from rasterizer.errors import ModelError
-from rasterizer.scene._check import shown
+from rasterizer.scene._check import COORDINATE_LIMIT, shown
 from rasterizer.scene.color import linear_from_srgb_bytes
 
-COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
 CHUNK = 1 << 16  # faces looked at in one go
 _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1

@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import kernel
+from .._kernel import helper, kernel
 from .normals import polygon_normals, split_creases
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
+LEAST_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
 
 
 class Geometry(NamedTuple):
@@ -223,7 +224,10 @@ def _unique_rows(columns) -> tuple[np.ndarray, np.ndarray]:
 
 @kernel
 def flag_inverted(positions, normals, vertex, out_is_inverted):
-    """Flag the triangles whose corner normals look, on the whole, against their winding."""
+    """Flag the triangles whose corner normals look, on the whole, against their winding.
+
+    Normals at right angles to the triangle, to within 2^-40, agree with it: which way they look is no rounding's to decide.
+    """
     for face in range(np.uint64(vertex.shape[1])):
         a, b, c = vertex[0, face], vertex[1, face], vertex[2, face]
         e1_x, e1_y, e1_z = positions[0, b] - positions[0, a], positions[1, b] - positions[1, a], positions[2, b] - positions[2, a]
@@ -231,15 +235,17 @@ def flag_inverted(positions, normals, vertex, out_is_inverted):
         n_x = normals[0, a] + normals[0, b] + normals[0, c]
         n_y = normals[1, a] + normals[1, b] + normals[1, c]
         n_z = normals[2, a] + normals[2, b] + normals[2, c]
-        agreement = (
-            n_x * (e1_y * e2_z - e1_z * e2_y) + n_y * (e1_z * e2_x - e1_x * e2_z) + n_z * (e1_x * e2_y - e1_y * e2_x)
-        )
-        out_is_inverted[face] = agreement < 0.0
+        c_x, c_y, c_z = e1_y * e2_z - e1_z * e2_y, e1_z * e2_x - e1_x * e2_z, e1_x * e2_y - e1_y * e2_x
+        agreement = n_x * c_x + n_y * c_y + n_z * c_z
+        out_is_inverted[face] = agreement < -LEAST_AGREEMENT * (abs(c_x) + abs(c_y) + abs(c_z))
 
 
 @kernel
 def find_clearance(positions, vertex, x, y, z):
-    """Find a distance that no triangle comes nearer to a point than: through the spheres about their centroids; at least 0."""
+    """Find the distance from a point to the nearest triangle; at least 0.
+
+    Triangles whose sphere about the centroid is further away than one that was found already are left out.
+    """
     least = np.inf
     for face in range(np.uint64(vertex.shape[1])):
         a, b, c = vertex[0, face], vertex[1, face], vertex[2, face]
@@ -251,8 +257,94 @@ def find_clearance(positions, vertex, x, y, z):
             dx, dy, dz = positions[0, i] - center_x, positions[1, i] - center_y, positions[2, i] - center_z
             radius = max(radius, dx * dx + dy * dy + dz * dz)
         dx, dy, dz = x - center_x, y - center_y, z - center_z
-        least = min(least, np.sqrt(dx * dx + dy * dy + dz * dz) - np.sqrt(radius))
+        if np.sqrt(dx * dx + dy * dy + dz * dz) - np.sqrt(radius) < least:
+            least = min(least, triangle_distance(
+                (positions[0, a] - x, positions[1, a] - y, positions[2, a] - z),
+                (positions[0, b] - x, positions[1, b] - y, positions[2, b] - z),
+                (positions[0, c] - x, positions[1, c] - y, positions[2, c] - z),
+            ))  # fmt: skip
     return max(least, 0.0)
+
+
+@kernel
+def find_point_clearance(points, x, y, z):
+    """Find the distance from a place to the nearest of points (3, n)."""
+    least = np.inf
+    for k in range(np.uint64(points.shape[1])):
+        dx, dy, dz = points[0, k] - x, points[1, k] - y, points[2, k] - z
+        least = min(least, dx * dx + dy * dy + dz * dz)
+    return np.sqrt(least)
+
+
+@kernel
+def find_shortest_normal(normals, corner):
+    """Find the least length that a mean of a triangle's corner normals can have, whatever its weights: the distance of the
+    triangle that the normals are the corners of from the origin.
+
+    Corners without a normal don't count: a mean is shorter there, and so is its error. 1 where there are no normals.
+
+    Parameters
+    ----------
+    normals : (3, n) float64, unit length or zero
+    corner : (3, n_face) uint32
+    """
+    least = 1.0
+    for face in range(np.uint64(corner.shape[1])):
+        i, j, k = corner[0, face], corner[1, face], corner[2, face]
+        a = (normals[0, i], normals[1, i], normals[2, i])
+        b = (normals[0, j], normals[1, j], normals[2, j])
+        c = (normals[0, k], normals[1, k], normals[2, k])
+        # A cheap test first: with the least cosine c > 0 nothing is shorter than √((1 + 2 c)/3), see pipeline/records.py.
+        cosine = min(dot3(a, b), dot3(b, c), dot3(c, a))
+        if cosine > 0.0 and (1.0 + 2.0 * cosine) / 3.0 >= least * least:
+            continue
+        a_is, b_is, c_is = dot3(a, a) > 0.0, dot3(b, b) > 0.0, dot3(c, c) > 0.0
+        a = a if a_is else (b if b_is else c)
+        b = b if b_is else a
+        c = c if c_is else a
+        if a_is or b_is or c_is:
+            least = min(least, triangle_distance(a, b, c))
+    return least
+
+
+@helper
+def dot3(a, b):
+    """The dot product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@helper
+def segment_distance(a, b):
+    """The distance of the segment a-b from the origin."""
+    d = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+    square = dot3(d, d)
+    t = min(max(-dot3(a, d) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    p = (a[0] + t * d[0], a[1] + t * d[1], a[2] + t * d[2])
+    return np.sqrt(dot3(p, p))
+
+
+@helper
+def triangle_distance(a, b, c):
+    """The distance of the triangle a-b-c from the origin: that of its plane, if the foot lies inside, else of its nearest side.
+
+    In units of the largest coordinate, so that the fourth powers neither over- nor underflow.
+    """
+    unit = max(abs(a[0]), abs(a[1]), abs(a[2]), abs(b[0]), abs(b[1]), abs(b[2]), abs(c[0]), abs(c[1]), abs(c[2]))
+    if unit == 0.0:
+        return 0.0
+    a, b = (a[0] / unit, a[1] / unit, a[2] / unit), (b[0] / unit, b[1] / unit, b[2] / unit)
+    c = (c[0] / unit, c[1] / unit, c[2] / unit)
+    u, v = (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])
+    normal = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+    square = dot3(normal, normal)
+    least = min(segment_distance(a, b), segment_distance(b, c), segment_distance(c, a))
+    if square > 0.0:
+        # Barycentric weights of the foot: (foot - a) × v · normal, ... with foot - a = -a but for its part along the normal.
+        uv, uu, vv, au, av = dot3(u, v), dot3(u, u), dot3(v, v), -dot3(a, u), -dot3(a, v)
+        at_b, at_c = vv * au - uv * av, uu * av - uv * au
+        if at_b >= 0.0 and at_c >= 0.0 and at_b + at_c <= square:
+            least = min(least, abs(dot3(a, normal)) / np.sqrt(square))
+    return unit * least
 
 
 @kernel

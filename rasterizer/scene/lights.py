@@ -14,7 +14,7 @@ import re
 from dataclasses import dataclass, replace
 
 from rasterizer.errors import SceneError
-from rasterizer.scene._check import choice, number, shown, unit3, vector3
+from rasterizer.scene._check import choice, number, place3, shown, unit3, vector3
 from rasterizer.scene.color import linear_rgb
 
 ATTACHMENTS = ("world", "camera")
@@ -135,7 +135,7 @@ class PointLight:
     shadow: Shadow | None = None
 
     def __post_init__(self):
-        object.__setattr__(self, "position", vector3(self.position, "the point light's position"))
+        object.__setattr__(self, "position", place3(self.position, "the point light's position"))
         _check_positional(self, "the point light's")
 
 
@@ -175,7 +175,7 @@ class SpotLight:
     shadow: Shadow | None = None
 
     def __post_init__(self):
-        object.__setattr__(self, "position", vector3(self.position, "the spot light's position"))
+        object.__setattr__(self, "position", place3(self.position, "the spot light's position"))
         object.__setattr__(self, "direction", unit3(self.direction, "the spot light's direction"))
         outer = number(self.outer, "the spot light's outer angle")
         if not 0.0 < outer <= 90.0:
@@ -225,7 +225,10 @@ class AreaLight:
 
     def __post_init__(self):
         for field in ("corner", "edge_u", "edge_v"):
-            object.__setattr__(self, field, vector3(getattr(self, field), f"the area light's {field}"))
+            object.__setattr__(self, field, place3(getattr(self, field), f"the area light's {field}"))
+        for ends in ((0, 1), (1, 0), (1, 1)):
+            end = [c + ends[0] * u + ends[1] * v for c, u, v in zip(self.corner, self.edge_u, self.edge_v, strict=True)]
+            place3(end, "each corner of the area light")
         u, v = (unit3(edge, f"the area light's {name}") for edge, name in ((self.edge_u, "edge_u"), (self.edge_v, "edge_v")))
         # Unit vectors whose cosine is 1 to float64 rounding are parallel.
         if abs(sum(a * b for a, b in zip(u, v, strict=True))) >= 1.0 - 1e-15:
