@@ -42,7 +42,8 @@ class Rings(NamedTuple):
 
     start: np.ndarray  # (n_ring,) int64, the first triangle of each; its triangles follow each other
     offsets: np.ndarray  # (n_ring + 1,) int64 into `corners`
-    corners: np.ndarray  # (n_corner,) the rows that the triangles index, wound as they are
+    corners: np.ndarray  # (n_corner,) int64, the rows that the triangles index, wound as they are
+    owners: np.ndarray  # (n_corner,) int64, the triangle that has the edge from this corner to the next
 
 
 def fan_corners(counts) -> tuple[np.ndarray, np.ndarray]:
@@ -89,7 +90,7 @@ def cut_polygons(vertices, corners, counts) -> Cut:
             is_convex, is_plane = look_at(points)
             concave.append(some[~is_convex])
             if (is_bent := is_convex & ~is_plane).any():
-                turned = _from_least(points[:, is_bent], loops[is_bent])
+                turned = _turned(loops[is_bent], points[:, is_bent])
                 places = first_triangle[some[is_bent], None] + np.arange(k - 2)
                 triangles[places] = turned[:, _fan(k)]
     concave = np.sort(np.concatenate(concave)) if concave else np.empty(0, np.int64)
@@ -165,16 +166,15 @@ def _fan(k) -> np.ndarray:
     return np.stack([np.zeros(k - 2, np.int64), np.arange(1, k - 1), np.arange(2, k)], axis=1)
 
 
-def _from_least(points, loops) -> np.ndarray:
-    """Turn loops (n, k) so that each begins at its corner with the smallest x, then y, then z; points are (k, n, 3)."""
+def _turned(lists, points) -> np.ndarray:
+    """Turn lists (n, k) so that each begins where its points (k, n, 3) have the smallest x, then y, then z."""
     k = len(points)
     is_least = np.ones(points.shape[:2], bool)
     for axis in range(3):
         values = np.where(is_least, points[..., axis], np.inf)
         is_least &= values == values.min(axis=0)
-    places = is_least.argmax(axis=0) * k  # in a table of all turned lists
     turns = (np.arange(k)[:, None] + np.arange(k)) % k
-    return loops.ravel()[turns.ravel()[places[:, None] + np.arange(k)] + np.arange(0, loops.size, k)[:, None]]
+    return lists.ravel()[turns[is_least.argmax(axis=0)] + np.arange(0, lists.size, k)[:, None]]
 
 
 def find_rings(triangles, polygons, points) -> Rings:
@@ -194,42 +194,48 @@ def find_rings(triangles, polygons, points) -> Rings:
     Rings, each begun at the corner with the smallest coordinates, so that what is computed of them in this order doesn't
     depend on where a polygon's list begins
     """
+    nothing = np.empty(0, np.int64)
     if polygons is None:
-        return Rings(np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0, np.int64))
+        return Rings(nothing, np.zeros(1, np.int64), nothing, nothing)
     is_first = np.append(True, polygons[1:] != polygons[:-1])
     start = np.flatnonzero(is_first)
     count = np.diff(np.append(start, len(polygons)))
     # A polygon that is interrupted by others is no fan.
-    is_whole = np.bincount(polygons[start])[polygons[start]] == 1
-    found = []
+    is_whole = np.unique(polygons[start], return_counts=True, return_inverse=True)
+    is_whole = is_whole[2][is_whole[1].ravel()] == 1
+    found = [(nothing, nothing.reshape(0, 1), nothing.reshape(0, 1))]
     for n in np.unique(count[is_whole & (count > 1)]).tolist():
         of_size = start[is_whole & (count == n)]
         step = max(1, CHUNK // (n + 2))
         for begin in range(0, len(of_size), step):
             some = of_size[begin : begin + step]
-            loops, is_fan = _fan_loops(triangles[some[:, None] + np.arange(n)])
-            some, loops = some[is_fan], loops[is_fan]
+            loops, owners, is_fan = _fan_loops(triangles[some[:, None] + np.arange(n)])
+            some, loops, owners = some[is_fan], loops[is_fan], owners[is_fan]
             corners = points[loops.T]
             is_convex, _ = look_at(corners)
-            found.append((some[is_convex], _from_least(corners[:, is_convex], loops[is_convex])))
-    starts = np.concatenate([np.empty(0, np.int64), *(some for some, _ in found)])
-    sizes = np.concatenate([np.empty(0, np.int64), *(np.full(len(some), loops.shape[1]) for some, loops in found)])
-    corners = np.concatenate([np.empty(0, np.int64), *(loops.ravel() for _, loops in found)])
+            some, corners = some[is_convex], corners[:, is_convex]
+            owners = owners[is_convex] + some[:, None]
+            found.append((some, _turned(loops[is_convex], corners), _turned(owners, corners)))
+    starts = np.concatenate([some for some, _, _ in found])
+    sizes = np.concatenate([np.full(len(some), loops.shape[1]) for some, loops, _ in found])
     order = np.argsort(starts, kind="stable")
-    offsets = np.cumsum(sizes) - sizes
     ends = np.append(0, np.cumsum(sizes[order]))
-    places = np.repeat(offsets[order] - ends[:-1], sizes[order]) + np.arange(len(corners))
-    return Rings(starts[order], ends, corners[places])
+    places = np.repeat((np.cumsum(sizes) - sizes)[order] - ends[:-1], sizes[order]) + np.arange(ends[-1])
+    corners = np.concatenate([loops.ravel() for _, loops, _ in found])
+    owners = np.concatenate([each.ravel() for _, _, each in found])
+    return Rings(starts[order], ends, corners[places], owners[places])
 
 
-def _fan_loops(groups) -> tuple[np.ndarray, np.ndarray]:
-    """Return the corners of fans in turn (m, n + 2), and which of the groups (m, n, 3) of triangles are fans.
+def _fan_loops(groups) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the corners of fans in turn (m, n + 2), the triangles at the edges behind them, and which of the groups (m, n, 3)
+    of triangles are fans.
 
-    The loop begins at the fan's middle, so that triangle k holds the loop's corners 0, k + 1 and k + 2; or, where a mirror has
+    The loop begins at the fan's middle, so that triangle k has the loop's corners 0, k + 1 and k + 2; or, where a mirror has
     turned the triangles round, n - k and n + 1 - k.
     """
     m, n, _ = groups.shape
-    loops, is_fan = np.zeros((m, n + 2), np.int64), np.zeros(m, bool)
+    loops, owners, is_fan = np.zeros((m, n + 2), np.int64), np.zeros((m, n + 2), np.int64), np.zeros(m, bool)
+    owner = np.clip(np.arange(n + 2) - 1, 0, n - 1)
     for turn in range(3):
         if is_fan.all():
             break
@@ -239,9 +245,10 @@ def _fan_loops(groups) -> tuple[np.ndarray, np.ndarray]:
             edges = after[:, ::-1] if is_backward else after
             is_here = (edges[:, 1:, 0] == edges[:, :-1, 1]).all(axis=1) & (after >= 0).all(axis=(1, 2)) & ~is_fan
             loops[is_here] = np.concatenate([middle[:, None], edges[:, :, 0], edges[:, -1:, 1]], axis=1)[is_here]
+            owners[is_here] = n - 1 - owner if is_backward else owner
             is_fan |= is_here
     is_new = np.sort(loops, axis=1)
-    return loops, is_fan & (is_new[:, 1:] != is_new[:, :-1]).all(axis=1)
+    return loops, owners, is_fan & (is_new[:, 1:] != is_new[:, :-1]).all(axis=1)
 
 
 def _following(groups, middle, steps):
