@@ -15,6 +15,7 @@ from .errors import SceneError
 from .pipeline.bands import sort_into_bands
 from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
+from .pipeline.centers import fill_means
 from .pipeline.clip import NO_PLANES, clip
 from .pipeline.layers import Opacity, composite, open_layers, scan_layer, scan_opaque
 from .pipeline.lighting import light_points
@@ -79,12 +80,13 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     clock.lap("transform")
 
     polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
-    loaded_face, planes, n_clipped, table = np.empty(0, np.uint32), NO_PLANES, 0, job.table
+    loaded_face, planes, n_clipped, table = geometry.face, NO_PLANES, 0, job.table
     if n_outside:
         clipped = clip(geometry.positions, *polygons[:2], vertices, screen)
-        vertices, loaded_face, planes, n_clipped = clipped.vertices, clipped.face, clipped.planes, clipped.n_clipped
-        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[loaded_face], clipped.cut)
-        table = table.of_parts(loaded_face)
+        vertices, planes, n_clipped = clipped.vertices, clipped.planes, clipped.n_clipped
+        loaded_face = geometry.face[clipped.face] if len(geometry.face) else clipped.face
+        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[clipped.face], clipped.cut)
+        table = table.of_parts(clipped.face)
         clock.lap("clip")
 
     width, height = job.size[0] * job.factor, job.size[1] * job.factor
@@ -122,7 +124,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     clock.lap("scan, shade, resolve")
     n_culled = sum(part.n_culled for part in visible)
     n_drawn = sum(len(part.face) for part in visible)
-    return Counts(geometry.vertex.shape[1], n_clipped, n_culled, n_drawn, sum(covered), width * height)
+    return Counts(geometry.n_loaded, n_clipped, n_culled, n_drawn, sum(covered), width * height)
 
 
 def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench) -> None:
@@ -176,6 +178,17 @@ def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> n
                 workers.ranges(n),
             )  # fmt: skip
     return intensities
+
+
+def fill_centers(values, centers, workers) -> np.ndarray:
+    """Give the points that are means of others their values (side, n_point, n_value); nothing is lit there."""
+    if centers is not None:
+        for side in values:
+            workers.map(
+                lambda part, side=side: fill_means(side, centers.first, centers.offsets, centers.points, *part),
+                workers.ranges(len(centers.offsets) - 1),
+            )
+    return values
 
 
 def interpolated_job(intensities, plan, coding, options, encoding, picture, table) -> Job:

@@ -4,7 +4,7 @@ from time import perf_counter
 
 import numpy as np
 
-from .draw import FaceTable, buffers_job, draw, interpolated_job, light, lit_job
+from .draw import FaceTable, buffers_job, draw, fill_centers, interpolated_job, light, lit_job
 from .errors import SceneError
 from .frame import Frame, Stats
 from .illumination import make_lighting, world_position
@@ -149,11 +149,11 @@ class Renderer:
             return light(geometry, lift, plan, lighting, screen, options.is_flat, n_side, self._workers)
 
         if plan.textures is None:
-            return light_all(geometry)
+            return fill_centers(light_all(geometry), geometry.centers, self._workers)
         # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
         rest = light_all(geometry._replace(albedo=np.zeros_like(geometry.albedo)))
         uv = np.broadcast_to(geometry.uv, (n_side, *geometry.uv.shape))
-        return np.concatenate([rest, light_all(geometry), uv], axis=2)
+        return fill_centers(np.concatenate([rest, light_all(geometry), uv], axis=2), geometry.centers, self._workers)
 
     def _plan_for(self, view, screen):
         """The plan, or one with float64 where float32 has too few digits for this view, and what was found out about the view."""

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.reference.lamp import place_lamps, shine
+from rasterizer.reference.polygons import Rings, about_centers
 from rasterizer.reference.reflection import GRAZING, reflect
 from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
 from rasterizer.reference.texture import look_up
@@ -45,6 +46,8 @@ class Surface(NamedTuple):
     polygon: np.ndarray  # (n_face,) int, polygon that the triangle came from
     material: np.ndarray  # (n_face,) int, row of the table of materials
     uv: np.ndarray | None = None  # (n_face, 3, 2) float64, texture coordinates; None without any texture
+    loaded: np.ndarray | None = None  # (n_face,) int, the face as loaded; None = the same
+    rings: Rings | None = None  # polygons drawn about their centres; None = none
 
 
 class Stage(NamedTuple):
@@ -111,8 +114,8 @@ def count_waves(scene: Scene, spectral: int | None) -> int | None:
     return N_WAVE if spectral is None and has_spectrum else spectral
 
 
-def gather(scene: Scene) -> Surface:
-    """Lay out the faces of all meshes of a scene corner by corner."""
+def gather(scene: Scene, shading: str = "flat") -> Surface:
+    """Lay out the faces of all meshes of a scene corner by corner; but for flat shading, convex polygons about their centres."""
     parts, n_polygon, n_material = [], 0, 0
     has_texture = any(material.texture is not None for material in palette_of(scene))
     for mesh in scene.meshes:
@@ -125,8 +128,10 @@ def gather(scene: Scene) -> Surface:
         )
         n_polygon += int(polygon.max()) + 1
         n_material += len(mesh.palette)
-    columns = list(zip(*parts, strict=True))
-    return Surface(*(np.concatenate(column) for column in columns[:-1]), np.concatenate(columns[-1]) if has_texture else None)
+    columns = list(zip(*parts, strict=True))[:6]
+    surface = Surface(*(np.concatenate(column) for column in columns[:-1]), np.concatenate(columns[-1]) if has_texture else None)
+    has_polygons = any(mesh.polygons is not None for mesh in scene.meshes)
+    return about_centers(surface) if has_polygons and shading != "flat" else surface
 
 
 def _corner_normals(mesh: Mesh) -> np.ndarray:
@@ -285,15 +290,37 @@ def _interpolate_corner_light(surface: Surface, part: Seen, stage: Stage):
     """
     seen_sides, sample_seen = np.unique(2 * part.face + (part.side > 0), return_inverse=True)
     face, side = seen_sides // 2, 2 * (seen_sides % 2) - 1
-    normals = surface.normals[face] * side[:, None, None]
-    corners, normals, albedo = (values.reshape(-1, 3) for values in (surface.corners[face], normals, surface.albedo[face]))
-    material, owner = np.repeat(surface.material[face], 3), np.full(len(corners), NO_OWNER)
-    matte, rest = light_points(corners, normals, material, stage, Start(corners, owner))
+    light = _corner_light(surface, face, side, slice(None), stage)
+    if surface.rings is not None:
+        is_piece = surface.rings.of_face[face] >= 0
+        if is_piece.any():
+            center_light = _center_light(surface, surface.rings.of_face[face[is_piece]], side[is_piece], stage)
+            for of_corners, of_centers in zip(light, center_light, strict=True):
+                of_corners[is_piece, 2] = of_centers
     lights = []
-    for corner_light in (albedo * matte, rest):
-        corner_light = corner_light.reshape(-1, 3, 3)[sample_seen]
+    for corner_light in light:
+        corner_light = corner_light[sample_seen]
         lights.append(np.clip(blend(part.weights, corner_light), corner_light.min(axis=1), corner_light.max(axis=1)))
     return *lights, _sample_normals(surface, part)
+
+
+def _corner_light(surface: Surface, face, side, which, stage: Stage):
+    """Light corners of faces on their sides (n,); `which` is a slice of the three. Return both parts, (n, n_corner, 3) each."""
+    normals = surface.normals[face, which] * side[:, None, None]
+    corners, albedo = surface.corners[face, which], surface.albedo[face, which]
+    points, material = corners.reshape(-1, 3), np.repeat(surface.material[face], corners.shape[1])
+    start = Start(points, np.full(len(points), NO_OWNER))
+    matte, rest = light_points(points, normals.reshape(-1, 3), material, stage, start)
+    return albedo * matte.reshape(corners.shape), rest.reshape(corners.shape)
+
+
+def _center_light(surface: Surface, ring, side, stage: Stage):
+    """Average the light of the corners of rings on their sides (n,); return both parts, (n, 3) each."""
+    first, count = surface.rings.first[ring], surface.rings.count[ring]
+    ends = np.cumsum(count)
+    faces = np.repeat(first - (ends - count), count) + np.arange(ends[-1])
+    light = _corner_light(surface, faces, np.repeat(side, count), slice(0, 1), stage)
+    return [np.add.reduceat(part[:, 0], ends - count) / count[:, None] for part in light]
 
 
 def _light_points(surface: Surface, part: Seen, stage: Stage):

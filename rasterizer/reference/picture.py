@@ -133,7 +133,7 @@ def render(
     camera = scene.camera_for(size)
     near, far = (camera.near if near is None else near), (camera.far if far is None else far)
     shading = "flat" if shading == "lambert" else shading
-    surface = lighting.gather(scene)
+    surface = lighting.gather(scene, shading)
 
     def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis
@@ -186,7 +186,7 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
     seen = _see(visible, job)
     layer, normal, opacity = lighting.light_samples(surface, seen, shape, stage)
     face = np.full(shape, -1, np.int32)
-    face[seen.rows, seen.columns] = seen.face
+    face[seen.rows, seen.columns] = seen.face if surface.loaded is None else surface.loaded[seen.face]
     while len(seen.face):
         at = visible.piece >= 0
         growth = (nearest.depth[at] / visible.depth[at]) ** 2 if job.projection.is_perspective else 1.0

@@ -1,7 +1,8 @@
 """Geometry of a scene: all its meshes as one set of plain arrays, with normals where the shading method needs them.
 
 Points are where the illumination equation is evaluated or normals are kept: the split vertices for Gouraud's and Phong's
-methods, the polygons' centroids for flat shading. Triangles index vertices and points through separate columns, which are the
+methods, the polygons' centroids for flat shading. With the methods that interpolate, convex polygons with more than three corners
+are triangles about their centres, points behind all others that are not lit: see `centers.py`. Triangles index vertices and points through separate columns, which are the
 same array where a vertex is a point.
 """
 
@@ -10,7 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import helper, kernel
+from .centers import Centers, join_rings, split_rings, with_means
 from .normals import polygon_normals, split_creases
+from .polygons import find_rings
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
 LEAST_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
@@ -30,11 +33,13 @@ class Geometry(NamedTuple):
     group_material: np.ndarray  # (n_group,) int64
     face_material: np.ndarray  # (n_face,) uint32; empty where there is one material
     uv: np.ndarray  # (n_point, 2) float64, texture coordinates; (0, 2) where no material has a texture
+    face: np.ndarray = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
+    centers: Centers | None = None  # the last points, which are means of others; None where there are none
 
     @property
-    def is_shared(self) -> bool:
-        """Whether every vertex of a triangle has a point of its own: then what is clipped gets new points, too."""
-        return self.corner is self.vertex
+    def n_loaded(self) -> int:
+        """Number of triangles as loaded."""
+        return int(self.face.max()) + 1 if len(self.face) else self.vertex.shape[1]
 
 
 class Part(NamedTuple):
@@ -68,9 +73,6 @@ def gather_geometry(scene, is_flat: bool) -> Geometry:
     if is_textured or any(part.albedo is not None for part in parts):
         white = [np.ones((len(part.points), 3)) if part.albedo is None else part.albedo for part in parts]
         albedo = np.concatenate(white)
-    is_inverted = np.zeros(vertex.shape[1], np.uint8)
-    if not is_flat:
-        flag_inverted(positions, normals, vertex, is_inverted)
     uv = np.concatenate([part.uv for part in parts]) if is_textured else np.empty((0, 2))
     offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
     face_material = np.empty(0, np.uint32)
@@ -80,9 +82,32 @@ def gather_geometry(scene, is_flat: bool) -> Geometry:
             for mesh, number in zip(scene.meshes, numbers, strict=True)
         ]
         face_material = np.concatenate(of_meshes).astype(np.uint32)
-    return Geometry(
+    is_inverted = np.zeros(vertex.shape[1], np.uint8)
+    geometry = Geometry(
         positions, vertex, corner, points, normals, albedo, is_inverted, offsets, group_material, face_material, uv
     )
+    if not is_flat:
+        geometry = about_centers(geometry, scene.meshes, parts, first_point)
+        flag_inverted(geometry.positions, geometry.normals, geometry.vertex, geometry.is_inverted)
+    return geometry
+
+
+def about_centers(geometry, meshes, parts, first_point) -> Geometry:
+    """Draw the convex polygons with more than three corners about their centres; nothing changes where there are none."""
+    if all(mesh.polygons is None for mesh in meshes):
+        return geometry
+    rings = [find_rings(part.corner, mesh.polygons, part.points) for mesh, part in zip(meshes, parts, strict=True)]
+    rings = join_rings(rings, np.cumsum([0] + [mesh.n_face for mesh in meshes]), first_point)
+    if len(rings.start) == 0:
+        return geometry
+    vertex, face, centers = split_rings(geometry.vertex, geometry.points.shape[1], rings)
+    positions, normals = (np.ascontiguousarray(with_means(rows.T, centers).T) for rows in (geometry.positions, geometry.normals))
+    return geometry._replace(
+        positions=positions, vertex=vertex, corner=vertex, points=positions, normals=normals,
+        albedo=with_means(geometry.albedo, centers), is_inverted=np.zeros(vertex.shape[1], np.uint8),
+        face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
+        uv=with_means(geometry.uv, centers), face=face, centers=centers,
+    )  # fmt: skip
 
 
 def number_materials(meshes) -> tuple[tuple, list[np.ndarray]]:

@@ -19,7 +19,7 @@ from rasterizer.scene.material import Material
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
-    """Hold a triangle mesh; polygons with more corners are cut into fans round their first vertex.
+    """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see `polygons.py`.
 
     Parameters
     ----------
@@ -53,6 +53,10 @@ class Mesh:
     ModelError : shapes and dtypes that don't fit, indices out of range, values that are not finite, no
         vertices, no faces, no face that has an area
     SceneError : a material or crease angle that is not legal
+
+    Warns
+    -----
+    UserWarning : polygons that cross themselves
     """
 
     vertices: np.ndarray
@@ -79,7 +83,7 @@ class Mesh:
         if not isinstance(self.name, str):
             raise ModelError(f"a mesh's name must be text; given {shown(self.name)}")
         vertices = _arrays.checked_vertices(self.vertices)
-        faces, polygons = _arrays.triangulate(self.faces, len(vertices))
+        faces, polygons = _arrays.triangulate(self.faces, vertices)
         is_cut = polygons is not None
         if self.polygons is not None:
             if is_cut:
