@@ -1,5 +1,6 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
+from dataclasses import fields
 from time import perf_counter
 
 import numpy as np
@@ -41,7 +42,8 @@ class Renderer:
     """Render many pictures of one scene: what doesn't depend on the camera is prepared once, and buffers are kept.
 
     Parameters are those of `render`. Use it as a context manager, or call `close`, to end its threads. One Renderer draws one
-    picture at a time; each thread of a caller needs one of its own.
+    picture at a time: threads that share one take turns, so each needs one of its own to draw at the same time. A forked process
+    goes on with it, on threads of its own; pickled, it becomes a new one of the same scene and options.
     """
 
     def __init__(self, scene, size=(640, 480), **options):
@@ -68,16 +70,24 @@ class Renderer:
     def __exit__(self, *_):
         self.close()
 
+    def __reduce__(self):
+        return _remake, (self.scene, {field.name: getattr(self.options, field.name) for field in fields(self.options)})
+
     def close(self) -> None:
-        """End the threads; the Renderer draws no more."""
-        self._is_closed = True
-        self._workers.close()
+        """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
+        with self._workers.turn:
+            self._is_closed = True
+            self._workers.close()
 
     def render(self, camera: Camera | None = None) -> Frame:
         """Render the scene through its own camera, or through another one.
 
         Raises SceneError for what is no camera, and after `close`.
         """
+        with self._workers.turn:
+            return self._render(camera)
+
+    def _render(self, camera) -> Frame:
         if self._is_closed:
             raise SceneError("this Renderer is closed; make a new one")
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
@@ -230,6 +240,11 @@ def check_depths(largest) -> None:
             f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {limits.tiny:.3g} to {limits.max:.3g}: "
             "scale the scene, or leave depth out of the outputs"
         )
+
+
+def _remake(scene, options) -> Renderer:
+    """What a pickled Renderer becomes."""
+    return Renderer(scene, **options)
 
 
 class Clock:

@@ -23,12 +23,11 @@ _SHADINGS = ("flat", "gouraud", "phong")
 def warm_up(messages) -> None:
     """Compile the kernels of all ways to shade, and keep them on disk.
 
-    Raises OutputError where no folder for them can be written.
+    Raises OutputError where there is no folder for them, and says why.
     """
     if _kernel.CACHE_FOLDER is None:
-        raise OutputError(
-            "compiled kernels can't be kept: no folder for them can be written; NUMBA_CACHE_DIR names one"
-        )
+        reasons = "; ".join(_kernel.CACHE_REASONS) or "there is no folder for them"
+        raise OutputError(f"compiled kernels can't be kept: {reasons}; NUMBA_CACHE_DIR names another")
     start = perf_counter()
     with compiling_announced(messages) as announced:
         draw_all_kinds()
