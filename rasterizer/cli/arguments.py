@@ -346,6 +346,11 @@ def _add_loading(group) -> None:
         help="(default: all that the process may use)",
     )
     add("--drop-bad-faces", action="store_true", help="leave out faces with NaN or infinite coordinates")
+    add(
+        "--allow-outside",
+        action="store_true",
+        help="also read textures, buffers and parts of scenes that lie outside the folder of the file that names them",
+    )
 
 
 def _add_messages(parser) -> None:

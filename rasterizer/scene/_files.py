@@ -121,6 +121,15 @@ class Folder:
             return stream.read(-1 if most is None else most)
 
 
+def read_named(path) -> bytes:
+    """Return the bytes of a file that a person named, which may be a pipe; OSError also for a device, which may have no end."""
+    with open(path, "rb") as stream:
+        mode = os.fstat(stream.fileno()).st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            raise OSError("it is a device")
+        return stream.read()
+
+
 def identity_of(path) -> tuple[int, int] | None:
     """Return what tells a file from all others, whatever name or link leads to it; None where there is none."""
     try:
