@@ -199,7 +199,7 @@ def test_a_missing_picture_that_many_use_is_read_but_once(folder):
 
 def test_a_picture_that_is_too_large(folder):
     Image.fromarray(np.zeros((1, 2**14 + 1), np.uint8)).save(folder / "wide.png")
-    with pytest.raises(ModelError, match=r"wide\.png: .*16384 texels"):
+    with pytest.raises(UserWarning, match=r"wide\.png: .*16384 texels"):
         material_of(folder, "map_Kd wide.png")
 
 

@@ -71,7 +71,7 @@ def _guarded(argv) -> int:
             return _interrupted()
         from ..errors import internal_error
 
-        messages.error(internal_error("raster", error))
+        messages.error(internal_error("command line", error))
         messages.traceback(error)
         return SOME_FAILED
 

@@ -69,6 +69,8 @@ def _joined_values(argv) -> list[str]:
     is_after_end = False
     for word in argv:
         is_after_end = is_after_end or word == "--"
+        if re.fullmatch(r"-(\w|-[a-z-]+=|\w=)--", word) and not is_after_end:  # argparse would make a list of it
+            raise SceneError(f"{word[:-2].removesuffix('=')} can't have the value -- (see raster --help)")
         is_value = (
             re.match(r"-(\.?\d|[xyz]$)", word) and joined and re.fullmatch(r"--[a-z]+(-[a-z]+)*", joined[-1])
         )

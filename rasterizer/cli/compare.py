@@ -16,6 +16,7 @@ from ..compare import compare
 from ..errors import SceneError
 from ..frame import Frame
 from ..mach import mach_bands
+from ..options import Options
 from ..renderer import Renderer
 from ..sheet import sheet
 from .doubts import find_doubts
@@ -59,6 +60,7 @@ def compare_models(arguments, messages) -> tuple[list, int]:
     """Compare the methods on every model; parameters, result and errors are those of `render_models`."""
     if str(arguments.output).lower().endswith(".npy"):
         raise SceneError(f"compare writes pictures, no arrays; given {arguments.output}")
+    Options(size=arguments.size, **{name: getattr(arguments, name) for name in _OPTIONS})  # what is not legal is told at once
     return draw_models(arguments, messages, _compare_model)
 
 

@@ -11,6 +11,7 @@ from ..errors import OutputError, SceneError
 from ..scene._files import identity_of
 
 STDIO = "-"
+_MOST_LETTERS = 255  # to which a name is padded: file systems take no longer ones
 
 
 class Target(NamedTuple):
@@ -88,9 +89,12 @@ def _fill(template, model, view, arguments) -> str:
         word = match[0]
         if word in ("{{", "}}"):
             return word[0]
-        if word[1:-1] not in values:
-            raise SceneError(f"-o may hold {legal}, and {{{{ }}}} for braces; given {template!r}")
-        return values[word[1:-1]]
+        name, _, form = word[1:-1].partition(":")
+        if name not in values or not re.fullmatch(r"(.?[<>^])?\d{0,3}", form):
+            padded = f"{{stem:_>9}} for at least 9 letters, {_MOST_LETTERS} at most"
+            raise SceneError(f"-o may hold {legal}, padded as in {padded}, and {{{{ }}}} for braces; given {template!r}")
+        letters = format(values[name], form)
+        return letters if len(letters) <= _MOST_LETTERS else values[name]
 
     return re.sub(r"\{\{|\}\}|\{[^{}]*\}|[{}]", replace, template)
 

@@ -54,9 +54,9 @@ def read_meshes(entry, context) -> tuple[list[Mesh], str]:
 def _read_model(entry, context) -> tuple[list[Mesh], str]:
     """Read a model file; its meshes get the transform, name and materials asked for. Its camera and lights aren't used."""
     table = entry.table(("file", *_PLACING, "material", "materials"), ("file",))
-    path = context.path(table["file"])
-    if path.suffix.lower() in (".json", ".toml"):
+    if table["file"].text().lower().endswith((".json", ".toml")):
         raise table["file"].fault(f"must be a model, no scene file; given {shown(table['file'].value)}")
+    path = context.path(table["file"])
     scene = _load_once(path, table["file"], _crease_angle(table, context), context)
     if "material" in table and "materials" in table:
         raise entry.fault("takes material (for all) or materials (by name); given both")

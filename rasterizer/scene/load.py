@@ -140,7 +140,7 @@ def one_file(name):
     """Turn what gets out of reading one file, and is no error of ours, into a ModelError that names the file."""
     try:
         yield
-    except RasterizerError:
+    except (RasterizerError, Warning):  # a caller may have made errors of warnings
         raise
     except MemoryError as fault:
         raise ModelError(f"{name}: needs more memory than there is") from fault
