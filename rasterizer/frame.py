@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import OutputError, SceneError
+from .scene._check import shown
 from .scene._files import write_and_move
 
 ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
@@ -176,6 +177,10 @@ class Frame:
         OutputError : the file can't be written, or the format is unknown
         SceneError : an array that is unknown, that the frame doesn't have, or that isn't for a `.npy` file
         """
+        if not isinstance(path, (str, os.PathLike)):
+            raise SceneError(f"a frame is saved to a path; given {shown(path)}")
+        if format is not None and not isinstance(format, str):
+            raise SceneError(f"format must be text; given {shown(format)}")
         path = Path(path)
         format = (format or path.suffix).lower().lstrip(".")
         if format == "npy":
@@ -245,11 +250,11 @@ def _on_white(image):
 def write_whole(path, content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
-    A link keeps its name and gets a new target. Devices and pipes can't be replaced: they are written
-    as they are. Raises OutputError.
+    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is replaced keeps its
+    mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
     """
-    place = os.path.realpath(path)
     try:
+        place = os.path.realpath(path)
         if os.path.exists(place) and not os.path.isfile(place):
             with open(place, "wb") as stream:
                 stream.write(content)
@@ -259,3 +264,5 @@ def write_whole(path, content: bytes) -> None:
         folder = os.path.dirname(place)
         reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
         raise OutputError(f"can't write {path}: {reason}") from error
+    except ValueError as error:  # a name that no file can have
+        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error

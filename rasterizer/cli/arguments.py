@@ -69,6 +69,8 @@ def _joined_values(argv) -> list[str]:
     is_after_end = False
     for word in argv:
         is_after_end = is_after_end or word == "--"
+        if re.fullmatch(r"-(\w|-[a-z-]+=|\w=)--", word) and not is_after_end:  # argparse would make a list of it
+            raise SceneError(f"{word[:-2].removesuffix('=')} can't have the value -- (see raster --help)")
         is_value = (
             re.match(r"-(\.?\d|[xyz]$)", word) and joined and re.fullmatch(r"--[a-z]+(-[a-z]+)*", joined[-1])
         )
@@ -346,6 +348,11 @@ def _add_loading(group) -> None:
         help="(default: all that the process may use)",
     )
     add("--drop-bad-faces", action="store_true", help="leave out faces with NaN or infinite coordinates")
+    add(
+        "--allow-outside",
+        action="store_true",
+        help="also read textures, buffers and parts of scenes that lie outside the folder of the file that names them",
+    )
 
 
 def _add_messages(parser) -> None:

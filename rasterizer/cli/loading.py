@@ -12,7 +12,7 @@ from ..options import Options
 from ..scene.color import linear_rgb
 from ..scene.file import SceneFile, read_scene
 from ..scene.lights import Shadow
-from ..scene.load import load
+from ..scene.load import load, one_file
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.texture import Texture
@@ -60,6 +60,7 @@ def make_settings(arguments) -> Settings:
             "up": None if arguments.up == "auto" else arguments.up,
             "crease_angle": _checked_angle(arguments.crease_angle),
             "drop_bad_faces": arguments.drop_bad_faces,
+            "allow_outside": arguments.allow_outside,
         },
         material=_make_material(arguments),
         shadow=make_shadow(arguments),
@@ -91,8 +92,9 @@ def _make_material(arguments) -> dict:
     return settings
 
 
-def load_scene(model, arguments, settings, messages) -> Loaded:
-    """Load a model or scene file and change it as the settings say; its warnings are said.
+def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
+    """Load a model or scene file and change it as the settings say; its warnings are said, and the paths of other files that were
+    read are added to `files_read`.
 
     Raises
     ------
@@ -101,25 +103,33 @@ def load_scene(model, arguments, settings, messages) -> Loaded:
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        read = _read(model, arguments.input_format, settings, messages)
+        read = _read(model, arguments.input_format, settings, messages, files_read)
         scene = _changed(read, model, settings)
-    texts = list(dict.fromkeys(str(warning.message) for warning in caught))
+    texts = list(dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)))
     for text in texts:
         messages.warn(text)
     return Loaded(scene, texts, read.options, read.framing)
 
 
-def _read(model, input_format, settings, messages) -> SceneFile:
+def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     """Read a model; what it has no say in is left to the defaults."""
-    source = sys.stdin.buffer.read() if model == STDIO else _checked_path(model, input_format)
+    source = _read_stdin() if model == STDIO else _checked_path(model, input_format)
     format = (input_format or Path(model).suffix).lower().lstrip(".")
     if format not in SCENE_FORMATS:
-        return SceneFile(load(source, format=input_format, log=messages.detail, **settings.load))
-    own = {key: settings.load[key] for key in ("crease_angle", "drop_bad_faces")}
-    read = read_scene(source, log=messages.detail, format=format, **own)
+        return SceneFile(load(source, format=input_format, log=messages.detail, files_read=files_read, **settings.load))
+    own = {key: settings.load[key] for key in ("crease_angle", "drop_bad_faces", "allow_outside")}
+    with one_file(model):
+        read = read_scene(source, log=messages.detail, format=format, files_read=files_read, **own)
     changes = {key: settings.load[key] for key in ("lights", "background", "up") if settings.load[key] is not None}
     unshadowed = () if "lights" in changes else read.unshadowed
     return read._replace(scene=replace(read.scene, **changes), unshadowed=unshadowed)
+
+
+def _read_stdin() -> bytes:
+    try:
+        return sys.stdin.buffer.read()
+    except OSError as fault:
+        raise ModelError(f"stdin can't be read ({fault.strerror or fault})") from fault
 
 
 def _checked_path(model, input_format) -> str:

@@ -1,6 +1,7 @@
 """Checks shared by the scene's dataclasses: a number, a vector, a word, a size."""
 
 import math
+import reprlib
 
 import numpy as np
 
@@ -19,9 +20,27 @@ AXES = {
 
 
 def shown(value) -> str:
-    """Return `repr(value)`, cut to a length that fits a message."""
-    text = " ".join(repr(value).split())
+    """Return `repr(value)`, cut to a length that fits a message; of something large only the beginning is looked at."""
+    try:
+        text = _SHORT.repr(value)
+    except (ValueError, RecursionError):  # a whole number of thousands of digits
+        text = f"<{type(value).__name__}>"
+    text = " ".join(text.split())
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _short_repr() -> reprlib.Repr:
+    """Make what writes the beginning of a value: enough for a message."""
+    short = reprlib.Repr()
+    short.maxlevel = 5
+    for kind in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
+        setattr(short, f"max{kind}", 40)
+    for kind in ("string", "long", "other"):
+        setattr(short, f"max{kind}", 400)
+    return short
+
+
+_SHORT = _short_repr()
 
 
 def number(value, what: str) -> float:

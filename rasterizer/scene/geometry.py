@@ -231,6 +231,8 @@ def _mean_by(group, values, n_group, weights=None) -> np.ndarray:
 
 def _renumber(polygons) -> np.ndarray:
     """Number the polygons that are in use from 0 upwards, in the order of their numbers."""
+    if int(polygons.max()) > 8 * len(polygons):  # few, far apart: sorting them is less than looking at all numbers between
+        return np.unique(polygons, return_inverse=True)[1].reshape(-1).astype(np.uint32)
     is_used = np.zeros(int(polygons.max()) + 1, np.bool_)
     is_used[polygons] = True
     return (np.cumsum(is_used) - 1)[polygons].astype(np.uint32)
