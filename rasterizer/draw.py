@@ -163,13 +163,14 @@ def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> n
     """
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
     starts = geometry.point_offsets[:-1]
+    normals = np.concatenate([geometry.normals, geometry.tangents]) if plan.has_tangents else geometry.normals
     for material, start, stop in zip(geometry.group_material.tolist(), starts, geometry.point_offsets[1:], strict=True):
         n = int(stop - start)
         for side, out in enumerate(intensities):
             sign = 0 if is_flat else 1 - 2 * side
             workers.map(
                 lambda part, material=material, start=int(start), sign=sign, out=out: light_points(
-                    geometry.points, geometry.normals, geometry.albedo, lift, start + part[0], start + part[1],
+                    geometry.points, normals, geometry.albedo, lift, start + part[0], start + part[1],
                     screen, sign, lighting, material, make_rows(plan.dtype), out,
                 ),
                 workers.ranges(n),

@@ -48,6 +48,7 @@ class Plan(NamedTuple):
     materials: tuple  # the different ones of all meshes
     has_albedo: bool
     has_shadows: bool
+    has_tangents: bool  # some material is brushed along u
     textures: Textures | None  # None where the scene has none
     opacity: Opacity | None  # None where all is opaque
     products: Products | None  # None where colours are multiplied channel by channel
@@ -76,6 +77,8 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     has_shadows = any(light.shadow is not None for light in lights)
     # Next to a step no error is small: the levels of a toon, the edges of shadows and of texels.
     is_stepped = has_shadows or is_textured or any(material.reflection == "toon" for material in materials)
+    # And none has a bound where a tangent nearly stands upright on the surface.
+    is_stepped = is_stepped or any(material.is_anisotropic for material in materials)
     is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and not (is_precise or is_stepped or products)
     dtype = np.dtype(np.float32 if is_single else np.float64)
     is_lit_per_sample = options.shading == "phong"
@@ -104,6 +107,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         materials=materials,
         has_albedo=has_albedo,
         has_shadows=has_shadows,
+        has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=list_textures(materials) if is_textured else None,
         opacity=None if is_opaque else list_opacities(materials),
         products=products,
