@@ -107,6 +107,11 @@ def common_color(materials, lights, ambient):
     return None
 
 
+def common_tint(tint, color):
+    """Return the tint if a colour is a multiple of it, else None."""
+    return _direction([tint, np.array(color)])
+
+
 def _direction(colors):
     """The triple, its largest component 1, of which all colours are multiples (to float64 rounding); None if there is none."""
     colors = np.array([color for color in colors if color.max() > 0.0]).reshape(-1, 3)

@@ -16,6 +16,7 @@ from .pipeline.bands import sort_into_bands
 from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
 from .pipeline.clip import clip, extend
+from .pipeline.cue import Cue, fade
 from .pipeline.layers import Opacity, composite, open_layers, scan_layer, scan_opaque
 from .pipeline.lighting import light_points
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
@@ -60,6 +61,7 @@ class Job(NamedTuple):
     table: FaceTable = NO_TABLE
     is_textured: bool = False
     opacity: Opacity | None = None  # None where all is opaque
+    cue: Cue | None = None  # None where nothing fades with depth
 
 
 class Counts(NamedTuple):
@@ -75,6 +77,7 @@ class Counts(NamedTuple):
 
 def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     """Send every polygon of the scene through the pipeline."""
+    job = job if job.cue is None else job._replace(shade=_with_cue(job, screen))
     vertices, n_outside = transform(geometry.positions, screen, workers)
     clock.lap("transform")
 
@@ -223,8 +226,18 @@ def _picture_job(attributes, coding, plan, options, encoding, picture, shade, ta
 
     return Job(
         attributes, coding, plan.n_channel, options.cull == "back", factor, options.size, shade, finish, True, table,
-        plan.textures is not None, plan.opacity,
+        plan.textures is not None, plan.opacity, plan.cue,
     )  # fmt: skip
+
+
+def _with_cue(job, screen):
+    """Shade as the job does, then let what is further away fade."""
+
+    def shade(bench, n_exact, table, y_start, n_row):
+        job.shade(bench, n_exact, table, y_start, n_row)
+        fade(bench.canvas, bench.records, y_start, n_row, screen.is_perspective, job.cue, bench.radiance)
+
+    return shade
 
 
 def buffers_job(normals, coding, options, screen, buffers) -> Job:

@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .bounds import common_color, intensity_bounds, kind_of
+from .bounds import common_color, common_tint, intensity_bounds, kind_of
 from .options import Options
 from .pipeline import texture as texturing
 from .pipeline.clip import find_nearest
+from .pipeline.cue import Cue
 from .pipeline.layers import Opacity
 from .pipeline.lights import LIGHTS
 from .pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
@@ -52,6 +53,7 @@ class Plan(NamedTuple):
     textures: Textures | None  # None where the scene has none
     opacity: Opacity | None  # None where all is opaque
     products: Products | None  # None where colours are multiplied channel by channel
+    cue: Cue | None  # None where nothing fades with depth
 
 
 def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
@@ -71,14 +73,18 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     has_albedo = len(albedo) > 0
     is_tinted = products is None and not is_textured and not (has_albedo and np.ptp(albedo, axis=1).any())
     tint = common_color(materials, lights, ambient) if is_tinted else None
+    cue = scene.depth_cue
+    tint = tint if cue is None or tint is None else common_tint(tint, cue.color)
     bound, shine = intensity_bounds(materials, lights, ambient, albedo.max(initial=1.0) * brightest_texel(materials))
+    bound = bound if cue is None else max(bound, *cue.color)
     # Float32 may spend half of the tolerance on the lighting, a quarter on normals; affine interpolation the rest.
     rounding = ULP * (16.0 * bound + 8.0 * shine)
     has_shadows = any(light.shadow is not None for light in lights)
     # Next to a step no error is small: the levels of a toon, the edges of shadows and of texels.
     is_stepped = has_shadows or is_textured or any(material.reflection == "toon" for material in materials)
     # And none has a bound where a tangent nearly stands upright on the surface.
-    is_stepped = is_stepped or any(material.is_anisotropic for material in materials)
+    # Depth cueing reads depths from exact records.
+    is_stepped = is_stepped or any(material.is_anisotropic for material in materials) or cue is not None
     is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and not (is_precise or is_stepped or products)
     dtype = np.dtype(np.float32 if is_single else np.float64)
     is_lit_per_sample = options.shading == "phong"
@@ -111,7 +117,13 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         textures=list_textures(materials) if is_textured else None,
         opacity=None if is_opaque else list_opacities(materials),
         products=products,
+        cue=None if cue is None else make_cue(cue, 3 if tint is None else 1),
     )
+
+
+def make_cue(cue, n_channel) -> Cue:
+    """Depth cueing as the pipeline takes it; with one channel the colour is a multiple of the tint, whose largest component is 1."""
+    return Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
 
 
 def list_parts(scene):

@@ -25,6 +25,7 @@ from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reach
 from rasterizer.reference.texture import look_up
 from rasterizer.reference.vectors import area_vectors, blend, dot, length, unit
 from rasterizer.scene.camera import Projection, View
+from rasterizer.scene.depth_cue import DepthCue
 from rasterizer.scene.lights import AmbientLight
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.normals import split_creases
@@ -59,6 +60,8 @@ class Stage(NamedTuple):
     textures: tuple = ()  # Texture or None of each material; empty where no face has one
     casters: Casters | None = None  # None where no light casts shadows
     n_wave: int | None = None  # samples of the spectrum; None = red, green and blue
+    cue: DepthCue | None = None  # None where nothing fades with depth
+    exposure: float = 0.0  # stops, by which light is multiplied, but not the colour of the cue
 
 
 class Seen(NamedTuple):
@@ -83,7 +86,7 @@ class Start(NamedTuple):
 # ── gather ────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection, shading: str, spectral) -> Stage:
+def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection, shading: str, spectral, exposure=0.0) -> Stage:
     """Gather what lighting needs, for one grid of samples; `spectral` is the number of wavelengths asked for, or None."""
     palette = palette_of(scene)
     n_wave = count_waves(scene, spectral)
@@ -95,7 +98,7 @@ def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection
         casters = gather_casters(surface.corners, owner, is_opaque)
     has_texture = any(texture is not None for texture in textures)
     table = read_materials(scene, n_wave)
-    return Stage(view, projection, table, scene.lights, shading, textures if has_texture else (), casters, n_wave)
+    return Stage(view, projection, table, scene.lights, shading, textures if has_texture else (), casters, n_wave, scene.depth_cue, exposure)
 
 
 def palette_of(scene: Scene) -> list:
@@ -233,7 +236,10 @@ def light_samples(surface: Surface, seen: Seen, shape, stage: Stage):
         at = part.rows, part.columns
         matte, rest, normal[at] = methods[stage.shading](surface, part, stage)
         texels = _find_texels(surface, part, stage)
-        color[at] = texels[:, :3] * matte + rest
+        color[at] = (texels[:, :3] * matte + rest) * 2.0**stage.exposure
+        if stage.cue is not None:
+            share = 1 / (1 + np.maximum(part.depth - stage.cue.start, 0) / stage.cue.scale)[:, None]
+            color[at] = share * color[at] + (1 - share) * np.array(stage.cue.color)
         opacity[at] = stage.materials["opacity"][surface.material[part.face]] * texels[:, 3]
     return color, normal, opacity
 

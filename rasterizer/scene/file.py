@@ -7,7 +7,7 @@
     materials   table of named materials that meshes refer to
     lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
     camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
-    background  colour      up  axis      options  those of a picture, as `Options` names them
+    background  colour      depth_cue  a number, or {scale, start, color}      up  axis      options  those of a picture, as `Options` names them
 
 Names of files are relative to the folder of the scene file. `file_write` writes what is read here.
 """
@@ -23,11 +23,11 @@ from rasterizer.scene._check import picture_size
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.file_entry import Entry
 from rasterizer.scene.file_meshes import read_meshes
-from rasterizer.scene.file_parts import Context, read_camera, read_color, read_lights, read_material
+from rasterizer.scene.file_parts import Context, read_camera, read_color, read_depth_cue, read_lights, read_material
 from rasterizer.scene.scene import Scene
 
 FORMATS = ("json", "toml")
-KEYS = ("meshes", "materials", "lights", "camera", "background", "up", "options")
+KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
 # The fields of Options, which this side of the package doesn't import; a test holds that.
 OPTIONS = (
     "size", "shading", "tolerance", "samples", "outputs", "cull", "color_range", "exposure", "spectral", "threads",
@@ -68,7 +68,9 @@ def is_scene_file(source, format=None) -> bool:
     return isinstance(format, str) and format.lower().removeprefix(".") in FORMATS
 
 
-def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None, drop_bad_faces=False) -> SceneFile:
+def read_scene(
+    source, folder=None, log=None, *, format=None, crease_angle=None, weighting=None, drop_bad_faces=False
+) -> SceneFile:
     """Read a scene file.
 
     Parameters
@@ -78,6 +80,7 @@ def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None,
     log : function of one text, called with facts about the files; None = nobody wants them
     format : "json" or "toml"; None = by the suffix of the path, for bytes JSON
     crease_angle : degrees within 0..180, of all meshes in place of their own; None = as the file says
+    weighting : text, of all meshes in place of their own, see `Mesh`; None = as the file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite
 
     Returns
@@ -93,7 +96,7 @@ def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None,
     format = (format or Path(name).suffix or "json").lower().removeprefix(".")
     root = Entry(_parse(data, format, name), name)
     folder = Path(own_folder if folder is None else folder)
-    context = Context(folder, log or (lambda _text: None), crease_angle, drop_bad_faces)
+    context = Context(folder, log or (lambda _text: None), crease_angle, drop_bad_faces, weighting)
     top = root.table(KEYS, ("meshes",))
     if "materials" in top:
         for key, entry in top["materials"].names().items():
@@ -106,6 +109,8 @@ def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None,
     camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
     if "background" in top and top["background"].value is not None:
         settings["background"] = read_color(top["background"])
+    if "depth_cue" in top and top["depth_cue"].value is not None:
+        settings["depth_cue"] = read_depth_cue(top["depth_cue"])
     if "up" in top:
         settings["up"] = top["up"].text()
     scene = root.call(Scene, meshes, camera=camera, **settings)

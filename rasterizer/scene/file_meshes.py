@@ -14,7 +14,7 @@ from rasterizer.scene.mesh import Mesh
 # In the order of Mesh; all but the first two may be left out.
 ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
 _FLOATS = ("vertices", "normals", "colors", "uv", "face_colors")  # of which whole numbers are as good as others
-_PLACING = ("transform", "crease_angle", "name")
+_PLACING = ("transform", "crease_angle", "weighting", "name")
 
 
 def read_meshes(entry, context) -> tuple[list[Mesh], str]:
@@ -57,6 +57,7 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
     if path.suffix.lower() in (".json", ".toml"):
         raise table["file"].fault(f"must be a model, no scene file; given {shown(table['file'].value)}")
     settings = {"drop_bad_faces": context.drop_bad_faces, "log": context.log}
+    settings["weighting"] = _weighting(table, context)
     scene = table["file"].call(load, path, crease_angle=_crease_angle(table, context), **settings)
     if "material" in table and "materials" in table:
         raise entry.fault("takes material (for all) or materials (by name); given both")
@@ -72,6 +73,11 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
 def _crease_angle(table, context):
     own = table["crease_angle"].value if "crease_angle" in table else None
     return own if context.crease_angle is None else context.crease_angle
+
+
+def _weighting(table, context):
+    own = table["weighting"].text() if "weighting" in table else None
+    return own if context.weighting is None else context.weighting
 
 
 def _with_named(meshes, entry, context) -> list[Mesh]:
@@ -121,6 +127,8 @@ def _read_arrays(entry, context) -> Mesh:
         stored = context.arrays(table["arrays"])
         arrays = {key: stored[start + key] for key in ARRAYS if start + key in stored}
     settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
+    if (weighting := _weighting(table, context)) is not None:
+        settings["weighting"] = weighting
     if "drop_bad_faces" in table:
         settings["drop_bad_faces"] |= table["drop_bad_faces"].flag()
     if "material" in table:

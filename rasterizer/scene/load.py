@@ -50,6 +50,8 @@ def load(
     lights=None,
     camera=None,
     background=None,
+    depth_cue=None,
+    weighting=None,
     drop_bad_faces=False,
     log=None,
 ):
@@ -68,6 +70,9 @@ def load(
     lights : sequence of lights; None = those of the file (GLB and glTF may have some), else studio lights
     camera : Camera; None = the first of the file, else framed when the picture is made
     background : colour; None = transparent
+    depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
+    weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None = "angle", or as
+        a scene file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
     log : function of one text, called with facts about the file; None = nobody wants them
 
@@ -88,12 +93,14 @@ def load(
     from rasterizer.scene.file import is_scene_file, read_scene  # which loads models in turn
 
     log = log or _keep_quiet
-    settings = {"lights": lights, "camera": camera, "background": background, "up": up}
+    settings = {"lights": lights, "camera": camera, "background": background, "depth_cue": depth_cue, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
     if isinstance(source, Scene):
-        return _with_changes(source, settings, crease_angle)
+        return _with_changes(source, settings, crease_angle, weighting)
     if is_scene_file(source, format):
-        read = read_scene(source, log=log, format=format, crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
+        read = read_scene(
+            source, log=log, format=format, crease_angle=crease_angle, weighting=weighting, drop_bad_faces=drop_bad_faces
+        )
         return _with_changes(read.framed_scene(), settings, None)
     if _is_file(source):
         model = _open(source, format, log)
@@ -106,17 +113,19 @@ def load(
                 settings.setdefault(key, getattr(contents, key))
     else:
         meshes = _take_meshes(source, crease_angle, drop_bad_faces)
-    return Scene(meshes, **settings)
+    return _with_changes(Scene(meshes, **settings), {}, None, weighting)
 
 
 def _keep_quiet(_text):
     """Take a fact that nobody wants."""
 
 
-def _with_changes(scene, settings, crease_angle):
+def _with_changes(scene, settings, crease_angle, weighting=None):
     """Return a scene with other settings."""
-    if crease_angle is not None:
-        settings["meshes"] = tuple(replace(mesh, crease_angle=crease_angle) for mesh in scene.meshes)
+    own = {"crease_angle": crease_angle, "weighting": weighting}
+    own = {key: value for key, value in own.items() if value is not None}
+    if own:
+        settings["meshes"] = tuple(replace(mesh, **own) for mesh in scene.meshes)
     return replace(scene, **settings) if settings else scene
 
 
