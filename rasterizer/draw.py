@@ -17,6 +17,7 @@ from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
 from .pipeline.centers import fill_means
 from .pipeline.clip import NO_PLANES, clip
+from .pipeline.cue import Cue, fade
 from .pipeline.layers import Opacity, composite, open_layers, scan_layer, scan_opaque
 from .pipeline.lighting import light_points
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
@@ -61,6 +62,7 @@ class Job(NamedTuple):
     table: FaceTable = NO_TABLE
     is_textured: bool = False
     opacity: Opacity | None = None  # None where all is opaque
+    cue: Cue | None = None  # None where nothing fades with depth
 
 
 class Counts(NamedTuple):
@@ -76,6 +78,7 @@ class Counts(NamedTuple):
 
 def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     """Send every polygon of the scene through the pipeline."""
+    job = job if job.cue is None else job._replace(shade=_with_cue(job, screen))
     vertices, n_outside = transform(geometry.positions, screen, workers)
     clock.lap("transform")
 
@@ -166,13 +169,14 @@ def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> n
     """
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
     starts = geometry.point_offsets[:-1]
+    normals = np.concatenate([geometry.normals, geometry.tangents]) if plan.has_tangents else geometry.normals
     for material, start, stop in zip(geometry.group_material.tolist(), starts, geometry.point_offsets[1:], strict=True):
         n = int(stop - start)
         for side, out in enumerate(intensities):
             sign = 0 if is_flat else 1 - 2 * side
             workers.map(
                 lambda part, material=material, start=int(start), sign=sign, out=out: light_points(
-                    geometry.points, geometry.normals, geometry.albedo, lift, start + part[0], start + part[1],
+                    geometry.points, normals, geometry.albedo, lift, start + part[0], start + part[1],
                     screen, sign, lighting, material, make_rows(plan.dtype), out,
                 ),
                 workers.ranges(n),
@@ -236,8 +240,18 @@ def _picture_job(attributes, coding, plan, options, encoding, picture, shade, ta
 
     return Job(
         attributes, coding, plan.n_channel, options.cull == "back", factor, options.size, shade, finish, True, table,
-        plan.textures is not None, plan.opacity,
+        plan.textures is not None, plan.opacity, plan.cue,
     )  # fmt: skip
+
+
+def _with_cue(job, screen):
+    """Shade as the job does, then let what is further away fade."""
+
+    def shade(bench, n_exact, table, y_start, n_row):
+        job.shade(bench, n_exact, table, y_start, n_row)
+        fade(bench.canvas, bench.records, y_start, n_row, screen.is_perspective, job.cue, bench.radiance)
+
+    return shade
 
 
 def buffers_job(normals, coding, options, screen, buffers) -> Job:

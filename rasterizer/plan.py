@@ -9,11 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .bounds import common_color, has_highlight, kind_of, model_of
+from .bounds import common_color, common_tint, has_highlight, kind_of, model_of
 from .errors import SceneError
 from .options import Options
 from .pipeline import texture as texturing
 from .pipeline.clip import find_nearest
+from .pipeline.cue import Cue
 from .pipeline.layers import Opacity
 from .pipeline.lights import LIGHTS
 from .pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
@@ -55,9 +56,11 @@ class Plan(NamedTuple):
     materials: tuple  # the different ones of all meshes
     has_albedo: bool
     has_shadows: bool
+    has_tangents: bool  # some material is brushed along u
     textures: Textures | None  # None where the scene has none
     opacity: Opacity | None  # None where all is opaque
     products: Products | None  # None where colours are multiplied channel by channel
+    cue: Cue | None  # None where nothing fades with depth
 
 
 def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
@@ -79,6 +82,8 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     has_albedo = len(albedo) > 0
     is_tinted = products is None and not is_textured and not (has_albedo and np.ptp(albedo, axis=1).any())
     tint = common_color(materials, lights, ambient) if is_tinted else None
+    cue = scene.depth_cue
+    tint = tint if cue is None or tint is None else common_tint(tint, cue.color)
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         most_albedo = albedo.max(initial=1.0) * brightest_texel(materials)
         reflected = find_reflected(materials, lights, ambient, most_albedo, products)
@@ -91,6 +96,9 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     has_shadows = any(light.shadow is not None for light in lights)
     # Next to a step no error is small: the levels of a toon, the edges of shadows and of texels.
     is_stepped = has_shadows or is_textured or any(material.reflection == "toon" for material in materials)
+    # And none has a bound where a tangent nearly stands upright on the surface.
+    # Depth cueing reads depths from exact records.
+    is_stepped = is_stepped or any(material.is_anisotropic for material in materials) or cue is not None
     is_steep = any(m.shininess < 1.0 and has_highlight(m) and model_of(m) in EXPONENTS for m in materials)
     is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and are_single(lights)
     is_single = is_single and not (is_precise or is_stepped or is_steep or products)
@@ -121,10 +129,17 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         materials=materials,
         has_albedo=has_albedo,
         has_shadows=has_shadows,
+        has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=list_textures(materials) if is_textured else None,
         opacity=None if is_opaque else list_opacities(materials),
         products=products,
+        cue=None if cue is None else make_cue(cue, 3 if tint is None else 1),
     )
+
+
+def make_cue(cue, n_channel) -> Cue:
+    """Depth cueing as the pipeline takes it; with one channel the colour is a multiple of the tint, whose largest component is 1."""
+    return Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
 
 
 def list_parts(scene):

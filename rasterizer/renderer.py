@@ -134,7 +134,7 @@ class Renderer:
         encoding = self._encoding
         table = FaceTable(geometry.face_material, shapes)
         if plan.is_lit_per_sample:
-            attributes = self._normal_attributes(plan.dtype, plan.has_albedo)
+            attributes = self._normal_attributes(plan.dtype, plan.has_albedo, plan.has_tangents)
             job = lit_job(attributes, plan, coding, options, encoding, picture, screen, lighting, table)
         else:
             intensities = self._light_points(plan, lighting, screen)
@@ -215,12 +215,14 @@ class Renderer:
         job = buffers_job(normals, coding, self.options, screen, buffers)
         return draw(self._geometry, job, screen, self._scratch, self._workers, clock)
 
-    def _normal_attributes(self, dtype, has_albedo) -> np.ndarray:
-        """Normals, behind them the model's colours and the texture coordinates, as point attributes (1, n_point, 3, 6 or 8)."""
-        key = np.dtype(dtype), has_albedo
+    def _normal_attributes(self, dtype, has_albedo, has_tangents=False) -> np.ndarray:
+        """Normals, behind them the model's colours, the texture coordinates and the tangents, as point attributes: (1, n_point, n),
+        n from 3 to 11."""
+        key = np.dtype(dtype), has_albedo, has_tangents
         if key not in self._normals:
             columns = [self._geometry.normals.T] + ([self._geometry.albedo] if has_albedo else [])
             columns += [self._geometry.uv] if has_albedo and len(self._geometry.uv) else []
+            columns += [self._geometry.tangents.T] if has_tangents else []
             self._normals[key] = np.ascontiguousarray(np.concatenate(columns, axis=1)[None], dtype)
         return self._normals[key]
 

@@ -111,7 +111,7 @@ def find_reflected(materials, lights, ambient, most_albedo, products=None) -> Re
     shine = np.array([max(m.specular) for m in materials])[:, None] * colors
     if products is not None:
         rest = np.abs(products.ambient).max(axis=1) * most_albedo + np.abs(products.emissive).max(axis=1)
-        matte, shine = (np.abs(product).max(axis=2) for product in (products.diffuse, products.specular))
+        matte, shine = np.abs(products.diffuse).max(axis=2), (np.abs(products.specular) + np.abs(products.grazing)).max(axis=2)
     peaks = np.array([highlight_bounds(m)[0] if has_highlight(m) else 0.0 for m in materials])
     rough = np.array([matte_magnification(m) for m in materials])
     steep = np.array([steepness(light) for light in lights], float)
@@ -171,17 +171,21 @@ def highlight_rounding(material, u) -> float:
 def steepness(light) -> float:
     """How far the factors of a light's cone and range magnify an error of its direction, or a relative one of its distance.
 
-    t² (3 - 2 t) rises by at most 3/2 of what t does, (d/r)^4 by four times the relative error of d. c^e rises by at most e c^(e-1):
-    by e for e >= 1, else most at the outer cone; where that is at 90 degrees it is multiplied by t² (3 - 2 t) <= 3 (c/c_inner)².
-    Infinite for a sharp cone: its edge is a step.
+    S = t² (3 - 2 t) rises by at most 3/2 of what t does, so S^p, p >= 1, by 3p/2; for 1/2 <= p < 1 the slope
+    6 p t^(2p-1) (1 - t) (3 - 2 t)^(p-1) is at most 6p, because the last three factors are at most 1; below 1/2 it has no bound.
+    (d/r)^4 rises by four times the relative error of d. c^e rises by at most e c^(e-1):
+    by e for e >= 1, else most at the outer cone; where that is at 90 degrees it is multiplied by S^p, with p >= 1 at most
+    t² (3 - 2 t) <= 3 (c/c_inner)². Infinite for a sharp cone: its edge is a step.
     """
     total = 4.0 if getattr(light, "range", None) is not None else 0.0
     if isinstance(light, SpotLight):
         inner, outer = cone_cosines(light)
-        total += 1.5 / (inner - outer) if inner > outer else np.inf
-        exponent = light.exponent
+        p, exponent = light.falloff, light.exponent
+        rise = 1.5 * p if p >= 1.0 else 6.0 * p if p >= 0.5 else np.inf
+        total += rise / (inner - outer) if inner > outer else np.inf
         if 0.0 < exponent < 1.0:
-            exponent *= min(outer ** (exponent - 1.0) if outer > 1e-15 else np.inf, 3.0 / inner**2 if inner > 0.0 else np.inf)
+            at_edge = 3.0 / inner**2 if inner > 0.0 and p >= 1.0 else np.inf
+            exponent *= min(outer ** (exponent - 1.0) if outer > 1e-15 else np.inf, at_edge)
         total += exponent
     return total
 

@@ -150,7 +150,7 @@ def imports_of(path) -> set[str]:
 
 MODULES = {path.relative_to(PACKAGE).as_posix(): imports_of(path) for path in PACKAGE.rglob("*.py")}
 # What joins the scene and the pipeline.
-BOTH = ("draw.py", "renderer.py", "plan.py", "bounds.py", "illumination.py", "shadow_maps.py")
+BOTH = ("draw.py", "renderer.py", "plan.py", "bounds.py", "illumination.py", "illuminate.py", "shadow_maps.py")
 
 
 def imported_folders(module) -> set[str]:

@@ -82,4 +82,4 @@ def _cone(light, axis, light_dirs) -> np.ndarray:
     cosine = -dot(light_dirs, axis)[:, None]
     inner, outer = np.cos(np.radians([light.inner, light.outer]))
     t = np.clip((cosine - outer) / (inner - outer), 0.0, 1.0) if inner > outer else 1.0 * (cosine >= outer - GRAZING)
-    return t**2 * (3.0 - 2.0 * t) * np.clip(cosine, 0.0, 1.0) ** light.exponent
+    return (t**2 * (3.0 - 2.0 * t)) ** light.falloff * np.clip(cosine, 0.0, 1.0) ** light.exponent

@@ -137,13 +137,13 @@ def render(
 
     def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis
-        stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral)
+        stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral, exposure)
         return _draw(surface, stage, grid, cull, near, far, rounded)
 
     per_axis = round(samples**0.5)
     centres = look(1)
     fine = look(per_axis) if per_axis > 1 else centres
-    color, alpha = _resolve(fine.color * 2.0**exposure, fine.alpha, per_axis, scene.background)
+    color, alpha = _resolve(fine.color, fine.alpha, per_axis, scene.background)
     rgb = _encode(color, color_range)
     return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin)
 

@@ -25,7 +25,8 @@ def about_centers(surface):
     A corner is one where all that is known of it agrees. The centre is the mean of the corners, also its normal, which is not
     brought to unit length; with Gouraud's method light.py averages the corners' light. See scene/centers.py.
     """
-    columns = [surface.corners, surface.normals, surface.albedo] + ([] if surface.uv is None else [surface.uv])
+    columns = [surface.corners, surface.normals, surface.albedo, surface.uv, surface.tangents]
+    columns = [column for column in columns if column is not None]
     values = np.concatenate(columns, axis=2).reshape(3 * len(surface.corners), -1) + 0.0
     _, first, name = np.unique(values, axis=0, return_index=True, return_inverse=True)
     names = name.reshape(-1, 3)
@@ -54,5 +55,6 @@ def about_centers(surface):
     table = Rings(rings, start[number >= 0], count[number >= 0])
     return surface._replace(
         corners=values[..., :3], normals=values[..., 3:6], albedo=values[..., 6:9], polygon=surface.polygon[faces],
-        material=surface.material[faces], uv=None if surface.uv is None else values[..., 9:], loaded=faces, rings=table,
+        material=surface.material[faces], uv=None if surface.uv is None else values[..., 9:11],
+        tangents=None if surface.tangents is None else values[..., -3:], loaded=faces, rings=table,
     )  # fmt: skip

@@ -17,6 +17,7 @@ from .polygons import find_rings
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
 LEAST_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
+NO_TANGENTS = np.empty((3, 0))
 
 
 class Geometry(NamedTuple):
@@ -33,6 +34,7 @@ class Geometry(NamedTuple):
     group_material: np.ndarray  # (n_group,) int64
     face_material: np.ndarray  # (n_face,) uint32; empty where there is one material
     uv: np.ndarray  # (n_point, 2) float64, texture coordinates; (0, 2) where no material has a texture
+    tangents: np.ndarray = NO_TANGENTS  # (3, n_point) float64, see `find_tangents`; (3, 0) where no material needs them
     face: np.ndarray = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
     centers: Centers | None = None  # the last points, which are means of others; None where there are none
 
@@ -53,13 +55,18 @@ class Part(NamedTuple):
     albedo: np.ndarray | None  # (n_point, 3)
     uv: np.ndarray | None = None  # (n_point, 2)
     n_points: tuple = ()  # of each material
+    tangents: np.ndarray | None = None  # (n_point, 3)
 
 
 def gather_geometry(scene, is_flat: bool) -> Geometry:
     """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices."""
     materials, numbers = number_materials(scene.meshes)
     is_textured = any(material.texture is not None for material in materials)
-    parts = [split_points(flat_part(mesh) if is_flat else smooth_part(mesh), mesh, is_textured) for mesh in scene.meshes]
+    is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in materials)
+    parts = [flat_part(mesh) if is_flat else smooth_part(mesh) for mesh in scene.meshes]
+    if is_brushed:
+        parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, scene.meshes, strict=True)]
+    parts = [split_points(part, mesh, is_textured) for part, mesh in zip(parts, scene.meshes, strict=True)]
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
     first_point = np.cumsum([0] + [len(part.points) for part in parts])
     positions = _columns([part.positions for part in parts], np.float64)
@@ -82,9 +89,10 @@ def gather_geometry(scene, is_flat: bool) -> Geometry:
             for mesh, number in zip(scene.meshes, numbers, strict=True)
         ]
         face_material = np.concatenate(of_meshes).astype(np.uint32)
+    tangents = _columns([part.tangents for part in parts], np.float64) if is_brushed else NO_TANGENTS
     is_inverted = np.zeros(vertex.shape[1], np.uint8)
     geometry = Geometry(
-        positions, vertex, corner, points, normals, albedo, is_inverted, offsets, group_material, face_material, uv
+        positions, vertex, corner, points, normals, albedo, is_inverted, offsets, group_material, face_material, uv, tangents
     )
     if not is_flat:
         geometry = about_centers(geometry, scene.meshes, parts, first_point)
@@ -106,7 +114,7 @@ def about_centers(geometry, meshes, parts, first_point) -> Geometry:
         positions=positions, vertex=vertex, corner=vertex, points=positions, normals=normals,
         albedo=with_means(geometry.albedo, centers), is_inverted=np.zeros(vertex.shape[1], np.uint8),
         face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
-        uv=with_means(geometry.uv, centers), face=face, centers=centers,
+        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents.T, centers).T, face=face, centers=centers,
     )  # fmt: skip
 
 
@@ -152,7 +160,57 @@ def split_points(part, mesh, is_textured) -> Part:
         part.positions[vertex[first]] if is_own else part.positions, kind if is_own else part.vertex, kind,
         part.points[point], part.normals[point], None if part.albedo is None else part.albedo[point],
         uv[first], tuple(np.bincount(material[first], minlength=n_material).tolist()),
+        None if part.tangents is None else part.tangents[point],
     )  # fmt: skip
+
+
+def add_tangents(part, mesh, is_flat) -> Part:
+    """Give every point of a mesh a tangent: that of its polygon, or the mean of those that share place and normal with it.
+
+    A mesh without texture coordinates has none: zero.
+    """
+    if mesh.uv is None:
+        return part._replace(tangents=np.zeros((len(part.points), 3)))
+    corners, corner = mesh.vertices[mesh.faces], np.asarray(part.corner)
+    group, n_group = corner, len(part.points)
+    if not is_flat:
+        first, group = _unique_rows([corners.reshape(-1, 3), part.normals[corner].reshape(-1, 3)])
+        n_group = len(first)
+    uv = mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv
+    of_groups = find_tangents(corners, uv, group.reshape(-1, 3), n_group)
+    tangents = np.zeros((len(part.points), 3))
+    tangents[corner.ravel()] = of_groups[group.ravel()]
+    return part._replace(tangents=tangents)
+
+
+def find_tangents(corners, uv, point, n_point) -> np.ndarray:
+    """Find the directions in which u grows, at points of a surface: the mean of those of the triangles that meet there.
+
+    A triangle's positions are affine in (u, v): with edges e1, e2 that are (a1, b1), (a2, b2) in texture coordinates,
+    dP/du = (e1 b2 - e2 b1) / (a1 b2 - a2 b1). Triangles count by their area, as far as their u grows anywhere.
+
+    Parameters
+    ----------
+    corners : (n_face, 3, 3) float64
+    uv : (n_face, 3, 2) float64
+    point : (n_face, 3) integers, the points at the corners
+
+    Returns
+    -------
+    (n_point, 3) float64, unit length; zero where nothing is known
+    """
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    (a1, b1), (a2, b2) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
+    along = (e1 * b2[:, None] - e2 * b1[:, None]) * np.sign(a1 * b2 - a2 * b1)[:, None]
+    along = _units(along) * np.linalg.norm(np.cross(e1, e2), axis=1)[:, None]
+    sums = [np.bincount(point.ravel(), np.repeat(along[:, k], 3), n_point) for k in range(3)]
+    return _units(np.stack(sums, axis=1))
+
+
+def _units(vectors) -> np.ndarray:
+    """Vectors (n, 3) at length 1; zero stays zero."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0.0, length, 1.0)
 
 
 def _columns(arrays, dtype, offsets=None) -> np.ndarray:
@@ -185,7 +243,7 @@ def smooth_part(mesh) -> Part:
     else:
         angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
         groups = mesh.smoothing if mesh.crease_angle is None else None
-        corner, source, normals = split_creases(mesh.vertices, mesh.faces, angle, smoothing=groups)
+        corner, source, normals = split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, groups)
     albedo = None if mesh.colors is None else mesh.colors[source, :3]
     if mesh.face_colors is not None and albedo is None:
         colors = np.repeat(mesh.face_colors[:, :3], 3, axis=0)

@@ -144,8 +144,13 @@ class SpotLight:
     """Light that shines from one point into a cone.
 
     At the angle a from the axis the intensity of a point light is multiplied by (cos a)^exponent, and between
-    the two cones by t² (3 - 2 t) with t = (cos a - cos outer) / (cos inner - cos outer): 1 inside the inner
-    cone, falling smoothly to 0 at the outer one. Where both angles are equal the edge is sharp.
+    the two cones by (t² (3 - 2 t))^falloff with t = (cos a - cos outer) / (cos inner - cos outer): 1 inside the inner
+    cone, falling to 0 at the outer one. Where both angles are equal the edge is sharp.
+
+    Whatever `falloff` is, the light starts to fall smoothly at the inner cone, because t² (3 - 2 t) has no slope at
+    t = 1. Next to the outer one it goes as t^(2 falloff): smoothly above 1/2, in a straight line for 1/2, and below
+    that with a steep edge. So 1 is the usual smooth step, 2 and more draw the light together in the middle, 1/4
+    fills the outer cone nearly to its border.
 
     Parameters
     ----------
@@ -156,6 +161,8 @@ class SpotLight:
         `outer`
     exponent : number, at least 0; 0 = even within the inner cone
     attenuation, attached, amplify, range, shadow : as for PointLight; `attached` holds for position and direction
+    falloff : number above 0, the exponent of the fall between the two cones; below 1/2 the picture is computed in
+        float64
 
     Raises
     ------
@@ -173,6 +180,7 @@ class SpotLight:
     amplify: bool = False
     range: float | None = None
     shadow: Shadow | None = None
+    falloff: float = 1.0
 
     def __post_init__(self):
         object.__setattr__(self, "position", place3(self.position, "the spot light's position"))
@@ -188,7 +196,10 @@ class SpotLight:
         exponent = number(self.exponent, "the spot light's exponent")
         if exponent < 0.0:
             raise SceneError(f"the spot light's exponent must be at least 0; given {shown(self.exponent)}")
-        for name, value in (("inner", inner), ("outer", outer), ("exponent", exponent)):
+        falloff = number(self.falloff, "the spot light's falloff")
+        if falloff <= 0.0:
+            raise SceneError(f"the spot light's falloff must be above 0; given {shown(self.falloff)}")
+        for name, value in (("inner", inner), ("outer", outer), ("exponent", exponent), ("falloff", falloff)):
             object.__setattr__(self, name, value)
         _check_positional(self, "the spot light's")
 
