@@ -15,7 +15,9 @@ from .errors import SceneError
 from .pipeline.bands import sort_into_bands
 from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
+from .pipeline.centers import fill_means
 from .pipeline.clip import NO_PLANES, clip
+from .pipeline.cue import Cue, fade
 from .pipeline.layers import Opacity, composite, open_layers, scan_layer, scan_opaque
 from .pipeline.lighting import light_points
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
@@ -60,6 +62,7 @@ class Job(NamedTuple):
     table: FaceTable = NO_TABLE
     is_textured: bool = False
     opacity: Opacity | None = None  # None where all is opaque
+    cue: Cue | None = None  # None where nothing fades with depth
 
 
 class Counts(NamedTuple):
@@ -75,16 +78,18 @@ class Counts(NamedTuple):
 
 def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     """Send every polygon of the scene through the pipeline."""
+    job = job if job.cue is None else job._replace(shade=_with_cue(job, screen))
     vertices, n_outside = transform(geometry.positions, screen, workers)
     clock.lap("transform")
 
     polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
-    loaded_face, planes, n_clipped, table = np.empty(0, np.uint32), NO_PLANES, 0, job.table
+    loaded_face, planes, n_clipped, table = geometry.face, NO_PLANES, 0, job.table
     if n_outside:
         clipped = clip(geometry.positions, *polygons[:2], vertices, screen)
-        vertices, loaded_face, planes, n_clipped = clipped.vertices, clipped.face, clipped.planes, clipped.n_clipped
-        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[loaded_face], clipped.cut)
-        table = table.of_parts(loaded_face)
+        vertices, planes, n_clipped = clipped.vertices, clipped.planes, clipped.n_clipped
+        loaded_face = geometry.face[clipped.face] if len(geometry.face) else clipped.face
+        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[clipped.face], clipped.cut)
+        table = table.of_parts(clipped.face)
         clock.lap("clip")
 
     width, height = job.size[0] * job.factor, job.size[1] * job.factor
@@ -122,7 +127,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     clock.lap("scan, shade, resolve")
     n_culled = sum(part.n_culled for part in visible)
     n_drawn = sum(len(part.face) for part in visible)
-    return Counts(geometry.vertex.shape[1], n_clipped, n_culled, n_drawn, sum(covered), width * height)
+    return Counts(geometry.n_loaded, n_clipped, n_culled, n_drawn, sum(covered), width * height)
 
 
 def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench) -> None:
@@ -164,18 +169,30 @@ def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> n
     """
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
     starts = geometry.point_offsets[:-1]
+    normals = np.concatenate([geometry.normals, geometry.tangents]) if plan.has_tangents else geometry.normals
     for material, start, stop in zip(geometry.group_material.tolist(), starts, geometry.point_offsets[1:], strict=True):
         n = int(stop - start)
         for side, out in enumerate(intensities):
             sign = 0 if is_flat else 1 - 2 * side
             workers.map(
                 lambda part, material=material, start=int(start), sign=sign, out=out: light_points(
-                    geometry.points, geometry.normals, geometry.albedo, lift, start + part[0], start + part[1],
+                    geometry.points, normals, geometry.albedo, lift, start + part[0], start + part[1],
                     screen, sign, lighting, material, make_rows(plan.dtype), out,
                 ),
                 workers.ranges(n),
             )  # fmt: skip
     return intensities
+
+
+def fill_centers(values, centers, workers) -> np.ndarray:
+    """Give the points that are means of others their values (side, n_point, n_value); nothing is lit there."""
+    if centers is not None:
+        for side in values:
+            workers.map(
+                lambda part, side=side: fill_means(side, centers.first, centers.offsets, centers.points, *part),
+                workers.ranges(len(centers.offsets) - 1),
+            )
+    return values
 
 
 def interpolated_job(intensities, plan, coding, options, encoding, picture, table) -> Job:
@@ -223,8 +240,18 @@ def _picture_job(attributes, coding, plan, options, encoding, picture, shade, ta
 
     return Job(
         attributes, coding, plan.n_channel, options.cull == "back", factor, options.size, shade, finish, True, table,
-        plan.textures is not None, plan.opacity,
+        plan.textures is not None, plan.opacity, plan.cue,
     )  # fmt: skip
+
+
+def _with_cue(job, screen):
+    """Shade as the job does, then let what is further away fade."""
+
+    def shade(bench, n_exact, table, y_start, n_row):
+        job.shade(bench, n_exact, table, y_start, n_row)
+        fade(bench.canvas, bench.records, y_start, n_row, screen.is_perspective, job.cue, bench.radiance)
+
+    return shade
 
 
 def buffers_job(normals, coding, options, screen, buffers) -> Job:

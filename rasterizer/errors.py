@@ -12,11 +12,27 @@ class RasterizerError(Exception):
 
 
 class ModelError(RasterizerError, ValueError):
-    """A model can't be read, is empty, or is broken; the message names the file, the line where there is one, and the fault."""
+    """A model can't be read, is empty, or is broken; the message names the file, the line where there is one, and the fault.
+
+    Attributes
+    ----------
+    is_internal : bool, whether the fault is this package's, not the model's
+    """
+
+    is_internal = False
 
 
 class SceneError(RasterizerError, ValueError):
     """An argument is not legal; the message says what was given and what is legal."""
+
+
+def internal_error(name: str, fault: Exception) -> ModelError:
+    """Make the error that stands for a fault of this package, met at one model; the fault itself is its `__cause__` once raised."""
+    text = " ".join(str(fault).split())[:200]
+    what = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
+    error = ModelError(f"{name}: internal error: {what} (run with -v for the traceback, and please report it)")
+    error.is_internal = True
+    return error
 
 
 class OutputError(RasterizerError, OSError):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import OutputError, SceneError
+from .scene._check import shown
 from .scene._files import write_and_move
 
 ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
@@ -27,7 +28,11 @@ class Stats:
     covered : samples that something covers
     samples : samples of the picture
     threads : how many worked
-    error_bound : the error that the chosen paths may have, in linear intensity where 1 is white
+    error_bound : the largest error of an intensity that the paths of this frame may have, in linear intensity where 1 is white,
+        against the exact illumination of the same faces at the same samples: rounding to float32 or float64, and what was
+        approximated. What rounding of vertices to 1/256 px changes is no part of it, see `position_bound`. 0 where no picture was asked for
+    steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how near to
+        that the bound doesn't hold. Empty where it holds everywhere
     milliseconds : dict of stage to time
     """
 
@@ -39,7 +44,14 @@ class Stats:
     samples: int
     threads: int
     error_bound: float
+    steps: tuple = ()
     milliseconds: dict = field(default_factory=dict)
+
+    @property
+    def position_bound(self) -> float:
+        """How far, in px along either axis, a pixel's sample may lie from the point of the polygon that it shows: vertices are
+        rounded to 1/256 px. `error_bound` doesn't count this: it compares with a float64 evaluation of the rounded polygon."""
+        return 0.5 / 256  # pipeline/transform.py: POSITION_BOUND
 
     @property
     def coverage(self) -> float:
@@ -165,6 +177,10 @@ class Frame:
         OutputError : the file can't be written, or the format is unknown
         SceneError : an array that is unknown, that the frame doesn't have, or that isn't for a `.npy` file
         """
+        if not isinstance(path, (str, os.PathLike)):
+            raise SceneError(f"a frame is saved to a path; given {shown(path)}")
+        if format is not None and not isinstance(format, str):
+            raise SceneError(f"format must be text; given {shown(format)}")
         path = Path(path)
         format = (format or path.suffix).lower().lstrip(".")
         if format == "npy":
@@ -234,11 +250,11 @@ def _on_white(image):
 def write_whole(path, content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
-    A link keeps its name and gets a new target. Devices and pipes can't be replaced: they are written
-    as they are. Raises OutputError.
+    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is replaced keeps its
+    mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
     """
-    place = os.path.realpath(path)
     try:
+        place = os.path.realpath(path)
         if os.path.exists(place) and not os.path.isfile(place):
             with open(place, "wb") as stream:
                 stream.write(content)
@@ -248,3 +264,5 @@ def write_whole(path, content: bytes) -> None:
         folder = os.path.dirname(place)
         reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
         raise OutputError(f"can't write {path}: {reason}") from error
+    except ValueError as error:  # a name that no file can have
+        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error

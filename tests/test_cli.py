@@ -145,7 +145,9 @@ def test_verbose_and_quiet(capsys):
     err = errors(capsys)
     assert "cube.obj: 12 faces" in err and "cube.png, <Frame 24x16 rgb, 12 faces" in err
     assert run(CUBE, "--zoom", "9", "--eye", "9,9,9", "--target", "20,20,20") == 0
-    assert "the picture is empty: the model reaches from (-1, -1, -1) to (1, 1, 1)" in errors(capsys)
+    assert "the picture is empty: the camera looks away, all of the model is behind it; the model reaches from (-1, -1, -1) to" in errors(
+        capsys
+    )
     assert run(CUBE, "-q", "--eye", "9,9,9", "--target", "20,20,20", "--json") == 0
     out, err = capsys.readouterr()
     assert err == "" and json.loads(out)["coverage"] == 0 and "is empty" in json.loads(out)["warnings"][0]
@@ -315,10 +317,34 @@ def test_too_little_memory(capsys, monkeypatch):
     assert run(CUBE) == 2 and "not enough memory" in one_error(capsys)
 
 
-def test_faults_of_ours_are_not_hidden(monkeypatch):
-    def fail(*_, **__):
-        raise ZeroDivisionError
+def test_a_fault_of_ours_in_one_model_is_one_line_and_the_next_model(monkeypatch, folder, capsys):
+    encode, calls = Frame.encode, []
 
-    monkeypatch.setattr(Frame, "encode", fail)
-    with pytest.raises(ZeroDivisionError):
-        run(CUBE)
+    def fail_once(*args, **settings):
+        calls.append(args)
+        if len(calls) == 1:
+            raise ZeroDivisionError("of\nours")
+        return encode(*args, **settings)
+
+    monkeypatch.setattr(Frame, "encode", fail_once)
+    assert run(CUBE, GEAR) == 1 and os.listdir(folder) == ["gear.png"]
+    assert one_error(capsys) == (
+        f"raster: error: {CUBE}: internal error: ZeroDivisionError: of ours (run with -v for the traceback, and please report it)\n"
+    )
+    calls.clear()
+    assert run(CUBE, "-v") == 1
+    err = capsys.readouterr().err
+    assert "Traceback (most recent call last)" in err and "in fail_once" in err
+
+
+def test_a_fault_of_ours_in_a_reader_is_one_line_and_the_next_model(monkeypatch, folder, capsys):
+    def fail(_model):
+        raise IndexError("too far")
+
+    monkeypatch.setitem(sys.modules["rasterizer.scene.load"]._READERS, "obj", fail)
+    assert run(CUBE, GEAR, "--json") == 1 and os.listdir(folder) == ["gear.png"]
+    out, err = capsys.readouterr()
+    assert err.count("internal error: IndexError: too far") == 1 and err.count("\n") == 1
+    failed, drawn = map(json.loads, out.splitlines())
+    assert "internal error" in failed["error"] and drawn["faces"]
+    assert run(CUBE, "-v") == 1 and "in fail" in capsys.readouterr().err

@@ -4,6 +4,7 @@ Most tests look at the Scene and Camera that a renderer is given, not at pixels.
 """
 
 import json
+import shutil
 from dataclasses import fields
 from types import SimpleNamespace
 
@@ -43,6 +44,8 @@ def error_of(capsys, *argv, code=2) -> str:
 
 
 def write(folder, table, name="scene.json") -> str:
+    """Write a scene file beside a model that it may name."""
+    shutil.copy(CUBE, folder / "cube.obj")
     (folder / name).write_text(json.dumps(table))
     return name
 
@@ -163,7 +166,7 @@ def test_presets_cast_shadows(flags):
 
 def test_lights_of_a_file_cast_shadows_but_those_that_do_not(folder):
     lights = [{"kind": "point", "position": [0, 1, 9]} | own for own in ({}, {"shadow": False}, {"shadow": {"size": 32}})]
-    name = write(folder, {"meshes": [{"file": CUBE}], "lights": ["headlight", *lights]})
+    name = write(folder, {"meshes": [{"file": "cube.obj"}], "lights": ["headlight", *lights]})
     shadows = [getattr(light, "shadow", None) for light in loaded(name, "--shadows").scene.lights]
     assert shadows == [None, SHADOW, SHADOW, None, rz.Shadow(32)]
 
@@ -231,7 +234,7 @@ CAMERA = {"position": [3, 2, 5], "target": [0, 0, 1], "up": [0, 1, 0], "fov": 40
 
 
 def test_a_camera_of_the_file_is_used_unless_a_flag_asks_for_another(folder, given):
-    name = write(folder, {"meshes": [{"file": CUBE}], "camera": CAMERA})
+    name = write(folder, {"meshes": [{"file": "cube.obj"}], "camera": CAMERA})
     own = rz.Camera(**CAMERA)
     for flags in ([], ["--zoom", "2"], ["--view", "top"], ["--fov", "30"], ["--ortho"], ["--up", "z"], ["--eye", "1,2,3"]):
         assert main(["render", name, "-s", "30x20", *flags]) == 0
@@ -255,7 +258,7 @@ def test_zoom_of_a_calibrated_camera_keeps_the_middle():
 
 def test_framing_of_the_file_comes_after_flags(folder, given):
     framing = {"azimuth": 10, "elevation": 20, "fov": 50, "margin": 0.2}
-    name = write(folder, {"meshes": [{"file": CUBE}], "camera": framing})
+    name = write(folder, {"meshes": [{"file": "cube.obj"}], "camera": framing})
     cube = rz.load(CUBE)
     for flags, settings in (
         ([], framing),
@@ -269,7 +272,7 @@ def test_framing_of_the_file_comes_after_flags(folder, given):
 
 
 def test_lights_and_background_of_the_file_are_used_unless_flags_ask_for_others(folder):
-    name = write(folder, {"meshes": [{"file": CUBE}], "lights": [{"kind": "ambient"}], "background": "white", "up": "z"})
+    name = write(folder, {"meshes": [{"file": "cube.obj"}], "lights": [{"kind": "ambient"}], "background": "white", "up": "z"})
     own = loaded(name).scene
     assert own.lights == (rz.AmbientLight(),) and own.background == (1, 1, 1) and own.up == "z"
     assert loaded(name, "--preset", "studio").scene.lights == rz.studio()
@@ -296,7 +299,7 @@ def test_a_camera_and_lights_of_a_model_are_used(monkeypatch, given):
 
 def test_options_of_the_file_come_before_defaults_and_after_flags(folder, given, capsys):
     options = {"size": [20, 10], "shading": "phong", "samples": 1, "color_range": "local", "exposure": 1.5, "outputs": ["depth"]}
-    name = write(folder, {"meshes": [{"file": CUBE}], "options": options})
+    name = write(folder, {"meshes": [{"file": "cube.obj"}], "options": options})
     assert main(["render", name]) == 0
     own = given[-1].options
     assert (own["size"], own["shading"], own["samples"], own["color_range"]) == ((20, 10), "phong", 1, "local")
@@ -309,9 +312,9 @@ def test_options_of_the_file_come_before_defaults_and_after_flags(folder, given,
     assert main(["render", name, "--array", "face"]) == 0 and given[-1].options["outputs"] == ("face",)
     assert main(["compare", name, "--no-reference", "-q"]) == 0
     assert given[-1].options["size"] == arguments.COMPARED_SIZE and given[-1].options["exposure"] == 1.5
-    square = write(folder, {"meshes": [{"file": CUBE}], "options": {"size": 12}}, "square.json")
+    square = write(folder, {"meshes": [{"file": "cube.obj"}], "options": {"size": 12}}, "square.json")
     assert main(["render", square]) == 0 and given[-1].options["size"] == (12, 12)
-    bad = write(folder, {"meshes": [{"file": CUBE}], "options": {"samples": 5}}, "bad.json")
+    bad = write(folder, {"meshes": [{"file": "cube.obj"}], "options": {"samples": 5}}, "bad.json")
     assert "bad.json: options: samples must be one of 1, 4, 9, 16; given 5" in error_of(capsys, bad)
 
 
@@ -319,7 +322,8 @@ def test_a_scene_file_from_stdin(folder, monkeypatch, given):
     import io
     import sys
 
-    content = json.dumps({"meshes": [{"file": CUBE}], "camera": CAMERA}).encode()
+    shutil.copy(CUBE, folder / "cube.obj")
+    content = json.dumps({"meshes": [{"file": "cube.obj"}], "camera": CAMERA}).encode()
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content)))
     assert main(["render", "-", "--input-format", "json"]) == 0 and given[-1].camera == rz.Camera(**CAMERA)
 
@@ -334,7 +338,7 @@ def test_faults_of_scene_files(folder, capsys):
 
 def test_an_empty_picture_by_the_files_camera_says_so(folder, capsys):
     away = {"position": [9, 9, 9], "target": [20, 20, 20], "fov": 30}
-    name = write(folder, {"meshes": [{"file": CUBE}], "camera": away})
+    name = write(folder, {"meshes": [{"file": "cube.obj"}], "camera": away})
     assert main(["render", name, "-s", "24x16"]) == 0
     assert "the camera of the file sees nothing of it; try --view iso" in capsys.readouterr().err
 

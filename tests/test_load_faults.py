@@ -98,7 +98,7 @@ def test_messages_name_the_file_once():
         (lambda _, primitive: primitive["attributes"].pop("POSITION"), "not a readable"),
         (lambda tree, _: tree.update(meshes=3), "not a readable"),
         (lambda tree, _: tree.update(meshes=[]), "."),
-        (lambda _, primitive: primitive.update(mode=6), "no faces|not a readable"),
+        (lambda _, primitive: primitive.update(mode=3), "no faces|not a readable"),
     ],
 )
 def test_broken_gltf(change, fault):

@@ -10,7 +10,6 @@ from rasterizer.errors import ModelError
 from rasterizer.scene import mtl
 from rasterizer.scene.load import load
 from rasterizer.scene.material import Material
-from rasterizer.scene.mtl import file_beside
 from rasterizer.scene.texture import Texture
 
 POINTS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\n"
@@ -146,14 +145,6 @@ def test_names_are_relative_to_the_material_file(folder):
     assert load(folder / "model.obj").meshes[0].material.texture is not None
 
 
-def test_file_beside(tmp_path):
-    (tmp_path / "a.png").write_bytes(b"")
-    (tmp_path / "A.png").write_bytes(b"")
-    assert file_beside(tmp_path, "a.png") == tmp_path / "a.png"
-    assert file_beside(tmp_path, "A.PNG") in (tmp_path / "a.png", tmp_path / "A.png")
-    assert file_beside(tmp_path, "b.png") is None and file_beside(tmp_path, "") is None
-
-
 def test_other_maps_are_reported(folder):
     facts = []
     material = material_of(folder, "map_Bump bumps.png\nbump b.png\nmap_Ks shine.png", log=facts.append)
@@ -167,7 +158,7 @@ def test_other_maps_are_reported(folder):
 
 def test_a_picture_is_read_once_and_textures_are_shared(folder, monkeypatch):
     reads = []
-    monkeypatch.setattr(mtl, "read_picture", lambda path, name: reads.append(path.name) or PIXELS)
+    monkeypatch.setattr(mtl, "read_picture", lambda source, name, budget: reads.append(name.rpartition("/")[2]) or PIXELS)
     maps = {"a": "wood.png", "b": "./wood.png", "c": "-clamp on wood.png", "d": "leaf.png"}
     lines = "".join(f"newmtl {name}\nmap_Kd {rest}\n" for name, rest in maps.items())
     text = TEXTURED + "".join(f"usemtl {name}\nf 1/1 2/2 3/3\n" for name in "bc")
@@ -208,7 +199,7 @@ def test_a_missing_picture_that_many_use_is_read_but_once(folder):
 
 def test_a_picture_that_is_too_large(folder):
     Image.fromarray(np.zeros((1, 2**14 + 1), np.uint8)).save(folder / "wide.png")
-    with pytest.raises(ModelError, match=r"wide\.png: .*16384 texels"):
+    with pytest.raises(UserWarning, match=r"wide\.png: .*16384 texels"):
         material_of(folder, "map_Kd wide.png")
 
 

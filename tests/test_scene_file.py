@@ -17,12 +17,12 @@ from rasterizer.options import Options
 from rasterizer.scene import file
 from rasterizer.scene.file import read_scene
 
-CUBE, LIFE, GEAR = (str(ROOT / "models" / name) for name in ("cube.obj", "still_life.obj", "gear.stl"))
+LIFE, GEAR = (str(ROOT / "models" / name) for name in ("still_life.obj", "gear.stl"))
 TRIANGLE = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
 
 
-def read(table, **settings):
-    return read_scene(json.dumps(table).encode(), **settings)
+def read(table, folder=ROOT / "models", **settings):
+    return read_scene(json.dumps(table).encode(), folder, **settings)
 
 
 def scene_of(**table):
@@ -89,10 +89,10 @@ def test_transforms():
 def test_materials_replace_those_of_a_model():
     table = {"red": {"diffuse": "red"}, "own": {"diffuse": 0.1, "name": "mine"}}
     before = rz.load(LIFE).meshes
-    all_red = read({"meshes": [{"file": LIFE, "material": "red"}], "materials": table}).scene.meshes
+    all_red = read({"meshes": [{"file": "still_life.obj", "material": "red"}], "materials": table}).scene.meshes
     assert {m for mesh in all_red for m in mesh.palette} == {rz.Material(diffuse="red", name="red")}
     name = before[0].palette[0].name
-    one = read({"meshes": [{"file": LIFE, "materials": {name: "own"}}], "materials": table}).scene.meshes
+    one = read({"meshes": [{"file": "still_life.obj", "materials": {name: "own"}}], "materials": table}).scene.meshes
     for old, new in zip(before, one, strict=True):
         for was, now in zip(old.palette, new.palette, strict=True):
             assert now == (rz.Material(diffuse=0.1, name="mine") if was.name == name else was)
@@ -113,8 +113,8 @@ def test_the_up_axis_is_that_of_the_models():
     def up(*meshes, **rest):
         return read({"meshes": list(meshes)} | rest).scene.up
 
-    assert up({"file": GEAR}) == "z" and up({"file": CUBE}) == "y" and up(TRIANGLE) == "y"
-    assert up({"file": GEAR}, {"file": CUBE}) == "y" and up({"file": GEAR}, up="-x") == "-x"
+    assert up({"file": "gear.stl"}) == "z" and up({"file": "cube.obj"}) == "y" and up(TRIANGLE) == "y"
+    assert up({"file": "gear.stl"}, {"file": "cube.obj"}) == "y" and up({"file": "gear.stl"}, up="-x") == "-x"
 
 
 # --- lights, camera, the rest -------------------------------------------------------------------------------
@@ -161,11 +161,11 @@ def test_cameras():
 
 def test_framing():
     framing = {"azimuth": 10, "elevation": 5, "fov": 20, "margin": 0.1, "orthographic": False}
-    found = read({"meshes": [{"file": GEAR}], "camera": framing})
+    found = read({"meshes": [{"file": "gear.stl"}], "camera": framing})
     assert found.scene.camera is None and found.framing == framing
     gear = rz.load(GEAR)
     assert found.framed_scene().camera == rz.Camera.framing(gear, up="z", **framing)
-    sized = read({"meshes": [{"file": GEAR}], "camera": framing, "options": {"size": [400, 100]}}).framed_scene()
+    sized = read({"meshes": [{"file": "gear.stl"}], "camera": framing, "options": {"size": [400, 100]}}).framed_scene()
     assert sized.camera == rz.Camera.framing(gear, up="z", aspect=4.0, **framing)
     with pytest.raises(rz.SceneError, match="camera.elevation: the elevation must be within -90"):
         scene_of(camera={"elevation": 100})
@@ -188,16 +188,16 @@ BAD = [
     ({"meshes": {}}, "meshes: must be a list"),
     ({"meshes": [7]}, r"meshes\[0\]: must be a table; given 7"),
     ({"meshes": [{}]}, r"meshes\[0\]: a mesh needs one of file"),
-    ({"meshes": [{"file": CUBE} | TRIANGLE]}, "a mesh needs one of file"),
+    ({"meshes": [{"file": "cube.obj"} | TRIANGLE]}, "a mesh needs one of file"),
     ({"meshes": [{"file": 5}]}, r"meshes\[0\].file: must be text; given 5"),
     ({"meshes": [{"file": ""}]}, r"meshes\[0\].file: must be the name of a file"),
     ({"meshes": [{"file": "other.json"}]}, r"meshes\[0\].file: must be a model, no scene file"),
-    ({"meshes": [{"file": CUBE, "colour": 1}]}, r"meshes\[0\].colour: unknown key; legal are file, transform"),
-    ({"meshes": [{"file": CUBE, "name": 1}]}, r"meshes\[0\].name: must be text"),
-    ({"meshes": [{"file": CUBE, "crease_angle": 200}]}, "crease angle must be within 0..180"),
-    ({"meshes": [{"file": CUBE, "materials": {"x": {}}}]}, r"meshes\[0\].materials.x: the model has no material of this name"),
-    ({"meshes": [{"file": CUBE, "materials": {}, "material": {}}]}, "given both"),
-    ({"meshes": [{"file": CUBE, "material": "red"}]}, r"meshes\[0\].material: must be a table, or the name of one .*\(none\)"),
+    ({"meshes": [{"file": "cube.obj", "colour": 1}]}, r"meshes\[0\].colour: unknown key; legal are file, transform"),
+    ({"meshes": [{"file": "cube.obj", "name": 1}]}, r"meshes\[0\].name: must be text"),
+    ({"meshes": [{"file": "cube.obj", "crease_angle": 200}]}, "crease angle must be within 0..180"),
+    ({"meshes": [{"file": "cube.obj", "materials": {"x": {}}}]}, r"meshes\[0\].materials.x: the model has no material of this name"),
+    ({"meshes": [{"file": "cube.obj", "materials": {}, "material": {}}]}, "given both"),
+    ({"meshes": [{"file": "cube.obj", "material": "red"}]}, r"meshes\[0\].material: must be a table, or the name of one .*\(none\)"),
     ({"meshes": [{"vertices": []}]}, r"meshes\[0\]: faces is missing"),
     ({"meshes": [TRIANGLE | {"faces": [[0, 1, 7]]}]}, "face 0 refers to vertex 7"),
     ({"meshes": [TRIANGLE | {"vertices": [[0, 0], [1]]}]}, r"meshes\[0\].vertices: must be a list of lists of numbers"),
@@ -210,13 +210,13 @@ BAD = [
     ({"meshes": [TRIANGLE | {"transform": {"rotate": {"axis": [0, 0, 1]}}}]}, "transform.rotate: angle is missing"),
     ({"meshes": [TRIANGLE | {"transform": {"rotate": {"axis": [0, 0, 0], "angle": 1}}}]}, "rotate.axis: .*must have a length"),
     ({"meshes": [{"arrays": "no.npz", "mesh": 0}]}, r"meshes\[0\].arrays: no.npz: no such file"),
-    ({"meshes": [{"arrays": CUBE, "mesh": 0}]}, r"can't be read as .npz"),
+    ({"meshes": [{"arrays": "cube.obj", "mesh": 0}]}, r"can't be read as .npz"),
     ({"meshes": [{"arrays": "x.npz"}]}, r"meshes\[0\]: mesh is missing"),
     ({"meshes": [{"arrays": "x.npz", "mesh": True}]}, r"meshes\[0\].mesh: must be a whole number"),
     ({"materials": {"a b": {"shine": 1}}}, r"materials.'a b'.shine: unknown key; legal are ambient, diffuse"),
     ({"materials": {"a": {"shininess": 0}}}, "materials.a.shininess: the material's shininess must be above 0"),
     ({"materials": {"a": {"texture": 5}}}, "materials.a.texture: must be text"),
-    ({"materials": {"a": {"texture": "no.png"}}}, "materials.a.texture: no.png: can't be read as a picture"),
+    ({"materials": {"a": {"texture": "no.png"}}}, "materials.a.texture: no.png: no such file"),
     ({"materials": {"a": {"texture": {"filter": "cubic"}}}}, "materials.a.texture: a texture needs either file"),
     ({"materials": {"a": {"diffuse": {"values": [1]}}}}, "materials.a.diffuse: wavelengths is missing"),
     ({"materials": {"a": {"diffuse": {"wavelengths": [5, 4], "values": [1, 1]}}}}, "materials.a.diffuse.wavelengths: "),

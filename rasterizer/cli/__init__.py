@@ -4,17 +4,15 @@
     argparse    globs, names      before anything    one model after the other
                                   is loaded
 
-Exit codes: 0 done · 1 some inputs failed, the rest was done · 2 usage · 3 a model can't be read or is empty
-· 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one line on stderr.
+Exit codes: 0 done · 1 some inputs failed, the rest was done, or the fault is the program's own · 2 usage · 3 a model can't be read
+or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one line on stderr; so does a
+fault of the program's own, whose traceback is shown with -v.
 
-Only the standard library is imported before a command runs, so that `raster --help` is quick.
+Only the standard library is imported before a command runs, so that `raster --help` is quick; and next to nothing before `main`
+does, so that an interrupt at any time ends in one line, too.
 """
 
 import sys
-
-from ..errors import ModelError, OutputError, RasterizerError
-from .arguments import parse
-from .messages import Messages, write_stdout
 
 DONE, SOME_FAILED, USAGE, BAD_MODEL, NO_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 4, 130
 
@@ -30,29 +28,67 @@ def main(argv=None) -> int:
     -------
     int, the exit code; `--help` and `--version` raise SystemExit, as argparse does
     """
+    try:
+        code = _guarded(sys.argv[1:] if argv is None else argv)
+    except KeyboardInterrupt:
+        code = _interrupted()
+    if argv is None:
+        import signal
+
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process ends: nothing is left to interrupt
+    return code
+
+
+def _interrupted() -> int:
+    if sys.stderr is not None:
+        print("raster: error: interrupted", file=sys.stderr, flush=True)
+    return INTERRUPTED
+
+
+def _guarded(argv) -> int:
+    """Run the command, and say what went wrong."""
+    from ..errors import RasterizerError
+    from .arguments import parse
+    from .messages import Messages, write_stdout
+
     messages = Messages()
     try:
         try:
-            arguments = parse(sys.argv[1:] if argv is None else argv)
+            arguments = parse(argv)
             messages.level = arguments.level
-            return _run(arguments, messages)
+            with messages.shown_warnings():
+                return _run(arguments, messages)
         finally:
             if sys.stdout is not None:
                 write_stdout(b"")  # help is flushed here, where a fault can still be told
     except BrokenPipeError:  # the reader has seen enough
         return NO_OUTPUT
-    except KeyboardInterrupt:
-        messages.error("interrupted")
-        return INTERRUPTED
     except RasterizerError as error:
         messages.error(error)
         return exit_code(error)
+    except Exception as error:
+        if _is_interrupt(error):
+            return _interrupted()
+        from ..errors import internal_error
+
+        messages.error(internal_error("command line", error))
+        messages.traceback(error)
+        return SOME_FAILED
+
+
+def _is_interrupt(error) -> bool:
+    """Tell whether an error came of an interrupt, which libraries may turn into another error while they are imported."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def exit_code(error) -> int:
     """The code of a failure."""
+    from ..errors import ModelError, OutputError
+
     if isinstance(error, ModelError):
-        return BAD_MODEL
+        return SOME_FAILED if error.is_internal else BAD_MODEL
     return NO_OUTPUT if isinstance(error, OutputError) else USAGE
 
 

@@ -16,12 +16,14 @@ from ..compare import compare
 from ..errors import SceneError
 from ..frame import Frame
 from ..mach import mach_bands
+from ..options import Options
 from ..renderer import Renderer
 from ..sheet import sheet
+from .doubts import find_doubts
 from .loading import load_scene, with_options
 from .messages import QUIET, print_record, print_text
 from .outputs import STDIO
-from .render import draw_models, encode_picture, find_doubts, write_content
+from .render import draw_models, encode_picture
 from .view import camera_of
 
 METHODS = {"flat": "flat", "gouraud": "Gouraud 1971", "phong": "Phong 1975"}
@@ -58,18 +60,19 @@ def compare_models(arguments, messages) -> tuple[list, int]:
     """Compare the methods on every model; parameters, result and errors are those of `render_models`."""
     if str(arguments.output).lower().endswith(".npy"):
         raise SceneError(f"compare writes pictures, no arrays; given {arguments.output}")
+    Options(size=arguments.size, **{name: getattr(arguments, name) for name in _OPTIONS})  # what is not legal is told at once
     return draw_models(arguments, messages, _compare_model)
 
 
-def _compare_model(targets, arguments, settings, messages) -> None:
+def _compare_model(targets, arguments, settings, messages, output) -> None:
     """Compare the methods in all views of one model."""
     start = perf_counter()
-    loaded, of_model, own_options, framing = load_scene(targets[0].model, arguments, settings, messages)
+    loaded, of_model, own_options, framing = load_scene(targets[0].model, arguments, settings, messages, output.files_read)
     arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
     for target in targets:
         scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
         drawn, frame = _draw_methods(scene, arguments)
-        doubts = [f"{target.model}: {text}" for text in find_doubts(frame, loaded, arguments)]
+        doubts = [f"{target.model}: {text}" for text in find_doubts(frame, loaded, arguments, scene.camera)]
         for text in doubts:
             messages.warn(text)
         judge = "phong"
@@ -81,7 +84,7 @@ def _compare_model(targets, arguments, settings, messages) -> None:
         figures = {method: _measure(picture, drawn[judge], scene) for method, picture in drawn.items()}
         figures[judge] = figures[judge]._replace(max=None, rms=None, over_one=None)
         image, scale = _lay_out(drawn, judge, figures, scene.background)
-        write_content(encode_picture(_framed(image), target.output), target.output)
+        output.write(encode_picture(_framed(image), target.output), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         messages.detail(f"{target.model}: {target.output}, {scene.n_face} faces, {seconds:.2f} s in all")
         if arguments.json:

@@ -1,6 +1,8 @@
 """What the command line says: one line a message, on stderr only, plain text."""
 
 import json
+import logging
+import math
 import os
 import sys
 from contextlib import contextmanager
@@ -35,6 +37,25 @@ class Messages:
         if self.level >= VERBOSE:
             _say(text)
 
+    def traceback(self, error) -> None:
+        """Show where a fault of the program's own happened, if verbose."""
+        if self.level >= VERBOSE and sys.stderr is not None:
+            import traceback
+
+            traceback.print_exception(error, file=sys.stderr)
+
+    @contextmanager
+    def shown_warnings(self):
+        """Keep the warnings of libraries off stderr inside the block; they are details."""
+        import warnings
+
+        def show(message, category, _filename, _line, _file=None, _text=None):
+            self.detail(f"{category.__name__}: {message}")
+
+        with warnings.catch_warnings():
+            warnings.showwarning = show
+            yield
+
 
 def _say(text) -> None:
     if sys.stderr is not None:  # None where the process was started without one
@@ -42,16 +63,46 @@ def _say(text) -> None:
 
 
 def print_record(record: dict, is_stdout_taken: bool) -> None:
-    """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout."""
-    print_text(json.dumps(record) + "\n", is_stdout_taken)
+    """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout.
+
+    A number that is not finite, which JSON doesn't have, becomes null, and the field NAME_reason beside it says what it was.
+    """
+    print_text(json.dumps(_finite(record), allow_nan=False) + "\n", is_stdout_taken)
+
+
+def _finite(value):
+    """Replace what JSON can't say."""
+    if isinstance(value, (list, tuple)):
+        return [None if _is_not_finite(each) else _finite(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    found = {}
+    for key, each in value.items():
+        if _is_not_finite(each):
+            found |= {key: None, f"{key}_reason": "infinite: no bound is known" if abs(each) > 0 else "not a number"}
+        else:
+            found[key] = _finite(each)
+    return found
+
+
+def _is_not_finite(value) -> bool:
+    return isinstance(value, float) and not math.isfinite(value)
 
 
 def print_text(text: str, is_stdout_taken: bool) -> None:
     """Print lines that were asked for: on stdout, or on stderr where a picture goes to stdout."""
     if not is_stdout_taken:
-        write_stdout(text.encode())
+        write_stdout(_bytes_of(text))
     elif sys.stderr is not None:
         sys.stderr.write(text)
+
+
+def _bytes_of(text) -> bytes:
+    """Text as UTF-8, the names of files in it as the bytes that they are."""
+    try:
+        return text.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:
+        return text.encode("utf-8", "backslashreplace")
 
 
 def write_stdout(content: bytes) -> None:
@@ -74,7 +125,8 @@ def write_stdout(content: bytes) -> None:
 
 @contextmanager
 def compiling_announced(messages):
-    """Say once, inside the block, that kernels are being compiled, as soon as the first one is.
+    """Say once, inside the block, that kernels are being compiled, as soon as the first one is; as a detail, what is wrong with
+    those on disk.
 
     Yields a list, empty until then.
     """
@@ -83,6 +135,8 @@ def compiling_announced(messages):
     from .. import _kernel
 
     announced = []
+    for reason in _kernel.CACHE_REASONS:
+        messages.detail(f"no kernels are kept in {reason}")
 
     class Announcer(event.Listener):
         def on_start(self, _event):
@@ -95,12 +149,31 @@ def compiling_announced(messages):
             pass
 
     # Passes of the compiler run only where machine code wasn't found on disk.
-    with event.install_listener("numba:run_pass", Announcer()):
+    with event.install_listener("numba:run_pass", Announcer()), _details_told(messages):
         yield announced
+
+
+@contextmanager
+def _details_told(messages):
+    """Say what the package's modules log, inside the block, as details."""
+
+    class Teller(logging.Handler):
+        def emit(self, record):
+            messages.detail(record.getMessage())
+
+    log, teller = logging.getLogger("rasterizer"), Teller(logging.INFO)
+    before = log.level
+    log.addHandler(teller)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+        log.removeHandler(teller)
 
 
 _ONCE = "compiling kernels for the first time, some 10 to 20 seconds; `raster warmup` does it ahead"
 _ALWAYS = (
-    "compiling kernels, some 10 to 20 seconds in every run, as no folder that could keep them can be "
-    "written; NUMBA_CACHE_DIR names one"
+    "compiling kernels, some 10 to 20 seconds in every run, as there is no folder that could keep "
+    "them (-v says why); NUMBA_CACHE_DIR names one"
 )

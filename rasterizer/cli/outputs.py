@@ -2,14 +2,16 @@
 
 import glob
 import os
-import string
+import re
 import sys
 from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import OutputError, SceneError
+from ..scene._files import identity_of
 
 STDIO = "-"
+_MOST_LETTERS = 255  # to which a name is padded: file systems take no longer ones
 
 
 class Target(NamedTuple):
@@ -27,7 +29,7 @@ def plan_targets(arguments) -> list[list[Target]]:
     ------
     SceneError : two pictures of one name, a template that is not legal, a format that is unknown, a terminal
         for stdout or stdin
-    OutputError : a folder that doesn't exist
+    OutputError : a folder that doesn't exist, an output that would replace one of the models, or a texture that was asked for
     """
     models = _expand(arguments.models)
     _check_stdin(models, arguments.input_format)
@@ -45,6 +47,8 @@ def plan_targets(arguments) -> list[list[Target]]:
         }.items():
             _check_suffix(suffix, output, arguments.outputs)
         _check_names(targets)
+        textures = [given["texture"] for given in arguments.materials if given.get("texture")]
+        _check_reads(targets, [model for model in models if model != STDIO] + textures)
     return plan
 
 
@@ -80,13 +84,19 @@ def _fill(template, model, view, arguments) -> str:
         "view": view or ("eye" if arguments.eye else "view"),
     }
     legal = ", ".join(f"{{{name}}}" for name in values)
-    try:
-        filled = ""
-        for text, name, form, _ in string.Formatter().parse(template):
-            filled += text + (format(values[name], form) if name is not None else "")
-    except (KeyError, ValueError) as error:
-        raise SceneError(f"-o may hold {legal}; given {template!r}: {error}") from None
-    return filled
+
+    def replace(match) -> str:
+        word = match[0]
+        if word in ("{{", "}}"):
+            return word[0]
+        name, _, form = word[1:-1].partition(":")
+        if name not in values or not re.fullmatch(r"(.?[<>^])?\d{0,3}", form):
+            padded = f"{{stem:_>9}} for at least 9 letters, {_MOST_LETTERS} at most"
+            raise SceneError(f"-o may hold {legal}, padded as in {padded}, and {{{{ }}}} for braces; given {template!r}")
+        letters = format(values[name], form)
+        return letters if len(letters) <= _MOST_LETTERS else values[name]
+
+    return re.sub(r"\{\{|\}\}|\{[^{}]*\}|[{}]", replace, template)
 
 
 def _check_suffix(suffix, output, array) -> None:
@@ -101,6 +111,17 @@ def _check_suffix(suffix, output, array) -> None:
         picture_format(suffix)
     except OutputError as error:
         raise SceneError(f"{output}: {error}") from None
+
+
+def _check_reads(targets, paths) -> None:
+    """Refuse outputs that are models, or other files that are named for reading, by whatever name or link."""
+    read = {identity_of(path): path for path in paths}
+    read.pop(None, None)
+    for target in targets:
+        identity = identity_of(target.output)
+        if identity in read:
+            what = f"can't write {target.output}: it is {read[identity]}, which is read"
+            raise OutputError(f"{what}; give another name with -o")
 
 
 def _check_stdin(models, input_format) -> None:
@@ -125,7 +146,7 @@ def _check_names(targets) -> None:
     owners = {}
     for target in targets:
         place = os.path.realpath(target.output)
-        other = owners.setdefault(place, target)
+        other = owners.setdefault(identity_of(place) or place, target)
         if other is not target:
             which = " and ".join(f"{t.model} ({t.view})" if t.view else t.model for t in (other, target))
             raise SceneError(

@@ -4,15 +4,17 @@ from dataclasses import fields
 from pathlib import Path
 from time import perf_counter
 
-from ..errors import ModelError, OutputError, SceneError
-from ..frame import picture_format, write_whole
+from ..errors import RasterizerError, SceneError, internal_error
+from ..frame import picture_format
 from ..options import Options
 from ..renderer import Renderer
 from .arguments import PICTURE_SAMPLES
+from .doubts import find_doubts
 from .loading import load_scene, make_settings, with_options
-from .messages import compiling_announced, print_record, write_stdout
+from .messages import compiling_announced, print_record
 from .outputs import STDIO, plan_targets
-from .view import camera_of, check_camera, is_camera_given
+from .view import camera_of, check_camera
+from .writing import Outputs
 
 # Level 1 takes half the time of Pillow's 6, which is longer than that of the drawing; files grow by a third.
 _ENCODING = {"PNG": {"compress_level": 1}, "JPEG": {"quality": 92}}
@@ -48,21 +50,31 @@ def draw_models(arguments, messages, draw) -> tuple[list, int]:
     check_camera(arguments)
     plan = plan_targets(arguments)
     failures = []
-    with compiling_announced(messages):
-        for targets in plan:
+    with compiling_announced(messages), Outputs(plan, arguments) as outputs:
+        for number, targets in enumerate(plan):
             try:
-                draw(targets, arguments, settings, messages)
-            except (ModelError, OutputError, SceneError, MemoryError) as error:
-                if isinstance(error, MemoryError):
-                    error = SceneError(
-                        f"not enough memory for {targets[0].model} at {arguments.size}: {error}"
-                    )
-                messages.error(error)
-                failures.append(error)
+                draw(targets, arguments, settings, messages, outputs.of_model(number))
+            except BrokenPipeError:
+                raise
+            except Exception as error:
+                failures.append(_failure(error, targets[0], arguments, messages))
+                messages.error(failures[-1])
+                if getattr(failures[-1], "is_internal", False):
+                    messages.traceback(error.__cause__ if failures[-1] is error and error.__cause__ else error)
                 if arguments.json:
-                    record = {"path": targets[0].model, "error": str(error)}
+                    record = {"path": targets[0].model, "error": str(failures[-1])}
                     print_record(record, targets[0].output == STDIO)
+        failures += outputs.finish(messages)
     return failures, len(plan)
+
+
+def _failure(error, target, arguments, messages) -> RasterizerError:
+    """What is said of a model that failed; a fault of the program's own is told as such."""
+    if isinstance(error, RasterizerError):
+        return error
+    if isinstance(error, MemoryError):
+        return SceneError(f"not enough memory for {target.model} at {arguments.size}: {error}")
+    return internal_error(target.model, error)
 
 
 def make_options(arguments) -> Options:
@@ -76,20 +88,20 @@ def make_options(arguments) -> Options:
     return Options(**values)
 
 
-def _render_model(targets, arguments, settings, messages) -> None:
+def _render_model(targets, arguments, settings, messages, output) -> None:
     """Draw all views of one model."""
     start = perf_counter()
-    scene, of_model, own_options, framing = load_scene(targets[0].model, arguments, settings, messages)
+    scene, of_model, own_options, framing = load_scene(targets[0].model, arguments, settings, messages, output.files_read)
     arguments = with_options(arguments, own_options, _names_of_file(arguments), targets[0].model)
     options = make_options(arguments)
     with Renderer(scene, **_as_keywords(options)) as renderer:
         for target in targets:
             camera = camera_of(arguments, target.view, scene, framing)
             frame = renderer.render(camera)
-            doubts = [f"{target.model}: {text}" for text in find_doubts(frame, scene, arguments)]
+            doubts = [f"{target.model}: {text}" for text in find_doubts(frame, scene, arguments, camera)]
             for text in doubts:
                 messages.warn(text)
-            _write(frame, target.output, options.outputs[0])
+            output.write(_content(frame, target.output, options.outputs[0]), target.output)
             seconds, start = perf_counter() - start, perf_counter()
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
             if arguments.json:
@@ -111,46 +123,16 @@ def _as_keywords(options) -> dict:
     return {field.name: getattr(options, field.name) for field in fields(options)}
 
 
-def find_doubts(frame, scene, arguments) -> list[str]:
-    """Say what looks like a mistake in a picture, and what to try."""
-    if frame.stats.coverage == 0.0:
-        if frame.stats.faces == frame.stats.culled:
-            return ["the picture is empty: all faces are seen from behind; try --cull none"]
-        if arguments.eye is not None:
-            low, high = ("(" + ", ".join(f"{value:g}" for value in corner) + ")" for corner in scene.bounds)
-            hint = (
-                f"the model reaches from {low} to {high}; try another --eye or --target, or leave --eye out"
-            )
-        elif scene.camera is not None and not is_camera_given(arguments):
-            hint = "the camera of the file sees nothing of it; try --view iso"
-        elif arguments.zoom > 1.0:
-            hint = "try a smaller --zoom"
-        else:
-            hint = "the model covers no sample; try a larger --size, more --samples or another --view"
-        return [f"the picture is empty: {hint}"]
-    if frame.has("rgb") and scene.background is None and not frame.rgb.any():
-        return ["the picture is black: no light reaches what is seen; try --preset headlight"]
-    return []
-
-
-def _write(frame, output, array) -> None:
-    """Write a picture, or the array asked for, to a file or to stdout."""
+def _content(frame, output, array) -> bytes:
+    """A picture, or the array asked for, as the bytes of its file."""
     is_array = array != "rgb" or output.lower().endswith(".npy")
-    write_content(frame.encode_array(array) if is_array else encode_picture(frame, output), output)
+    return frame.encode_array(array) if is_array else encode_picture(frame, output)
 
 
 def encode_picture(frame, output) -> bytes:
     """A picture, in the format of its output's suffix; PNG for stdout."""
     name = "PNG" if output == STDIO else picture_format(Path(output).suffix)
     return frame.encode(name, **_ENCODING.get(name, {}))
-
-
-def write_content(content, output) -> None:
-    """Write bytes to a file, which appears whole or not at all, or to stdout."""
-    if output == STDIO:
-        write_stdout(content)
-    else:
-        write_whole(output, content)
 
 
 def _record(target, frame, scene, seconds, doubts) -> dict:

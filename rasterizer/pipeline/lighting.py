@@ -34,6 +34,9 @@ from .rows import (
     POSITION_Z,
     SPECULAR,
     SPECULAR_SUM,
+    TANGENT_X,
+    TANGENT_Y,
+    TANGENT_Z,
     VIEW_X,
     VIEW_Y,
     VIEW_Z,
@@ -65,6 +68,17 @@ class Lighting(NamedTuple):
 
 class ShadowedLighting(Lighting):
     """Lights some of which cast shadows. Only with these are shadows compiled."""
+
+
+class BrushedLighting(Lighting):
+    """Light on materials some of which need tangents of the points. Only with these are tangents compiled."""
+
+
+class ShadowedBrushedLighting(ShadowedLighting):
+    """Both."""
+
+
+BRUSHED = (BrushedLighting, ShadowedBrushedLighting)
 
 
 @helper
@@ -142,7 +156,7 @@ def cast_shadow(rows, n, lighting, light):
 
 @overload(cast_shadow)
 def _overload_cast_shadow(rows, n, lighting, light):
-    if lighting.instance_class is ShadowedLighting:
+    if issubclass(lighting.instance_class, ShadowedLighting):
         return look_up_shadow
     return lambda rows, n, lighting, light: None
 
@@ -184,7 +198,8 @@ def light_points(positions, normals, albedo, lift, start, stop, screen, side, li
 
     Parameters
     ----------
-    positions, normals : (3, n) float64, world space; the normals have unit length
+    positions, normals : (3, n) float64, world space; the normals have unit length. With BRUSHED lighting `normals` is (6, n):
+        the tangents stand behind
     albedo : (n, n_channel) float64, read only if lighting.has_albedo
     lift : (n,) float64, scene units, see shadow.py; read only if a light casts shadows
     start, stop : the points to light
@@ -211,6 +226,7 @@ def light_points(positions, normals, albedo, lift, start, stop, screen, side, li
         elif lighting.needs_view:
             view_from_direction(rows, n, number(back_x), number(back_y), number(back_z))
         take_shapes(lighting, lift, np.uint64(first), n, rows)
+        take_tangents(lighting, normals, np.uint64(first), n, rows)
         light_rows(rows, n, lighting, material)
         for channel in range(np.uint64(lighting.n_channel)):
             for k in range(np.uint64(n)):
@@ -236,6 +252,26 @@ def take_normals(x, y, z, sign, rows):
         rows[NORMAL_Z + k] = sign * z[k]
 
 
+def take_tangents(lighting, normals, first, n, rows):
+    """Fill the rows of tangents, which materials brushed along u need."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(take_tangents)
+def _overload_take_tangents(lighting, normals, first, n, rows):
+    if lighting.instance_class in BRUSHED:
+        return copy_tangents
+    return lambda lighting, normals, first, n, rows: None
+
+
+def copy_tangents(lighting, normals, first, n, rows):
+    """Copy the tangents, which stand behind the normals."""
+    for k in range(np.uint64(n)):
+        rows[TANGENT_X + k] = normals[3, first + k]
+        rows[TANGENT_Y + k] = normals[4, first + k]
+        rows[TANGENT_Z + k] = normals[5, first + k]
+
+
 def take_shapes(lighting, lift, first, n, rows):
     """Fill the rows of planes and lifts, which shadows need."""
     raise NotImplementedError("compiled code only")
@@ -243,7 +279,7 @@ def take_shapes(lighting, lift, first, n, rows):
 
 @overload(take_shapes)
 def _overload_take_shapes(lighting, lift, first, n, rows):
-    if lighting.instance_class is ShadowedLighting:
+    if issubclass(lighting.instance_class, ShadowedLighting):
         return take_own_planes
     return lambda lighting, lift, first, n, rows: None
 

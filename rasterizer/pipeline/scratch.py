@@ -41,15 +41,21 @@ class BenchKind(NamedTuple):
 
 
 class Scratch:
-    """Working places that are free. Taking from a list and giving back are atomic, so threads may share it."""
+    """Working places that are free. Taking from a list and giving back are atomic, so threads may share it.
+
+    What is taken and not given back, because drawing failed half-way, is forgotten: a z-buffer that isn't clean is never used
+    again.
+    """
 
     def __init__(self):
         self._free = {}
 
     def take(self, kind, n_record) -> Bench:
         """Return a working place of this kind that is clean, with room for the records; a new one where none is free."""
-        free = self._free.setdefault(kind, [])
-        bench = free.pop() if free else _make_bench(kind)
+        try:
+            bench = self._free.setdefault(kind, []).pop()
+        except IndexError:  # asking first whether there is one would leave room for another thread to take it
+            bench = _make_bench(kind)
         if len(bench.records.integers) < n_record:
             bench = bench._replace(records=_make_records(n_record, kind.n_attribute, kind.n_group, kind.dtype))
         return bench

@@ -15,7 +15,7 @@ from numba.extending import overload
 from .._kernel import borrow, helper, kernel
 from .exact import corner_weights, corners_of, has_exact, is_exact, mean, run_end, weights_of
 from .lanes import GROUP, take_planes
-from .lighting import ShadowedLighting, light_rows, normalize_normals, view_from_direction
+from .lighting import BRUSHED, ShadowedLighting, light_rows, normalize_normals, view_from_direction
 from .records import (
     ATTRIBUTE,
     DEPTH,
@@ -48,6 +48,9 @@ from .rows import (
     POSITION_X,
     POSITION_Y,
     POSITION_Z,
+    TANGENT_X,
+    TANGENT_Y,
+    TANGENT_Z,
     VIEW_X,
     VIEW_Y,
     VIEW_Z,
@@ -125,7 +128,8 @@ def shade_lit(
 ):
     """Interpolate normals and evaluate the illumination equation at every visible sample.
 
-    Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo). `face_material` is the material
+    Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo), the last three the tangents (only
+    with BRUSHED lighting, all of whose records are exact). `face_material` is the material
     of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows; `texels`
     is None where there are no textures. `n_exact` records of the band are exact.
     """
@@ -149,6 +153,7 @@ def shade_lit(
                     invert_distances(rows, n)
             if n_exact > 0 and has_exact(chunk):
                 interpolate_normal_runs(chunk, records, first, y, lighting.has_albedo, screen.is_perspective, rows)
+                interpolate_tangents(lighting, chunk, records, first, y, rows)
             if texels is not None:
                 for channel in range(np.uint64(3)):
                     weigh_albedo(rows, n, channel, borrow(texels)[channel, start : start + np.uint64(n)])
@@ -178,7 +183,7 @@ def take_shapes(lighting, words, records, face_shape, eye, rows):
 
 @overload(take_shapes)
 def _overload_take_shapes(lighting, words, records, face_shape, eye, rows):
-    if lighting.instance_class is ShadowedLighting:
+    if issubclass(lighting.instance_class, ShadowedLighting):
         return take_face_shapes
     return lambda lighting, words, records, face_shape, eye, rows: None
 
@@ -268,6 +273,43 @@ def interpolate_normal_runs(words, records, first, y, has_albedo, is_perspective
                     rows[ALBEDO + k] = mean(red, p0, p1, p2)
                     rows[ALBEDO + NEXT_CHANNEL + k] = mean(green, p0, p1, p2)
                     rows[ALBEDO + NEXT_CHANNEL + NEXT_CHANNEL + k] = mean(blue, p0, p1, p2)
+        start = stop
+
+
+def interpolate_tangents(lighting, words, records, first, y, rows):
+    """Fill the rows of tangents, which materials brushed along u need."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(interpolate_tangents)
+def _overload_interpolate_tangents(lighting, words, records, first, y, rows):
+    if lighting.instance_class in BRUSHED:
+        return interpolate_tangent_runs
+    return lambda lighting, words, records, first, y, rows: None
+
+
+def interpolate_tangent_runs(lighting, words, records, first, y, rows):
+    """Interpolate the tangents of exact records, one run of samples after the other; on which side they are seen doesn't matter."""
+    sy = y * SUBPIXEL + HALF
+    number = rows.dtype.type
+    column = records.numbers.shape[1] - 9
+    start = np.uint64(0)
+    while start < np.uint64(len(words)):
+        stop = start + np.uint64(1)
+        if is_exact(words[start]):
+            stop = run_end(words, start)
+            record = np.uint64(words[start] & RECORD_MASK)
+            weights = weights_of(records, record)
+            tx = corners_of(records.numbers, record, column)
+            ty = corners_of(records.numbers, record, column + 3)
+            tz = corners_of(records.numbers, record, column + 6)
+            for k in range(start, stop):
+                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
+                scale = 1.0 / (q0 + q1 + q2)
+                p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
+                rows[TANGENT_X + k] = mean(tx, p0, p1, p2)
+                rows[TANGENT_Y + k] = mean(ty, p0, p1, p2)
+                rows[TANGENT_Z + k] = mean(tz, p0, p1, p2)
         start = stop
 
 

@@ -69,8 +69,12 @@ def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
     return Range(near, deepest if far is None else far, far is not None)
 
 
-def clip_to_view(position, projection: Projection, depths: Range) -> Pieces:
-    """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen."""
+def clip_to_view(position, projection: Projection, depths: Range, is_rounded=True) -> Pieces:
+    """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
+
+    Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid then decides
+    what is covered, and nothing else.
+    """
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
     planes = [(0.0, 0.0, 1.0, -depths.near)]
     if depths.is_far_given:
@@ -93,6 +97,8 @@ def clip_to_view(position, projection: Projection, depths: Range) -> Pieces:
     order = np.argsort(source, kind="stable")
     source = source[order]
     corners = triangles[source]
+    if not is_rounded:
+        return Pieces(face[source], np.concatenate(fans)[order], np.ones(len(source), bool), corners, np.concatenate(ranges)[order])
     has_place = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
     for plane in _screen_planes(projection):
         has_place &= (_plane_distance(corners, plane) >= 0).all(axis=1)

@@ -102,6 +102,7 @@ def render(
     *,
     exposure: float = 0.0,
     spectral: int | None = None,
+    rounded: bool = True,
 ) -> Picture:
     """Render a scene slowly, and as exactly as float64 allows.
 
@@ -116,6 +117,9 @@ def render(
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
     exposure : stops by which all light is multiplied, 2^exposure; not the background
     spectral : samples of 380..780 nm, or None: 81 where a light or material has a spectrum, else RGB alone
+    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as in the fast
+        way; False takes them from the polygons as they are, of which a sample at the very edge sees the nearest point, and leaves
+        the rounding to what is covered. The difference of both pictures is what the rounding of vertices does to colours
 
     Returns
     -------
@@ -130,17 +134,18 @@ def render(
     camera = scene.camera_for(size)
     near, far = (camera.near if near is None else near), (camera.far if far is None else far)
     shading = "flat" if shading == "lambert" else shading
-    surface, boxes = lighting.gather(scene), np.stack([mesh.bounds for mesh in scene.meshes])
+    surface = lighting.gather(scene, shading)
+    deepest = furthest_depth(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
 
     def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis
-        stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral)
-        return _draw(surface, stage, grid, cull, near, far, boxes)
+        stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral, exposure)
+        return _draw(surface, stage, grid, cull, (near, far, deepest), rounded)
 
     per_axis = round(samples**0.5)
     centres = look(1)
     fine = look(per_axis) if per_axis > 1 else centres
-    color, alpha = _resolve(fine.color * 2.0**exposure, fine.alpha, per_axis, scene.background)
+    color, alpha = _resolve(fine.color, fine.alpha, per_axis, scene.background)
     rgb = _encode(color, color_range)
     return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin)
 
@@ -158,12 +163,11 @@ def _check_options(shading, samples, cull, color_range) -> None:
             raise SceneError(f"{name} is {given!r}, legal are {', '.join(map(repr, legal))}")
 
 
-def _draw(surface: Surface, stage: Stage, grid, cull, near, far, boxes) -> Drawn:
-    """Draw a surface on a grid of (columns, rows) samples."""
+def _draw(surface: Surface, stage: Stage, grid, cull, limits, is_rounded) -> Drawn:
+    """Draw a surface on a grid of (columns, rows) samples; `limits` are near, far and the deepest, as `choose_range` takes them."""
     position = to_eye(surface.corners, stage.view)
-    deepest = furthest_depth(boxes, stage.view)
-    depths = choose_range(position[..., 2], stage.projection.is_perspective, near, far, deepest)
-    pieces = clip_to_view(position, stage.projection, depths)
+    depths = choose_range(position[..., 2], stage.projection.is_perspective, *limits)
+    pieces = clip_to_view(position, stage.projection, depths, is_rounded)
     screen = snap(pieces.position, stage.projection)
     facing = -np.sign(_doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if cull == "back" else facing != 0
@@ -179,16 +183,18 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
     """
     shape = job.grid[1], job.grid[0]
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
+    alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = _find_visible(job)
     seen = _see(visible, job)
     layer, normal, opacity = lighting.light_samples(surface, seen, shape, stage)
     face = np.full(shape, -1, np.int32)
-    face[seen.rows, seen.columns] = seen.face
+    face[seen.rows, seen.columns] = seen.face if surface.loaded is None else surface.loaded[seen.face]
     while len(seen.face):
         at = visible.piece >= 0
         growth = (nearest.depth[at] / visible.depth[at]) ** 2 if job.projection.is_perspective else 1.0
         margin[at] = np.minimum(margin[at], visible.margin[at] * growth)
         color += (through * opacity)[..., None] * layer
+        alpha += through * opacity
         through *= 1.0 - opacity
         is_open = at & (through > 0)
         if not is_open.any():
@@ -196,7 +202,7 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
         visible = _find_visible(job, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
         seen = _see(visible, job)
         layer, _, opacity = lighting.light_samples(surface, seen, shape, stage)
-    return Drawn(color, 1.0 - through, normal, face, nearest.depth, margin)
+    return Drawn(color, alpha, normal, face, nearest.depth, margin)
 
 
 def _see(visible: Visible, job: Pass) -> Seen:

@@ -1,10 +1,13 @@
 """Checks shared by the scene's dataclasses: a number, a vector, a word, a size."""
 
 import math
+import reprlib
 
 import numpy as np
 
 from rasterizer.errors import SceneError
+
+COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
 
 AXES = {
     "x": (1.0, 0.0, 0.0),
@@ -17,9 +20,27 @@ AXES = {
 
 
 def shown(value) -> str:
-    """Return `repr(value)`, cut to a length that fits a message."""
-    text = " ".join(repr(value).split())
+    """Return `repr(value)`, cut to a length that fits a message; of something large only the beginning is looked at."""
+    try:
+        text = _SHORT.repr(value)
+    except (ValueError, RecursionError):  # a whole number of thousands of digits
+        text = f"<{type(value).__name__}>"
+    text = " ".join(text.split())
     return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _short_repr() -> reprlib.Repr:
+    """Make what writes the beginning of a value: enough for a message."""
+    short = reprlib.Repr()
+    short.maxlevel = 5
+    for kind in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
+        setattr(short, f"max{kind}", 40)
+    for kind in ("string", "long", "other"):
+        setattr(short, f"max{kind}", 400)
+    return short
+
+
+_SHORT = _short_repr()
 
 
 def number(value, what: str) -> float:
@@ -44,6 +65,14 @@ def vector3(value, what: str) -> tuple[float, float, float]:
         raise SceneError(f"{what} must be three finite numbers; given {shown(value)}")
     x, y, z = (number(item, f"each of the three numbers of {what}") for item in items)
     return x, y, z
+
+
+def place3(value, what: str) -> tuple[float, float, float]:
+    """Return `value` as three floats within ±COORDINATE_LIMIT; SceneError where it is anything else."""
+    place = vector3(value, what)
+    if max(map(abs, place)) > COORDINATE_LIMIT:
+        raise SceneError(f"{what} must be within ±{COORDINATE_LIMIT:g} scene units; given {shown(value)}")
+    return place
 
 
 def unit3(value, what: str) -> tuple[float, float, float]:

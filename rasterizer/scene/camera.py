@@ -22,7 +22,7 @@ import numpy as np
 
 from rasterizer.errors import SceneError
 from rasterizer.scene import _framing
-from rasterizer.scene._check import AXES, choice, number, picture_size, shown, unit3, vector3
+from rasterizer.scene._check import AXES, choice, number, picture_size, place3, shown, unit3
 
 
 class View(NamedTuple):
@@ -82,8 +82,8 @@ class Camera:
     size: tuple[int, int] | None = None
 
     def __post_init__(self):
-        self._set("position", vector3(self.position, "the camera's position"))
-        self._set("target", vector3(self.target, "the camera's target"))
+        self._set("position", place3(self.position, "the camera's position"))
+        self._set("target", place3(self.target, "the camera's target"))
         up = AXES[choice(self.up, tuple(AXES), "the camera's up")] if isinstance(self.up, str) else self.up
         self._set("up", unit3(up, "the camera's up"))
         if self.position == self.target:

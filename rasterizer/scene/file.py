@@ -7,27 +7,32 @@
     materials   table of named materials that meshes refer to
     lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
     camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
-    background  colour      up  axis      options  those of a picture, as `Options` names them
+    background  colour      depth_cue  a number, or {scale, start, color}      up  axis      options  those of a picture, as `Options` names them
 
-Names of files are relative to the folder of the scene file. `file_write` writes what is read here.
+Names of files are relative to the folder of the scene file; which are read is said in `_files`. `file_write` writes what is read
+here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files beside it.
 """
 
 import json
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 from rasterizer.errors import ModelError
-from rasterizer.scene._check import picture_size
+from rasterizer.scene._check import picture_size, shown
+from rasterizer.scene._files import Folder, read_named
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.file_entry import Entry
 from rasterizer.scene.file_meshes import read_meshes
-from rasterizer.scene.file_parts import Context, read_camera, read_color, read_lights, read_material
+from rasterizer.scene.file_parts import Context, read_camera, read_color, read_depth_cue, read_lights, read_material
 from rasterizer.scene.scene import Scene
 
 FORMATS = ("json", "toml")
-KEYS = ("meshes", "materials", "lights", "camera", "background", "up", "options")
+MOST_JSON, MOST_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
+MOST_DOTS = 100  # between two of the characters that may stand round a name of TOML; the parser's time grows with their square
+KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
 # The fields of Options, which this side of the package doesn't import; a test holds that.
 OPTIONS = (
     "size", "shading", "tolerance", "samples", "outputs", "cull", "color_range", "exposure", "spectral", "threads",
@@ -68,7 +73,10 @@ def is_scene_file(source, format=None) -> bool:
     return isinstance(format, str) and format.lower().removeprefix(".") in FORMATS
 
 
-def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None, drop_bad_faces=False) -> SceneFile:
+def read_scene(
+    source, folder=None, log=None, *, format=None, crease_angle=None, weighting=None, drop_bad_faces=False, allow_outside=False,
+    files_read=None,
+) -> SceneFile:
     """Read a scene file.
 
     Parameters
@@ -78,7 +86,10 @@ def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None,
     log : function of one text, called with facts about the files; None = nobody wants them
     format : "json" or "toml"; None = by the suffix of the path, for bytes JSON
     crease_angle : degrees within 0..180, of all meshes in place of their own; None = as the file says
+    weighting : text, of all meshes in place of their own, see `Mesh`; None = as the file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite
+    allow_outside : bool, read also files outside the folder; see `_files`
+    files_read : list that gets the paths of all files that are read
 
     Returns
     -------
@@ -92,8 +103,8 @@ def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None,
     name, data, own_folder = _read(source)
     format = (format or Path(name).suffix or "json").lower().removeprefix(".")
     root = Entry(_parse(data, format, name), name)
-    folder = Path(own_folder if folder is None else folder)
-    context = Context(folder, log or (lambda _text: None), crease_angle, drop_bad_faces)
+    files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
+    context = Context(files, log or (lambda _text: None), crease_angle, drop_bad_faces, weighting)
     top = root.table(KEYS, ("meshes",))
     if "materials" in top:
         for key, entry in top["materials"].names().items():
@@ -106,6 +117,8 @@ def read_scene(source, folder=None, log=None, *, format=None, crease_angle=None,
     camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
     if "background" in top and top["background"].value is not None:
         settings["background"] = read_color(top["background"])
+    if "depth_cue" in top and top["depth_cue"].value is not None:
+        settings["depth_cue"] = read_depth_cue(top["depth_cue"])
     if "up" in top:
         settings["up"] = top["up"].text()
     scene = root.call(Scene, meshes, camera=camera, **settings)
@@ -137,7 +150,7 @@ def _read(source) -> tuple[str, bytes, Path]:
             data = source.read()
             return name, data.encode("utf-8", "surrogateescape") if isinstance(data, str) else bytes(data), Path(name).parent
         path = Path(os.fsdecode(source))
-        return str(path), path.read_bytes(), path.parent
+        return str(path), read_named(path), path.parent
     except FileNotFoundError:
         raise ModelError(f"{path}: no such file") from None
     except (OSError, ValueError, TypeError) as fault:
@@ -150,8 +163,13 @@ def _parse(data, format, name):
         raise ModelError(f"{name}: the file is empty")
     if format not in FORMATS:
         raise ModelError(f"{name}: unknown format {format!r} of a scene file; readable are {', '.join(FORMATS)}")
+    most = MOST_TOML if format == "toml" else MOST_JSON
+    if len(data) > most:
+        raise ModelError(f"{name}: {len(data)} bytes; a scene file in {format.upper()} may have {most}. Arrays go into .npz files")
     try:
         text = data.decode("utf-8-sig")
+        if format == "toml":
+            _check_names(text, name)
         if format == "toml":
             return _toml(name).loads(text.replace("\r\n", "\n"))
         return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse)
@@ -160,15 +178,23 @@ def _parse(data, format, name):
     except RecursionError as fault:
         raise ModelError(f"{name}: lists or tables are nested too deeply") from fault
     except ValueError as fault:  # those of json and tomllib, and too many digits
-        raise ModelError(f"{name}: is not legal {format.upper()}: {fault}") from fault
+        raise ModelError(f"{name}: is not legal {format.upper()}: {' '.join(str(fault).split())[:200]}") from fault
+
+
+def _check_names(text, name) -> None:
+    """Raise ModelError for dotted names of TOML that are so long that parsing them would take minutes."""
+    for piece in re.split(r"[\n,=\[\]{}]", text):
+        if piece.count(".") > MOST_DOTS:
+            raise ModelError(f"{name}: a name or text in TOML may have up to {MOST_DOTS} dots; given {shown(piece)}")
 
 
 def _without_duplicates(pairs) -> dict:
     """Make a table of JSON, whose keys may be there once only; of two, json itself would drop one silently."""
     table = dict(pairs)
     if len(table) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise ValueError(f"duplicate key {next(key for key in keys if keys.count(key) > 1)!r}")
+        seen = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))
+        raise ValueError(f"duplicate key {shown(twice)}")
     return table
 
 

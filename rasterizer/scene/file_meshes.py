@@ -8,13 +8,14 @@ import numpy as np
 from rasterizer.errors import ModelError
 from rasterizer.scene._check import number, shown, unit3, vector3
 from rasterizer.scene.file_parts import array_of, index_of, keeping_normals, read_material
-from rasterizer.scene.load import load
+from rasterizer.scene.gltf import MOST_COPIES
+from rasterizer.scene.load import load_file
 from rasterizer.scene.mesh import Mesh
 
 # In the order of Mesh; all but the first two may be left out.
 ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
 _FLOATS = ("vertices", "normals", "colors", "uv", "face_colors")  # of which whole numbers are as good as others
-_PLACING = ("transform", "crease_angle", "name")
+_PLACING = ("transform", "crease_angle", "weighting", "name")
 
 
 def read_meshes(entry, context) -> tuple[list[Mesh], str]:
@@ -53,11 +54,10 @@ def read_meshes(entry, context) -> tuple[list[Mesh], str]:
 def _read_model(entry, context) -> tuple[list[Mesh], str]:
     """Read a model file; its meshes get the transform, name and materials asked for. Its camera and lights aren't used."""
     table = entry.table(("file", *_PLACING, "material", "materials"), ("file",))
-    path = context.path(table["file"])
-    if path.suffix.lower() in (".json", ".toml"):
+    if table["file"].text().lower().endswith((".json", ".toml")):
         raise table["file"].fault(f"must be a model, no scene file; given {shown(table['file'].value)}")
-    settings = {"drop_bad_faces": context.drop_bad_faces, "log": context.log}
-    scene = table["file"].call(load, path, crease_angle=_crease_angle(table, context), **settings)
+    path = context.path(table["file"])
+    scene = _load_once(path, table["file"], _crease_angle(table, context), _weighting(table, context), context)
     if "material" in table and "materials" in table:
         raise entry.fault("takes material (for all) or materials (by name); given both")
     meshes = list(scene.meshes)
@@ -72,6 +72,26 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
 def _crease_angle(table, context):
     own = table["crease_angle"].value if "crease_angle" in table else None
     return own if context.crease_angle is None else context.crease_angle
+
+
+def _load_once(path, entry, crease_angle, weighting, context):
+    """Return the scene of a model file; one that is used in many places is read once, as long as its copies are not too many."""
+    key = (path, crease_angle if isinstance(crease_angle, (int, float)) else None, weighting)
+    if key in context.models:
+        scene = context.models[key]
+        context.n_copy += scene.n_face
+        if context.n_copy > MOST_COPIES:
+            raise entry.fault(f"this model has been used so often that it makes more than {MOST_COPIES} triangles", ModelError)
+        return scene
+    settings = {"drop_bad_faces": context.drop_bad_faces, "log": context.log, "files": context.files.below(path.parent)}
+    settings |= {"crease_angle": crease_angle, "weighting": weighting}
+    context.models[key] = entry.call(load_file, path, **settings)
+    return context.models[key]
+
+
+def _weighting(table, context):
+    own = table["weighting"].text() if "weighting" in table else None
+    return own if context.weighting is None else context.weighting
 
 
 def _with_named(meshes, entry, context) -> list[Mesh]:
@@ -114,13 +134,19 @@ def _read_arrays(entry, context) -> Mesh:
     needed = ("vertices", "faces") if is_inline else source
     table = entry.table((*source, *_PLACING, "material", "materials", "drop_bad_faces"), needed)
     if is_inline:
-        arrays = {key: _numbers(table[key], key) for key in ARRAYS if key in table and table[key].value is not None}
+        is_given = {key: key in table and (key in needed or table[key].value is not None) for key in ARRAYS}
+        arrays = {key: _numbers(table[key], key) for key in ARRAYS if is_given[key]}
     else:
         start = f"mesh{index_of(table['mesh'])}_"
         array_of(table["arrays"], context, f"{start}vertices"), array_of(table["arrays"], context, f"{start}faces")
         stored = context.arrays(table["arrays"])
-        arrays = {key: stored[start + key] for key in ARRAYS if start + key in stored}
+        arrays = {key: table["arrays"].call(stored.__getitem__, start + key) for key in ARRAYS if start + key in stored}
+        context.n_copy += len(arrays["faces"]) if arrays["faces"].ndim else 0
+        if context.n_copy > MOST_COPIES + stored.n_byte:
+            raise entry.fault(f"these arrays have been used for more than {MOST_COPIES} triangles beyond those stored", ModelError)
     settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
+    if (weighting := _weighting(table, context)) is not None:
+        settings["weighting"] = weighting
     if "drop_bad_faces" in table:
         settings["drop_bad_faces"] |= table["drop_bad_faces"].flag()
     if "material" in table:

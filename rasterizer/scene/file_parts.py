@@ -1,9 +1,8 @@
 """Materials, textures, lights and cameras of a scene file."""
 
 import math
-import zipfile
-import zlib
 from dataclasses import MISSING, fields, replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +10,16 @@ import numpy as np
 from rasterizer.errors import ModelError
 from rasterizer.scene import lights
 from rasterizer.scene._check import shown
+from rasterizer.scene._files import Folder
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.color import linear_rgb
+from rasterizer.scene.file_arrays import Arrays
+from rasterizer.scene.depth_cue import DepthCue, checked_cue
 from rasterizer.scene.lights import Shadow
 from rasterizer.scene.material import Material
+from rasterizer.scene.named_materials import NAMED_MATERIALS
 from rasterizer.scene.spectrum import Spectrum
-from rasterizer.scene.texture import Texture
+from rasterizer.scene.texture import Budget, Texture, read_picture
 
 LIGHTS = {
     "ambient": lights.AmbientLight,
@@ -26,7 +29,7 @@ LIGHTS = {
     "area": lights.AreaLight,
 }
 PRESETS = {"studio": lights.studio, "headlight": lights.headlight}
-COLORS = ("ambient", "diffuse", "specular", "emissive", "color")  # fields that are colours
+COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "color")  # fields that are colours
 FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
 
 # A unit vector that was computed once has n·n = 1 to 10 roundings of 2^-53: 3 of the sum, 1 of the root and 1 of the division of
@@ -34,67 +37,72 @@ FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
 _UNIT_SLACK = 10 * 2.0**-53
 
 
-# What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
-_NPZ_FAULTS = (OSError, ValueError, EOFError, TypeError, SyntaxError, KeyError, NotImplementedError, MemoryError)
-
-
 class Context:
     """Hold what all parts of one scene file share.
 
     Parameters
     ----------
-    folder : Path to which names of files are relative
+    files : Folder to which names of files are relative
     log : function of one text
-    crease_angle, drop_bad_faces : as `read_scene` takes them
+    crease_angle, drop_bad_faces, weighting : as `read_scene` takes them
     """
 
-    def __init__(self, folder, log, crease_angle=None, drop_bad_faces=False):
-        self.folder, self.log = folder, log
+    def __init__(self, files: Folder, log, crease_angle=None, drop_bad_faces=False, weighting=None):
+        self.files, self.log, self.weighting = files, log, weighting
         self.crease_angle, self.drop_bad_faces = crease_angle, drop_bad_faces
         self.materials = {}  # by the name of the file's table
+        self.models = {}  # what `load` made of files, by path and settings
+        self.n_copy = 0  # triangles that are there because meshes refer to the same ones
+        self.budget = Budget()
         self._arrays, self._textures = {}, {}
 
     def path(self, entry) -> Path:
-        """Return the path that an entry names."""
+        """Return the path that an entry names, of a file that may be read."""
         text = entry.text()
         if not text or "\0" in text:
             raise entry.fault(f"must be the name of a file; given {shown(text)}")
-        return self.folder / text
+        try:
+            return self.files.find(text)
+        except FileNotFoundError:
+            raise entry.fault(f"{shown(text)[1:-1]}: no such file", ModelError) from None
+        except (OSError, ValueError) as fault:
+            reason = getattr(fault, "strerror", None) or fault
+            raise entry.fault(f"{shown(text)[1:-1]}: can't be read ({reason})", ModelError) from fault
 
-    def arrays(self, entry) -> dict[str, np.ndarray]:
+    def read(self, path, entry) -> BytesIO:
+        """Return what a file holds whose path `path` has returned."""
+        try:
+            return BytesIO(self.files.read_bytes(path))
+        except (OSError, ValueError) as fault:
+            raise entry.fault(f"{path}: can't be read ({getattr(fault, 'strerror', None) or fault})", ModelError) from fault
+
+    def arrays(self, entry) -> Arrays:
         """Return the arrays of a .npz file, read once."""
         path = self.path(entry)
         if path not in self._arrays:
-            self._arrays[path] = _read_npz(path, entry)
+            self._arrays[path] = entry.call(Arrays, self.read(path, entry), str(path))
         return self._arrays[path]
 
     def texture(self, path, entry, **settings) -> Texture:
         """Return the texture of a picture file; the same for the same settings."""
         key = (path, *settings.items())
         if key not in self._textures:
-            self._textures[key] = entry.call(Texture, path, **settings)
+            pixels = entry.call(read_picture, self.read(path, entry), str(path), self.budget)
+            self.take(pixels, entry)
+            self._textures[key] = entry.call(Texture, pixels, name=str(path), **settings)
         return self._textures[key]
 
-
-def _read_npz(path, entry) -> dict[str, np.ndarray]:
-    """Read a file of arrays; no object in it is ever made."""
-    try:
-        with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as content:
-            if not hasattr(content, "files"):
-                raise ValueError("it holds one array, no table of them")
-            return {name: content[name] for name in content.files}
-    except FileNotFoundError:
-        raise entry.fault(f"{path}: no such file", ModelError) from None
-    except (*_NPZ_FAULTS, zipfile.BadZipFile, zlib.error) as fault:
-        raise entry.fault(f"{path}: can't be read as .npz ({fault})", ModelError) from fault
+    def take(self, image, entry) -> None:
+        """Count a texture that is made of an image (h, w, ..)."""
+        entry.call(self.budget.take, math.prod(np.shape(image)[:2]), "a texture")
 
 
 def array_of(entry, context, key) -> np.ndarray:
     """Return an array of a .npz file by its name there."""
     arrays = context.arrays(entry)
     if key not in arrays:
-        raise entry.fault(f"{entry.value} has no array {key!r}; it has {', '.join(arrays) or 'none'}", ModelError)
-    return arrays[key]
+        raise entry.fault(f"{entry.value} has no array {key!r}; it has {shown(', '.join(arrays))[1:-1] or 'none'}", ModelError)
+    return entry.call(arrays.__getitem__, key)
 
 
 def index_of(entry) -> int:
@@ -120,8 +128,17 @@ def read_color(entry):
     return entry.call(linear_rgb, color_value(entry), "the color")
 
 
+def read_depth_cue(entry) -> DepthCue:
+    """Read a depth cue: its scale, or a table of its fields."""
+    if not isinstance(entry.value, dict):
+        return entry.call(checked_cue, entry.value)
+    table = entry.table([field.name for field in fields(DepthCue)], ("scale",))
+    settings = {key: color_value(field) if key in COLORS else field.value for key, field in table.items()}
+    return entry.call(DepthCue, **settings)
+
+
 def read_material(entry, context, name="") -> Material:
-    """Read a material: a table, or the name of one of the file's materials.
+    """Read a material: a table, the name of one of the file's materials, or else of one of the classic table's.
 
     Parameters
     ----------
@@ -136,9 +153,12 @@ def read_material(entry, context, name="") -> Material:
     """
     if isinstance(entry.value, str) and entry.value in context.materials:
         return context.materials[entry.value]
+    if isinstance(entry.value, str) and entry.value in NAMED_MATERIALS:
+        return Material.named(entry.value)
     if not isinstance(entry.value, dict):
         known = ", ".join(context.materials) or "none"
-        raise entry.fault(f"must be a table, or the name of one of the file's materials ({known}); given {shown(entry.value)}")
+        legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({', '.join(NAMED_MATERIALS)})"
+        raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
     settings = {"name": name}
     for key, field in entry.table([field.name for field in fields(Material)]).items():
         if key == "texture" and field.value is not None:
@@ -153,11 +173,10 @@ def _read_texture(entry, context) -> Texture:
     if not isinstance(entry.value, dict):
         return context.texture(context.path(entry), entry)
     table = entry.table(("file", "arrays", "texture", "filter", "wrap", "name"))
-    settings = {key: table[key].value for key in ("filter", "wrap") if key in table}
-    if isinstance(settings.get("wrap"), list):
-        settings["wrap"] = tuple(settings["wrap"])
-    elif "wrap" in settings:
-        settings["wrap"] = table["wrap"].text()
+    settings = {"filter": table["filter"].text()} if "filter" in table else {}
+    if "wrap" in table:
+        is_pair = isinstance(table["wrap"].value, list)
+        settings["wrap"] = tuple(item.text() for item in table["wrap"].items()) if is_pair else table["wrap"].text()
     if ("file" in table) == ("arrays" in table):
         raise entry.fault("a texture needs either file, or arrays and texture")
     if "file" in table:
@@ -166,6 +185,7 @@ def _read_texture(entry, context) -> Texture:
         raise entry.fault("texture is missing: the number of the texture in arrays")
     else:
         image = array_of(table["arrays"], context, f"texture{index_of(table['texture'])}")
+        context.take(image, entry)
         texture = entry.call(Texture, image, **settings)
     return replace(texture, name=table["name"].text()) if "name" in table else texture
 
@@ -243,7 +263,7 @@ def keeping_units(made, given, names):
     """Give fields of what was made back the unit vectors that were given; to normalise one again moves it by a rounding."""
     for name in names:
         vector = given.get(name)
-        if isinstance(vector, list) and hasattr(made, name) and abs(math.fsum(x * x for x in vector) - 1.0) <= _UNIT_SLACK:
+        if isinstance(vector, list) and hasattr(made, name) and abs(math.fsum(float(x) ** 2 for x in vector) - 1.0) <= _UNIT_SLACK:
             object.__setattr__(made, name, tuple(map(float, vector)))
     return made
 

@@ -1,40 +1,30 @@
-"""Read GLB and glTF through trimesh, but keep coefficients and colours, which it rounds to 8 bits or drops.
+"""Read GLB and glTF: triangles, and with them materials, lights and cameras, which other modules take from the same JSON tree.
 
-The JSON tree is read first. Vertex colours and texture coordinates are renamed to custom attributes, which
-trimesh hands on as they are; materials, lights and cameras are taken from the tree: `gltf_material`, `gltf_scene`.
+    bytes ─ tree ─ primitives ─ parts ─ placed by their nodes
+                   buffers      each as often as nodes show it
+
+Nothing of a file is followed before it has been checked: see `gltf_arrays`. Parts share their arrays; a file may ask for up to
+`MOST_COPIES` triangles more than it holds.
 Format: Khronos, glTF 2.0 Specification, 2021.
 """
 
 import json
 import struct
-from urllib.parse import unquote
 
 import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene.gltf_arrays import Buffers, item
 from rasterizer.scene.gltf_material import Paint, Pictures, linear_values, read_paint, uv_from_gltf
-from rasterizer.scene.gltf_scene import read_lights_and_camera
+from rasterizer.scene.gltf_scene import read_lights_and_camera, world_matrices
 from rasterizer.scene.material import Material
-from rasterizer.scene.parse import Contents, ModelFile, Part, part_from, run_trimesh, triangle_meshes
+from rasterizer.scene.parse import Contents, ModelFile, Part
 
+MOST_COPIES = 2**23  # triangles that are there because nodes or primitives refer to the same ones: some 2 GB
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
-_READ_MODES = (0, 1, 4, 5)  # points, lines, triangles, strips: what becomes a geometry in trimesh
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
-
-
-class FolderFiles:
-    """The files beside a model, by the names that the model gives them."""
-
-    def __init__(self, model: ModelFile):
-        self.model = model
-
-    def __getitem__(self, name):
-        if self.model.folder is None:
-            raise self.model.error(f"needs the file '{name}', but was given without a folder")
-        try:
-            return (self.model.folder / unquote(name)).read_bytes()
-        except (OSError, ValueError) as fault:
-            raise self.model.error(f"needs the file '{name}', which can't be read ({fault})") from fault
+_SPARSE_USE = 4  # times as many vertices as corners: then only those in use are taken out
 
 
 def read_gltf(model: ModelFile) -> Contents:
@@ -55,29 +45,65 @@ def read_gltf(model: ModelFile) -> Contents:
     """
     tree, tail = _read_tree(model)
     try:
-        _check_tree(model, tree)
+        for extension in _UNREADABLE:
+            if extension in tree.get("extensionsRequired", []):
+                raise model.error(f"compressed with {extension}, which can't be read")
         lights, camera = read_lights_and_camera(model, tree)
-        pictures = Pictures(model, tree, tail, FolderFiles(model))
-        primitives = [primitive for mesh in tree.get("meshes", []) for primitive in mesh["primitives"]]
-        used = {primitive.get("material") for primitive in primitives}
+        buffers = Buffers(model, tree, tail)
+        shown = _shown_meshes(tree)
+        _check_copies(model, tree, shown)
+        primitives = {number: item(tree, "meshes", number)["primitives"] for number, _ in shown}
+        used = {primitive.get("material") for each in primitives.values() for primitive in each}
+        pictures = Pictures(buffers)
         paints = [
             read_paint(source, pictures) if number in used else Paint(Material())
             for number, source in enumerate(tree.get("materials", []))
         ]
-        primitives = _set_aside(tree, primitives, paints)
+        parts = _make_parts(tree, primitives, buffers, paints)
     except ModelError:
         raise
-    except (TypeError, AttributeError, LookupError, ValueError, OverflowError, SceneError) as fault:
-        raise model.error(f"not a readable glTF file ({type(fault).__name__}: {fault})") from fault
-    scene = run_trimesh(model, _write_tree(model, tree, tail), FolderFiles(model))
-    if len(primitives) != len(scene.geometry):
-        raise model.error("not a readable glTF file (another number of meshes than its tree says)")
-    by_name = dict(zip(scene.geometry, primitives, strict=True))
-    parts = {}
-    for name, mesh in triangle_meshes(scene).items():
-        number = by_name[name].get("material")
-        parts[name] = _part(mesh, name, _paint_of(by_name[name], paints), number is not None)
-    return Contents(_instances(scene, parts), lights, camera)
+    except (TypeError, AttributeError, LookupError, ValueError, ArithmeticError, SceneError) as fault:
+        reason = f"{type(fault).__name__}: {' '.join(str(fault).split())[:200]}"
+        raise model.error(f"not a readable {'GLB' if model.format == 'glb' else 'glTF'} file ({reason})") from fault
+    return Contents([(part, matrix) for number, matrix in shown for part in parts[number]], lights, camera)
+
+
+def _shown_meshes(tree) -> list[tuple[int, np.ndarray]]:
+    """Return the numbers of the meshes that nodes show, and their places, in the order of the meshes."""
+    places = sorted(world_matrices(tree).items(), key=lambda place: place[0])
+    found = [(item(tree, "nodes", number)["mesh"], matrix) for number, matrix in places if "mesh" in tree["nodes"][number]]
+    for number, _ in found:
+        item(tree, "meshes", number)
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _check_copies(model, tree, shown) -> None:
+    """Raise ModelError where nodes and primitives repeat more triangles than may be made."""
+    accessors, wanted = {}, {}
+    for number in {number for number, _ in shown}:
+        wanted[number] = 0
+        for primitive in item(tree, "meshes", number)["primitives"]:
+            source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
+            accessors[source] = item(tree, "accessors", source)["count"]
+            wanted[number] += accessors[source] // (3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else 1)
+    asked, held = sum(wanted[number] for number, _ in shown), sum(accessors.values())
+    if asked > held + MOST_COPIES:
+        raise model.error(f"its nodes and primitives ask for {asked} triangles, more than {MOST_COPIES} of them copies: too many")
+
+
+def _make_parts(tree, primitives, buffers, paints) -> dict[int, list[Part]]:
+    """Return the parts of each mesh by its number, one a primitive of triangles; each gets a name of its own."""
+    parts, names = {}, {}
+    for number in sorted(primitives):
+        parts[number] = []
+        name = str(item(tree, "meshes", number).get("name", "GLTF"))
+        for primitive in primitives[number]:
+            if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
+                names[name] = names.get(name, -1) + 1
+                own = f"{name}_{names[name]}" if names[name] else name
+                part = _part(primitive, buffers, _paint_of(primitive, paints), own)
+                parts[number] += [part] if len(part["faces"]) else []
+    return parts
 
 
 def _paint_of(primitive, paints) -> Paint:
@@ -105,74 +131,46 @@ def _read_tree(model):
     return tree, tail
 
 
-def _write_tree(model, tree, tail):
-    """Return the file with a changed tree."""
-    text = json.dumps(tree).encode()
-    if model.format != "glb":
-        return text
-    text += b" " * (-len(text) % 4)
-    return struct.pack("<5I", _GLB_MAGIC, 2, 20 + len(text) + len(tail), len(text), _JSON_CHUNK) + text + tail
-
-
-def _check_tree(model, tree):
-    """Raise for what trimesh would silently replace by zeros."""
-    for extension in _UNREADABLE:
-        if extension in tree.get("extensionsRequired", []):
-            raise model.error(f"compressed with {extension}, which can't be read")
-    primitives = [primitive for mesh in tree.get("meshes", []) for primitive in mesh["primitives"]]
-    used = {number for primitive in primitives for number in primitive["attributes"].values()}
-    used |= {primitive.get("indices") for primitive in primitives}
-    for number, accessor in enumerate(tree.get("accessors", [])):
-        if number in used and ("sparse" in accessor or "bufferView" not in accessor):
-            raise model.error(f"accessor {number} is sparse or has no data, which can't be read")
-        if "bufferView" not in accessor:
-            accessor["count"] = 0  # of a morph target or an animation; trimesh would make room for it
-
-
-def _set_aside(tree, primitives, paints) -> list[dict]:
-    """Take out of the tree what is read here, or what trimesh would convert; return the primitives that become geometries.
-
-    Vertex colours get a name of their own, as do the texture coordinates that the primitive's texture uses.
-    """
-    for primitive in primitives:
-        attributes = primitive["attributes"]
-        wanted = f"TEXCOORD_{_paint_of(primitive, paints).uv_set}"
-        for name in [name for name in attributes if name.startswith(("COLOR_", "TEXCOORD_"))]:
-            number = attributes.pop(name)
-            if name in ("COLOR_0", wanted):
-                attributes["_color" if name == "COLOR_0" else "_uv"] = number
-        primitive.pop("extensions", None)
-    kept = [dict(primitive) for primitive in primitives if primitive.get("mode", 4) in _READ_MODES]
-    for primitive in primitives:
-        primitive.pop("material", None)
-    for key in ("materials", "images", "textures", "samplers", "cameras"):
-        tree.pop(key, None)
-    for node in tree.get("nodes", []):
-        node.pop("camera", None)  # trimesh would leave out all below it
-    return kept
-
-
-def _part(mesh, name, paint, has_material) -> Part:
+def _part(primitive, buffers, paint, name) -> Part:
     """Turn one primitive into a part; its vertex colours multiply its base colour."""
-    colors = mesh.vertex_attributes.get("_color")
-    part = part_from(mesh, name)
+    attributes = primitive["attributes"]
+    vertices = buffers.array(attributes["POSITION"])
+    n_vertex = len(vertices)
+    corners = buffers.array(primitive["indices"]) if "indices" in primitive else np.arange(n_vertex)
+    if corners.dtype.kind not in "iu" or corners.size != len(corners):
+        raise ValueError("indices must be whole numbers, one a row")
+    faces = _faces(corners.reshape(-1).astype(np.int64), primitive.get("mode", _TRIANGLES))
+    wanted = {"normals": "NORMAL", "uv": f"TEXCOORD_{paint.uv_set}", "colors": "COLOR_0"}
+    found = {key: buffers.array(attributes[source]) for key, source in wanted.items() if source in attributes}
+    arrays = {"vertices": vertices} | {key: array for key, array in found.items() if len(array) == n_vertex}
+    if n_vertex > _SPARSE_USE * faces.size > 0 and faces.max() < n_vertex:
+        used, faces = np.unique(faces, return_inverse=True)
+        faces = faces.reshape(-1, 3)
+        arrays = {key: array[used] for key, array in arrays.items()}
+    part = {"vertices": _real(arrays["vertices"], attributes["POSITION"], buffers), "faces": faces, "name": name}
     part["material"] = paint.material
-    part.pop("uv", None)
-    uv = mesh.vertex_attributes.get("_uv")
-    if np.shape(uv) == (len(mesh.vertices), 2):
-        part["uv"] = uv_from_gltf(uv, paint.uv_matrix)
-    if np.shape(colors) in ((len(mesh.vertices), 3), (len(mesh.vertices), 4)):
-        part["colors"] = linear_values(colors)
-        part["material"] = paint.material if has_material else Material(diffuse=1.0)
+    if np.shape(arrays.get("normals"))[1:] == (3,):
+        part["normals"] = _real(arrays["normals"], attributes["NORMAL"], buffers)
+    if np.shape(arrays.get("uv"))[1:] == (2,):
+        part["uv"] = uv_from_gltf(arrays["uv"], paint.uv_matrix)
+    if np.shape(arrays.get("colors"))[1:] in ((3,), (4,)):
+        part["colors"] = linear_values(arrays["colors"])
+        part["material"] = paint.material if primitive.get("material") is not None else Material(diffuse=1.0)
     return part
 
 
-def _instances(scene, parts) -> list[tuple[Part, np.ndarray]]:
-    """Place every part once for each node that shows it."""
-    placed = []
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        if name in parts:
-            placed.append((parts[name], np.asarray(matrix, np.float64)))
-    order = {name: number for number, name in enumerate(parts)}
-    return sorted(placed, key=lambda pair: order[pair[0]["name"]])
+def _real(rows, number, buffers) -> np.ndarray:
+    """Return rows of an accessor as float64; integers that are meant as fractions become such."""
+    is_fraction = item(buffers.tree, "accessors", number).get("normalized") is True
+    return linear_values(rows) if is_fraction else rows.astype(np.float64)
+
+
+def _faces(corners, mode) -> np.ndarray:
+    """Return the triangles (n, 3) of a list of corners, of a strip or of a fan."""
+    if mode == _TRIANGLES:
+        return corners.reshape(-1, 3)
+    if mode == _FAN:
+        return np.stack([np.broadcast_to(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
+    faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)
+    faces[1::2] = faces[1::2, ::-1]  # every other triangle of a strip is turned round
+    return faces

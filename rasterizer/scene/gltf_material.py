@@ -13,25 +13,20 @@ Metallic and roughness have no counterpart in this package's equation and are le
 Format: Khronos, glTF 2.0 Specification, 2021, 3.8 and 3.9; KHR_texture_transform.
 """
 
-import base64
-import binascii
 import math
-import struct
 import warnings
 from io import BytesIO
 from typing import NamedTuple
-from urllib.parse import unquote_to_bytes
 
 import numpy as np
 
 from rasterizer.errors import ModelError
+from rasterizer.scene.gltf_arrays import Buffers, item
 from rasterizer.scene.material import Material
-from rasterizer.scene.parse import ModelFile
-from rasterizer.scene.texture import Texture, read_picture
+from rasterizer.scene.texture import Budget, Texture, read_picture
 
 _NEAREST, _LINEAR = 9728, 9729
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_BIN_CHUNK = 0x004E4942
 
 
 class Paint(NamedTuple):
@@ -47,15 +42,12 @@ class Pictures:
 
     Parameters
     ----------
-    model : ModelFile
-    tree : dict, the file's JSON tree
-    tail : bytes, what follows the tree in a GLB file
-    files : mapping from the name of a file beside the model to its bytes; ModelError where it is missing
+    buffers : Buffers of the file
     """
 
-    def __init__(self, model: ModelFile, tree: dict, tail: bytes, files):
-        self.model, self.tree, self.tail, self.files = model, tree, tail, files
-        self._pixels, self._textures = {}, {}
+    def __init__(self, buffers: Buffers):
+        self.model, self.tree, self._buffers = buffers.model, buffers.tree, buffers
+        self._pixels, self._textures, self._budget = {}, {}, Budget()
 
     def texture(self, number: int, alpha_mode: str, alpha: float, cutoff: float) -> Texture | None:
         """Return a texture for a material's alphaMode and the alpha of its factor; None, and a UserWarning, if it is missing."""
@@ -66,13 +58,14 @@ class Pictures:
 
     def _make(self, number, alpha_mode, alpha, cutoff) -> Texture | None:
         """Make a texture; where alpha decides, it does so before mipmaps are made."""
-        source = _item(self.tree, "textures", number)
+        source = item(self.tree, "textures", number)
         extensions = source.get("extensions", {}).values()
         image = next((each["source"] for each in extensions if "source" in each), source.get("source"))
         pixels = self._read(image)
         if pixels is None:
             return None
-        sampler = _item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
+        sampler = item(self.tree, "samplers", source["sampler"]) if "sampler" in source else {}
+        self._budget.take(math.prod(pixels.shape[:2]), f"{self.model.name}: texture '{self._label(image)}'")
         texture = Texture(pixels, filter=_filter(sampler), wrap=_wrap(sampler), name=self._label(image))
         if alpha_mode == "BLEND":
             return texture
@@ -82,9 +75,9 @@ class Pictures:
 
     def _label(self, number) -> str:
         """What an image is called in reports."""
-        image = _item(self.tree, "images", number)
-        uri = image.get("uri", "")
-        return str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {number}"))
+        image = item(self.tree, "images", number)
+        uri = str(image.get("uri", ""))
+        return str(image.get("name") or (uri if uri and not uri.startswith("data:") else f"image {number}"))[:80]
 
     def _read(self, number) -> np.ndarray | None:
         """Return the pixels of an image, read at most once; None, and a warning, where that fails."""
@@ -92,8 +85,8 @@ class Pictures:
             try:
                 if number is None:
                     raise self.model.error("the texture has no image")
-                self._pixels[number] = read_picture(BytesIO(self._bytes(number)), f"image {number}")
-            except (ModelError, struct.error, binascii.Error) as fault:
+                self._pixels[number] = read_picture(BytesIO(self._bytes(number)), f"image {number}", self._budget)
+            except (ModelError, LookupError, TypeError, ValueError) as fault:
                 reason = str(fault).removeprefix(f"{self.model.name}: ")
                 what = "a texture" if number is None else f"texture '{self._label(number)}'"
                 warnings.warn(
@@ -104,26 +97,8 @@ class Pictures:
 
     def _bytes(self, number) -> bytes:
         """Return the file that an image is: part of a buffer, written into the tree, or beside the model."""
-        image = _item(self.tree, "images", number)
-        if "bufferView" in image:
-            view = _item(self.tree, "bufferViews", image["bufferView"])
-            buffer = _item(self.tree, "buffers", view["buffer"])
-            data = self._uri(buffer["uri"]) if "uri" in buffer else self._chunk()
-            begin = view.get("byteOffset", 0)
-            return data[begin : begin + view["byteLength"]]
-        return self._uri(image["uri"])
-
-    def _uri(self, uri) -> bytes:
-        """Return what a URI holds or names."""
-        if not uri.startswith("data:"):
-            return bytes(self.files[uri])
-        head, _, body = uri.partition(",")
-        return base64.b64decode(body) if head.endswith(";base64") else unquote_to_bytes(body)
-
-    def _chunk(self) -> bytes:
-        """Return the binary chunk of a GLB file."""
-        length, kind = struct.unpack_from("<2I", self.tail)
-        return self.tail[8 : 8 + length] if kind == _BIN_CHUNK else b""
+        image = item(self.tree, "images", number)
+        return bytes(self._buffers.view(image["bufferView"])) if "bufferView" in image else self._buffers.uri(image["uri"])
 
 
 def read_paint(source: dict, pictures: Pictures) -> Paint:
@@ -198,7 +173,7 @@ def linear_values(values) -> np.ndarray:
     """Return the values of an accessor as float64; integers are normalised."""
     values = np.asarray(values)
     scale = np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0
-    return values.astype(np.float64) / scale
+    return np.maximum(values.astype(np.float64) / scale, -1.0) if values.dtype.kind == "i" else values.astype(np.float64) / scale
 
 
 def _filter(sampler) -> str:
@@ -212,11 +187,3 @@ def _filter(sampler) -> str:
 def _wrap(sampler) -> tuple[str, str]:
     """Return what lies outside a texture, for u and v."""
     return _WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]
-
-
-def _item(tree, key, number) -> dict:
-    """Return an item of one of the tree's lists; a LookupError that names it where it is none."""
-    items = tree.get(key, [])
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number < len(items):
-        raise IndexError(f"{key} has no number {number!r}")
-    return items[number]

@@ -18,6 +18,7 @@ import numpy as np
 
 from rasterizer.errors import SceneError
 from rasterizer.scene.camera import Camera
+from rasterizer.scene.gltf_arrays import item
 from rasterizer.scene.lights import DirectionalLight, PointLight, SpotLight
 from rasterizer.scene.parse import ModelFile
 
@@ -54,15 +55,17 @@ def read_lights_and_camera(model: ModelFile, tree: dict) -> tuple[tuple | None, 
 
 def world_matrices(tree: dict) -> dict[int, np.ndarray]:
     """Return world-from-node matrices (4, 4) float64 by the numbers of the nodes that the file's scene shows."""
-    nodes, scenes = tree.get("nodes", []), tree.get("scenes", [])
-    roots = scenes[tree.get("scene", 0)].get("nodes", []) if scenes else []
+    scenes = tree.get("scenes", [])
+    roots = item(tree, "scenes", tree.get("scene", 0)).get("nodes", []) if scenes else []
     found, open_nodes = {}, [(number, np.eye(4)) for number in roots]
     while open_nodes:
         number, parent = open_nodes.pop()
+        node = item(tree, "nodes", number)
         if number in found:  # not legal; the first place counts
             continue
-        found[number] = parent @ _own_matrix(nodes[number])
-        open_nodes += [(child, found[number]) for child in nodes[number].get("children", [])]
+        with np.errstate(all="ignore"):  # what is not finite is refused where something stands there
+            found[number] = parent @ _own_matrix(node)
+        open_nodes += [(child, found[number]) for child in node.get("children", [])]
     return found
 
 

@@ -10,12 +10,14 @@ In: a path, bytes, an open file, or a mesh. Out: a Scene.
 import importlib.util
 import os
 import warnings
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from rasterizer.errors import ModelError, SceneError
+from rasterizer.errors import ModelError, RasterizerError, SceneError, internal_error
+from rasterizer.scene._files import Folder, read_named
 from rasterizer.scene.gltf import read_gltf
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.obj import read_obj
@@ -50,8 +52,12 @@ def load(
     lights=None,
     camera=None,
     background=None,
+    depth_cue=None,
+    weighting=None,
     drop_bad_faces=False,
     log=None,
+    allow_outside=False,
+    files_read=None,
 ):
     """Load a model into a scene: its meshes, with studio lights and a framed camera unless others are given, here or in the
     file.
@@ -68,8 +74,13 @@ def load(
     lights : sequence of lights; None = those of the file (GLB and glTF may have some), else studio lights
     camera : Camera; None = the first of the file, else framed when the picture is made
     background : colour; None = transparent
+    depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
+    weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None = "angle", or as
+        a scene file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
     log : function of one text, called with facts about the file; None = nobody wants them
+    allow_outside : bool, read also files outside the folder of the file that names them: textures, buffers, parts of a scene
+    files_read : list that gets the paths (text) of all other files that were read; None = nobody wants them
 
     Returns
     -------
@@ -88,15 +99,39 @@ def load(
     from rasterizer.scene.file import is_scene_file, read_scene  # which loads models in turn
 
     log = log or _keep_quiet
-    settings = {"lights": lights, "camera": camera, "background": background, "up": up}
+    settings = {"lights": lights, "camera": camera, "background": background, "depth_cue": depth_cue, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
     if isinstance(source, Scene):
-        return _with_changes(source, settings, crease_angle)
+        return _with_changes(source, settings, crease_angle, weighting)
     if is_scene_file(source, format):
-        read = read_scene(source, log=log, format=format, crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
-        return _with_changes(read.framed_scene(), settings, None)
-    if _is_file(source):
-        model = _open(source, format, log)
+        options = {"crease_angle": crease_angle, "weighting": weighting, "drop_bad_faces": drop_bad_faces}
+        with one_file(_name_of(source)):
+            read = read_scene(source, log=log, format=format, allow_outside=allow_outside, files_read=files_read, **options)
+            return _with_changes(read.framed_scene(), settings, None)
+    if not _is_file(source):
+        return _with_changes(Scene(_take_meshes(source, crease_angle, drop_bad_faces), **settings), {}, None, weighting)
+    files = None
+    if isinstance(source, (str, os.PathLike)):
+        files = Folder(Path(os.fsdecode(source)).parent, None, allow_outside, files_read)
+    return load_file(source, format, crease_angle, weighting, drop_bad_faces, log, files, settings)
+
+
+def load_file(
+    source, format=None, crease_angle=None, weighting=None, drop_bad_faces=False, log=None, files=None, settings=None
+) -> Scene:
+    """Load a model file, no scene file.
+
+    Parameters
+    ----------
+    source, format, crease_angle, weighting, drop_bad_faces, log : as `load` takes them
+    files : Folder, which other files may be read; None = by the rules of `_files`
+    settings : dict of arguments of Scene
+
+    Returns and raises what `load` does.
+    """
+    settings = dict(settings or {})
+    with one_file(_name_of(source)):
+        model = _open(source, format, log or _keep_quiet)._replace(files=files)
         settings.setdefault("up", _UP_AXES.get(model.format, "y"))
         contents = _READERS[model.format](model)
         contents = contents if isinstance(contents, Contents) else Contents(contents)
@@ -104,19 +139,40 @@ def load(
         for key in ("lights", "camera"):
             if getattr(contents, key) is not None:
                 settings.setdefault(key, getattr(contents, key))
-    else:
-        meshes = _take_meshes(source, crease_angle, drop_bad_faces)
-    return Scene(meshes, **settings)
+        return _with_changes(Scene(meshes, **settings), {}, None, weighting)
+
+
+@contextmanager
+def one_file(name):
+    """Turn what gets out of reading one file, and is no error of ours, into a ModelError that names the file."""
+    try:
+        yield
+    except (RasterizerError, Warning):  # a caller may have made errors of warnings
+        raise
+    except MemoryError as fault:
+        raise ModelError(f"{name}: needs more memory than there is") from fault
+    except RecursionError as fault:
+        raise ModelError(f"{name}: is nested too deeply") from fault
+    except Exception as fault:  # a fault of this package, which must not stop a program that reads many files
+        raise internal_error(name, fault) from fault
+
+
+def _name_of(source) -> str:
+    """What messages call a file."""
+    label = getattr(source, "name", "model") if hasattr(source, "read") else source
+    return os.fsdecode(label) if isinstance(label, (str, os.PathLike)) and label else "model"
 
 
 def _keep_quiet(_text):
     """Take a fact that nobody wants."""
 
 
-def _with_changes(scene, settings, crease_angle):
+def _with_changes(scene, settings, crease_angle, weighting=None):
     """Return a scene with other settings."""
-    if crease_angle is not None:
-        settings["meshes"] = tuple(replace(mesh, crease_angle=crease_angle) for mesh in scene.meshes)
+    own = {"crease_angle": crease_angle, "weighting": weighting}
+    own = {key: value for key, value in own.items() if value is not None}
+    if own:
+        settings["meshes"] = tuple(replace(mesh, **own) for mesh in scene.meshes)
     return replace(scene, **settings) if settings else scene
 
 
@@ -165,7 +221,7 @@ def _read_stream(stream):
 def _read_path(path) -> bytes:
     """Return the bytes of a file."""
     try:
-        return path.read_bytes()
+        return read_named(path)
     except FileNotFoundError:
         raise ModelError(f"{path}: no such file") from None
     except IsADirectoryError:

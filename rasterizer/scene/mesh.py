@@ -13,13 +13,15 @@ import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene import _arrays
-from rasterizer.scene._check import number, shown
+from rasterizer.scene._check import choice, number, shown
 from rasterizer.scene.material import Material
+
+WEIGHTINGS = ("angle", "area", "uniform")  # those of the kernels in _fans.py, which a Mesh doesn't load; a test holds that
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
-    """Hold a triangle mesh; polygons with more corners are cut into fans round their first vertex.
+    """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see `polygons.py`.
 
     Parameters
     ----------
@@ -43,6 +45,9 @@ class Mesh:
         their borders
     face_material : (n_face,) integers, index into `materials`, one a triangle, or a polygon as given; stored int32. Needed where
         `materials` are given, and only there
+    weighting : "angle", "area" or "uniform": what the normals of the faces round a vertex count by where they are averaged: the
+        angle of the face's corner (Thürmer & Wüthrich 1998: doesn't depend on how a flat polygon is cut), the face's area,
+        or all alike (Gouraud 1971). Without effect where the normals given are used
     name : text, for reports
     drop_bad_faces : whether to drop the faces that use vertices whose coordinates are not finite, instead of
         raising an error. Those vertices are then moved onto the first good one, and normals that are not
@@ -53,6 +58,10 @@ class Mesh:
     ModelError : shapes and dtypes that don't fit, indices out of range, values that are not finite, no
         vertices, no faces, no face that has an area
     SceneError : a material or crease angle that is not legal
+
+    Warns
+    -----
+    UserWarning : polygons that cross themselves
     """
 
     vertices: np.ndarray
@@ -68,18 +77,20 @@ class Mesh:
     smoothing: np.ndarray | None = None
     materials: tuple[Material, ...] | None = None
     face_material: np.ndarray | None = None
+    weighting: str = "angle"
     name: str = ""
     drop_bad_faces: bool = False
 
     def __post_init__(self):
         store = partial(object.__setattr__, self)
         store("crease_angle", _checked_crease_angle(self.crease_angle))
+        choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
         store("materials", _checked_materials(self.material, self.materials))
         store("material", self.palette[0])
         if not isinstance(self.name, str):
             raise ModelError(f"a mesh's name must be text; given {shown(self.name)}")
         vertices = _arrays.checked_vertices(self.vertices)
-        faces, polygons = _arrays.triangulate(self.faces, len(vertices))
+        faces, polygons = _arrays.triangulate(self.faces, vertices)
         is_cut = polygons is not None
         if self.polygons is not None:
             if is_cut:
@@ -91,6 +102,9 @@ class Mesh:
         _check_polygon_materials(polygons, attributes["face_material"])
         if self.uv is None and any(material.texture is not None for material in self.palette):
             raise ModelError("a mesh with a texture needs texture coordinates, uv")
+        if self.uv is None and any(material.needs_uv for material in self.palette):
+            what = "a mesh brushed along u (two numbers of roughness, tangent='u')"
+            raise ModelError(f"{what} needs texture coordinates, uv; or give the material's tangent as an axis")
         vertices, keep = _arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
         if keep is not None:
             polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons

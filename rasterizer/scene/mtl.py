@@ -17,8 +17,7 @@ How a file's values become a `Material`; coefficients are linear, one number sta
     -clamp   on: "clamp", else "repeat"; the other options and maps are not applied: reported
 
 A picture that is missing or unreadable is warned of, and the material keeps its plain colour. Names of files are relative to
-the MTL file; a backslash counts as a slash, capitals need not agree where no other file has the name, and of a path that isn't
-there the last part is looked for. With illum 0 a texture needs light all the same.
+the MTL file; which of them are read is said in `_files`. With illum 0 a texture needs light all the same.
 
 Format: Wavefront, MTL specification 4.2, 1995.
 """
@@ -27,14 +26,16 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene._files import OutsideError
 from rasterizer.scene.material import Material
 from rasterizer.scene.parse import ModelFile, text_of
-from rasterizer.scene.texture import Texture, read_picture
+from rasterizer.scene.texture import Budget, Texture, read_picture
 
 _COLORS = ("ka", "kd", "ks", "ke")
 _NUMBERS = ("ns", "d", "tr", "illum")
@@ -181,6 +182,7 @@ class Maps:
     log: Callable[[str], None]
     _pictures: dict[Path, np.ndarray | None] = field(default_factory=dict)
     _textures: dict[tuple, Texture | None] = field(default_factory=dict)
+    _budget: Budget = field(default_factory=Budget)
 
     def texture(self, library, material, color, alpha) -> Texture | None:
         """Return the texture of a material, or None where it has none that can be read.
@@ -215,15 +217,15 @@ class Maps:
             return None
         what = f"{library.name}: texture '{given[0]}' of material '{material}'"
         try:
-            path = library.folder and file_beside(library.folder, given[0])
-        except (OSError, ValueError):  # a name that the system refuses
-            path = None
-        if path is None:
-            warnings.warn(f"{what} not found; the material keeps its plain colour", stacklevel=2)
+            path = library.beside.find_alike(given[0])
+            content = None if path in self._pictures else library.beside.read_bytes(path)
+        except (OSError, ValueError) as fault:  # also a name that the system refuses
+            reason = fault if isinstance(fault, OutsideError) else "not found"
+            warnings.warn(f"{what} {reason}; the material keeps its plain colour", stacklevel=2)
             return None
         if path not in self._pictures:
             try:
-                self._pictures[path] = read_picture(path, str(path))
+                self._pictures[path] = read_picture(BytesIO(content), str(path), self._budget)
             except ModelError as fault:
                 self._pictures[path] = None
                 warnings.warn(f"{what}: {fault}; the material keeps its plain colour", stacklevel=2)
@@ -231,6 +233,8 @@ class Maps:
 
     def _make(self, library, material, color_path, alpha_path, wrap) -> Texture:
         """Make the texture of one or two pictures that have been read."""
+        first = alpha_path if color_path is None else color_path
+        self._budget.take(math.prod(self._pictures[first].shape[:2]), f"{library.name}: texture '{first.name}'")
         if color_path is None:
             grey = _grey(self._pictures[alpha_path])
             image = np.ones((*grey.shape, 4), np.float32)
@@ -259,35 +263,3 @@ def _grey(picture) -> np.ndarray:
     """The values of a picture (h, w) float32 within 0..1, as they are, not decoded; of colours their mean."""
     colors = picture if picture.ndim == 2 else picture[..., : 1 if picture.shape[2] == 2 else 3].mean(axis=2)
     return (colors / 255.0).astype(np.float32)
-
-
-def file_beside(folder: Path, name: str) -> Path | None:
-    """Find a file by the name that a model gives it: as written, whatever its capitals, or just its last part.
-
-    Parameters
-    ----------
-    folder : Path, where the model is
-    name : text, a path relative to it, or one on the machine of its author, with slashes or backslashes
-
-    Returns
-    -------
-    Path, or None where there is no such file
-
-    Raises
-    ------
-    OSError, ValueError : a name that no file can have
-    """
-    name = name.replace("\\", "/")
-    for wanted in (name, name.rsplit("/", 1)[-1]):
-        if (folder / wanted).is_file():
-            return folder / wanted
-        found = folder
-        for word in wanted.split("/"):
-            if word not in ("", ".", "..") and found.is_dir() and not (found / word).exists():
-                alike = sorted(entry for entry in found.iterdir() if entry.name.lower() == word.lower())
-                found = alike[0] if alike else found / word
-            else:
-                found = found / word
-        if found.is_file():
-            return found
-    return None

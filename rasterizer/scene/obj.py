@@ -22,8 +22,9 @@ from dataclasses import replace
 import numpy as np
 
 from rasterizer.errors import ModelError
+from rasterizer.scene._files import OutsideError
 from rasterizer.scene.material import Material
-from rasterizer.scene.mtl import Maps, file_beside, read_materials
+from rasterizer.scene.mtl import Maps, read_materials
 from rasterizer.scene.obj_corners import (
     Corners,
     MisreadError,
@@ -363,10 +364,13 @@ def _find_materials(model, text, names) -> dict[str, Material]:
 
 def _library(model, name) -> ModelFile | None:
     """Return an MTL file beside the model, or None."""
-    if model.folder is None:
-        return None
     try:
-        path = file_beside(model.folder, name)
-        return path and ModelFile(str(path), "mtl", path.read_bytes(), path.parent, model.log)
+        path = model.beside.find_alike(name)
+        data = model.beside.read_bytes(path)
+    except OutsideError as fault:
+        if model.folder is not None:
+            warnings.warn(f"{model.name}: material file '{name}' {fault}", stacklevel=2)
+        return None
     except (OSError, ValueError):
         return None
+    return ModelFile(str(path), "mtl", data, path.parent, model.log, model.beside.below(path.parent))

@@ -3,7 +3,9 @@
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """
 
+import logging
 import math
+import warnings
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -14,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.errors import ModelError
+from rasterizer.scene._files import Folder
 from rasterizer.scene.material import Material
 
 # trimesh checks little: a damaged file makes it index past an array, look up an unknown key, unpack too few
@@ -24,6 +27,8 @@ TRIMESH_FAULTS = (
     ValueError, TypeError, AttributeError, LookupError, ArithmeticError, AssertionError, NameError,
     RuntimeError, ImportError, MemoryError, OSError, EOFError, SyntaxError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
+
+_NOWHERE = logging.NullHandler()  # without any handler, trimesh's warnings would go to stderr; who wants them adds his own
 
 _LABELS = {"gltf": "glTF"}
 
@@ -54,6 +59,12 @@ class ModelFile(NamedTuple):
     data: bytes
     folder: Path | None
     log: Callable[[str], None]
+    files: Folder | None = None  # None = those at or below `folder`
+
+    @property
+    def beside(self) -> Folder:
+        """The files that this one may name."""
+        return Folder(self.folder) if self.files is None else self.files
 
     def error(self, fault: str, line: int | None = None) -> ModelError:
         """Make the error `name:line: fault`."""
@@ -76,7 +87,7 @@ def run_trimesh(model: ModelFile, content=None, resolver=None, **options):
     ----------
     model : ModelFile
     content : bytes or str to parse in place of the file's own bytes
-    resolver : mapping from the name of another file to its bytes
+    resolver : mapping from the name of another file to its bytes; None = there is none
     options : more arguments of trimesh's loader of the format
 
     Returns
@@ -89,10 +100,14 @@ def run_trimesh(model: ModelFile, content=None, resolver=None, **options):
     """
     import trimesh
 
+    logging.getLogger("trimesh").addHandler(_NOWHERE)
     content = model.data if content is None else content
     stream = StringIO(content) if isinstance(content, str) else BytesIO(content)
+    resolver = {} if resolver is None else resolver  # never one of trimesh's own, which read files and addresses
     try:
-        return trimesh.load_scene(stream, file_type=model.format, resolver=resolver, process=False, **options)
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            return trimesh.load_scene(stream, file_type=model.format, resolver=resolver, process=False, **options)
     except ModelError:
         raise
     except TRIMESH_FAULTS as fault:

@@ -3,10 +3,15 @@
 Texture coordinates: u runs to the right, v upwards; (0, 0) is the picture's lower left corner and (1, 1) its upper right one,
 as in OBJ. A picture of w × h texels has the centre of the texel in column i and row j (from the top) at
 u = (i + ½)/w, v = 1 - (j + ½)/h.
+
+Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one may be is looked up
+in its header before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
 """
 
 import os
 import struct
+import warnings
+import zlib
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,9 +23,16 @@ from rasterizer.scene.color import linear_from_srgb_bytes
 
 FILTERS = ("nearest", "bilinear", "trilinear")
 WRAPS = ("repeat", "clamp", "mirror")
+FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")  # Pillow's names
 MOST_TEXELS = 2**14  # along a side
-# What PIL has been seen to raise for damaged files, and for modes that it can't convert.
-PICTURE_FAULTS = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct.error, MemoryError, OverflowError)
+MOST_IN_PICTURE = 2**26  # texels, of a picture that is read: 8192 × 8192
+ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MOST_IN_PICTURE
+_STRIP = 2**16  # texels that are converted at a time
+# What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
+PICTURE_FAULTS = (
+    OSError, ValueError, SyntaxError, EOFError, LookupError, struct.error, MemoryError, ArithmeticError, RuntimeError, TypeError,
+    AttributeError, AssertionError, zlib.error,
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,7 +51,7 @@ class Texture:
     Raises
     ------
     SceneError : a value that is not legal
-    ModelError : a file that can't be read as a picture
+    ModelError : a file that can't be read as a picture, or is too large
     """
 
     image: object
@@ -61,9 +73,12 @@ class Texture:
             image = read_picture(image, os.fsdecode(image))
         elif hasattr(image, "convert"):
             try:
+                _check_size(image, "the image", None)
                 image = _pixels_of(image)
+            except ModelError as fault:
+                raise SceneError(str(fault)) from fault
             except PICTURE_FAULTS as fault:
-                raise SceneError(f"a texture's image can't be decoded ({fault}); given {shown(image)}") from fault
+                raise SceneError(f"a texture's image can't be decoded ({_reason(fault)}); given {shown(image)}") from fault
         object.__setattr__(self, "image", _checked_image(image))
 
     def __repr__(self) -> str:
@@ -90,13 +105,45 @@ class Texture:
         return tuple(levels)
 
 
-def read_picture(source, name: str) -> np.ndarray:
+def most_texels() -> int:
+    """Return how many texels a picture may have that is read from a file: MOST_IN_PICTURE, or what RASTER_MOST_TEXELS says.
+
+    Raises SceneError where that is no whole number above 0.
+    """
+    given = os.environ.get(ENVIRONMENT)
+    if given is None:
+        return MOST_IN_PICTURE
+    if not (given.isascii() and given.isdigit() and 0 < len(given) < 19 and int(given) > 0):
+        raise SceneError(f"{ENVIRONMENT} must be a whole number above 0; given {shown(given)}")
+    return int(given)
+
+
+class Budget:
+    """Count the texels of all textures that one file asks for: twice as many as one picture may have, and no more.
+
+    Pictures count a quarter when they are read (4 bytes a texel), and in full for every texture made of them (16, or 21 with
+    mipmaps), so that a file that uses one picture in a thousand ways is stopped.
+    """
+
+    def __init__(self):
+        self.left = 2 * most_texels()
+
+    def take(self, n_texel: int, name: str) -> None:
+        """Take texels off; raises ModelError where they are not left."""
+        if n_texel > self.left:
+            what = f"{name}: the textures of this file need more than {2 * most_texels()} texels together"
+            raise ModelError(f"{what}, the most that may be made; {ENVIRONMENT} raises it (now {most_texels()} a picture)")
+        self.left -= n_texel
+
+
+def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
     """Read a picture file.
 
     Parameters
     ----------
     source : path, or binary file object
     name : text, what the message calls it
+    budget : Budget of the file that names the picture; None = there is no other picture
 
     Returns
     -------
@@ -104,23 +151,60 @@ def read_picture(source, name: str) -> np.ndarray:
 
     Raises
     ------
-    ModelError : a file that can't be read as a picture
+    ModelError : a file that can't be read as a picture, is of another format than `FORMATS`, or too large
     """
     from PIL import Image
 
     try:
-        with Image.open(source) as picture:
-            return _pixels_of(picture)
-    except (*PICTURE_FAULTS, Image.DecompressionBombError) as fault:
-        raise ModelError(f"{name}: can't be read as a picture ({fault})") from fault
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here
+            with Image.open(source, formats=FORMATS) as picture:
+                _check_size(picture, name, budget)
+                return _pixels_of(picture)
+    except ModelError:
+        raise
+    except Image.UnidentifiedImageError as fault:
+        raise ModelError(f"{name}: can't be read as a picture: is none of {', '.join(FORMATS)}") from fault
+    except Image.DecompressionBombError as fault:
+        raise ModelError(f"{name}: can't be read as a picture: more than {2 * Image.MAX_IMAGE_PIXELS} texels") from fault
+    except PICTURE_FAULTS as fault:
+        raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
+
+
+def _check_size(picture, name, budget) -> None:
+    """Raise ModelError for a picture whose header asks for more texels than may be made."""
+    width, height = picture.size
+    if max(width, height) > MOST_TEXELS:
+        raise ModelError(f"{name}: a texture has up to {MOST_TEXELS} texels a side; this picture has {width} x {height}")
+    if width * height > most_texels():
+        fault = f"{name}: this picture of {width} x {height} has more than {most_texels()} texels, the most that are read"
+        raise ModelError(f"{fault}; {ENVIRONMENT} raises that")
+    if budget is not None:
+        budget.take(width * height // 4, name)
+
+
+def _reason(fault) -> str:
+    """What an error of Pillow's says, on one line and not too long."""
+    text = " ".join(str(getattr(fault, "strerror", None) or fault).split())
+    return shown(text)[1:-1] if text else type(fault).__name__
 
 
 def _pixels_of(picture) -> np.ndarray:
     """The pixels of a PIL image, in 8 bits; palettes and rarer modes as RGBA."""
     if picture.mode.startswith("I;16"):  # PIL would cut off what is above 255
-        return np.rint(np.asarray(picture) / 257.0).astype(np.uint8)
+        wide = np.asarray(picture)
+        pixels = np.empty(wide.shape, np.uint8)
+        for rows in _strips(*wide.shape):
+            pixels[rows] = np.rint(wide[rows] / 257.0)
+        return pixels
     is_plain = picture.mode in ("L", "LA", "RGB", "RGBA") and "transparency" not in picture.info
     return np.asarray(picture if is_plain else picture.convert("RGBA"))
+
+
+def _strips(height, width) -> list[slice]:
+    """Cut rows into strips, so that what is computed on the way needs little room beside the picture."""
+    n_row = max(1, _STRIP // width)
+    return [slice(start, min(start + n_row, height)) for start in range(0, height, n_row)]
 
 
 def _checked_image(image) -> np.ndarray:
@@ -136,45 +220,57 @@ def _checked_image(image) -> np.ndarray:
         raise SceneError(f"a texture's image must be {legal}; given {array.shape} {array.dtype}")
     if array.dtype.kind == "u" and array.dtype != np.uint8:
         raise SceneError(f"a texture's image of integers must be uint8; given {array.dtype}")
-    out = np.ones((*array.shape[:2], 4), np.float32)
-    has_alpha = array.shape[2] in (2, 4)
-    colors = array[..., : array.shape[2] - has_alpha]
-    with np.errstate(over="ignore"):  # what float32 can't hold becomes infinite, and is refused
-        out[..., :3] = linear_from_srgb_bytes(colors) if array.dtype == np.uint8 else colors
-        if has_alpha:
-            out[..., 3] = array[..., -1] / 255.0 if array.dtype == np.uint8 else array[..., -1]
-    if not np.isfinite(out).all() or out.min() < 0.0 or out[..., 3].max() > 1.0:
-        raise SceneError("a texture's image must be finite and at least 0, its alpha within 0..1")
+    out = np.empty((*array.shape[:2], 4), np.float32)
+    is_bytes, has_alpha = array.dtype == np.uint8, array.shape[2] in (2, 4)
+    n_color = array.shape[2] - has_alpha
+    for rows in _strips(*array.shape[:2]):
+        source, part = array[rows], out[rows]
+        with np.errstate(over="ignore"):  # what float32 can't hold becomes infinite, and is refused
+            part[..., :3] = linear_from_srgb_bytes(source[..., :n_color]) if is_bytes else source[..., :n_color]
+            part[..., 3] = 1.0
+            if has_alpha:
+                part[..., 3] = source[..., -1] / 255.0 if is_bytes else source[..., -1]
+        if not is_bytes and not (np.isfinite(part).all() and part.min() >= 0.0 and part[..., 3].max() <= 1.0):
+            raise SceneError("a texture's image must be finite and at least 0, its alpha within 0..1")
     out.flags.writeable = False
     return out
 
 
 def _halve(level) -> np.ndarray:
-    """The next mipmap."""
-    alpha = level[..., 3:].astype(np.float64)
-    weighted = np.concatenate([level[..., :3] * alpha, level[..., :3], alpha], axis=2)
-    for axis in (0, 1):
-        weighted = _halve_axis(weighted, axis)
-    alpha = weighted[..., 6:]
-    colors = np.where(alpha > 0.0, weighted[..., :3] / np.where(alpha > 0.0, alpha, 1.0), weighted[..., 3:6])
-    half = np.concatenate([colors, alpha], axis=2).astype(np.float32)
+    """The next mipmap, made in strips of its rows."""
+    n_row, n_column = (max(n // 2, 1) for n in level.shape[:2])
+    half = np.empty((n_row, n_column, 4), np.float32)
+    for rows in _strips(n_row, 2 * n_column):
+        _halve_strip(level, rows, half[rows])
     half.flags.writeable = False
     return half
 
 
-def _halve_axis(array, axis) -> np.ndarray:
-    """Means of what each of half as many texels covers along an axis.
+def _halve_strip(level, rows, out) -> None:
+    """Write some rows of the next mipmap, in float64 between."""
+    # Of n = 2 m + 1 rows, the new one k needs rows 2 k to 2 k + 2.
+    source = level if len(level) == 1 else level[2 * rows.start : 2 * rows.stop + len(level) % 2]
+    alpha = source[..., 3:].astype(np.float64)
+    weighted = np.concatenate([source[..., :3] * alpha, source[..., :3], alpha], axis=2)
+    weighted = _halve_axis(weighted, 0, len(level), rows.start)
+    weighted = _halve_axis(weighted, 1, level.shape[1])
+    alpha = weighted[..., 6:]
+    out[..., :3] = np.where(alpha > 0.0, weighted[..., :3] / np.where(alpha > 0.0, alpha, 1.0), weighted[..., 3:6])
+    out[..., 3:] = alpha
+
+
+def _halve_axis(array, axis, n, first=0) -> np.ndarray:
+    """Means of what each of half as many texels covers along an axis: of all n texels, or of those for the new ones from `first` on.
 
     Of n = 2 m + 1 texels, the new one with the number k covers the range from k·n/m to (k + 1)·n/m, that is from 2 k + k/m to
     2 k + 2 + (k + 1)/m: the share 1 - k/m of texel 2 k, all of the next, and the share (k + 1)/m of the one after.
     """
-    n = array.shape[axis]
     if n == 1:
         return array
     m = n // 2
     rows = np.moveaxis(array, axis, 0)
     if n % 2 == 0:
         return np.moveaxis((rows[0::2] + rows[1::2]) / 2.0, 0, axis)
-    k = np.arange(m).reshape(-1, *[1] * (array.ndim - 1))
+    k = np.arange(first, first + len(rows) // 2).reshape(-1, *[1] * (array.ndim - 1))
     total = (1.0 - k / m) * rows[0:-1:2] + rows[1::2] + ((k + 1) / m) * rows[2::2]
     return np.moveaxis(total * (m / n), 0, axis)
