@@ -11,7 +11,7 @@ from test_light_rows import DTYPES
 from test_reflection import UP, directions_of, polar, random_directions, reflect
 
 import rasterizer as rz
-from rasterizer import bounds, illumination, plan
+from rasterizer import bounds, illumination, plan, rounding
 from rasterizer.cli import main
 from rasterizer.pipeline.reflection import FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, SCALE
 from rasterizer.reference import light as reference_light
@@ -134,9 +134,10 @@ def test_float32_has_the_digits_that_the_plan_counts_on(name):
     found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
     expected = judged(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
     lights = (rz.DirectionalLight((0, 0, -1)),)
-    bound, magnified = bounds.intensity_bounds((material,), lights, np.zeros(3), 1.0)
+    reflected = rounding.find_reflected((material,), lights, np.zeros(3), 1.0)
+    bound = reflected.bound
     assert expected.max() <= bound * (1 + 1e-12), f"{expected.max():.4g} > the bound {bound:.4g}"
-    error, budget = np.abs(found - expected).max(), plan.ULP * (16 * bound + 8 * magnified)
+    error, budget = np.abs(found - expected).max(), rounding.lighting_error(reflected, rounding.SINGLE)
     assert error <= budget, f"{error:.3g} > {budget:.3g}"
 
 
@@ -325,7 +326,7 @@ def test_pictures_agree_with_the_judge(name):
             for tolerance in (0.0, 1 / 4096):
                 found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
                 brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance)._plan.bound
-                budget = tolerance or max(EXACT, 2 * plan.ULP * brightest)
+                budget = tolerance or max(EXACT, 2 * rounding.SINGLE * brightest)
                 assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
                 assert found.n_compared > 100
 

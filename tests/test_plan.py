@@ -14,7 +14,8 @@ from rasterizer import plan as planning
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES
 from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
-from rasterizer.plan import NEAREST, choose_band_rows, fit_depth_range, is_too_close, make_coding, make_plan
+from rasterizer.plan import NEAREST, choose_band_rows, fit_depth_range, fits_float32, make_coding, make_plan
+from rasterizer.rounding import Surroundings
 from rasterizer.scene.geometry import gather_geometry
 
 BALL = octasphere(1)
@@ -152,6 +153,9 @@ def test_no_intensity_leaves_the_tint_that_is_found(materials, colors, ambient):
 
 SHINY = rz.Material(specular=0.5, shininess=400)
 AMPLIFIED = (rz.PointLight((3, 3, 3), 0.3, (0.1, 0, 0.3), amplify=True),)
+INVERSE_SQUARE = (rz.PointLight((3, 3, 3), 0.3, (0, 0, 1), amplify=True),)
+MIRROR = rz.Material(specular=0.5, shininess=20_000)
+DULL = rz.Material(specular=0.5, shininess=0.5)
 BRIGHT = (rz.DirectionalLight((0, 0, -1), 500),)
 PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated, coding when lit a sample)
     "default": (GREY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
@@ -159,7 +163,9 @@ PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated
     "exact": (GREY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
     "exact, three channels": (GLOSSY_CLAY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
     "nearly exact": (GREY, GREY_LIGHTS, 1e-7, np.float64, EXACT, EXACT),
-    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_WORDS, EXACT),
+    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "a mirror": (MIRROR, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
+    "too dull": (DULL, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "shiny, and generous": (
         SHINY,
         (rz.DirectionalLight((0, 0, -1), 1.0),),
@@ -170,7 +176,8 @@ PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated
     ),
     "too bright": (GREY, BRIGHT, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "bright, and generous": (GREY, BRIGHT, 0.1, np.float32, IN_WORDS, NORMAL_PLANES),
-    "without bound": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
+    "amplified ten times": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "without bound": (GREY, INVERSE_SQUARE, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "dark": (GREY, (), DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
 }
 
@@ -201,9 +208,17 @@ def test_no_intensity_is_above_the_bound(name):
 
 def test_a_light_on_a_surface_needs_float64():
     found = plan_of(scene_of([GREY], GREY_LIGHTS))
-    assert not is_too_close(found, DEFAULT_TOLERANCE, furthest=5.0, clearance=1.0)
-    assert is_too_close(found, DEFAULT_TOLERANCE, furthest=1e6, clearance=1.0)
-    assert is_too_close(found, DEFAULT_TOLERANCE, furthest=5.0, clearance=0.0)
+
+    def fits(furthest, clearance, shortest=1.0):
+        around = Surroundings(furthest, np.array([np.inf, clearance]), shortest, True)
+        return fits_float32(found, DEFAULT_TOLERANCE, around)
+
+    assert fits(5.0, 1.0) and not fits(1e6, 1.0) and not fits(5.0, 0.0)
+    assert fits(5.0, np.inf, 0.3) and not fits(5.0, np.inf, 1e-6) and not fits(5.0, np.inf, 0.0)
+    # Squares of lengths must be numbers of float32, too.
+    for unit in (1e-30, 1e-21, 1e19, 1e30):
+        assert not fits(5.0 * unit, unit), unit
+    assert not fits(5.0, 1e25)
     scene = scene_of([GREY], GREY_LIGHTS)
     precise = make_plan(scene, Options(), np.empty((0, 3)), is_precise=True)
     assert precise.dtype == np.float64 and precise.coding == EXACT
