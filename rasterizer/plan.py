@@ -293,8 +293,9 @@ def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
     nearest, furthest = depths_of_boxes(view, bounds)
     if camera.is_perspective:
         furthest = furthest if furthest > 0 else 1.0
-        # A little more room, so that rounding clips nothing.
-        near, far = max(nearest * (1 - NEAREST), furthest * NEAREST), furthest * (1 + NEAREST)
+        # A little more room, so that rounding clips nothing. What a far plane cuts off does not push the near one away.
+        deepest = furthest if camera.far is None else min(furthest, camera.far)
+        near, far = max(nearest * (1 - NEAREST), deepest * NEAREST), furthest * (1 + NEAREST)
     else:
         margin = NEAREST * (furthest - nearest)
         near, far = max(nearest - margin, 0.0), max(furthest + margin, 0.0)

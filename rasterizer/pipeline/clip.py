@@ -154,10 +154,11 @@ def round_places(across, upward, w, screen):
 def find_whole_planes(positions, vertex, screen):
     """Find the planes of the weights q_i of whole faces, and of their depths.
 
-    M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to coordinates of at most 1, so that no product over- or underflows.
-    With the edges e1 = P_1 - P_0 and e2 = P_2 - P_0, det M = P_0·(e1 × e2); the rounding of the P_i, 2^-53 each, and of the
-    products moves it by less than 2^-50 (|e1| + |e2|). A face whose determinant is no larger is seen edge-on: its weights are
-    all the same, and so is its depth, which isn't known here.
+    M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to lengths of at most 1, so that no product over- or underflows;
+    without perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of its length, twice, and so
+    det M = P_i·(P_j × P_k), products included, to less than 2^-50 Σ |P_i| |P_j × P_k|, however much further away one vertex is
+    than another. A face whose determinant is no larger is seen edge-on: its weights are all the same, and so is its depth,
+    which isn't known here.
 
     Parameters
     ----------
@@ -177,16 +178,20 @@ def find_whole_planes(positions, vertex, screen):
     order = np.lexsort((upward, across, depth), axis=-1)
     across, upward, w, depth = (np.take_along_axis(values, order, axis=1) for values in (across, upward, w, depth))
     corners = np.stack([across, upward, w], axis=2)  # (n_cut, vertex, axis), sorted
-    scale = np.exp2(np.ceil(np.log2(np.abs(corners).max(axis=(1, 2), initial=2.0**-1000))))
-    corners = corners / scale[:, None, None]
+    largest = np.abs(corners[:, :, : 3 if screen.is_perspective else 2]).max(axis=(1, 2), initial=2.0**-1000)
+    scale = np.repeat(np.exp2(np.ceil(np.log2(largest)))[:, None], 3, axis=1)
+    if not screen.is_perspective:
+        scale[:, 2] = 1.0
+    corners = corners / scale[:, None, :]
 
-    edges = corners[:, 1:] - corners[:, :1]
-    determinant = (corners[:, 0] * np.cross(edges[:, 0], edges[:, 1])).sum(axis=1)
-    is_edge_on = ~(np.abs(determinant) > 2.0**-50 * np.sqrt((edges**2).sum(axis=2)).sum(axis=1))
-    determinant = np.where(is_edge_on, 1.0, determinant) * scale
     # P_j × P_k = P_j × (P_k - P_j): the vertices of a small face far away differ in few digits.
     after, before = np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)
-    rows = np.cross(after, before - after) / determinant[:, None, None]  # (n_cut, vertex, axis) of the ray
+    rows = np.cross(after, before - after)  # (n_cut, vertex, axis) of the ray
+    edges = corners[:, 1:] - corners[:, :1]
+    determinant = (corners[:, 0] * np.cross(edges[:, 0], edges[:, 1])).sum(axis=1)
+    doubt = 2.0**-50 * (np.linalg.norm(corners, axis=2) * np.linalg.norm(rows, axis=2)).sum(axis=1)
+    is_edge_on = ~(np.abs(determinant) > doubt)
+    rows = rows / np.where(is_edge_on, 1.0, determinant)[:, None, None] / scale[:, None, :]
     rows[is_edge_on] = (0.0, 0.0, 1.0)
     q_x, q_y = rows[:, :, 0] / (screen.scale_x * SUBPIXEL), -rows[:, :, 1] / (screen.scale_y * SUBPIXEL)
     q = rows[:, :, 2] - rows[:, :, 0] * (screen.center_x / screen.scale_x) + rows[:, :, 1] * (screen.center_y / screen.scale_y)

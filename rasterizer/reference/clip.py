@@ -15,6 +15,7 @@ from rasterizer.scene.camera import Projection, View
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
 DEPTH_RATIO = 2.0**-20  # smallest near plane that is chosen for a scene, as a part of its far plane
+GIVEN_RATIO = 2.0**-30  # the same, of a near plane that is given
 
 
 class Range(NamedTuple):
@@ -41,17 +42,30 @@ def to_eye(points: np.ndarray, view: View) -> np.ndarray:
     return np.stack([dot(r, axis) for axis in (view.right, view.up, view.forward)], axis=-1)
 
 
-def choose_range(depth, is_perspective: bool, near, far) -> Range:
-    """Fit near and far to the depths of the corners where they are not given."""
+def furthest_depth(boxes, view: View) -> float:
+    """Return the largest depth of any corner of boxes (n, 2, 3), their lowest and highest corners in the world."""
+    corners = np.stack([boxes[:, (i, j, k), (0, 1, 2)] for i, j, k in np.ndindex(2, 2, 2)], axis=1)
+    return float(to_eye(corners, view)[..., 2].max())
+
+
+def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
+    """Fit near and far to the depths of the corners where they are not given.
+
+    With perspective the near plane is never nearer than a part of `deepest` (None = the deepest corner), or of the far plane
+    if that is given and nearer: DEPTH_RATIO, or GIVEN_RATIO where the near plane is given.
+    """
     depth = depth[np.isfinite(depth)]
-    deepest = depth.max(initial=-np.inf)
+    deepest = depth.max(initial=-np.inf) if deepest is None else deepest
+    seen = deepest if far is None else min(deepest, far)
     if near is None:
-        least = max(deepest * DEPTH_RATIO, np.finfo(np.float64).tiny) if is_perspective else 0.0
+        least = max(seen * DEPTH_RATIO, np.finfo(np.float64).tiny) if is_perspective else 0.0
         near = max(depth.min(initial=np.inf), least)
     elif is_perspective and near <= 0:
         raise SceneError(f"near is {near}, legal in a perspective view is > 0")
     elif far is not None and near >= far:
         raise SceneError(f"near is {near} and far is {far}, legal is near < far")
+    elif is_perspective:
+        near = max(near, seen * GIVEN_RATIO)
     return Range(near, deepest if far is None else far, far is not None)
 
 

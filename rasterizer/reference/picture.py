@@ -26,6 +26,7 @@ from rasterizer.reference.clip import (
     Pieces,
     choose_range,
     clip_to_view,
+    furthest_depth,
     rays,
     snap,
     to_eye,
@@ -134,11 +135,12 @@ def render(
     near, far = (camera.near if near is None else near), (camera.far if far is None else far)
     shading = "flat" if shading == "lambert" else shading
     surface = lighting.gather(scene, shading)
+    deepest = furthest_depth(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
 
     def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis
         stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral, exposure)
-        return _draw(surface, stage, grid, cull, near, far, rounded)
+        return _draw(surface, stage, grid, cull, (near, far, deepest), rounded)
 
     per_axis = round(samples**0.5)
     centres = look(1)
@@ -161,10 +163,10 @@ def _check_options(shading, samples, cull, color_range) -> None:
             raise SceneError(f"{name} is {given!r}, legal are {', '.join(map(repr, legal))}")
 
 
-def _draw(surface: Surface, stage: Stage, grid, cull, near, far, is_rounded) -> Drawn:
-    """Draw a surface on a grid of (columns, rows) samples."""
+def _draw(surface: Surface, stage: Stage, grid, cull, limits, is_rounded) -> Drawn:
+    """Draw a surface on a grid of (columns, rows) samples; `limits` are near, far and the deepest, as `choose_range` takes them."""
     position = to_eye(surface.corners, stage.view)
-    depths = choose_range(position[..., 2], stage.projection.is_perspective, near, far)
+    depths = choose_range(position[..., 2], stage.projection.is_perspective, *limits)
     pieces = clip_to_view(position, stage.projection, depths, is_rounded)
     screen = snap(pieces.position, stage.projection)
     facing = -np.sign(_doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
@@ -367,19 +369,22 @@ def _meet(corners, directions, is_perspective: bool, edge_on=1.0) -> np.ndarray:
     """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each; `edge_on` for
     faces that are seen edge-on, where there are none.
 
-    The determinant of the P_k is P_0·(e_1 × e_2), with the edges e from P_0. Each coordinate is off by 2^-53 of the largest one, R,
-    and so is every difference; so the determinant is known to 2^-50 R² (|e_1| + |e_2|) at best.
+    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the determinant,
+    products included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third coordinate is 1 and no length.
     """
-    columns = np.swapaxes(corners, -1, -2).copy()
-    if not is_perspective:
-        columns[:, 2, :] = 1.0
-    largest = np.abs(columns).max(axis=(1, 2), initial=np.finfo(np.float64).tiny, keepdims=True)
+    columns, largest = np.swapaxes(corners, -1, -2).copy(), np.ones((len(corners), 3, 1))
+    n_length = 3 if is_perspective else 2
+    columns[:, n_length:, :] = 1.0
+    lengths = np.abs(columns[:, :n_length]).max(axis=(1, 2), initial=np.finfo(np.float64).tiny)
+    largest[:, :n_length] = lengths[:, None, None]
     columns = columns / largest
-    first, edges = columns[:, :, 0], columns[:, :, 1:] - columns[:, :, :1]
-    determinant = dot(first, np.cross(edges[:, :, 0], edges[:, :, 1]))
-    is_edge_on = ~(np.abs(determinant) > 2.0**-50 * np.linalg.norm(edges, axis=1).sum(axis=1))
+    a, b, c = (columns[:, :, corner] for corner in range(3))
+    determinant = dot(a, np.cross(b - a, c - a))
+    turns = (a, b, c), (b, c, a), (c, a, b)
+    doubt = sum(np.linalg.norm(p, axis=1) * np.linalg.norm(np.cross(q, r - q), axis=1) for p, q, r in turns)
+    is_edge_on = ~(np.abs(determinant) > 2.0**-50 * doubt)
     columns[is_edge_on] = np.eye(3)
-    q = np.swapaxes(np.linalg.solve(columns, np.swapaxes(directions, 1, 2)), 1, 2) / largest
+    q = np.swapaxes(np.linalg.solve(columns, np.swapaxes(directions, 1, 2) / largest), 1, 2)
     q[is_edge_on] = edge_on
     return q
 
