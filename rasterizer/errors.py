@@ -6,6 +6,8 @@
     └── OutputError   a picture or buffer that could not be written           (also an OSError)
 """
 
+from contextlib import contextmanager
+
 
 class RasterizerError(Exception):
     """Base of every error that this package raises on purpose."""
@@ -26,6 +28,10 @@ class SceneError(RasterizerError, ValueError):
     """An argument is not legal; the message says what was given and what is legal."""
 
 
+class OutputError(RasterizerError, OSError):
+    """A picture or buffer could not be written."""
+
+
 def internal_error(name: str, fault: Exception) -> ModelError:
     """Make the error that stands for a fault of this package, met at one model; the fault itself is its `__cause__` once raised."""
     text = " ".join(str(fault).split())[:200]
@@ -35,5 +41,16 @@ def internal_error(name: str, fault: Exception) -> ModelError:
     return error
 
 
-class OutputError(RasterizerError, OSError):
-    """A picture or buffer could not be written."""
+@contextmanager
+def one_file(name):
+    """Turn what gets out of reading one file, and is no error of ours, into a ModelError that names the file."""
+    try:
+        yield
+    except (RasterizerError, Warning):  # a caller may have made errors of warnings
+        raise
+    except MemoryError as fault:
+        raise ModelError(f"{name}: needs more memory than there is") from fault
+    except RecursionError as fault:
+        raise ModelError(f"{name}: is nested too deeply") from fault
+    except Exception as fault:  # a fault of this package, which must not stop a program that reads many files
+        raise internal_error(name, fault) from fault
