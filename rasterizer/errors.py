@@ -6,6 +6,7 @@
     └── OutputError   a picture or buffer that could not be written           (also an OSError)
 """
 
+import reprlib
 from contextlib import contextmanager
 
 
@@ -54,3 +55,27 @@ def one_file(name):
         raise ModelError(f"{name}: is nested too deeply") from fault
     except Exception as fault:  # a fault of this package, which must not stop a program that reads many files
         raise internal_error(name, fault) from fault
+
+
+def shown(value) -> str:
+    """Return `repr(value)`, cut to a length that fits a message; of something large only the beginning is looked at."""
+    try:
+        text = _SHORT.repr(value)
+    except (ValueError, RecursionError):  # a whole number of thousands of digits
+        text = f"<{type(value).__name__}>"
+    text = " ".join(text.split())
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _short_repr() -> reprlib.Repr:
+    """Make what writes the beginning of a value: enough for a message."""
+    short = reprlib.Repr()
+    short.maxlevel = 5
+    for kind in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
+        setattr(short, f"max{kind}", 40)
+    for kind in ("string", "long", "other"):
+        setattr(short, f"max{kind}", 400)
+    return short
+
+
+_SHORT = _short_repr()

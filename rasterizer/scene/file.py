@@ -132,6 +132,8 @@ def _options(entry) -> dict:
     if entry is None:
         return {}
     items = entry.table(OPTIONS).items()
+    for size in [item for key, item in items if key == "size" and item.value is not None]:
+        size.call(picture_size, size.value if isinstance(size.value, list) else (size.value, size.value))
     values = {key: item.value for key, item in items if item.value is not None}
     return {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rasterizer.errors import ModelError, SceneError, one_file
+from rasterizer.errors import ModelError, SceneError, one_file, shown
 from rasterizer.scene._files import Folder, read_named
 from rasterizer.scene.gltf import read_gltf
 from rasterizer.scene.mesh import Mesh
@@ -89,6 +89,8 @@ def load(
     """
     from rasterizer.scene.file import is_scene_file, read_scene  # which loads models in turn
 
+    if log is not None and not callable(log):
+        raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     log = log or _keep_quiet
     settings = {"lights": lights, "camera": camera, "background": background, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
@@ -206,7 +208,7 @@ def _format_of(name, format) -> str:
     """Return the format, in lower case without a dot, and check that it can be read."""
     given = format if format is not None else Path(name).suffix
     if not isinstance(given, str):
-        raise SceneError(f"format must be text, one of {', '.join(_READERS)}; given {given!r}")
+        raise SceneError(f"format must be text, one of {', '.join(_READERS)}; given {shown(given)}")
     wanted = given.lower().removeprefix(".")
     if wanted in _READERS:
         return wanted
