@@ -272,7 +272,7 @@ def _checked_crease_angle(angle) -> float | None:
         return None
     value = number(angle, "the crease angle")
     if not 0.0 <= value <= 180.0:
-        raise SceneError(f"the crease angle must be within 0..180 degrees; given {angle!r}")
+        raise SceneError(f"the crease angle must be within 0..180 degrees; given {shown(angle)}")
     return value
 
 
@@ -307,10 +307,13 @@ def _check_polygon_materials(polygons, face_material) -> None:
 def _checked_affine(matrix) -> np.ndarray:
     """Return a 4 × 4 affine matrix as float64."""
     try:
-        result = np.asarray(matrix, dtype=np.float64)
+        result = np.asarray(matrix)
+        result = result.astype(np.float64) if result.dtype.kind in "fiu" else np.empty(0)
     except (TypeError, ValueError):
         result = np.empty(0)
-    if result.shape != (4, 4) or not np.isfinite(result).all() or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
+    # Within the limit of coordinates no product of three numbers overflows.
+    is_fine = result.shape == (4, 4) and (np.abs(result) <= _arrays.COORDINATE_LIMIT).all()
+    if not is_fine or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise SceneError(
             f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}"
         )

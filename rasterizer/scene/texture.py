@@ -12,6 +12,7 @@ import os
 import struct
 import warnings
 import zlib
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -160,7 +161,8 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
             warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here
             with Image.open(source, formats=FORMATS) as picture:
                 _check_size(picture, name, budget)
-                return _pixels_of(picture)
+                with _silenced() if picture.format == "TIFF" else nullcontext():
+                    return _pixels_of(picture)
     except ModelError:
         raise
     except Image.UnidentifiedImageError as fault:
@@ -169,6 +171,24 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
         raise ModelError(f"{name}: can't be read as a picture: more than {2 * Image.MAX_IMAGE_PIXELS} texels") from fault
     except PICTURE_FAULTS as fault:
         raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
+
+
+@contextmanager
+def _silenced():
+    """Let nothing be written to the process's stderr: libtiff has no other way to say what it thinks of a file."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # the process was started without one
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _check_size(picture, name, budget) -> None:
