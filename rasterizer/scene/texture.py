@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene._arrays import KeepsArrays, fixed
 from rasterizer.scene._check import choice, shown
 from rasterizer.scene.color import linear_from_srgb_bytes
 
@@ -24,7 +25,7 @@ PICTURE_FAULTS = (OSError, ValueError, SyntaxError, EOFError, IndexError, struct
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Texture:
+class Texture(KeepsArrays):
     """Hold a picture that multiplies a material's diffuse and ambient coefficients.
 
     Parameters
@@ -145,8 +146,7 @@ def _checked_image(image) -> np.ndarray:
             out[..., 3] = array[..., -1] / 255.0 if array.dtype == np.uint8 else array[..., -1]
     if not np.isfinite(out).all() or out.min() < 0.0 or out[..., 3].max() > 1.0:
         raise SceneError("a texture's image must be finite and at least 0, its alpha within 0..1")
-    out.flags.writeable = False
-    return out
+    return fixed(out)
 
 
 def _halve(level) -> np.ndarray:
