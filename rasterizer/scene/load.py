@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rasterizer.errors import ModelError, SceneError, one_file, shown
+from rasterizer.scene._arrays import fixed
 from rasterizer.scene._files import Folder, read_named
 from rasterizer.scene.gltf import read_gltf
 from rasterizer.scene.mesh import Mesh
@@ -274,6 +275,8 @@ def _place(model, part, matrix, crease_angle, drop_bad_faces) -> Mesh:
     """Make the mesh of a part, and move it to where its node is."""
     label = f"mesh '{part['name']}': " if part["name"] else ""
     try:
+        # The reader's own arrays, which nobody else has: the mesh needs no copies.
+        part = {key: fixed(value) if isinstance(value, np.ndarray) else value for key, value in part.items()}
         mesh = Mesh(**part, crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
     except ModelError as fault:
         raise model.error(f"{label}{fault}") from fault
