@@ -97,7 +97,10 @@ def _picture(source) -> _Picture:
     if isinstance(source, Frame):
         linear = source.color if source.has("color") else None
         return _Picture(linear, source.rgb, source.alpha)
-    array = np.asarray(source)
+    try:
+        array = np.asarray(source)
+    except ValueError:  # lists of several lengths
+        array = np.empty(0, object)
     is_shaped = array.ndim == 2 or (array.ndim == 3 and array.shape[2] in (1, 3, 4))
     is_linear = np.issubdtype(array.dtype, np.floating)
     if not (is_shaped and array.size and (is_linear or array.dtype == np.uint8)):

@@ -18,12 +18,24 @@ from .pipeline.buffers import write_buffers
 from .pipeline.centers import fill_means
 from .pipeline.clip import NO_PLANES, clip
 from .pipeline.cue import Cue, fade
-from .pipeline.layers import Opacity, composite, open_layers, scan_layer, scan_opaque
+from .pipeline.layers import (
+    FEW,
+    Fragments,
+    Opacity,
+    composite,
+    in_order_of_depth,
+    open_layers,
+    ranges_of,
+    scan_opaque,
+    seen_through,
+    show_first,
+    take_fragments,
+)
 from .pipeline.lighting import light_points
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
 from .pipeline.resolve import resolve
 from .pipeline.rows import make_rows
-from .pipeline.scan import scan
+from .pipeline.scan import Canvas, scan
 from .pipeline.scratch import BenchKind
 from .pipeline.setup import Faces, find_visible
 from .pipeline.shade import shade_interpolated, shade_lit
@@ -131,22 +143,37 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
 
 
 def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench) -> None:
-    """Draw a band of a scene with transparent surfaces: shade one layer after the other, nearest first, and sum them up."""
+    """Draw a band of a scene with transparent surfaces: list what is seen through at every sample, shade one layer after the
+    other, nearest first, and sum them up."""
     canvas, layers, n_row = bench.canvas, bench.layers, y_stop - y_start
     scan_opaque(
         faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, canvas, bench.records,
         job.opacity, table.material,
     )  # fmt: skip
-    open_layers(canvas, layers)
-    is_more = True
-    while is_more:
-        scan_layer(
-            faces, polygons, vertices, y_start, y_stop, bench.block, canvas, layers.floor, job.opacity, table.material
-        )
-        job.shade(bench, len(faces), table, y_start, n_row)
-        is_more = composite(
-            canvas, bench.records, n_row, layers, bench.radiance, bench.texels, job.opacity, table.material
-        )
+    places, n_sample = seen_through(faces, job.opacity, table.material), n_row * canvas.pitch
+    fragments = Fragments(0, n_sample, np.empty(0, np.int64), layers.cursor, layers.start, True)
+    open_layers(layers)
+    take_fragments(faces, places, polygons, vertices, y_start, 0, n_row, bench.block, canvas, fragments)
+    n_fragment = np.cumsum(layers.cursor[:n_sample], out=layers.start[1 : n_sample + 1])[-1]
+    if n_fragment > FEW * np.count_nonzero(layers.cursor[:n_sample]):
+        places = in_order_of_depth(places, faces, polygons, vertices)
+    layers.cursor[:n_sample] = layers.start[:n_sample]
+
+    shown = bench._replace(canvas=Canvas(layers.words, canvas.pitch, canvas.width, layers.left, layers.right))
+    for first, last in ranges_of(layers.start[: n_sample + 1], canvas.pitch):
+        first_row, stop_row = first // canvas.pitch, -(-last // canvas.pitch)
+        words = np.empty(layers.start[last] - layers.start[first], np.int64)
+        fragments = Fragments(first, last, words, layers.cursor, layers.start, False)
+        take_fragments(faces, places, polygons, vertices, y_start, first_row, stop_row, bench.block, canvas, fragments)
+        show_first(canvas, layers, fragments, first_row, stop_row - first_row)
+        depth, is_more = 0, True
+        while is_more:
+            job.shade(shown, len(faces), table, y_start + first_row, stop_row - first_row)
+            is_more = composite(
+                canvas, bench.records, layers, fragments, first_row, stop_row - first_row, depth, bench.radiance, bench.texels,
+                job.opacity, table.material,
+            )  # fmt: skip
+            depth += 1
 
 
 def set_up(polygons, vertices, width, height, job, workers):

@@ -6,6 +6,9 @@
     └── OutputError   a picture or buffer that could not be written           (also an OSError)
 """
 
+import reprlib
+from contextlib import contextmanager
+
 
 class RasterizerError(Exception):
     """Base of every error that this package raises on purpose."""
@@ -26,6 +29,10 @@ class SceneError(RasterizerError, ValueError):
     """An argument is not legal; the message says what was given and what is legal."""
 
 
+class OutputError(RasterizerError, OSError):
+    """A picture or buffer could not be written."""
+
+
 def internal_error(name: str, fault: Exception) -> ModelError:
     """Make the error that stands for a fault of this package, met at one model; the fault itself is its `__cause__` once raised."""
     text = " ".join(str(fault).split())[:200]
@@ -35,5 +42,40 @@ def internal_error(name: str, fault: Exception) -> ModelError:
     return error
 
 
-class OutputError(RasterizerError, OSError):
-    """A picture or buffer could not be written."""
+@contextmanager
+def one_file(name):
+    """Turn what gets out of reading one file, and is no error of ours, into a ModelError that names the file."""
+    try:
+        yield
+    except (RasterizerError, Warning):  # a caller may have made errors of warnings
+        raise
+    except MemoryError as fault:
+        raise ModelError(f"{name}: needs more memory than there is") from fault
+    except RecursionError as fault:
+        raise ModelError(f"{name}: is nested too deeply") from fault
+    except Exception as fault:  # a fault of this package, which must not stop a program that reads many files
+        raise internal_error(name, fault) from fault
+
+
+def shown(value) -> str:
+    """Return `repr(value)`, cut to a length that fits a message; of something large only the beginning is looked at."""
+    try:
+        text = _SHORT.repr(value)
+    except (ValueError, RecursionError):  # a whole number of thousands of digits
+        text = f"<{type(value).__name__}>"
+    text = " ".join(text.split())
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _short_repr() -> reprlib.Repr:
+    """Make what writes the beginning of a value: enough for a message."""
+    short = reprlib.Repr()
+    short.maxlevel = 5
+    for kind in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
+        setattr(short, f"max{kind}", 40)
+    for kind in ("string", "long", "other"):
+        setattr(short, f"max{kind}", 400)
+    return short
+
+
+_SHORT = _short_repr()

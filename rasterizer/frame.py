@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .errors import OutputError, SceneError
-from .scene._check import shown
+from .errors import OutputError, SceneError, shown
 from .scene._files import write_and_move
 
 ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
@@ -94,6 +93,8 @@ class Frame:
 
     def has(self, name: str) -> bool:
         """Tell whether the frame has `name`: "rgb" (a picture), "color", "depth", "face" or "normal"."""
+        if not isinstance(name, str):
+            raise SceneError(f"a frame has arrays by name; given {shown(name)}")
         return self._rgba is not None if name == "rgb" else name in self._arrays
 
     def _get(self, name) -> np.ndarray:
@@ -187,7 +188,7 @@ class Frame:
         if format == "npy":
             content = self.encode_array(array or "color")
         elif array is not None:
-            raise SceneError(f"arrays are written as .npy; given {path.name!r} for the array {array!r}")
+            raise SceneError(f"arrays are written as .npy; given {shown(path.name)} for the array {shown(array)}")
         else:
             content = self.encode(format, **options)
         write_whole(path, content)
@@ -195,8 +196,8 @@ class Frame:
 
     def encode_array(self, array: str = "color") -> bytes:
         """Return one of the frame's arrays, by name, as the bytes of a .npy file."""
-        if array not in SAVED_ARRAYS:
-            raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {array!r}")
+        if not isinstance(array, str) or array not in SAVED_ARRAYS:
+            raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {shown(array)}")
         stream = io.BytesIO()
         np.save(stream, getattr(self, array))
         return stream.getvalue()
@@ -222,6 +223,8 @@ def picture_format(name: str) -> str:
     """Return Pillow's name of a format that it writes, given by name or suffix; OutputError if none."""
     from PIL import Image
 
+    if not isinstance(name, str):
+        raise SceneError(f"format must be text; given {shown(name)}")
     Image.init()
     word = name.upper().lstrip(".")
     found = Image.EXTENSION.get(f".{word.lower()}", word)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .errors import SceneError
+from .errors import SceneError, shown
 from .frame import Frame
 from .scene.geometry import smooth_part
 
@@ -78,6 +78,10 @@ def mach_bands(picture, scene, camera=None) -> MachBands:
     ------
     SceneError : no such picture, more than one sample a pixel, or faces that the scene doesn't have
     """
+    if not hasattr(scene, "camera_for"):
+        raise SceneError(f"a Scene is needed; given {shown(scene)}")
+    if camera is not None and not hasattr(camera, "is_perspective"):
+        raise SceneError(f"a Camera is needed, or None; given {shown(camera)}")
     color, face = _buffers(picture, scene)
     height, width = face.shape
     camera = scene.camera_for((width, height)) if camera is None else camera

@@ -4,7 +4,7 @@ import operator
 import os
 from dataclasses import dataclass
 
-from .errors import SceneError
+from .errors import SceneError, shown
 
 SHADINGS = ("flat", "lambert", "gouraud", "phong")
 OUTPUTS = ("color", "rgb", "depth", "face", "normal")
@@ -61,7 +61,10 @@ class Options:
         _choose("cull", self.cull, CULLS)
         _choose("color_range", self.color_range, COLOR_RANGES)
         _choose("samples", self.samples, SAMPLES)
-        outputs = (self.outputs,) if isinstance(self.outputs, str) else tuple(self.outputs)
+        try:
+            outputs = (self.outputs,) if isinstance(self.outputs, str) else tuple(self.outputs)
+        except TypeError:
+            raise SceneError(f"outputs must be one or several of {', '.join(OUTPUTS)}; given {shown(self.outputs)}") from None
         if not outputs:
             raise SceneError(f"outputs must name at least one of {', '.join(OUTPUTS)}; given none")
         for name in outputs:
@@ -70,25 +73,25 @@ class Options:
         object.__setattr__(self, "size", self._checked_size())
         try:
             tolerance = float(self.tolerance)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             tolerance = -1.0
         if not 0.0 <= tolerance < float("inf"):
-            raise SceneError(f"tolerance must be a number from 0 upwards; given {self.tolerance!r}")
+            raise SceneError(f"tolerance must be a number from 0 upwards; given {shown(self.tolerance)}")
         object.__setattr__(self, "tolerance", tolerance)
         object.__setattr__(self, "exposure", self._checked_exposure())
         if self.spectral is not None and not (_is_int(self.spectral) and LEAST_WAVES <= self.spectral <= MOST_WAVES):
-            raise SceneError(f"spectral must be {LEAST_WAVES} to {MOST_WAVES} samples, or None; given {self.spectral!r}")
+            raise SceneError(f"spectral must be {LEAST_WAVES} to {MOST_WAVES} samples, or None; given {shown(self.spectral)}")
         if self.threads is not None and not (_is_int(self.threads) and 1 <= self.threads <= 1024):
-            raise SceneError(f"threads must be 1 to 1024, or None; given {self.threads!r}")
+            raise SceneError(f"threads must be 1 to 1024, or None; given {shown(self.threads)}")
 
     def _checked_exposure(self) -> float:
         """Return the exposure as a number; beyond 64 stops nothing is told apart."""
         try:
             exposure = float(self.exposure)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             exposure = float("nan")
         if not -MOST_STOPS <= exposure <= MOST_STOPS:
-            raise SceneError(f"exposure must be a number within -{MOST_STOPS}..{MOST_STOPS} stops; given {self.exposure!r}")
+            raise SceneError(f"exposure must be a number within -{MOST_STOPS}..{MOST_STOPS} stops; given {shown(self.exposure)}")
         return exposure
 
     def _checked_size(self) -> tuple[int, int]:
@@ -101,7 +104,7 @@ class Options:
         most = MOST_PIXELS // self.factor
         if not (_is_int(width) and _is_int(height) and 1 <= width <= most and 1 <= height <= most):
             raise SceneError(
-                f"size must be (width, height), each 1 to {most} px with {self.samples} samples; given {self.size!r}"
+                f"size must be (width, height), each 1 to {most} px with {self.samples} samples; given {shown(self.size)}"
             )
         return int(width), int(height)
 
@@ -134,5 +137,5 @@ def _is_int(value) -> bool:
 
 def _choose(name, value, legal) -> None:
     """Refuse a value that isn't one of the legal ones."""
-    if value not in legal:
-        raise SceneError(f"{name} must be one of {', '.join(map(str, legal))}; given {value!r}")
+    if not isinstance(value, (str, int, float)) or value not in legal:
+        raise SceneError(f"{name} must be one of {', '.join(map(str, legal))}; given {shown(value)}")

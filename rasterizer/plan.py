@@ -15,7 +15,7 @@ from .options import Options
 from .pipeline import texture as texturing
 from .pipeline.clip import find_nearest
 from .pipeline.cue import Cue
-from .pipeline.layers import Opacity
+from .pipeline.layers import Opacity, least_transmitted
 from .pipeline.lights import LIGHTS
 from .pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
@@ -131,7 +131,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         has_shadows=has_shadows,
         has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=list_textures(materials) if is_textured else None,
-        opacity=None if is_opaque else list_opacities(materials),
+        opacity=None if is_opaque else list_opacities(materials, least_transmitted(options.tolerance, bound, is_single)),
         products=products,
         cue=None if cue is None else make_cue(cue, 3 if tint is None else 1),
     )
@@ -169,11 +169,12 @@ def brightest_texel(materials) -> float:
     return max((float(image[..., :3].max()) for image in images), default=1.0)
 
 
-def list_opacities(materials) -> Opacity:
-    """How transparent the materials are."""
+def list_opacities(materials, least) -> Opacity:
+    """How transparent the materials are; see pipeline/layers.py for `least`."""
     return Opacity(
         np.array([material.opacity for material in materials]),
         np.array([material.is_opaque for material in materials], np.bool_),
+        least,
     )
 
 

@@ -6,7 +6,7 @@ from time import perf_counter
 import numpy as np
 
 from .draw import FaceTable, buffers_job, draw, fill_centers, interpolated_job, light, lit_job
-from .errors import SceneError
+from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .illumination import make_lighting, world_position
 from .options import Options
@@ -92,7 +92,7 @@ class Renderer:
             raise SceneError("this Renderer is closed; make a new one")
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
         if not isinstance(camera, Camera):
-            raise SceneError(f"camera must be a Camera or None; given {camera!r}")
+            raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
         options, clock, arrays, rgba, counts = self.options, Clock(), {}, None, None
         error_bound, steps = 0.0, ()
         if "color" in options.outputs or "rgb" in options.outputs:

@@ -5,7 +5,7 @@ import operator
 
 import numpy as np
 
-from .errors import SceneError
+from .errors import SceneError, shown
 from .frame import Frame
 from .scene.color import linear_from_srgb_bytes, linear_rgb, srgb_from_linear
 
@@ -70,7 +70,10 @@ def _listed(items, what) -> list:
     """A sequence as a list; one picture or one text alone is a mistake that would give a strange sheet."""
     if isinstance(items, (Frame, str)) or not hasattr(items, "__iter__"):
         raise SceneError(f"{what} must be a sequence; given {type(items).__name__}")
-    return list(items)
+    try:
+        return list(items)
+    except TypeError:  # an array of no dimension
+        raise SceneError(f"{what} must be a sequence; given {shown(items)}") from None
 
 
 def _whole(value, what, least) -> int:
@@ -80,7 +83,7 @@ def _whole(value, what, least) -> int:
     except TypeError:
         number = least - 1
     if number < least:
-        raise SceneError(f"{what} must be a whole number from {least} upwards; given {value!r}")
+        raise SceneError(f"{what} must be a whole number from {least} upwards; given {shown(value)}")
     return number
 
 

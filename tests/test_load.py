@@ -1,7 +1,6 @@
 """Tests of loading: every format, every kind of source, and what is kept of a file."""
 
 import base64
-import importlib.util
 import io
 import json
 import pathlib
@@ -13,7 +12,7 @@ import pytest
 import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
-from model_bytes import GLB, PLY_HEADER, box, embedded_gltf, exported, gltf_with
+from model_bytes import GLB, PLY_HEADER, THREEMF, box, embedded_gltf, exported, gltf_with, threemf
 
 from rasterizer.errors import ModelError
 from rasterizer.scene.lights import headlight
@@ -21,6 +20,7 @@ from rasterizer.scene.load import load
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.parse import fans, unique_rows
+from rasterizer.scene.threemf import MOST_UNPACKED
 
 MODELS = pathlib.Path(__file__).parent.parent / "models"
 COMMITTED = sorted(path for path in MODELS.glob("*.*") if path.suffix in (".obj", ".stl", ".ply", ".glb"))
@@ -274,16 +274,45 @@ def test_gltf_with_files_beside_it(tmp_path):
         load(path)
 
 
-def test_3mf():
-    if any(importlib.util.find_spec(name) is None for name in ("lxml", "networkx")):
-        with pytest.raises(ModelError, match=r"3MF needs .*pip install 'rasterizer\[formats\]'"):
-            load(b"PK", format="3mf")
-        return
-    scene = trimesh.Scene()
-    scene.add_geometry(box(), transform=trimesh.transformations.translation_matrix((5, 0, 0)))
-    loaded = load(exported(scene, "3mf"), format="3mf")
-    assert loaded.up == "z"
-    np.testing.assert_allclose(loaded.bounds, [(4.5, -1, -1.5), (5.5, 1, 1.5)])
+def test_3mf_places_objects_by_components_and_build():
+    scene = load(threemf(), format="3mf")
+    assert scene.up == "z" and [mesh.name for mesh in scene.meshes] == ["tip"] * 3
+    corners = [mesh.bounds.tolist() for mesh in scene.meshes]
+    assert corners == [[[5, 10, 0], [7, 11, 1]], [[0, 10, 0], [1, 11, 1]], [[0, 0, 0], [1, 1, 1]]]
+    elsewhere = '<model><resources/><build><item objectid="1" p:path="/3D/other.model" xmlns:p="p"/></build></model>'
+    assert load(threemf(elsewhere, **{"3D/other.model": THREEMF}), format="3mf").n_face == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("<model", "its XML: "),
+        ('<!DOCTYPE model [<!ENTITY a "aaaa">]><model>&a;</model>', "document type is not legal"),
+        (THREEMF.replace('<component objectid="1"/>', '<component objectid="2"/>'), "nested more than 100 deep"),
+        (THREEMF.replace('objectid="1"', 'objectid="7"'), "KeyError"),
+        (THREEMF.replace('v1="0"', 'v1="9"'), "refers to vertex 9"),
+        (THREEMF.replace('x="0"', 'x="zero"'), "could not convert"),
+        (THREEMF.replace("1 0 10 0", "1 0 nan 0"), "12 finite numbers"),
+        (THREEMF.replace("<item", "<thing"), "no faces"),
+    ],
+)
+def test_3mf_files_that_are_broken(text, fault):
+    with pytest.raises(ModelError, match=f"^model: .*{fault}"):
+        load(threemf(text), format="3mf")
+
+
+def test_3mf_objects_that_double_forty_times_are_refused_at_once():
+    double = "".join(
+        f'<object id="{k}"><components><component objectid="{k - 1}"/><component objectid="{k - 1}"/></components></object>'
+        for k in range(2, 42)
+    )
+    text = THREEMF.replace("</resources>", double.replace('id="2"', 'id="2b"', 1) + "</resources>").replace(
+        '<build><item objectid="2"', '<build><item objectid="41"'
+    )
+    with pytest.raises(ModelError, match="repeat too many objects"):
+        load(threemf(text), format="3mf")
+    with pytest.raises(ModelError, match="would take 2684354"):
+        load(threemf(THREEMF + " " * (MOST_UNPACKED + 10)), format="3mf")
 
 
 def test_facts_are_logged():

@@ -342,8 +342,8 @@ def test_near_and_far_planes_only_clip(make, near, far):
     behind, before = [[0, 1, 2], [0, 2, 3]], [[4, 5, 6], [4, 6, 7]]
     pictures = []
     for faces in (behind + before, before + behind):
-        for given in ({"near": near, "far": far}, {}):
-            scene = rz.Scene([rz.Mesh(vertices, faces, colors=colors)], [rz.AmbientLight(1.0)], make((0, 0, 5), **given))
+        for planes in ({"near": near, "far": far}, {}):
+            scene = rz.Scene([rz.Mesh(vertices, faces, colors=colors)], [rz.AmbientLight(1.0)], make((0, 0, 5), **planes))
             for tolerance in (0, DEFAULT_TOLERANCE):
                 frame = rz.render(scene, (32, 24), shading="phong", tolerance=tolerance, outputs=("color", "depth"))
                 is_seen = frame.alpha > 0

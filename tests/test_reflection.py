@@ -7,12 +7,14 @@ from test_light_rows import DTYPES, call, take
 from rasterizer._kernel import kernel
 from rasterizer.pipeline import rows as r
 from rasterizer.pipeline.reflection import (
+    BRUSH,
     FRESNEL,
     LEVELS,
     MOST_SQUARED,
     N_MATERIAL_NUMBER,
     REFLECTIONS,
     ROUGHNESS,
+    ROUGHNESS_ACROSS,
     SCALE,
     SHININESS,
     exponential_single,
@@ -22,7 +24,7 @@ from rasterizer.pipeline.reflection import (
 )
 
 WRITTEN = (r.DIFFUSE, r.SPECULAR)
-NUMBERS = {ROUGHNESS: 0.3, FRESNEL: 0.04, SCALE: 0.0, LEVELS: 3.0}
+NUMBERS = {ROUGHNESS: 0.3, ROUGHNESS_ACROSS: 0.5, BRUSH: 1.0, FRESNEL: 0.04, SCALE: 0.0, LEVELS: 3.0}
 ULP = 2.0**-24
 
 
@@ -56,6 +58,7 @@ def reflect(
     for start in range(0, n, r.CHUNK):
         rows = r.make_rows(dtype)
         rows[:] = np.nan  # nothing may be taken over from before
+        rows[int(r.TANGENT_X) : int(r.TANGENT_X) + 3 * r.CHUNK] = np.repeat((3.0, 0.0, -1.0), r.CHUNK)
         part = [column[start : start + r.CHUNK] for column in columns]
         for row, values in zip(first, part, strict=True):
             rows[int(row) : int(row) + len(values)] = values

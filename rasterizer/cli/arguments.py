@@ -16,7 +16,7 @@ from .messages import NORMAL, QUIET, VERBOSE
 FORMATS = ("obj", "stl", "ply", "off", "glb", "gltf", "3mf")
 SCENE_FORMATS = ("json", "toml")
 WEIGHTINGS = ("angle", "area", "uniform")
-UNSAID = "unsaid"  # the default of a flag for which None is a value
+UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 PRESETS = ("studio", "headlight")
 AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # those of Camera.framing; a test holds that

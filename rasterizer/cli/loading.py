@@ -13,7 +13,7 @@ from ..scene.color import linear_rgb
 from ..scene.depth_cue import DepthCue
 from ..scene.file import SceneFile, read_scene
 from ..scene.lights import Shadow
-from ..scene.load import load, one_file
+from ..scene.load import load
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.texture import Texture
@@ -130,8 +130,7 @@ def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     if format not in SCENE_FORMATS:
         return SceneFile(load(source, format=input_format, log=messages.detail, files_read=files_read, **settings.load))
     own = {key: settings.load[key] for key in ("crease_angle", "weighting", "drop_bad_faces", "allow_outside")}
-    with one_file(model):
-        read = read_scene(source, log=messages.detail, format=format, files_read=files_read, **own)
+    read = read_scene(source, log=messages.detail, format=format, files_read=files_read, **own)
     changes = {key: settings.load[key] for key in ("lights", "background", "up") if settings.load[key] is not None}
     unshadowed = () if "lights" in changes else read.unshadowed
     return read._replace(scene=replace(read.scene, **changes), unshadowed=unshadowed)

@@ -56,7 +56,8 @@ def material(text) -> dict:
         try:
             settings = fields_of(parts.pop(0).strip())
         except SceneError as fault:
-            raise argparse.ArgumentTypeError(f"{fault}; or KEY=VALUE,... with the keys {', '.join(FIELDS)}") from None
+            legal = ", ".join(f"{name}=..." for name in FIELDS)
+            raise argparse.ArgumentTypeError(f"a material takes {legal}; {fault}") from None
     for part in parts:
         key, sign, value = part.strip().partition("=")
         if key not in FIELDS or not sign or not value:

@@ -216,6 +216,8 @@ def anisotropic_ggx(rows, n, numbers):
         D  = 1 / (π αx αy ((H·T)²/αx² + (H·B)²/αy² + (N·H)²)²)
         G1 = 2 / (1 + √(1 + (αx²(V·T)² + αy²(V·B)²) / (N·V)²)), so G1 / (2 N·V) = 1 / (N·V + √((N·V)² + αx²(V·T)² + αy²(V·B)²))
 
+    whose last two terms are `masking`, 1 - (N·V)² times the roughness in the plane of N and V: so it is the isotropic formula.
+
     The rows TANGENT hold T, of any length and not yet in the surface. The plan takes float64 for this model: where T nearly
     stands upright on the surface its projection, and all that depends on it, has no bound in float32.
     """
@@ -232,16 +234,15 @@ def anisotropic_ggx(rows, n, numbers):
         ax, ay = own_x if is_tangent else mean, own_y if is_tangent else mean
         lx, ly, lz = row[LIGHT_X + k], row[LIGHT_Y + k], row[LIGHT_Z + k]
         vx, vy, vz = row[VIEW_X + k], row[VIEW_Y + k], row[VIEW_Z + k]
-        l_t, l_b = ax * (lx * tx + ly * ty + lz * tz), ay * (lx * bx + ly * by + lz * bz)
-        v_t, v_b = ax * (vx * tx + vy * ty + vz * tz), ay * (vx * bx + vy * by + vz * bz)
+        l_t, l_b = lx * tx + ly * ty + lz * tz, lx * bx + ly * by + lz * bz
+        v_t, v_b = vx * tx + vy * ty + vz * tz, vx * bx + vy * by + vz * bz
         h_t = ((lx + vx) * tx + (ly + vy) * ty + (lz + vz) * tz) / ax
         h_b = ((lx + vx) * bx + (ly + vy) * by + (lz + vz) * bz) / ay
         n_dot_l, n_dot_v, strength = max(row[N_DOT_L + k], zero), max(row[N_DOT_V + k], zero), row[STRENGTH + k]
         spread = h_t * h_t + h_b * h_b + along * along
         ratio = half_square / spread if (along > zero) & (spread > zero) else zero
         mirrors = ratio * ratio / (ax * ay)
-        masked = n_dot_l / (n_dot_l + np.sqrt(n_dot_l * n_dot_l + l_t * l_t + l_b * l_b))
-        masked = masked / (n_dot_v + np.sqrt(n_dot_v * n_dot_v + v_t * v_t + v_b * v_b))
+        masked = n_dot_l / masking(n_dot_l, l_t, l_b, ax, ay) / masking(n_dot_v, v_t, v_b, ax, ay)
         reflected = mirrors * masked * schlick(number[FRESNEL], np.sqrt(half_square) / row.dtype.type(2))
         row[DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
         row[SPECULAR + k] = strength * reflected if n_dot_l > zero else zero
@@ -379,6 +380,18 @@ def tangent_at(row, k):
         square = tx * tx + ty * ty + tz * tz
     scale = one / np.sqrt(square)
     return tx * scale, ty * scale, tz * scale, is_tangent
+
+
+@register_jitable
+def masking(cosine, along, across, alpha_along, alpha_across):
+    """c + √(c² + α²(1 - c²)), c the cosine of a direction D with N, α² = (αx²(D·T)² + αy²(D·B)²) / ((D·T)² + (D·B)²).
+
+    Where D is N itself, α has no part in it. Where c was below 0 and is taken for 0, this is the limit at the horizon.
+    """
+    one, square = type(cosine)(1), along * along + across * across
+    x, y = alpha_along * along, alpha_across * across
+    alpha_square = (x * x + y * y) / square if square > type(cosine)(0) else alpha_along * alpha_across
+    return cosine + np.sqrt(alpha_square + (one - alpha_square) * cosine * cosine)
 
 
 @register_jitable

@@ -209,7 +209,7 @@ def average_samples(words, pitch, radiance, row, left, factor, n, pixels):
 def average_layers(color, opacities, pitch, row, left, factor, n, pixels):
     """Mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many samples show anything.
 
-    `color` is weighted by the opacities already.
+    `color` is weighted by opacity already.
     """
     n_channel, count = np.uint64(color.shape[0]), np.int64(0)
     for i in range(n):

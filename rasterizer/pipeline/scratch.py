@@ -7,8 +7,8 @@ import numpy as np
 from .block import Block, make_block
 from .buffers import Buffers
 from .lanes import GROUP
-from .layers import Layers
 from .clip import NO_PLANES
+from .layers import Layers, make_layers
 from .records import ATTRIBUTE, N_INTEGER, PLANE, Records
 from .resolve import Picture
 from .rows import make_rows
@@ -76,10 +76,7 @@ def _make_bench(kind) -> Bench:
     n_sample = n_row * pitch
     n_layered = n_sample if kind.is_layered else 0
     texels = np.zeros((4 if kind.is_textured else 0, n_sample), kind.dtype)
-    layers = Layers(
-        np.zeros(n_layered, np.int64), np.zeros(n_layered, np.int64), np.zeros(n_layered, kind.dtype),
-        np.zeros(n_layered, kind.dtype), np.zeros((kind.n_channel, n_layered), kind.dtype),
-    )  # fmt: skip
+    layers = make_layers(n_layered, n_group, kind.n_channel)
     return Bench(canvas, records, make_block(), radiance, make_rows(kind.dtype), texels, layers)
 
 

@@ -98,12 +98,14 @@ def interpolate_runs(words, records, first, y, n_channel, out):
     """Put in the intensities of exact records, one run of samples after the other."""
     sy = y * SUBPIXEL + HALF
     number = out.dtype.type
+    last_record = np.uint64(len(records.integers) - 1)
     start = np.uint64(0)
     while start < np.uint64(len(words)):
         stop = start + np.uint64(1)
         if is_exact(words[start]):
             stop = run_end(words, start)
-            record = np.uint64(words[start] & RECORD_MASK)
+            # Where levels stand in words, a record's number is a matter of arithmetic: whatever it is, nothing else is read.
+            record = min(np.uint64(words[start] & RECORD_MASK), last_record)
             weights = weights_of(records, record)
             red = corners_of(records.numbers, record, ATTRIBUTE)
             green = corners_of(records.numbers, record, ATTRIBUTE + 3) if n_channel > 1 else red

@@ -132,6 +132,7 @@ def find_details(records, record, n, size, most, rows):
         down_u, down_v = (u_y - u * d_y) * scale * wide, (v_y - v * d_y) * scale * high
         rows[DETAIL + k] = max(across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v)
     for k in range(n):
+        # Within 0..most for any square, also for one that is no number: a comparison with that is false.
         square = rows[DETAIL + k]
         rows[DETAIL + k] = min(0.5 * np.log2(square), most) if square > 1.0 else 0.0
 
@@ -145,13 +146,19 @@ def steps(along, us, vs):
 
 @helper
 def into_picture(x, wrap):
-    """The place within 0..1 that stands for any place along an axis, from the left or from the top."""
+    """The place within 0..1 that stands for any place along an axis, from the left or from the top; 0 for what is no number.
+
+    Texels are found by what this returns: whatever x is, infinite or no number, it must lie within 0..1. Then the texels
+    floor(s·n), and floor(s·n - ½) and its neighbour, lie within -1..n, and are moved by a texel at most.
+    """
     if wrap == CLAMP:
-        return min(max(x, 0.0), 1.0)
-    if wrap == MIRROR:
+        place = min(max(x, 0.0), 1.0)
+    elif wrap == MIRROR:
         x = x - 2.0 * np.floor(0.5 * x)
-        return min(x, 2.0 - x)
-    return x - np.floor(x)
+        place = min(x, 2.0 - x)
+    else:
+        place = x - np.floor(x)
+    return place if (place >= 0.0) & (place <= 1.0) else 0.0
 
 
 @helper

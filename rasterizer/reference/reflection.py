@@ -14,7 +14,7 @@ GRAZING = 2.0**-40
 
 
 def reflect(table, normals, light_dirs, to_viewer, tangents=None):
-    """Return D (n, 1) and S (n, n_channel) of the material of each row of `table`; of no meaning where N.L <= 0.
+    """Return D and S (n, n_channel) of the material of each row of `table`; of no meaning where N.L <= 0.
 
     Parameters
     ----------
@@ -22,14 +22,14 @@ def reflect(table, normals, light_dirs, to_viewer, tangents=None):
     normals, light_dirs, to_viewer : (n, 3) float64, unit
     tangents : (n, 3) float64 of any length, the direction that anisotropic materials are brushed along; None = no such materials
     """
-    matte, highlight = np.zeros((len(table), 1)), np.zeros_like(table["fresnel"])
+    matte, highlight = np.zeros((2, *table["fresnel"].shape))
     tangents = np.zeros_like(normals) if tangents is None else tangents
     for model in np.unique(table["reflection"]):
         at = table["reflection"] == model
         sides = normals[at], light_dirs[at], to_viewer[at]
         more = (tangents[at],) if model == "cook-torrance" else ()
         d, s, cosine = _MODELS[str(model)](table[at], *sides, *more)
-        matte[at, 0] = d
+        matte[at] = np.reshape(d, (-1, 1))
         highlight[at] = np.reshape(s, (-1, 1)) * (1.0 if cosine is None else _schlick(table[at], cosine))
     return matte, highlight
 

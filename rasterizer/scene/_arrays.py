@@ -4,8 +4,9 @@ only.
     in:  what people have: any real dtype, lists, quads, ragged polygons     out: float64, uint32 and int32
     arrays
 
-A form that is right already is passed through without a copy. Whole-array checks are minima and maxima, which
-hand a nan on and need no temporary; the culprit is looked for only once there is one.
+A form that is right already is passed through without a copy; `kept` then copies what the caller could still write to.
+Whole-array checks are minima and maxima, which hand a nan on and need no temporary; the culprit is looked for only once there
+is one.
 """
 
 import warnings
@@ -23,13 +24,46 @@ _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1
 
 
-def read_only(array: np.ndarray | None) -> np.ndarray | None:
-    """Return a contiguous view that can't be written through; the caller's own array stays as it is."""
-    if array is None:
-        return None
-    view = np.ascontiguousarray(array).view()
-    view.flags.writeable = False
-    return view
+class _Owned(np.ndarray):
+    """Marks memory that was taken over by `fixed`."""
+
+
+def fixed(array: np.ndarray | None) -> np.ndarray | None:
+    """Take over an array's memory: return it contiguous, and so that it can neither be written through nor be made writable.
+
+    Numpy lets a read-only view be made writable again where its memory is; so what lies between is a read-only buffer. Whoever
+    calls this must hold the only reference that can write: an index changed afterwards would make kernels read anywhere.
+    """
+    if array is None or is_fixed(array):
+        return None if array is None else np.ascontiguousarray(array)
+    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())
+
+
+def is_fixed(array: np.ndarray) -> bool:
+    """Tell whether an array is one made by `fixed`, or a view of one."""
+    while type(array) is np.ndarray:
+        array = array.base
+    return type(array) is memoryview and type(array.obj) is _Owned
+
+
+def kept(array: np.ndarray | None, given) -> np.ndarray | None:
+    """Return an array made of what a caller gave so that nobody can change it: copied where it may share the caller's memory.
+
+    An array that was already fixed is shared: what a mesh hands on to another takes no memory twice.
+    """
+    if array is None or is_fixed(array):
+        return fixed(array)
+    is_new = given is None or type(given) in (list, tuple)  # of anything else numpy may have made a view
+    is_new |= isinstance(given, np.ndarray) and not np.may_share_memory(array, given)
+    return fixed(array if is_new else array.copy())
+
+
+class KeepsArrays:
+    """What holds fixed arrays: those that come from pickle or from a deep copy are fixed, too."""
+
+    def __setstate__(self, state):
+        for key, value in state.items():
+            self.__dict__[key] = fixed(np.array(value)) if isinstance(value, np.ndarray) else value
 
 
 def checked_vertices(vertices) -> np.ndarray:

@@ -1,11 +1,10 @@
 """Checks shared by the scene's dataclasses: a number, a vector, a word, a size."""
 
 import math
-import reprlib
 
 import numpy as np
 
-from rasterizer.errors import SceneError
+from rasterizer.errors import SceneError, shown
 
 COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
 
@@ -19,33 +18,13 @@ AXES = {
 }
 
 
-def shown(value) -> str:
-    """Return `repr(value)`, cut to a length that fits a message; of something large only the beginning is looked at."""
-    try:
-        text = _SHORT.repr(value)
-    except (ValueError, RecursionError):  # a whole number of thousands of digits
-        text = f"<{type(value).__name__}>"
-    text = " ".join(text.split())
-    return text if len(text) <= 80 else text[:77] + "..."
-
-
-def _short_repr() -> reprlib.Repr:
-    """Make what writes the beginning of a value: enough for a message."""
-    short = reprlib.Repr()
-    short.maxlevel = 5
-    for kind in ("dict", "list", "tuple", "set", "frozenset", "deque", "array"):
-        setattr(short, f"max{kind}", 40)
-    for kind in ("string", "long", "other"):
-        setattr(short, f"max{kind}", 400)
-    return short
-
-
-_SHORT = _short_repr()
+_MOST_PIXELS = 2**31 - 1  # that any size may have; a picture has fewer, see Options
 
 
 def number(value, what: str) -> float:
     """Return `value` as a finite float; SceneError where it is none (booleans and text are none)."""
     is_scalar = not isinstance(value, (str, bytes, bool, np.bool_)) and getattr(value, "ndim", 0) == 0
+    is_scalar = is_scalar and getattr(getattr(value, "dtype", None), "kind", "f") in "fiu"
     try:
         result = float(value) if is_scalar else math.nan
     except (TypeError, ValueError, OverflowError):
@@ -101,6 +80,6 @@ def picture_size(size) -> tuple[int, int]:
         is_whole = int(width) == width and int(height) == height
     except (TypeError, ValueError, OverflowError):
         is_whole = False
-    if not is_whole or width < 1 or height < 1:
+    if not is_whole or not (1 <= width <= _MOST_PIXELS and 1 <= height <= _MOST_PIXELS):
         raise SceneError(f"size must be (width, height), whole pixels of at least 1; given {shown(size)}")
     return int(width), int(height)

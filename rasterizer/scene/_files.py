@@ -90,8 +90,10 @@ class Folder:
         for wanted in dict.fromkeys((name, name.rsplit("/", 1)[-1])):
             for spell in (self.path.joinpath, self._whatever_capitals):
                 try:
+                    path = self.check(spell(wanted))
                     if self.allow_outside or not os.path.isabs(wanted):
-                        return self.check(spell(wanted))
+                        return path
+                    raise OutsideError("is an absolute path; --allow-outside, or allow_outside=True, reads it")
                 except OutsideError as fault:
                     refusal = refusal or fault
                 except OSError:

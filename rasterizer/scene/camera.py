@@ -24,6 +24,8 @@ from rasterizer.errors import SceneError
 from rasterizer.scene import _framing
 from rasterizer.scene._check import AXES, choice, number, picture_size, place3, shown, unit3
 
+LEAST_FOV = 1e-6  # degrees: a hair in 10 km
+
 
 class View(NamedTuple):
     """Where the camera is and its axes: (3,) float64 each, world space; the axes are orthonormal."""
@@ -105,14 +107,14 @@ class Camera:
         if (self.fov is None) == (self.height is None):
             raise SceneError(
                 "a camera needs either fov (perspective) or height (orthographic); "
-                f"given fov={self.fov!r}, height={self.height!r}"
+                f"given fov={shown(self.fov)}, height={shown(self.height)}"
             )
         if self.fov is not None:
             self._set("fov", _checked_fov(self.fov))
         else:
             height = number(self.height, "the camera's height")
             if height <= 0.0:
-                raise SceneError(f"the camera's height must be above 0 scene units; given {self.height!r}")
+                raise SceneError(f"the camera's height must be above 0 scene units; given {shown(self.height)}")
             self._set("height", height)
 
     def _check_intrinsics(self) -> None:
@@ -127,7 +129,7 @@ class Camera:
         fx, fy, cx, cy = (number(v, "each of the camera's intrinsics (fx, fy, cx, cy)") for v in values)
         if fx <= 0.0 or fy <= 0.0:
             raise SceneError(
-                f"the camera's focal lengths fx, fy must be above 0 pixels; given {fx!r}, {fy!r}"
+                f"the camera's focal lengths fx, fy must be above 0 pixels; given {shown(fx)}, {shown(fy)}"
             )
         width, height = picture_size(self.size)
         self._set("intrinsics", (fx, fy, cx, cy))
@@ -142,12 +144,12 @@ class Camera:
                 value = number(value, f"the camera's {field}")
                 if value <= 0.0 and self.is_perspective:
                     raise SceneError(
-                        f"the {field} of a perspective camera must be above 0 scene units; given {value!r}"
+                        f"the {field} of a perspective camera must be above 0 scene units; given {shown(value)}"
                     )
                 self._set(field, value)
         if self.near is not None and self.far is not None and self.near >= self.far:
             raise SceneError(
-                f"the camera's near must be below its far; given near={self.near!r}, far={self.far!r}"
+                f"the camera's near must be below its far; given near={shown(self.near)}, far={shown(self.far)}"
             )
 
     @property
@@ -209,11 +211,13 @@ class Camera:
         axes = _framing.orbit_axes(azimuth, elevation, choice(up, tuple(AXES), "up"))
         margin = number(margin, "the margin")
         if not 0.0 <= margin < 0.5:
-            raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {margin!r}")
+            raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {shown(margin)}")
         aspect = number(aspect, "the aspect (width / height)")
         if aspect <= 0.0:
-            raise SceneError(f"the aspect (width / height) must be above 0; given {aspect!r}")
+            raise SceneError(f"the aspect (width / height) must be above 0; given {shown(aspect)}")
         filled = 1.0 - 2.0 * margin
+        if not isinstance(orthographic, (bool, np.bool_)):
+            raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")
         if orthographic:
             eye, target, height = _framing.fit_orthographic(subject, axes, aspect * filled, filled)
             return cls(position=eye, target=target, up=axes[1], height=height)
@@ -240,7 +244,7 @@ class Camera:
         SceneError : shapes, values that are not finite, skew, a matrix R that is no rotation
         """
         K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
-        t = _checked_matrix(np.ravel(np.asarray(t)), (3,), "t")
+        t = _checked_matrix([each[0] for each in t] if _is_column(t) else t, (3,), "t")
         size = picture_size(size)
         fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
         ideal = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -310,17 +314,26 @@ def _cross(a, b) -> tuple[float, float, float]:
 
 
 def _checked_fov(fov) -> float:
-    """Return the field of view as a float between 0 and 180 degrees."""
+    """Return the field of view as a float between 0 and 180 degrees; a smaller one would magnify roundings only."""
     value = number(fov, "the camera's fov")
-    if not 0.0 < value < 180.0:
-        raise SceneError(f"the camera's fov must be between 0 and 180 degrees; given {fov!r}")
+    if not LEAST_FOV <= value < 180.0:
+        raise SceneError(f"the camera's fov must be between 0 and 180 degrees, {LEAST_FOV:g} at least; given {shown(fov)}")
     return value
+
+
+def _is_column(value) -> bool:
+    """Tell whether a value is (3, 1), as OpenCV writes vectors."""
+    try:
+        return [len(each) for each in value] == [1, 1, 1]
+    except TypeError:
+        return False
 
 
 def _checked_matrix(value, shape: tuple[int, ...], what: str) -> np.ndarray:
     """Return a finite float64 array of the given shape."""
     try:
-        matrix = np.asarray(value, dtype=np.float64)
+        matrix = np.asarray(value)
+        matrix = matrix.astype(np.float64) if matrix.dtype.kind in "fiu" else np.empty(0)
     except (TypeError, ValueError):
         matrix = np.empty(0)
     if matrix.shape != shape or not np.isfinite(matrix).all():

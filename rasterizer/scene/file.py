@@ -20,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from rasterizer.errors import ModelError
+from rasterizer.errors import ModelError, one_file
 from rasterizer.scene._check import picture_size, shown
 from rasterizer.scene._files import Folder, read_named
 from rasterizer.scene.camera import Camera
@@ -101,10 +101,14 @@ def read_scene(
     SceneError : an unknown or missing key, or a value that is not legal; messages name file, place and what is legal
     """
     name, data, own_folder = _read(source)
-    format = (format or Path(name).suffix or "json").lower().removeprefix(".")
-    root = Entry(_parse(data, format, name), name)
     files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
     context = Context(files, log or (lambda _text: None), crease_angle, drop_bad_faces, weighting)
+    with one_file(name):
+        return _read_tables(Entry(_parse(data, (format or Path(name).suffix or "json").lower().removeprefix("."), name), name), context)
+
+
+def _read_tables(root, context) -> SceneFile:
+    """Read the tables of a scene file."""
     top = root.table(KEYS, ("meshes",))
     if "materials" in top:
         for key, entry in top["materials"].names().items():
@@ -132,6 +136,8 @@ def _options(entry) -> dict:
     if entry is None:
         return {}
     items = entry.table(OPTIONS).items()
+    for size in [item for key, item in items if key == "size" and item.value is not None]:
+        size.call(picture_size, size.value if isinstance(size.value, list) else (size.value, size.value))
     values = {key: item.value for key, item in items if item.value is not None}
     return {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
 

@@ -5,6 +5,7 @@
 
 import math
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -19,7 +20,7 @@ MOST_RATIO = 20  # of bytes in the arrays to bytes of the file, beyond MOST_UNPA
 # What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
 _FAULTS = (
     OSError, ValueError, EOFError, TypeError, SyntaxError, LookupError, RuntimeError, MemoryError, ArithmeticError, AttributeError,
-    zipfile.BadZipFile, zlib.error,
+    zipfile.BadZipFile, zlib.error, tokenize.TokenError,
 )  # fmt: skip
 
 

@@ -45,6 +45,8 @@ def write_scene(scene, path) -> Path:
     SceneError : another suffix, a name that can't be written as Unicode text
     OutputError : a file can't be written
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise SceneError(f"a scene is saved to a path; given {shown(path)}")
     path = Path(path)
     format = path.suffix.lower()
     if format not in (".json", ".toml"):
@@ -268,6 +270,8 @@ def _write_all(path, contents) -> None:
     try:
         # A link keeps its name and gets a new target.
         write_and_move({os.path.realpath(folder / name): content for name, content in contents.items()})
+    except ValueError as fault:  # a name that no file can have
+        raise OutputError(f"can't write {shown(str(path))}: {fault}") from fault
     except OSError as fault:
         reason = (fault.strerror or str(fault)) if folder.is_dir() else f"there is no folder {folder}"
         raise OutputError(f"can't write {path}: {reason}") from fault

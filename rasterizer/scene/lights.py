@@ -13,6 +13,8 @@ import operator
 import re
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from rasterizer.errors import SceneError
 from rasterizer.scene._check import choice, number, place3, shown, unit3, vector3
 from rasterizer.scene.color import linear_rgb
@@ -288,6 +290,8 @@ def _check_positional(light, whose: str) -> None:
     object.__setattr__(light, "color", linear_rgb(light.color, f"{whose} color"))
     object.__setattr__(light, "attenuation", _attenuation(light.attenuation, whose))
     choice(light.attached, ATTACHMENTS, f"{whose} attached")
+    if not isinstance(light.amplify, (bool, np.bool_, int)):
+        raise SceneError(f"{whose} amplify must be True or False; given {shown(light.amplify)}")
     object.__setattr__(light, "amplify", bool(light.amplify))
     if light.range is not None:
         reach = number(light.range, f"{whose} range")

@@ -1,4 +1,4 @@
-"""Load a model: files of every format through trimesh, and whatever is a mesh already.
+"""Load a model: files of every format, and whatever is a mesh already. Which files may be read is said in `_files`.
 
 In: a path, bytes, an open file, or a mesh. Out: a Scene.
 
@@ -7,16 +7,15 @@ In: a path, bytes, an open file, or a mesh. Out: a Scene.
     bytes    bytes       off  glb  gltf  3mf     arrays
 """
 
-import importlib.util
 import os
 import warnings
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from rasterizer.errors import ModelError, RasterizerError, SceneError, internal_error
+from rasterizer.errors import ModelError, SceneError, one_file, shown
+from rasterizer.scene._arrays import fixed
 from rasterizer.scene._files import Folder, read_named
 from rasterizer.scene.gltf import read_gltf
 from rasterizer.scene.mesh import Mesh
@@ -27,13 +26,11 @@ from rasterizer.scene.parse import (
     Part,
     is_drawable,
     materials_of,
-    part_from,
-    run_trimesh,
-    triangle_meshes,
     weld,
 )
 from rasterizer.scene.scene import Scene
 from rasterizer.scene.soup import read_off, read_ply, read_stl
+from rasterizer.scene.threemf import read_3mf
 
 _UP_AXES = {"stl": "z", "3mf": "z"}  # all others: y
 _SPLIT_FORMATS = (
@@ -98,6 +95,8 @@ def load(
     """
     from rasterizer.scene.file import is_scene_file, read_scene  # which loads models in turn
 
+    if log is not None and not callable(log):
+        raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     log = log or _keep_quiet
     settings = {"lights": lights, "camera": camera, "background": background, "depth_cue": depth_cue, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
@@ -140,21 +139,6 @@ def load_file(
             if getattr(contents, key) is not None:
                 settings.setdefault(key, getattr(contents, key))
         return _with_changes(Scene(meshes, **settings), {}, None, weighting)
-
-
-@contextmanager
-def one_file(name):
-    """Turn what gets out of reading one file, and is no error of ours, into a ModelError that names the file."""
-    try:
-        yield
-    except (RasterizerError, Warning):  # a caller may have made errors of warnings
-        raise
-    except MemoryError as fault:
-        raise ModelError(f"{name}: needs more memory than there is") from fault
-    except RecursionError as fault:
-        raise ModelError(f"{name}: is nested too deeply") from fault
-    except Exception as fault:  # a fault of this package, which must not stop a program that reads many files
-        raise internal_error(name, fault) from fault
 
 
 def _name_of(source) -> str:
@@ -234,7 +218,7 @@ def _format_of(name, format) -> str:
     """Return the format, in lower case without a dot, and check that it can be read."""
     given = format if format is not None else Path(name).suffix
     if not isinstance(given, str):
-        raise SceneError(f"format must be text, one of {', '.join(_READERS)}; given {given!r}")
+        raise SceneError(f"format must be text, one of {', '.join(_READERS)}; given {shown(given)}")
     wanted = given.lower().removeprefix(".")
     if wanted in _READERS:
         return wanted
@@ -291,6 +275,8 @@ def _place(model, part, matrix, crease_angle, drop_bad_faces) -> Mesh:
     """Make the mesh of a part, and move it to where its node is."""
     label = f"mesh '{part['name']}': " if part["name"] else ""
     try:
+        # The reader's own arrays, which nobody else has: the mesh needs no copies.
+        part = {key: fixed(value) if isinstance(value, np.ndarray) else value for key, value in part.items()}
         mesh = Mesh(**part, crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
     except ModelError as fault:
         raise model.error(f"{label}{fault}") from fault
@@ -383,17 +369,6 @@ def _take_trimesh_scene(scene, crease_angle, drop_bad_faces) -> list[Mesh]:
     return meshes
 
 
-def _read_3mf(model: ModelFile) -> list[tuple[Part, np.ndarray]]:
-    """Read 3MF, for which trimesh needs two more packages."""
-    absent = [name for name in ("lxml", "networkx") if importlib.util.find_spec(name) is None]
-    if absent:
-        raise model.error(f"3MF needs {' and '.join(absent)}: pip install 'rasterizer[formats]'")
-    scene = run_trimesh(model)
-    parts = {name: part_from(mesh, name) for name, mesh in triangle_meshes(scene).items()}
-    placed = (scene.graph[node] for node in scene.graph.nodes_geometry)
-    return [(parts[name], np.asarray(matrix)) for matrix, name in placed if name in parts]
-
-
 _READERS = {
     "obj": read_obj,
     "stl": read_stl,
@@ -401,5 +376,5 @@ _READERS = {
     "off": read_off,
     "glb": read_gltf,
     "gltf": read_gltf,
-    "3mf": _read_3mf,
+    "3mf": read_3mf,
 }

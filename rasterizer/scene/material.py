@@ -121,7 +121,7 @@ class Material:
         choice(self.reflection, REFLECTIONS, "the material's reflection")
         self._check_model()
         if not isinstance(self.name, str):
-            raise SceneError(f"the material's name must be text; given {self.name!r}")
+            raise SceneError(f"the material's name must be text; given {shown(self.name)}")
 
     def _check_model(self) -> None:
         """Check and normalise the fields that only some of the reflection models read."""

@@ -3,7 +3,8 @@
     in:  arrays as people have them (any real dtype, triangles, quads, ragged polygons)
     out: contiguous read-only arrays: float64 vertices, uint32 triangles, float64 attributes, colours linear
 
-The arrays given are never changed; where they have the right form already they are shared, not copied.
+The arrays given are never changed, and copied: writing into them afterwards doesn't change the mesh. Those of another mesh are
+shared: nobody can write into them.
 """
 
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -20,7 +21,7 @@ WEIGHTINGS = ("angle", "area", "uniform")  # those of the kernels in _fans.py, w
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh:
+class Mesh(_arrays.KeepsArrays):
     """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see `polygons.py`.
 
     Parameters
@@ -82,7 +83,7 @@ class Mesh:
     drop_bad_faces: bool = False
 
     def __post_init__(self):
-        store = partial(object.__setattr__, self)
+        store, given = partial(object.__setattr__, self), dict(self.__dict__)
         store("crease_angle", _checked_crease_angle(self.crease_angle))
         choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
         store("materials", _checked_materials(self.material, self.materials))
@@ -113,7 +114,7 @@ class Mesh:
         _arrays.check_area(vertices, faces)
         attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
         for key, array in attributes.items():
-            store(key, _arrays.read_only(array))
+            store(key, _arrays.kept(array, given[key]))
 
     def _checked_attributes(self, n_vertex: int, faces, cut_from) -> dict[str, np.ndarray | None]:
         """Return what belongs to vertices, corners and faces, checked.
@@ -198,13 +199,13 @@ class Mesh:
         is_used = np.zeros(self.n_vertex, dtype=bool)
         for start in range(0, self.n_face, _arrays.CHUNK):  # numpy would turn all indices into int64 at once
             is_used[self.faces[start : start + _arrays.CHUNK].ravel()] = True
-        return self.vertices if is_used.all() else _arrays.read_only(self.vertices[is_used])
+        return self.vertices if is_used.all() else _arrays.fixed(self.vertices[is_used])
 
     @cached_property
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner (2, 3) float64 of the box round the used vertices, scene units."""
         columns = self.used_vertices.T
-        return _arrays.read_only(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
+        return _arrays.fixed(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
 
     def transformed(self, matrix) -> "Mesh":
         """Return a copy that is moved by an affine matrix.
@@ -224,7 +225,7 @@ class Mesh:
         matrix = _checked_affine(matrix)
         linear = matrix[:3, :3]
         is_mirrored = np.linalg.det(linear) < 0.0
-        changes = {"vertices": self.vertices @ linear.T + matrix[:3, 3]}
+        changes = {"vertices": _arrays.fixed(self.vertices @ linear.T + matrix[:3, 3])}
         if self.normals is not None:
             # the cofactor matrix is the inverse transpose times the determinant; it exists for every matrix
             a, b, c = linear
@@ -272,7 +273,7 @@ def _checked_crease_angle(angle) -> float | None:
         return None
     value = number(angle, "the crease angle")
     if not 0.0 <= value <= 180.0:
-        raise SceneError(f"the crease angle must be within 0..180 degrees; given {angle!r}")
+        raise SceneError(f"the crease angle must be within 0..180 degrees; given {shown(angle)}")
     return value
 
 
@@ -307,10 +308,13 @@ def _check_polygon_materials(polygons, face_material) -> None:
 def _checked_affine(matrix) -> np.ndarray:
     """Return a 4 × 4 affine matrix as float64."""
     try:
-        result = np.asarray(matrix, dtype=np.float64)
+        result = np.asarray(matrix)
+        result = result.astype(np.float64) if result.dtype.kind in "fiu" else np.empty(0)
     except (TypeError, ValueError):
         result = np.empty(0)
-    if result.shape != (4, 4) or not np.isfinite(result).all() or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
+    # Within the limit of coordinates no product of three numbers overflows.
+    is_fine = result.shape == (4, 4) and (np.abs(result) <= _arrays.COORDINATE_LIMIT).all()
+    if not is_fine or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise SceneError(
             f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}"
         )

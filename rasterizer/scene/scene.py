@@ -80,10 +80,8 @@ class Scene:
         SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is legal
         """
         from rasterizer.scene.file import read_scene  # which loads models into scenes
-        from rasterizer.scene.load import one_file
 
-        with one_file(shown(path)):
-            return read_scene(path).framed_scene()
+        return read_scene(path).framed_scene()
 
     def save(self, path):
         """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background and depth cue come back.

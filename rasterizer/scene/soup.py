@@ -136,6 +136,8 @@ def read_off(model: ModelFile) -> list[Part]:
         raise
     except (ValueError, IndexError, OverflowError) as fault:
         raise model.error(f"not a readable OFF file ({fault})") from fault
+    if n_corner.min(initial=0) < 0:
+        raise model.error(f"a face line says that it has {n_corner.min()} corners")
     if any(len(words) <= n for words, n in zip(faces, n_corner, strict=True)):
         raise model.error("a face line has fewer corners than it says")
     if n_corner.max(initial=3) <= 3:

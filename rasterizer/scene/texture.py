@@ -12,12 +12,14 @@ import os
 import struct
 import warnings
 import zlib
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene._arrays import KeepsArrays, fixed
 from rasterizer.scene._check import choice, shown
 from rasterizer.scene.color import linear_from_srgb_bytes
 
@@ -36,7 +38,7 @@ PICTURE_FAULTS = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Texture:
+class Texture(KeepsArrays):
     """Hold a picture that multiplies a material's diffuse and ambient coefficients.
 
     Parameters
@@ -160,7 +162,8 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
             warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here
             with Image.open(source, formats=FORMATS) as picture:
                 _check_size(picture, name, budget)
-                return _pixels_of(picture)
+                with _silenced() if picture.format == "TIFF" else nullcontext():
+                    return _pixels_of(picture)
     except ModelError:
         raise
     except Image.UnidentifiedImageError as fault:
@@ -169,6 +172,24 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
         raise ModelError(f"{name}: can't be read as a picture: more than {2 * Image.MAX_IMAGE_PIXELS} texels") from fault
     except PICTURE_FAULTS as fault:
         raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
+
+
+@contextmanager
+def _silenced():
+    """Let nothing be written to the process's stderr: libtiff has no other way to say what it thinks of a file."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # the process was started without one
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _check_size(picture, name, budget) -> None:
@@ -232,8 +253,7 @@ def _checked_image(image) -> np.ndarray:
                 part[..., 3] = source[..., -1] / 255.0 if is_bytes else source[..., -1]
         if not is_bytes and not (np.isfinite(part).all() and part.min() >= 0.0 and part[..., 3].max() <= 1.0):
             raise SceneError("a texture's image must be finite and at least 0, its alpha within 0..1")
-    out.flags.writeable = False
-    return out
+    return fixed(out)
 
 
 def _halve(level) -> np.ndarray:
