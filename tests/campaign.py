@@ -141,8 +141,11 @@ def check_surfaces(case, frame, exact, expected):
     n_wrong = ((frame.face >= 0) != (expected.face >= 0)).sum()
     if n_wrong:
         faults.append(f"{n_wrong} samples covered wrongly")
-    if np.abs(frame.alpha - expected.alpha).max() > 1e-6:
-        faults.append(f"alpha is off by {np.abs(frame.alpha - expected.alpha).max():.3g}")
+    is_off = np.abs(frame.alpha - expected.alpha) > 1e-6
+    if is_off.any():
+        is_off &= all_clear(case) & ~next_to_step(case, frame.stats.steps)
+    if is_off.any():
+        faults.append(f"alpha is off by {np.abs(frame.alpha - expected.alpha)[is_off].max():.3g}")
     resolution = depth_resolution(case.scene, case.size, expected.depth)
     is_clear = expected.margin > resolution
     is_seen = (expected.face >= 0) & is_clear
@@ -175,7 +178,7 @@ def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
             is_next = next_to_step(case, steps)
             n_step += (is_far & is_next).sum()
             is_far &= ~is_next
-        share = (error / limit).max(axis=-1)
+        share = (error / np.maximum(limit, np.finfo(np.float64).tiny)).max(axis=-1)
         share[~is_far] = np.minimum(share, 1.0)[~is_far]
         worst = max(worst, float(share.max(initial=0.0)))
         if is_far.any():

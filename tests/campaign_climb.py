@@ -61,7 +61,9 @@ def _mutated_material(material, rng, step) -> rz.Material:
     return replace(
         material,
         shininess=float(np.clip(material.shininess * np.exp(2 * step * rng.normal()), 0.05, 1e6)),
-        roughness=float(np.clip(material.roughness * np.exp(step * rng.normal()), least, 1.0)),
+        roughness=material.roughness if material.is_anisotropic else float(
+            np.clip(material.roughness * np.exp(step * rng.normal()), least, 1.0)
+        ),
         specular=material.specular if hasattr(material.specular, "wavelengths") else np.clip(
             np.add(material.specular, 0.1 * step * rng.normal()), 0.0, 1.0
         ),
