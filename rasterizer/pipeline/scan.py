@@ -301,7 +301,8 @@ def fill_span(row, word, step):
 
 @helper
 def fill_span_exactly(row, start, j, triangle, depths, payload):
-    """Fill a span of a triangle that is too thin or too steep for a plane: its depth comes from exact edge functions at every sample."""
+    """Fill a span of a triangle that is too thin or too steep for a plane: its depth comes from exact edge functions, at every
+    sample."""
     for k in range(np.uint64(len(row))):
         new, old = word_of_sliver(start + np.int64(k), j, triangle, depths, payload), row[k]
         row[k] = new if new < (old & DEPTH_MASK) else old
