@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
-from bench import analytic, measure, scenes
+from bench import analytic, margins, measure, scenes
 from rasterizer import Renderer, reference
 from rasterizer.options import SAMPLES, SHADINGS
 from rasterizer.scene.color import srgb_from_linear
@@ -87,6 +87,9 @@ def measure_group(scene, shading, samples, args):
     settings = {"shading": shading, "samples": samples, "cull": args.cull}
     times, covered = time_tolerances(scene, settings, args)
     judge = reference.render(scene, args.size, **settings)
+    is_clear = margins.clear_pixels(
+        scene, args.size, samples, lambda grid: reference.render(scene, grid, **settings | {"samples": 1})
+    )
     surface = analytic.find_surface(scene)
     truth = None if surface is None else analytic.draw(surface, scene, args.size, samples)
     slowest = times[args.tolerances[0]]
@@ -98,7 +101,7 @@ def measure_group(scene, shading, samples, args):
         row = {"shading": shading, "samples": samples, "tolerance": text, "ms": times[text],
                "speed": slowest / times[text], "ns_triangle": 1e6 * times[text] / scene.n_face,
                "ns_pixel": 1e6 * times[text] * samples / max(covered, 1)}  # fmt: skip
-        row |= compare_with_reference(frame, judge)
+        row |= compare_with_reference(frame, judge, is_clear)
         if truth is not None:
             diagonal = float(np.linalg.norm(np.diff(scene.bounds, axis=0)))
             row |= compare_with_surface(frame, truth, samples, OTHER_DEPTH * diagonal)
@@ -121,12 +124,13 @@ def time_tolerances(scene, settings, args) -> tuple[dict, int]:
     return {text: float(np.median(times)) for text, (times, _) in turns.items()}, covered
 
 
-def compare_with_reference(frame, judge) -> dict:
+def compare_with_reference(frame, judge, is_clear) -> dict:
     """Numerical error of a frame: the same mesh, the same method, float64.
 
-    Pixels whose centre shows another face, or of which another part is covered, are counted, not compared.
+    Pixels of which another part is covered are counted, not compared; and so are those with a sample in which two surfaces are
+    nearer to each other than depth can tell (`is_clear` (h, w) is False), where each may show the other one.
     """
-    is_other = (frame.face != judge.face) | (np.abs(frame.alpha - judge.alpha) > 1e-6)
+    is_other = (frame.face != judge.face) | (np.abs(frame.alpha - judge.alpha) > 1e-6) | ~is_clear
     is_seen = (judge.alpha > 0) & ~is_other
     error = np.abs(frame.color - judge.color)[is_seen]
     levels = np.abs(frame.rgb.astype(int) - judge.rgb)[is_seen]

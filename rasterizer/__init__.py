@@ -19,6 +19,7 @@ _HOMES = {
     "AreaLight": "scene.lights",
     "Camera": "scene.camera",
     "Comparison": "compare",
+    "DepthCue": "scene.depth_cue",
     "DirectionalLight": "scene.lights",
     "Frame": "frame",
     "MachBands": "mach",
@@ -38,6 +39,7 @@ _HOMES = {
     "Texture": "scene.texture",
     "compare": "compare",
     "headlight": "scene.lights",
+    "illuminate": "illuminate",
     "load": "scene.load",
     "mach_bands": "mach",
     "render": "renderer",
@@ -48,7 +50,7 @@ __all__ = sorted([*_HOMES, "__version__"])
 
 
 class _Package(ModuleType):
-    """Keep `compare` and `sheet` functions, though importing the module of that name would bind it here."""
+    """Keep `compare`, `illuminate` and `sheet` functions, though importing the module of that name would bind it here."""
 
     def __setattr__(self, name, value):
         if not (name in _HOMES and isinstance(value, ModuleType)):

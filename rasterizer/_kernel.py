@@ -3,93 +3,131 @@
 `kernel` is for loops over arrays: it releases the GIL, so that bands run on threads, and its machine code is kept on disk.
 `helper` is for scalar functions that kernels call: the compiler inlines them.
 
-Numba stamps its cache with one file's time and size only, so a changed helper in another file would leave stale kernels behind.
-The cache folder therefore carries a hash of all the sources that kernels are made of. Where no folder can be written the
-kernels are compiled in every process: slower, never broken.
+The code is kept in files of our own (_cache.py). Numba's would be stamped with one file's time and size only, so a changed helper
+in another file would leave stale kernels behind; they have no checksum, and a damaged one ends every run. Here the folder's name
+carries a hash of all the sources that kernels are made of, and of what else decides what the compiler makes of them. Where no
+folder will do, the kernels are compiled in every process: slower, never broken.
 """
 
-import contextlib
 import functools
 import hashlib
+import logging
 import os
-import shutil
-import tempfile
-import time
+import pickle
+import sys
 from pathlib import Path
 
+import llvmlite
 import numba
 import numba.extending
 import numpy
 from llvmlite import ir
+from numba.core import compiler, config, serialize, sigutils
+from numba.core.caching import NullCache
+from numba.core.ccallback import CFunc
+from numba.core.compiler_lock import global_compiler_lock
+
+from . import _cache
 
 _OPTIONS = {"nogil": True, "error_model": "numpy"}
 _PACKAGE = Path(__file__).resolve().parent
+# Settings of numba (0.68) that change the code that it makes; each is also an environment variable, NUMBA_...
+_CODE_SETTINGS = (
+    "BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO_DEFAULT", "DEBUG_NRT", "DISABLE_INTEL_SVML", "ENABLE_AVX",
+    "ENABLE_PROFILING", "ENABLE_SYS_MONITORING", "EXTEND_VARIABLE_LIFETIMES", "LLVM_REFPRUNE_FLAGS", "LLVM_REFPRUNE_PASS",
+    "LOOP_VECTORIZE", "NRT_STATS", "OPT", "SLP_VECTORIZE", "USING_SVML",
+)  # fmt: skip
+
+_log = logging.getLogger("rasterizer")
 
 
-def _is_writable(folder: Path) -> bool:
-    """Tell whether files can be made in `folder`, making the folder if need be."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
+def _describe_compiler() -> str:
+    """Say what decides, beside the sources, what code is made."""
+    versions = numba.__version__, llvmlite.__version__, numpy.__version__, sys.implementation.cache_tag
+    return repr((versions, [(name, str(getattr(config, name, None))) for name in _CODE_SETTINGS]))
 
 
-def _find_cache_folder() -> Path | None:
-    """Return the first folder that can hold compiled kernels, or None where nothing is writable."""
-    digest = hashlib.sha256(numba.__version__.encode())
+def _name_folder() -> str:
+    """The name of the folder for what these sources are compiled to."""
+    digest = hashlib.sha256(_describe_compiler().encode())
     for source in sorted(_PACKAGE.rglob("*.py")):
         content = source.read_bytes()
-        if source.parent.name == "pipeline" or b"_kernel import" in content:
+        if source.parent.name == "pipeline" or source.name == "_kernel.py" or b"_kernel import" in content:
             digest.update(content)
-    name = f"kernels-{digest.hexdigest()[:16]}"
-    home = Path(os.path.expanduser("~"))
+    return f"{_cache.PREFIX}{digest.hexdigest()[:16]}"
+
+
+def _find_cache_folder() -> tuple[Path | None, list[str]]:
+    """Return the folder that holds compiled kernels, or None where none will do, and why others won't do.
+
+    NUMBA_CACHE_DIR names the only one that is tried. What others can write to is refused there, too: code is loaded from it.
+    """
     asked = os.environ.get("NUMBA_CACHE_DIR")
-    user_cache = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "rasterizer"
-    candidates = [Path(asked)] if asked else [_PACKAGE / "__pycache__", user_cache]
-    folder = next((base / name for base in candidates if _is_writable(base / name)), None)
+    candidates = [Path(asked)] if asked else [_PACKAGE / "__pycache__"]
+    if not asked:
+        candidates += [folder / "rasterizer" for folder in _cache.home_folders()]
+    folder, reasons = _cache.choose_folder(candidates, _name_folder())
     if folder is not None:
-        os.utime(folder)  # in use: its age counts from now
-        _remove_old(folder)
-    return folder
+        _cache.remove_old(folder)
+    return folder, reasons
 
 
-def _remove_old(folder: Path) -> None:
-    """Remove the kernels of other versions that nobody has touched for a month."""
-    for other in folder.parent.glob("kernels-*"):
-        try:
-            if other != folder and time.time() - other.stat().st_mtime > 30 * 24 * 3600:
-                shutil.rmtree(other)
-        except OSError:
-            continue  # somebody else's, or just removed by another process
-
-
-CACHE_FOLDER = _find_cache_folder()
+CACHE_FOLDER, CACHE_REASONS = _find_cache_folder()
 
 
 def is_cache_cold() -> bool:
     """Tell whether no kernel has been compiled into the cache folder yet, so that the first picture will take seconds."""
-    return CACHE_FOLDER is None or next(CACHE_FOLDER.rglob("*.nbi"), None) is None
+    return CACHE_FOLDER is None or next(CACHE_FOLDER.glob(f"*{_cache.SUFFIX}"), None) is None
 
 
-@contextlib.contextmanager
-def _own_cache():
-    """Let numba find the package's own cache folder, where there is one, and afterwards whatever it had before."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(CACHE_FOLDER or before)
-    try:
-        yield
-    finally:
-        numba.config.CACHE_DIR = before
+class _Kept(NullCache):
+    """One function's compiled forms on disk: what dispatchers and CFuncs of numba (0.61 to 0.68) ask for and hand over."""
+
+    def __init__(self, function):
+        self._function = function
+        self._title = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+
+    @property
+    def cache_path(self):
+        return str(CACHE_FOLDER)
+
+    def _key(self, signature, codegen) -> bytes:
+        where = self._function.__module__, self._function.__qualname__, self._function.__code__.co_firstlineno
+        return repr((_describe_compiler(), where, str(signature), codegen.magic_tuple())).encode()
+
+    def load_overload(self, sig, target_context):
+        """Return what was compiled for a signature, or None."""
+        target_context.refresh()
+        code = _cache.read_code(CACHE_FOLDER, self._title, self._key(sig, target_context.codegen()))
+        if code is None:
+            return None
+        try:
+            return compiler.CompileResult._rebuild(target_context, *pickle.loads(code))
+        except Exception as fault:  # unpickling raises anything: here what numba of this very version doesn't know any more
+            _log.info("kernel %s can't be loaded and is compiled again (%s)", self._title, fault)
+            return None
+
+    def save_overload(self, sig, data):
+        """Keep what was compiled; code that holds addresses of this process can't be kept."""
+        if not data.lifted and not data.library.has_dynamic_globals:
+            _cache.write_code(CACHE_FOLDER, self._title, self._key(sig, data.codegen), serialize.dumps(data._reduce()))
 
 
 def _compile_lazily(function, **options):
-    """Apply `numba.njit` with the package's own cache folder, without changing the folder of anybody else."""
-    if CACHE_FOLDER is None:
-        return numba.njit(**options)(function)
-    with _own_cache():
-        return numba.njit(cache=True, **options)(function)
+    """Apply `numba.njit` with the package's own cache, without changing the folder of anybody else."""
+    compiled = numba.njit(**options)(function)
+    if CACHE_FOLDER is not None and not config.DISABLE_JIT:
+        compiled._cache = _Kept(function)
+    return compiled
+
+
+# A process that is forked while another thread compiles would find the compiler locked for ever.
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(
+        before=global_compiler_lock.acquire,
+        after_in_parent=global_compiler_lock.release,
+        after_in_child=global_compiler_lock.release,
+    )
 
 
 def kernel(function):
@@ -115,9 +153,13 @@ def row_function(function, dtype):
     number = numba.from_dtype(numpy.dtype(dtype))
     pointer = numba.types.CPointer(number)
     signature = numba.types.void(pointer, numba.types.intp, pointer)
+    # What `numba.cfunc` does, with a cache of our own.
     options = {"error_model": "numpy", "nopython": True}
-    with _own_cache():
-        return numba.cfunc(signature, cache=CACHE_FOLDER is not None, **options)(function)
+    compiled = CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options)
+    if CACHE_FOLDER is not None:
+        compiled._cache = _Kept(function)
+    compiled.compile()
+    return compiled
 
 
 @numba.extending.intrinsic

@@ -1,7 +1,4 @@
-"""Which row function serves a light or a material, and how far an illumination can go: largest intensities, magnified errors.
-
-The bounds that let a plan (plan.py) choose a cheaper path.
-"""
+"""Which row function serves a light or a material, and how bright a highlight can get; see rounding.py for what that bounds."""
 
 import math
 
@@ -13,7 +10,8 @@ from .scene.lights import DirectionalLight, PointLight, SpotLight
 
 def kind_of(light) -> str:
     """Name of the light's row function."""
-    return {DirectionalLight: "directional", PointLight: "point", SpotLight: "spot"}[type(light)]
+    kind = {DirectionalLight: "directional", PointLight: "point", SpotLight: "spot"}[type(light)]
+    return "shaped spot" if getattr(light, "falloff", 1.0) != 1.0 else kind
 
 
 def model_of(material) -> str:
@@ -22,9 +20,12 @@ def model_of(material) -> str:
         return material.reflection
     if max(material.specular) == 0:
         return "lambert"
+    if material.is_anisotropic:
+        return "anisotropic ggx" if material.tangent == "u" else "anisotropic ggx by axis"
     if material.reflection == "cook-torrance":
         return material.distribution
-    return f"weighted {material.reflection}" if material.normalized or material.fresnel is not None else material.reflection
+    is_weighted = material.normalized or isinstance(material.fresnel, float)
+    return f"weighted {material.reflection}" if is_weighted else material.reflection
 
 
 def has_highlight(material) -> bool:
@@ -32,10 +33,16 @@ def has_highlight(material) -> bool:
     return max(material.specular) > 0 and REFLECTIONS[model_of(material)].has_highlight
 
 
+def has_colored_fresnel(material) -> bool:
+    """Tell whether a material's F0 is a colour: then its highlight is two sums, see reflection.grazing_part."""
+    return isinstance(material.fresnel, tuple) and has_highlight(material) and material.reflection != "toon"
+
+
 def first_fresnel(material) -> float:
-    """F0 of a material's specular reflection function W(θ); with 1, W is 1."""
+    """F0 of a material's specular reflection function W(θ), as row functions take it; with 1, W is 1: also of a coloured F0,
+    which is part of what the sums are weighted with."""
     if material.fresnel is not None:
-        return material.fresnel
+        return 1.0 if isinstance(material.fresnel, tuple) else material.fresnel
     return 0.04 if material.reflection == "cook-torrance" else 1.0
 
 
@@ -48,15 +55,18 @@ def highlight_scale(material) -> float:
 
 
 def highlight_bounds(material) -> tuple[float, float]:
-    """Largest value of a material's highlight for ks = 1, and how far it magnifies a relative error of the directions.
+    """Largest value of a material's highlight for ks = 1, and how far it magnifies an error of the directions, relative to that.
 
-    A power h^n magnifies by n, W(θ) by 5 at most, N·L by 1.
+    A power h^n magnifies a relative error of h by n (that of directions by less: see rounding.py), W(θ) by 5 at most, N·L by 1.
     Cook-Torrance with GGX: π D <= 1/α², N·L G1(L)/(2 N·L) <= 1/2, G1(V)/(2 N·V) <= 1/α. ln D rises by at most 2/α a radian, and
-    G by 1/α. With Beckmann's D: π D has its maximum at tan² = max(0, 2 m² - 1), and G1(V)/N·V <= 3.535/m.
+    G by 1/α. Anisotropic: π D <= 1/(αx αy), and the root in G1(V) is at least the smaller α; ln D rises by at most 2/α a radian of
+    that one. A coloured F0 has W <= 1 in every channel, too, because F0 <= 1. With Beckmann's D: π D has its maximum at tan² = max(0, 2 m² - 1), and G1(V)/N·V <= 3.535/m.
     """
     model, r = model_of(material), material.roughness
     if model == "ggx":
         return 1.0 / (2.0 * r**3), 4.0 / r + 5.0
+    if model.startswith("anisotropic"):
+        return 1.0 / (2.0 * r[0] * r[1] * min(r)), 4.0 / min(r) + 5.0
     if model == "beckmann":
         tangent_square = max(0.0, 2.0 * r * r - 1.0)
         return math.exp(-tangent_square / r**2) * (1.0 + tangent_square) ** 2 / r**3 * (3.535 / 4.0), 4.0 / r + 5.0
@@ -68,8 +78,10 @@ def highlight_bounds(material) -> tuple[float, float]:
 
 def matte_magnification(material) -> float:
     """How far a material's matte reflection magnifies an error of the directions, beyond Lambert's: tan β of Oren-Nayar does."""
+    if material.reflection != "oren-nayar":
+        return 0.0
     square = material.roughness**2
-    return 0.45 * square / (square + 0.09) / LEAST_COSINE if material.reflection == "oren-nayar" else 0.0
+    return 0.45 * square / (square + 0.09) / LEAST_COSINE
 
 
 def common_color(materials, lights, ambient):
@@ -79,6 +91,8 @@ def common_color(materials, lights, ambient):
     Intensities are products of a material's and a light's colour, so it is enough that all lights are grey and all the
     materials' colours multiples of one triple, or the other way round.
     """
+    if any(has_colored_fresnel(material) for material in materials):
+        return None
     of_lights = [np.array(light.color) for light in lights] + [ambient]
     of_materials = [np.array(getattr(m, name)) for m in materials for name in ("ambient", "diffuse")]
     of_materials += [np.array(m.specular) for m in materials if has_highlight(m)]
@@ -90,6 +104,11 @@ def common_color(materials, lights, ambient):
     return None
 
 
+def common_tint(tint, color):
+    """Return the tint if a colour is a multiple of it, else None."""
+    return _direction([tint, np.array(color)])
+
+
 def _direction(colors):
     """The triple, its largest component 1, of which all colours are multiples (to float64 rounding); None if there is none."""
     colors = np.array([color for color in colors if color.max() > 0.0]).reshape(-1, 3)
@@ -98,46 +117,6 @@ def _direction(colors):
     scaled = colors / colors.max(axis=1, keepdims=True)
     # Quotients of equal colours differ by a rounding error each.
     return scaled[0] if np.ptp(scaled, axis=0).max() <= 4 * np.finfo(float).eps else None
-
-
-def intensity_bounds(materials, lights, ambient, most_albedo) -> tuple[float, float]:
-    """Largest intensity that any point can have, and the largest sum of highlights, each times its exponent or what stands for
-    it.
-
-    The second says how far an error of the directions is magnified: a power h^n multiplies the relative error of h by n. Each of
-    the roundings on the way to h costs 2^-24, of which about eight fall together; the matte terms take about sixteen.
-    """
-    bound = magnified = 0.0
-    for material in materials:
-        matte = max(material.ambient) * ambient.max() * most_albedo + max(material.emissive)
-        peak, magnification = highlight_bounds(material)
-        specular = peak * max(material.specular)
-        shine = steep = rough = 0.0
-        for light in lights:
-            most = np.inf if getattr(light, "amplify", False) and light.attenuation[0] < 1.0 else 1.0
-            # A light that gives nothing can't be amplified: no 0 times infinity.
-            matte += most * max(light.color) * max(material.diffuse) * most_albedo if max(light.color) > 0 else 0.0
-            shine += most * max(light.color) * specular if max(light.color) > 0 and specular > 0 else 0.0
-            if max(light.color) > 0 and (slope := max(material.diffuse) * matte_magnification(material)) > 0:
-                rough += slope * most * max(light.color) * most_albedo
-            if max(light.color) > 0 and (slope := steepness(light)) > 0:
-                steep += slope * most * max(light.color) * (max(material.diffuse) * most_albedo + specular)
-        bound = max(bound, matte + shine)
-        magnified = max(magnified, shine * magnification + rough + steep)
-    return bound, magnified
-
-
-def steepness(light) -> float:
-    """How far the factors of a light's cone and range magnify an error of its direction, or a relative one of its distance.
-
-    t² (3 - 2 t) rises by at most 3/2 of what t does, c^e by at most e; (d/r)^4 by four times the relative error of d, twice that
-    of d². Infinite for a sharp cone: its edge is drawn in float64.
-    """
-    slope = 4.0 if getattr(light, "range", None) is not None else 0.0
-    if isinstance(light, SpotLight):
-        inner, outer = cone_cosines(light)
-        slope += light.exponent + (1.5 / (inner - outer) if inner > outer else np.inf)
-    return slope
 
 
 def cone_cosines(light) -> tuple[float, float]:

@@ -15,13 +15,27 @@ from .errors import SceneError
 from .pipeline.bands import sort_into_bands
 from .pipeline.block import Polygons
 from .pipeline.buffers import write_buffers
-from .pipeline.clip import clip, extend
-from .pipeline.layers import Opacity, composite, open_layers, scan_layer, scan_opaque
+from .pipeline.centers import fill_means
+from .pipeline.clip import NO_PLANES, clip
+from .pipeline.cue import Cue, fade
+from .pipeline.layers import (
+    FEW,
+    Fragments,
+    Opacity,
+    composite,
+    in_order_of_depth,
+    open_layers,
+    ranges_of,
+    scan_opaque,
+    seen_through,
+    show_first,
+    take_fragments,
+)
 from .pipeline.lighting import light_points
 from .pipeline.records import EXACT, MAX_RECORDS, Coding
 from .pipeline.resolve import resolve
 from .pipeline.rows import make_rows
-from .pipeline.scan import scan
+from .pipeline.scan import Canvas, scan
 from .pipeline.scratch import BenchKind
 from .pipeline.setup import Faces, find_visible
 from .pipeline.shade import shade_interpolated, shade_lit
@@ -60,6 +74,7 @@ class Job(NamedTuple):
     table: FaceTable = NO_TABLE
     is_textured: bool = False
     opacity: Opacity | None = None  # None where all is opaque
+    cue: Cue | None = None  # None where nothing fades with depth
 
 
 class Counts(NamedTuple):
@@ -75,17 +90,18 @@ class Counts(NamedTuple):
 
 def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     """Send every polygon of the scene through the pipeline."""
+    job = job if job.cue is None else job._replace(shade=_with_cue(job, screen))
     vertices, n_outside = transform(geometry.positions, screen, workers)
     clock.lap("transform")
 
     polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
-    attributes, loaded_face, n_clipped, table = job.attributes, np.empty(0, np.uint32), 0, job.table
+    loaded_face, planes, n_clipped, table = geometry.face, NO_PLANES, 0, job.table
     if n_outside:
-        clipped = clip(geometry.positions, *polygons[:2], vertices, screen, geometry.is_shared)
-        vertices, loaded_face, n_clipped = clipped.vertices, clipped.face, clipped.n_clipped
-        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[loaded_face])
-        attributes = extend(attributes, clipped) if geometry.is_shared else attributes
-        table = table.of_parts(loaded_face)
+        clipped = clip(geometry.positions, *polygons[:2], vertices, screen)
+        vertices, planes, n_clipped = clipped.vertices, clipped.planes, clipped.n_clipped
+        loaded_face = geometry.face[clipped.face] if len(geometry.face) else clipped.face
+        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[clipped.face], clipped.cut)
+        table = table.of_parts(clipped.face)
         clock.lap("clip")
 
     width, height = job.size[0] * job.factor, job.size[1] * job.factor
@@ -94,6 +110,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     bands = sort_into_bands(visible, workers)
     clock.lap("bands")
 
+    attributes = job.attributes
     n_attribute = attributes.shape[2]
     n_group = -(-n_attribute // 3) if job.coding.kind != EXACT else 0  # the normals, or the three channels; the albedo
     is_layered = job.opacity is not None
@@ -103,6 +120,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
         faces = bands.face[bands.start[band] : bands.start[band + 1]]
         y_start, y_stop = band * rows, min((band + 1) * rows, height)
         bench = scratch.take(kind, len(faces))
+        bench = bench._replace(records=bench.records._replace(cut=planes))
         if is_layered:
             peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench)
         else:
@@ -121,26 +139,41 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
     clock.lap("scan, shade, resolve")
     n_culled = sum(part.n_culled for part in visible)
     n_drawn = sum(len(part.face) for part in visible)
-    return Counts(geometry.vertex.shape[1], n_clipped, n_culled, n_drawn, sum(covered), width * height)
+    return Counts(geometry.n_loaded, n_clipped, n_culled, n_drawn, sum(covered), width * height)
 
 
 def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench) -> None:
-    """Draw a band of a scene with transparent surfaces: shade one layer after the other, nearest first, and sum them up."""
+    """Draw a band of a scene with transparent surfaces: list what is seen through at every sample, shade one layer after the
+    other, nearest first, and sum them up."""
     canvas, layers, n_row = bench.canvas, bench.layers, y_stop - y_start
     scan_opaque(
         faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, canvas, bench.records,
         job.opacity, table.material,
     )  # fmt: skip
-    open_layers(canvas, layers)
-    is_more = True
-    while is_more:
-        scan_layer(
-            faces, polygons, vertices, y_start, y_stop, bench.block, canvas, layers.floor, job.opacity, table.material
-        )
-        job.shade(bench, len(faces), table, y_start, n_row)
-        is_more = composite(
-            canvas, bench.records, n_row, layers, bench.radiance, bench.texels, job.opacity, table.material
-        )
+    places, n_sample = seen_through(faces, job.opacity, table.material), n_row * canvas.pitch
+    fragments = Fragments(0, n_sample, np.empty(0, np.int64), layers.cursor, layers.start, True)
+    open_layers(layers)
+    take_fragments(faces, places, polygons, vertices, y_start, 0, n_row, bench.block, canvas, fragments)
+    n_fragment = np.cumsum(layers.cursor[:n_sample], out=layers.start[1 : n_sample + 1])[-1]
+    if n_fragment > FEW * np.count_nonzero(layers.cursor[:n_sample]):
+        places = in_order_of_depth(places, faces, polygons, vertices)
+    layers.cursor[:n_sample] = layers.start[:n_sample]
+
+    shown = bench._replace(canvas=Canvas(layers.words, canvas.pitch, canvas.width, layers.left, layers.right))
+    for first, last in ranges_of(layers.start[: n_sample + 1], canvas.pitch):
+        first_row, stop_row = first // canvas.pitch, -(-last // canvas.pitch)
+        words = np.empty(layers.start[last] - layers.start[first], np.int64)
+        fragments = Fragments(first, last, words, layers.cursor, layers.start, False)
+        take_fragments(faces, places, polygons, vertices, y_start, first_row, stop_row, bench.block, canvas, fragments)
+        show_first(canvas, layers, fragments, first_row, stop_row - first_row)
+        depth, is_more = 0, True
+        while is_more:
+            job.shade(shown, len(faces), table, y_start + first_row, stop_row - first_row)
+            is_more = composite(
+                canvas, bench.records, layers, fragments, first_row, stop_row - first_row, depth, bench.radiance, bench.texels,
+                job.opacity, table.material,
+            )  # fmt: skip
+            depth += 1
 
 
 def set_up(polygons, vertices, width, height, job, workers):
@@ -163,18 +196,30 @@ def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> n
     """
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
     starts = geometry.point_offsets[:-1]
+    normals = np.concatenate([geometry.normals, geometry.tangents]) if plan.has_tangents else geometry.normals
     for material, start, stop in zip(geometry.group_material.tolist(), starts, geometry.point_offsets[1:], strict=True):
         n = int(stop - start)
         for side, out in enumerate(intensities):
             sign = 0 if is_flat else 1 - 2 * side
             workers.map(
                 lambda part, material=material, start=int(start), sign=sign, out=out: light_points(
-                    geometry.points, geometry.normals, geometry.albedo, lift, start + part[0], start + part[1],
+                    geometry.points, normals, geometry.albedo, lift, start + part[0], start + part[1],
                     screen, sign, lighting, material, make_rows(plan.dtype), out,
                 ),
                 workers.ranges(n),
             )  # fmt: skip
     return intensities
+
+
+def fill_centers(values, centers, workers) -> np.ndarray:
+    """Give the points that are means of others their values (side, n_point, n_value); nothing is lit there."""
+    if centers is not None:
+        for side in values:
+            workers.map(
+                lambda part, side=side: fill_means(side, centers.first, centers.offsets, centers.points, *part),
+                workers.ranges(len(centers.offsets) - 1),
+            )
+    return values
 
 
 def interpolated_job(intensities, plan, coding, options, encoding, picture, table) -> Job:
@@ -222,8 +267,18 @@ def _picture_job(attributes, coding, plan, options, encoding, picture, shade, ta
 
     return Job(
         attributes, coding, plan.n_channel, options.cull == "back", factor, options.size, shade, finish, True, table,
-        plan.textures is not None, plan.opacity,
+        plan.textures is not None, plan.opacity, plan.cue,
     )  # fmt: skip
+
+
+def _with_cue(job, screen):
+    """Shade as the job does, then let what is further away fade."""
+
+    def shade(bench, n_exact, table, y_start, n_row):
+        job.shade(bench, n_exact, table, y_start, n_row)
+        fade(bench.canvas, bench.records, y_start, n_row, screen.is_perspective, job.cue, bench.radiance)
+
+    return shade
 
 
 def buffers_job(normals, coding, options, screen, buffers) -> Job:

@@ -27,8 +27,13 @@ class Stats:
     covered : samples that something covers
     samples : samples of the picture
     threads : how many worked
-    error_bound : the error that the chosen paths may have, in linear intensity where 1 is white
+    error_bound : the largest error of an intensity that the paths of this frame may have, in linear intensity where 1 is white,
+        against the exact illumination of the same faces at the same samples: rounding to float32 or float64, and what was
+        approximated. What rounding of vertices to 1/256 px changes is no part of it, see `position_bound`. 0 where no picture was
+        asked for
     milliseconds : dict of stage to time
+    steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how near to
+        that the bound doesn't hold. Empty where it holds everywhere
     """
 
     faces: int
@@ -40,6 +45,13 @@ class Stats:
     threads: int
     error_bound: float
     milliseconds: dict = field(default_factory=dict)
+    steps: tuple = ()
+
+    @property
+    def position_bound(self) -> float:
+        """How far, in px along either axis, a pixel's sample may lie from the point of the polygon that it shows: vertices are
+        rounded to 1/256 px. `error_bound` doesn't count this: it compares with a float64 evaluation of the rounded polygon."""
+        return 0.5 / 256  # pipeline/transform.py: POSITION_BOUND
 
     @property
     def coverage(self) -> float:

@@ -9,22 +9,29 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .bounds import common_color, intensity_bounds, kind_of
+from .bounds import common_color, common_tint, has_highlight, kind_of, model_of
+from .errors import SceneError
 from .options import Options
 from .pipeline import texture as texturing
 from .pipeline.clip import find_nearest
-from .pipeline.layers import Opacity
+from .pipeline.cue import Cue
+from .pipeline.layers import Opacity, least_transmitted
 from .pipeline.lights import LIGHTS
 from .pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from .pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
 from .pipeline.texture import Textures
 from .pipeline.transform import make_screen
+from .rounding import (
+    DOUBLE, EXPONENTS, SINGLE, WRITTEN, Reflected, Surroundings, find_most, find_reflected, frame_error, lighting_error,
+)  # fmt: skip
 from .scene.geometry import number_materials
 from .scene.lights import AmbientLight, AreaLight
 from .spectral import Products, multiply_spectra
 
-ULP = 2.0**-24  # relative rounding error of float32
+LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
+SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
 NEAREST = 2.0**-20  # the fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there
+LEAST_NEAR = 2.0**-30  # a near plane that is given is never nearer than this part of the furthest distance
 DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 BAND_WORDS = 2**17  # a band's z-buffer is about 1 MB: half of a usual L2 cache
 
@@ -37,20 +44,23 @@ class Plan(NamedTuple):
     dtype: np.dtype
     coding: int  # the cheapest way that attributes may take to the samples; see pipeline/records.py
     level_scale: float  # levels a unit of intensity
-    normal_limit: float  # largest rise of a normal over a triangle's box for which float32 planes are good enough
+    normal_limit: float  # how far float32 planes may turn a normal, see find_normals in pipeline/records.py
     bound: float  # the largest intensity that any point can have
-    magnified: float  # the largest sum of highlights, each times its exponent
-    rounding: float  # what float32 may add to an intensity
-    error_bound: float  # linear intensity
+    reflected: Reflected  # how bright each light makes each material, not amplified
+    brightest_background: float  # the largest component of what lies behind the picture
+    rounding: float  # what rounding may add to an intensity, linear, before it is known where lights and surfaces are
+    is_flat: bool
     is_lit_per_sample: bool
     ambient: np.ndarray  # (3,) float64, the sum of the ambient lights
     lights: tuple  # the others; those of an area light one by one
     materials: tuple  # the different ones of all meshes
     has_albedo: bool
     has_shadows: bool
+    has_tangents: bool  # some material is brushed along u
     textures: Textures | None  # None where the scene has none
     opacity: Opacity | None  # None where all is opaque
     products: Products | None  # None where colours are multiplied channel by channel
+    cue: Cue | None  # None where nothing fades with depth
 
 
 def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
@@ -59,7 +69,9 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     Parameters
     ----------
     albedo : (n_point, 3) float64, linear colours given with the model, or no rows
-    is_precise : use float64 even where the scene alone does not ask for it; see `is_too_close`
+    is_precise : use float64 even where the scene alone does not ask for it; see `fits_float32`
+
+    Raises SceneError where the picture's intensities may be too large for float32.
     """
     ambient_lights, lights, materials = list_parts(scene)
     products = multiply_spectra(materials, lights, ambient_lights, options)
@@ -70,20 +82,33 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     has_albedo = len(albedo) > 0
     is_tinted = products is None and not is_textured and not (has_albedo and np.ptp(albedo, axis=1).any())
     tint = common_color(materials, lights, ambient) if is_tinted else None
-    bound, shine = intensity_bounds(materials, lights, ambient, albedo.max(initial=1.0) * brightest_texel(materials))
-    # Float32 may spend half of the tolerance on the lighting, a quarter on normals; affine interpolation the rest.
-    rounding = ULP * (16.0 * bound + 8.0 * shine)
+    cue = scene.depth_cue
+    tint = tint if cue is None or tint is None else common_tint(tint, cue.color)
+    with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
+        most_albedo = albedo.max(initial=1.0) * brightest_texel(materials)
+        reflected = find_reflected(materials, lights, ambient, most_albedo, products)
+    greatest = reflected.amplified(find_most(lights))
+    bound, behind = greatest.bound, max(scene.background or (0.0,))
+    check_brightness(reflected.bound)
+    # Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners; or the
+    # rest on intensities between them.
+    rounding = lighting_error(greatest, SINGLE) + WRITTEN * SINGLE * (behind + bound)
     has_shadows = any(light.shadow is not None for light in lights)
     # Next to a step no error is small: the levels of a toon, the edges of shadows and of texels.
     is_stepped = has_shadows or is_textured or any(material.reflection == "toon" for material in materials)
-    is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and not (is_precise or is_stepped or products)
+    # And none has a bound where a tangent nearly stands upright on the surface.
+    # Depth cueing reads depths from exact records.
+    is_stepped = is_stepped or any(material.is_anisotropic for material in materials) or cue is not None
+    is_steep = any(m.shininess < 1.0 and has_highlight(m) and model_of(m) in EXPONENTS for m in materials)
+    is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and are_single(lights)
+    is_single = is_single and not (is_precise or is_stepped or is_steep or products)
     dtype = np.dtype(np.float32 if is_single else np.float64)
     is_lit_per_sample = options.shading == "phong"
     is_opaque = all(material.is_opaque for material in materials)
     coding, normal_limit = EXACT, 0.0
     if is_lit_per_sample and is_single and is_opaque:
-        normal_limit = ((options.tolerance / 4) / (ULP * max(bound + 2.0 * shine, 1e-30)) - 3.0) / 4.0
-        coding = NORMAL_PLANES if normal_limit > 0.0 else EXACT
+        normal_limit = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * max(greatest.turned, 1e-30))
+        coding = NORMAL_PLANES if normal_limit > 3.0 else EXACT
     elif is_single and is_opaque and np.isfinite(bound):
         coding = IN_WORDS if tint is not None else IN_PLANES
     return Plan(
@@ -94,20 +119,27 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         level_scale=(int(LEVEL_MASK) - 1) / (bound + rounding) if 0.0 < bound + rounding < np.inf else 1.0,
         normal_limit=normal_limit,
         bound=bound,
-        magnified=shine,
+        reflected=reflected,
+        brightest_background=behind,
         rounding=rounding,
-        # In float64 what is left is the rounding of the float32 output.
-        error_bound=options.tolerance if is_single else 2.0 * ULP * max(bound, 1.0),
+        is_flat=options.is_flat,
         is_lit_per_sample=is_lit_per_sample,
         ambient=ambient,
         lights=lights,
         materials=materials,
         has_albedo=has_albedo,
         has_shadows=has_shadows,
+        has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
         textures=list_textures(materials) if is_textured else None,
-        opacity=None if is_opaque else list_opacities(materials),
+        opacity=None if is_opaque else list_opacities(materials, least_transmitted(options.tolerance, bound, is_single)),
         products=products,
+        cue=None if cue is None else make_cue(cue, 3 if tint is None else 1),
     )
+
+
+def make_cue(cue, n_channel) -> Cue:
+    """Depth cueing as the pipeline takes it; with one channel the colour is a multiple of the tint, whose largest component is 1."""
+    return Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
 
 
 def list_parts(scene):
@@ -137,11 +169,12 @@ def brightest_texel(materials) -> float:
     return max((float(image[..., :3].max()) for image in images), default=1.0)
 
 
-def list_opacities(materials) -> Opacity:
-    """How transparent the materials are."""
+def list_opacities(materials, least) -> Opacity:
+    """How transparent the materials are; see pipeline/layers.py for `least`."""
     return Opacity(
         np.array([material.opacity for material in materials]),
         np.array([material.is_opaque for material in materials], np.bool_),
+        least,
     )
 
 
@@ -163,19 +196,58 @@ def list_textures(materials) -> Textures:
     )
 
 
-def is_too_close(plan: Plan, tolerance, furthest, clearance) -> bool:
-    """Tell whether a point light is so close to a surface that float32 positions would be visible.
+def check_brightness(bound) -> None:
+    """Refuse a scene whose intensities a picture can't hold."""
+    if not bound <= LARGEST:
+        raise SceneError(
+            f"the scene's lights and materials may give intensities up to {bound:.3g}; legal is up to {LARGEST:.3g}, the largest "
+            "float32: give lights and materials smaller colors"
+        )
 
-    Positions are relative to the eye: at the furthest depth they err by about 2^-22 of it. With d the light's clearance, that
-    turns its direction by error/d and changes its attenuation by at most twice that share.
 
-    Parameters
-    ----------
-    furthest : depth of the furthest vertex, scene units
-    clearance : distance that no surface comes nearer to any point light than, scene units
+def are_single(lights) -> bool:
+    """Tell whether the numbers of lights have a place in float32, and their products with squares of lengths, too."""
+    numbers = [number for light in lights for number in getattr(light, "attenuation", ()) if number > 0.0]
+    numbers += [light.range for light in lights if getattr(light, "range", None) is not None]
+    return all(SMALL <= number <= LARGE for number in numbers)
+
+
+def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
+    """Tell whether float32 leaves room enough for a plan's approximations in one view, see `make_plan`.
+
+    Lengths and their squares must keep their digits, from the nearest point to a light to the furthest one from the eye; a light
+    that is further away than LARGE is found by the furthest point's clearance.
     """
-    magnification = 3.0 * plan.bound + 2.0 * plan.magnified
-    return 2.0**-22 * furthest * magnification > tolerance / 4 * clearance
+    with_places = surroundings.clearances[np.isfinite(surroundings.clearances)]
+    lengths = [surroundings.furthest, *with_places]
+    if not all(SMALL <= length <= LARGE for length in lengths):
+        return False
+    # Nothing is kept back here: where a normal vanishes or a light lies on a surface, float64 is right.
+    if surroundings.is_lit_per_sample and surroundings.shortest <= 0.0:
+        return False
+    return rounding_of(plan, surroundings) <= tolerance / 2
+
+
+def rounding_of(plan: Plan, surroundings: Surroundings) -> float:
+    """What rounding may add to an intensity in one view, in the plan's type, and in the float32 of the picture."""
+    u = SINGLE if plan.dtype == np.float32 else DOUBLE
+    reflected = plan.reflected.amplified(find_most(plan.lights, surroundings.kept().clearances))
+    written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bound)
+    return frame_error(reflected, surroundings, u) + written
+
+
+def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
+    """The largest error of an intensity in one view, against the exact evaluation of the same polygons; see `Stats`.
+
+    Float64 leaves the rounding alone. Float32 adds half a level where a polygon has one intensity in its words, a quarter of the
+    tolerance for the normals' planes and one for colours', or all of it for what Gouraud's method has between the corners.
+    """
+    rounding = rounding_of(plan, surroundings)
+    if plan.coding == EXACT:
+        return rounding
+    if plan.is_lit_per_sample:
+        return rounding + tolerance / 4 * (2 if plan.has_albedo else 1)
+    return rounding + 0.5 / plan.level_scale if plan.is_flat else max(tolerance, rounding)
 
 
 def make_coding(plan: Plan, screen, tolerance) -> Coding:
@@ -219,12 +291,12 @@ def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
     ----------
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
     """
-    depth = (bounds - view.eye) * view.forward  # (n_mesh, 2, 3): an axis' share of the depth at both ends of each box
-    nearest, furthest = depth.min(axis=1).sum(axis=1).min(), depth.max(axis=1).sum(axis=1).max()
+    nearest, furthest = depths_of_boxes(view, bounds)
     if camera.is_perspective:
         furthest = furthest if furthest > 0 else 1.0
-        # A little more room, so that rounding clips nothing.
-        near, far = max(nearest * (1 - NEAREST), furthest * NEAREST), furthest * (1 + NEAREST)
+        # A little more room, so that rounding clips nothing. What a far plane cuts off does not push the near one away.
+        deepest = furthest if camera.far is None else min(furthest, camera.far)
+        near, far = max(nearest * (1 - NEAREST), deepest * NEAREST), furthest * (1 + NEAREST)
     else:
         margin = NEAREST * (furthest - nearest)
         near, far = max(nearest - margin, 0.0), max(furthest + margin, 0.0)
@@ -234,22 +306,42 @@ def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
     return (near, max(far, near)), np.inf
 
 
-def fit_screen(view, projection, depth_range, far_clip, geometry, size):
-    """The screen of a view with perspective whose depth range is fitted to a box: where that spans much, to what is seen in it.
+def depths_of_boxes(view, bounds) -> tuple[float, float]:
+    """The depths between which boxes lie, scene units."""
+    depth = (bounds - view.eye) * view.forward  # (n_mesh, 2, 3): an axis' share of the depth at both ends of each box
+    return float(depth.min(axis=1).sum(axis=1).min()), float(depth.max(axis=1).sum(axis=1).max())
+
+
+def fit_screen(view, projection, depth_range, far_clip, geometry, size, bounds=None):
+    """The screen of a view: what is nearer than `depth_range` is clipped, and the z-buffer is fitted to the depths that are seen.
+
+    So planes that somebody gives far before or behind the scene cost no digits of depth. With perspective the z-buffer's 38 bits
+    are even in 1/w: they leave 2^-38 · w/near of the depth w, so near counts most. Where it is small beside far, the nearest depth
+    that is seen is looked for. A near plane before LEAST_NEAR of the furthest depth counts as there: order is 2^-8 of that depth
+    then, and 1/w, whose rounding is 2^-53 of its range, still has 2^-23 of it.
+
+    What lies between the near plane and the nearest depth that is seen needs a depth, too, for the planes of triangles that reach
+    there; the near plane is brought so near to the range that such depths leave it by no more than 2^20 times.
 
     Parameters
     ----------
-    depth_range : (near, far) of the box, scene units
+    depth_range : (near, far), scene units; `far` clips only as `far_clip`
     size : (width, height) of the picture in samples
+    bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space; None where `depth_range` is fitted to them already
     """
     near, far = depth_range
+    nearest, furthest = depth_range if bounds is None else depths_of_boxes(view, bounds)
+    if not projection.is_perspective:
+        margin = NEAREST * (furthest - nearest)
+        fitted = max(near, nearest - margin), min(far, furthest + margin)
+        return make_screen(view, projection, fitted if fitted[0] < fitted[1] else depth_range, near, far_clip)
+    far = min(far, furthest * (1 + NEAREST)) if near < furthest else far
+    near_clip = near = max(near, far * LEAST_NEAR)
     if near < far * DEEP:
-        # The box round the scene says little about the depths that are seen.
-        screen = make_screen(view, projection, depth_range, near, far_clip)
-        nearest = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
-        if near < nearest < far:
-            depth_range = (nearest, far)
-    return make_screen(view, projection, depth_range, near, far_clip)
+        screen = make_screen(view, projection, (near, far), near, far_clip)
+        seen = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
+        near = seen if near < seen < far else near
+    return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip)
 
 
 def choose_band_rows(width, height, n_thread, factor) -> int:

@@ -1,10 +1,11 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
+from dataclasses import fields
 from time import perf_counter
 
 import numpy as np
 
-from .draw import FaceTable, buffers_job, draw, interpolated_job, light, lit_job
+from .draw import FaceTable, buffers_job, draw, fill_centers, interpolated_job, light, lit_job
 from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .illumination import make_lighting, world_position
@@ -12,12 +13,12 @@ from .options import Options
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
 from .pipeline.scratch import Scratch, empty_buffers, make_picture
-from .pipeline.transform import make_screen
 from .pipeline.workers import Workers
-from .plan import fit_depth_range, fit_screen, is_too_close, make_coding, make_encoding, make_plan
+from .plan import error_bound_of, fit_depth_range, fit_screen, fits_float32, make_coding, make_encoding, make_plan, rounding_of
+from .rounding import Surroundings, list_steps
 from .scene.camera import Camera
-from .scene.geometry import find_clearance, gather_geometry
-from .scene.lights import PointLight, SpotLight
+from .scene.geometry import find_clearance, find_point_clearance, find_shortest_normal, gather_geometry
+from .scene.lights import DirectionalLight
 from .scene.scene import Scene
 from .shadow_maps import Shadows
 
@@ -41,7 +42,8 @@ class Renderer:
     """Render many pictures of one scene: what doesn't depend on the camera is prepared once, and buffers are kept.
 
     Parameters are those of `render`. Use it as a context manager, or call `close`, to end its threads. One Renderer draws one
-    picture at a time; each thread of a caller needs one of its own.
+    picture at a time: threads that share one take turns, so each needs one of its own to draw at the same time. A forked process
+    goes on with it, on threads of its own; pickled, it becomes a new one of the same scene and options.
     """
 
     def __init__(self, scene, size=(640, 480), **options):
@@ -51,6 +53,9 @@ class Renderer:
         self._plan = make_plan(self.scene, self.options, self._geometry.albedo)
         self._precise_plan = None
         self._clearances = {}
+        self._shortest = 1.0
+        if self._plan.is_lit_per_sample and self._plan.reflected.turned > 0.0:
+            self._shortest = find_shortest_normal(self._geometry.normals, self._geometry.corner)
         self._encoding = make_encoding(self._plan, self.scene.background, self.options.color_range)
         self._bounds = np.stack([mesh.bounds for mesh in self.scene.meshes])
         self._workers = Workers(self.options.n_thread)
@@ -65,25 +70,34 @@ class Renderer:
     def __exit__(self, *_):
         self.close()
 
+    def __reduce__(self):
+        return _remake, (self.scene, {field.name: getattr(self.options, field.name) for field in fields(self.options)})
+
     def close(self) -> None:
-        """End the threads; the Renderer draws no more."""
-        self._is_closed = True
-        self._workers.close()
+        """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
+        with self._workers.turn:
+            self._is_closed = True
+            self._workers.close()
 
     def render(self, camera: Camera | None = None) -> Frame:
         """Render the scene through its own camera, or through another one.
 
         Raises SceneError for what is no camera, and after `close`.
         """
+        with self._workers.turn:
+            return self._render(camera)
+
+    def _render(self, camera) -> Frame:
         if self._is_closed:
             raise SceneError("this Renderer is closed; make a new one")
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
         if not isinstance(camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
         options, clock, arrays, rgba, counts = self.options, Clock(), {}, None, None
+        error_bound, steps = 0.0, ()
         if "color" in options.outputs or "rgb" in options.outputs:
             picture = make_picture(options.size, "color" in options.outputs or options.color_range == "global")
-            counts = self._draw_picture(camera, picture, clock)
+            counts, error_bound, steps = self._draw_picture(camera, picture, clock)
             rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
             if "color" in options.outputs:
                 arrays.update(color=picture.color, alpha=picture.alpha)
@@ -92,7 +106,7 @@ class Renderer:
             counts_of_buffers = self._draw_buffers(camera, buffers, clock)
             counts = counts or counts_of_buffers
             arrays.update({name: getattr(buffers, name) for name in wanted})
-        stats = Stats(**counts._asdict(), threads=self._workers.n_thread, error_bound=self._plan.error_bound,
+        stats = Stats(**counts._asdict(), threads=self._workers.n_thread, error_bound=error_bound, steps=steps,
                       milliseconds=clock.milliseconds)  # fmt: skip
         return Frame(rgba, arrays, stats, options.size)
 
@@ -102,16 +116,14 @@ class Renderer:
         width, height = self.options.size
         projection = camera.projection((width * factor, height * factor))
         depth_range, far_clip = fit_depth_range(camera, view, self._bounds)
-        if camera.is_perspective and camera.near is None:
-            size = width * factor, height * factor
-            return view, fit_screen(view, projection, depth_range, far_clip, self._geometry, size)
-        return view, make_screen(view, projection, depth_range, depth_range[0], far_clip)
+        size = width * factor, height * factor
+        return view, fit_screen(view, projection, depth_range, far_clip, self._geometry, size, self._bounds)
 
     def _draw_picture(self, camera, picture, clock):
         """Draw the picture: the colour of every pixel."""
         options, geometry = self.options, self._geometry
         view, screen = self._screen(camera, options.factor)
-        plan = self._plan_for(view)
+        plan, surroundings = self._plan_for(view, screen)
         maps, shapes = (), np.empty((0, 5))
         if self._shadows is not None:
             maps = self._shadows.draw(view, self._scratch, self._workers)
@@ -122,7 +134,7 @@ class Renderer:
         encoding = self._encoding
         table = FaceTable(geometry.face_material, shapes)
         if plan.is_lit_per_sample:
-            attributes = self._normal_attributes(plan.dtype, plan.has_albedo)
+            attributes = self._normal_attributes(plan.dtype, plan.has_albedo, plan.has_tangents)
             job = lit_job(attributes, plan, coding, options, encoding, picture, screen, lighting, table)
         else:
             intensities = self._light_points(plan, lighting, screen)
@@ -133,7 +145,7 @@ class Renderer:
             encoding = encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
-        return counts
+        return counts, error_bound_of(plan, options.tolerance, surroundings), list_steps(plan, surroundings)
 
     def _light_points(self, plan, lighting, screen) -> np.ndarray:
         """Intensities of the points, (n_side, n_point, n_channel); with textures, those of a black surface in front of them,
@@ -147,32 +159,54 @@ class Renderer:
             return light(geometry, lift, plan, lighting, screen, options.is_flat, n_side, self._workers)
 
         if plan.textures is None:
-            return light_all(geometry)
+            return fill_centers(light_all(geometry), geometry.centers, self._workers)
         # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
         rest = light_all(geometry._replace(albedo=np.zeros_like(geometry.albedo)))
         uv = np.broadcast_to(geometry.uv, (n_side, *geometry.uv.shape))
-        return np.concatenate([rest, light_all(geometry), uv], axis=2)
+        return fill_centers(np.concatenate([rest, light_all(geometry), uv], axis=2), geometry.centers, self._workers)
 
-    def _plan_for(self, view):
-        """The plan, or one with float64 where a light with a place is very close to a surface that is seen from afar."""
-        points = [light for light in self._plan.lights if isinstance(light, PointLight | SpotLight)]
-        if not points or self._plan.dtype == np.float64:
-            return self._plan
-        places = [tuple(world_position(light, view).tolist()) for light in points]
+    def _plan_for(self, view, screen):
+        """The plan, or one with float64 where float32 has too few digits for this view, and what was found out about the view."""
+        furthest = float(np.linalg.norm(np.abs(self._bounds - view.eye).max(axis=(0, 1))))
+        surroundings = Surroundings(furthest, self._find_clearances(view, screen), self._shortest, self._plan.is_lit_per_sample)
+        plan = self._plan
+        if plan.dtype == np.float64:
+            return plan, surroundings
+        if not fits_float32(plan, self.options.tolerance, surroundings):
+            if self._precise_plan is None:
+                self._precise_plan = make_plan(self.scene, self.options, self._geometry.albedo, is_precise=True)
+            return self._precise_plan, surroundings
+        return plan._replace(rounding=rounding_of(plan, surroundings)), surroundings
+
+    def _find_clearances(self, view, screen) -> np.ndarray:
+        """For each light a distance that no lit point comes nearer to it than: a vertex or centroid, or a sample's point.
+
+        A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its depth.
+        """
+        geometry, lights = self._geometry, self._plan.lights
+        places = [None if isinstance(light, DirectionalLight) else world_position(light, view) for light in lights]
+        kept, self._clearances = self._clearances, {}
         for place in places:
-            if place not in self._clearances:
-                self._clearances = {kept: self._clearances[kept] for kept in places if kept in self._clearances}
-                self._clearances[place] = find_clearance(self._geometry.positions, self._geometry.vertex, *map(float, place))
-        furthest = np.linalg.norm(np.abs(self._bounds - view.eye).max(axis=(0, 1)))
-        if not is_too_close(self._plan, self.options.tolerance, furthest, min(self._clearances[place] for place in places)):
-            return self._plan
-        if self._precise_plan is None:
-            self._precise_plan = make_plan(self.scene, self.options, self._geometry.albedo, is_precise=True)
-        return self._precise_plan
+            if place is not None and (key := tuple(place.tolist())) not in self._clearances:
+                found = kept.get(key)
+                if found is None and self._plan.is_lit_per_sample:
+                    found = find_clearance(geometry.positions, geometry.vertex, *map(float, place))
+                elif found is None:
+                    found = find_point_clearance(geometry.points, *map(float, place))
+                self._clearances[key] = found
+        beside = 0.0
+        if self._plan.is_lit_per_sample:
+            deepest = np.linalg.norm(np.abs(self._bounds - view.eye).max(axis=(0, 1))) if screen.is_perspective else 1.0
+            beside = deepest * np.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
+        distances = [np.inf if place is None else self._clearances[tuple(place.tolist())] - beside for place in places]
+        return np.maximum(np.array(distances, float), 0.0)
 
     def _draw_buffers(self, camera, buffers, clock):
         """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes them."""
         view, screen = self._screen(camera, 1)
+        if len(buffers.depth):
+            depths = np.abs((self._bounds - view.eye) * view.forward).max(axis=1).sum(axis=1)
+            check_depths(min(float(depths.max()), np.inf if camera.far is None else camera.far))
         coding = make_coding(self._plan._replace(coding=EXACT), screen, 0.0)
         n_point = self._geometry.points.shape[1]
         normals = self._normal_attributes(np.float64, False) if len(buffers.normal) else np.empty((1, n_point, 0))
@@ -181,12 +215,14 @@ class Renderer:
         job = buffers_job(normals, coding, self.options, screen, buffers)
         return draw(self._geometry, job, screen, self._scratch, self._workers, clock)
 
-    def _normal_attributes(self, dtype, has_albedo) -> np.ndarray:
-        """Normals, behind them the model's colours and the texture coordinates, as point attributes (1, n_point, 3, 6 or 8)."""
-        key = np.dtype(dtype), has_albedo
+    def _normal_attributes(self, dtype, has_albedo, has_tangents=False) -> np.ndarray:
+        """Normals, behind them the model's colours, the texture coordinates and the tangents, as point attributes: (1, n_point, n),
+        n from 3 to 11."""
+        key = np.dtype(dtype), has_albedo, has_tangents
         if key not in self._normals:
             columns = [self._geometry.normals.T] + ([self._geometry.albedo] if has_albedo else [])
             columns += [self._geometry.uv] if has_albedo and len(self._geometry.uv) else []
+            columns += [self._geometry.tangents.T] if has_tangents else []
             self._normals[key] = np.ascontiguousarray(np.concatenate(columns, axis=1)[None], dtype)
         return self._normals[key]
 
@@ -196,6 +232,21 @@ class Renderer:
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return np.stack([toward, -toward])
+
+
+def check_depths(largest) -> None:
+    """Refuse a scene whose depths a float32 buffer can't hold, given the largest."""
+    limits = np.finfo(np.float32)
+    if largest != 0.0 and not limits.tiny <= largest <= limits.max:
+        raise SceneError(
+            f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {limits.tiny:.3g} to {limits.max:.3g}: "
+            "scale the scene, or leave depth out of the outputs"
+        )
+
+
+def _remake(scene, options) -> Renderer:
+    """What a pickled Renderer becomes."""
+    return Renderer(scene, **options)
 
 
 class Clock:

@@ -1,14 +1,17 @@
 """The fast path against the judge, pixel by pixel: help for the tests of the pipeline."""
 
+import sys
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.pipeline.transform import DEPTH_SPAN
-from rasterizer.plan import fit_depth_range
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from bench.margins import UNITS, clear_pixels, depth_resolution
 
 EXACT = 1e-6  # promised with tolerance 0, in linear intensity
 NORMAL = 2e-6  # normals are stored as float32
@@ -32,17 +35,7 @@ def judged(scene, size, **options) -> reference.Picture:
     return reference.render(scene, size, **options)
 
 
-def depth_resolution(scene, size, depth, units) -> np.ndarray:
-    """Depth (h, w) that `units` of the z-buffer stand for at the depths (h, w) of a picture."""
-    camera = scene.camera_for(size)
-    bounds = np.stack([mesh.bounds for mesh in scene.meshes])
-    (near, far), _ = fit_depth_range(camera, camera.view(), bounds)
-    if not camera.is_perspective:
-        return np.full(depth.shape, units * (far - near) / DEPTH_SPAN)
-    return np.where(np.isfinite(depth), depth, 0.0) ** 2 * (units * (1 / near - 1 / far) / DEPTH_SPAN)
-
-
-def compare(scene, size, units=2.0**14, limit=EXACT, **options) -> Verdict:
+def compare(scene, size, units=UNITS, limit=EXACT, **options) -> Verdict:
     """Render both ways; refuse any difference in coverage, face or depth.
 
     `units` is what planes of depth may be off, in steps of the z-buffer: half a step for each sample of the
@@ -64,7 +57,8 @@ def compare(scene, size, units=2.0**14, limit=EXACT, **options) -> Verdict:
     assert not wrong.any(), f"{wrong.sum()} pixels show the wrong face"
     is_safe, n_ignored = is_clear, int((~is_clear).sum())
     if options.get("samples", 1) > 1:
-        is_safe = clear_pixels(scene, size, units, options)
+        one = {**options, "samples": 1}
+        is_safe = clear_pixels(scene, size, options["samples"], lambda grid: judged(scene, grid, **one), units)
         n_ignored = int((~is_safe).sum())
     color = color_errors(scene, frame, expected)[is_safe]
     normal = np.abs(frame.normal - expected.normal)[is_seen]
@@ -87,16 +81,7 @@ def color_errors(scene, frame, expected) -> np.ndarray:
     return errors if is_opaque else errors * expected.alpha[..., None]
 
 
-def clear_pixels(scene, size, units, options) -> np.ndarray:
-    """Tell of which pixels (h, w) every sample shows clearly what is in front."""
-    per_axis = round(options["samples"] ** 0.5)
-    grid = size[0] * per_axis, size[1] * per_axis
-    fine = judged(scene, grid, **{**options, "samples": 1})
-    is_clear = fine.margin > depth_resolution(scene, grid, fine.depth, units)
-    return is_clear.reshape(size[1], per_axis, size[0], per_axis).all(axis=(1, 3))
-
-
-def check(scene, size, budget, ignored=0.002, units=2.0**14, normal=NORMAL, far=0.0, **options) -> Verdict:
+def check(scene, size, budget, ignored=0.002, units=UNITS, normal=NORMAL, far=0.0, **options) -> Verdict:
     """Refuse a picture whose colours are further than `budget` from the judge's.
 
     `ignored` is the share of the pixels that may be left out, `far` the share of those compared that may be further off: at the

@@ -9,7 +9,9 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-from bench import analytic, before_after, features, frame, measure, scenes, speed_vs_error
+import rasterizer as rz
+from bench import analytic, before_after, features, frame, margins, measure, scenes, speed_vs_error
+from rasterizer import reference
 
 QUICK = ["--frames", "3", "--seconds", "0.01"]
 MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
@@ -93,6 +95,23 @@ def test_speed_vs_error(capsys):
         )
         assert set(row) == always | against_surface
         assert row["rms"] <= row["max"] <= row["bound"], row
+
+
+@pytest.mark.parametrize("seed", [12, 21, 22])
+def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front(seed):
+    """Squares that cross each other, drawn with coarse depth: along their edges the reference may show the other one."""
+    rng, size, settings = np.random.default_rng(seed), (96, 72), {"shading": "flat", "samples": 4}
+    square, meshes = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float), []
+    for _ in range(12):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        meshes.append(rz.Mesh(square @ turn, [[0, 1, 2, 3]], material=rz.Material(diffuse=rng.random(3))))
+    scene = rz.Scene(meshes, camera=rz.Camera.perspective((0, 0, 3), near=1e-4))
+    judge = reference.render(scene, size, **settings)
+    is_clear = margins.clear_pixels(scene, size, 4, lambda grid: reference.render(scene, grid, shading="flat"))
+    frame = rz.render(scene, size, tolerance=0, outputs=("color", "face"), **settings)
+    row = speed_vs_error.compare_with_reference(frame, judge, is_clear)
+    assert row["max"] <= row["bound"], f"{row['max']:.3g} > {row['bound']:.3g}"
+    assert row["other"] <= 0.05 * is_clear.size, f"{row['other']} pixels left out > 5 %"
 
 
 @pytest.mark.parametrize("samples", [1, 4])

@@ -230,18 +230,15 @@ def test_clearance_is_never_more_than_the_distance(scale, offset):
             least = distance_to_triangles(point, corners, rng)
             found = find_clearance(positions, vertex, *point)
             assert 0 <= found <= least + 1e-12 * (scale + offset), f"{found} > {least}"
-            assert found == pytest.approx(
-                find_clearance.py_func(positions, vertex, *point), abs=1e-12 * (scale + offset)
-            )
-            # The sphere about a triangle is at most its longest side away from it.
+            # The samples lie close to each other: no point of a side is further than a thirtieth of it from one.
             side = max(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(), 1e-30)
-            assert found >= least - 2 * side - 1e-12 * offset
+            assert found >= least - side / 8 - 1e-12 * offset
 
 
 def test_clearance_of_a_light_in_the_surface_is_nothing():
     vertices, faces = octasphere(3)
     positions, vertex = np.ascontiguousarray(vertices.T), np.ascontiguousarray(faces.T.astype(np.uint32))
-    assert find_clearance(positions, vertex, *vertices[faces[7]].mean(axis=0)) == 0
+    assert find_clearance(positions, vertex, *vertices[faces[7]].mean(axis=0)) <= 1e-15
     assert find_clearance(positions, vertex, *vertices[0]) <= 1e-15
-    assert find_clearance(positions, vertex, 0.0, 0.0, 0.0) == pytest.approx(0.9, abs=0.15)
-    assert find_clearance(positions, vertex, 0.0, 0.0, 11.0) == pytest.approx(9.9, abs=0.15)
+    assert find_clearance(positions, vertex, 0.0, 0.0, 0.0) == pytest.approx(1.0, abs=0.02)
+    assert find_clearance(positions, vertex, 0.0, 0.0, 11.0) == pytest.approx(10.0, abs=1e-12)

@@ -248,7 +248,7 @@ def test_an_opaque_scene_plans_no_layers():
             assert (renderer._plan.opacity is not None) == is_layered
             (kind,) = renderer._scratch._free
             bench = renderer._scratch.take(kind, 1)
-            assert kind.is_layered == is_layered and (len(bench.layers.opaque) > 0) == is_layered
+            assert kind.is_layered == is_layered and (len(bench.layers.words) > 0) == is_layered
     assert replace(paint(0.5), opacity=1.0).is_opaque and not replace(paint(0.5), opacity=0.999).is_opaque
 
 
@@ -260,10 +260,10 @@ def test_an_opaque_scene_compiles_no_layers():
         "scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]])])\n"
         "for shading in ('flat', 'gouraud', 'phong'):\n"
         "    rz.render(scene, 16, shading=shading)\n"
-        "kernels = [layers.scan_opaque, layers.scan_layer, layers.open_layers, layers.composite]\n"
+        "kernels = [layers.scan_opaque, layers.take_fragments, layers.open_layers, layers.show_first, layers.composite]\n"
         "kernels += [shadow.write_map, texture.take_texels, texture.shade_textured]\n"
         "assert not any(kernel.signatures for kernel in kernels)\n"
         "glass = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=rz.Material(opacity=0.5))])\n"
         "rz.render(glass, 16)\n"
-        "assert all(kernel.signatures for kernel in kernels[:4])\n"
+        "assert all(kernel.signatures for kernel in kernels[:5])\n"
     )

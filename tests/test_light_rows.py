@@ -141,6 +141,7 @@ def test_lights_say_whether_they_have_a_place():
         "directional": False,
         "point": True,
         "spot": True,
+        "shaped spot": True,
     }
 
 

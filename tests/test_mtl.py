@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rasterizer.errors import ModelError
 from rasterizer.scene import mtl
 from rasterizer.scene.load import load
 from rasterizer.scene.material import Material

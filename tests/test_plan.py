@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from judge import EXACT as EXACTLY
-from judge import check
+from judge import check, compare
 from pinhole import SHADINGS, octasphere, torus
 from stages import screen_of
 
@@ -14,7 +14,8 @@ from rasterizer import plan as planning
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES
 from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
-from rasterizer.plan import NEAREST, choose_band_rows, fit_depth_range, is_too_close, make_coding, make_plan
+from rasterizer.plan import NEAREST, choose_band_rows, fit_depth_range, fits_float32, make_coding, make_plan
+from rasterizer.rounding import Surroundings
 from rasterizer.scene.geometry import gather_geometry
 
 BALL = octasphere(1)
@@ -152,6 +153,9 @@ def test_no_intensity_leaves_the_tint_that_is_found(materials, colors, ambient):
 
 SHINY = rz.Material(specular=0.5, shininess=400)
 AMPLIFIED = (rz.PointLight((3, 3, 3), 0.3, (0.1, 0, 0.3), amplify=True),)
+INVERSE_SQUARE = (rz.PointLight((3, 3, 3), 0.3, (0, 0, 1), amplify=True),)
+MIRROR = rz.Material(specular=0.5, shininess=20_000)
+DULL = rz.Material(specular=0.5, shininess=0.5)
 BRIGHT = (rz.DirectionalLight((0, 0, -1), 500),)
 PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated, coding when lit a sample)
     "default": (GREY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
@@ -159,7 +163,9 @@ PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated
     "exact": (GREY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
     "exact, three channels": (GLOSSY_CLAY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
     "nearly exact": (GREY, GREY_LIGHTS, 1e-7, np.float64, EXACT, EXACT),
-    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_WORDS, EXACT),
+    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "a mirror": (MIRROR, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
+    "too dull": (DULL, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "shiny, and generous": (
         SHINY,
         (rz.DirectionalLight((0, 0, -1), 1.0),),
@@ -170,7 +176,8 @@ PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated
     ),
     "too bright": (GREY, BRIGHT, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "bright, and generous": (GREY, BRIGHT, 0.1, np.float32, IN_WORDS, NORMAL_PLANES),
-    "without bound": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
+    "amplified ten times": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "without bound": (GREY, INVERSE_SQUARE, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "dark": (GREY, (), DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
 }
 
@@ -201,9 +208,17 @@ def test_no_intensity_is_above_the_bound(name):
 
 def test_a_light_on_a_surface_needs_float64():
     found = plan_of(scene_of([GREY], GREY_LIGHTS))
-    assert not is_too_close(found, DEFAULT_TOLERANCE, furthest=5.0, clearance=1.0)
-    assert is_too_close(found, DEFAULT_TOLERANCE, furthest=1e6, clearance=1.0)
-    assert is_too_close(found, DEFAULT_TOLERANCE, furthest=5.0, clearance=0.0)
+
+    def fits(furthest, clearance, shortest=1.0):
+        around = Surroundings(furthest, np.array([np.inf, clearance]), shortest, True)
+        return fits_float32(found, DEFAULT_TOLERANCE, around)
+
+    assert fits(5.0, 1.0) and not fits(1e6, 1.0) and not fits(5.0, 0.0)
+    assert fits(5.0, np.inf, 0.3) and not fits(5.0, np.inf, 1e-6) and not fits(5.0, np.inf, 0.0)
+    # Squares of lengths must be numbers of float32, too.
+    for unit in (1e-30, 1e-21, 1e19, 1e30):
+        assert not fits(5.0 * unit, unit), unit
+    assert not fits(5.0, 1e25)
     scene = scene_of([GREY], GREY_LIGHTS)
     precise = make_plan(scene, Options(), np.empty((0, 3)), is_precise=True)
     assert precise.dtype == np.float64 and precise.coding == EXACT
@@ -309,6 +324,45 @@ def test_scenes_without_depth_are_drawn():
         frame = rz.render(scene, (40, 30), outputs=("color", "depth"))
         assert frame.alpha.sum() > 100
         assert np.abs(frame.depth[frame.alpha > 0] - 3).max() < 1e-6
+
+
+NEARS = (None, 0.25, 1e-3, 1e-9, 1e-11, 1e-16, 1e-30, 1e-300, 5e-324)
+FARS = (None, 6.0, 1e10, 1e30, 1e300)
+
+
+@pytest.mark.parametrize("far", FARS)
+@pytest.mark.parametrize("near", [*NEARS, -1e30])
+@pytest.mark.parametrize("make", [rz.Camera.perspective, rz.Camera.orthographic])
+def test_near_and_far_planes_only_clip(make, near, far):
+    """A square lies a little before another one: however far the planes are from both, it hides it, and nothing is off."""
+    if make == rz.Camera.perspective and near is not None and near < 0:
+        return
+    square = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    vertices, colors = np.concatenate([square - (0, 0, 1e-3), square]), np.repeat([[1.0, 0, 0], [0, 1, 0]], 4, axis=0)
+    behind, before = [[0, 1, 2], [0, 2, 3]], [[4, 5, 6], [4, 6, 7]]
+    pictures = []
+    for faces in (behind + before, before + behind):
+        for planes in ({"near": near, "far": far}, {}):
+            scene = rz.Scene([rz.Mesh(vertices, faces, colors=colors)], [rz.AmbientLight(1.0)], make((0, 0, 5), **planes))
+            for tolerance in (0, DEFAULT_TOLERANCE):
+                frame = rz.render(scene, (32, 24), shading="phong", tolerance=tolerance, outputs=("color", "depth"))
+                is_seen = frame.alpha > 0
+                assert is_seen.sum() > 100 and np.abs(frame.depth[is_seen] - 5).max() < 1e-5
+                pictures.append(frame.color)
+    assert all(np.abs(picture - pictures[0]).max() <= DEFAULT_TOLERANCE for picture in pictures), "the other one is seen"
+
+
+@pytest.mark.parametrize("near", NEARS[1:])
+def test_a_camera_inside_a_mesh_may_have_any_near_plane(near):
+    """Next to the camera faces are cut, or are not: all colours and depths are finite, and those of the reference."""
+    rng = np.random.default_rng(5)
+    vertices = rng.uniform(-1, 1, (36, 3))
+    mesh = rz.Mesh(vertices, np.arange(36).reshape(-1, 3), colors=rng.uniform(0, 1, (36, 3)), crease_angle=0)
+    camera = rz.Camera.perspective((0, 0, 0), (0.3, 0.2, -1), fov=80, near=near)
+    scene = rz.Scene([mesh], GREY_LIGHTS, camera)
+    for shading in ("flat", "gouraud", "phong"):
+        verdict = compare(scene, (32, 24), shading=shading, tolerance=0)
+        assert verdict.color <= EXACTLY and verdict.depth <= EXACTLY and verdict.n_compared > 100
 
 
 # ---------------------------------------------------------------- bands

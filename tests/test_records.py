@@ -214,9 +214,8 @@ def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
     rng = np.random.default_rng(17)
     n_compared = n_flat = 0
     for k, (triangle, depth, _, size) in enumerate(cases(shape, 1, is_perspective)):
-        depth = (
-            depth if np.ptp(1 / depth) <= 0.9 * np.min(1 / depth) else np.sqrt(depth)
-        )  # else it is left to exact records
+        while np.ptp(1 / depth) > 0.1 * np.min(1 / depth):
+            depth = np.sqrt(depth)  # else it is left to exact records
         normals, albedo = random_normals(rng, 6)[k % 6], rng.random((3, 3)).astype(np.float32)
         values = np.concatenate([normals, albedo], axis=1)
         bench, n_record, _ = scan_alone([triangle], depth[None], values[None], coding, screen, size, n_group=2)
@@ -241,12 +240,12 @@ def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
         if is_flat:
             assert (found[:3] == found[:3, :1]).all(), "three equal normals do not stay constant"
         n_compared += len(rows)
-    assert n_compared > 30 and n_flat > 0
+    assert n_compared > 20 and n_flat > 0
 
 
 def test_a_steep_normal_or_much_perspective_is_left_to_exact_records():
     screen, triangle = plain_screen(True, DEPTHS), np.array([[1000, 500], [30000, 9000], [5000, 22000]])
-    normals = random_normals(np.random.default_rng(3), 3)[1:2]
+    normals = random_normals(np.random.default_rng(3), 4)[3:4]
     rise = rise_over_box(triangle, normals[0].astype(float)).max()
 
     def is_exact(depth, limit, needs_distance=False, albedo=0.0):
@@ -263,9 +262,13 @@ def test_a_steep_normal_or_much_perspective_is_left_to_exact_records():
         assert len(words) > 1000 and n_record == 1
         return bool((words & IS_EXACT).all())
 
-    assert is_exact((2, 2, 2), 0.5 * rise) and not is_exact((2, 2, 2), 2 * rise)
-    assert not is_exact((1, 4, 2), 9 * rise) and is_exact((1, 4, 2), 9 * rise, needs_distance=True)
-    assert not is_exact((2, 2.02, 2), 9 * rise, albedo=0.5) and is_exact((2, 2.5, 2), 9 * rise, albedo=0.5)
+    # The error of the planes over the least length that is known of the normals between the corners.
+    cosine = min((normals[0, i].astype(float) * normals[0, j]).sum() for i, j in ((0, 1), (1, 2), (2, 0)))
+    limit = (3 + 4 * rise) / np.sqrt((1 + 2 * cosine) / 3)
+    assert is_exact((2, 2, 2), 0.99 * limit) and not is_exact((2, 2, 2), 1.01 * limit)
+    assert is_exact((1, 4, 2), 2 * limit), "the normal is four times as short at the far end"
+    assert not is_exact((1, 4, 2), 9 * limit) and is_exact((1, 4, 2), 9 * limit, needs_distance=True)
+    assert not is_exact((2, 2.02, 2), 9 * limit, albedo=0.5) and is_exact((2, 2.5, 2), 9 * limit, albedo=0.5)
 
 
 @pytest.mark.parametrize("is_inverted", [0, 1])

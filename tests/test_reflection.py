@@ -7,20 +7,24 @@ from test_light_rows import DTYPES, call, take
 from rasterizer._kernel import kernel
 from rasterizer.pipeline import rows as r
 from rasterizer.pipeline.reflection import (
+    BRUSH,
     FRESNEL,
     LEVELS,
     MOST_SQUARED,
     N_MATERIAL_NUMBER,
     REFLECTIONS,
     ROUGHNESS,
+    ROUGHNESS_ACROSS,
     SCALE,
     SHININESS,
     exponential_single,
+    power,
     power_single,
+    square_and_multiply,
 )
 
 WRITTEN = (r.DIFFUSE, r.SPECULAR)
-NUMBERS = {ROUGHNESS: 0.3, FRESNEL: 0.04, SCALE: 0.0, LEVELS: 3.0}
+NUMBERS = {ROUGHNESS: 0.3, ROUGHNESS_ACROSS: 0.5, BRUSH: 1.0, FRESNEL: 0.04, SCALE: 0.0, LEVELS: 3.0}
 ULP = 2.0**-24
 
 
@@ -54,6 +58,7 @@ def reflect(
     for start in range(0, n, r.CHUNK):
         rows = r.make_rows(dtype)
         rows[:] = np.nan  # nothing may be taken over from before
+        rows[int(r.TANGENT_X) : int(r.TANGENT_X) + 3 * r.CHUNK] = np.repeat((3.0, 0.0, -1.0), r.CHUNK)
         part = [column[start : start + r.CHUNK] for column in columns]
         for row, values in zip(first, part, strict=True):
             rows[int(row) : int(row) + len(values)] = values
@@ -253,7 +258,7 @@ def test_power_in_float32_keeps_the_bound_of_its_docstring(exponent):
     base, exponent = bases(), np.float32(exponent)
     found = np.empty_like(base)
     powers(base, exponent, found)
-    log2 = np.log2(base.astype(float))
+    log2 = np.minimum(np.log2(base.astype(float)), 0.0)  # a cosine above 1 is 1
     expected = np.exp2(float(exponent) * log2)
     is_normal = float(exponent) * log2 > -125.9
     # The series, then the rounding of float32, relative to the result.
@@ -301,17 +306,67 @@ def test_one_to_any_power_is_one():
         assert found[0] == 1
 
 
+@kernel
+def squares(rows, n, exponent):
+    """square_and_multiply of a row."""
+    square_and_multiply(rows, n, exponent)
+
+
+@kernel
+def any_powers(bases, exponent, out):
+    """power of many, of their own type."""
+    for k in range(len(bases)):
+        out[k] = power(bases[k], exponent)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_powers_of_anything_are_between_0_and_1(dtype):
+    """No base and no exponent may give what is no intensity: it could end up in the bits of a word."""
+    limits = np.finfo(dtype)
+    near_one = np.concatenate([1 + limits.eps * np.arange(-40, 41) / 2, [0.5, 0.7, 2**-0.5]])
+    odd = [0.0, -0.0, 1e-45, limits.tiny, 1e-30, 1e-20, 2, 1e10, limits.max, np.inf, np.nan]
+    base = np.concatenate([near_one, odd, -np.array(odd), -near_one]).astype(dtype)
+    exponents = 10.0 ** np.linspace(-300, 300, 241)
+    exponents = np.concatenate([exponents, 2.0 ** np.arange(-10, 45), [1e11, 3e8, 4095, 4096, 4097, 1e-50]])
+    out = np.empty_like(base)
+    for exponent in exponents:
+        exponent = min(max(exponent, float(limits.tiny)), float(limits.max))  # as lights and materials are laid down
+        any_powers(base, dtype(exponent), out)
+        assert ((out >= 0) & (out <= 1)).all(), f"{base[~((out >= 0) & (out <= 1))]} ** {exponent}: {out.min()}..{out.max()}"
+        assert (out[~(base > 0)] == 0).all() and (out[base >= 1] == 1).all()
+        with np.errstate(under="ignore"):
+            expected = np.minimum(base[base > 1e-30].astype(float), 1) ** float(dtype(exponent))
+        assert np.abs(out[base > 1e-30] - expected).max() <= 8 * limits.eps
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("model", ["phong", "blinn", "weighted phong", "weighted blinn"])
+def test_highlights_of_any_exponent_are_between_0_and_1(model, dtype):
+    """Directions that mirror each other to the last digit, where the cosine may come out above 1."""
+    rng = np.random.default_rng(7)
+    normal, across = unit(rng.normal(size=(2, 4000, 3)))
+    to_light = unit(normal + rng.uniform(0, 2, (4000, 1)) * across)
+    mirrored = 2 * (normal * to_light).sum(axis=1, keepdims=True) * normal - to_light
+    sides = directions_of(dtype, normal, to_light, mirrored)
+    for shininess in (1e-50, 1e-3, 0.5, 1, 7.7, 4096, 1e5, 3e8, 1e11, 1e30, 1e300):
+        limits = np.finfo(dtype)
+        exponent = min(max(shininess, float(limits.tiny)), float(limits.max))
+        found = reflect(model, *sides, 1.0, exponent, has_kernels_cosines=True)[1]
+        assert ((found >= 0) & (found <= 1)).all(), f"{shininess}: {found.min()}..{found.max()}"
+
+
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("exponent", [1, 2, 3, 5, 8, 17, 100, 255, 256, 999, 1000, MOST_SQUARED])
 def test_whole_exponents_by_squaring(exponent, dtype):
     """A product of `exponent` factors has that many roundings, less one; what is below 2^-28 is 0."""
-    base = bases().astype(dtype)
-    base = np.concatenate([base, -base[:100], np.zeros(1, dtype)])
-    # Phong with V at a right angle to N: the cosine is -L·V, exactly. Above 1, L is a little too long.
-    to_light = np.zeros((len(base), 3))
-    to_light[:, 0] = base
-    to_light[:, 2] = np.sqrt(np.maximum(1 - to_light[:, 0] ** 2, 1e-12))
-    found = reflect("phong", *directions_of(dtype, UP, to_light, (-1.0, 0.0, 0.0)), 1.0, exponent)[1]
+    base = np.minimum(bases(), 1).astype(dtype)
+    base = np.concatenate([base, -base[:100], np.zeros(1, dtype), np.full(1, np.nan, dtype)])
+    found = np.empty_like(base)
+    for start in range(0, len(base), r.CHUNK):
+        rows, part = r.make_rows(dtype), base[start : start + r.CHUNK]
+        rows[int(r.SPECULAR) : int(r.SPECULAR) + len(part)] = part
+        squares(rows, len(part), exponent)
+        found[start : start + r.CHUNK] = rows[int(r.SPECULAR) : int(r.SPECULAR) + len(part)]
     expected = np.where(base > 0, np.maximum(base.astype(float), 0) ** exponent, 0)
     is_seen = expected > 2.0**-28 * 1.01
     bound = exponent * np.finfo(dtype).eps / 2 * 1.01 + 4e-16 * exponent

@@ -10,12 +10,14 @@ from pixels import project
 from stages import SERIAL, plain_screen, screen_of
 
 import rasterizer as rz
+from rasterizer import reference
 from rasterizer.pipeline.transform import (
     DEPTH_BITS,
     DEPTH_MARGIN,
     DEPTH_SPAN,
     LIMIT_PX,
     OUTSIDE,
+    POSITION_BOUND,
     Vertices,
     transform,
     transform_range,
@@ -177,3 +179,65 @@ def test_threads_and_compilation_do_not_change_a_bit():
     n_plain = transform_range.py_func(columns, 0, n, screen, plain)
     assert n_plain == (serial.x[:n] == OUTSIDE).sum()
     assert all(a[:n].tobytes() == b.tobytes() for a, b in zip(serial, plain, strict=True))
+
+
+# ---------------------------------------------------------------- what rounding does to all that is interpolated
+
+
+def unrounded_values(corners, values, projection, places):
+    """What a triangle shows at places (..., 2) of the screen, px, before anything is rounded: (..., 3).
+
+    corners : (3, 3) in the eye's frame: right, up, depth · values : (3, 3), of the corners
+    """
+    x, y = places[..., 0], places[..., 1]
+    across, upward = (x - projection.center_x) / projection.scale_x, (projection.center_y - y) / projection.scale_y
+    columns = corners.T.copy()
+    if not projection.is_perspective:
+        columns[2] = 1.0
+    q = np.stack([across, upward, np.ones_like(x)], axis=-1) @ np.linalg.inv(columns).T
+    return q @ values / q.sum(axis=-1, keepdims=True)
+
+
+@pytest.mark.parametrize("make", [rz.Camera.perspective, rz.Camera.orthographic])
+@pytest.mark.parametrize("reach", [0.1, 0.3, 1.0])
+def test_every_sample_shows_a_point_within_the_position_bound(make, reach):
+    """A colour lies between those that the polygon has in the square about the sample: the ends are in the square's corners,
+    because both parts of the quotient are linear."""
+    rng, size, n_sample = np.random.default_rng(7), (96, 72), 0
+    bound = POSITION_BOUND
+    assert rz.render(rz.load("models/cube.obj"), (4, 3)).stats.position_bound == bound
+    steps = bound * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+    camera = make((0, 0, 3))
+    view, projection = camera.view(), camera.projection(size)
+    for _ in range(40):
+        vertices = rng.uniform(-0.7, 0.7, 3) + rng.uniform(-reach, reach, (3, 3))
+        values = rng.uniform(0, 1, (3, 3))
+        mesh = rz.Mesh(vertices, [[0, 1, 2]], colors=values, material=rz.Material(ambient=1.0))
+        frame = rz.render(rz.Scene([mesh], [rz.AmbientLight(1.0)], camera), size, shading="phong", tolerance=0)
+        rows, columns = np.nonzero(frame.alpha)
+        places = np.stack([columns, rows], axis=1)[:, None] + 0.5 + steps
+        corners = (vertices - view.eye) @ np.stack([view.right, view.up, view.forward]).T
+        around = unrounded_values(corners, values, projection, places)
+        low, high = around.min(axis=1), around.max(axis=1)
+        off = np.maximum(low - frame.color[rows, columns], frame.color[rows, columns] - high).max(initial=0.0)
+        assert off <= 1e-6, f"a sample is {off:.3g} outside what lies within {bound} px of it > 1e-6"
+        n_sample += len(rows)
+    assert n_sample > 50
+
+
+def test_the_reference_can_leave_the_rounding_of_vertices_out():
+    """Without it a plane of colours is exact; with it, it is off by no more than the colours change within the bound."""
+    vertices = np.array([(-1.3, -1.1, 0), (1.7, -0.9, 0.5), (0.1, 1.2, -0.4)])
+    mesh = rz.Mesh(vertices, [[0, 1, 2]], colors=np.eye(3), material=rz.Material(ambient=1.0))
+    camera = rz.Camera.perspective((0, 0, 3))
+    scene, size = rz.Scene([mesh], [rz.AmbientLight(1.0)], camera), (32, 24)
+    view, projection = camera.view(), camera.projection(size)
+    corners = (vertices - view.eye) @ np.stack([view.right, view.up, view.forward]).T
+    j, i = np.mgrid[:24, :32] + 0.5
+    expected = unrounded_values(corners, np.eye(3), projection, np.stack([i, j], axis=-1))
+    whole, rounded = (reference.render(scene, size, "phong", rounded=flag) for flag in (False, True))
+    inside = (whole.face == 0) & (expected > 1e-3).all(axis=-1)
+    assert inside.sum() > 200 and (whole.face == rounded.face).all()
+    assert np.abs(whole.color - expected)[inside].max() < 1e-12
+    moved = np.abs(rounded.color - expected)[inside].max()
+    assert 1e-6 < moved < 1e-3, f"rounding moved a colour by {moved:.3g}"

@@ -15,6 +15,8 @@ from .messages import NORMAL, QUIET, VERBOSE
 
 FORMATS = ("obj", "stl", "ply", "off", "glb", "gltf", "3mf")
 SCENE_FORMATS = ("json", "toml")
+WEIGHTINGS = ("angle", "area", "uniform")
+UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
 AXES = ("x", "y", "z", "-x", "-y", "-z")
 PRESETS = ("studio", "headlight")
 AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # those of Camera.framing; a test holds that
@@ -253,6 +255,7 @@ def _add_look(group) -> None:
         metavar="A",
         help="edges between faces that meet at more degrees stay sharp (default: as the file says, else 30)",
     )
+    add("--weighting", choices=WEIGHTINGS, help="what faces count by where normals are averaged (default angle)")
     add(
         "--subdivide",
         type=int,
@@ -266,8 +269,8 @@ def _add_look(group) -> None:
         action="append",
         type=material,
         default=[],
-        metavar="KEY=VALUE,...",
-        help="replace this in every material of the model",
+        metavar="[NAME,]KEY=VALUE,...",
+        help="replace this in every material of the model; NAME is one of the classic table: gold, jade, red plastic ...",
     )
     add("--reflection", choices=REFLECTIONS, help="short for --material reflection=...")
     _add_lights(group)
@@ -302,6 +305,14 @@ def _add_range(group) -> None:
         type=values.color,
         metavar="COLOR",
         help="colour, or transparent (default, but for a scene file with a background)",
+    )
+    add(
+        "--depth-cue",
+        type=values.depth_cue,
+        default=UNSAID,
+        metavar="D[,start=S][,color=C]",
+        help="let what is further away fade to the colour C (default black): d units behind S (default 0), D/(D+d) is left; "
+        "none = not even as the scene file says",
     )
     add(
         "--color-range",

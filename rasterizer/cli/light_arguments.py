@@ -12,7 +12,7 @@ LIGHTS = {  # kind: (numbers it is given, names it takes besides)
     "ambient": (None, ()),
     "directional": ("direction", ("color", "attached", "shadow")),
     "point": ("position", ("color", *_FALLING)),
-    "spot": ("position", ("direction", "color", "inner", "outer", "exponent", *_FALLING)),
+    "spot": ("position", ("direction", "color", "inner", "outer", "exponent", "falloff", *_FALLING)),
     "area": ("corner", ("edge_u", "edge_v", "color", "resolution", *_FALLING)),
 }
 _NEEDED = {"spot": ("direction",), "area": ("edge_u", "edge_v")}  # without them there is no such light
@@ -88,6 +88,7 @@ _READERS = {
     "inner": values.number,
     "outer": values.number,
     "exponent": values.number,
+    "falloff": values.number,
     "range": values.number,
     "resolution": _resolution,
     "amplify": values.yes_or_no,

@@ -11,13 +11,14 @@ from typing import NamedTuple
 from ..errors import ModelError, SceneError
 from ..options import Options
 from ..scene.color import linear_rgb
+from ..scene.depth_cue import DepthCue
 from ..scene.file import SceneFile, read_scene
 from ..scene.lights import Shadow
 from ..scene.load import load
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.texture import Texture
-from .arguments import SCENE_FORMATS
+from .arguments import SCENE_FORMATS, UNSAID
 from .outputs import STDIO
 from .view import cast_shadows, make_lights, make_shadow
 
@@ -31,6 +32,7 @@ class Settings(NamedTuple):
     material: dict  # fields of Material to replace
     shadow: Shadow | None  # of all lights but those that say otherwise
     is_transparent: bool  # whether a background is taken away
+    scene: dict  # other fields of Scene to replace
     subdivide: int
 
 
@@ -60,14 +62,24 @@ def make_settings(arguments) -> Settings:
             "background": None if background in (None, "transparent") else linear_rgb(background, "--background"),
             "up": None if arguments.up == "auto" else arguments.up,
             "crease_angle": _checked_angle(arguments.crease_angle),
+            "weighting": arguments.weighting,
             "drop_bad_faces": arguments.drop_bad_faces,
             "allow_outside": arguments.allow_outside,
         },
         material=_make_material(arguments),
         shadow=make_shadow(arguments),
         is_transparent=background == "transparent",
+        scene={} if arguments.depth_cue == UNSAID else {"depth_cue": _make_cue(arguments.depth_cue)},
         subdivide=arguments.subdivide,
     )
+
+
+def _make_cue(settings):
+    """The cue of --depth-cue."""
+    try:
+        return None if settings is None else DepthCue(**settings)
+    except SceneError as fault:
+        raise SceneError(f"--depth-cue: {fault}") from fault
 
 
 def _checked_angle(angle):
@@ -118,7 +130,7 @@ def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     format = (input_format or Path(model).suffix).lower().lstrip(".")
     if format not in SCENE_FORMATS:
         return SceneFile(load(source, format=input_format, log=messages.detail, files_read=files_read, **settings.load))
-    own = {key: settings.load[key] for key in ("crease_angle", "drop_bad_faces", "allow_outside")}
+    own = {key: settings.load[key] for key in ("crease_angle", "weighting", "drop_bad_faces", "allow_outside")}
     read = read_scene(source, log=messages.detail, format=format, files_read=files_read, **own)
     changes = {key: settings.load[key] for key in ("lights", "background", "up") if settings.load[key] is not None}
     unshadowed = () if "lights" in changes else read.unshadowed
@@ -144,7 +156,7 @@ def _checked_path(model, input_format) -> str:
 
 def _changed(read, model, settings) -> Scene:
     """Change a scene's materials, lights, meshes and background."""
-    changes = {}
+    changes = dict(settings.scene)
     if settings.load["lights"] is None and settings.shadow is not None:
         changes["lights"] = cast_shadows(read.scene.lights, settings.shadow, read.unshadowed)
     if settings.is_transparent:

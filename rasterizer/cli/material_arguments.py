@@ -1,8 +1,10 @@
-"""`--material KEY=VALUE,...`: fields of every material of a model, as written."""
+"""`--material [NAME,]KEY=VALUE,...`: fields of every material of a model, as written, or of one that has a name."""
 
 import argparse
 import re
 
+from ..errors import SceneError
+from ..scene.named_materials import fields_of
 from . import values
 
 REFLECTIONS = ("phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon")
@@ -14,6 +16,18 @@ def _or_none(read):
     return lambda text: None if text == "none" else read(text)
 
 
+def _roughness(text):
+    """A number, or two as A/B."""
+    if text.count("/") == 1:
+        return tuple(values.number(part) for part in text.split("/"))
+    return values.number(text)
+
+
+def _tangent(text):
+    """The letter u, or an axis X/Y/Z."""
+    return text if text == "u" else values.vector(text, "/")
+
+
 FIELDS = {  # all of a Material but its name: how each is read
     "ambient": values.color,
     "diffuse": values.color,
@@ -23,18 +37,28 @@ FIELDS = {  # all of a Material but its name: how each is read
     "opacity": values.number,
     "texture": _or_none(str),
     "reflection": values.word_of(REFLECTIONS),
-    "roughness": values.number,
+    "roughness": _roughness,
+    "tangent": _tangent,
     "distribution": values.word_of(DISTRIBUTIONS),
-    "fresnel": _or_none(values.number),
+    "fresnel": _or_none(values.color),
     "normalized": values.yes_or_no,
     "levels": values.whole,
 }
 
 
 def material(text) -> dict:
-    """KEY=VALUE,...; a comma that no KEY= follows belongs to the value, as in rgb(1,2,3) or a file's name."""
-    settings = {}
-    for part in re.split(r",(?=\s*\w+=)", text):
+    """KEY=VALUE,..., before it the name of a material of the classic table, or that alone.
+
+    A comma that no KEY= follows belongs to the value, as in rgb(1,2,3) or a file's name.
+    """
+    settings, parts = {}, re.split(r",(?=\s*\w+=)", text)
+    if "=" not in parts[0]:
+        try:
+            settings = fields_of(parts.pop(0).strip())
+        except SceneError as fault:
+            legal = ", ".join(f"{name}=..." for name in FIELDS)
+            raise argparse.ArgumentTypeError(f"a material takes {legal}; {fault}") from None
+    for part in parts:
         key, sign, value = part.strip().partition("=")
         if key not in FIELDS or not sign or not value:
             legal = ", ".join(f"{name}=..." for name in FIELDS)

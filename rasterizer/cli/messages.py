@@ -1,6 +1,7 @@
 """What the command line says: one line a message, on stderr only, plain text."""
 
 import json
+import logging
 import math
 import os
 import sys
@@ -124,7 +125,8 @@ def write_stdout(content: bytes) -> None:
 
 @contextmanager
 def compiling_announced(messages):
-    """Say once, inside the block, that kernels are being compiled, as soon as the first one is.
+    """Say once, inside the block, that kernels are being compiled, as soon as the first one is; as a detail, what is wrong with
+    those on disk.
 
     Yields a list, empty until then.
     """
@@ -133,6 +135,8 @@ def compiling_announced(messages):
     from .. import _kernel
 
     announced = []
+    for reason in _kernel.CACHE_REASONS:
+        messages.detail(f"no kernels are kept in {reason}")
 
     class Announcer(event.Listener):
         def on_start(self, _event):
@@ -145,12 +149,31 @@ def compiling_announced(messages):
             pass
 
     # Passes of the compiler run only where machine code wasn't found on disk.
-    with event.install_listener("numba:run_pass", Announcer()):
+    with event.install_listener("numba:run_pass", Announcer()), _details_told(messages):
         yield announced
+
+
+@contextmanager
+def _details_told(messages):
+    """Say what the package's modules log, inside the block, as details."""
+
+    class Teller(logging.Handler):
+        def emit(self, record):
+            messages.detail(record.getMessage())
+
+    log, teller = logging.getLogger("rasterizer"), Teller(logging.INFO)
+    before = log.level
+    log.addHandler(teller)
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.setLevel(before)
+        log.removeHandler(teller)
 
 
 _ONCE = "compiling kernels for the first time, some 10 to 20 seconds; `raster warmup` does it ahead"
 _ALWAYS = (
-    "compiling kernels, some 10 to 20 seconds in every run, as no folder that could keep them can be "
-    "written; NUMBA_CACHE_DIR names one"
+    "compiling kernels, some 10 to 20 seconds in every run, as there is no folder that could keep "
+    "them (-v says why); NUMBA_CACHE_DIR names one"
 )

@@ -48,6 +48,20 @@ def color(text):
     return vector(text, "/") if "/" in text else text
 
 
+def depth_cue(text):
+    """SCALE[,start=S][,color=C] as the arguments of a DepthCue, or none."""
+    if text == "none":
+        return None
+    first, *rest = text.split(",")
+    settings, readers = {"scale": number(first)}, {"start": number, "color": color}
+    for part in rest:
+        key, _, value = part.partition("=")
+        if key not in readers or not value:
+            raise argparse.ArgumentTypeError(f"SCALE[,start=S][,color=C] or none is needed; given {text!r}")
+        settings[key] = readers[key](value)
+    return settings
+
+
 def yes_or_no(text) -> bool:
     """A truth value."""
     if text not in ("yes", "no"):

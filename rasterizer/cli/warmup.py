@@ -23,12 +23,11 @@ _SHADINGS = ("flat", "gouraud", "phong")
 def warm_up(messages) -> None:
     """Compile the kernels of all ways to shade, and keep them on disk.
 
-    Raises OutputError where no folder for them can be written.
+    Raises OutputError where there is no folder for them, and says why.
     """
     if _kernel.CACHE_FOLDER is None:
-        raise OutputError(
-            "compiled kernels can't be kept: no folder for them can be written; NUMBA_CACHE_DIR names one"
-        )
+        reasons = "; ".join(_kernel.CACHE_REASONS) or "there is no folder for them"
+        raise OutputError(f"compiled kernels can't be kept: {reasons}; NUMBA_CACHE_DIR names another")
     start = perf_counter()
     with compiling_announced(messages) as announced:
         draw_all_kinds()
@@ -71,9 +70,14 @@ def _rarer_scenes():
     models = [Material(reflection=name, **extra) for name in REFLECTIONS for extra in ({}, {"fresnel": 0.1})]
     models += [Material(reflection="cook-torrance", distribution="beckmann")]
     meshes = [replace(plain.meshes[0], material=model) for model in models]
+    models += [Material(reflection=name, fresnel=(0.9, 0.5, 0.1), roughness=0.5) for name in ("phong", "cook-torrance")]
+    models += [Material(reflection="cook-torrance", roughness=(0.2, 0.5), tangent=(0, 1, 0))]
     spot = SpotLight((50, 50, 50), (-1, -1, -1), 0.5)
     far_away = Camera.orthographic((0, 0, 5))
-    yield replace(plain, meshes=meshes, lights=[spot, DirectionalLight((0, -1, -1), 0.5)], camera=far_away)
+    lights = [spot, replace(spot, falloff=2.0), DirectionalLight((0, -1, -1), 0.5)]
+    yield replace(plain, meshes=meshes, lights=lights, camera=far_away, depth_cue=10.0)
+    brushed = Material(reflection="cook-torrance", roughness=(0.2, 0.5))
+    yield replace(plain, meshes=[replace(plain.meshes[0], uv=plain.meshes[0].vertices[:, :2], material=brushed)])
 
 
 def _scene(reflection, is_colored) -> Scene:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import helper
+from .._kernel import borrow, helper
 from .setup import first_sample
 from .transform import HALF, SUBPIXEL
 
@@ -25,7 +25,8 @@ ANCHOR_X, ANCHOR_Y = (np.uint64(BLOCK * k) for k in range(10, 12))
 STEPS_X, STEPS_Y = (np.uint64(BLOCK * k) for k in range(12, 14))  # its extent
 IS_FLIPPED, IS_SLIVER, IS_GOOD = (np.uint64(BLOCK * k) for k in range(14, 17))
 CORNER0, CORNER1, CORNER2 = (np.uint64(BLOCK * k) for k in range(17, 20))  # where the vertices' attributes are
-N_INT = 20
+CUT = np.uint64(BLOCK * 20)  # the row of the planes of the face that it is a part of; -1 for a whole face
+N_INT = 21
 # Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); those of levels, see records.py.
 DEPTH, DEPTH_X, DEPTH_Y = (np.uint64(BLOCK * k) for k in range(3))
 LEVEL = np.uint64(BLOCK * 3)
@@ -35,7 +36,7 @@ N_LONG = 3 + 9
 Z0, Z1, Z2 = (np.uint64(BLOCK * k) for k in range(3))
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = (np.uint64(BLOCK * k) for k in range(3, 7))
 OFFSET_X, OFFSET_Y = (np.uint64(BLOCK * k) for k in range(7, 9))
-ATTRIBUTE0, MOST_ATTRIBUTES = np.uint64(BLOCK * 9), 8
+ATTRIBUTE0, MOST_ATTRIBUTES = np.uint64(BLOCK * 9), 11
 PLANE0, MOST_PLANES = np.uint64(BLOCK * (9 + 3 * MOST_ATTRIBUTES)), 7
 DISTANCE_PLANE = MOST_PLANES - 1
 N_REAL = 9 + 3 * MOST_ATTRIBUTES + 3 * MOST_PLANES
@@ -66,6 +67,15 @@ class Polygons(NamedTuple):
     vertex: np.ndarray  # (3, n) uint32, into the vertices
     corner: np.ndarray  # (3, n) uint32, into the attributes
     is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
+    cut: np.ndarray = np.empty(0, np.int32)  # (n,) int32, see clip.Clipped; empty where no face was clipped
+
+
+@helper
+def borrow_polygons(polygons):
+    """The triangles as arrays that count no references."""
+    return Polygons(
+        borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted), borrow(polygons.cut)
+    )
 
 
 @helper
@@ -83,6 +93,7 @@ def gather_vertices(faces, polygons, vertices, block):
         ints[CORNER1 + k] = polygons.corner[1, face]
         ints[CORNER2 + k] = polygons.corner[2, face]
         ints[IS_FLIPPED + k] = polygons.is_inverted[face]
+        ints[CUT + k] = polygons.cut[face] if len(polygons.cut) > 0 else np.int32(-1)
 
 
 @helper
@@ -102,7 +113,11 @@ def order_vertices(block):
         za, zb, zc = reals[Z0 + k], reals[Z1 + k], reals[Z2 + k]
         reals[Z0 + k], reals[Z1 + k], reals[Z2 + k] = turn(za, zb, zc, is_b_first, is_c_first, is_front)
         ca, cb, cc = ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k]
-        ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k] = turn(ca, cb, cc, is_b_first, is_c_first, is_front)
+        # A part's attributes are those of its face, in the order of the planes.
+        is_whole = ints[CUT + k] < 0
+        ints[CORNER0 + k], ints[CORNER1 + k], ints[CORNER2 + k] = turn(
+            ca, cb, cc, is_b_first & is_whole, is_c_first & is_whole, is_front & is_whole
+        )
 
 
 @helper
@@ -173,7 +188,7 @@ def set_up_depths(block):
         is_steep = abs(z_x) + abs(z_y) > MAX_SLOPE
         z_x, z_y = 0.0 if is_steep else z_x, 0.0 if is_steep else z_y
         ints[IS_SLIVER + k] = is_sliver | is_steep
-        ints[IS_GOOD + k] = not (is_sliver | is_steep)
+        ints[IS_GOOD + k] = not (is_sliver | is_steep | (ints[CUT + k] >= 0))
         reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = slope_x1, slope_x2
         reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = slope_y1, slope_y2
         reals[OFFSET_X + k], reals[OFFSET_Y + k] = offset_x, offset_y

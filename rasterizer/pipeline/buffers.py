@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, kernel
-from .exact import corner_weights, corners_of, mean, place_of
-from .records import ATTRIBUTE, DEPTH, FACE, INV_W, RECORD_MASK, SIDE
+from .exact import corner_weights, corners_of, mean, weights_of
+from .records import ATTRIBUTE, DEPTH, FACE, RECORD_MASK, SIDE, borrow_records
 from .resolve import clean
 from .scan import CLEAR, GROUP_SHIFT
 from .transform import HALF, SUBPIXEL
@@ -30,7 +30,8 @@ def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
 
     `loaded_face` is the face that each triangle is a part of, or empty where no face was clipped.
     """
-    words, integers, numbers = borrow(canvas.words), borrow(records.integers), borrow(records.numbers)
+    words, records = borrow(canvas.words), borrow_records(records)
+    integers, numbers = records.integers, records.numbers
     out_depth, out_face, out_normal = borrow(out.depth), borrow(out.face), borrow(out.normal)
     n_covered = 0
     for j in range(n_row):
@@ -45,13 +46,12 @@ def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
             if out_face.shape[0] > 0:
                 face = integers[record, np.uint64(FACE)]
                 out_face[y, x] = loaded_face[np.uint64(face)] if len(loaded_face) > 0 else face
-            place, inv_w = place_of(integers, record), corners_of(numbers, record, INV_W)
-            q0, q1, q2 = corner_weights(place, inv_w, i * SUBPIXEL + HALF, sy)
+            weights = weights_of(records, record)
+            q0, q1, q2 = corner_weights(weights, i * SUBPIXEL + HALF, sy)
             total = q0 + q1 + q2
             if out_depth.shape[0] > 0 and screen.is_perspective:
-                area = float(place[2] * place[5] - place[4] * place[3])
                 # A mean of 1/w may not leave its range by a rounding error.
-                out_depth[y, x] = 1.0 / min(max(total / area, min(inv_w)), max(inv_w))
+                out_depth[y, x] = 1.0 / min(max(total / weights.area, weights.sums[0]), weights.sums[1])
             elif out_depth.shape[0] > 0:
                 out_depth[y, x] = mean(corners_of(numbers, record, DEPTH), q0 / total, q1 / total, q2 / total)
             if out_normal.shape[0] > 0:

@@ -4,11 +4,21 @@ In:  the band's list of triangles, which of them are opaque.
 Out: every sample's colour, weighted by its opacity, and its opacity: all surfaces that are seen there, nearest first, up to the
      first opaque one.
 
-The layers are peeled off one by one (Everitt 2001, "Interactive order-independent transparency"; Mammen 1989): each pass finds,
-at every sample, the nearest surface behind the one before. Words hold depth above the triangle's number, so they order all
-surfaces at a sample, whatever their order in the file: at equal depth the lower number lies in front, as everywhere.
+First the opaque surfaces are drawn. Then every sample gets a list of the words of all transparent surfaces before that (Carpenter
+1984, "The A-buffer"): their numbers are counted, room is divided, the lists are filled and sorted. Words hold depth above the
+triangle's number, so they order all surfaces at a sample, whatever their order in the file: at equal depth the lower number lies
+in front, as everywhere. The lists of a range of samples are worked on at a time, so that a thread needs no more than
+MOST_FRAGMENTS words; then one layer after the other is shaded:
 
-    color += transmitted · a · c      transmitted *= 1 - a      nearest first (Porter & Duff 1984, `over`)
+    color += transmitted · a · c      opacity += transmitted · a      transmitted *= 1 - a      (Porter & Duff 1984, `over`)
+
+A surface of opacity 0 is not there. A sample is done when its opaque surface is drawn, or when t, what is still transmitted, is
+so small that what lies behind can't be seen. It could add r <= a·B to the weighted colour s and a <= t to the opacity o = 1 - t,
+B being the largest intensity. Both s/o and r/a are at most B, so the colour s/o is off by
+
+    |(s + r)/(o + a) - s/o| = |r/a - s/o| · a/(o + a) <= B·t/(1 - t) <= 2 B t     for t <= 1/2,
+
+and the opacity by t. `Opacity.least` says which t that is.
 """
 
 from typing import NamedTuple
@@ -24,7 +34,7 @@ from .block import (
     RIGHT,
     TOP,
     Block,
-    Polygons,
+    borrow_polygons,
     gather_attributes,
     gather_vertices,
     order_vertices,
@@ -35,16 +45,36 @@ from .records import FACE, IS_EXACT, IS_ID, RECORD_MASK, borrow_records, write_e
 from .scan import CLEAR, GROUP_SHIFT, Canvas, depths_of, fill, fill_spans, note_extent, plane_of, triangle_of
 from .transform import Vertices
 
-IN_FRONT_OF_ALL, BEHIND_ALL = np.int64(-1), np.int64(2**63 - 1)
+MOST_FRAGMENTS = 2**20  # words of lists that a thread works on at a time: 8 MB; more where a sample alone has more
+FEW = 32  # lists that are longer on the average are filled in the order of depth, so that little is left to sort
+PATIENCE = 8  # steps a fragment that a list may cost before it is sorted in another way
+INVISIBLE = 2.0**-26  # transmitted: float32 shows no opacity from there to 1, and a colour is off by a 2^-25th of the brightest
+INVISIBLE_ALPHA = 2.0**-12  # transmitted: a sixteenth of a level of the alpha byte
 
 
 class Layers(NamedTuple):
-    """What is kept between the passes over a band, a value a sample; nothing where the scene is opaque."""
+    """What is kept of a band, a value a sample; nothing where the scene is opaque. The first four are of the range of samples
+    that is worked on, in rows counted from its first."""
 
-    opaque: np.ndarray  # (rows * pitch,) int64: the words of the opaque surfaces; CLEAR where the sample is done
-    floor: np.ndarray  # (rows * pitch,) int64: the word of the layer before
-    transmitted: np.ndarray  # (rows * pitch,): the part of the light from behind that arrives
-    color: np.ndarray  # (n_channel, rows * pitch)
+    words: np.ndarray  # (rows * pitch,) int64: the layer that is shaded
+    left: np.ndarray  # (groups,) int64: samples left..right of a group of 8 rows may show something there
+    right: np.ndarray  # (groups,) int64
+    cursor: np.ndarray  # (rows * pitch,) int64: the length of each sample's list, then where its next word goes
+    start: np.ndarray  # (rows * pitch + 1,) int64: where each sample's list begins, were all kept at a time
+    transmitted: np.ndarray  # (rows * pitch,) float64: the part of the light from behind that arrives
+    opacity: np.ndarray  # (rows * pitch,) float64: summed up, because 1 - transmitted loses the digits of small ones
+    color: np.ndarray  # (n_channel, rows * pitch) float64
+
+
+class Fragments(NamedTuple):
+    """The lists of a range of samples."""
+
+    first: int  # samples first..last of the band
+    last: int
+    words: np.ndarray  # one list behind the other
+    cursor: np.ndarray  # see Layers
+    start: np.ndarray
+    is_counting: bool  # how long the lists are to be, before there is room for them
 
 
 class Opacity(NamedTuple):
@@ -52,6 +82,48 @@ class Opacity(NamedTuple):
 
     opacity: np.ndarray  # (n_material,) float64
     is_opaque: np.ndarray  # (n_material,) bool: also the texture is
+    least: float  # when no more is transmitted, what lies behind is left out
+
+
+def make_layers(n_sample, n_group, n_channel) -> Layers:
+    """Room for a band."""
+    whole, real = (lambda n: np.zeros(n, np.int64)), (lambda *n: np.zeros(n))
+    return Layers(
+        whole(n_sample), whole(n_group), whole(n_group), whole(n_sample), whole(n_sample + 1), real(n_sample), real(n_sample),
+        real(n_channel, n_sample),
+    )  # fmt: skip
+
+
+def least_transmitted(tolerance, bound, is_single) -> float:
+    """What may still be transmitted where a sample is done, so that colours are off by at most half of the tolerance in float32,
+    of which lighting has the other half, and by a 2^-25th of `bound`, the largest intensity, in float64; 0 if that is infinite.
+    """
+    if not np.isfinite(bound):
+        return 0.0
+    return min(tolerance / (4.0 * max(bound, 1.0)), INVISIBLE_ALPHA) if is_single else INVISIBLE
+
+
+def seen_through(faces, opacity, material) -> np.ndarray:
+    """The places, int64, in a band's list `faces` of the triangles that are neither opaque nor invisible."""
+    numbers = material[faces] if len(material) else np.zeros(len(faces), np.int64)
+    return np.flatnonzero(~opacity.is_opaque[numbers] & (opacity.opacity[numbers] > 0.0))
+
+
+def in_order_of_depth(places, faces, polygons, vertices) -> np.ndarray:
+    """The places ordered by the least depth of their triangles."""
+    return places[np.argsort(vertices.z[polygons.vertex[:, faces[places]]].min(axis=0), kind="stable")]
+
+
+def ranges_of(start, pitch):
+    """Divide the samples of a band into ranges (first, last) whose lists have MOST_FRAGMENTS words at most, but at least a sample
+    each; whole rows where possible. Samples behind the last list belong to the last range."""
+    first, n_sample = 0, len(start) - 1
+    while first < n_sample:
+        last = int(np.searchsorted(start, start[first] + MOST_FRAGMENTS, side="right")) - 1
+        whole_rows = last // pitch * pitch
+        last = max(whole_rows if whole_rows > first else last, first + 1)
+        yield first, last
+        first = last
 
 
 @kernel
@@ -76,24 +148,33 @@ def scan_opaque(faces, polygons, vertices, attributes, coding, y_start, y_stop, 
 
 
 @kernel
-def scan_layer(faces, polygons, vertices, y_start, y_stop, block, canvas, floor, opacity, material):
-    """Draw the transparent triangles that lie behind the layer before and before what stands in the canvas."""
-    faces, floor = borrow(faces), borrow(floor)
+def take_fragments(faces, places, polygons, vertices, y_start, row_start, row_stop, block, canvas, fragments):
+    """Count or take the words of the transparent triangles faces[places] in the rows row_start..row_stop of the band, where they
+    lie before the opaque surfaces in the canvas."""
+    faces, places = borrow(faces), borrow(places)
     vertices, polygons, canvas, block = borrow_all(vertices, polygons, canvas, block)
-    for first in range(0, len(faces), BLOCK):
-        some = faces[np.uint64(first) : np.uint64(min(first + BLOCK, len(faces)))]
-        gather_vertices(some, polygons, vertices, block)
+    fragments = Fragments(
+        fragments.first, fragments.last, borrow(fragments.words), borrow(fragments.cursor), borrow(fragments.start),
+        fragments.is_counting,
+    )  # fmt: skip
+    some = np.empty(BLOCK, faces.dtype)
+    for first in range(0, len(places), BLOCK):
+        n = np.uint64(min(len(places) - first, BLOCK))
+        for k in range(n):
+            some[k] = faces[np.uint64(places[np.uint64(first) + k])]
+        gather_vertices(some[:n], polygons, vertices, block)
         order_vertices(block)
-        set_up_boxes(y_start, y_stop, canvas.width, block)
+        set_up_boxes(y_start + row_start, y_start + row_stop, canvas.width, block)
         set_up_depths(block)
-        for k in range(np.uint64(len(some))):
+        for k in range(n):
             left, right, top, bottom = box_of(k, block)
-            if left < right and top < bottom and not opacity.is_opaque[material_of(some[k], material)]:
-                note_extent(canvas, left, right, top - y_start, bottom - y_start)
+            if left < right and top < bottom:
+                if fragments.is_counting:
+                    note_extent(canvas, left, right, top - y_start, bottom - y_start)
                 box = (left, right, top, bottom, (top - y_start) * canvas.pitch)
-                payload = (IS_ID | IS_EXACT | (first + np.int64(k)), np.int64(0), np.int64(0))
+                payload = (IS_ID | IS_EXACT | places[np.uint64(first) + k], np.int64(0), np.int64(0))
                 plane, is_sliver = plane_of(k, payload, block), block.ints[IS_SLIVER + k] != 0
-                fill_spans(canvas, box, triangle_of(k, block), plane, is_sliver, depths_of(k, block), payload[0], floor)
+                fill_spans(canvas, box, triangle_of(k, block), plane, is_sliver, depths_of(k, block), payload[0], fragments)
 
 
 @helper
@@ -101,7 +182,7 @@ def borrow_all(vertices, polygons, canvas, block):
     """The arrays of these, without counted references."""
     return (
         Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z)),
-        Polygons(borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted)),
+        borrow_polygons(polygons),
         Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right)),
         Block(borrow(block.ints), borrow(block.longs), borrow(block.reals)),
     )
@@ -123,46 +204,112 @@ def material_of(face, material):
 
 
 @kernel
-def open_layers(canvas, layers):
-    """Begin with the opaque surfaces in the canvas, and with all light transmitted."""
-    words = borrow(canvas.words)
-    opaque, floor, transmitted = borrow(layers.opaque), borrow(layers.floor), borrow(layers.transmitted)
-    zero, one = layers.color.dtype.type(0), layers.color.dtype.type(1)
-    for k in range(np.uint64(len(words))):
-        opaque[k], floor[k], transmitted[k] = words[k], IN_FRONT_OF_ALL, one
+def open_layers(layers):
+    """Begin with empty lists, and with all light transmitted."""
+    cursor, transmitted, opacity = borrow(layers.cursor), borrow(layers.transmitted), borrow(layers.opacity)
+    for k in range(np.uint64(len(cursor))):
+        cursor[k], transmitted[k], opacity[k] = 0, 1.0, 0.0
     for channel in range(np.uint64(layers.color.shape[0])):
-        for k in range(np.uint64(len(words))):
-            layers.color[channel, k] = zero
+        for k in range(np.uint64(len(cursor))):
+            layers.color[channel, k] = 0.0
 
 
 @kernel
-def composite(canvas, records, n_row, layers, radiance, texels, opacity, material):
-    """Put the layer in the canvas behind those before; make the canvas ready for the next pass; return whether one is needed."""
-    words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
-    records, material, opaque, floor = borrow_records(records), borrow(material), borrow(layers.opaque), borrow(layers.floor)
-    transmitted, color, radiance = borrow(layers.transmitted), borrow(layers.color), borrow(radiance)
-    texels = borrow(texels)
-    number = transmitted.dtype.type
-    is_more = False
+def show_first(canvas, layers, fragments, first_row, n_row):
+    """Sort the lists of a range of samples in the rows first_row..first_row + n_row of the band; show the first layer."""
+    opaque, words = borrow(canvas.words), borrow(layers.words)
+    list_words, start = borrow(fragments.words), borrow(fragments.start)
+    base = start[np.uint64(fragments.first)]
+    for group in range(np.uint64(len(layers.left))):
+        layers.left[group], layers.right[group] = np.int64(1 << 30), np.int64(-1)
     for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        for k in range(np.uint64(j * canvas.pitch + left[group]), np.uint64(j * canvas.pitch + max(left[group], right[group]))):
-            word = words[k]
-            if word >= CLEAR:
-                continue
-            alpha = number(1)
-            if word != opaque[k]:
-                face = np.uint64(records.integers[np.uint64(word & RECORD_MASK), np.uint64(FACE)])
-                alpha = number(opacity.opacity[material_of(face, material)])
-                if texels.shape[0] > 0:
-                    alpha *= texels[3, k]
-            share = transmitted[k] * alpha
-            for channel in range(np.uint64(color.shape[0])):
-                color[channel, k] += share * radiance[channel, k]
-            transmitted[k] *= number(1) - alpha
-            is_done = word == opaque[k] or transmitted[k] == number(0)
-            opaque[k] = CLEAR if is_done else opaque[k]
-            floor[k] = BEHIND_ALL if is_done else word
-            words[k] = opaque[k]
-            is_more |= not is_done
+        group, band_group = np.uint64(j) >> np.uint64(GROUP_SHIFT), np.uint64(first_row + j) >> np.uint64(GROUP_SHIFT)
+        layers.left[group] = min(layers.left[group], canvas.left[band_group])
+        layers.right[group] = max(layers.right[group], canvas.right[band_group])
+    for j in range(n_row):
+        group, row, band_row = np.uint64(j) >> np.uint64(GROUP_SHIFT), j * canvas.pitch, (first_row + j) * canvas.pitch
+        for i in range(layers.left[group], layers.right[group]):
+            k, word = np.uint64(band_row + i), CLEAR
+            if fragments.first <= band_row + i < fragments.last:
+                begin, end = np.uint64(start[k] - base), np.uint64(start[k + np.uint64(1)] - base)
+                sort(list_words[begin:end])
+                word = list_words[begin] if begin < end else opaque[k]
+            words[np.uint64(row + i)] = word
+
+
+@kernel
+def composite(canvas, records, layers, fragments, first_row, n_row, depth, radiance, texels, opacity, material):
+    """Put the layer number `depth`, which is shaded, behind those before; show the next one; return whether there is any."""
+    opaque, words = borrow(canvas.words), borrow(layers.words)
+    list_words, start = borrow(fragments.words), borrow(fragments.start)
+    records, material, radiance, texels = borrow_records(records), borrow(material), borrow(radiance), borrow(texels)
+    transmitted, out_opacity, color = borrow(layers.transmitted), borrow(layers.opacity), borrow(layers.color)
+    base = start[np.uint64(fragments.first)]
+    is_more = False
+    for first in range(0, n_row, 1 << GROUP_SHIFT):
+        group = np.uint64(first) >> np.uint64(GROUP_SHIFT)
+        left, right = layers.left[group], layers.right[group]
+        next_left, next_right = np.int64(1 << 30), np.int64(-1)
+        for j in range(first, min(first + (1 << GROUP_SHIFT), n_row)):
+            for i in range(left, right):
+                k, place = np.uint64(j * canvas.pitch + i), np.uint64((first_row + j) * canvas.pitch + i)
+                word = words[k]
+                if word >= CLEAR:
+                    continue
+                alpha = 1.0
+                if word != opaque[place]:
+                    face = np.uint64(records.integers[np.uint64(word & RECORD_MASK), np.uint64(FACE)])
+                    alpha = opacity.opacity[material_of(face, material)]
+                    if texels.shape[0] > 0:
+                        alpha *= texels[3, k]
+                share = transmitted[place] * alpha
+                for channel in range(np.uint64(color.shape[0])):
+                    color[channel, place] += share * radiance[channel, k]
+                transmitted[place] *= 1.0 - alpha
+                out_opacity[place] = 1.0 if alpha == 1.0 else min(out_opacity[place] + share, 1.0)
+                begin, end, word = start[place] - base, start[place + np.uint64(1)] - base, CLEAR
+                if begin + depth < end and transmitted[place] > opacity.least:
+                    word = list_words[np.uint64(begin + depth + 1)] if begin + depth + 1 < end else opaque[place]
+                words[k] = word
+                if word < CLEAR:
+                    next_left, next_right, is_more = min(next_left, i), max(next_right, i + 1), True
+        layers.left[group], layers.right[group] = next_left, next_right
     return is_more
+
+
+@helper
+def sort(words):
+    """Sort a list: by insertion, which is fastest for short ones and for those that are nearly sorted, else as a heap (Williams
+    1964)."""
+    n, patience = np.int64(len(words)), PATIENCE * np.int64(len(words)) + 64
+    for k in range(1, n):
+        word, i = words[np.uint64(k)], k
+        while i > 0 and words[np.uint64(i - 1)] > word:
+            words[np.uint64(i)] = words[np.uint64(i - 1)]
+            i -= 1
+        words[np.uint64(i)] = word
+        patience -= k - i
+        if patience < 0:
+            break
+    if patience >= 0:
+        return
+    for k in range(n // 2 - 1, -1, -1):
+        sift(words, k, n)
+    for k in range(n - 1, 0, -1):
+        words[np.uint64(0)], words[np.uint64(k)] = words[np.uint64(k)], words[np.uint64(0)]
+        sift(words, np.int64(0), k)
+
+
+@helper
+def sift(words, k, n):
+    """Let a word sink until both words below it in the heap of n words are smaller."""
+    word = words[np.uint64(k)]
+    while 2 * k + 1 < n:
+        child = 2 * k + 1
+        if child + 1 < n and words[np.uint64(child + 1)] > words[np.uint64(child)]:
+            child += 1
+        if words[np.uint64(child)] <= word:
+            break
+        words[np.uint64(k)] = words[np.uint64(child)]
+        k = child
+    words[np.uint64(k)] = word

@@ -34,6 +34,9 @@ from .rows import (
     POSITION_Z,
     SPECULAR,
     SPECULAR_SUM,
+    TANGENT_X,
+    TANGENT_Y,
+    TANGENT_Z,
     VIEW_X,
     VIEW_Y,
     VIEW_Z,
@@ -65,6 +68,17 @@ class Lighting(NamedTuple):
 
 class ShadowedLighting(Lighting):
     """Lights some of which cast shadows. Only with these are shadows compiled."""
+
+
+class BrushedLighting(Lighting):
+    """Light on materials some of which need tangents of the points. Only with these are tangents compiled."""
+
+
+class ShadowedBrushedLighting(ShadowedLighting):
+    """Both."""
+
+
+BRUSHED = (BrushedLighting, ShadowedBrushedLighting)
 
 
 @helper
@@ -142,7 +156,7 @@ def cast_shadow(rows, n, lighting, light):
 
 @overload(cast_shadow)
 def _overload_cast_shadow(rows, n, lighting, light):
-    if lighting.instance_class is ShadowedLighting:
+    if issubclass(lighting.instance_class, ShadowedLighting):
         return look_up_shadow
     return lambda rows, n, lighting, light: None
 
@@ -184,7 +198,8 @@ def light_points(positions, normals, albedo, lift, start, stop, screen, side, li
 
     Parameters
     ----------
-    positions, normals : (3, n) float64, world space; the normals have unit length
+    positions, normals : (3, n) float64, world space; the normals have unit length. With BRUSHED lighting `normals` is (6, n):
+        the tangents stand behind
     albedo : (n, n_channel) float64, read only if lighting.has_albedo
     lift : (n,) float64, scene units, see shadow.py; read only if a light casts shadows
     start, stop : the points to light
@@ -198,9 +213,10 @@ def light_points(positions, normals, albedo, lift, start, stop, screen, side, li
         n = min(CHUNK, stop - first)
         chunk = slice(np.uint64(first), np.uint64(first + n))
         take_points(positions[0, chunk], positions[1, chunk], positions[2, chunk], screen.eye, rows)
-        take_normals(normals[0, chunk], normals[1, chunk], normals[2, chunk], float(side) if side != 0 else 1.0, rows)
         if side == 0:
-            turn_normals(rows, n, screen.is_perspective, number(back_x), number(back_y), number(back_z))
+            turn_normals(positions[:, chunk], normals[:, chunk], screen, rows)
+        else:
+            take_normals(normals[0, chunk], normals[1, chunk], normals[2, chunk], float(side), rows)
         if lighting.has_albedo:
             for channel in range(np.uint64(lighting.n_channel)):
                 for k in range(np.uint64(n)):
@@ -210,6 +226,7 @@ def light_points(positions, normals, albedo, lift, start, stop, screen, side, li
         elif lighting.needs_view:
             view_from_direction(rows, n, number(back_x), number(back_y), number(back_z))
         take_shapes(lighting, lift, np.uint64(first), n, rows)
+        take_tangents(lighting, normals, np.uint64(first), n, rows)
         light_rows(rows, n, lighting, material)
         for channel in range(np.uint64(lighting.n_channel)):
             for k in range(np.uint64(n)):
@@ -235,6 +252,26 @@ def take_normals(x, y, z, sign, rows):
         rows[NORMAL_Z + k] = sign * z[k]
 
 
+def take_tangents(lighting, normals, first, n, rows):
+    """Fill the rows of tangents, which materials brushed along u need."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(take_tangents)
+def _overload_take_tangents(lighting, normals, first, n, rows):
+    if lighting.instance_class in BRUSHED:
+        return copy_tangents
+    return lambda lighting, normals, first, n, rows: None
+
+
+def copy_tangents(lighting, normals, first, n, rows):
+    """Copy the tangents, which stand behind the normals."""
+    for k in range(np.uint64(n)):
+        rows[TANGENT_X + k] = normals[3, first + k]
+        rows[TANGENT_Y + k] = normals[4, first + k]
+        rows[TANGENT_Z + k] = normals[5, first + k]
+
+
 def take_shapes(lighting, lift, first, n, rows):
     """Fill the rows of planes and lifts, which shadows need."""
     raise NotImplementedError("compiled code only")
@@ -242,7 +279,7 @@ def take_shapes(lighting, lift, first, n, rows):
 
 @overload(take_shapes)
 def _overload_take_shapes(lighting, lift, first, n, rows):
-    if lighting.instance_class is ShadowedLighting:
+    if issubclass(lighting.instance_class, ShadowedLighting):
         return take_own_planes
     return lambda lighting, lift, first, n, rows: None
 
@@ -257,13 +294,17 @@ def take_own_planes(lighting, lift, first, n, rows):
 
 
 @helper
-def turn_normals(rows, n, is_perspective, back_x, back_y, back_z):
-    """Turn every normal towards the viewer, who is at the origin, or at infinity in the direction `back`."""
-    zero, one = rows.dtype.type(0), rows.dtype.type(1)
-    for k in range(np.uint64(n)):
-        x, y, z = rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k]
-        toward = x * back_x + y * back_y + z * back_z
-        if is_perspective:
-            toward = -(x * rows[POSITION_X + k] + y * rows[POSITION_Y + k] + z * rows[POSITION_Z + k])
-        sign = -one if toward < zero else one
+def turn_normals(positions, normals, screen, rows):
+    """Copy normals, each turned to the side that the eye, or the viewer at infinity, is on.
+
+    In float64: of a face that is far away and seen at a grazing angle, N·(P - eye) is the small difference of large numbers.
+    """
+    eye_x, eye_y, eye_z = screen.eye
+    forward_x, forward_y, forward_z = screen.forward
+    for k in range(np.uint64(positions.shape[1])):
+        x, y, z = normals[0, k], normals[1, k], normals[2, k]
+        away = x * forward_x + y * forward_y + z * forward_z
+        if screen.is_perspective:
+            away = x * (positions[0, k] - eye_x) + y * (positions[1, k] - eye_y) + z * (positions[2, k] - eye_z)
+        sign = -1.0 if away > 0.0 else 1.0
         rows[NORMAL_X + k], rows[NORMAL_Y + k], rows[NORMAL_Z + k] = sign * x, sign * y, sign * z

@@ -14,7 +14,7 @@ import numpy as np
 from numba import carray
 from numba.extending import register_jitable
 
-from .reflection import power
+from .reflection import grazing, power
 from .rows import (
     CHUNK,
     LIGHT_X,
@@ -33,8 +33,8 @@ from .rows import (
 
 # A light's numbers.
 VECTOR, ATTENUATION, MOST, INVERSE_RANGE = 0, 3, 6, 7
-AXIS, COS_OUTER, CONE_SCALE, CONE_EXPONENT = 8, 11, 12, 13  # of spot lights
-N_NUMBER = 14
+AXIS, COS_OUTER, CONE_SCALE, CONE_EXPONENT, CONE_FALLOFF = 8, 11, 12, 13, 14  # of spot lights
+N_NUMBER = 15
 
 
 class LightKind(NamedTuple):
@@ -74,10 +74,26 @@ def spot(rows, n, numbers):
         weaken_off_axis(row, n, number)
 
 
+def shaped_spot(rows, n, numbers):
+    """A spot light whose fall between the cones is raised to the power CONE_FALLOFF."""
+    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_NUMBER,))
+    shine_from_point(row, n, number)
+    if number[INVERSE_RANGE] > number.dtype.type(0):
+        end_at_range(row, n, number)
+    keep_to_shaped_cone(row, n, number)
+    if number[CONE_EXPONENT] > number.dtype.type(0):
+        weaken_off_axis(row, n, number)
+
+
+def same_again(rows, n, numbers):
+    """The light before once more: its rows still stand, and a second term of its highlight is weighted with another colour."""
+
+
 LIGHTS = {
     "directional": LightKind(directional, needs_position=False),
     "point": LightKind(point, needs_position=True),
     "spot": LightKind(spot, needs_position=True),
+    "shaped spot": LightKind(shaped_spot, needs_position=True),
 }
 
 
@@ -118,15 +134,30 @@ def end_at_range(row, n, number):
 @register_jitable
 def keep_to_cone(row, n, number):
     """Let the strength fall from the inner to the outer cone as t²(3 - 2t), t = (c - c_outer)/(c_inner - c_outer), c the cosine
-    of the angle from the axis; a step where both cones are the same, which belongs to the inside."""
+    of the angle from the axis; a step where both cones are the same, which belongs to the inside (see `grazing`)."""
     axis_x, axis_y, axis_z = number[AXIS], number[AXIS + 1], number[AXIS + 2]
     outer, scale = number[COS_OUTER], number[CONE_SCALE]
+    zero, one, two, three = number.dtype.type(0), number.dtype.type(1), number.dtype.type(2), number.dtype.type(3)
+    is_step = scale == np.inf
+    least = -grazing(zero) if is_step else zero
+    for k in range(np.uint64(n)):
+        above = -(row[LIGHT_X + k] * axis_x + row[LIGHT_Y + k] * axis_y + row[LIGHT_Z + k] * axis_z) - outer
+        t = one if is_step else min(above * scale, one)
+        row[STRENGTH + k] = row[STRENGTH + k] * (t * t * (three - two * t)) if above >= least else zero
+
+
+@register_jitable
+def keep_to_shaped_cone(row, n, number):
+    """As `keep_to_cone`, with the fall t²(3 - 2t) raised to a power: its slope, see bounds.py."""
+    axis_x, axis_y, axis_z = number[AXIS], number[AXIS + 1], number[AXIS + 2]
+    outer, scale, falloff = number[COS_OUTER], number[CONE_SCALE], number[CONE_FALLOFF]
     zero, one, two, three = number.dtype.type(0), number.dtype.type(1), number.dtype.type(2), number.dtype.type(3)
     is_step = scale == np.inf
     for k in range(np.uint64(n)):
         above = -(row[LIGHT_X + k] * axis_x + row[LIGHT_Y + k] * axis_y + row[LIGHT_Z + k] * axis_z) - outer
         t = one if is_step else min(above * scale, one)
-        row[STRENGTH + k] = row[STRENGTH + k] * (t * t * (three - two * t)) if above >= zero else zero
+        fall = power(min(t * t * (three - two * t), one), falloff)
+        row[STRENGTH + k] = row[STRENGTH + k] * fall if above >= zero else zero
 
 
 @register_jitable

@@ -48,6 +48,8 @@ from .block import (
     Z1,
     Z2,
 )
+from .block import CUT as CUT_FACE
+from .clip import WHOLE_DEPTH
 from .lanes import GROUP
 
 LEVEL_BITS = 24
@@ -61,8 +63,9 @@ MAX_RECORDS = 1 << (LEVEL_BITS - 1)
 EXACT, IN_WORDS, IN_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # kinds of coding; IN_PLANES and above have records with planes
 
 # Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and the side
-# that is seen.
-PLACE, FACE, SIDE = 0, 6, 7
+# that is seen; the row of the planes of the clipped face that it is a part of, or -1.
+PLACE, FACE, SIDE, CUT = 0, 6, 7, 8
+N_INTEGER = 9
 # Columns of an exact record's numbers: 1/w, depth (orthographic) and each attribute, each at the three vertices.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
 # Columns of a record of planes: the triangle, the sample where the planes are anchored, and then the planes of four attributes a
@@ -78,7 +81,7 @@ class Coding(NamedTuple):
     kind: int  # EXACT, IN_WORDS, IN_PLANES or NORMAL_PLANES
     level_scale: float  # levels a unit of intensity
     level_tolerance: float  # error that is accepted, in levels
-    normal_limit: float  # NORMAL_PLANES: the largest rise of a normal's component over a triangle's box; see plan.py
+    normal_limit: float  # NORMAL_PLANES: how far a normal may turn, in units of 2^-24; see find_normals
     albedo_tolerance: float  # NORMAL_PLANES: error that is accepted in an attribute behind the normals
     needs_distance: bool  # NORMAL_PLANES: a plane of 1/w (orthographic: of depth) stands beside those of the normals
     inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z
@@ -101,19 +104,21 @@ CODINGS = {EXACT: Coding, IN_WORDS: LevelCoding, IN_PLANES: LevelCoding, NORMAL_
 class Records(NamedTuple):
     """What shade.py interpolates: a row for each triangle of the band whose words hold a record number."""
 
-    integers: np.ndarray  # (n, 8) int32
+    integers: np.ndarray  # (n, N_INTEGER) int32
     numbers: np.ndarray  # (n, 6 + 3 * n_attribute) float32 or float64
     levels: np.ndarray  # (n << plane_shift,) int32: the planes
     planes: np.ndarray  # the same memory as float32
     plane_shift: int
+    cut: np.ndarray  # (n_cut, 14) float64: the planes of clipped faces, see clip.Clipped; those of the picture, not of the band
 
 
 @helper
 def borrow_records(records):
     """The records as arrays that count no references."""
     return Records(
-        borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes), records.plane_shift
-    )
+        borrow(records.integers), borrow(records.numbers), borrow(records.levels), borrow(records.planes), records.plane_shift,
+        borrow(records.cut),
+    )  # fmt: skip
 
 
 # ---------------------------------------------------------------- a block at a time: planes, and whether they are good enough
@@ -168,13 +173,15 @@ def find_levels(channel, coding, block):
     leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both ends; a range below
     2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <= |ΔI|·(r-1)/4 with
     r = w_max/w_min: the first is (r-1)/(√r+1)².
+    Whatever the intensities are, also none (NaN), negative or infinite ones, the levels are within 0..LEVEL_MASK - 1: no word
+    can carry into the bits above it.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
-    scale, most = coding.level_scale, float(LEVEL_MASK)  # no rounding can carry into the bits above
+    scale, most = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
     row, out = ATTRIBUTE0 + np.uint64(3) * channel * NEXT, LEVEL + np.uint64(3) * channel * NEXT
     for k in range(np.uint64(BLOCK)):
         a0, a1, a2 = reals[row + k], reals[row + NEXT + k], reals[row + NEXT + NEXT + k]
-        l0, l1, l2 = min(a0 * scale, most), min(a1 * scale, most), min(a2 * scale, most)
+        l0, l1, l2 = within(a0 * scale, most), within(a1 * scale, most), within(a2 * scale, most)
         low, high = min(l0, l1, l2), max(l0, l1, l2)
         spread, middle = high - low, 0.5 * (low + high)
         reach = float(ints[STEPS_X + k] + ints[STEPS_Y + k]) + 1.0  # 2e
@@ -194,11 +201,27 @@ def find_levels(channel, coding, block):
 
 
 @helper
+def within(level, most):
+    """The level within 0..most; 0 where it is no number."""
+    level = level if level > 0.0 else 0.0
+    return level if level < most else most
+
+
+@helper
 def find_normals(coding, block):
     """Planes of n/w: their direction is all that counts, so 1/w is scaled to at most 1.
 
-    A float32 plane that rises by s over the box of its triangle errs by at most 2^-24·(3 + 4 s) there: the roundings of value,
-    slopes, products and sums.
+    A float32 plane that rises by s over the box of its triangle errs by at most u·(3 + 4 s) there, u = 2^-24: the roundings of
+    value, slopes, products and sums. With three components that turns the normal by √3·u·(3 + 4 s)/|n/w|, the error over the
+    length of what is interpolated: coding.normal_limit is how many u a normal may turn by, over √3.
+
+    The shortest n/w: it is the mean of the corners' normals n_i, with weights b_i >= 0 and Σ b_i = 1, times a mean of 1/w.
+    With m the least n_i² and c the least n_i·n_j of two corners, or m if that is less,
+
+        |Σ b_i n_i|² >= m Σ b_i² + 2 c Σ b_i b_j = (m - c) Σ b_i² + c >= (m - c)/3 + c = (m + 2 c)/3,     as Σ b_i² >= 1/3.
+
+    So |n/w| >= (w_min/w_max)·√((m + 2 c)/3): short where corners look apart, as where a file has reversed one, where a corner has
+    no normal, and far away in a triangle that spans much depth. Where nothing is left of it, the record is exact.
     """
     ints, reals = block.ints, block.reals
     for k in range(np.uint64(BLOCK)):
@@ -210,9 +233,13 @@ def find_normals(coding, block):
         w1 = (coding.inv_w_offset + coding.inv_w_scale * z1) * scale
         w2 = (coding.inv_w_offset + coding.inv_w_scale * z2) * scale
         is_flat = True
+        s0 = s1 = s2 = c0 = c1 = c2 = 0.0
         for axis in range(3):
             row = ATTRIBUTE0 + np.uint64(3 * axis * BLOCK)
-            is_flat &= (reals[row + k] == reals[row + NEXT + k]) & (reals[row + k] == reals[row + NEXT + NEXT + k])
+            n0, n1, n2 = reals[row + k], reals[row + NEXT + k], reals[row + NEXT + NEXT + k]
+            is_flat &= (n0 == n1) & (n0 == n2)
+            s0, s1, s2 = s0 + n0 * n0, s1 + n1 * n1, s2 + n2 * n2
+            c0, c1, c2 = c0 + n1 * n2, c1 + n2 * n0, c2 + n0 * n1
         # Three equal normals stay exactly constant if no w is mixed in.
         w0, w1, w2 = sign if is_flat else w0, sign if is_flat else w1, sign if is_flat else w2
         most = 0.0
@@ -220,26 +247,36 @@ def find_normals(coding, block):
             row = ATTRIBUTE0 + np.uint64(3 * axis * BLOCK)
             a0, a1, a2 = reals[row + k] * w0, reals[row + NEXT + k] * w1, reals[row + NEXT + NEXT + k] * w2
             most = max(most, find_plane(k, np.uint64(axis), a0, a1, a2, block))
-        ints[IS_GOOD + k] &= most <= coding.normal_limit
+        shortest = min(s0, s1, s2)
+        square = (shortest + 2.0 * min(c0, c1, c2, shortest)) / 3.0
+        # No normals at all are exact. The length is 1 where all three are equal.
+        length = np.sqrt(max(square, 0.0)) * (1.0 if is_flat else inv_w_min / (inv_w_min + inv_w_rise))
+        ints[IS_GOOD + k] &= (3.0 + 4.0 * most <= coding.normal_limit * length) | (most == 0.0)
 
 
 @helper
 def find_albedo(attribute, coding, block):
-    """The plane of an attribute behind the normals, in affine interpolation: see find_levels for its bound."""
+    """The plane of an attribute behind the normals, in affine interpolation: see find_levels for its bound, and find_normals for
+    that of rounding, which may take half of what is accepted: u·(3 m + 4 s) with m the largest value."""
     ints, reals = block.ints, block.reals
     row = ATTRIBUTE0 + np.uint64(3) * attribute * NEXT
     for k in range(np.uint64(BLOCK)):
         a0, a1, a2 = reals[row + k], reals[row + NEXT + k], reals[row + NEXT + NEXT + k]
         inv_w_min, inv_w_rise = inv_ws(reals[Z0 + k], reals[Z1 + k], reals[Z2 + k], coding)
-        spread = max(a0, a1, a2) - min(a0, a1, a2)
-        is_good = spread * inv_w_rise <= 4.0 * inv_w_min * coding.albedo_tolerance
+        most = max(a0, a1, a2)
+        spread = most - min(a0, a1, a2)
+        is_good = spread * inv_w_rise <= 2.0 * inv_w_min * coding.albedo_tolerance
         rise = find_plane(k, attribute, a0, a1, a2, block)
-        ints[IS_GOOD + k] &= is_good & (rise <= coding.normal_limit)
+        ints[IS_GOOD + k] &= is_good & (3.0 * most + 4.0 * rise <= 2.0**23 * coding.albedo_tolerance)
 
 
 @helper
 def find_distances(coding, block):
-    """The plane of 1/w, or of depth without perspective, behind those of the attributes."""
+    """The plane of 1/w, or of depth without perspective, behind those of the attributes.
+
+    1/w loses digits where it spans much, and planes where they rise far beyond their triangle: taken are those with
+    w_max <= 2 w_min that rise by half of their maximum m at most. These err by u·(3 + 4/2)·m, that is 10 u of the distance itself.
+    """
     ints, reals = block.ints, block.reals
     add, times = coding.inv_w_offset, coding.inv_w_scale
     if coding.depth_scale != 0.0:
@@ -247,9 +284,8 @@ def find_distances(coding, block):
     for k in range(np.uint64(BLOCK)):
         a0, a1, a2 = add + times * reals[Z0 + k], add + times * reals[Z1 + k], add + times * reals[Z2 + k]
         most = find_plane(k, np.uint64(DISTANCE_PLANE), a0, a1, a2, block)
-        # 1/w loses digits where it spans much.
-        is_good = (most <= coding.normal_limit * max(a0, a1, a2)) & (max(a0, a1, a2) <= 2.0 * min(a0, a1, a2))
-        ints[IS_GOOD + k] &= is_good
+        largest = max(a0, a1, a2)
+        ints[IS_GOOD + k] &= (2.0 * most <= largest) & (largest <= 2.0 * min(a0, a1, a2))
 
 
 @helper
@@ -308,7 +344,8 @@ def copy_plane(planes, column, source, reals):
 
 @helper
 def write_exact(records, n_record, k, face, n_attribute, coding, block):
-    """Write where triangle k lies on the screen, and 1/w, depth and the attributes of its three corners."""
+    """Write where triangle k lies on the screen, and 1/w, depth and the attributes of its three corners; of a part of a clipped
+    face the depths and attributes are those of the face's corners, and the weights come from its planes."""
     ints, reals = block.ints, block.reals
     row, numbers = np.uint64(n_record), records.numbers
     x0, y0 = np.int64(ints[X0 + k]), np.int64(ints[Y0 + k])
@@ -317,9 +354,14 @@ def write_exact(records, n_record, k, face, n_attribute, coding, block):
         records.integers[row, np.uint64(PLACE + column)] = place[column]
     records.integers[row, np.uint64(FACE)] = face
     records.integers[row, np.uint64(SIDE)] = -1 if ints[IS_FLIPPED + k] else 1
+    cut = ints[CUT_FACE + k]
+    records.integers[row, np.uint64(CUT)] = cut
     for corner in range(np.uint64(3)):
         z = reals[Z0 + corner * NEXT + k]
         numbers[row, np.uint64(INV_W) + corner] = coding.inv_w_offset + coding.inv_w_scale * z
         numbers[row, np.uint64(DEPTH) + corner] = coding.depth_offset + coding.depth_scale * z
+    if cut >= 0:
+        for corner in range(np.uint64(3)):
+            numbers[row, np.uint64(DEPTH) + corner] = records.cut[np.uint64(cut), np.uint64(WHOLE_DEPTH) + corner]
     for column in range(np.uint64(3 * n_attribute)):
         numbers[row, np.uint64(ATTRIBUTE) + column] = reals[ATTRIBUTE0 + column * NEXT + k]

@@ -103,7 +103,7 @@ def resolve(canvas, radiance, layers, y_start, y_stop, factor, encoding, out):
         for left in range(first, stop, CHUNK):
             n = np.uint64(min(stop - left, CHUNK))
             if layers is not None:
-                n_covered += average_layers(layers.color, layers.transmitted, canvas.pitch, row, left, factor, n, pixels)
+                n_covered += average_layers(layers.color, layers.opacity, canvas.pitch, row, left, factor, n, pixels)
             elif factor == 1:
                 place = np.uint64(row * canvas.pitch + left)
                 n_covered += take_samples(words[place : place + n], radiance, place, pixels)
@@ -206,10 +206,10 @@ def average_samples(words, pitch, radiance, row, left, factor, n, pixels):
 
 
 @helper
-def average_layers(color, transmitted, pitch, row, left, factor, n, pixels):
+def average_layers(color, opacities, pitch, row, left, factor, n, pixels):
     """Mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many samples show anything.
 
-    `color` is weighted by opacity already; `transmitted` is 1 - opacity.
+    `color` is weighted by opacity already.
     """
     n_channel, count = np.uint64(color.shape[0]), np.int64(0)
     for i in range(n):
@@ -217,8 +217,8 @@ def average_layers(color, transmitted, pitch, row, left, factor, n, pixels):
         for sub in range(row, row + factor):
             place = np.uint64(sub * pitch + (left + np.int64(i)) * factor)
             for k in range(place, place + np.uint64(factor)):
-                count += transmitted[k] < 1.0
-                opacity += 1.0 - transmitted[k]
+                count += opacities[k] > 0.0
+                opacity += opacities[k]
                 sum0 += color[0, k]
                 if n_channel > np.uint64(1):
                     sum1 += color[1, k]

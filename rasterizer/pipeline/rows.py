@@ -26,7 +26,8 @@ NEXT_CHANNEL = np.uint64(CHUNK)
 # attributes come in groups of four: the row between is what the albedo leaves over.
 PLANE_X, PLANE_Y, PLANE_Z, OFFSET, LIFT = (np.uint64(CHUNK * k) for k in range(27, 32))
 SEEN_X, SEEN_Y, SEEN_Z, SLOPE_X, SLOPE_Y = (np.uint64(CHUNK * k) for k in range(32, 37))  # what the light sees, see shadow.py
-N_ROW = 37
+TANGENT_X, TANGENT_Y, TANGENT_Z = (np.uint64(CHUNK * k) for k in range(37, 40))  # of anisotropic materials; of any length
+N_ROW = 40
 
 
 def make_rows(dtype):

@@ -52,7 +52,7 @@ from .block import (
     Z1,
     Z2,
     Block,
-    Polygons,
+    borrow_polygons,
     gather_attributes,
     gather_vertices,
     order_vertices,
@@ -100,7 +100,7 @@ def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, 
     """
     faces, attributes, records = borrow(faces), borrow(attributes), borrow_records(records)
     vertices = Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z))
-    polygons = Polygons(borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted))
+    polygons = borrow_polygons(polygons)
     canvas = Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right))
     block = Block(borrow(block.ints), borrow(block.longs), borrow(block.reals))
     n_record = n_exact = np.int64(0)
@@ -226,10 +226,10 @@ def edge_function(xa, ya, xb, yb, sx, sy):
 
 
 @helper
-def fill_spans(canvas, box, triangle, plane, is_sliver, depths, payload, floor):
+def fill_spans(canvas, box, triangle, plane, is_sliver, depths, payload, fragments):
     """Walk the left and the right chain down the rows and fill the samples between them, slivers exactly.
 
-    `floor` is None, or the words that everything must lie behind (layers.py).
+    `fragments` is None, or the lists that take what lies before the canvas, which is then left as it is (layers.py).
     """
     _, _, top, bottom, base = box
     x0, y0, x1, y1, x2, y2 = triangle
@@ -255,14 +255,13 @@ def fill_spans(canvas, box, triangle, plane, is_sliver, depths, payload, floor):
                 place = base + (j - top) * canvas.pitch + start
                 row = canvas.words[np.uint64(place) : np.uint64(place + stop - start)]
                 word = origin + np.uint64(j) * word_y + np.uint64(start) * word_x
-                if floor is None:
+                if fragments is None:
                     if is_sliver:
                         fill_span_exactly(row, start, j, triangle, depths, payload)
                     else:
                         fill_span(row, word, word_x)
                 else:
-                    ahead = floor[np.uint64(place) : np.uint64(place + stop - start)]
-                    fill_span_behind(row, ahead, start, j, triangle, depths, payload, is_sliver, word, word_x)
+                    take_span(row, place, start, j, triangle, depths, payload, is_sliver, word, word_x, fragments)
             rest_left += d_rest_left
             carry = rest_left >= run_left
             rest_left -= run_left if carry else 0
@@ -318,11 +317,16 @@ def word_of_sliver(i, j, triangle, depths, payload):
 
 
 @helper
-def fill_span_behind(row, ahead, start, j, triangle, depths, payload, is_sliver, word, step):
-    """Fill a span with what lies behind the words `ahead`; whole words are compared, so that at equal depth the triangle with the
-    lower number lies in front."""
-    for k in range(np.uint64(len(row))):
-        new = word_of_sliver(start + np.int64(k), j, triangle, depths, payload) if is_sliver else np.int64(word)
-        if ahead[k] < new and new < row[k]:
-            row[k] = new
-        word += step
+def take_span(row, place, start, j, triangle, depths, payload, is_sliver, word, step, fragments):
+    """Count, or append to the lists of the samples, the words of a span that lie before those of `row`: whole words are compared,
+    so that at equal depth the triangle with the lower number lies in front. `place` is the span's first sample in the band."""
+    cursor, base = fragments.cursor, fragments.start[np.uint64(fragments.first)]
+    for k in range(max(place, fragments.first), min(place + np.int64(len(row)), fragments.last)):
+        i, at = k - place, np.uint64(k)
+        new = np.int64(word + np.uint64(i) * step)
+        if is_sliver:
+            new = word_of_sliver(start + i, j, triangle, depths, payload)
+        if 0 <= new < row[np.uint64(i)]:
+            if not fragments.is_counting and cursor[at] < fragments.start[at + np.uint64(1)]:
+                fragments.words[np.uint64(cursor[at] - base)] = new
+            cursor[at] += 1

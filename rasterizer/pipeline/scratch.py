@@ -7,8 +7,9 @@ import numpy as np
 from .block import Block, make_block
 from .buffers import Buffers
 from .lanes import GROUP
-from .layers import Layers
-from .records import ATTRIBUTE, PLANE, Records
+from .clip import NO_PLANES
+from .layers import Layers, make_layers
+from .records import ATTRIBUTE, N_INTEGER, PLANE, Records
 from .resolve import Picture
 from .rows import make_rows
 from .scan import CLEAR, GROUP_SHIFT, PADDING, Canvas
@@ -40,15 +41,21 @@ class BenchKind(NamedTuple):
 
 
 class Scratch:
-    """Working places that are free. Taking from a list and giving back are atomic, so threads may share it."""
+    """Working places that are free. Taking from a list and giving back are atomic, so threads may share it.
+
+    What is taken and not given back, because drawing failed half-way, is forgotten: a z-buffer that isn't clean is never used
+    again.
+    """
 
     def __init__(self):
         self._free = {}
 
     def take(self, kind, n_record) -> Bench:
         """Return a working place of this kind that is clean, with room for the records; a new one where none is free."""
-        free = self._free.setdefault(kind, [])
-        bench = free.pop() if free else _make_bench(kind)
+        try:
+            bench = self._free.setdefault(kind, []).pop()
+        except IndexError:  # asking first whether there is one would leave room for another thread to take it
+            bench = _make_bench(kind)
         if len(bench.records.integers) < n_record:
             bench = bench._replace(records=_make_records(n_record, kind.n_attribute, kind.n_group, kind.dtype))
         return bench
@@ -69,10 +76,7 @@ def _make_bench(kind) -> Bench:
     n_sample = n_row * pitch
     n_layered = n_sample if kind.is_layered else 0
     texels = np.zeros((4 if kind.is_textured else 0, n_sample), kind.dtype)
-    layers = Layers(
-        np.zeros(n_layered, np.int64), np.zeros(n_layered, np.int64), np.zeros(n_layered, kind.dtype),
-        np.zeros((kind.n_channel, n_layered), kind.dtype),
-    )  # fmt: skip
+    layers = make_layers(n_layered, n_group, kind.n_channel)
     return Bench(canvas, records, make_block(), radiance, make_rows(kind.dtype), texels, layers)
 
 
@@ -81,8 +85,9 @@ def _make_records(n, n_attribute, n_group, dtype) -> Records:
     shift = (PLANE + 3 * GROUP * n_group - 1).bit_length()
     levels = np.zeros(n << shift, np.int32)
     return Records(
-        np.zeros((n, 8), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype), levels, levels.view(np.float32), shift
-    )
+        np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype), levels, levels.view(np.float32),
+        shift, NO_PLANES,
+    )  # fmt: skip
 
 
 def make_picture(size, with_color) -> Picture:

@@ -31,8 +31,8 @@ class Visible(NamedTuple):
     """What is left of a range of triangles."""
 
     face: np.ndarray  # (n,) uint32, ascending
-    first_band: np.ndarray  # (n,) uint16
-    last_band: np.ndarray  # (n,) uint16, inclusive
+    first_band: np.ndarray  # (n,) uint16, or uint32 where there are more bands
+    last_band: np.ndarray  # the same, inclusive
     histogram: np.ndarray  # (n_band,) int64, triangles a band
     n_culled: int
 
@@ -46,10 +46,11 @@ def first_sample(coordinate):
 def find_visible(faces, vertices, width, height, band_rows, cull_back, workers) -> list[Visible]:
     """Drop the triangles that can't be seen; one Visible for each part of the range of faces, in order."""
     n_band = -(-height // band_rows)
+    number = np.uint16 if n_band <= 2**16 else np.uint32
 
     def find(part):
         n = part[1] - part[0]
-        face, first, last = np.empty(n, np.uint32), np.empty(n, np.uint16), np.empty(n, np.uint16)
+        face, first, last = np.empty(n, np.uint32), np.empty(n, number), np.empty(n, number)
         histogram = np.zeros(n_band + 1, np.int64)
         n_kept, n_culled = find_visible_range(
             *part, faces, vertices, width, height, band_rows, cull_back, face, first, last, histogram
@@ -86,7 +87,8 @@ def find_visible_range(
             top = max(first_sample(min(y[a], y[b], y[c])), 0)
             bottom = min(first_sample(max(y[a], y[b], y[c])), height)
             is_hit = (max(left, 0) < min(right, width)) & (top < bottom)
-            # Quotients of integers: half a row more keeps the product further from a whole number than it is rounded.
+            # Quotients of integers: half a row more keeps the product further from a whole number than it is rounded. So what
+            # is rounded down lies within 0..n_band - 1, as the rows do within 0..height.
             first = np.uint64((top + 0.5) * bands_a_row) if is_hit else np.uint64(0)
             last = np.uint64((bottom - 0.5) * bands_a_row) if is_hit else np.uint64(0)
             out_face[n_kept] = face

@@ -13,16 +13,15 @@ import numpy as np
 from numba.extending import overload
 
 from .._kernel import borrow, helper, kernel
-from .exact import corner_weights, corners_of, has_exact, is_exact, mean, place_of, run_end
+from .exact import corner_weights, corners_of, has_exact, is_exact, mean, run_end, weights_of
 from .lanes import GROUP, take_planes
-from .lighting import ShadowedLighting, light_rows, normalize_normals, view_from_direction
+from .lighting import BRUSHED, ShadowedLighting, light_rows, normalize_normals, view_from_direction
 from .records import (
     ATTRIBUTE,
     DEPTH,
     FACE,
     IN_PLANES,
     IN_WORDS,
-    INV_W,
     IS_ID,
     LEVEL_MASK,
     NORMAL_PLANES,
@@ -49,12 +48,17 @@ from .rows import (
     POSITION_X,
     POSITION_Y,
     POSITION_Z,
+    TANGENT_X,
+    TANGENT_Y,
+    TANGENT_Z,
     VIEW_X,
     VIEW_Y,
     VIEW_Z,
 )
 from .scan import GROUP_SHIFT
 from .transform import HALF, SUBPIXEL
+
+FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
 # ---------------------------------------------------------------- flat shading and Gouraud's method
 
@@ -94,18 +98,20 @@ def interpolate_runs(words, records, first, y, n_channel, out):
     """Put in the intensities of exact records, one run of samples after the other."""
     sy = y * SUBPIXEL + HALF
     number = out.dtype.type
+    last_record = np.uint64(len(records.integers) - 1)
     start = np.uint64(0)
     while start < np.uint64(len(words)):
         stop = start + np.uint64(1)
         if is_exact(words[start]):
             stop = run_end(words, start)
-            record = np.uint64(words[start] & RECORD_MASK)
-            place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
+            # Where levels stand in words, a record's number is a matter of arithmetic: whatever it is, nothing else is read.
+            record = min(np.uint64(words[start] & RECORD_MASK), last_record)
+            weights = weights_of(records, record)
             red = corners_of(records.numbers, record, ATTRIBUTE)
             green = corners_of(records.numbers, record, ATTRIBUTE + 3) if n_channel > 1 else red
             blue = corners_of(records.numbers, record, ATTRIBUTE + 6) if n_channel > 1 else red
             for k in range(start, stop):
-                q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
+                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
                 p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
                 out[0, k] = mean(red, p0, p1, p2)
@@ -124,7 +130,8 @@ def shade_lit(
 ):
     """Interpolate normals and evaluate the illumination equation at every visible sample.
 
-    Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo). `face_material` is the material
+    Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo), the last three the tangents (only
+    with BRUSHED lighting, all of whose records are exact). `face_material` is the material
     of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows; `texels`
     is None where there are no textures. `n_exact` records of the band are exact.
     """
@@ -148,6 +155,7 @@ def shade_lit(
                     invert_distances(rows, n)
             if n_exact > 0 and has_exact(chunk):
                 interpolate_normal_runs(chunk, records, first, y, lighting.has_albedo, screen.is_perspective, rows)
+                interpolate_tangents(lighting, chunk, records, first, y, rows)
             if texels is not None:
                 for channel in range(np.uint64(3)):
                     weigh_albedo(rows, n, channel, borrow(texels)[channel, start : start + np.uint64(n)])
@@ -177,7 +185,7 @@ def take_shapes(lighting, words, records, face_shape, eye, rows):
 
 @overload(take_shapes)
 def _overload_take_shapes(lighting, words, records, face_shape, eye, rows):
-    if lighting.instance_class is ShadowedLighting:
+    if issubclass(lighting.instance_class, ShadowedLighting):
         return take_face_shapes
     return lambda lighting, words, records, face_shape, eye, rows: None
 
@@ -245,29 +253,65 @@ def interpolate_normal_runs(words, records, first, y, has_albedo, is_perspective
         if is_exact(words[start]):
             stop = run_end(words, start)
             record = np.uint64(words[start] & RECORD_MASK)
-            place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
+            weights = weights_of(records, record)
             side = float(records.integers[record, np.uint64(SIDE)])
             nx = corners_of(records.numbers, record, ATTRIBUTE)
             ny = corners_of(records.numbers, record, ATTRIBUTE + 3)
             nz = corners_of(records.numbers, record, ATTRIBUTE + 6)
-            area = float(place[2] * place[5] - place[4] * place[3])
             depths = corners_of(records.numbers, record, DEPTH)
             red = corners_of(records.numbers, record, ATTRIBUTE + 9) if has_albedo else depths
             green = corners_of(records.numbers, record, ATTRIBUTE + 12) if has_albedo else depths
             blue = corners_of(records.numbers, record, ATTRIBUTE + 15) if has_albedo else depths
             for k in range(start, stop):
-                q0, q1, q2 = corner_weights(place, inv_w, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
+                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
                 p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
                 rows[NORMAL_X + k] = number(side) * mean(nx, p0, p1, p2)
                 rows[NORMAL_Y + k] = number(side) * mean(ny, p0, p1, p2)
                 rows[NORMAL_Z + k] = number(side) * mean(nz, p0, p1, p2)
                 # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
-                rows[DISTANCE + k] = number(area * scale) if is_perspective else mean(depths, p0, p1, p2)
+                rows[DISTANCE + k] = number(weights.area * scale) if is_perspective else mean(depths, p0, p1, p2)
                 if has_albedo:
                     rows[ALBEDO + k] = mean(red, p0, p1, p2)
                     rows[ALBEDO + NEXT_CHANNEL + k] = mean(green, p0, p1, p2)
                     rows[ALBEDO + NEXT_CHANNEL + NEXT_CHANNEL + k] = mean(blue, p0, p1, p2)
+        start = stop
+
+
+def interpolate_tangents(lighting, words, records, first, y, rows):
+    """Fill the rows of tangents, which materials brushed along u need."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(interpolate_tangents)
+def _overload_interpolate_tangents(lighting, words, records, first, y, rows):
+    if lighting.instance_class in BRUSHED:
+        return interpolate_tangent_runs
+    return lambda lighting, words, records, first, y, rows: None
+
+
+def interpolate_tangent_runs(lighting, words, records, first, y, rows):
+    """Interpolate the tangents of exact records, one run of samples after the other; on which side they are seen doesn't matter."""
+    sy = y * SUBPIXEL + HALF
+    number = rows.dtype.type
+    column = records.numbers.shape[1] - 9
+    start = np.uint64(0)
+    while start < np.uint64(len(words)):
+        stop = start + np.uint64(1)
+        if is_exact(words[start]):
+            stop = run_end(words, start)
+            record = np.uint64(words[start] & RECORD_MASK)
+            weights = weights_of(records, record)
+            tx = corners_of(records.numbers, record, column)
+            ty = corners_of(records.numbers, record, column + 3)
+            tz = corners_of(records.numbers, record, column + 6)
+            for k in range(start, stop):
+                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
+                scale = 1.0 / (q0 + q1 + q2)
+                p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
+                rows[TANGENT_X + k] = mean(tx, p0, p1, p2)
+                rows[TANGENT_Y + k] = mean(ty, p0, p1, p2)
+                rows[TANGENT_Z + k] = mean(tz, p0, p1, p2)
         start = stop
 
 
@@ -278,6 +322,10 @@ def fill_positions(screen, first, y, n, needs_position, rows):
     Perspective: P = w·ray, with ray·forward = 1; the direction to the viewer is that of -ray. Orthographic: P is the sample's
     point of the picture plane plus depth·forward; the viewer is at infinity. DISTANCE holds w or depth. A ray is a function of
     column and row alone, wherever the chunk begins.
+
+    Columns are counted from the one next to the picture's centre. So a ray is the sum of parts that are not longer than it is
+    itself, whatever the field of view: with 4 roundings each, of a part, its product and two sums, and |x| + |y| + |z| <= √3 times
+    the length, a ray errs by 7 u of its length, u = 2^-24 or 2^-53.
     """
     number = rows.dtype.type
     right_x, right_y, right_z = screen.right
@@ -285,7 +333,9 @@ def fill_positions(screen, first, y, n, needs_position, rows):
     forward_x, forward_y, forward_z = screen.forward
     along = 1.0 if screen.is_perspective else 0.0
     step = 1.0 / screen.scale_x
-    across, upward = (0.5 - screen.center_x) * step, (screen.center_y - (y + 0.5)) / screen.scale_y
+    # Of a centre far beside the picture all columns are far: then none has digits to lose.
+    middle = np.int64(min(max(screen.center_x, -FURTHEST_COLUMN), FURTHEST_COLUMN))
+    across, upward = (float(middle) + 0.5 - screen.center_x) * step, (screen.center_y - (y + 0.5)) / screen.scale_y
     x_zero = number(right_x * across + up_x * upward + forward_x * along)
     y_zero = number(right_y * across + up_y * upward + forward_y * along)
     z_zero = number(right_z * across + up_z * upward + forward_z * along)
@@ -293,7 +343,7 @@ def fill_positions(screen, first, y, n, needs_position, rows):
     if screen.is_perspective:
         one = number(1)
         for k in range(np.uint64(n)):
-            i = number(np.int32(first + np.int64(k)))
+            i = number(np.int32(first + np.int64(k) - middle))
             x, y, z = x_zero + i * step_x, y_zero + i * step_y, z_zero + i * step_z
             scale = -one / np.sqrt(x * x + y * y + z * z)
             rows[VIEW_X + k], rows[VIEW_Y + k], rows[VIEW_Z + k] = x * scale, y * scale, z * scale
@@ -305,7 +355,7 @@ def fill_positions(screen, first, y, n, needs_position, rows):
     view_from_direction(rows, n, -fx, -fy, -fz)
     if needs_position:
         for k in range(np.uint64(n)):
-            depth, i = rows[DISTANCE + k], number(np.int32(first + np.int64(k)))
+            depth, i = rows[DISTANCE + k], number(np.int32(first + np.int64(k) - middle))
             rows[POSITION_X + k] = x_zero + i * step_x + depth * fx
             rows[POSITION_Y + k] = y_zero + i * step_y + depth * fy
             rows[POSITION_Z + k] = z_zero + i * step_z + depth * fz

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, helper, kernel
-from .exact import corner_weights, corners_of, is_exact, mean, place_of, run_end
-from .records import ATTRIBUTE, FACE, INV_W, RECORD_MASK, borrow_records
+from .exact import corner_weights, corners_of, is_exact, mean, run_end, weight_steps, weights_of
+from .records import ATTRIBUTE, FACE, RECORD_MASK, borrow_records
 from .rows import CHUNK
 from .scan import GROUP_SHIFT
 from .transform import HALF, SUBPIXEL
@@ -105,11 +105,11 @@ def take_run(records, record, x, y, textures, number, rows, out):
 @helper
 def find_places(records, record, x, y, n, wrap_u, wrap_v, rows):
     """Fill the rows of texture coordinates, as they are and within the picture, and of 1 / Σ q."""
-    place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
+    weights = weights_of(records, record)
     us = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
     vs = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
     for k in range(n):
-        q0, q1, q2 = corner_weights(place, inv_w, (x + np.int64(k)) * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
+        q0, q1, q2 = corner_weights(weights, (x + np.int64(k)) * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
         scale = 1.0 / (q0 + q1 + q2)
         u, v = mean(us, q0 * scale, q1 * scale, q2 * scale), mean(vs, q0 * scale, q1 * scale, q2 * scale)
         rows[WEIGHT + k], rows[PLACE_U + k], rows[PLACE_V + k] = scale, u, v
@@ -120,13 +120,11 @@ def find_places(records, record, x, y, n, wrap_u, wrap_v, rows):
 def find_details(records, record, n, size, most, rows):
     """Fill the row of the mipmaps' numbers: whole ones are the levels, what lies between is a mixture of two."""
     _, width, height = size
-    _, _, dx1, dy1, dx2, dy2 = place_of(records.integers, record)
-    inv_w = corners_of(records.numbers, record, INV_W)
+    along_x, along_y = weight_steps(weights_of(records, record))
     us = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
     vs = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
-    # What one step of a sample, to the right and down, adds to the weights of corners 1 and 2; corner 0 loses both.
-    d_x, u_x, v_x = steps(float(dy2 * SUBPIXEL), float(-dy1 * SUBPIXEL), inv_w, us, vs)
-    d_y, u_y, v_y = steps(float(-dx2 * SUBPIXEL), float(dx1 * SUBPIXEL), inv_w, us, vs)
+    d_x, u_x, v_x = steps(along_x, us, vs)
+    d_y, u_y, v_y = steps(along_y, us, vs)
     wide, high = float(width), float(height)
     for k in range(n):
         u, v, scale = rows[PLACE_U + k], rows[PLACE_V + k], rows[WEIGHT + k]
@@ -134,26 +132,33 @@ def find_details(records, record, n, size, most, rows):
         down_u, down_v = (u_y - u * d_y) * scale * wide, (v_y - v * d_y) * scale * high
         rows[DETAIL + k] = max(across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v)
     for k in range(n):
+        # Within 0..most for any square, also for one that is no number: a comparison with that is false.
         square = rows[DETAIL + k]
         rows[DETAIL + k] = min(0.5 * np.log2(square), most) if square > 1.0 else 0.0
 
 
 @helper
-def steps(e1, e2, inv_w, us, vs):
-    """What the sums Σ q, Σ q·u and Σ q·v grow by where the edge functions of corners 1 and 2 grow by e1 and e2."""
-    q0, q1, q2 = -(e1 + e2) * inv_w[0], e1 * inv_w[1], e2 * inv_w[2]
+def steps(along, us, vs):
+    """What the sums Σ q, Σ q·u and Σ q·v grow by where the weights grow by `along`."""
+    q0, q1, q2 = along
     return q0 + q1 + q2, q0 * us[0] + q1 * us[1] + q2 * us[2], q0 * vs[0] + q1 * vs[1] + q2 * vs[2]
 
 
 @helper
 def into_picture(x, wrap):
-    """The place within 0..1 that stands for any place along an axis, from the left or from the top."""
+    """The place within 0..1 that stands for any place along an axis, from the left or from the top; 0 for what is no number.
+
+    Texels are found by what this returns: whatever x is, infinite or no number, it must lie within 0..1. Then the texels
+    floor(s·n), and floor(s·n - ½) and its neighbour, lie within -1..n, and are moved by a texel at most.
+    """
     if wrap == CLAMP:
-        return min(max(x, 0.0), 1.0)
-    if wrap == MIRROR:
+        place = min(max(x, 0.0), 1.0)
+    elif wrap == MIRROR:
         x = x - 2.0 * np.floor(0.5 * x)
-        return min(x, 2.0 - x)
-    return x - np.floor(x)
+        place = min(x, 2.0 - x)
+    else:
+        place = x - np.floor(x)
+    return place if (place >= 0.0) & (place <= 1.0) else 0.0
 
 
 @helper
@@ -230,10 +235,10 @@ def shade_textured(canvas, records, y_start, n_row, texels, out_radiance):
             stop = run_end(row, k)
             if is_exact(row[k]):
                 record = np.uint64(row[k] & RECORD_MASK)
-                place, inv_w = place_of(records.integers, record), corners_of(records.numbers, record, INV_W)
+                weights = weights_of(records, record)
                 for i in range(k, stop):
                     x = left[group] + np.int64(i)
-                    q0, q1, q2 = corner_weights(place, inv_w, x * SUBPIXEL + HALF, (y_start + j) * SUBPIXEL + HALF)
+                    q0, q1, q2 = corner_weights(weights, x * SUBPIXEL + HALF, (y_start + j) * SUBPIXEL + HALF)
                     scale = 1.0 / (q0 + q1 + q2)
                     for channel in range(np.uint64(3)):
                         column = np.uint64(ATTRIBUTE) + np.uint64(3) * channel

@@ -7,6 +7,13 @@ Out: `x`, `y` int32 in 1/256 px, and `z` float64, depth in units of the z-buffer
      picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
 
 Float64 throughout: float32 would move two vertices in a hundred by a sub-pixel.
+
+What the rounding to 1/256 px does to all that is interpolated: a vertex v_i of the polygon becomes s_i, no further than 1/512 px
+from it along either axis. With the weights b_i >= 0, Σ b_i = 1, of a sample p = Σ b_i s_i, what is seen there is what the polygon
+itself shows at p' = Σ b_i v_i: with and without perspective a value is a function of the b_i and of what the vertices have. And
+|p' - p| <= Σ b_i |v_i - s_i| <= 1/512 px along either axis (POSITION_BOUND). So every colour, depth, normal and texture coordinate
+is that of a point of the polygon that lies no further than this from the sample; how much that is in a colour depends on how
+fast the colour changes there.
 """
 
 from typing import NamedTuple
@@ -17,6 +24,7 @@ from .._kernel import kernel
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
 HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner
+POSITION_BOUND = 0.5 / SUBPIXEL  # px, along either axis
 LIMIT_PX = 2**20  # vertices further out than this are clipped: edge functions stay below 2^60
 OUTSIDE = np.int32(-(2**31))  # x of a vertex that must be clipped
 

@@ -1,6 +1,7 @@
 """The judge's frame of the eye: faces of the world are brought there, and cut where they leave what is seen.
 
 In: the corners of the faces, world space. Out: `Pieces`, triangles in the eye's frame: right, up, depth along the viewing axis.
+A piece of a face that is cut says only what is covered; depth and weights come from the whole face, see `Pieces.corners`.
 """
 
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from rasterizer.scene.camera import Projection, View
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
 DEPTH_RATIO = 2.0**-20  # smallest near plane that is chosen for a scene, as a part of its far plane
+GIVEN_RATIO = 2.0**-30  # the same, of a near plane that is given
 
 
 class Range(NamedTuple):
@@ -29,7 +31,9 @@ class Pieces(NamedTuple):
 
     face: np.ndarray  # (n_piece,) int, ascending
     position: np.ndarray  # (n_piece, 3, 3) float64 in the eye's frame: right, up, depth
-    weights: np.ndarray  # (n_piece, 3, 3) float64, of each corner on the three corners of its face
+    is_cut: np.ndarray  # (n_piece,) bool: the face is in several pieces, or only a part of it is left
+    corners: np.ndarray  # (n_piece, 3, 3) float64, those of the face; moved to the grid if all have a place
+    depth_range: np.ndarray  # (n_piece, 2) float64, least and largest depth of what is left of the face
 
 
 def to_eye(points: np.ndarray, view: View) -> np.ndarray:
@@ -38,31 +42,107 @@ def to_eye(points: np.ndarray, view: View) -> np.ndarray:
     return np.stack([dot(r, axis) for axis in (view.right, view.up, view.forward)], axis=-1)
 
 
-def choose_range(depth, is_perspective: bool, near, far) -> Range:
-    """Fit near and far to the depths of the corners where they are not given."""
+def furthest_depth(boxes, view: View) -> float:
+    """Return the largest depth of any corner of boxes (n, 2, 3), their lowest and highest corners in the world."""
+    corners = np.stack([boxes[:, (i, j, k), (0, 1, 2)] for i, j, k in np.ndindex(2, 2, 2)], axis=1)
+    return float(to_eye(corners, view)[..., 2].max())
+
+
+def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
+    """Fit near and far to the depths of the corners where they are not given.
+
+    With perspective the near plane is never nearer than a part of `deepest` (None = the deepest corner), or of the far plane
+    if that is given and nearer: DEPTH_RATIO, or GIVEN_RATIO where the near plane is given.
+    """
     depth = depth[np.isfinite(depth)]
-    deepest = depth.max(initial=-np.inf)
+    deepest = depth.max(initial=-np.inf) if deepest is None else deepest
+    seen = deepest if far is None else min(deepest, far)
     if near is None:
-        least = max(deepest * DEPTH_RATIO, np.finfo(np.float64).tiny) if is_perspective else 0.0
+        least = max(seen * DEPTH_RATIO, np.finfo(np.float64).tiny) if is_perspective else 0.0
         near = max(depth.min(initial=np.inf), least)
     elif is_perspective and near <= 0:
         raise SceneError(f"near is {near}, legal in a perspective view is > 0")
     elif far is not None and near >= far:
         raise SceneError(f"near is {near} and far is {far}, legal is near < far")
+    elif is_perspective:
+        near = max(near, seen * GIVEN_RATIO)
     return Range(near, deepest if far is None else far, far is not None)
 
 
-def clip_to_view(position, projection: Projection, depths: Range) -> Pieces:
-    """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen."""
+def clip_to_view(position, projection: Projection, depths: Range, is_rounded=True) -> Pieces:
+    """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
+
+    Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid then decides
+    what is covered, and nothing else.
+    """
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
-    corner_weights = np.broadcast_to(np.eye(3), (len(face), 3, 3))
-    polygons = np.concatenate([position[face], corner_weights], axis=-1)
     planes = [(0.0, 0.0, 1.0, -depths.near)]
     if depths.is_far_given:
         planes.append((0.0, 0.0, -1.0, depths.far))
-    face, polygons = _clip(face, polygons, planes)
-    face, polygons = _clip(face, polygons, _screen_planes(projection))
-    return Pieces(face, polygons[..., :3], polygons[..., 3:])
+    planes += _screen_planes(projection)
+    triangles = position[face]
+    distances = np.stack([_plane_distance(triangles, plane) for plane in planes], axis=-1)
+    is_whole = (distances >= 0).all(axis=(1, 2))
+    crossing = np.flatnonzero(~is_whole & (distances >= 0).any(axis=1).all(axis=1))
+    source, fans, ranges = [np.flatnonzero(is_whole)], [triangles[is_whole]], [_depth_range(triangles[is_whole])]
+    for triangle_idx in crossing:
+        polygon = triangles[triangle_idx]
+        for plane in planes:
+            polygon = _clip_polygon(polygon, plane)
+        fan = _fan(polygon, projection)
+        source.append(np.full(len(fan), triangle_idx))
+        fans.append(fan)
+        ranges.append(np.broadcast_to(_depth_range(polygon[None]) if len(fan) else 0.0, (len(fan), 2)))
+    source = np.concatenate(source)
+    order = np.argsort(source, kind="stable")
+    source = source[order]
+    corners = triangles[source]
+    if not is_rounded:
+        return Pieces(face[source], np.concatenate(fans)[order], np.ones(len(source), bool), corners, np.concatenate(ranges)[order])
+    has_place = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
+    for plane in _screen_planes(projection):
+        has_place &= (_plane_distance(corners, plane) >= 0).all(axis=1)
+    corners[has_place] = _onto_grid(corners[has_place], projection)
+    return Pieces(face[source], np.concatenate(fans)[order], ~is_whole[source], corners, np.concatenate(ranges)[order])
+
+
+def snap(position, projection: Projection) -> np.ndarray:
+    """Project points of the eye's frame (..., 3) to the screen (..., 2), int64 in 1/256 px, rounded half to even."""
+    w = position[..., 2] if projection.is_perspective else 1.0
+    x_px = projection.center_x + projection.scale_x * position[..., 0] / w
+    y_px = projection.center_y - projection.scale_y * position[..., 1] / w
+    return np.rint(SUBPIXELS * np.stack([x_px, y_px], axis=-1)).astype(np.int64)
+
+
+def rays(x_px, y_px, projection: Projection) -> np.ndarray:
+    """Return the points (..., 3) of the eye's frame at depth 1 that are seen at x_px, y_px (...), in px."""
+    across, upward = (x_px - projection.center_x) / projection.scale_x, (projection.center_y - y_px) / projection.scale_y
+    return np.stack([across, upward, np.ones_like(across)], axis=-1)
+
+
+def _onto_grid(points, projection: Projection) -> np.ndarray:
+    """Move points (..., 3) across the view to where the screen's grid of 1/256 px shows them; their depths stay."""
+    place = snap(points, projection) / SUBPIXELS
+    w = points[..., 2:] if projection.is_perspective else 1.0
+    moved = w * rays(place[..., 0], place[..., 1], projection)
+    return np.concatenate([moved[..., :2], points[..., 2:]], axis=-1)
+
+
+def _depth_range(polygons) -> np.ndarray:
+    """Return the least and the largest depth (n, 2) of polygons (n, k, 3)."""
+    return np.stack([polygons[..., 2].min(axis=1), polygons[..., 2].max(axis=1)], axis=1)
+
+
+def _fan(polygon, projection: Projection) -> np.ndarray:
+    """Divide a convex polygon (k, 3) into triangles (n, 3, 3) about its topmost, then leftmost corner on the screen.
+
+    However the face lists its corners, its pieces are the same.
+    """
+    if len(polygon) < 3:
+        return np.empty((0, 3, 3))
+    places = snap(polygon, projection)
+    polygon = np.roll(polygon, -np.lexsort((places[:, 0], places[:, 1]))[0], axis=0)
+    return np.stack([polygon[[0, k - 1, k]] for k in range(2, len(polygon))])
 
 
 def _screen_planes(projection: Projection) -> list[tuple[float, float, float, float]]:
@@ -81,26 +161,8 @@ def _screen_planes(projection: Projection) -> list[tuple[float, float, float, fl
     return planes
 
 
-def _clip(face, triangles, planes):
-    """Clip triangles (n, 3, 6) at planes; return the fans of what is left and their faces, in order."""
-    distances = np.stack([_plane_distance(triangles, plane) for plane in planes], axis=-1)
-    is_kept = (distances >= 0).all(axis=(1, 2))
-    is_cut = ~is_kept & (distances >= 0).any(axis=1).all(axis=1)
-    source, fans = [np.flatnonzero(is_kept)], [triangles[is_kept]]
-    for triangle_idx in np.flatnonzero(is_cut):
-        polygon = triangles[triangle_idx]
-        for plane in planes:
-            polygon = _clip_polygon(polygon, plane)
-        for last in range(2, len(polygon)):
-            source.append([triangle_idx])
-            fans.append(polygon[None, [0, last - 1, last]])
-    source = np.concatenate(source)
-    order = np.argsort(source, kind="stable")
-    return face[source[order]], np.concatenate(fans)[order]
-
-
 def _clip_polygon(polygon: np.ndarray, plane) -> np.ndarray:
-    """Clip a convex polygon (k, 6) at a plane; the last three columns go along.
+    """Clip a convex polygon (k, 3) at a plane.
 
     A new vertex is computed from the inside vertex to the outside one: both faces of an edge get the same.
     Source: Sutherland & Hodgman 1974, Comm. ACM 17(1), 32-42.
@@ -119,5 +181,5 @@ def _clip_polygon(polygon: np.ndarray, plane) -> np.ndarray:
 
 
 def _plane_distance(points, plane) -> np.ndarray:
-    """Return how far inside a plane points lie; their first three columns are right, up, depth."""
+    """Return how far inside a plane points of the eye's frame lie."""
     return dot(points, np.array(plane[:3])) + plane[3]

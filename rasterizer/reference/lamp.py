@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.errors import SceneError
+from rasterizer.reference.reflection import GRAZING
 from rasterizer.reference.vectors import dot, length, unit
 from rasterizer.scene.camera import View
 from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
@@ -80,5 +81,5 @@ def _cone(light, axis, light_dirs) -> np.ndarray:
     """Return the part of a spot light (n, 1) that goes into the directions opposite to light_dirs (n, 3)."""
     cosine = -dot(light_dirs, axis)[:, None]
     inner, outer = np.cos(np.radians([light.inner, light.outer]))
-    t = np.clip((cosine - outer) / (inner - outer), 0.0, 1.0) if inner > outer else 1.0 * (cosine >= outer)
-    return t**2 * (3.0 - 2.0 * t) * np.clip(cosine, 0.0, 1.0) ** light.exponent
+    t = np.clip((cosine - outer) / (inner - outer), 0.0, 1.0) if inner > outer else 1.0 * (cosine >= outer - GRAZING)
+    return (t**2 * (3.0 - 2.0 * t)) ** light.falloff * np.clip(cosine, 0.0, 1.0) ** light.exponent

@@ -20,11 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.reference.lamp import place_lamps, shine
-from rasterizer.reference.reflection import reflect
+from rasterizer.reference.polygons import Rings, about_centers
+from rasterizer.reference.reflection import GRAZING, reflect
 from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
 from rasterizer.reference.texture import look_up
 from rasterizer.reference.vectors import area_vectors, blend, dot, length, unit
 from rasterizer.scene.camera import Projection, View
+from rasterizer.scene.depth_cue import DepthCue
 from rasterizer.scene.lights import AmbientLight
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.normals import split_creases
@@ -44,7 +46,10 @@ class Surface(NamedTuple):
     albedo: np.ndarray  # (n_face, 3, 3) float64, linear RGB that multiplies ka and kd
     polygon: np.ndarray  # (n_face,) int, polygon that the triangle came from
     material: np.ndarray  # (n_face,) int, row of the table of materials
-    uv: np.ndarray | None = None  # (n_face, 3, 2) float64, texture coordinates; None without any texture
+    uv: np.ndarray | None = None  # (n_face, 3, 2) float64, texture coordinates; None where no material needs them
+    tangents: np.ndarray | None = None  # (n_face, 3, 3) float64, of the corners; None where no material is brushed along u
+    loaded: np.ndarray | None = None  # (n_face,) int, the face as loaded; None = the same
+    rings: Rings | None = None  # polygons drawn about their centres; None = none
 
 
 class Stage(NamedTuple):
@@ -58,6 +63,8 @@ class Stage(NamedTuple):
     textures: tuple = ()  # Texture or None of each material; empty where no face has one
     casters: Casters | None = None  # None where no light casts shadows
     n_wave: int | None = None  # samples of the spectrum; None = red, green and blue
+    cue: DepthCue | None = None  # None where nothing fades with depth
+    exposure: float = 0.0  # stops, by which light is multiplied, but not the colour of the cue
 
 
 class Seen(NamedTuple):
@@ -82,7 +89,7 @@ class Start(NamedTuple):
 # ── gather ────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection, shading: str, spectral) -> Stage:
+def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection, shading: str, spectral, exposure=0.0) -> Stage:
     """Gather what lighting needs, for one grid of samples; `spectral` is the number of wavelengths asked for, or None."""
     palette = palette_of(scene)
     n_wave = count_waves(scene, spectral)
@@ -94,7 +101,7 @@ def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection
         casters = gather_casters(surface.corners, owner, is_opaque)
     has_texture = any(texture is not None for texture in textures)
     table = read_materials(scene, n_wave)
-    return Stage(view, projection, table, scene.lights, shading, textures if has_texture else (), casters, n_wave)
+    return Stage(view, projection, table, scene.lights, shading, textures if has_texture else (), casters, n_wave, scene.depth_cue, exposure)
 
 
 def palette_of(scene: Scene) -> list:
@@ -106,27 +113,29 @@ def count_waves(scene: Scene, spectral: int | None) -> int | None:
     """Return the number of wavelengths: as asked for, else 81 where a colour is a spectrum, else None for RGB."""
     colors = [light.color for light in scene.lights]
     for material in palette_of(scene):
-        colors += [material.ambient, material.diffuse, material.specular, material.emissive]
+        colors += [material.ambient, material.diffuse, material.specular, material.emissive, material.fresnel]
     has_spectrum = any(hasattr(color, "wavelengths") for color in colors)
     return N_WAVE if spectral is None and has_spectrum else spectral
 
 
-def gather(scene: Scene) -> Surface:
-    """Lay out the faces of all meshes of a scene corner by corner."""
+def gather(scene: Scene, shading: str = "flat") -> Surface:
+    """Lay out the faces of all meshes of a scene corner by corner; but for flat shading, convex polygons about their centres."""
     parts, n_polygon, n_material = [], 0, 0
-    has_texture = any(material.texture is not None for material in palette_of(scene))
+    has_texture = any(material.needs_uv for material in palette_of(scene))
+    is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in palette_of(scene))
     for mesh in scene.meshes:
         polygon = np.arange(mesh.n_face) if mesh.polygons is None else np.asarray(mesh.polygons, np.int64)
         material = np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
         uv = _corner_uv(mesh) if has_texture else None
         attributes = _corner_normals(mesh), _corner_albedo(mesh)
-        parts.append(
-            Surface(mesh.vertices[mesh.faces], *attributes, polygon + n_polygon, material + n_material, uv)
-        )
+        part = Surface(mesh.vertices[mesh.faces], *attributes, polygon + n_polygon, material + n_material, uv)
+        parts.append(part._replace(tangents=_corner_tangents(part)) if is_brushed else part)
         n_polygon += int(polygon.max()) + 1
         n_material += len(mesh.palette)
-    columns = list(zip(*parts, strict=True))
-    return Surface(*(np.concatenate(column) for column in columns[:-1]), np.concatenate(columns[-1]) if has_texture else None)
+    columns = zip(*parts, strict=True)
+    surface = Surface(*(None if column[0] is None else np.concatenate(column) for column in columns))
+    has_polygons = any(mesh.polygons is not None for mesh in scene.meshes)
+    return about_centers(surface) if has_polygons and shading != "flat" else surface
 
 
 def _corner_normals(mesh: Mesh) -> np.ndarray:
@@ -135,7 +144,7 @@ def _corner_normals(mesh: Mesh) -> np.ndarray:
         return mesh.normals if mesh.normals.ndim == 3 else mesh.normals[mesh.faces]
     crease_angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
     smoothing = mesh.smoothing if mesh.crease_angle is None else None
-    split = split_creases(mesh.vertices, mesh.faces, crease_angle, smoothing=smoothing)
+    split = split_creases(mesh.vertices, mesh.faces, crease_angle, mesh.weighting, smoothing)
     return split.normals[split.faces]
 
 
@@ -159,16 +168,23 @@ def read_materials(scene: Scene, n_wave: int | None = None) -> np.ndarray:
     """Return one record of reflection coefficients for each material of `palette_of`; colours have `n_wave` values, or three."""
     palette = palette_of(scene)
     colors = [(name, np.float64, 3 if n_wave is None else n_wave) for name in ("ambient", "diffuse", "specular", "emissive")]
-    numbers = [(name, np.float64) for name in ("shininess", "roughness", "levels", "opacity")]
+    colors += [("fresnel", *colors[0][1:])]
+    numbers = [(name, np.float64) for name in ("shininess", "levels", "opacity")]
     words = [("reflection", "U16"), ("distribution", "U16"), ("normalized", bool)]
-    table = np.zeros(len(palette), [*colors, *numbers, *words, ("fresnel", np.float64)])
+    brush = [("roughness", np.float64), ("across", np.float64), ("axis", np.float64, 3), ("is_by_u", bool)]
+    table = np.zeros(len(palette), [*colors, *numbers, *words, *brush])
     for row, material in zip(table, palette, strict=True):
-        for name, *_ in colors:
+        for name, *_ in colors[:-1]:
             row[name] = channels_of(getattr(material, name), n_wave)
         for name, _ in numbers + words:
             row[name] = getattr(material, name)
         absent = 0.04 if material.reflection == "cook-torrance" else 1.0
-        row["fresnel"] = absent if material.fresnel is None else material.fresnel
+        fresnel = absent if material.fresnel is None else material.fresnel
+        row["fresnel"] = channels_of(fresnel, n_wave) if isinstance(fresnel, tuple) else fresnel
+        row["roughness"], row["across"] = np.broadcast_to(material.roughness, 2)
+        row["is_by_u"] = material.tangent == "u"
+        if material.tangent != "u":
+            row["axis"] = material.tangent
     return table
 
 
@@ -193,8 +209,10 @@ def find_sides(surface: Surface, face, facing) -> np.ndarray:
     -------
     (n,) int, +1 or -1
     """
-    agreement = dot(surface.normals[face].sum(axis=1), area_vectors(surface.corners[face]))
-    return np.where(agreement >= 0, facing, -facing)
+    vectors = area_vectors(surface.corners[face])
+    agreement = dot(surface.normals[face].sum(axis=1), vectors)
+    # Normals at right angles to the face agree with it: the sign of a rounding error decides nothing.
+    return np.where(agreement >= -GRAZING * np.abs(vectors).sum(axis=1), facing, -facing)
 
 
 def light_samples(surface: Surface, seen: Seen, shape, stage: Stage):
@@ -225,7 +243,10 @@ def light_samples(surface: Surface, seen: Seen, shape, stage: Stage):
         at = part.rows, part.columns
         matte, rest, normal[at] = methods[stage.shading](surface, part, stage)
         texels = _find_texels(surface, part, stage)
-        color[at] = texels[:, :3] * matte + rest
+        color[at] = (texels[:, :3] * matte + rest) * 2.0**stage.exposure
+        if stage.cue is not None:
+            share = 1 / (1 + np.maximum(part.depth - stage.cue.start, 0) / stage.cue.scale)[:, None]
+            color[at] = share * color[at] + (1 - share) * np.array(stage.cue.color)
         opacity[at] = stage.materials["opacity"][surface.material[part.face]] * texels[:, 3]
     return color, normal, opacity
 
@@ -273,7 +294,8 @@ def _light_polygons(surface: Surface, part: Seen, stage: Stage):
     normals[dot(normals, _to_viewer(centroids, stage)) < 0] *= -1
     material = np.zeros(n_polygon, np.int64)
     material[surface.polygon] = surface.material
-    matte, rest = light_points(centroids, normals, material[polygon], stage, Start(centroids, polygon))
+    tangents = None if surface.tangents is None else _unit_sums(_face_tangents(surface), surface.polygon)[polygon]
+    matte, rest = light_points(centroids, normals, material[polygon], stage, Start(centroids, polygon), tangents)
     return (albedo * matte)[sample_seen], rest[sample_seen], normals[sample_seen]
 
 
@@ -283,15 +305,38 @@ def _interpolate_corner_light(surface: Surface, part: Seen, stage: Stage):
     """
     seen_sides, sample_seen = np.unique(2 * part.face + (part.side > 0), return_inverse=True)
     face, side = seen_sides // 2, 2 * (seen_sides % 2) - 1
-    normals = surface.normals[face] * side[:, None, None]
-    corners, normals, albedo = (values.reshape(-1, 3) for values in (surface.corners[face], normals, surface.albedo[face]))
-    material, owner = np.repeat(surface.material[face], 3), np.full(len(corners), NO_OWNER)
-    matte, rest = light_points(corners, normals, material, stage, Start(corners, owner))
+    light = _corner_light(surface, face, side, slice(None), stage)
+    if surface.rings is not None:
+        is_piece = surface.rings.of_face[face] >= 0
+        if is_piece.any():
+            center_light = _center_light(surface, surface.rings.of_face[face[is_piece]], side[is_piece], stage)
+            for of_corners, of_centers in zip(light, center_light, strict=True):
+                of_corners[is_piece, 2] = of_centers
     lights = []
-    for corner_light in (albedo * matte, rest):
-        corner_light = corner_light.reshape(-1, 3, 3)[sample_seen]
+    for corner_light in light:
+        corner_light = corner_light[sample_seen]
         lights.append(np.clip(blend(part.weights, corner_light), corner_light.min(axis=1), corner_light.max(axis=1)))
     return *lights, _sample_normals(surface, part)
+
+
+def _corner_light(surface: Surface, face, side, which, stage: Stage):
+    """Light corners of faces on their sides (n,); `which` is a slice of the three. Return both parts, (n, n_corner, 3) each."""
+    normals = surface.normals[face, which] * side[:, None, None]
+    corners, albedo = surface.corners[face, which], surface.albedo[face, which]
+    points, material = corners.reshape(-1, 3), np.repeat(surface.material[face], corners.shape[1])
+    start = Start(points, np.full(len(points), NO_OWNER))
+    tangents = None if surface.tangents is None else surface.tangents[face, which].reshape(-1, 3)
+    matte, rest = light_points(points, normals.reshape(-1, 3), material, stage, start, tangents)
+    return albedo * matte.reshape(corners.shape), rest.reshape(corners.shape)
+
+
+def _center_light(surface: Surface, ring, side, stage: Stage):
+    """Average the light of the corners of rings on their sides (n,); return both parts, (n, 3) each."""
+    first, count = surface.rings.first[ring], surface.rings.count[ring]
+    ends = np.cumsum(count)
+    faces = np.repeat(first - (ends - count), count) + np.arange(ends[-1])
+    light = _corner_light(surface, faces, np.repeat(side, count), slice(0, 1), stage)
+    return [np.add.reduceat(part[:, 0], ends - count) / count[:, None] for part in light]
 
 
 def _light_points(surface: Surface, part: Seen, stage: Stage):
@@ -303,7 +348,8 @@ def _light_points(surface: Surface, part: Seen, stage: Stage):
     points, normals = _sample_points(part, stage), _sample_normals(surface, part)
     albedo = blend(part.weights, surface.albedo[part.face])
     start = Start(blend(part.weights, surface.corners[part.face]), part.face)
-    matte, rest = light_points(points, normals, surface.material[part.face], stage, start)
+    tangents = None if surface.tangents is None else blend(part.weights, surface.tangents[part.face])
+    matte, rest = light_points(points, normals, surface.material[part.face], stage, start, tangents)
     return albedo * matte, rest, normals
 
 
@@ -316,10 +362,37 @@ def _sample_points(part: Seen, stage: Stage) -> np.ndarray:
     return view.eye + (depth if projection.is_perspective else 1.0) * across + depth * view.forward
 
 
+def _face_tangents(surface: Surface) -> np.ndarray:
+    """Return the directions (n_face, 3) in which u grows on the faces, as long as the faces' areas; 0 where it grows nowhere.
+
+    u grows fastest while v stays along the combination of both edges in which the changes of v cancel.
+    """
+    area = area_vectors(surface.corners)
+    e1, e2 = surface.corners[:, 1] - surface.corners[:, 0], surface.corners[:, 2] - surface.corners[:, 0]
+    d1, d2 = surface.uv[:, 1] - surface.uv[:, 0], surface.uv[:, 2] - surface.uv[:, 0]
+    level_v = e1 * d2[:, 1:] - e2 * d1[:, 1:]  # along it v stays
+    rise_u = (d1[:, :1] * d2[:, 1:] - d2[:, :1] * d1[:, 1:])[:, 0]
+    return unit(level_v) * np.sign(rise_u)[:, None] * length(area)
+
+
+def _unit_sums(vectors, group) -> np.ndarray:
+    """Return the sums of the vectors (n, 3) of each group, at length 1; zero stays zero."""
+    total = np.zeros((int(group.max()) + 1, 3))
+    np.add.at(total, group, vectors)
+    return unit(total)
+
+
+def _corner_tangents(surface: Surface) -> np.ndarray:
+    """Return the tangents (n_face, 3, 3) at the corners of a mesh: the mean over the faces that share place and normal there."""
+    rows = np.concatenate([surface.corners.reshape(-1, 3), surface.normals.reshape(-1, 3)], axis=1)
+    group = np.unique(rows + 0.0, axis=0, return_inverse=True)[1].ravel()
+    return _unit_sums(np.repeat(_face_tangents(surface), 3, axis=0), group)[group].reshape(-1, 3, 3)
+
+
 # ── the illumination equation ─────────────────────────────────────────────────────────────────────────────
 
 
-def light_points(points, normals, material, stage: Stage, start: Start | None = None):
+def light_points(points, normals, material, stage: Stage, start: Start | None = None, tangents=None):
     """Evaluate the illumination equation.
 
     I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a kd D + ks F), per channel, with D and F as `reflect` finds
@@ -332,6 +405,7 @@ def light_points(points, normals, material, stage: Stage, start: Start | None = 
     material : (n,) int, rows of the table of materials
     stage : all else
     start : where rays to the lights start; None = nothing lies in shadow
+    tangents : (n, 3) float64, the directions in which u grows; None where the scene has no texture coordinates
 
     Returns
     -------
@@ -340,6 +414,7 @@ def light_points(points, normals, material, stage: Stage, start: Start | None = 
     """
     table = stage.materials[material]
     to_viewer = _to_viewer(points, stage)
+    brush = table["axis"] if tangents is None else np.where(table["is_by_u"][:, None], tangents, table["axis"])
     matte, rest = np.zeros_like(table["diffuse"]), table["emissive"].copy()
     for light in stage.lights:
         if isinstance(light, AmbientLight):
@@ -349,7 +424,7 @@ def light_points(points, normals, material, stage: Stage, start: Start | None = 
         is_lit = dot(normals, light_dirs) > 0
         if start is not None and stage.casters is not None and lamp.light.shadow is not None:
             is_lit[is_lit] = _reaches(lamp, start, is_lit, stage.casters)
-        diffuse, specular = reflect(table, normals, light_dirs, to_viewer)
+        diffuse, specular = reflect(table, normals, light_dirs, to_viewer, brush)
         with np.errstate(invalid="ignore"):  # an amplifying light in the very point
             reflected = strength * table["diffuse"] * diffuse, strength * table["specular"] * specular
         matte += np.where(is_lit[:, None], reflected[0], 0)

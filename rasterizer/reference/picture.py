@@ -20,13 +20,24 @@ import numpy as np
 from rasterizer.errors import SceneError
 from rasterizer.options import Options
 from rasterizer.reference import light as lighting
-from rasterizer.reference.clip import SNAP_LIMIT, SUBPIXELS, Pieces, Range, choose_range, clip_to_view, to_eye
+from rasterizer.reference.clip import (
+    SNAP_LIMIT,
+    SUBPIXELS,
+    Pieces,
+    choose_range,
+    clip_to_view,
+    furthest_depth,
+    rays,
+    snap,
+    to_eye,
+)
 from rasterizer.reference.light import Seen, Stage, Surface
+from rasterizer.reference.vectors import dot
 from rasterizer.scene.camera import Projection
 from rasterizer.scene.color import linear_rgb, srgb_from_linear
 from rasterizer.scene.scene import Scene
 
-DEPTH_STEPS = 2**39 - 2**23
+DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
 NOTHING = np.iinfo(np.int64).max  # of the depth buffer
 
 
@@ -34,7 +45,7 @@ class Picture(NamedTuple):
     """A rendered picture. Depth, face, normal and margin are those of the pixel centres.
 
     The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have margins
-    too; the least counts. The depth buffer's steps grow with the depth squared in perspective, so these margins are
+    too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins are
     brought to the depth of the nearest surface: as many steps there.
     """
 
@@ -51,7 +62,7 @@ class Visible(NamedTuple):
     """The nearest surface that a grid of samples sees, of all or of those that lie behind the layers seen already."""
 
     piece: np.ndarray  # (h, w) int, -1 where nothing is
-    weights: np.ndarray  # (h, w, 3) float64, perspective-correct, on the corners of the piece
+    weights: np.ndarray  # (h, w, 3) float64, perspective-correct, on the corners of the face
     key: np.ndarray  # (h, w) int64, of the depth buffer; NOTHING where nothing is
     depth: np.ndarray  # (h, w) float64, inf where nothing is
     margin: np.ndarray  # (h, w) float64, inf where there is no runner-up
@@ -65,8 +76,7 @@ class Pass(NamedTuple):
     side: np.ndarray  # (n_piece,) int, +1 or -1, see reference/light.py
     is_drawn: np.ndarray  # (n_piece,) bool
     grid: tuple[int, int]  # columns, rows
-    depths: Range
-    is_perspective: bool
+    projection: Projection
 
 
 class Drawn(NamedTuple):
@@ -92,6 +102,7 @@ def render(
     *,
     exposure: float = 0.0,
     spectral: int | None = None,
+    rounded: bool = True,
 ) -> Picture:
     """Render a scene slowly, and as exactly as float64 allows.
 
@@ -106,6 +117,9 @@ def render(
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
     exposure : stops by which all light is multiplied, 2^exposure; not the background
     spectral : samples of 380..780 nm, or None: 81 where a light or material has a spectrum, else RGB alone
+    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as in the fast
+        way; False takes them from the polygons as they are, of which a sample at the very edge sees the nearest point, and leaves
+        the rounding to what is covered. The difference of both pictures is what the rounding of vertices does to colours
 
     Returns
     -------
@@ -120,17 +134,18 @@ def render(
     camera = scene.camera_for(size)
     near, far = (camera.near if near is None else near), (camera.far if far is None else far)
     shading = "flat" if shading == "lambert" else shading
-    surface = lighting.gather(scene)
+    surface = lighting.gather(scene, shading)
+    deepest = furthest_depth(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
 
     def look(per_axis) -> Drawn:
         grid = size[0] * per_axis, size[1] * per_axis
-        stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral)
-        return _draw(surface, stage, grid, cull, near, far)
+        stage = lighting.set_stage(scene, surface, camera.view(), camera.projection(grid), shading, spectral, exposure)
+        return _draw(surface, stage, grid, cull, (near, far, deepest), rounded)
 
     per_axis = round(samples**0.5)
     centres = look(1)
     fine = look(per_axis) if per_axis > 1 else centres
-    color, alpha = _resolve(fine.color * 2.0**exposure, fine.alpha, per_axis, scene.background)
+    color, alpha = _resolve(fine.color, fine.alpha, per_axis, scene.background)
     rgb = _encode(color, color_range)
     return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin)
 
@@ -148,16 +163,16 @@ def _check_options(shading, samples, cull, color_range) -> None:
             raise SceneError(f"{name} is {given!r}, legal are {', '.join(map(repr, legal))}")
 
 
-def _draw(surface: Surface, stage: Stage, grid, cull, near, far) -> Drawn:
-    """Draw a surface on a grid of (columns, rows) samples."""
+def _draw(surface: Surface, stage: Stage, grid, cull, limits, is_rounded) -> Drawn:
+    """Draw a surface on a grid of (columns, rows) samples; `limits` are near, far and the deepest, as `choose_range` takes them."""
     position = to_eye(surface.corners, stage.view)
-    depths = choose_range(position[..., 2], stage.projection.is_perspective, near, far)
-    pieces = clip_to_view(position, stage.projection, depths)
-    screen = _snap(pieces.position, stage.projection)
+    depths = choose_range(position[..., 2], stage.projection.is_perspective, *limits)
+    pieces = clip_to_view(position, stage.projection, depths, is_rounded)
+    screen = snap(pieces.position, stage.projection)
     facing = -np.sign(_doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if cull == "back" else facing != 0
     side = lighting.find_sides(surface, pieces.face, facing)
-    return _composite(surface, stage, Pass(pieces, screen, side, is_drawn, grid, depths, stage.projection.is_perspective))
+    return _composite(surface, stage, Pass(pieces, screen, side, is_drawn, grid, stage.projection))
 
 
 def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
@@ -168,16 +183,18 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
     """
     shape = job.grid[1], job.grid[0]
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
+    alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = _find_visible(job)
     seen = _see(visible, job)
     layer, normal, opacity = lighting.light_samples(surface, seen, shape, stage)
     face = np.full(shape, -1, np.int32)
-    face[seen.rows, seen.columns] = seen.face
+    face[seen.rows, seen.columns] = seen.face if surface.loaded is None else surface.loaded[seen.face]
     while len(seen.face):
         at = visible.piece >= 0
-        growth = (nearest.depth[at] / visible.depth[at]) ** 2 if job.is_perspective else 1.0
+        growth = (nearest.depth[at] / visible.depth[at]) ** 2 if job.projection.is_perspective else 1.0
         margin[at] = np.minimum(margin[at], visible.margin[at] * growth)
         color += (through * opacity)[..., None] * layer
+        alpha += through * opacity
         through *= 1.0 - opacity
         is_open = at & (through > 0)
         if not is_open.any():
@@ -185,42 +202,40 @@ def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
         visible = _find_visible(job, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
         seen = _see(visible, job)
         layer, _, opacity = lighting.light_samples(surface, seen, shape, stage)
-    return Drawn(color, 1.0 - through, normal, face, nearest.depth, margin)
+    return Drawn(color, alpha, normal, face, nearest.depth, margin)
 
 
 def _see(visible: Visible, job: Pass) -> Seen:
     """List the samples that see something, and what."""
     rows, columns = at = np.nonzero(visible.piece >= 0)
     piece, weights = visible.piece[at], visible.weights[at]
-    face_weights = np.einsum("sp,spf->sf", weights, job.pieces.weights[piece])
-    steps = _weight_steps(piece, face_weights, visible.depth[at], job)
-    return Seen(rows, columns, job.pieces.face[piece], job.side[piece], face_weights, visible.depth[at], steps)
+    steps = _weight_steps(piece, weights, visible.depth[at], job)
+    return Seen(rows, columns, job.pieces.face[piece], job.side[piece], weights, visible.depth[at], steps)
 
 
-def _weight_steps(piece, face_weights, depth, job: Pass) -> np.ndarray:
+def _weight_steps(piece, weights, depth, job: Pass) -> np.ndarray:
     """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right, and down.
 
-    The affine weight of the corner that faces the edge a→b is its edge function over the doubled area, with the slopes -(b - a).y
-    and (b - a).x. A weight W on the face is Σ q W_k / Σ q, with q the affine weights over the depths of the piece's corners, so
-    dW = (Σ dq W_k - W Σ dq) / Σ q, and Σ q is 1/depth (in an orthographic view q are the affine weights, and Σ q is 1).
+    A weight is q_k / Σ q, where the q_k are affine on the screen and Σ q is 1/depth (in an orthographic view 1), so
+    dW_k = (dq_k - W_k Σ dq) / Σ q. Of a whole face q_k is the affine weight of the corner that faces the edge a→b, over the
+    corner's depth: its edge function over the doubled area, with the slopes -(b - a).y and (b - a).x. Of a face that is cut, see
+    `_weights_of_cut`.
     """
-    screen, corner_weights = job.screen[piece], job.pieces.weights[piece]
+    screen, is_perspective = job.screen[piece], job.projection.is_perspective
     along = np.roll(screen, -2, axis=1) - np.roll(screen, -1, axis=1)  # b - a, for the edge that faces each corner
     slopes = np.stack([-along[..., 1], along[..., 0]], axis=1) * SUBPIXELS / _doubled_area(screen)[:, None, None]
-    if job.is_perspective:
-        slopes = slopes / job.pieces.position[piece, :, 2][:, None, :] * depth[:, None, None]
-    return slopes @ corner_weights - slopes.sum(axis=2, keepdims=True) * face_weights[:, None, :]
+    if is_perspective:
+        slopes = slopes / job.pieces.position[piece, :, 2][:, None, :]
+    is_cut = job.pieces.is_cut[piece]
+    one_px = rays(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), job.projection)
+    steps = one_px[1:] - one_px[0]  # of the ray, by one sample to the right, and down
+    corners = job.pieces.corners[piece[is_cut]]
+    slopes[is_cut] = _meet(corners, np.broadcast_to(steps, (len(corners), 2, 3)), is_perspective, edge_on=0.0)
+    sums = 1.0 / depth[:, None, None] if is_perspective else 1.0
+    return (slopes - slopes.sum(axis=2, keepdims=True) * weights[:, None, :]) / sums
 
 
 # ── snap and cover ────────────────────────────────────────────────────────────────────────────────────────
-
-
-def _snap(position, projection: Projection) -> np.ndarray:
-    """Project eye-space points (..., 3) to the screen (..., 2), int64 in 1/256 px, rounded half to even."""
-    w = position[..., 2] if projection.is_perspective else 1.0
-    x_px = projection.center_x + projection.scale_x * position[..., 0] / w
-    y_px = projection.center_y - projection.scale_y * position[..., 1] / w
-    return np.rint(SUBPIXELS * np.stack([x_px, y_px], axis=-1)).astype(np.int64)
 
 
 def coverage(triangle, width: int, height: int) -> np.ndarray:
@@ -296,8 +311,11 @@ def _find_visible(job: Pass, before: Visible | None = None) -> Visible:
     winner, weights = np.full(shape, -1), np.zeros((*shape, 3))
     for piece_idx in np.flatnonzero(job.is_drawn):
         rows, columns, affine = _cover(job.screen[piece_idx], *job.grid)
-        corner_depths = job.pieces.position[piece_idx, :, 2]
-        key, depth, piece_weights = _interpolate(affine, corner_depths, job.depths, job.is_perspective)
+        if job.pieces.is_cut[piece_idx]:
+            depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, job)
+        else:
+            depth, piece_weights = _interpolate(affine, job.pieces.position[piece_idx, :, 2], job.projection.is_perspective)
+        key = _keys(depth, job)
         is_behind = np.ones(len(key), bool)
         if before is not None:
             last = before.key[rows, columns]
@@ -316,22 +334,72 @@ def _find_visible(job: Pass, before: Visible | None = None) -> Visible:
     return Visible(winner, weights, key_first, depth_first, margin)
 
 
-def _interpolate(affine, corner_depths, depths: Range, is_perspective: bool):
-    """Return depth buffer keys (n,), depths (n,) and perspective-correct weights (n, 3) of samples.
+def _interpolate(affine, corner_depths, is_perspective: bool):
+    """Return depths (n,) and perspective-correct weights (n, 3) of samples with affine weights (n, 3).
 
     1/depth is affine on the screen, and so is A/depth for every A that is affine on the surface.
     Source: Blinn 1992, Hyperbolic interpolation, IEEE Computer Graphics and Applications 12(4), 89-94.
     """
+    if not is_perspective:
+        return (affine * corner_depths).sum(axis=1), affine
+    q = affine / corner_depths
+    inv_depth = q.sum(axis=1)
+    return 1.0 / inv_depth, q / inv_depth[:, None]
+
+
+def _weights_of_cut(rows, columns, piece_idx, job: Pass):
+    """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's corners.
+
+    The ray r of a sample meets the face where depth·r = Σ W_k P_k, so W/depth solves a linear system; in an orthographic view the
+    third coordinate is 1, and it is W. A piece's corners are rounded to the screen's grid, so a sample may lie as far outside the
+    face: no weight is below 0, and the depth stays within that of what is left of the face.
+    """
+    ray = rays(columns + 0.5, rows + 0.5, job.projection)
+    corners, is_perspective = job.pieces.corners[piece_idx], job.projection.is_perspective
+    near, far = job.pieces.depth_range[piece_idx]
+    weights = np.maximum(_meet(corners[None], ray[None], is_perspective)[0], 0.0)
+    inv_depth = weights.sum(axis=1)
+    weights = weights / inv_depth[:, None]
     if is_perspective:
-        q = affine / corner_depths
-        inv_depth = q.sum(axis=1)
-        depth, weights = 1.0 / inv_depth, q / inv_depth[:, None]
-        passed, whole = 1.0 / depths.near - inv_depth, 1.0 / depths.near - 1.0 / depths.far
-    else:
-        depth, weights = (affine * corner_depths).sum(axis=1), affine
-        passed, whole = depth - depths.near, depths.far - depths.near
-    fraction = passed / whole if whole else np.zeros_like(depth)
-    return np.rint(DEPTH_STEPS * fraction).astype(np.int64), depth, weights
+        return 1.0 / np.clip(inv_depth, 1.0 / far, 1.0 / near), weights
+    return weights @ corners[:, 2], weights
+
+
+def _meet(corners, directions, is_perspective: bool, edge_on=1.0) -> np.ndarray:
+    """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each; `edge_on` for
+    faces that are seen edge-on, where there are none.
+
+    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the determinant,
+    products included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third coordinate is 1 and no length.
+    """
+    columns, largest = np.swapaxes(corners, -1, -2).copy(), np.ones((len(corners), 3, 1))
+    n_length = 3 if is_perspective else 2
+    columns[:, n_length:, :] = 1.0
+    lengths = np.abs(columns[:, :n_length]).max(axis=(1, 2), initial=np.finfo(np.float64).tiny)
+    largest[:, :n_length] = lengths[:, None, None]
+    columns = columns / largest
+    a, b, c = (columns[:, :, corner] for corner in range(3))
+    determinant = dot(a, np.cross(b - a, c - a))
+    turns = (a, b, c), (b, c, a), (c, a, b)
+    doubt = sum(np.linalg.norm(p, axis=1) * np.linalg.norm(np.cross(q, r - q), axis=1) for p, q, r in turns)
+    is_edge_on = ~(np.abs(determinant) > 2.0**-50 * doubt)
+    columns[is_edge_on] = np.eye(3)
+    q = np.swapaxes(np.linalg.solve(columns, np.swapaxes(directions, 1, 2) / largest), 1, 2)
+    q[is_edge_on] = edge_on
+    return q
+
+
+def _keys(depth, job: Pass) -> np.ndarray:
+    """Return the depth buffer's keys (n,) int64 of depths (n,): what rounding alone tells apart shall be the same.
+
+    With perspective a step is 2^-40 of log2(depth), less than 2^-40 of the depth, wherever the near plane is; else it is a part of
+    the range of all depths.
+    """
+    if job.projection.is_perspective:
+        return np.rint(LOG_STEPS * np.log2(depth)).astype(np.int64)
+    nearest, furthest = job.pieces.depth_range[:, 0].min(), job.pieces.depth_range[:, 1].max()
+    whole = furthest - nearest
+    return np.rint(DEPTH_STEPS * ((depth - nearest) / whole if whole else np.zeros_like(depth))).astype(np.int64)
 
 
 # ── resolve ───────────────────────────────────────────────────────────────────────────────────────────────

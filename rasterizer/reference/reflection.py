@@ -8,35 +8,52 @@ import numpy as np
 
 from rasterizer.reference.vectors import dot, length, unit
 
+# A cosine up to this counts as 0 where a model jumps at 0, and one up to this above a step as lying on it: the rounding of normals
+# and directions must not decide for each point by itself on which side it is. A thousand roundings of 2^-53 are 2^-43.
+GRAZING = 2.0**-40
 
-def reflect(table, normals, light_dirs, to_viewer):
-    """Return D and S (n, 1) of the material of each row of `table`, for unit vectors (n, 3); of no meaning where N.L <= 0."""
-    matte, highlight = np.zeros((2, len(table), 1))
+
+def reflect(table, normals, light_dirs, to_viewer, tangents=None):
+    """Return D and S (n, n_channel) of the material of each row of `table`; of no meaning where N.L <= 0.
+
+    Parameters
+    ----------
+    table : (n,) records of `read_materials`
+    normals, light_dirs, to_viewer : (n, 3) float64, unit
+    tangents : (n, 3) float64 of any length, the direction that anisotropic materials are brushed along; None = no such materials
+    """
+    matte, highlight = np.zeros((2, *table["fresnel"].shape))
+    tangents = np.zeros_like(normals) if tangents is None else tangents
     for model in np.unique(table["reflection"]):
         at = table["reflection"] == model
-        parts = _MODELS[str(model)](table[at], normals[at], light_dirs[at], to_viewer[at])
-        matte[at, 0], highlight[at, 0] = parts
+        sides = normals[at], light_dirs[at], to_viewer[at]
+        more = (tangents[at],) if model == "cook-torrance" else ()
+        d, s, cosine = _MODELS[str(model)](table[at], *sides, *more)
+        matte[at] = np.reshape(d, (-1, 1))
+        highlight[at] = np.reshape(s, (-1, 1)) * (1.0 if cosine is None else _schlick(table[at], cosine))
     return matte, highlight
 
 
 def _reflect_lambert(_table, normals, light_dirs, _to_viewer):
     """Lambert 1760: the cosine of the angle of incidence."""
-    return dot(normals, light_dirs), 0.0
+    return dot(normals, light_dirs), np.zeros(len(normals)), None
 
 
 def _reflect_phong(table, normals, light_dirs, to_viewer):
     """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
-    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** n
-    return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], (n / 2 + 1) * n_dot_l, 1.0)
+    highlight = np.clip(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0, 1) ** n
+    highlight = np.where(table["normalized"] | (n_dot_l > GRAZING), highlight, 0.0)
+    return n_dot_l, highlight * np.where(table["normalized"], (n / 2 + 1) * n_dot_l, 1.0), n_dot_l
 
 
 def _reflect_blinn(table, normals, light_dirs, to_viewer):
     """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor derivation."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
-    highlight = np.maximum(dot(normals, unit(light_dirs + to_viewer)), 0) ** n
+    highlight = np.clip(dot(normals, unit(light_dirs + to_viewer)), 0, 1) ** n
+    highlight = np.where(table["normalized"] | (n_dot_l > GRAZING), highlight, 0.0)
     peak = (n + 2) * (n + 4) / (8 * (np.exp2(-n / 2) + n))
-    return n_dot_l, highlight * _schlick(table, n_dot_l) * np.where(table["normalized"], peak * n_dot_l, 1.0)
+    return n_dot_l, highlight * np.where(table["normalized"], peak * n_dot_l, 1.0), n_dot_l
 
 
 def _reflect_oren_nayar(table, normals, light_dirs, to_viewer):
@@ -47,12 +64,14 @@ def _reflect_oren_nayar(table, normals, light_dirs, to_viewer):
     a, b = 1 - variance / (2 * (variance + 0.33)), 0.45 * variance / (variance + 0.09)
     alpha, beta = np.maximum(theta_l, theta_v), np.minimum(theta_l, theta_v)
     tangent = np.sin(beta) / np.maximum(np.cos(beta), 1 / 64)
-    return np.cos(theta_l) * (a + b * np.maximum(dot(across_l, across_v), 0) * np.sin(alpha) * tangent), 0.0
+    matte = np.cos(theta_l) * (a + b * np.maximum(dot(across_l, across_v), 0) * np.sin(alpha) * tangent)
+    return matte, np.zeros(len(normals)), None
 
 
-def _reflect_cook_torrance(table, normals, light_dirs, to_viewer):
-    """Return pi D F G / (4 N.V): Cook & Torrance 1981; Walter et al. 2007, EGSR, 195-206, equations 25, 27, 33 and 34."""
-    half, m = unit(light_dirs + to_viewer), table["roughness"]
+def _reflect_cook_torrance(table, normals, light_dirs, to_viewer, tangents):
+    """Return pi D G / (4 N.V): Cook & Torrance 1981; Walter et al. 2007, EGSR, 195-206, equations 25, 27, 33 and 34."""
+    half = unit(light_dirs + to_viewer)
+    m, m_light, m_viewer = _roughness_towards(table, normals, half, light_dirs, to_viewer, tangents)
     n_dot_l = dot(normals, light_dirs)
     # Beyond the silhouette the limit at 90 degrees is taken.
     theta_h, theta_l, theta_v = (_angle(normals, d) for d in (half, light_dirs, to_viewer))
@@ -61,23 +80,48 @@ def _reflect_cook_torrance(table, normals, light_dirs, to_viewer):
     slope = np.tan(np.where(is_ahead, theta_h, 0.0)) / m
     with np.errstate(over="ignore", under="ignore"):
         shape = np.where(is_ggx, 1 / (1 + slope**2) ** 2, np.exp(-(slope**2)))
-        facets = np.where(is_ahead, shape / (m**2 * np.cos(theta_h) ** 4), 0.0)
+        facets = np.where(is_ahead, shape / (table["roughness"] * table["across"] * np.cos(theta_h) ** 4), 0.0)
     masked = np.ones_like(m)
-    for theta in (theta_l, theta_v):
-        tangent = m * np.tan(theta)
+    for theta, m_side in ((theta_l, m_light), (theta_v, m_viewer)):
+        tangent = m_side * np.tan(theta)
         a = 1 / np.maximum(tangent, 1e-12)
         beckmann = np.where(a < 1.6, np.minimum((3.535 * a + 2.181 * a**2) / (1 + 2.276 * a + 2.577 * a**2), 1), 1)
         masked *= np.where(is_ggx, 2 / (1 + np.hypot(1, tangent)), beckmann)
-    return n_dot_l, facets * _schlick(table, dot(light_dirs, half)) * masked / (4 * np.cos(theta_v))
+    return n_dot_l, facets * masked / (4 * np.cos(theta_v)), dot(light_dirs, half)
+
+
+def _roughness_towards(table, normals, half, light_dirs, to_viewer, tangents):
+    """Return alpha (n,) as it counts for the tilt towards half, and for the masking towards the light and the viewer.
+
+    Heitz 2014, JCGT 3(2), section 5.3: an anisotropic surface is an isotropic one stretched, so in the plane of N and a direction
+    it has one roughness: with the azimuth phi from the tangent, the slopes' root of (cos phi/ax)^2 + (sin phi/ay)^2 is 1/alpha
+    of the tilt, and that of (ax cos phi)^2 + (ay sin phi)^2 alpha of the masking. Where a tangent has no part in the surface, or
+    one of less than 2^-40 of its length, which rounding could make up, alpha is the geometric mean.
+    """
+    ax, ay = table["roughness"], table["across"]
+    along = tangents - dot(tangents, normals)[:, None] * normals
+    has_tangent = length(along)[:, 0] > 2.0**-40 * length(tangents)[:, 0]
+    along = unit(along)
+    mean = np.where(ax == ay, ax, np.sqrt(ax * ay))
+    found = []
+    for direction, is_tilt in ((half, True), (light_dirs, False), (to_viewer, False)):
+        x, y = dot(direction, along), dot(direction, np.cross(normals, along))
+        size = np.hypot(x, y)
+        x, y = x / np.where(size > 0, size, 1), y / np.where(size > 0, size, 1)
+        own = 1 / np.maximum(np.hypot(x / ax, y / ay), 1e-300) if is_tilt else np.hypot(ax * x, ay * y)
+        found.append(np.where((ax != ay) & has_tangent & (size > 0), own, mean))
+    return found
 
 
 def _reflect_toon(table, normals, light_dirs, to_viewer):
     """Return N.L raised to a multiple of 1/levels, and 1 or 0 where (R.V)^n is above or below one half."""
     n_dot_l, levels = dot(normals, light_dirs), table["levels"]
     steps = np.arange(1, levels.max() + 1)
-    step = 1 + (steps < levels[:, None] * n_dot_l[:, None]).sum(axis=1)
-    highlight = np.maximum(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0) ** table["shininess"]
-    return np.minimum(step, levels) / levels, np.where(highlight >= 0.5, 1.0, 0.0)
+    step = 1 + (steps < levels[:, None] * (n_dot_l[:, None] - GRAZING)).sum(axis=1)
+    mirrored = dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer)
+    is_bright = mirrored >= 0.5 ** (1 / table["shininess"]) - GRAZING  # (R.V)^n >= 1/2
+    is_lit = n_dot_l > GRAZING
+    return np.where(is_lit, np.minimum(step, levels) / levels, 0.0), np.where(is_lit & is_bright, 1.0, 0.0), None
 
 
 _MODELS = {
@@ -91,8 +135,8 @@ _MODELS = {
 
 
 def _schlick(table, cosine):
-    """Schlick 1994, Computer Graphics Forum 13(3), 233-246: W = F0 + (1 - F0)(1 - cos theta)^5."""
-    return table["fresnel"] + (1 - table["fresnel"]) * np.clip(1 - cosine, 0, 1) ** 5
+    """Schlick 1994, Computer Graphics Forum 13(3), 233-246: W = F0 + (1 - F0)(1 - cos theta)^5, (n, n_channel)."""
+    return table["fresnel"] + (1 - table["fresnel"]) * np.clip(1 - cosine, 0, 1)[:, None] ** 5
 
 
 def _angle(a, b):

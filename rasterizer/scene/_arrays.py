@@ -4,31 +4,66 @@ only.
     in:  what people have: any real dtype, lists, quads, ragged polygons     out: float64, uint32 and int32
     arrays
 
-A form that is right already is passed through without a copy. Whole-array checks are minima and maxima, which
-hand a nan on and need no temporary; the culprit is looked for only once there is one.
+A form that is right already is passed through without a copy; `kept` then copies what the caller could still write to.
+Whole-array checks are minima and maxima, which hand a nan on and need no temporary; the culprit is looked for only once there
+is one.
 """
 
+import warnings
 from itertools import chain
 
 import numpy as np
 
 from rasterizer.errors import ModelError
-from rasterizer.scene._check import shown
+from rasterizer.scene._check import COORDINATE_LIMIT, shown
 from rasterizer.scene.color import linear_from_srgb_bytes
+from rasterizer.scene.polygons import CROSSING, cut_polygons, listed
 
-COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
 CHUNK = 1 << 16  # faces looked at in one go
 _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1
 
 
-def read_only(array: np.ndarray | None) -> np.ndarray | None:
-    """Return a contiguous view that can't be written through; the caller's own array stays as it is."""
-    if array is None:
-        return None
-    view = np.ascontiguousarray(array).view()
-    view.flags.writeable = False
-    return view
+class _Owned(np.ndarray):
+    """Marks memory that was taken over by `fixed`."""
+
+
+def fixed(array: np.ndarray | None) -> np.ndarray | None:
+    """Take over an array's memory: return it contiguous, and so that it can neither be written through nor be made writable.
+
+    Numpy lets a read-only view be made writable again where its memory is; so what lies between is a read-only buffer. Whoever
+    calls this must hold the only reference that can write: an index changed afterwards would make kernels read anywhere.
+    """
+    if array is None or is_fixed(array):
+        return None if array is None else np.ascontiguousarray(array)
+    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())
+
+
+def is_fixed(array: np.ndarray) -> bool:
+    """Tell whether an array is one made by `fixed`, or a view of one."""
+    while type(array) is np.ndarray:
+        array = array.base
+    return type(array) is memoryview and type(array.obj) is _Owned
+
+
+def kept(array: np.ndarray | None, given) -> np.ndarray | None:
+    """Return an array made of what a caller gave so that nobody can change it: copied where it may share the caller's memory.
+
+    An array that was already fixed is shared: what a mesh hands on to another takes no memory twice.
+    """
+    if array is None or is_fixed(array):
+        return fixed(array)
+    is_new = given is None or type(given) in (list, tuple)  # of anything else numpy may have made a view
+    is_new |= isinstance(given, np.ndarray) and not np.may_share_memory(array, given)
+    return fixed(array if is_new else array.copy())
+
+
+class KeepsArrays:
+    """What holds fixed arrays: those that come from pickle or from a deep copy are fixed, too."""
+
+    def __setstate__(self, state):
+        for key, value in state.items():
+            self.__dict__[key] = fixed(np.array(value)) if isinstance(value, np.ndarray) else value
 
 
 def checked_vertices(vertices) -> np.ndarray:
@@ -41,13 +76,13 @@ def checked_vertices(vertices) -> np.ndarray:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def triangulate(faces, n_vertex: int) -> tuple[np.ndarray, np.ndarray | None]:
-    """Cut polygons into fans round their first corner.
+def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
+    """Cut polygons into triangles, as `polygons.py` says: fans where they are convex, ears where they are not.
 
     Parameters
     ----------
     faces : (n, k) integers, k >= 3, or a sequence of polygons of any length >= 3
-    n_vertex : int, the indices' upper limit
+    vertices : (n_vertex, 3) float64, finite or not
 
     Returns
     -------
@@ -57,6 +92,10 @@ def triangulate(faces, n_vertex: int) -> tuple[np.ndarray, np.ndarray | None]:
     Raises
     ------
     ModelError : no faces, fewer than 3 corners, indices that are not integers or out of range
+
+    Warns
+    -----
+    UserWarning : polygons that cross themselves
     """
     corners, counts = _flattened(faces)
     if len(counts) == 0:
@@ -64,19 +103,13 @@ def triangulate(faces, n_vertex: int) -> tuple[np.ndarray, np.ndarray | None]:
     if counts.min() < 3:
         face = int(np.argmax(counts < 3))
         raise ModelError(f"a face must have at least 3 corners; face {face} has {counts[face]}")
-    _check_range(corners, counts, n_vertex)
+    _check_range(corners, counts, len(vertices))
     if counts.max() == 3:
         return np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.uint32), None
-    if counts.min() == counts.max():
-        fan = [(0, i, i + 1) for i in range(1, counts[0] - 1)]
-        triangles = corners.reshape(len(counts), -1).astype(np.uint32)[:, fan].reshape(-1, 3)
-        return triangles, np.repeat(np.arange(len(counts), dtype=np.int32), len(fan))
-    n_triangle = counts - 2
-    polygons = np.repeat(np.arange(len(counts), dtype=np.int32), n_triangle)
-    first = np.repeat(np.cumsum(counts) - counts, n_triangle)
-    step = np.arange(len(polygons)) - np.repeat(np.cumsum(n_triangle) - n_triangle, n_triangle)
-    triangles = np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
-    return triangles.astype(np.uint32), polygons
+    cut = cut_polygons(vertices, corners, counts)
+    if len(cut.crossing):
+        warnings.warn(f"face {listed(cut.crossing)} {CROSSING}", stacklevel=2)
+    return corners.astype(np.uint32)[cut.corners], cut.polygons
 
 
 def _flattened(faces) -> tuple[np.ndarray, np.ndarray]:

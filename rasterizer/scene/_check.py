@@ -6,6 +6,8 @@ import numpy as np
 
 from rasterizer.errors import SceneError, shown
 
+COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
+
 AXES = {
     "x": (1.0, 0.0, 0.0),
     "y": (0.0, 1.0, 0.0),
@@ -42,6 +44,14 @@ def vector3(value, what: str) -> tuple[float, float, float]:
         raise SceneError(f"{what} must be three finite numbers; given {shown(value)}")
     x, y, z = (number(item, f"each of the three numbers of {what}") for item in items)
     return x, y, z
+
+
+def place3(value, what: str) -> tuple[float, float, float]:
+    """Return `value` as three floats within ±COORDINATE_LIMIT; SceneError where it is anything else."""
+    place = vector3(value, what)
+    if max(map(abs, place)) > COORDINATE_LIMIT:
+        raise SceneError(f"{what} must be within ±{COORDINATE_LIMIT:g} scene units; given {shown(value)}")
+    return place
 
 
 def unit3(value, what: str) -> tuple[float, float, float]:

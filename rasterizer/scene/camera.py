@@ -22,7 +22,7 @@ import numpy as np
 
 from rasterizer.errors import SceneError
 from rasterizer.scene import _framing
-from rasterizer.scene._check import AXES, choice, number, picture_size, shown, unit3, vector3
+from rasterizer.scene._check import AXES, choice, number, picture_size, place3, shown, unit3
 
 MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km
@@ -61,8 +61,11 @@ class Camera:
         it has +y on top, as on a map
     fov : vertical field of view in degrees, between 0 and 180; None for an orthographic camera
     height : scene units that the picture is high, above 0; None for a perspective camera
-    near, far : distances along the view, scene units; None = fitted to the scene. near > 0 for a perspective
-        camera, near < far
+    near, far : distances along the view, scene units; None = fitted to the scene, near to 2^-20 of the furthest
+        distance at least. near > 0 for a perspective camera, near < far. What is nearer or further is clipped;
+        nothing else depends on them, but that a near below 2^-30 of the furthest distance counts as there.
+        Surfaces at the distance w are told apart that are 2^-38 · w/n of it from each other, n the nearest
+        distance that is seen
     intrinsics : (fx, fy, cx, cy) of an OpenCV calibration, pixels of `size`; `fov` is then taken from fy
     size : (width, height) in pixels of the pictures that `intrinsics` belong to; None without intrinsics
 
@@ -82,8 +85,8 @@ class Camera:
     size: tuple[int, int] | None = None
 
     def __post_init__(self):
-        self._set("position", vector3(self.position, "the camera's position"))
-        self._set("target", vector3(self.target, "the camera's target"))
+        self._set("position", place3(self.position, "the camera's position"))
+        self._set("target", place3(self.target, "the camera's target"))
         up = AXES[choice(self.up, tuple(AXES), "the camera's up")] if isinstance(self.up, str) else self.up
         self._set("up", unit3(up, "the camera's up"))
         if self.position == self.target:

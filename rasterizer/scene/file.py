@@ -7,7 +7,7 @@
     materials   table of named materials that meshes refer to
     lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
     camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
-    background  colour      up  axis      options  those of a picture, as `Options` names them
+    background  colour      depth_cue  a number, or {scale, start, color}      up  axis      options  those of a picture, as `Options` names them
 
 Names of files are relative to the folder of the scene file; which are read is said in `_files`. `file_write` writes what is read
 here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files beside it.
@@ -26,13 +26,13 @@ from rasterizer.scene._files import Folder, read_named
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.file_entry import Entry
 from rasterizer.scene.file_meshes import read_meshes
-from rasterizer.scene.file_parts import Context, read_camera, read_color, read_lights, read_material
+from rasterizer.scene.file_parts import Context, read_camera, read_color, read_depth_cue, read_lights, read_material
 from rasterizer.scene.scene import Scene
 
 FORMATS = ("json", "toml")
 MOST_JSON, MOST_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
 MOST_DOTS = 100  # between two of the characters that may stand round a name of TOML; the parser's time grows with their square
-KEYS = ("meshes", "materials", "lights", "camera", "background", "up", "options")
+KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
 # The fields of Options, which this side of the package doesn't import; a test holds that.
 OPTIONS = (
     "size", "shading", "tolerance", "samples", "outputs", "cull", "color_range", "exposure", "spectral", "threads",
@@ -74,7 +74,8 @@ def is_scene_file(source, format=None) -> bool:
 
 
 def read_scene(
-    source, folder=None, log=None, *, format=None, crease_angle=None, drop_bad_faces=False, allow_outside=False, files_read=None
+    source, folder=None, log=None, *, format=None, crease_angle=None, weighting=None, drop_bad_faces=False, allow_outside=False,
+    files_read=None,
 ) -> SceneFile:
     """Read a scene file.
 
@@ -85,6 +86,7 @@ def read_scene(
     log : function of one text, called with facts about the files; None = nobody wants them
     format : "json" or "toml"; None = by the suffix of the path, for bytes JSON
     crease_angle : degrees within 0..180, of all meshes in place of their own; None = as the file says
+    weighting : text, of all meshes in place of their own, see `Mesh`; None = as the file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite
     allow_outside : bool, read also files outside the folder; see `_files`
     files_read : list that gets the paths of all files that are read
@@ -100,7 +102,7 @@ def read_scene(
     """
     name, data, own_folder = _read(source)
     files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
-    context = Context(files, log or (lambda _text: None), crease_angle, drop_bad_faces)
+    context = Context(files, log or (lambda _text: None), crease_angle, drop_bad_faces, weighting)
     with one_file(name):
         return _read_tables(Entry(_parse(data, (format or Path(name).suffix or "json").lower().removeprefix("."), name), name), context)
 
@@ -119,6 +121,8 @@ def _read_tables(root, context) -> SceneFile:
     camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
     if "background" in top and top["background"].value is not None:
         settings["background"] = read_color(top["background"])
+    if "depth_cue" in top and top["depth_cue"].value is not None:
+        settings["depth_cue"] = read_depth_cue(top["depth_cue"])
     if "up" in top:
         settings["up"] = top["up"].text()
     scene = root.call(Scene, meshes, camera=camera, **settings)

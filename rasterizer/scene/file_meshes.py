@@ -15,7 +15,7 @@ from rasterizer.scene.mesh import Mesh
 # In the order of Mesh; all but the first two may be left out.
 ARRAYS = ("vertices", "faces", "normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
 _FLOATS = ("vertices", "normals", "colors", "uv", "face_colors")  # of which whole numbers are as good as others
-_PLACING = ("transform", "crease_angle", "name")
+_PLACING = ("transform", "crease_angle", "weighting", "name")
 
 
 def read_meshes(entry, context) -> tuple[list[Mesh], str]:
@@ -57,7 +57,7 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
     if table["file"].text().lower().endswith((".json", ".toml")):
         raise table["file"].fault(f"must be a model, no scene file; given {shown(table['file'].value)}")
     path = context.path(table["file"])
-    scene = _load_once(path, table["file"], _crease_angle(table, context), context)
+    scene = _load_once(path, table["file"], _crease_angle(table, context), _weighting(table, context), context)
     if "material" in table and "materials" in table:
         raise entry.fault("takes material (for all) or materials (by name); given both")
     meshes = list(scene.meshes)
@@ -74,9 +74,9 @@ def _crease_angle(table, context):
     return own if context.crease_angle is None else context.crease_angle
 
 
-def _load_once(path, entry, crease_angle, context):
+def _load_once(path, entry, crease_angle, weighting, context):
     """Return the scene of a model file; one that is used in many places is read once, as long as its copies are not too many."""
-    key = (path, crease_angle if isinstance(crease_angle, (int, float)) else None)
+    key = (path, crease_angle if isinstance(crease_angle, (int, float)) else None, weighting)
     if key in context.models:
         scene = context.models[key]
         context.n_copy += scene.n_face
@@ -85,8 +85,14 @@ def _load_once(path, entry, crease_angle, context):
         return scene
     context.files.read.append(str(path))
     settings = {"drop_bad_faces": context.drop_bad_faces, "log": context.log, "files": context.files.below(path.parent)}
-    context.models[key] = entry.call(load_file, path, crease_angle=crease_angle, **settings)
+    settings |= {"crease_angle": crease_angle, "weighting": weighting}
+    context.models[key] = entry.call(load_file, path, **settings)
     return context.models[key]
+
+
+def _weighting(table, context):
+    own = table["weighting"].text() if "weighting" in table else None
+    return own if context.weighting is None else context.weighting
 
 
 def _with_named(meshes, entry, context) -> list[Mesh]:
@@ -140,6 +146,8 @@ def _read_arrays(entry, context) -> Mesh:
         if context.n_copy > MOST_COPIES + stored.n_byte:
             raise entry.fault(f"these arrays have been used for more than {MOST_COPIES} triangles beyond those stored", ModelError)
     settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
+    if (weighting := _weighting(table, context)) is not None:
+        settings["weighting"] = weighting
     if "drop_bad_faces" in table:
         settings["drop_bad_faces"] |= table["drop_bad_faces"].flag()
     if "material" in table:

@@ -14,8 +14,10 @@ from rasterizer.scene._files import Folder
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.color import linear_rgb
 from rasterizer.scene.file_arrays import Arrays
+from rasterizer.scene.depth_cue import DepthCue, checked_cue
 from rasterizer.scene.lights import Shadow
 from rasterizer.scene.material import Material
+from rasterizer.scene.named_materials import NAMED_MATERIALS
 from rasterizer.scene.spectrum import Spectrum
 from rasterizer.scene.texture import Budget, Texture, read_picture
 
@@ -27,7 +29,7 @@ LIGHTS = {
     "area": lights.AreaLight,
 }
 PRESETS = {"studio": lights.studio, "headlight": lights.headlight}
-COLORS = ("ambient", "diffuse", "specular", "emissive", "color")  # fields that are colours
+COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "color")  # fields that are colours
 FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
 
 # A unit vector that was computed once has n·n = 1 to 10 roundings of 2^-53: 3 of the sum, 1 of the root and 1 of the division of
@@ -42,11 +44,11 @@ class Context:
     ----------
     files : Folder to which names of files are relative
     log : function of one text
-    crease_angle, drop_bad_faces : as `read_scene` takes them
+    crease_angle, drop_bad_faces, weighting : as `read_scene` takes them
     """
 
-    def __init__(self, files: Folder, log, crease_angle=None, drop_bad_faces=False):
-        self.files, self.log = files, log
+    def __init__(self, files: Folder, log, crease_angle=None, drop_bad_faces=False, weighting=None):
+        self.files, self.log, self.weighting = files, log, weighting
         self.crease_angle, self.drop_bad_faces = crease_angle, drop_bad_faces
         self.materials = {}  # by the name of the file's table
         self.models = {}  # what `load` made of files, by path and settings
@@ -126,8 +128,17 @@ def read_color(entry):
     return entry.call(linear_rgb, color_value(entry), "the color")
 
 
+def read_depth_cue(entry) -> DepthCue:
+    """Read a depth cue: its scale, or a table of its fields."""
+    if not isinstance(entry.value, dict):
+        return entry.call(checked_cue, entry.value)
+    table = entry.table([field.name for field in fields(DepthCue)], ("scale",))
+    settings = {key: color_value(field) if key in COLORS else field.value for key, field in table.items()}
+    return entry.call(DepthCue, **settings)
+
+
 def read_material(entry, context, name="") -> Material:
-    """Read a material: a table, or the name of one of the file's materials.
+    """Read a material: a table, the name of one of the file's materials, or else of one of the classic table's.
 
     Parameters
     ----------
@@ -142,9 +153,12 @@ def read_material(entry, context, name="") -> Material:
     """
     if isinstance(entry.value, str) and entry.value in context.materials:
         return context.materials[entry.value]
+    if isinstance(entry.value, str) and entry.value in NAMED_MATERIALS:
+        return Material.named(entry.value)
     if not isinstance(entry.value, dict):
         known = ", ".join(context.materials) or "none"
-        raise entry.fault(f"must be a table, or the name of one of the file's materials ({known}); given {shown(entry.value)}")
+        legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({', '.join(NAMED_MATERIALS)})"
+        raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
     settings = {"name": name}
     for key, field in entry.table([field.name for field in fields(Material)]).items():
         if key == "texture" and field.value is not None:

@@ -93,7 +93,8 @@ class _Beside:
             if field.name == "texture" and value is not None:
                 table["texture"] = self._texture(value)
             elif value != default or isinstance(value, Spectrum):
-                table[field.name] = _color(value) if field.name in COLORS else value
+                is_color = field.name in COLORS and isinstance(value, tuple)
+                table[field.name] = _color(value) if is_color else _plain(value)
         return table
 
     def _texture(self, texture) -> dict:
@@ -118,6 +119,8 @@ class _Beside:
         table = {"arrays": self.npz, "mesh": number, "name": mesh.name}
         if mesh.crease_angle is not None:
             table["crease_angle"] = mesh.crease_angle
+        if mesh.weighting != "angle":
+            table["weighting"] = mesh.weighting
         if mesh.drop_bad_faces:
             table["drop_bad_faces"] = True
         if mesh.materials is None:
@@ -137,6 +140,9 @@ def _tables(scene, beside) -> dict:
     table = {"up": scene.up}
     if scene.background is not None:
         table["background"] = _color(scene.background)
+    if scene.depth_cue is not None:
+        cue = scene.depth_cue
+        table["depth_cue"] = {"scale": cue.scale, "start": cue.start, "color": _color(cue.color)}
     if scene.camera is not None:
         table["camera"] = _camera(scene.camera)
     lights = [_light(light) for light in scene.lights]

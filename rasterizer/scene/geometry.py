@@ -1,7 +1,8 @@
 """Geometry of a scene: all its meshes as one set of plain arrays, with normals where the shading method needs them.
 
 Points are where the illumination equation is evaluated or normals are kept: the split vertices for Gouraud's and Phong's
-methods, the polygons' centroids for flat shading. Triangles index vertices and points through separate columns, which are the
+methods, the polygons' centroids for flat shading. With the methods that interpolate, convex polygons with more than three corners
+are triangles about their centres, points behind all others that are not lit: see `centers.py`. Triangles index vertices and points through separate columns, which are the
 same array where a vertex is a point.
 """
 
@@ -9,10 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import kernel
+from .._kernel import helper, kernel
+from .centers import Centers, join_rings, split_rings, with_means
 from .normals import polygon_normals, split_creases
+from .polygons import find_rings
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
+LEAST_AGREEMENT = 2.0**-40  # of three corner normals with their triangle's, times its length
+NO_TANGENTS = np.empty((3, 0))
 
 
 class Geometry(NamedTuple):
@@ -29,11 +34,14 @@ class Geometry(NamedTuple):
     group_material: np.ndarray  # (n_group,) int64
     face_material: np.ndarray  # (n_face,) uint32; empty where there is one material
     uv: np.ndarray  # (n_point, 2) float64, texture coordinates; (0, 2) where no material has a texture
+    tangents: np.ndarray = NO_TANGENTS  # (3, n_point) float64, see `find_tangents`; (3, 0) where no material needs them
+    face: np.ndarray = np.empty(0, np.uint32)  # (n_face,) the triangle as loaded; empty where they are the same
+    centers: Centers | None = None  # the last points, which are means of others; None where there are none
 
     @property
-    def is_shared(self) -> bool:
-        """Whether every vertex of a triangle has a point of its own: then what is clipped gets new points, too."""
-        return self.corner is self.vertex
+    def n_loaded(self) -> int:
+        """Number of triangles as loaded."""
+        return int(self.face.max()) + 1 if len(self.face) else self.vertex.shape[1]
 
 
 class Part(NamedTuple):
@@ -47,13 +55,18 @@ class Part(NamedTuple):
     albedo: np.ndarray | None  # (n_point, 3)
     uv: np.ndarray | None = None  # (n_point, 2)
     n_points: tuple = ()  # of each material
+    tangents: np.ndarray | None = None  # (n_point, 3)
 
 
 def gather_geometry(scene, is_flat: bool) -> Geometry:
     """Gather the meshes of a scene for flat shading, or for methods that interpolate between vertices."""
     materials, numbers = number_materials(scene.meshes)
     is_textured = any(material.texture is not None for material in materials)
-    parts = [split_points(flat_part(mesh) if is_flat else smooth_part(mesh), mesh, is_textured) for mesh in scene.meshes]
+    is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in materials)
+    parts = [flat_part(mesh) if is_flat else smooth_part(mesh) for mesh in scene.meshes]
+    if is_brushed:
+        parts = [add_tangents(part, mesh, is_flat) for part, mesh in zip(parts, scene.meshes, strict=True)]
+    parts = [split_points(part, mesh, is_textured) for part, mesh in zip(parts, scene.meshes, strict=True)]
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
     first_point = np.cumsum([0] + [len(part.points) for part in parts])
     positions = _columns([part.positions for part in parts], np.float64)
@@ -67,9 +80,6 @@ def gather_geometry(scene, is_flat: bool) -> Geometry:
     if is_textured or any(part.albedo is not None for part in parts):
         white = [np.ones((len(part.points), 3)) if part.albedo is None else part.albedo for part in parts]
         albedo = np.concatenate(white)
-    is_inverted = np.zeros(vertex.shape[1], np.uint8)
-    if not is_flat:
-        flag_inverted(positions, normals, vertex, is_inverted)
     uv = np.concatenate([part.uv for part in parts]) if is_textured else np.empty((0, 2))
     offsets, group_material = group_points([n for part in parts for n in part.n_points], np.concatenate(numbers))
     face_material = np.empty(0, np.uint32)
@@ -79,9 +89,33 @@ def gather_geometry(scene, is_flat: bool) -> Geometry:
             for mesh, number in zip(scene.meshes, numbers, strict=True)
         ]
         face_material = np.concatenate(of_meshes).astype(np.uint32)
-    return Geometry(
-        positions, vertex, corner, points, normals, albedo, is_inverted, offsets, group_material, face_material, uv
+    tangents = _columns([part.tangents for part in parts], np.float64) if is_brushed else NO_TANGENTS
+    is_inverted = np.zeros(vertex.shape[1], np.uint8)
+    geometry = Geometry(
+        positions, vertex, corner, points, normals, albedo, is_inverted, offsets, group_material, face_material, uv, tangents
     )
+    if not is_flat:
+        geometry = about_centers(geometry, scene.meshes, parts, first_point)
+        flag_inverted(geometry.positions, geometry.normals, geometry.vertex, geometry.is_inverted)
+    return geometry
+
+
+def about_centers(geometry, meshes, parts, first_point) -> Geometry:
+    """Draw the convex polygons with more than three corners about their centres; nothing changes where there are none."""
+    if all(mesh.polygons is None for mesh in meshes):
+        return geometry
+    rings = [find_rings(part.corner, mesh.polygons, part.points) for mesh, part in zip(meshes, parts, strict=True)]
+    rings = join_rings(rings, np.cumsum([0] + [mesh.n_face for mesh in meshes]), first_point)
+    if len(rings.start) == 0:
+        return geometry
+    vertex, face, centers = split_rings(geometry.vertex, geometry.points.shape[1], rings)
+    positions, normals = (np.ascontiguousarray(with_means(rows.T, centers).T) for rows in (geometry.positions, geometry.normals))
+    return geometry._replace(
+        positions=positions, vertex=vertex, corner=vertex, points=positions, normals=normals,
+        albedo=with_means(geometry.albedo, centers), is_inverted=np.zeros(vertex.shape[1], np.uint8),
+        face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
+        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents.T, centers).T, face=face, centers=centers,
+    )  # fmt: skip
 
 
 def number_materials(meshes) -> tuple[tuple, list[np.ndarray]]:
@@ -126,7 +160,57 @@ def split_points(part, mesh, is_textured) -> Part:
         part.positions[vertex[first]] if is_own else part.positions, kind if is_own else part.vertex, kind,
         part.points[point], part.normals[point], None if part.albedo is None else part.albedo[point],
         uv[first], tuple(np.bincount(material[first], minlength=n_material).tolist()),
+        None if part.tangents is None else part.tangents[point],
     )  # fmt: skip
+
+
+def add_tangents(part, mesh, is_flat) -> Part:
+    """Give every point of a mesh a tangent: that of its polygon, or the mean of those that share place and normal with it.
+
+    A mesh without texture coordinates has none: zero.
+    """
+    if mesh.uv is None:
+        return part._replace(tangents=np.zeros((len(part.points), 3)))
+    corners, corner = mesh.vertices[mesh.faces], np.asarray(part.corner)
+    group, n_group = corner, len(part.points)
+    if not is_flat:
+        first, group = _unique_rows([corners.reshape(-1, 3), part.normals[corner].reshape(-1, 3)])
+        n_group = len(first)
+    uv = mesh.uv[mesh.faces] if mesh.uv.ndim == 2 else mesh.uv
+    of_groups = find_tangents(corners, uv, group.reshape(-1, 3), n_group)
+    tangents = np.zeros((len(part.points), 3))
+    tangents[corner.ravel()] = of_groups[group.ravel()]
+    return part._replace(tangents=tangents)
+
+
+def find_tangents(corners, uv, point, n_point) -> np.ndarray:
+    """Find the directions in which u grows, at points of a surface: the mean of those of the triangles that meet there.
+
+    A triangle's positions are affine in (u, v): with edges e1, e2 that are (a1, b1), (a2, b2) in texture coordinates,
+    dP/du = (e1 b2 - e2 b1) / (a1 b2 - a2 b1). Triangles count by their area, as far as their u grows anywhere.
+
+    Parameters
+    ----------
+    corners : (n_face, 3, 3) float64
+    uv : (n_face, 3, 2) float64
+    point : (n_face, 3) integers, the points at the corners
+
+    Returns
+    -------
+    (n_point, 3) float64, unit length; zero where nothing is known
+    """
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    (a1, b1), (a2, b2) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
+    along = (e1 * b2[:, None] - e2 * b1[:, None]) * np.sign(a1 * b2 - a2 * b1)[:, None]
+    along = _units(along) * np.linalg.norm(np.cross(e1, e2), axis=1)[:, None]
+    sums = [np.bincount(point.ravel(), np.repeat(along[:, k], 3), n_point) for k in range(3)]
+    return _units(np.stack(sums, axis=1))
+
+
+def _units(vectors) -> np.ndarray:
+    """Vectors (n, 3) at length 1; zero stays zero."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0.0, length, 1.0)
 
 
 def _columns(arrays, dtype, offsets=None) -> np.ndarray:
@@ -159,7 +243,7 @@ def smooth_part(mesh) -> Part:
     else:
         angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
         groups = mesh.smoothing if mesh.crease_angle is None else None
-        corner, source, normals = split_creases(mesh.vertices, mesh.faces, angle, smoothing=groups)
+        corner, source, normals = split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, groups)
     albedo = None if mesh.colors is None else mesh.colors[source, :3]
     if mesh.face_colors is not None and albedo is None:
         colors = np.repeat(mesh.face_colors[:, :3], 3, axis=0)
@@ -225,7 +309,10 @@ def _unique_rows(columns) -> tuple[np.ndarray, np.ndarray]:
 
 @kernel
 def flag_inverted(positions, normals, vertex, out_is_inverted):
-    """Flag the triangles whose corner normals look, on the whole, against their winding."""
+    """Flag the triangles whose corner normals look, on the whole, against their winding.
+
+    Normals at right angles to the triangle, to within 2^-40, agree with it: which way they look is no rounding's to decide.
+    """
     for face in range(np.uint64(vertex.shape[1])):
         a, b, c = vertex[0, face], vertex[1, face], vertex[2, face]
         e1_x, e1_y, e1_z = positions[0, b] - positions[0, a], positions[1, b] - positions[1, a], positions[2, b] - positions[2, a]
@@ -233,15 +320,17 @@ def flag_inverted(positions, normals, vertex, out_is_inverted):
         n_x = normals[0, a] + normals[0, b] + normals[0, c]
         n_y = normals[1, a] + normals[1, b] + normals[1, c]
         n_z = normals[2, a] + normals[2, b] + normals[2, c]
-        agreement = (
-            n_x * (e1_y * e2_z - e1_z * e2_y) + n_y * (e1_z * e2_x - e1_x * e2_z) + n_z * (e1_x * e2_y - e1_y * e2_x)
-        )
-        out_is_inverted[face] = agreement < 0.0
+        c_x, c_y, c_z = e1_y * e2_z - e1_z * e2_y, e1_z * e2_x - e1_x * e2_z, e1_x * e2_y - e1_y * e2_x
+        agreement = n_x * c_x + n_y * c_y + n_z * c_z
+        out_is_inverted[face] = agreement < -LEAST_AGREEMENT * (abs(c_x) + abs(c_y) + abs(c_z))
 
 
 @kernel
 def find_clearance(positions, vertex, x, y, z):
-    """Find a distance that no triangle comes nearer to a point than: through the spheres about their centroids; at least 0."""
+    """Find the distance from a point to the nearest triangle; at least 0.
+
+    Triangles whose sphere about the centroid is further away than one that was found already are left out.
+    """
     least = np.inf
     for face in range(np.uint64(vertex.shape[1])):
         a, b, c = vertex[0, face], vertex[1, face], vertex[2, face]
@@ -253,8 +342,94 @@ def find_clearance(positions, vertex, x, y, z):
             dx, dy, dz = positions[0, i] - center_x, positions[1, i] - center_y, positions[2, i] - center_z
             radius = max(radius, dx * dx + dy * dy + dz * dz)
         dx, dy, dz = x - center_x, y - center_y, z - center_z
-        least = min(least, np.sqrt(dx * dx + dy * dy + dz * dz) - np.sqrt(radius))
+        if np.sqrt(dx * dx + dy * dy + dz * dz) - np.sqrt(radius) < least:
+            least = min(least, triangle_distance(
+                (positions[0, a] - x, positions[1, a] - y, positions[2, a] - z),
+                (positions[0, b] - x, positions[1, b] - y, positions[2, b] - z),
+                (positions[0, c] - x, positions[1, c] - y, positions[2, c] - z),
+            ))  # fmt: skip
     return max(least, 0.0)
+
+
+@kernel
+def find_point_clearance(points, x, y, z):
+    """Find the distance from a place to the nearest of points (3, n)."""
+    least = np.inf
+    for k in range(np.uint64(points.shape[1])):
+        dx, dy, dz = points[0, k] - x, points[1, k] - y, points[2, k] - z
+        least = min(least, dx * dx + dy * dy + dz * dz)
+    return np.sqrt(least)
+
+
+@kernel
+def find_shortest_normal(normals, corner):
+    """Find the least length that a mean of a triangle's corner normals can have, whatever its weights: the distance of the
+    triangle that the normals are the corners of from the origin.
+
+    Corners without a normal don't count: a mean is shorter there, and so is its error. 1 where there are no normals.
+
+    Parameters
+    ----------
+    normals : (3, n) float64, unit length or zero
+    corner : (3, n_face) uint32
+    """
+    least = 1.0
+    for face in range(np.uint64(corner.shape[1])):
+        i, j, k = corner[0, face], corner[1, face], corner[2, face]
+        a = (normals[0, i], normals[1, i], normals[2, i])
+        b = (normals[0, j], normals[1, j], normals[2, j])
+        c = (normals[0, k], normals[1, k], normals[2, k])
+        # A cheap test first: with the least cosine c > 0 nothing is shorter than √((1 + 2 c)/3), see pipeline/records.py.
+        cosine = min(dot3(a, b), dot3(b, c), dot3(c, a))
+        if cosine > 0.0 and (1.0 + 2.0 * cosine) / 3.0 >= least * least:
+            continue
+        a_is, b_is, c_is = dot3(a, a) > 0.0, dot3(b, b) > 0.0, dot3(c, c) > 0.0
+        a = a if a_is else (b if b_is else c)
+        b = b if b_is else a
+        c = c if c_is else a
+        if a_is or b_is or c_is:
+            least = min(least, triangle_distance(a, b, c))
+    return least
+
+
+@helper
+def dot3(a, b):
+    """The dot product of two vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@helper
+def segment_distance(a, b):
+    """The distance of the segment a-b from the origin."""
+    d = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+    square = dot3(d, d)
+    t = min(max(-dot3(a, d) / square, 0.0), 1.0) if square > 0.0 else 0.0
+    p = (a[0] + t * d[0], a[1] + t * d[1], a[2] + t * d[2])
+    return np.sqrt(dot3(p, p))
+
+
+@helper
+def triangle_distance(a, b, c):
+    """The distance of the triangle a-b-c from the origin: that of its plane, if the foot lies inside, else of its nearest side.
+
+    In units of the largest coordinate, so that the fourth powers neither over- nor underflow.
+    """
+    unit = max(abs(a[0]), abs(a[1]), abs(a[2]), abs(b[0]), abs(b[1]), abs(b[2]), abs(c[0]), abs(c[1]), abs(c[2]))
+    if unit == 0.0:
+        return 0.0
+    a, b = (a[0] / unit, a[1] / unit, a[2] / unit), (b[0] / unit, b[1] / unit, b[2] / unit)
+    c = (c[0] / unit, c[1] / unit, c[2] / unit)
+    u, v = (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])
+    normal = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+    square = dot3(normal, normal)
+    least = min(segment_distance(a, b), segment_distance(b, c), segment_distance(c, a))
+    if square > 0.0:
+        # Barycentric weights of the foot: (foot - a) × v · normal, ... with foot - a = -a but for its part along the normal.
+        uv, uu, vv, au, av = dot3(u, v), dot3(u, u), dot3(v, v), -dot3(a, u), -dot3(a, v)
+        at_b, at_c = vv * au - uv * av, uu * av - uv * au
+        if at_b >= 0.0 and at_c >= 0.0 and at_b + at_c <= square:
+            least = min(least, abs(dot3(a, normal)) / np.sqrt(square))
+    return unit * least
 
 
 @kernel

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rasterizer.errors import SceneError
-from rasterizer.scene._check import choice, number, shown, unit3, vector3
+from rasterizer.scene._check import choice, number, place3, shown, unit3, vector3
 from rasterizer.scene.color import linear_rgb
 
 ATTACHMENTS = ("world", "camera")
@@ -137,7 +137,7 @@ class PointLight:
     shadow: Shadow | None = None
 
     def __post_init__(self):
-        object.__setattr__(self, "position", vector3(self.position, "the point light's position"))
+        object.__setattr__(self, "position", place3(self.position, "the point light's position"))
         _check_positional(self, "the point light's")
 
 
@@ -146,8 +146,13 @@ class SpotLight:
     """Light that shines from one point into a cone.
 
     At the angle a from the axis the intensity of a point light is multiplied by (cos a)^exponent, and between
-    the two cones by t² (3 - 2 t) with t = (cos a - cos outer) / (cos inner - cos outer): 1 inside the inner
-    cone, falling smoothly to 0 at the outer one. Where both angles are equal the edge is sharp.
+    the two cones by (t² (3 - 2 t))^falloff with t = (cos a - cos outer) / (cos inner - cos outer): 1 inside the inner
+    cone, falling to 0 at the outer one. Where both angles are equal the edge is sharp.
+
+    Whatever `falloff` is, the light starts to fall smoothly at the inner cone, because t² (3 - 2 t) has no slope at
+    t = 1. Next to the outer one it goes as t^(2 falloff): smoothly above 1/2, in a straight line for 1/2, and below
+    that with a steep edge. So 1 is the usual smooth step, 2 and more draw the light together in the middle, 1/4
+    fills the outer cone nearly to its border.
 
     Parameters
     ----------
@@ -158,6 +163,8 @@ class SpotLight:
         `outer`
     exponent : number, at least 0; 0 = even within the inner cone
     attenuation, attached, amplify, range, shadow : as for PointLight; `attached` holds for position and direction
+    falloff : number above 0, the exponent of the fall between the two cones; below 1/2 the picture is computed in
+        float64
 
     Raises
     ------
@@ -175,9 +182,10 @@ class SpotLight:
     amplify: bool = False
     range: float | None = None
     shadow: Shadow | None = None
+    falloff: float = 1.0
 
     def __post_init__(self):
-        object.__setattr__(self, "position", vector3(self.position, "the spot light's position"))
+        object.__setattr__(self, "position", place3(self.position, "the spot light's position"))
         object.__setattr__(self, "direction", unit3(self.direction, "the spot light's direction"))
         outer = number(self.outer, "the spot light's outer angle")
         if not 0.0 < outer <= 90.0:
@@ -190,7 +198,10 @@ class SpotLight:
         exponent = number(self.exponent, "the spot light's exponent")
         if exponent < 0.0:
             raise SceneError(f"the spot light's exponent must be at least 0; given {shown(self.exponent)}")
-        for name, value in (("inner", inner), ("outer", outer), ("exponent", exponent)):
+        falloff = number(self.falloff, "the spot light's falloff")
+        if falloff <= 0.0:
+            raise SceneError(f"the spot light's falloff must be above 0; given {shown(self.falloff)}")
+        for name, value in (("inner", inner), ("outer", outer), ("exponent", exponent), ("falloff", falloff)):
             object.__setattr__(self, name, value)
         _check_positional(self, "the spot light's")
 
@@ -227,7 +238,10 @@ class AreaLight:
 
     def __post_init__(self):
         for field in ("corner", "edge_u", "edge_v"):
-            object.__setattr__(self, field, vector3(getattr(self, field), f"the area light's {field}"))
+            object.__setattr__(self, field, place3(getattr(self, field), f"the area light's {field}"))
+        for ends in ((0, 1), (1, 0), (1, 1)):
+            end = [c + ends[0] * u + ends[1] * v for c, u, v in zip(self.corner, self.edge_u, self.edge_v, strict=True)]
+            place3(end, "each corner of the area light")
         u, v = (unit3(edge, f"the area light's {name}") for edge, name in ((self.edge_u, "edge_u"), (self.edge_v, "edge_v")))
         # Unit vectors whose cosine is 1 to float64 rounding are parallel.
         if abs(sum(a * b for a, b in zip(u, v, strict=True))) >= 1.0 - 1e-15:

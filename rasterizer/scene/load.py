@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rasterizer.errors import ModelError, SceneError, one_file, shown
+from rasterizer.scene._arrays import fixed
 from rasterizer.scene._files import Folder, read_named
 from rasterizer.scene.gltf import read_gltf
 from rasterizer.scene.mesh import Mesh
@@ -48,6 +49,8 @@ def load(
     lights=None,
     camera=None,
     background=None,
+    depth_cue=None,
+    weighting=None,
     drop_bad_faces=False,
     log=None,
     allow_outside=False,
@@ -68,6 +71,9 @@ def load(
     lights : sequence of lights; None = those of the file (GLB and glTF may have some), else studio lights
     camera : Camera; None = the first of the file, else framed when the picture is made
     background : colour; None = transparent
+    depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
+    weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None = "angle", or as
+        a scene file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
     log : function of one text, called with facts about the file; None = nobody wants them
     allow_outside : bool, read also files outside the folder of the file that names them: textures, buffers, parts of a scene
@@ -92,29 +98,31 @@ def load(
     if log is not None and not callable(log):
         raise SceneError(f"log must be a function of one text, or None; given {shown(log)}")
     log = log or _keep_quiet
-    settings = {"lights": lights, "camera": camera, "background": background, "up": up}
+    settings = {"lights": lights, "camera": camera, "background": background, "depth_cue": depth_cue, "up": up}
     settings = {key: value for key, value in settings.items() if value is not None}
     if isinstance(source, Scene):
-        return _with_changes(source, settings, crease_angle)
+        return _with_changes(source, settings, crease_angle, weighting)
     if is_scene_file(source, format):
-        options = {"crease_angle": crease_angle, "drop_bad_faces": drop_bad_faces, "allow_outside": allow_outside}
+        options = {"crease_angle": crease_angle, "weighting": weighting, "drop_bad_faces": drop_bad_faces}
         with one_file(_name_of(source)):
-            read = read_scene(source, log=log, format=format, files_read=files_read, **options)
+            read = read_scene(source, log=log, format=format, allow_outside=allow_outside, files_read=files_read, **options)
             return _with_changes(read.framed_scene(), settings, None)
     if not _is_file(source):
-        return Scene(_take_meshes(source, crease_angle, drop_bad_faces), **settings)
+        return _with_changes(Scene(_take_meshes(source, crease_angle, drop_bad_faces), **settings), {}, None, weighting)
     files = None
     if isinstance(source, (str, os.PathLike)):
         files = Folder(Path(os.fsdecode(source)).parent, None, allow_outside, files_read)
-    return load_file(source, format, crease_angle, drop_bad_faces, log, files, settings)
+    return load_file(source, format, crease_angle, weighting, drop_bad_faces, log, files, settings)
 
 
-def load_file(source, format=None, crease_angle=None, drop_bad_faces=False, log=None, files=None, settings=None) -> Scene:
+def load_file(
+    source, format=None, crease_angle=None, weighting=None, drop_bad_faces=False, log=None, files=None, settings=None
+) -> Scene:
     """Load a model file, no scene file.
 
     Parameters
     ----------
-    source, format, crease_angle, drop_bad_faces, log : as `load` takes them
+    source, format, crease_angle, weighting, drop_bad_faces, log : as `load` takes them
     files : Folder, which other files may be read; None = by the rules of `_files`
     settings : dict of arguments of Scene
 
@@ -130,7 +138,7 @@ def load_file(source, format=None, crease_angle=None, drop_bad_faces=False, log=
         for key in ("lights", "camera"):
             if getattr(contents, key) is not None:
                 settings.setdefault(key, getattr(contents, key))
-        return Scene(meshes, **settings)
+        return _with_changes(Scene(meshes, **settings), {}, None, weighting)
 
 
 def _name_of(source) -> str:
@@ -143,10 +151,12 @@ def _keep_quiet(_text):
     """Take a fact that nobody wants."""
 
 
-def _with_changes(scene, settings, crease_angle):
+def _with_changes(scene, settings, crease_angle, weighting=None):
     """Return a scene with other settings."""
-    if crease_angle is not None:
-        settings["meshes"] = tuple(replace(mesh, crease_angle=crease_angle) for mesh in scene.meshes)
+    own = {"crease_angle": crease_angle, "weighting": weighting}
+    own = {key: value for key, value in own.items() if value is not None}
+    if own:
+        settings["meshes"] = tuple(replace(mesh, **own) for mesh in scene.meshes)
     return replace(scene, **settings) if settings else scene
 
 
@@ -265,6 +275,8 @@ def _place(model, part, matrix, crease_angle, drop_bad_faces) -> Mesh:
     """Make the mesh of a part, and move it to where its node is."""
     label = f"mesh '{part['name']}': " if part["name"] else ""
     try:
+        # The reader's own arrays, which nobody else has: the mesh needs no copies.
+        part = {key: fixed(value) if isinstance(value, np.ndarray) else value for key, value in part.items()}
         mesh = Mesh(**part, crease_angle=crease_angle, drop_bad_faces=drop_bad_faces)
     except ModelError as fault:
         raise model.error(f"{label}{fault}") from fault

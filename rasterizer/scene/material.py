@@ -6,6 +6,7 @@ What a model reflects from the light direction L to the viewer V, as a BRDF f(L,
     lambert                  yes                yes
     oren-nayar               yes                yes
     cook-torrance            yes                yes, each of its two terms: the matte one is not weakened by 1 - F
+    the same, anisotropic    yes                yes
     phong, blinn             no                 no: the highlight doesn't shrink with N·L
     the same, with W         no                 no
     the same, normalized     yes                yes
@@ -21,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rasterizer.errors import SceneError
-from rasterizer.scene._check import choice, number, shown
+from rasterizer.scene._check import choice, number, shown, unit3
 from rasterizer.scene.color import linear_rgb
 from rasterizer.scene.texture import Texture
 
@@ -57,11 +58,19 @@ class Material:
         (1981, metals and plastics made of microscopic mirrors) or "toon" (few levels, as in a drawing)
     roughness : number within 0..1. "oren-nayar": standard deviation of the facets' slope angle, radians; 0 is
         Lambert. "cook-torrance": Beckmann's m or GGX' alpha, at least 0.001: root mean square slope, or its
-        counterpart. The other models don't use it
+        counterpart. The other models don't use it. Two numbers, for "cook-torrance" with "ggx" only: alpha along the
+        `tangent` and across it, as of brushed metal (Burley 2012; Heitz 2014). Brushed along the tangent, a surface is
+        smooth along it and rough across: (0.05, 0.4). A picture with two different ones is computed in float64
+    tangent : the direction in the surface that two numbers of `roughness` refer to: "u", that in which the texture
+        coordinate u grows, for which the mesh needs `uv`; or three numbers, an axis in the world, projected onto
+        the surface. Where that leaves nothing, because the axis stands upright on the surface, or u grows nowhere,
+        alpha is the geometric mean of the two in all directions
     distribution : "ggx" (Walter et al. 2007) or "beckmann" (1963): how the mirrors of "cook-torrance" are tilted
-    fresnel : number within 0..1, F0 of the specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5 (Schlick
-        1994), by which `specular` is multiplied; θ is the angle of incidence, for "cook-torrance" that on the
-        mirrors. None: W = 1, for "cook-torrance" F0 = 0.04
+    fresnel : F0 of the specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5 (Schlick 1994), by which `specular`
+        is multiplied; θ is the angle of incidence, for "cook-torrance" that on the mirrors. A number within 0..1, or a
+        colour whose components are within 0..1, a `Spectrum` included: W channel by channel, or wavelength by
+        wavelength. W grows from F0 to 1, so `specular` times W never exceeds `specular`. None: W = 1, for "cook-torrance"
+        F0 = 0.04. Stored as a float, or as a linear RGB triple or Spectrum where it isn't grey
     normalized : scale the highlight of "phong" by (n + 2)/2·N·L (Lafortune & Willems 1994), that of "blinn" by
         (n + 2)(n + 4)/(8 (2^(-n/2) + n))·N·L (Giesen 2009; the usual (n + 8)/8 gives up to 7.5 % too much): a
         highlight reflects at most `specular` of the light, whatever the exponent
@@ -87,11 +96,12 @@ class Material:
     opacity: float = 1.0
     texture: Texture | None = None
     reflection: str = "phong"
-    roughness: float = 0.5
+    roughness: object = 0.5
     distribution: str = "ggx"
-    fresnel: float | None = None
+    fresnel: object = None
     normalized: bool = False
     levels: int = 3
+    tangent: object = "u"
     name: str = ""
 
     def __post_init__(self):
@@ -115,18 +125,13 @@ class Material:
 
     def _check_model(self) -> None:
         """Check and normalise the fields that only some of the reflection models read."""
-        roughness = number(self.roughness, "the material's roughness")
-        least = LEAST_ROUGHNESS if self.reflection == "cook-torrance" else 0.0
-        if not least <= roughness <= 1.0:
-            what = f"within {least:g}..1 for {self.reflection!r}"
-            raise SceneError(f"the material's roughness must be {what}; given {self.roughness!r}")
-        object.__setattr__(self, "roughness", roughness)
         choice(self.distribution, DISTRIBUTIONS, "the material's distribution")
-        if self.fresnel is not None:
-            fresnel = number(self.fresnel, "the material's fresnel")
-            if not 0.0 <= fresnel <= 1.0:
-                raise SceneError(f"the material's fresnel must be within 0..1 or None; given {self.fresnel!r}")
-            object.__setattr__(self, "fresnel", fresnel)
+        object.__setattr__(self, "roughness", self._checked_roughness())
+        if not isinstance(self.tangent, str):
+            object.__setattr__(self, "tangent", unit3(self.tangent, "the material's tangent"))
+        elif self.tangent != "u":
+            raise SceneError(f"the material's tangent must be 'u' or three numbers, an axis; given {shown(self.tangent)}")
+        object.__setattr__(self, "fresnel", _checked_fresnel(self.fresnel))
         if not isinstance(self.normalized, (bool, np.bool_)):
             raise SceneError(f"the material's normalized must be True or False; given {shown(self.normalized)}")
         object.__setattr__(self, "normalized", bool(self.normalized))
@@ -135,7 +140,62 @@ class Material:
             raise SceneError(f"the material's levels must be whole, within 1..{MOST_LEVELS}; given {self.levels!r}")
         object.__setattr__(self, "levels", int(levels))
 
+    def _checked_roughness(self):
+        """Return the roughness as a float, or as two that differ."""
+        is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and np.ndim(self.roughness) == 1
+        values = tuple(self.roughness) if is_pair else (self.roughness,)
+        if is_pair and (len(values) != 2 or (self.reflection, self.distribution) != ("cook-torrance", "ggx")):
+            what = "one number, or two (along the tangent and across it) for 'cook-torrance' with 'ggx'"
+            raise SceneError(f"the material's roughness must be {what}; given {shown(self.roughness)}")
+        values = tuple(number(value, "the material's roughness") for value in values)
+        least = LEAST_ROUGHNESS if self.reflection == "cook-torrance" else 0.0
+        if not all(least <= value <= 1.0 for value in values):
+            what = f"within {least:g}..1 for {self.reflection!r}"
+            raise SceneError(f"the material's roughness must be {what}; given {self.roughness!r}")
+        return values[0] if len(set(values)) == 1 else values
+
+    @property
+    def is_anisotropic(self) -> bool:
+        """Whether the highlight depends on a direction in the surface, `tangent`."""
+        return isinstance(self.roughness, tuple) and max(self.specular) > 0.0
+
+    @property
+    def needs_uv(self) -> bool:
+        """Whether the mesh must have texture coordinates."""
+        return self.texture is not None or (self.is_anisotropic and self.tangent == "u")
+
+    @classmethod
+    def named(cls, name, **changes) -> "Material":
+        """Return one of the materials of the classic table: "gold", "jade", "red plastic", ...
+
+        Parameters
+        ----------
+        name : text, one of the names in `rasterizer.scene.named_materials.NAMED_MATERIALS`; the error for another one lists them
+        changes : fields of Material that differ from the table's
+
+        Raises
+        ------
+        SceneError : an unknown name, or a value that is not legal
+        """
+        from rasterizer.scene.named_materials import fields_of  # a table that few scenes need
+
+        return cls(**{"name": name} | fields_of(name) | changes)
+
     @property
     def is_opaque(self) -> bool:
         """Whether nothing is seen through the surface."""
         return self.opacity == 1.0 and (self.texture is None or not self.texture.has_alpha)
+
+
+def _checked_fresnel(value):
+    """Return F0 as a float, as a colour where it isn't grey, or None."""
+    if value is None:
+        return None
+    what = "the material's fresnel"
+    is_number = not isinstance(value, str) and not hasattr(value, "__len__")
+    color = (number(value, what),) * 3 if is_number else linear_rgb(value, what)
+    # A Spectrum's RGB may leave 0..1 though no sample of it does.
+    samples = np.asarray(getattr(color, "values", color))
+    if not (samples.min() >= 0.0 and samples.max() <= 1.0):
+        raise SceneError(f"{what} must be within 0..1 in each component, or None; given {shown(value)}")
+    return color if hasattr(color, "wavelengths") or len(set(color)) > 1 else color[0]

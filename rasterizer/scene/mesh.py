@@ -3,7 +3,8 @@
     in:  arrays as people have them (any real dtype, triangles, quads, ragged polygons)
     out: contiguous read-only arrays: float64 vertices, uint32 triangles, float64 attributes, colours linear
 
-The arrays given are never changed; where they have the right form already they are shared, not copied.
+The arrays given are never changed, and copied: writing into them afterwards doesn't change the mesh. Those of another mesh are
+shared: nobody can write into them.
 """
 
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -13,13 +14,15 @@ import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene import _arrays
-from rasterizer.scene._check import number, shown
+from rasterizer.scene._check import choice, number, shown
 from rasterizer.scene.material import Material
+
+WEIGHTINGS = ("angle", "area", "uniform")  # those of the kernels in _fans.py, which a Mesh doesn't load; a test holds that
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh:
-    """Hold a triangle mesh; polygons with more corners are cut into fans round their first vertex.
+class Mesh(_arrays.KeepsArrays):
+    """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see `polygons.py`.
 
     Parameters
     ----------
@@ -43,6 +46,9 @@ class Mesh:
         their borders
     face_material : (n_face,) integers, index into `materials`, one a triangle, or a polygon as given; stored int32. Needed where
         `materials` are given, and only there
+    weighting : "angle", "area" or "uniform": what the normals of the faces round a vertex count by where they are averaged: the
+        angle of the face's corner (Thürmer & Wüthrich 1998: doesn't depend on how a flat polygon is cut), the face's area,
+        or all alike (Gouraud 1971). Without effect where the normals given are used
     name : text, for reports
     drop_bad_faces : whether to drop the faces that use vertices whose coordinates are not finite, instead of
         raising an error. Those vertices are then moved onto the first good one, and normals that are not
@@ -53,6 +59,10 @@ class Mesh:
     ModelError : shapes and dtypes that don't fit, indices out of range, values that are not finite, no
         vertices, no faces, no face that has an area
     SceneError : a material or crease angle that is not legal
+
+    Warns
+    -----
+    UserWarning : polygons that cross themselves
     """
 
     vertices: np.ndarray
@@ -68,18 +78,20 @@ class Mesh:
     smoothing: np.ndarray | None = None
     materials: tuple[Material, ...] | None = None
     face_material: np.ndarray | None = None
+    weighting: str = "angle"
     name: str = ""
     drop_bad_faces: bool = False
 
     def __post_init__(self):
-        store = partial(object.__setattr__, self)
+        store, given = partial(object.__setattr__, self), dict(self.__dict__)
         store("crease_angle", _checked_crease_angle(self.crease_angle))
+        choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
         store("materials", _checked_materials(self.material, self.materials))
         store("material", self.palette[0])
         if not isinstance(self.name, str):
             raise ModelError(f"a mesh's name must be text; given {shown(self.name)}")
         vertices = _arrays.checked_vertices(self.vertices)
-        faces, polygons = _arrays.triangulate(self.faces, len(vertices))
+        faces, polygons = _arrays.triangulate(self.faces, vertices)
         is_cut = polygons is not None
         if self.polygons is not None:
             if is_cut:
@@ -91,6 +103,9 @@ class Mesh:
         _check_polygon_materials(polygons, attributes["face_material"])
         if self.uv is None and any(material.texture is not None for material in self.palette):
             raise ModelError("a mesh with a texture needs texture coordinates, uv")
+        if self.uv is None and any(material.needs_uv for material in self.palette):
+            what = "a mesh brushed along u (two numbers of roughness, tangent='u')"
+            raise ModelError(f"{what} needs texture coordinates, uv; or give the material's tangent as an axis")
         vertices, keep = _arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
         if keep is not None:
             polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons
@@ -99,7 +114,7 @@ class Mesh:
         _arrays.check_area(vertices, faces)
         attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
         for key, array in attributes.items():
-            store(key, _arrays.read_only(array))
+            store(key, _arrays.kept(array, given[key]))
 
     def _checked_attributes(self, n_vertex: int, faces, cut_from) -> dict[str, np.ndarray | None]:
         """Return what belongs to vertices, corners and faces, checked.
@@ -184,13 +199,13 @@ class Mesh:
         is_used = np.zeros(self.n_vertex, dtype=bool)
         for start in range(0, self.n_face, _arrays.CHUNK):  # numpy would turn all indices into int64 at once
             is_used[self.faces[start : start + _arrays.CHUNK].ravel()] = True
-        return self.vertices if is_used.all() else _arrays.read_only(self.vertices[is_used])
+        return self.vertices if is_used.all() else _arrays.fixed(self.vertices[is_used])
 
     @cached_property
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner (2, 3) float64 of the box round the used vertices, scene units."""
         columns = self.used_vertices.T
-        return _arrays.read_only(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
+        return _arrays.fixed(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
 
     def transformed(self, matrix) -> "Mesh":
         """Return a copy that is moved by an affine matrix.
@@ -210,7 +225,7 @@ class Mesh:
         matrix = _checked_affine(matrix)
         linear = matrix[:3, :3]
         is_mirrored = np.linalg.det(linear) < 0.0
-        changes = {"vertices": self.vertices @ linear.T + matrix[:3, 3]}
+        changes = {"vertices": _arrays.fixed(self.vertices @ linear.T + matrix[:3, 3])}
         if self.normals is not None:
             # the cofactor matrix is the inverse transpose times the determinant; it exists for every matrix
             a, b, c = linear

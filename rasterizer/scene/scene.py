@@ -9,6 +9,7 @@ from rasterizer.errors import SceneError
 from rasterizer.scene._check import AXES, choice, number, picture_size, shown
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.color import linear_rgb
+from rasterizer.scene.depth_cue import DepthCue, checked_cue
 from rasterizer.scene.lights import Light, studio
 from rasterizer.scene.mesh import Mesh
 
@@ -27,11 +28,12 @@ class Scene:
         colours are seen
     camera : Camera; None = framed when the picture's size is known
     background : colour as `linear_rgb` reads it, stored linear; None = transparent
+    depth_cue : DepthCue, or a number, its scale; None = nothing fades with depth
     up : "x", "y", "z", "-x", "-y", "-z": the axis that points upwards where the scene is framed
 
     Raises
     ------
-    SceneError : no meshes, or a light, camera, background or axis that is not legal
+    SceneError : no meshes, or a light, camera, background, depth cue or axis that is not legal
     ModelError : a mesh that is not legal
     """
 
@@ -40,6 +42,7 @@ class Scene:
     camera: Camera | None = None
     background: tuple[float, float, float] | None = None
     _: KW_ONLY
+    depth_cue: DepthCue | None = None
     up: str = "y"
     _framed: dict[float, Camera] = field(init=False, default_factory=dict)
 
@@ -50,6 +53,7 @@ class Scene:
             raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
         if self.background is not None:
             object.__setattr__(self, "background", linear_rgb(self.background, "the background"))
+        object.__setattr__(self, "depth_cue", checked_cue(self.depth_cue))
         choice(self.up, tuple(AXES), "the scene's up")
 
     def __repr__(self) -> str:
@@ -80,7 +84,7 @@ class Scene:
         return read_scene(path).framed_scene()
 
     def save(self, path):
-        """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera and background come back.
+        """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background and depth cue come back.
 
         Arrays are written beside it as NAME.npz and textures as NAME-texture0.png, or into the .npz where they are no 8-bit
         pictures; files of these names are replaced. Each file appears whole or not at all.

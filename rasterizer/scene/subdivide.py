@@ -116,7 +116,7 @@ def _averaged_normals(mesh) -> np.ndarray:
     """
     angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
     groups = mesh.smoothing if mesh.crease_angle is None else None
-    split = split_creases(mesh.vertices, mesh.faces, angle, smoothing=groups)
+    split = split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, groups)
     if len(np.unique(split.source)) < len(split.source):
         return split.normals[split.faces]
     normals = np.zeros_like(mesh.vertices)

@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene._arrays import KeepsArrays, fixed
 from rasterizer.scene._check import choice, shown
 from rasterizer.scene.color import linear_from_srgb_bytes
 
@@ -37,7 +38,7 @@ PICTURE_FAULTS = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Texture:
+class Texture(KeepsArrays):
     """Hold a picture that multiplies a material's diffuse and ambient coefficients.
 
     Parameters
@@ -252,8 +253,7 @@ def _checked_image(image) -> np.ndarray:
                 part[..., 3] = source[..., -1] / 255.0 if is_bytes else source[..., -1]
         if not is_bytes and not (np.isfinite(part).all() and part.min() >= 0.0 and part[..., 3].max() <= 1.0):
             raise SceneError("a texture's image must be finite and at least 0, its alpha within 0..1")
-    out.flags.writeable = False
-    return out
+    return fixed(out)
 
 
 def _halve(level) -> np.ndarray:
