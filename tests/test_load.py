@@ -311,7 +311,7 @@ def test_3mf_objects_that_double_forty_times_are_refused_at_once():
     )
     with pytest.raises(ModelError, match="repeat too many objects"):
         load(threemf(text), format="3mf")
-    with pytest.raises(ModelError, match="would take 2684354"):
+    with pytest.raises(ModelError, match="would take 26843"):
         load(threemf(THREEMF + " " * (MOST_UNPACKED + 10)), format="3mf")
 
 

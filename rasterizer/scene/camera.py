@@ -24,6 +24,7 @@ from rasterizer.errors import SceneError
 from rasterizer.scene import _framing
 from rasterizer.scene._check import AXES, choice, number, picture_size, place3, shown, unit3
 
+MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km
 
 
@@ -213,8 +214,8 @@ class Camera:
         if not 0.0 <= margin < 0.5:
             raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {shown(margin)}")
         aspect = number(aspect, "the aspect (width / height)")
-        if aspect <= 0.0:
-            raise SceneError(f"the aspect (width / height) must be above 0; given {shown(aspect)}")
+        if not 1.0 / MOST_ASPECT <= aspect <= MOST_ASPECT:
+            raise SceneError(f"the aspect (width / height) must be above 0, and within 1/{MOST_ASPECT:g}..{MOST_ASPECT:g}; given {aspect}")
         filled = 1.0 - 2.0 * margin
         if not isinstance(orthographic, (bool, np.bool_)):
             raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")

@@ -344,8 +344,9 @@ def _find_materials(model, text, names) -> dict[str, Material]:
     materials, missing, maps = {}, [], Maps(model.log)
     for line in re.findall(r"\nmtllib +(.*?) *(?=\n)", text):
         # Names with blanks are written like several names.
-        for name in [line] if _library(model, line) else line.split():
-            library = _library(model, name)
+        of_line = _library(model, line)
+        for name in [line] if of_line else line.split():
+            library = of_line or _library(model, name)
             if library is None:
                 missing.append(name)
             else:
