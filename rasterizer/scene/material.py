@@ -165,7 +165,7 @@ class Material:
         return self.texture is not None or (self.is_anisotropic and self.tangent == "u")
 
     @classmethod
-    def named(cls, name, **changes) -> "Material":
+    def named(cls, name, /, **changes) -> "Material":
         """Return one of the materials of the classic table: "gold", "jade", "red plastic", ...
 
         Parameters
