@@ -114,6 +114,9 @@ def _as_keywords(options) -> dict:
 def find_doubts(frame, scene, arguments) -> list[str]:
     """Say what looks like a mistake in a picture, and what to try."""
     if frame.stats.coverage == 0.0:
+        if all(material.opacity == 0.0 for mesh in scene.meshes for material in mesh.palette):
+            names = ", ".join(sorted({f"'{material.name}'" for mesh in scene.meshes for material in mesh.palette})[:5])
+            return [f"the picture is empty: every material is invisible, its opacity is 0: {names}"]
         if frame.stats.faces == frame.stats.culled:
             return ["the picture is empty: all faces are seen from behind; try --cull none"]
         if arguments.eye is not None:

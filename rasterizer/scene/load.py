@@ -30,8 +30,9 @@ from rasterizer.scene.parse import (
     triangle_meshes,
     weld,
 )
+from rasterizer.scene.ply import read_ply
 from rasterizer.scene.scene import Scene
-from rasterizer.scene.soup import read_off, read_ply, read_stl
+from rasterizer.scene.soup import read_off, read_stl
 
 _UP_AXES = {"stl": "z", "3mf": "z"}  # all others: y
 _SPLIT_FORMATS = (
