@@ -37,7 +37,7 @@ def read_ply(model: ModelFile) -> list[Part]:
     if model.data[:3].lower() != b"ply":
         raise model.error("not a PLY file: it does not begin with 'ply'")
     order, elements, start, n_line = read_header(model)
-    read = Text(model, start, n_line) if order == "" else Bytes(model, start, order)
+    read = Text(model, elements, start, n_line) if order == "" else Bytes(model, start, order)
     tables = {}
     for element in elements:
         tables.setdefault(element.name, read.element(element))
@@ -65,7 +65,7 @@ def _make_part(model, elements, tables, line_of) -> list[Part]:
         return []
 
     def place(row):
-        line = line_of(elements.values(), "face", row)
+        line = line_of("face", row)
         return f": face {row}" if line is None else f":{line}: the face"
 
     check_indices(model, corners, counts, len(points), place)

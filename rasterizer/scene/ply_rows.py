@@ -78,14 +78,13 @@ def _promised(model, element, n_found):
 class Text:
     """The rows of an ASCII file, one number after the other, whatever the lines."""
 
-    def __init__(self, model, start, n_line):
-        self.model, self.n_line = model, n_line
+    def __init__(self, model, elements, start, n_line):
+        self.model, self.elements, self.n_line = model, elements, n_line
         self.text = model.data[start:].decode("latin-1")
         self.numbers = numbers_in(self.text, np.float64)
         if self.numbers is None:
             self._name_fault()
         self.at = 0
-        self.lines = {}
 
     def element(self, element) -> dict:
         """Return the columns of the next element by name."""
@@ -132,24 +131,33 @@ class Text:
     def number(self, _type):
         """Return the next number; IndexError where there is none."""
         self.at += 1
+        if self.at > len(self.numbers):
+            raise IndexError
         return self.numbers[self.at - 1]
 
     def several(self, _type, n):
         """Return the next n numbers; IndexError where there are fewer."""
-        if n != int(n) or not 0 <= n <= len(self.numbers) - self.at:
+        if not (0 <= n <= len(self.numbers) - self.at and n == int(n)):  # nan compares as false
             raise IndexError
         self.at += int(n)
         return self.numbers[self.at - int(n) : self.at]
 
-    def line_of(self, elements, name, row) -> int | None:
-        """The number of the line of a row, if every row has a line."""
+    def line_of(self, name, row) -> int | None:
+        """The number of the line of an element's row, if every row has a line."""
         before = 0
-        for element in elements:
+        for element in self.elements:
             if element.name == name:
                 break
             before += element.n_row
         lines = [number for number, line in enumerate(self.text.splitlines(), self.n_line + 1) if line.split()]
         return lines[before + row] if before + row < len(lines) else None
+
+    def fault(self, element, row):
+        """The error for a row that ends too early, or whose list has no legal length."""
+        if self.at >= len(self.numbers):
+            return _promised(self.model, element, row)
+        line = self.line_of(element.name, row)
+        return self.model.error(f"{element.name} {row}: {self.numbers[self.at - 1]:g} is not how long its list is", line)
 
     def _name_fault(self):
         """Raise the error for the first word that is no number."""
@@ -227,9 +235,14 @@ class Bytes:
         self.at += int(n) * kind.itemsize
         return numbers
 
-    def line_of(self, _elements, _name, _row):
+    def line_of(self, _name, _row):
         """A binary file has no lines."""
         return
+
+    def fault(self, element, row):
+        """The error for a row that ends too early."""
+        text = f"binary PLY of another length than its header says: it ends in {element.name} row {row} of {element.n_row}"
+        return self.model.error(text, element.line)
 
 
 def _walk(source, element, even):
@@ -248,10 +261,7 @@ def _walk(source, element, even):
                     lists[each.name][0].append(len(items))
                     lists[each.name][1].append(items)
         except IndexError:
-            if isinstance(source, Text):
-                raise _promised(source.model, element, row) from None
-            text = f"binary PLY of another length than its header says: it ends in {element.name} row {row} of {element.n_row}"
-            raise source.model.error(text, element.line) from None
+            raise source.fault(element, row) from None
     columns = {name: np.array(values) for name, values in scalars.items()}
     return columns | {
         name: List(np.array(counts, np.int64), np.concatenate(items) if items else np.empty(0))

@@ -132,7 +132,7 @@ def read_off(model: ModelFile) -> list[Part]:
     n_vertex, n_face = _off_counts(model, lines)
     rows, face_rows = lines[1 : 1 + n_vertex], lines[1 + n_vertex : 1 + n_vertex + n_face]
     width = 3 + has_w + 3 * has_normal + 3 * has_color + 2 * has_uv
-    table = _off_vertices(model, rows, width, has_color)
+    table = _off_vertices(model, rows, width, width - 2 * has_uv if has_color else None)
     points = table[:, :3] / table[:, 3:4] if has_w else table[:, :3]
     corners, counts, extra = _off_faces(model, face_rows)
 
@@ -176,8 +176,8 @@ def _off_counts(model, lines) -> tuple[int, int]:
     return n_vertex, n_face
 
 
-def _off_vertices(model, rows, width, has_color) -> np.ndarray:
-    """Return the numbers of the vertices, (n, width); a fourth number of a colour, its alpha, is left out."""
+def _off_vertices(model, rows, width, alpha_at) -> np.ndarray:
+    """Return the numbers of the vertices, (n, width); a fourth number of a colour, its alpha, is left out: where it would stand."""
     numbers = numbers_in(" ".join(line for _, line in rows), np.float64) if rows else np.empty(0)
     if numbers is not None and len(numbers) == width * len(rows) and len(rows) and len(rows[0][1].split()) == width:
         lengths = {len(line.split()) for _, line in rows}
@@ -186,9 +186,8 @@ def _off_vertices(model, rows, width, has_color) -> np.ndarray:
     table = np.empty((len(rows), width))
     for k, (number, line) in enumerate(rows):
         words = line.split()
-        if has_color and len(words) == width + 1:
-            at = width - 2 if width in (8, 11) else width  # of the alpha: behind it are the texture coordinates
-            del words[at]
+        if alpha_at is not None and len(words) == width + 1:
+            del words[alpha_at]
         found = numbers_in(" ".join(words[:width]), np.float64)
         if found is None or len(found) < width:
             raise model.error(f"'{line.strip()[:60]}' is not a vertex of {width} numbers", number)
