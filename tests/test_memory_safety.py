@@ -20,7 +20,7 @@ from rasterizer.pipeline.setup import Faces, find_visible
 from rasterizer.pipeline.transform import Vertices
 from rasterizer.pipeline.workers import Workers
 
-N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", "400"))
+N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", "1600"))
 NASTY = (0.0, -0.0, 1.0, -1.0, 0.5, 1e-300, -1e-300, 5e-324, 1e300, -1e300, 1.7e308, -1.7e308, 2.0**53, 2.0**63, -(2.0**63), 2.0**64)
 NUMBERS = (*NASTY, np.inf, -np.inf, np.nan, np.nextafter(1.0, 2), np.nextafter(1.0, 0), -1e-17, 1e16 + 2, 4294967296.5)
 FILTERS, WRAPS = ("nearest", "bilinear", "trilinear"), ("repeat", "clamp", "mirror")
