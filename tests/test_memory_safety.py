@@ -8,6 +8,7 @@ a wrong index is an IndexError. RASTERIZER_FUZZ_CASES is the number of random sc
 import os
 import warnings
 
+import numba
 import numpy as np
 import pytest
 from pinhole import QUAD, SHADINGS, layer, sheet_camera
@@ -15,9 +16,9 @@ from raster import GREY
 
 import rasterizer as rz
 from rasterizer.errors import RasterizerError
-from rasterizer.pipeline import texture
+from rasterizer.pipeline import clip, texture
 from rasterizer.pipeline.setup import Faces, find_visible
-from rasterizer.pipeline.transform import Vertices
+from rasterizer.pipeline.transform import Screen, Vertices
 from rasterizer.pipeline.workers import Workers
 
 N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", "1600"))
@@ -80,6 +81,22 @@ def test_more_bands_than_sixteen_bits_can_count():
     (visible,) = find_visible(faces, vertices, 8, height, 1, False, workers)
     assert visible.last_band.max() == height - 1 and len(visible.face) == 2
     assert visible.histogram.sum() == sum(visible.last_band.astype(int) - visible.first_band + 1)
+
+
+@pytest.mark.parametrize("n", [3, 4, 6, 9, 13, 19])
+def test_a_polygon_that_zigzags_through_a_plane_finds_room(n):
+    """Slivers that rounding has bent: every corner lies on the other side than the one before."""
+    polygon, out = np.zeros((n, clip.N_COLUMN)), np.full((clip.ROOM + 1, clip.N_COLUMN), np.nan)
+    polygon[:, clip.W] = [1.0, -1.0, 1.0][:n] if n == 3 else np.where(np.arange(n) % 2, -1.0, 1.0)
+    screen = Screen(*np.eye(4)[:, :3], 1.0, 1.0, 0.0, 0.0, 0.0, np.inf, 0.0, 1.0, True)
+    n_out = clip_once(polygon, n, screen, out)
+    assert n_out <= 3 * n // 2 <= clip.ROOM and np.isnan(out[n_out:]).all() and not np.isnan(out[:n_out]).any()
+
+
+@numba.njit
+def clip_once(polygon, n, screen, out):
+    """The helper in compiled code, as the pipeline has it; at the near plane."""
+    return clip.clip_polygon(polygon, n, 0, screen, clip.GUARD, out)
 
 
 # ── random scenes, every number of which may be extreme ─────────────────────────────────────────────────

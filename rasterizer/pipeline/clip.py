@@ -18,6 +18,9 @@ from .transform import LIMIT_PX, OUTSIDE, SUBPIXEL, Vertices
 N_PLANE = 6
 GUARD = (-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))  # px
 MOST_CORNERS = 3 + N_PLANE  # each plane adds at most one corner to a convex polygon
+# Rounding may bend a sliver, and then more than two edges cross a plane: of n corners with m inside, m and one for each crossing
+# are left, m + 2 min(m, n - m) <= 3 n / 2. Six times from a triangle on: 4, 6, 9, 13, 19, 28.
+ROOM = 28
 # A corner while it is clipped: distance along the viewing axis, along right and up (scene units), shares of the three vertices.
 W, ACROSS, UPWARD, SHARE = 0, 1, 2, 3
 N_COLUMN = 6
@@ -126,7 +129,7 @@ def is_beyond(corners, screen, limits):
 @kernel
 def clip_faces(positions, vertex, faces, screen, out_triangles, out_face):
     """Clip the triangles `faces`; write what is left of each as a fan of triangles; return how many."""
-    polygon, scratch = np.empty((MOST_CORNERS + 1, N_COLUMN)), np.empty((MOST_CORNERS + 1, N_COLUMN))
+    polygon, scratch = np.empty((ROOM, N_COLUMN)), np.empty((ROOM, N_COLUMN))
     n_out = np.uint64(0)
     for face in faces:
         take_triangle(positions, vertex, face, screen, polygon)
@@ -134,7 +137,7 @@ def clip_faces(positions, vertex, faces, screen, out_triangles, out_face):
         for plane in range(N_PLANE):
             n = clip_polygon(polygon, n, plane, screen, GUARD, scratch)
             polygon, scratch = scratch, polygon
-        for k in range(np.uint64(2), np.uint64(max(n, 2))):
+        for k in range(np.uint64(2), np.uint64(min(max(n, 2), MOST_CORNERS))):
             for column in range(np.uint64(N_COLUMN)):
                 out_triangles[n_out, 0, column] = polygon[0, column]
                 out_triangles[n_out, 1, column] = polygon[k - np.uint64(1), column]
@@ -150,7 +153,7 @@ def find_nearest(positions, vertex, screen, width, height):
 
     For a camera inside the scene: what is behind it or beside the picture says nothing about the depths that are seen.
     """
-    polygon, scratch = np.empty((MOST_CORNERS + 1, N_COLUMN)), np.empty((MOST_CORNERS + 1, N_COLUMN))
+    polygon, scratch = np.empty((ROOM, N_COLUMN)), np.empty((ROOM, N_COLUMN))
     limits = (0.0, float(width), 0.0, float(height))
     nearest = np.inf
     for face in range(np.uint64(vertex.shape[1])):
