@@ -48,10 +48,10 @@ def test_any_real_vertices(dtype):
     assert np.array_equal(Mesh(SQUARE.astype(dtype), TWO).vertices, SQUARE)
 
 
-def test_arrays_are_shared_read_only_and_the_callers_stay_writable():
+def test_arrays_are_copied_read_only_and_the_callers_stay_writable():
     vertices, faces, normals = SQUARE.copy(), TWO.astype(np.uint32), np.full((4, 3), 2.0)
     mesh = Mesh(vertices, faces, normals, face_colors=np.ones((2, 3)))
-    assert np.shares_memory(mesh.vertices, vertices) and np.shares_memory(mesh.faces, faces)
+    assert not np.shares_memory(mesh.vertices, vertices) and not np.shares_memory(mesh.faces, faces)
     for field in ("vertices", "faces", "normals", "face_colors", "bounds", "used_vertices"):
         with pytest.raises(ValueError, match="read-only"):
             getattr(mesh, field)[0] = 0
