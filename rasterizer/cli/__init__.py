@@ -28,15 +28,27 @@ def main(argv=None) -> int:
     -------
     int, the exit code; `--help` and `--version` raise SystemExit, as argparse does
     """
-    try:
-        code = _guarded(sys.argv[1:] if argv is None else argv)
-    except KeyboardInterrupt:
-        code = _interrupted()
-    if argv is None:
-        import signal
+    if argv is not None:
+        return _run_to_the_end(argv, [])
+    import signal
 
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process ends: nothing is left to interrupt
+    interrupts = []
+
+    def interrupt(*_):
+        interrupts.append(True)  # libraries may make another error of it while they are imported
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    code = _run_to_the_end(sys.argv[1:], interrupts)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process ends: nothing is left to interrupt
     return code
+
+
+def _run_to_the_end(argv, interrupts) -> int:
+    try:
+        return _guarded(argv, interrupts)
+    except KeyboardInterrupt:
+        return _interrupted()
 
 
 def _interrupted() -> int:
@@ -45,7 +57,7 @@ def _interrupted() -> int:
     return INTERRUPTED
 
 
-def _guarded(argv) -> int:
+def _guarded(argv, interrupts) -> int:
     """Run the command, and say what went wrong."""
     from ..errors import RasterizerError
     from .arguments import parse
@@ -67,20 +79,13 @@ def _guarded(argv) -> int:
         messages.error(error)
         return exit_code(error)
     except Exception as error:
-        if _is_interrupt(error):
+        if interrupts:
             return _interrupted()
         from ..errors import internal_error
 
         messages.error(internal_error("command line", error))
         messages.traceback(error)
         return SOME_FAILED
-
-
-def _is_interrupt(error) -> bool:
-    """Tell whether an error came of an interrupt, which libraries may turn into another error while they are imported."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
 
 
 def exit_code(error) -> int:

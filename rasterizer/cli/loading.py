@@ -1,5 +1,6 @@
 """Models and scene files as the arguments want them: lights, materials, shadows, finer meshes."""
 
+import os
 import sys
 import warnings
 from copy import copy
@@ -146,9 +147,9 @@ def _read_stdin() -> bytes:
 def _checked_path(model, input_format) -> str:
     """Refuse, in the command line's own words, a folder and a name that doesn't tell its format."""
     path = Path(model)
-    if path.is_dir():
+    if os.path.isdir(path):
         raise ModelError(f"{model}: is a folder; give the models in it, e.g. '{path / '*.stl'}'")
-    if input_format is None and not path.suffix and path.exists():
+    if input_format is None and not path.suffix and os.path.exists(path):
         raise ModelError(f"{model}: the format is unknown without a suffix; give --input-format")
     return model
 

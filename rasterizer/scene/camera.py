@@ -24,6 +24,7 @@ from rasterizer.errors import SceneError
 from rasterizer.scene import _framing
 from rasterizer.scene._check import AXES, choice, number, picture_size, place3, shown, unit3
 
+MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km
 
 
@@ -61,10 +62,10 @@ class Camera:
     fov : vertical field of view in degrees, between 0 and 180; None for an orthographic camera
     height : scene units that the picture is high, above 0; None for a perspective camera
     near, far : distances along the view, scene units; None = fitted to the scene, near to 2^-20 of the furthest
-        distance at least. near > 0 for a perspective camera, near < far. What is nearer or further is clipped;
-        nothing else depends on them, but that a near below 2^-30 of the furthest distance counts as there.
-        Surfaces at the distance w are told apart that are 2^-38 · w/n of it from each other, n the nearest
-        distance that is seen
+        distance at least. near > 0 for a perspective camera, near < far. What is nearer or further is clipped,
+        and nothing else depends on them. With perspective, surfaces at the distance w are told apart that are
+        2^-38 · w/n of it from each other, n the nearest distance that is seen; what is further than 2^40 n is
+        clipped
     intrinsics : (fx, fy, cx, cy) of an OpenCV calibration, pixels of `size`; `fov` is then taken from fy
     size : (width, height) in pixels of the pictures that `intrinsics` belong to; None without intrinsics
 
@@ -213,8 +214,8 @@ class Camera:
         if not 0.0 <= margin < 0.5:
             raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {shown(margin)}")
         aspect = number(aspect, "the aspect (width / height)")
-        if aspect <= 0.0:
-            raise SceneError(f"the aspect (width / height) must be above 0; given {shown(aspect)}")
+        if not 1.0 / MOST_ASPECT <= aspect <= MOST_ASPECT:
+            raise SceneError(f"the aspect (width / height) must be above 0, and within 1/{MOST_ASPECT:g}..{MOST_ASPECT:g}; given {aspect}")
         filled = 1.0 - 2.0 * margin
         if not isinstance(orthographic, (bool, np.bool_)):
             raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")

@@ -160,7 +160,8 @@ def _read(source) -> tuple[str, bytes, Path]:
     except FileNotFoundError:
         raise ModelError(f"{path}: no such file") from None
     except (OSError, ValueError, TypeError) as fault:
-        raise ModelError(f"{source}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
+        what = source if isinstance(source, (str, os.PathLike)) else shown(source)
+        raise ModelError(f"{what}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
 
 
 def _parse(data, format, name):

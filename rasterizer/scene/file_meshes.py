@@ -83,6 +83,7 @@ def _load_once(path, entry, crease_angle, weighting, context):
         if context.n_copy > MOST_COPIES:
             raise entry.fault(f"this model has been used so often that it makes more than {MOST_COPIES} triangles", ModelError)
         return scene
+    context.files.read.append(str(path))
     settings = {"drop_bad_faces": context.drop_bad_faces, "log": context.log, "files": context.files.below(path.parent)}
     settings |= {"crease_angle": crease_angle, "weighting": weighting}
     context.models[key] = entry.call(load_file, path, **settings)

@@ -28,8 +28,9 @@ from rasterizer.scene.parse import (
     materials_of,
     weld,
 )
+from rasterizer.scene.ply import read_ply
 from rasterizer.scene.scene import Scene
-from rasterizer.scene.soup import read_off, read_ply, read_stl
+from rasterizer.scene.soup import read_off, read_stl
 from rasterizer.scene.threemf import read_3mf
 
 _UP_AXES = {"stl": "z", "3mf": "z"}  # all others: y
@@ -199,7 +200,7 @@ def _read_stream(stream):
         data = data.encode("utf-8", "surrogateescape")
     if not isinstance(data, (bytes, bytearray)):
         raise ModelError(f"{label}: reading the file object gives {type(data).__name__}, not bytes or text")
-    return label, path.parent if path and path.is_file() else None, bytes(data)
+    return label, path.parent if path and os.path.isfile(path) else None, bytes(data)
 
 
 def _read_path(path) -> bytes:
@@ -225,7 +226,7 @@ def _format_of(name, format) -> str:
     legal = ", ".join(_READERS)
     if wanted:
         raise ModelError(f"{name}: unknown format '{wanted}'; readable are {legal}")
-    if format is None and Path(name).is_dir():
+    if format is None and os.path.isdir(name):
         raise ModelError(f"{name}: a folder, not a model")
     raise ModelError(f"{name}: the format is unknown without a suffix; give format=, one of {legal}")
 

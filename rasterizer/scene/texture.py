@@ -164,7 +164,7 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
                 _check_size(picture, name, budget)
                 with _silenced() if picture.format == "TIFF" else nullcontext():
                     return _pixels_of(picture)
-    except ModelError:
+    except (ModelError, SceneError):
         raise
     except Image.UnidentifiedImageError as fault:
         raise ModelError(f"{name}: can't be read as a picture: is none of {', '.join(FORMATS)}") from fault
