@@ -92,6 +92,7 @@ def _render_model(targets, arguments, settings, messages) -> None:
             _write(frame, target.output, options.outputs[0])
             seconds, start = perf_counter() - start, perf_counter()
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
+            messages.detail(f"{target.model}: {describe_bound(frame.stats)}")
             if arguments.json:
                 record = _record(target, frame, scene, seconds, of_model + doubts)
                 print_record(record, target.output == STDIO)
@@ -131,6 +132,12 @@ def find_doubts(frame, scene, arguments) -> list[str]:
     if frame.has("rgb") and scene.background is None and not frame.rgb.any():
         return ["the picture is black: no light reaches what is seen; try --preset headlight"]
     return []
+
+
+def describe_bound(stats) -> str:
+    """Say how far a picture may be off, and next to what it may be further off."""
+    steps = "".join(f"; without bound next to a step: {cause} (within {near:.1g}, {unit})" for cause, near, unit in stats.steps)
+    return f"errors are at most {stats.error_bound:.2g} in linear intensity{steps}"
 
 
 def _write(frame, output, array) -> None:
