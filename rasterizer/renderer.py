@@ -1,5 +1,6 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
+import math
 from dataclasses import fields
 from time import perf_counter
 
@@ -51,8 +52,11 @@ class Renderer:
         self.options = Options(size=size, **options)
         self._geometry = gather_geometry(self.scene, self.options.is_flat)
         self._plan = make_plan(self.scene, self.options, self._geometry.albedo)
-        self._precise_plan = None
+        self._precise_plan = self._last_plan = None
         self._clearances = {}
+        if not np.isfinite(self._plan.bound):
+            clearances = self._lasting_clearances()
+            self._plan = make_plan(self.scene, self.options, self._geometry.albedo, clearances=clearances)
         self._shortest = 1.0
         if self._plan.is_lit_per_sample and self._plan.reflected.turned > 0.0:
             self._shortest = find_shortest_normal(self._geometry.normals, self._geometry.corner)
@@ -123,7 +127,7 @@ class Renderer:
         """Draw the picture: the colour of every pixel."""
         options, geometry = self.options, self._geometry
         view, screen = self._screen(camera, options.factor)
-        plan, surroundings = self._plan_for(view, screen)
+        plan, error_bound, steps = self._plan_for(view, screen)
         maps, shapes = (), np.empty((0, 5))
         if self._shadows is not None:
             maps = self._shadows.draw(view, self._scratch, self._workers)
@@ -145,7 +149,7 @@ class Renderer:
             encoding = encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
-        return counts, error_bound_of(plan, options.tolerance, surroundings), list_steps(plan, surroundings)
+        return counts, error_bound, steps
 
     def _light_points(self, plan, lighting, screen) -> np.ndarray:
         """Intensities of the points, (n_side, n_point, n_channel); with textures, those of a black surface in front of them,
@@ -166,40 +170,61 @@ class Renderer:
         return fill_centers(np.concatenate([rest, light_all(geometry), uv], axis=2), geometry.centers, self._workers)
 
     def _plan_for(self, view, screen):
-        """The plan, or one with float64 where float32 has too few digits for this view, and what was found out about the view."""
-        furthest = float(np.linalg.norm(np.abs(self._bounds - view.eye).max(axis=(0, 1))))
-        surroundings = Surroundings(furthest, self._find_clearances(view, screen), self._shortest, self._plan.is_lit_per_sample)
-        plan = self._plan
-        if plan.dtype == np.float64:
-            return plan, surroundings
-        if not fits_float32(plan, self.options.tolerance, surroundings):
-            if self._precise_plan is None:
-                self._precise_plan = make_plan(self.scene, self.options, self._geometry.albedo, is_precise=True)
-            return self._precise_plan, surroundings
-        return plan._replace(rounding=rounding_of(plan, surroundings)), surroundings
+        """The plan, or one with float64 where float32 has too few digits for this view; its error bound and its steps.
 
-    def _find_clearances(self, view, screen) -> np.ndarray:
-        """For each light a distance that no lit point comes nearer to it than: a vertex or centroid, or a sample's point.
+        What was found for the view before is kept, as it usually holds for the next one.
+        """
+        furthest = math.sqrt(sum(side * side for side in np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()))
+        surroundings = self._find_surroundings(view, screen, furthest).rounded()
+        key = surroundings.furthest, surroundings.clearances.tobytes()
+        if self._last_plan is None or self._last_plan[0] != key:
+            plan, tolerance = self._plan, self.options.tolerance
+            if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings):
+                plan = plan._replace(rounding=rounding_of(plan, surroundings))
+            elif plan.dtype == np.float32:
+                if self._precise_plan is None:
+                    self._precise_plan = make_plan(self.scene, self.options, self._geometry.albedo, is_precise=True)
+                plan = self._precise_plan
+            self._last_plan = key, plan, error_bound_of(plan, tolerance, surroundings), list_steps(plan, surroundings)
+        return self._last_plan[1:]
 
+    def _lasting_clearances(self) -> np.ndarray:
+        """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that moves with
+        the camera."""
+        lengths = []
+        for light in self._plan.lights:
+            if isinstance(light, DirectionalLight) or light.attached == "camera":
+                lengths.append(np.inf if isinstance(light, DirectionalLight) else 0.0)
+            else:
+                lengths.append(0.5 * self._clearance_of(light.position))
+        return np.array(lengths)
+
+    def _clearance_of(self, place) -> float:
+        """How near the lit points come to a place: surfaces in Phong's method, else vertices or centroids."""
+        if self._plan.is_lit_per_sample:
+            return find_clearance(self._geometry.positions, self._geometry.vertex, *map(float, place))
+        return find_point_clearance(self._geometry.points, *map(float, place))
+
+    def _find_surroundings(self, view, screen, furthest) -> Surroundings:
+        """What this view says about the places of lights and surfaces.
+
+        No lit point comes nearer to a light than its clearance: no vertex or centroid, or no sample's point.
         A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its depth.
         """
-        geometry, lights = self._geometry, self._plan.lights
+        lights = self._plan.lights
         places = [None if isinstance(light, DirectionalLight) else world_position(light, view) for light in lights]
         kept, self._clearances = self._clearances, {}
         for place in places:
             if place is not None and (key := tuple(place.tolist())) not in self._clearances:
                 found = kept.get(key)
-                if found is None and self._plan.is_lit_per_sample:
-                    found = find_clearance(geometry.positions, geometry.vertex, *map(float, place))
-                elif found is None:
-                    found = find_point_clearance(geometry.points, *map(float, place))
-                self._clearances[key] = found
+                self._clearances[key] = self._clearance_of(place) if found is None else found
         beside = 0.0
         if self._plan.is_lit_per_sample:
-            deepest = np.linalg.norm(np.abs(self._bounds - view.eye).max(axis=(0, 1))) if screen.is_perspective else 1.0
-            beside = deepest * np.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
+            deepest = furthest if screen.is_perspective else 1.0
+            beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
         distances = [np.inf if place is None else self._clearances[tuple(place.tolist())] - beside for place in places]
-        return np.maximum(np.array(distances, float), 0.0)
+        distances = np.maximum(np.array(distances, float), 0.0)
+        return Surroundings(furthest, distances, self._shortest, self._plan.is_lit_per_sample)
 
     def _draw_buffers(self, camera, buffers, clock):
         """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes them."""

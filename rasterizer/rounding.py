@@ -20,6 +20,7 @@ and its direction by u, beside what was rounded before:
     h^n with n < 1 is steep at 0 without limit, but |(h + e)^n - h^n| <= e^n, so that is taken; such scenes are drawn in float64
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -82,6 +83,16 @@ class Surroundings(NamedTuple):
     clearances: np.ndarray  # (n_light,): distance that no lit point comes nearer to a light than; inf for a directional one
     shortest: float  # the least length of a normal that is interpolated; 1 where none is
     is_lit_per_sample: bool
+
+    def rounded(self) -> "Surroundings":
+        """The same, lengths rounded to an eighth of an octave, to the unsafe side; without lights that have a place the furthest
+        point counts only as far as its square may leave float32. So a camera that moves finds much the same again."""
+        with np.errstate(divide="ignore"):
+            clearances = np.exp2(np.floor(8.0 * np.log2(self.clearances)) / 8.0)
+        furthest = 2.0 ** (math.ceil(8.0 * math.log2(self.furthest)) / 8.0) if self.furthest > 0.0 else 0.0
+        if np.isinf(clearances).all() and 2.0**-30 < furthest < 2.0**50:
+            furthest = 1.0
+        return self._replace(furthest=furthest, clearances=clearances)
 
     def kept(self) -> "Surroundings":
         """The same without points that lie on a light, and normals that vanish: next to these nothing is bounded."""
