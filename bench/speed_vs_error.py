@@ -35,7 +35,7 @@ COLUMNS = [
     ("ns/px", "ns_pixel", ".2f"),
     ("max err", "max", ".1e"), ("rms err", "rms", ".1e"), ("/bound", "of_bound", ".3f"),
     ("levels", "levels", "d"),
-    ("over 1", "over_1", "d"), ("other px", "other", "d"),
+    ("over 1", "over_1", "d"), ("other px", "other", "d"), ("1/256 px", "vertices", ".1e"),
     ("| true max", "true_max", ".1e"), ("true rms", "true_rms", ".1e"), ("over 1", "true_over_1", ".0%"),
     ("silhouette", "silhouette", "d"),
 ]  # fmt: skip
@@ -87,6 +87,7 @@ def measure_group(scene, shading, samples, args):
     settings = {"shading": shading, "samples": samples, "cull": args.cull}
     times, covered = time_tolerances(scene, settings, args)
     judge = reference.render(scene, args.size, **settings)
+    vertices = error_of_vertices(judge, reference.render(scene, args.size, **settings, rounded=False))
     is_clear = margins.clear_pixels(
         scene, args.size, samples, lambda grid: reference.render(scene, grid, **settings | {"samples": 1})
     )
@@ -101,7 +102,7 @@ def measure_group(scene, shading, samples, args):
         row = {"shading": shading, "samples": samples, "tolerance": text, "ms": times[text],
                "speed": slowest / times[text], "ns_triangle": 1e6 * times[text] / scene.n_face,
                "ns_pixel": 1e6 * times[text] * samples / max(covered, 1)}  # fmt: skip
-        row |= compare_with_reference(frame, judge, is_clear)
+        row |= compare_with_reference(frame, judge, is_clear) | {"vertices": vertices}
         if truth is not None:
             diagonal = float(np.linalg.norm(np.diff(scene.bounds, axis=0)))
             row |= compare_with_surface(frame, truth, samples, OTHER_DEPTH * diagonal)
@@ -138,6 +139,14 @@ def compare_with_reference(frame, judge, is_clear) -> dict:
     return {"max": largest, "rms": _rms(error), "bound": frame.stats.error_bound,
             "of_bound": largest / frame.stats.error_bound, "levels": int(levels.max(initial=0)),
             "over_1": int((levels > 1).sum()), "other": int(is_other.sum())}  # fmt: skip
+
+
+def error_of_vertices(judge, unrounded) -> float:
+    """What the rounding of vertices to 1/256 px does to colours, at most: the reference as it is against the reference whose
+    colours are those of the polygons as they are, with the same coverage. Pixels whose centres show other faces are left out.
+    """
+    is_same = (judge.face == unrounded.face) & (np.abs(judge.alpha - unrounded.alpha) <= 1e-6)
+    return float(np.abs(judge.color - unrounded.color)[is_same].max(initial=0.0))
 
 
 def compare_with_surface(frame, truth, samples, other_depth) -> dict:

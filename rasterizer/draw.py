@@ -103,7 +103,7 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
         clipped = clip(geometry.positions, *polygons[:2], vertices, screen)
         vertices, planes, n_clipped = clipped.vertices, clipped.planes, clipped.n_clipped
         loaded_face = geometry.face[clipped.face] if len(geometry.face) else clipped.face
-        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[clipped.face], clipped.cut)
+        polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[clipped.face], clipped.cut, clipped.ends)
         table = table.of_parts(clipped.face)
         clock.lap("clip")
     if polygons.vertex.shape[1] > MOST_FACES:

@@ -88,13 +88,14 @@ def test_speed_vs_error(capsys):
     rows = record_of(capsys, "speed_vs_error")["rows"]
     assert len(rows) == 8
     always = {"model", "shading", "samples", "tolerance", "ms", "speed", "ns_triangle", "ns_pixel", "max", "rms", "bound",
-              "of_bound", "levels", "over_1", "other"}  # fmt: skip
+              "of_bound", "levels", "over_1", "other", "vertices"}  # fmt: skip
     for row in rows:
         against_surface = (
             {"true_max", "true_rms", "true_over_1", "silhouette"} if row["model"] == "torus" else set()
         )
         assert set(row) == always | against_surface
         assert row["rms"] <= row["max"] <= row["bound"], row
+        assert 0 < row["vertices"] < 0.01, row
 
 
 @pytest.mark.parametrize("seed", [12, 21, 22])

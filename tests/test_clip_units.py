@@ -63,3 +63,14 @@ def test_the_scene_s_box_decides_how_near_the_fitted_near_plane_is():
         mesh = rz.Mesh(points, np.arange(12).reshape(-1, 3))
         scene = rz.Scene([mesh], [rz.DirectionalLight((-0.3, -0.5, -0.8))], rz.Camera.perspective((0, 0, 0), (0, 0, -1)))
         compare(scene, (24, 18), shading="flat", tolerance=0)
+
+
+@pytest.mark.parametrize("seed", [*range(100), 121, 1315, 1475])
+def test_order_next_to_clipped_faces_is_that_of_their_planes(seed):
+    """Soups round the eye in small pictures, where faces are steep: rounding their corners must not tilt the planes of depth."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(0, 1, (24, 3)) * 10 ** rng.uniform(-1, 1.5)
+    fov, near = rng.uniform(40, 140), None if seed % 2 else 10 ** rng.uniform(-4, -1)
+    camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=fov, near=near)
+    scene = rz.Scene([rz.Mesh(points, np.arange(24).reshape(-1, 3))], [rz.AmbientLight(1.0)], camera)
+    compare(scene, (16, 12), shading="flat", tolerance=0)

@@ -13,7 +13,7 @@ import numpy as np
 
 from .._kernel import borrow, helper
 from .setup import first_sample
-from .transform import HALF, SUBPIXEL
+from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
 
 BLOCK = 64
 
@@ -31,20 +31,26 @@ N_INT = 21
 DEPTH, DEPTH_X, DEPTH_Y = (np.uint64(BLOCK * k) for k in range(3))
 LEVEL = np.uint64(BLOCK * 3)
 N_LONG = 3 + 9
-# Rows of float64: depths; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor, in samples;
-# attributes at vertex 0, 1, 2, one after the other; planes of attributes, see records.py.
+# Rows of float64: depths; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor, in samples; the
+# range of depths that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other; planes of attributes,
+# see records.py.
 Z0, Z1, Z2 = (np.uint64(BLOCK * k) for k in range(3))
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = (np.uint64(BLOCK * k) for k in range(3, 7))
 OFFSET_X, OFFSET_Y = (np.uint64(BLOCK * k) for k in range(7, 9))
-ATTRIBUTE0, MOST_ATTRIBUTES = np.uint64(BLOCK * 9), 11
-PLANE0, MOST_PLANES = np.uint64(BLOCK * (9 + 3 * MOST_ATTRIBUTES)), 7
+LEAST_Z, LARGEST_Z = (np.uint64(BLOCK * k) for k in range(9, 11))
+ATTRIBUTE0, MOST_ATTRIBUTES = np.uint64(BLOCK * 11), 11
+PLANE0, MOST_PLANES = np.uint64(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 7
 DISTANCE_PLANE = MOST_PLANES - 1
-N_REAL = 9 + 3 * MOST_ATTRIBUTES + 3 * MOST_PLANES
+N_REAL = 11 + 3 * MOST_ATTRIBUTES + 3 * MOST_PLANES
 NEXT = np.uint64(BLOCK)
 
 # Planes are good while box area / triangle area stays below this: a coefficient is at most 2^DEPTH_BITS · 2^20 < 2^63 and its
 # float64 rounding error at most 2^(38 + 20 - 53) units a box, a 2^33rd of the depth range. Slivers beyond are done exactly.
 MAX_ELONGATION = 2.0**20
+# A part of a clipped face has the plane of the whole face, but its corners are rounded to 1/256 px: a sample in it lies up to
+# 1/512 px outside the face, along either axis, and the plane leaves the face's range of depths by up to its slope over 512 there.
+# Where that is more than half the room at the ends of the z-buffer, depth is found at every sample, and kept within the range.
+MAX_CUT_SLOPE = DEPTH_MARGIN / 2 * (2 * SUBPIXEL)
 MAX_SLOPE = 2.0**60  # of depth, a sample: steeper ones would leave 64 bits; a triangle that reaches far out of the picture may
 
 
@@ -68,14 +74,16 @@ class Polygons(NamedTuple):
     corner: np.ndarray  # (3, n) uint32, into the attributes
     is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
     cut: np.ndarray = np.empty(0, np.int32)  # (n,) int32, see clip.Clipped; empty where no face was clipped
+    ends: np.ndarray = np.empty((0, 2))  # (n_cut, 2) float64, as there
 
 
 @helper
 def borrow_polygons(polygons):
     """The triangles as arrays that count no references."""
     return Polygons(
-        borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted), borrow(polygons.cut)
-    )
+        borrow(polygons.vertex), borrow(polygons.corner), borrow(polygons.is_inverted), borrow(polygons.cut),
+        borrow(polygons.ends),
+    )  # fmt: skip
 
 
 @helper
@@ -93,7 +101,12 @@ def gather_vertices(faces, polygons, vertices, block):
         ints[CORNER1 + k] = polygons.corner[1, face]
         ints[CORNER2 + k] = polygons.corner[2, face]
         ints[IS_FLIPPED + k] = polygons.is_inverted[face]
-        ints[CUT + k] = polygons.cut[face] if len(polygons.cut) > 0 else np.int32(-1)
+        cut = polygons.cut[face] if len(polygons.cut) > 0 else np.int32(-1)
+        ints[CUT + k] = cut
+        if cut >= 0:
+            reals[LEAST_Z + k], reals[LARGEST_Z + k] = polygons.ends[np.uint64(cut), 0], polygons.ends[np.uint64(cut), 1]
+        else:
+            reals[LEAST_Z + k], reals[LARGEST_Z + k] = -np.inf, np.inf
 
 
 @helper
@@ -185,7 +198,7 @@ def set_up_depths(block):
         offset_y = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
         rise1, rise2 = reals[Z1 + k] - reals[Z0 + k], reals[Z2 + k] - reals[Z0 + k]
         z_x, z_y = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
-        is_steep = abs(z_x) + abs(z_y) > MAX_SLOPE
+        is_steep = abs(z_x) + abs(z_y) > (MAX_SLOPE if ints[CUT + k] < 0 else MAX_CUT_SLOPE)
         z_x, z_y = 0.0 if is_steep else z_x, 0.0 if is_steep else z_y
         ints[IS_SLIVER + k] = is_sliver | is_steep
         ints[IS_GOOD + k] = not (is_sliver | is_steep | (ints[CUT + k] >= 0))

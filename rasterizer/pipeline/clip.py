@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import helper, kernel
-from .transform import DEPTH_MARGIN, LIMIT_PX, OUTSIDE, SUBPIXEL, Vertices
+from .transform import LIMIT_PX, OUTSIDE, SUBPIXEL, Vertices
 
 N_PLANE = 6
 GUARD = (-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))  # px
@@ -55,6 +55,7 @@ class Clipped(NamedTuple):
     face: np.ndarray  # (n,) uint32, the face that each triangle is a part of
     cut: np.ndarray  # (n,) int32, its row of `planes`; -1 for a face that is whole
     planes: np.ndarray  # (n_cut, N_PLANE_COLUMN) float64
+    ends: np.ndarray  # (n_cut, 2) float64, least and largest depth that is seen of the face, z-buffer units
     vertices: Vertices
     n_clipped: int  # faces that were clipped or lie wholly outside
 
@@ -76,10 +77,9 @@ def clip(positions, vertex, corner, vertices, screen) -> Clipped:
         planes[:, LEAST_SUM], planes[:, LARGEST_SUM] = 1.0 / largest, 1.0 / least
     z = np.repeat(whole_z[cut], 3, axis=0)
     z = z[:, 0] + z[:, 1] * x + z[:, 2] * y
-    # A face that is seen edge-on may be steeper than depth can tell within the rounding of a corner.
-    ends = np.sort(z_of(np.repeat(np.stack([least, largest], axis=1)[cut], 3, axis=0), screen), axis=1)
-    z = np.clip(z, ends[:, 0] - DEPTH_MARGIN / 2, ends[:, 1] + DEPTH_MARGIN / 2)
-    z = np.where(np.isnan(z), ends.mean(axis=1), z)
+    # The corners' depths may lie beyond those of the face: brought back, they would tilt its plane. See block.py: MAX_CUT_SLOPE.
+    ends = np.sort(z_of(np.stack([least, largest], axis=1), screen), axis=1)
+    z = np.where(np.isnan(z), np.repeat(ends.mean(axis=1)[cut], 3), z)
 
     keep = is_inside.reshape(-1, 3).all(axis=1)
     n_old = len(vertices.x)
@@ -100,6 +100,7 @@ def clip(positions, vertex, corner, vertices, screen) -> Clipped:
         face[order],
         np.concatenate([np.full(len(old_face), -1, np.int32), cut[keep].astype(np.int32)])[order],
         planes,
+        ends,
         vertices,
         len(touched),
     )
@@ -158,8 +159,8 @@ def find_whole_planes(positions, vertex, screen):
     """Find the planes of the weights q_i of whole faces, and of their depths.
 
     M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to lengths of at most 1, so that no product over- or underflows;
-    without perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of its length, twice, and so
-    det M = P_i·(P_j × P_k), products included, to less than 2^-50 Σ |P_i| |P_j × P_k|, however much further away one vertex is
+    without perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of its length, twice, and
+    so det M = P_i·(P_j × P_k), products included, to less than 2^-50 Σ |P_i| |P_j × P_k|, however much further away one vertex is
     than another. A face whose determinant is no larger is seen edge-on: its weights are all the same, and so is its depth,
     which isn't known here.
 

@@ -35,6 +35,8 @@ from .block import (
     DEPTH_Y,
     IS_GOOD,
     IS_SLIVER,
+    LARGEST_Z,
+    LEAST_Z,
     LEFT,
     LEVEL,
     NEXT,
@@ -178,8 +180,9 @@ def triangle_of(k, block):
 
 @helper
 def depths_of(k, block):
-    """Depths at the vertices of triangle k of the block."""
-    return block.reals[Z0 + k], block.reals[Z1 + k], block.reals[Z2 + k]
+    """Depths at the vertices of triangle k of the block, and the least and the largest that it may have."""
+    reals = block.reals
+    return reals[Z0 + k], reals[Z1 + k], reals[Z2 + k], reals[LEAST_Z + k], reals[LARGEST_Z + k]
 
 
 @helper
@@ -298,7 +301,8 @@ def fill_span(row, word, step):
 
 @helper
 def fill_span_exactly(row, start, j, triangle, depths, payload):
-    """Fill a span of a triangle that is too thin for a plane: its depth comes from exact edge functions at every sample."""
+    """Fill a span of a triangle that is too thin or too steep for a plane: its depth comes from exact edge functions, at every
+    sample."""
     for k in range(np.uint64(len(row))):
         new, old = word_of_sliver(start + np.int64(k), j, triangle, depths, payload), row[k]
         row[k] = new if new < (old & DEPTH_MASK) else old
@@ -308,12 +312,13 @@ def fill_span_exactly(row, start, j, triangle, depths, payload):
 def word_of_sliver(i, j, triangle, depths, payload):
     """Depth at a sample from exact edge functions, above the payload."""
     x0, y0, x1, y1, x2, y2 = triangle
-    z0, z1, z2 = depths
+    z0, z1, z2, least, largest = depths
     area = float((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0))
     ux, uy = i * SUBPIXEL + HALF - x0, j * SUBPIXEL + HALF - y0
     b1 = (ux * (y2 - y0) - uy * (x2 - x0)) / area
     b2 = (uy * (x1 - x0) - ux * (y1 - y0)) / area
-    return np.int64(pack(np.rint(z0 + b1 * (z1 - z0) + b2 * (z2 - z0)), payload))
+    z = z0 + b1 * (z1 - z0) + b2 * (z2 - z0)
+    return np.int64(pack(np.rint(min(max(z, least), largest)), payload))
 
 
 @helper
