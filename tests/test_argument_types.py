@@ -42,7 +42,8 @@ def calls(folder):
         (frame.save, {"path": folder / "x.png"}), (frame.encode, {}), (frame.encode_array, {}), (frame.has, {"name": "rgb"}),
         (renderer.render, {}), (rz.Spectrum.blackbody, {"kelvin": 4000}), (SPECTRUM.at, {"wavelengths": [500]}),
         (rz.Spectrum.flat, {"value": 1}), (rz.Spectrum.of_power, SPAN | {"power": [1, 1]}), (rz.Spectrum.of_rgb, {"color": "red"}),
-        (SPECTRUM.scaled, {"factor": 2}),
+        (SPECTRUM.scaled, {"factor": 2}), (rz.DepthCue, {"scale": 2}),
+        (rz.illuminate, {"points": [[0, 0, 0]], "normals": [[0, 0, 1]], "material": rz.Material(), "lights": SCENE.lights, "viewer": (0, 0, 3)}),
     ]  # fmt: skip
 
 

@@ -28,27 +28,30 @@ def main(argv=None) -> int:
     -------
     int, the exit code; `--help` and `--version` raise SystemExit, as argparse does
     """
-    if argv is not None:
-        return _run_to_the_end(argv, [])
+    try:
+        return _run_as_program() if argv is None else _guarded(argv, [])
+    except KeyboardInterrupt:
+        return _interrupted()
+
+
+def _run_as_program() -> int:
+    """Run with the process's own arguments, and remember interrupts: libraries may make other errors of them in their imports."""
     import signal
 
     interrupts = []
 
     def interrupt(*_):
-        interrupts.append(True)  # libraries may make another error of it while they are imported
+        interrupts.append(True)
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, interrupt)
-    code = _run_to_the_end(sys.argv[1:], interrupts)
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as for a process that was started in the background
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        code = _guarded(sys.argv[1:], interrupts)
+    except KeyboardInterrupt:
+        code = _interrupted()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process ends: nothing is left to interrupt
     return code
-
-
-def _run_to_the_end(argv, interrupts) -> int:
-    try:
-        return _guarded(argv, interrupts)
-    except KeyboardInterrupt:
-        return _interrupted()
 
 
 def _interrupted() -> int:

@@ -8,6 +8,7 @@ Pictures are read by Pillow, from the few formats of `FORMATS`: none of them sta
 in its header before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
 """
 
+import logging
 import os
 import struct
 import warnings
@@ -29,6 +30,7 @@ FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")  # Pillow's names
 MOST_TEXELS = 2**14  # along a side
 MOST_IN_PICTURE = 2**26  # texels, of a picture that is read: 8192 × 8192
 ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MOST_IN_PICTURE
+_NOWHERE = logging.NullHandler()  # without any handler, Pillow's errors would go to stderr; who wants them adds his own
 _STRIP = 2**16  # texels that are converted at a time
 # What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
 PICTURE_FAULTS = (
@@ -157,6 +159,7 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
     """
     from PIL import Image
 
+    logging.getLogger("PIL").addHandler(_NOWHERE)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here
