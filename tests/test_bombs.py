@@ -64,7 +64,7 @@ def test_a_bomb_of_a_texture_leaves_the_model(tmp_path):
     (tmp_path / "wood.png").write_bytes(blank_png(9000, 9000))
     (tmp_path / "m.obj").write_bytes(OBJ)
     (tmp_path / "a.mtl").write_bytes(MTL)
-    with pytest.warns(UserWarning, match=r"wood\.png: this picture of 9000 x 9000 has more than 67108864 texels.*RASTER_MOST_TEXELS"):
+    with pytest.warns(UserWarning, match=r"wood\.png: this picture of 9000 x 9000 has more than 33554432 texels.*RASTER_MOST_TEXELS"):
         assert rz.load(tmp_path / "m.obj").n_face > 3
 
 
