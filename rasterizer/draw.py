@@ -45,6 +45,9 @@ from .pipeline.transform import transform
 from .plan import choose_band_rows
 
 
+MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
+
+
 class FaceTable(NamedTuple):
     """What is known of every triangle beside its corners; an array that isn't needed has no rows."""
 
@@ -103,6 +106,8 @@ def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
         polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[clipped.face], clipped.cut)
         table = table.of_parts(clipped.face)
         clock.lap("clip")
+    if polygons.vertex.shape[1] > MOST_FACES:
+        raise SceneError(f"a scene may have {MOST_FACES} triangles; this one has {polygons.vertex.shape[1]}")
 
     width, height = job.size[0] * job.factor, job.size[1] * job.factor
     visible, rows = set_up(polygons, vertices, width, height, job, workers)

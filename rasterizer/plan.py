@@ -242,12 +242,11 @@ def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
     Float64 leaves the rounding alone. Float32 adds half a level where a polygon has one intensity in its words, a quarter of the
     tolerance for the normals' planes and one for colours', or all of it for what Gouraud's method has between the corners.
     """
-    rounding = rounding_of(plan, surroundings)
-    if plan.coding == EXACT:
-        return rounding
-    if plan.is_lit_per_sample:
-        return rounding + tolerance / 4 * (2 if plan.has_albedo else 1)
-    return rounding + 0.5 / plan.level_scale if plan.is_flat else max(tolerance, rounding)
+    rounding, approximated = rounding_of(plan, surroundings), 0.0
+    if plan.coding != EXACT:
+        approximated = tolerance / 4 * (2 if plan.has_albedo else 1) if plan.is_lit_per_sample else tolerance - rounding
+        approximated = 0.5 / plan.level_scale if plan.is_flat else max(approximated, 0.0)
+    return float(rounding + approximated)
 
 
 def make_coding(plan: Plan, screen, tolerance) -> Coding:

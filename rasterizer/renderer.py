@@ -236,10 +236,10 @@ class Renderer:
 
 def check_depths(largest) -> None:
     """Refuse a scene whose depths a float32 buffer can't hold, given the largest."""
-    limits = np.finfo(np.float32)
-    if largest != 0.0 and not limits.tiny <= largest <= limits.max:
+    least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
+    if largest != 0.0 and not least <= largest <= most:
         raise SceneError(
-            f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {limits.tiny:.3g} to {limits.max:.3g}: "
+            f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {least:.3g} to {most:.3g}: "
             "scale the scene, or leave depth out of the outputs"
         )
 

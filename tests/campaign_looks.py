@@ -97,6 +97,11 @@ def make_material(dice, is_grey, has_texture, is_clear) -> rz.Material:
     if dice.wild(0.5):
         n, roughness = dice.power(-1.3, 6), dice.power(-3, 0)
     dice.words.append(f"{model}({roughness if model in ('cook-torrance', 'oren-nayar') else n:.3g})")
+    brush = {"roughness": max(roughness, 0.001), "distribution": str(dice.rng.choice(DISTRIBUTIONS))}
+    if model == "cook-torrance" and dice.wild(0.3):
+        brush = {"roughness": (max(roughness, 0.001), dice.power(-2, 0)), "distribution": "ggx"}
+        brush["tangent"] = "u" if has_texture else dice.direction()
+        dice.words.append("brushed")
     material = rz.Material(
         ambient=None if dice.chance(0.5) else color(),
         diffuse=color(),
@@ -105,16 +110,22 @@ def make_material(dice, is_grey, has_texture, is_clear) -> rz.Material:
         emissive=color(0.2) if dice.chance(0.1) else 0.0,
         opacity=_opacity(dice) if is_clear and dice.chance(0.8) else 1.0,
         reflection=model,
-        roughness=roughness,
-        distribution=str(dice.rng.choice(DISTRIBUTIONS)),
-        fresnel=dice.rng.random() if dice.chance(0.25) else None,
+        fresnel=_fresnel(dice, is_grey),
         normalized=dice.chance(0.25),
         levels=int(dice.rng.integers(1, 7)),
         texture=_texture(dice) if has_texture else None,
+        **brush,
     )
     notes = ("clear", not material.is_opaque), (getattr(material.texture, "filter", ""), has_texture)
     dice.words += [word for word, is_it in (*notes, ("normalized", material.normalized)) if is_it]
     return material
+
+
+def _fresnel(dice, is_grey):
+    """F0: mostly none, a number, or a colour."""
+    if dice.chance(0.75):
+        return None
+    return dice.rng.random() if is_grey or dice.chance(0.5) else dice.rng.random(3)
 
 
 def _opacity(dice) -> float:
@@ -223,6 +234,7 @@ def _spot(dice, points, lens, options):
     if dice.wild(0.3):
         exponent = dice.power(-1.3, 4)
     options |= {"inner": inner, "outer": outer, "exponent": exponent}
+    options["falloff"] = dice.power(-1, 1) if dice.wild(0.2) else 1.0
     return rz.SpotLight(place * dice.scale, axis, **options, **_weakened(dice, lens.reach))
 
 

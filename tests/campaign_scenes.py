@@ -38,8 +38,13 @@ def make_case(seed: int, index: int) -> Case:
     lights = make_lights(dice, np.concatenate(points), lens)
     background = tuple(dice.rng.random(3)) if dice.chance(0.2) else None
     options = make_options(dice)
+    cue = None
+    if dice.wild(0.1):
+        lengths = np.array([dice.power(-1, 1), dice.between(0, 1)]) * lens.reach * dice.scale
+        cue = rz.DepthCue(*lengths.tolist(), dice.rng.random(3))
+        dice.words.append("cue")
     dice.words.append(f"unit {dice.scale:.0e}")
-    scene = rz.Scene(meshes, lights, scaled_camera(lens.options, dice.scale), background)
+    scene = rz.Scene(meshes, lights, scaled_camera(lens.options, dice.scale), background, depth_cue=cue)
     return Case(seed, index, " ".join(dice.words), scene, dice.size, options)
 
 
@@ -94,7 +99,7 @@ def make_mesh(dice, lens):
         given = {"materials": materials, "face_material": dice.rng.integers(0, len(materials), len(faces))}
     elif shape == "cube" and dice.chance(0.5):
         given["polygons"] = np.tile(np.arange(6), 2)
-    if any(material.texture is not None for material in materials):
+    if any(material.needs_uv for material in materials):
         corners = (len(vertices), 2) if dice.chance(0.6) else (len(faces), 3, 2)
         given["uv"] = dice.rng.normal(0.5, dice.power(-1, 1), corners)
     if dice.chance(0.25):
@@ -111,7 +116,8 @@ def make_normals(dice, vertices, faces, shape) -> dict:
     bad = 0.0 if dice.is_plain else 1.0
     kind = dice.choose(made=2, smooth=3, tilted=3, reversed=bad, zero=0.6 * bad, random=bad)
     if kind == "made":
-        return {"crease_angle": float(dice.rng.choice([0.0, 30.0, 180.0]))}
+        weighting = str(dice.rng.choice(["angle", "area", "uniform"]))
+        return {"crease_angle": float(dice.rng.choice([0.0, 30.0, 180.0])), "weighting": weighting}
     if kind == "smooth" and shape in ("sphere", "torus", "cube"):
         return {"normals": unit(vertices + 1e-300)}
     a, b, c = (vertices[faces[:, k]] for k in range(3))

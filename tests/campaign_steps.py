@@ -1,154 +1,101 @@
-"""Where pictures jump, and scenes moved by a little: help for the campaign.
+"""Where pictures jump, as frames state it: help for the campaign.
 
-Next to a step no error is small, so samples there are not judged by the bound. Steps are the levels of toon, N·L = 0 of
-highlights that are not weakened by N·L, sharp cones, and the edges of texels without a filter.
+`frame.stats.steps` lists causes, and how near to each of them no bound holds. Here the judge draws the scene again, and what is
+lit so near to a step becomes NaN: whatever pixel that reaches is next to a step.
 """
 
-from dataclasses import replace
+from contextlib import ExitStack
+from unittest.mock import patch
 
 import numpy as np
 
-import rasterizer as rz
 from rasterizer import reference
+from rasterizer.reference import lamp as lamps
+from rasterizer.reference import light as lighting
+from rasterizer.reference.vectors import blend, dot, length, unit
 
-N_JOLT = 6
-ROUNDINGS = 2.0**-51  # relative: two roundings of float64
-SEPARATE = 4.0  # groups lie so many times further apart than each is wide
+# Words that the causes of `frame.stats.steps` are known by.
+LEVELS, GRAZES, HALF, AWAY, CONE = "toon", "grazes", "half vector", "N·H = 0", "sharp spot"
+TEXELS, NEAR_LIGHT, SHORT, SHADOW = "texels", "light on a surface", "without length", "shadow"
+CAUSES = (LEVELS, GRAZES, HALF, AWAY, CONE, TEXELS, NEAR_LIGHT, SHORT, SHADOW)
 
 
-def next_to_step(case, jolt, bound) -> np.ndarray:
-    """Tell which pixels (h, w) have a sample next to a step, or one that the scene's own numbers do not determine.
+def next_to_step(case, steps) -> np.ndarray:
+    """Tell which pixels (h, w) have a sample next to one of the steps (cause, near, unit) that a frame states."""
+    near = {}
+    for cause, distance, _ in steps:
+        (word,) = (word for word in CAUSES if word in cause)
+        near[word] = max(distance, near.get(word, 0.0))
+    if not near:
+        return np.zeros((case.size[1], case.size[0]), bool)
+    marker = Marker(near)
+    settings = {name: value for name, value in case.options.items() if name != "tolerance"}
+    with ExitStack() as stack, np.errstate(all="ignore"):
+        for name in ("light_points", "_sample_normals", "look_up"):
+            stack.enter_context(patch.object(lighting, name, getattr(marker, name.strip("_"))))
+        color = reference.render(case.scene, case.size, **settings).color
+    return ~np.isfinite(color).all(axis=-1)
 
-    The judge draws the scene again with lights, normals and texture coordinates moved by `jolt`, relatively. What is
-    continuous moves by about as much each time; next to a step, values fall into groups. Where lights moved by a few roundings
-    of float64 change a value by a good part of the bound, as for a light in the very point that it lights, nobody can tell
-    what it is.
 
-    Parameters
-    ----------
-    case : Case
-    jolt : relative; how far a step reaches
-    bound : linear intensity; smaller jumps are none
+class Marker:
+    """Stands in for functions of the judge's, and marks what lies next to a step with NaN.
+
+    `near` is a dict from a cause's word to how near to it no bound holds.
     """
-    width, height = case.size
-    n = round(case.options["samples"] ** 0.5)
-    is_loose = np.zeros((n * height, n * width), bool)
-    if has_steps(case):
-        gaps = np.diff(np.sort(_draw_jolted(case, jolt), axis=0), axis=0)
-        largest = gaps.max(axis=0)
-        is_loose |= ((largest > SEPARATE * (gaps.sum(axis=0) - largest)) & (largest > bound / 4)).any(axis=-1)
-    if any(hasattr(light, "attenuation") for light in case.scene.lights):
-        is_loose |= (np.ptp(_draw_jolted(case, ROUNDINGS), axis=0) > bound / 4).any(axis=-1)
-    return is_loose.reshape(height, n, width, n).any(axis=(1, 3))
 
+    def __init__(self, near: dict):
+        self.near = near
+        self._find_normals, self._light, self._look_up = lighting._sample_normals, lighting.light_points, lighting.look_up
+        self._is_short = None  # of the samples whose normals were found last
 
-def _draw_jolted(case, jolt) -> np.ndarray:
-    """Colours (1 + N_JOLT, h, w, 3) of a case's samples, as it is and moved by a little."""
-    rng, n = np.random.default_rng(case.index), round(case.options["samples"] ** 0.5)
-    settings = {name: case.options[name] for name in ("shading", "cull", "exposure", "spectral")}
-    scenes = [case.scene] + [jolted(case.scene, rng, jolt) for _ in range(N_JOLT)]
-    with np.errstate(all="ignore"):
-        return np.stack([reference.render(scene, (n * case.size[0], n * case.size[1]), **settings).color for scene in scenes])
+    def sample_normals(self, surface, part, *others):
+        """Normals, remembering which of them were interpolated to almost nothing."""
+        if SHORT in self.near:
+            self._is_short = length(blend(part.weights, surface.normals[part.face]))[:, 0] < self.near[SHORT]
+        return self._find_normals(surface, part, *others)
 
+    def look_up(self, texture, uv, steps):
+        """Texels; NaN next to the border of one."""
+        texels = self._look_up(texture, uv, steps)
+        if TEXELS in self.near and texture.filter == "nearest":
+            height, width = texture.image.shape[:2]
+            places = np.stack([uv[:, 0] * width, (1.0 - uv[:, 1]) * height], axis=1)
+            texels[(np.abs(places - np.rint(places)) <= self.near[TEXELS]).any(axis=1)] = np.nan
+        return texels
 
-def has_steps(case) -> bool:
-    """Tell whether anything in a scene jumps."""
-    for mesh in case.scene.meshes:
-        for material in mesh.palette:
-            is_jumping = material.reflection == "toon" or (material.reflection in ("phong", "blinn") and not material.normalized)
-            is_nearest = material.texture is not None and material.texture.filter == "nearest"
-            if is_jumping or is_nearest:
-                return True
-    return any(isinstance(light, rz.SpotLight) and light.inner > light.outer * (1 - 1e-3) for light in case.scene.lights)
+    def light_points(self, points, normals, material, stage, *others):
+        """Both parts of the light; NaN next to a step."""
+        matte, rest = self._light(points, normals, material, stage, *others)
+        is_near = np.zeros(len(points), bool)
+        if self._is_short is not None and len(self._is_short) == len(points):
+            is_near |= self._is_short
+            self._is_short = None
+        table, to_viewer = stage.materials[material], lighting._to_viewer(points, stage)
+        for lamp in lamps.place_lamps(stage.lights, stage.view, lambda color: lighting.channels_of(color, stage.n_wave)):
+            to_light, _ = lamps.shine(lamp, points)
+            if NEAR_LIGHT in self.near and lamp.position is not None:
+                is_near |= length(lamp.position - points)[:, 0] < self.near[NEAR_LIGHT]
+            if CONE in self.near and getattr(lamp.light, "outer", None) == getattr(lamp.light, "inner", ()):
+                edge = np.cos(np.radians(lamp.light.outer))
+                is_near |= np.abs(-dot(to_light, lamp.axis) - edge) <= self.near[CONE]
+            is_near |= self._is_near_model_step(table, normals, to_light, to_viewer)
+        return np.where(is_near[:, None], np.nan, matte), rest
 
-
-def jolted(scene, rng, jolt) -> rz.Scene:
-    """The scene with lights, normals and texture coordinates moved by a little."""
-    center, extent = scene.bounds.mean(axis=0), np.ptp(scene.bounds, axis=0).max()
-    lights = [_jolted_light(light, rng, jolt, center, extent) for light in scene.lights]
-    meshes = []
-    for mesh in scene.meshes:
-        changes = {}
-        if mesh.normals is not None:
-            changes["normals"] = mesh.normals + jolt * rng.normal(size=mesh.normals.shape)
-        if mesh.uv is not None:
-            changes["uv"] = mesh.uv + jolt * rng.normal(size=mesh.uv.shape) * np.maximum(np.abs(mesh.uv), 1)
-        meshes.append(replace(mesh, **changes))
-    return replace(scene, meshes=meshes, lights=lights)
-
-
-def _jolted_light(light, rng, jolt, center, extent):
-    """A light moved by a little, as seen from the scene."""
-    changes = {}
-    for name in ("position", "corner"):
-        if hasattr(light, name):
-            place = np.array(getattr(light, name))
-            away = extent + np.linalg.norm(place - (center if light.attached == "world" else 0.0))
-            changes[name] = place + jolt * away * rng.normal(size=3)
-    if hasattr(light, "direction"):
-        changes["direction"] = light.direction + jolt * rng.normal(size=3)
-    return replace(light, **changes) if changes else light
-
-
-# ── neighbours of a case ──────────────────────────────────────────────────────────────────────────────────
-
-
-def mutated(case, rng):
-    """A case whose numbers differ a little, or one of them a lot."""
-    scene, options = case.scene, dict(case.options)
-    step = 10.0 ** rng.uniform(-4, 0)
-    kind = rng.choice(["lights", "light", "normals", "vertices", "material", "camera", "tolerance"])
-    if kind in ("lights", "light"):
-        one = rng.integers(len(scene.lights)) if kind == "light" and scene.lights else None
-        center, extent = scene.bounds.mean(axis=0), np.ptp(scene.bounds, axis=0).max()
-        lights = [
-            _mutated_light(light, rng, step, center, extent) if one in (None, number) else light
-            for number, light in enumerate(scene.lights)
-        ]
-        scene = replace(scene, lights=lights)
-    elif kind == "tolerance":
-        options["tolerance"] = float(np.clip(options["tolerance"] * 10.0 ** rng.normal(0, 0.5), 1e-6, 0.1))
-    elif kind == "camera":
-        camera, turn = scene.camera, step * rng.normal(size=(2, 3))
-        away = np.linalg.norm(np.subtract(camera.position, camera.target))
-        scene = replace(scene, camera=replace(camera, position=camera.position + away * turn[0], up=camera.up + 0.1 * turn[1]))
-    else:
-        scene = replace(scene, meshes=[_mutated_mesh(mesh, rng, step, kind) for mesh in scene.meshes])
-    return case._replace(scene=scene, options=options)
-
-
-def _mutated_light(light, rng, step, center, extent):
-    light = _jolted_light(light, rng, step, center, extent)
-    changes = {}
-    if hasattr(light, "color") and not hasattr(light.color, "wavelengths"):
-        changes["color"] = np.multiply(light.color, np.exp(0.3 * step * rng.normal()))
-    if getattr(light, "range", None) is not None:
-        changes["range"] = light.range * np.exp(step * rng.normal())
-    if isinstance(light, rz.SpotLight):
-        changes["exponent"] = light.exponent * np.exp(step * rng.normal())
-        changes["inner"] = float(np.clip(light.inner + 5 * step * rng.normal(), 0, light.outer))
-    return replace(light, **changes)
-
-
-def _mutated_mesh(mesh, rng, step, kind) -> rz.Mesh:
-    if kind == "vertices":
-        extent = np.ptp(mesh.bounds, axis=0).max()
-        return replace(mesh, vertices=mesh.vertices + step * extent * rng.normal(size=mesh.vertices.shape))
-    if kind == "normals":
-        if mesh.normals is None:
-            return mesh
-        return replace(mesh, normals=mesh.normals + step * rng.normal(size=mesh.normals.shape))
-    palette = [_mutated_material(material, rng, step) for material in mesh.palette]
-    return replace(mesh, material=palette[0], materials=palette if mesh.materials is not None else None)
-
-
-def _mutated_material(material, rng, step) -> rz.Material:
-    least = 0.001 if material.reflection == "cook-torrance" else 0.0
-    return replace(
-        material,
-        shininess=float(np.clip(material.shininess * np.exp(2 * step * rng.normal()), 0.05, 1e6)),
-        roughness=float(np.clip(material.roughness * np.exp(step * rng.normal()), least, 1.0)),
-        specular=material.specular if hasattr(material.specular, "wavelengths") else np.clip(
-            np.add(material.specular, 0.1 * step * rng.normal()), 0.0, 1.0
-        ),
-    )  # fmt: skip
+    def _is_near_model_step(self, table, normals, to_light, to_viewer):
+        """Tell of points whether their material's model jumps near them, (n,) bool."""
+        model, near = table["reflection"], self.near
+        is_near = np.zeros(len(table), bool)
+        n_dot_l = dot(normals, to_light)
+        if LEVELS in near:
+            steps = table["levels"] * n_dot_l
+            mirrored = dot(2 * n_dot_l[:, None] * normals - to_light, to_viewer)
+            is_at = np.abs(steps - np.rint(steps)) <= table["levels"] * near[LEVELS]
+            is_at |= np.abs(mirrored - 0.5 ** (1 / table["shininess"])) <= near[LEVELS]
+            is_near |= (model == "toon") & is_at
+        if GRAZES in near:
+            is_near |= np.isin(model, ("phong", "blinn")) & ~table["normalized"] & (np.abs(n_dot_l) <= near[GRAZES])
+        if HALF in near:
+            is_near |= (model == "blinn") & (length(to_light + to_viewer)[:, 0] < near[HALF])
+        if AWAY in near:
+            is_near |= (model == "cook-torrance") & (np.abs(dot(normals, unit(to_light + to_viewer))) <= near[AWAY])
+        return is_near

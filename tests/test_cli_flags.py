@@ -11,7 +11,7 @@ from raster import ROOT
 import rasterizer as rz
 from rasterizer.cli import arguments, render
 from rasterizer.options import Options
-from rasterizer.scene import file, lights, load, material
+from rasterizer.scene import _fans, file, lights, load, material, mesh
 from rasterizer.scene._check import AXES
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -41,6 +41,7 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
         arguments.FOV,
     ]
     assert tuple(AXES) == arguments.AXES and arguments.REFLECTIONS == material.REFLECTIONS
+    assert arguments.WEIGHTINGS == mesh.WEIGHTINGS == _fans.WEIGHTINGS
     assert tuple(load._READERS) == arguments.FORMATS and arguments.SCENE_FORMATS == file.FORMATS
     assert all(getattr(lights, name)() for name in arguments.PRESETS)
 
@@ -122,8 +123,8 @@ def test_lights():
         rz.DirectionalLight((-1, -1, 0), "orange", "camera"),
     )
     assert lights_of(
-        "--light", "spot:1,2,3,direction=0/-1/0,inner=10,outer=20,exponent=2,attenuation=1/d^2,range=9,amplify=yes",
-    ) == (rz.SpotLight((1, 2, 3), (0, -1, 0), 1, 10, 20, 2, "1/d^2", "world", True, 9),)  # fmt: skip
+        "--light", "spot:1,2,3,direction=0/-1/0,inner=10,outer=20,exponent=2,falloff=.5,attenuation=1/d^2,range=9,amplify=yes",
+    ) == (rz.SpotLight((1, 2, 3), (0, -1, 0), 1, 10, 20, 2, "1/d^2", "world", True, 9, falloff=0.5),)  # fmt: skip
     assert lights_of("--light", "area:1,2,3,edge_u=1/0/0,edge_v=0/0/-1,resolution=8/4,attenuation=1/(d+2),color=0.5") == (
         rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 0, -1), 0.5, (8, 4), (2, 1, 0)),
     )

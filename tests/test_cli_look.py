@@ -123,6 +123,11 @@ def test_a_texture_needs_a_file_and_coordinates(folder, capsys):
         ("reflection=gouraud", "reflection: one of phong, blinn"),
         ("distribution=gauss", "distribution: one of ggx, beckmann"),
         ("fresnel=-1", "fresnel must be within 0..1"),
+        ("fresnel=0.1/0.2/1.3", "fresnel must be within 0..1"),
+        ("roughness=0.1/0.2", "roughness must be one number, or two"),
+        ("reflection=cook-torrance,roughness=0.1/0.2/0.3", "roughness: a finite number"),
+        ("tangent=v", "tangent: three numbers"),
+        ("golden,shininess=3", "a named material is one of brass"),
     ],
 )
 def test_bad_materials(folder, capsys, text, words):
@@ -346,3 +351,38 @@ def test_an_empty_picture_by_the_files_camera_says_so(folder, capsys):
 def test_a_camera_flag_is_checked_before_models_are_loaded():
     with pytest.raises(rz.SceneError, match="fov"):
         check_camera(arguments.parse(["render", "x.obj", "--fov", "200"]))
+
+
+# --- depth cueing and weightings ----------------------------------------------------------------------------
+
+
+def scene_of(*argv, model=CUBE):
+    """The scene that the arguments make of a model."""
+    parsed = arguments.parse(["render", str(model), *argv])
+    return load_scene(str(model), parsed, make_settings(parsed), Messages()).scene
+
+
+def test_depth_cue_flags(folder, capsys):
+    assert scene_of().depth_cue is None and scene_of("--depth-cue", "2").depth_cue == rz.DepthCue(2)
+    assert scene_of("--depth-cue", "2.5,start=1,color=#fff").depth_cue == rz.DepthCue(2.5, 1, "white")
+    rz.Scene(rz.load(CUBE).meshes, depth_cue=rz.DepthCue(3, 1)).save("cued.json")
+    assert scene_of(model="cued.json").depth_cue == rz.DepthCue(3, 1)
+    assert scene_of("--depth-cue", "none", model="cued.json").depth_cue is None
+    assert scene_of("--depth-cue", "7", model="cued.json").depth_cue == rz.DepthCue(7)
+    for wrong, words in (("0", "scale must be above 0"), ("far", "finite number"), ("1,end=3", "SCALE[,start=S]"), ("1,color=x", "color")):
+        assert words in error_of(capsys, CUBE, "--depth-cue", wrong)
+
+
+def test_weighting_flags(folder):
+    assert [mesh.weighting for mesh in scene_of().meshes] == ["angle"]
+    assert [mesh.weighting for mesh in scene_of("--weighting", "area").meshes] == ["area"]
+    rz.Scene([rz.Mesh(mesh.vertices, mesh.faces, weighting="uniform") for mesh in rz.load(CUBE).meshes]).save("own.json")
+    assert scene_of(model="own.json").meshes[0].weighting == "uniform"
+    assert scene_of("--weighting", "area", model="own.json").meshes[0].weighting == "area"
+
+
+def test_the_rest_of_the_look_reaches_the_scene(folder):
+    brushed = "reflection=cook-torrance,roughness=0.1/0.4,tangent=0/1/0,fresnel=#ffd080"
+    (material,) = {mesh.material for mesh in scene_of("--material", brushed).meshes}
+    expected = rz.Material(reflection="cook-torrance", roughness=(0.1, 0.4), tangent=(0, 1, 0), fresnel="#ffd080")
+    assert (material.roughness, material.tangent, material.fresnel) == (expected.roughness, expected.tangent, expected.fresnel)

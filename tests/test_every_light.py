@@ -23,6 +23,9 @@ LIGHTS = {
     "spot": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, inner=20, outer=55),
     "spot, exponent": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 20, 70, 5.5, "1/(d+4)", range=60),
     "spot, sharp": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 50, 50),
+    "spot, late fall": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 20, 55, falloff=0.3),
+    "spot, early fall": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 20, 70, 1.5, "1/(d+4)", range=60, falloff=4.5),
+    "spot, sharp whatever falls": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 50, 50, falloff=3),
     "area": rz.AreaLight(PLACE, (9, 0, 2), (1, 7, 0), COLOR, (5, 3), (1, 0.01, 0)),
 }
 
@@ -68,7 +71,7 @@ def closed_form(light, where):
         cosine = -(to_light @ np.array(light.direction)) / distance
         c_inner, c_outer = np.cos(np.radians([light.inner, light.outer]))
         t = np.clip((cosine - c_outer) / (c_inner - c_outer), 0, 1) if c_inner > c_outer else 1.0 * (cosine >= c_outer)
-        strength *= t**2 * (3 - 2 * t) * np.maximum(cosine, 0) ** light.exponent
+        strength *= (t**2 * (3 - 2 * t)) ** light.falloff * np.maximum(cosine, 0) ** light.exponent
         edge = np.abs(cosine - c_outer) if c_inner == c_outer else np.inf
     return ambient + KD * COLOR * (strength * to_light[..., 2] / distance)[..., None], edge
 
@@ -97,6 +100,8 @@ def test_a_lit_plane_is_that_of_the_closed_form(name, shading):
 SCENES = {
     "spot": (rz.SpotLight((2, 3, 2), (-2, -3, -2), (0.8, 0.7, 0.5), 15, 25, 2, (1, 0.05, 0)),),
     "spot, narrow": (rz.SpotLight((2, 3, 2), (-2, -3, -2), 0.9, 9.99, 10),),
+    "spot, shaped": (rz.SpotLight((2, 3, 2), (-2, -3, -2), (0.8, 0.7, 0.5), 5, 25, 2, falloff=3), rz.AmbientLight(0.1)),
+    "spot, shaped and steep": (rz.SpotLight((2, 3, 2), (-2, -3, -2), 0.9, 5, 25, falloff=0.25), rz.AmbientLight(0.1)),
     "spot, sharp": (rz.SpotLight((0, 0, 1), (0.1, 0, -1), 0.9, 12, 12, attached="camera"), rz.AmbientLight(0.1)),
     "area": (rz.AreaLight((1, 3, 1), (1, 0, 0), (0, 0, 1), 0.9, (3, 2), "1/(d+1)", range=9),),
     "area of the camera": (rz.AreaLight((-1, 1, 0), (1, 0, 0), (0.3, 1, 0), (0.5, 0.4, 0.9), (2, 2), attached="camera"),),
@@ -146,3 +151,28 @@ def test_a_scene_without_a_spot_compiles_and_runs_no_spot_code():
     used, _ = row_functions_of(rz.Renderer(scene, 8)._plan, True)
     assert KINDS["point"].row_function in used
     assert KINDS["spot"].row_function not in used and KINDS["directional"].row_function not in used
+
+
+def test_the_usual_fall_is_the_usual_code():
+    """A falloff of 1 is the spot light as it was; another one has a row function of its own."""
+    from rasterizer.bounds import kind_of
+
+    usual, other = rz.SpotLight((0, 0, 1), (0, 0, -1)), rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=1.5)
+    assert (kind_of(usual), kind_of(other)) == ("spot", "shaped spot")
+    nearly = rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=np.nextafter(1.0, 2))
+    pictures = [rz.render(rz.Scene(models(()).meshes, [light]), 40, shading="phong", tolerance=0).color for light in (usual, nearly)]
+    assert np.abs(pictures[0] - pictures[1]).max() <= 1e-7
+
+
+@pytest.mark.parametrize("falloff", [0.5, 0.6, 0.75, 0.99, 1.0, 1.2, 2.0, 10.0])
+def test_the_slope_of_the_fall_is_bounded(falloff):
+    """d/dt (t²(3 - 2t))^p by differences stays below what bounds.steepness counts on."""
+    from rasterizer.bounds import cone_cosines, steepness
+
+    light = rz.SpotLight((0, 0, 1), (0, 0, -1), inner=10, outer=40, falloff=falloff)
+    inner, outer = cone_cosines(light)
+    t = np.linspace(0, 1, 200_001)
+    slope = np.abs(np.diff((t**2 * (3 - 2 * t)) ** falloff)).max() * (len(t) - 1)
+    bound = steepness(light) * (inner - outer)
+    assert slope <= bound * (1 + 1e-6), f"{slope:.4g} > {bound:.4g}"
+    assert steepness(rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=0.49)) == np.inf

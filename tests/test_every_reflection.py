@@ -329,7 +329,8 @@ def test_what_float32_cannot_draw_is_drawn_in_float64():
 @pytest.mark.parametrize("name", MATERIALS)
 def test_pictures_agree_with_the_judge(name):
     material = replace(MATERIALS[name], diffuse=(0.5, 0.4, 0.2), specular=(0.3, 0.2, 0.25), ambient=0.1)
-    mesh = rz.Mesh(*torus(24, 12), material=material)
+    corners, faces = torus(24, 12)
+    mesh = rz.Mesh(corners, faces, uv=corners[:, :2], material=material)
     lights = (*COLORED, rz.PointLight((1.0, 2.0, 2.0), 0.4, (1, 0.1, 0.01)))
     scenes = [rz.Scene([mesh], lights, VIEW)]
     if "," not in name:

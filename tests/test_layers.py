@@ -3,13 +3,16 @@
 import itertools
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 from pinhole import QUAD, SHADINGS, layer, octasphere, sheet_camera
 from raster import assert_runs
 
 import rasterizer as rz
+from rasterizer import plan as planning
 from rasterizer import reference
+from rasterizer.pipeline import layers
 
 SIZE = (48, 36)
 COLORS = np.array([(0.9, 0.1, 0.2), (0.2, 0.8, 0.1), (0.1, 0.3, 0.7), (0.6, 0.6, 0.1), (0.3, 0.1, 0.5)])
@@ -267,3 +270,128 @@ def test_an_opaque_scene_compiles_no_layers():
         "rz.render(glass, 16)\n"
         "assert all(kernel.signatures for kernel in kernels[:5])\n"
     )
+
+
+# ── many layers ─────────────────────────────────────────────────────────────────────────────────────────
+
+
+def stack(opacities, seed=None, tilt=0.0):
+    """Sheets behind each other, the first one nearest, as one mesh; in any order in the file."""
+    n = len(opacities)
+    order = np.arange(n) if seed is None else np.random.default_rng(seed).permutation(n)
+    sheet = np.array(layer(SIZE, 0.0, is_perspective=False))
+    corners = np.repeat(sheet[None], n, axis=0)
+    corners[:, :, 2] = -(2.0 + 50.0 * np.arange(n) / n)[:, None] + tilt * np.array((1, -1, 1, -1))
+    levels = np.unique(opacities)
+    looks = [paint(tuple(COLORS[k % 5]), float(opacity)) for k, opacity in enumerate(levels)]
+    faces = np.arange(4 * n).reshape(-1, 4)
+    return rz.Mesh(
+        corners[order].reshape(-1, 3), faces, materials=looks, face_material=np.searchsorted(levels, np.asarray(opacities)[order])
+    )
+
+
+def test_a_thousand_layers_in_closed_form():
+    opacities = np.random.default_rng(1).choice((0.0, 0.001, 0.01, 0.02, 0.05), 1000)
+    transmitted = np.append(1.0, np.cumprod(1 - opacities))
+    colors = COLORS[np.searchsorted(np.unique(opacities), opacities) % 5]
+    expected = (transmitted[:-1, None] * opacities[:, None] * colors).sum(axis=0)
+    frames = [show([stack(opacities, seed)]) for seed in (None, 2, 3)]
+    for frame in frames:
+        assert np.abs(frame.alpha - (1 - transmitted[-1])).max() < 1e-6
+        assert np.abs(frame.color * frame.alpha[..., None] - expected).max() < 1e-6
+        assert frame.color.tobytes() == frames[0].color.tobytes() and frame.alpha.tobytes() == frames[0].alpha.tobytes()
+
+
+@pytest.mark.parametrize("opacity", [1e-4, 1e-7, 1e-12, 1e-30])
+def test_the_opacity_of_next_to_nothing_keeps_its_digits(opacity):
+    """1 - (1 - a) would be 0, or anything."""
+    for tolerance in (0, 1 / 4096):
+        frame = show([pane(2.0, paint((0.9, 0.3, 0.2), opacity)), pane(3.0, paint((0.9, 0.3, 0.2), opacity))], tolerance=tolerance)
+        assert np.abs(frame.alpha / (2 * opacity - opacity**2) - 1).max() < 1e-6
+        assert np.abs(frame.color - (0.9, 0.3, 0.2)).max() < 1e-6
+
+
+@pytest.mark.parametrize("is_textured", [False, True])
+def test_ten_thousand_surfaces_that_are_not_there(is_textured):
+    """Their material's opacity is 0, or their texture's alpha; the buffers show them, as every surface."""
+    clear = paint((1, 1, 1), 0.0)
+    if is_textured:
+        clear = paint((1, 1, 1), texture=rz.Texture(np.zeros((2, 2, 4))))
+    mesh = stack(np.full(10_000 if not is_textured else 300, 0.0), seed=1)
+    mesh = rz.Mesh(mesh.vertices, mesh.faces, polygons=mesh.polygons, material=clear, uv=np.zeros((mesh.n_vertex, 2)))
+    frame = show([mesh, pane(80.0, paint((0.2, 0.4, 0.6)))], outputs=("color", "rgb", "face", "depth"))
+    assert np.abs(frame.color - (0.2, 0.4, 0.6)).max() < 1e-6 and (frame.alpha == 1).all()
+    assert (frame.face < mesh.n_face).all() and np.abs(frame.depth - 2.0).max() < 1e-3
+    assert not show([mesh]).rgba.any() and show([mesh]).stats.covered == 0
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1 / 4096, 0.01, 0.5])
+@pytest.mark.parametrize("samples", [1, 4])
+def test_what_is_left_out_behind_many_layers_is_within_the_bound(monkeypatch, tolerance, samples):
+    """Against all layers: 2 B t in linear intensity, t in opacity; with tolerance, that is half of it."""
+    rng, brightest = np.random.default_rng(5), 3.0
+    for n in (3, 20, 200):
+        opacities = rng.choice((0.02, 0.3, 0.9), n)
+        meshes = [stack(opacities, 1, tilt=0.3), pane(90.0, paint((brightest, 0.1, 0.1)))]
+        frame = show(meshes, tolerance=tolerance, samples=samples)
+        with monkeypatch.context() as patch:
+            patch.setattr(planning, "least_transmitted", lambda *_: 0.0)
+            full = show(meshes, tolerance=tolerance, samples=samples)
+        with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE, tolerance=tolerance) as renderer:
+            least = renderer._plan.opacity.least
+            assert renderer._plan.bound >= brightest
+            budget = 2 * renderer._plan.bound * least + 2.0**-24 * brightest
+        assert 0 < least and (tolerance == 0 or 2 * renderer._plan.bound * least <= tolerance / 2)
+        off = np.abs(frame.color - full.color).max()
+        assert off <= budget, f"{n} layers: {off:.3g} > {budget:.3g}"
+        assert np.abs(frame.alpha - full.alpha).max() <= least + 2.0**-24
+        assert np.abs(frame.rgba[..., 3].astype(int) - full.rgba[..., 3]).max() <= 1
+
+
+def test_an_infinite_bound_leaves_nothing_out():
+    assert layers.least_transmitted(0.0, np.inf, False) == 0.0
+    assert layers.least_transmitted(1.0, 1e9, True) * 1e9 <= 0.25
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("samples", [1, 4])
+def test_ranges_of_samples_do_not_change_a_bit(monkeypatch, shading, samples):
+    """Lists are worked on some rows, or some samples of a row, at a time."""
+    camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=70)
+    scene = rz.Scene([soup(5, 90), pane(60.0, paint((0.2, 0.3, 0.4)))], LIT, camera)
+    frames = []
+    for most in (layers.MOST_FRAGMENTS, 5000, 300, 7, 1):
+        monkeypatch.setattr(layers, "MOST_FRAGMENTS", most)
+        frames.append(rz.render(scene, SIZE, shading=shading, samples=samples, threads=1))
+        assert frames[-1].color.tobytes() == frames[0].color.tobytes(), most
+        assert frames[-1].alpha.tobytes() == frames[0].alpha.tobytes(), most
+
+
+def test_ranges_are_whole_in_order_and_within_the_limit(monkeypatch):
+    rng = np.random.default_rng(2)
+    for most in (1, 10, 1000, 10**6):
+        monkeypatch.setattr(layers, "MOST_FRAGMENTS", most)
+        for pitch, n_row in ((1, 1), (8, 5), (40, 16)):
+            for counts in (np.zeros(pitch * n_row, int), rng.integers(0, 9, pitch * n_row), rng.integers(0, 2000, pitch * n_row)):
+                start = np.append(0, np.cumsum(counts))
+                ranges = list(layers.ranges_of(start, pitch))
+                assert [first for first, _ in ranges] == [0, *(last for _, last in ranges[:-1])] and ranges[-1][1] == len(counts)
+                assert all(last > first and (last - first == 1 or start[last] - start[first] <= most) for first, last in ranges)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 3, 24, 65, 1000, 4097])
+def test_lists_are_sorted_in_whatever_order_they_are(n):
+    rng = np.random.default_rng(n)
+    for words in (
+        np.arange(n), np.arange(n)[::-1], rng.permutation(n), rng.integers(0, 5, n), np.zeros(n), np.roll(np.arange(n), n // 2),
+        np.arange(n) ^ 1, rng.integers(-(2**62), 2**62, n),
+    ):  # fmt: skip
+        given = np.array(words, np.int64)
+        sort_list(given)
+        assert np.array_equal(given, np.sort(np.array(words, np.int64)))
+
+
+@numba.njit
+def sort_list(words):
+    """The helper in compiled code, as the pipeline has it."""
+    layers.sort(words)

@@ -225,3 +225,86 @@ def test_facts_count_textures(folder):
     facts = []
     material_of(folder, "map_Kd wood.png", log=facts.append)
     assert "1 faces, 1 material, 1 texture, no file normals" in facts[-1]
+
+
+# --- what exporters write, and what they mean -----------------------------------------------------------------
+
+
+def doubtful_material_of(folder, lines) -> Material:
+    (folder / "m.mtl").write_text("newmtl a\n" + lines)
+    (folder / "model.obj").write_text("mtllib m.mtl\n" + TEXTURED)
+    return load(folder / "model.obj").meshes[0].material
+
+
+@pytest.mark.parametrize(
+    ("lines", "field", "expected", "said"),
+    [
+        ("Tr 1.0", "opacity", 1.0, "2: Tr 1 of 'a' is taken as its opacity"),
+        ("Tr 1.5", "opacity", 1.0, "2: an opacity of 1.5 of 'a' is beyond 1"),
+        ("d 7", "opacity", 1.0, "2: an opacity of 7 of 'a' is beyond 1"),
+        ("Kd 1 0 0\nd 0", "opacity", 0.0, "3: the material 'a' is invisible: opacity 0"),
+        ("Ks 1 1 1\nNs 0", "specular", (0, 0, 0), "3: Ns 0 would spread the highlight of 'a'"),
+        ("Ns 0.25\nKs 1 1 1", "specular", (0, 0, 0), "2: Ns 0.25 would spread"),
+        ("Ks 1 1 1\nNs 1e11", "shininess", 1e6, r"3: Ns 1e\+11 of 'a' is beyond 1e\+06"),
+        ("Ns -5\nKs 1 1 1", "shininess", Material().shininess, "2: 'Ns' takes a number"),
+        ("Ns nan", "shininess", Material().shininess, "2: 'Ns' takes a number"),
+        ("Ns", "shininess", Material().shininess, "2: 'Ns' takes a number .* not ''"),
+        ("d inf", "opacity", 1.0, "2: 'd' takes a number"),
+        ("Kd red", "diffuse", Material().diffuse, "2: 'Kd' takes numbers .* not 'red'"),
+        ("Kd -1 0 0", "diffuse", Material().diffuse, "2: 'Kd' takes numbers"),
+        ("Kd nan 0 0", "diffuse", Material().diffuse, "2: 'Kd' takes numbers"),
+        ("Kd 255 51 0", "diffuse", (1, 0.2, 0), "2: 'Kd 255 51 0' reads as bytes"),
+        ("Kd 2.5 1 0", "diffuse", (1, 0.4, 0), "2: 'Kd 2.5 1 0' would reflect more light than there is"),
+        ("Kd 0.5 0.25", "diffuse", (0.5, 0.25, 0.5), "2: 'Kd 0.5 0.25': a colour of two numbers"),
+        ("Kd spectral x.rfl 1", "diffuse", Material().diffuse, "2: 'Kd spectral x.rfl 1': the spectral form"),
+        ("Kd 0.5\nillum 42", "diffuse", (0.5,) * 3, "3: illum 42 is none of 0..10"),
+    ],
+)
+def test_doubtful_lines_are_drawn_sensibly_and_warned_of(folder, lines, field, expected, said):
+    with pytest.warns(UserWarning, match=rf"m\.mtl:{said}"):
+        material = doubtful_material_of(folder, lines)
+    assert getattr(material, field) == expected
+
+
+@pytest.mark.parametrize(
+    ("mtl", "opacities"),
+    [
+        ("newmtl a\nTr 0.25\nnewmtl b\nTr 0", [0.75, 1]),
+        ("newmtl a\nTr 1\nnewmtl b\nTr 0.25", [1, 0.25]),  # MeshLab's
+        ("newmtl a\nTr 1\nnewmtl b\nTr 0", [1, 1]),
+        ("# Converted by Meshlab Group\nnewmtl a\nTr 0.25\nnewmtl b\nTr 0.5", [0.25, 0.5]),
+        ("newmtl a\nTr 0.25\nd 0.25\nnewmtl b\nTr 0.125", [0.25, 0.125]),
+        ("newmtl a\nTr 0.25\nd 0.75\nnewmtl b\nTr 0.125", [0.75, 0.875]),
+        ("newmtl a\nTr 0\nd 1\nnewmtl b\nTr 1", [1, 1]),
+        ("newmtl a\nTr 0.5\nd 0.5\nnewmtl b\nTr 0.125", [0.5, 0.875]),
+    ],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_what_tr_means_is_found_in_the_file(folder, mtl, opacities):
+    (folder / "m.mtl").write_text(mtl + "\n")
+    (folder / "model.obj").write_text("mtllib m.mtl\n" + TEXTURED.replace("usemtl a", "usemtl b\nf 1/1 2/2 3/3\nusemtl a"))
+    palette = load(folder / "model.obj").meshes[0].palette
+    assert [each.opacity for each in sorted(palette, key=lambda each: each.name)] == opacities
+
+
+def test_xyz_colours_are_converted(folder):
+    assert np.allclose(material_of(folder, "Kd xyz 0.475235 0.5 0.544415").diffuse, 0.5, atol=1e-4)
+
+
+def test_an_ambient_1_beside_a_colour_is_as_the_colour(folder):
+    facts = []
+    assert material_of(folder, "Ka 1 1 1\nKd 0.5 0 0", log=facts.append).ambient == (0.5, 0, 0)
+    assert any("m.mtl:2: 'Ka 1 1 1'" in fact for fact in facts)
+    assert material_of(folder, "Ka 0 0 0\nKd 0.5 0 0").ambient == (0, 0, 0)
+    assert material_of(folder, "Ka 1 1 1\nKd 1 1 1").ambient == (1, 1, 1)
+
+
+def test_many_doubtful_lines_are_counted(folder):
+    with pytest.warns(UserWarning) as caught:
+        doubtful_material_of(folder, "Kd red\n" * 500)
+    assert len(caught) == 20 and str(caught[-1].message).endswith("(and 480 lines more)")
+
+
+def test_materials_that_nobody_uses_are_not_warned_of(folder, recwarn):
+    material_of(folder, "Kd 1 0 0\nnewmtl unused\nd 0\nKd red")
+    assert not [each for each in recwarn if "m.mtl" in str(each.message)]

@@ -7,9 +7,8 @@ from rasterizer.scene.obj_corners import (
     MisreadError,
     in_force,
     read_corners,
-    read_normals,
     read_texture_coordinates,
-    rewrite_faces,
+    read_vectors,
 )
 
 
@@ -26,18 +25,12 @@ from rasterizer.scene.obj_corners import (
 def test_forms_of_a_corner(line, v, vt, vn):
     corners = read_corners(f"\nv 0 0 0\nf {line}\n")
     assert (corners.v.tolist(), corners.vt.tolist(), corners.vn.tolist()) == (v, vt, vn)
-    assert corners.n_corner.tolist() == [3] and corners.is_plain == (line != "1/2 2 3//1")
+    assert corners.n_corner.tolist() == [3]
 
 
 def test_numbers_below_0_count_back_from_their_line():
     corners = read_corners("\nv a\nv b\nvt a\nf -1/-1 -2/-1 1/-1\nv c\nvt b\nf -1/-1 -2/-2 -3/1\n")
     assert corners.v.tolist() == [1, 0, 0, 2, 1, 0] and corners.vt.tolist() == [0, 0, 0, 1, 0, 0]
-    assert not corners.is_plain
-
-
-def test_faces_are_rewritten_as_vertices():
-    text = "\nf -1/1 2 3//1\nx\nf 4 3 2 1\n"
-    assert rewrite_faces(text, read_corners("\nv 0" * 4 + text)) == "\nf 4 2 3\nx\nf 4 3 2 1\n"
 
 
 def test_values_in_force_hold_until_the_next():
@@ -68,10 +61,36 @@ def test_texture_coordinates_that_are_none(text):
         read_texture_coordinates(text)
 
 
-def test_normals():
-    assert read_normals("\nvn 1 2 3\nv 0 0 0\nvn 4 5 6\n").tolist() == [[1, 2, 3], [4, 5, 6]]
-    with pytest.raises(MisreadError, match="has not three numbers"):
-        read_normals("\nvn 1 2\n")
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        (["1 2 3", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),
+        (["1 2 3 9", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),
+        (["1 2 3", "4 5 6 7 8", "7 8 9 1"], [(1, 2, 3), (4, 5, 6), (7, 8, 9)]),
+        (["1 2 3 4 5", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),  # eight numbers, as two lines of four have
+        (["1 2 3 4", "5 6 7 8"], [(1, 2, 3, 4), (5, 6, 7, 8)]),
+        (["1 -1.#IND nan(snan)", "+1e-3 inf 1.#QNAN"], [(1, np.nan, np.nan), (1e-3, np.inf, np.nan)]),
+    ],
+)
+def test_rows_of_numbers(lines, expected):
+    text = "".join(f"\nvn {line}\nv 0 0 0" for line in lines) + "\n"
+    np.testing.assert_array_equal(read_vectors(text, "vn", 3), expected)
+
+
+@pytest.mark.parametrize("line", ["1 2", "1 2 x", "1,5 2 3", "1 2 0x", "\u00a0"])
+def test_rows_that_are_no_numbers(line):
+    with pytest.raises(MisreadError):
+        read_vectors(f"\nv 1 2 3\nv {line}\n", "v", 3)
+
+
+@pytest.mark.parametrize(
+    ("line", "vt", "vn"),
+    [("1// 2// 3//", [-1] * 3, [-1] * 3), ("1/ 2/ 3/", [-1] * 3, [-1] * 3), ("1/2/ 2/2/ 3/1/", [1, 1, 0], [-1] * 3),
+     ("1/2/ 2//3 3", [1, -1, -1], [-1, 2, -1])],
+)  # fmt: skip
+def test_corners_written_short(line, vt, vn):
+    corners = read_corners(f"\nf {line}\n")
+    assert (corners.v.tolist(), corners.vt.tolist(), corners.vn.tolist()) == ([0, 1, 2], vt, vn)
 
 
 @pytest.mark.parametrize("line", ["1/2/3 4/5 6/7/8/9 a", "1 2 x/", "0 1 2"])

@@ -25,9 +25,10 @@ BYTES = np.random.default_rng(1).integers(0, 256, (3, 5, 4), np.uint8)
 def assert_same(one, two):
     """Two scenes hold the same; textures are compared by what they hold, as each is equal to itself alone."""
     assert (one.lights, one.camera, one.background, one.up) == (two.lights, two.camera, two.background, two.up)
+    assert one.depth_cue == two.depth_cue
     assert len(one.meshes) == len(two.meshes)
     for a, b in zip(one.meshes, two.meshes, strict=True):
-        assert (a.name, a.crease_angle, a.drop_bad_faces) == (b.name, b.crease_angle, b.drop_bad_faces)
+        assert (a.name, a.crease_angle, a.weighting, a.drop_bad_faces) == (b.name, b.crease_angle, b.weighting, b.drop_bad_faces)
         for key in ARRAYS:
             x, y = getattr(a, key), getattr(b, key)
             assert (x is None) == (y is None), key
@@ -78,6 +79,23 @@ def test_materials_are_written_once(tmp_path, format):
     again = round_trip(rz.Scene([many, rz.Mesh(SQUARE, [[0, 1, 2]], material=odd)]), tmp_path, format)
     first, second, third = again.meshes[0].materials
     assert first is third and again.meshes[1].material is second
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_what_the_lighting_has_besides(tmp_path, format):
+    """Coloured and spectral F0, brushed materials, weightings, the shape of a spot's fall, a depth cue: to the last bit."""
+    ramp = rz.Spectrum([400, 510.5, 700], [0.1, 1 / 3, 0.7])
+    brushed = {"reflection": "cook-torrance", "roughness": (0.1, 1 / 3)}
+    looks = [
+        rz.Material(fresnel=(0.1, 0.2, 1 / 3)), rz.Material(fresnel=ramp), rz.Material(fresnel="white"), rz.Material.named("gold"),
+        rz.Material(**brushed), rz.Material(**brushed, tangent=(1, 2, 3), fresnel=(1, 0.5, 0)),
+        *(rz.Material(**brushed, tangent=axis) for axis in np.random.default_rng(2).normal(size=(20, 3))),
+    ]  # fmt: skip
+    words = ("angle", "area", "uniform")
+    meshes = [rz.Mesh(SQUARE, TWO, uv=UV, material=look, weighting=words[k % 3]) for k, look in enumerate(looks)]
+    lights = [rz.SpotLight((1, 2, 3), (1, 2, 3), falloff=1 / 3), rz.SpotLight((1, 2, 3), (0, 0, 1))]
+    for cue in (None, 2.0, rz.DepthCue(1 / 3, 0.1, (0.1, 0.2, 0.3)), rz.DepthCue(1, color=ramp)):
+        round_trip(rz.Scene(meshes, lights, depth_cue=cue), tmp_path, format)
 
 
 @pytest.mark.parametrize("format", FORMATS)

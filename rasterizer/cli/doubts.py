@@ -27,7 +27,8 @@ def _why_empty(frame, scene, arguments, camera) -> str:
     if frame.stats.faces == frame.stats.culled:
         return "all faces are seen from behind; try --cull none"
     if all(material.opacity == 0.0 for mesh in scene.meshes for material in mesh.palette):
-        return "every material has the opacity 0; try --material opacity=1"
+        names = ", ".join(sorted({f"'{material.name}'" for mesh in scene.meshes for material in mesh.palette})[:5])
+        return f"every material is invisible, its opacity is 0: {names}; try --material opacity=1"
     cause = _out_of_view(scene, camera)
     cause = f"{cause}; " if cause else ""
     if arguments.eye is not None:

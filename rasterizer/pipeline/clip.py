@@ -34,6 +34,9 @@ from .transform import DEPTH_MARGIN, LIMIT_PX, OUTSIDE, SUBPIXEL, Vertices
 N_PLANE = 6
 GUARD = (-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))  # px
 MOST_CORNERS = 3 + N_PLANE  # each plane adds at most one corner to a convex polygon
+# Rounding may bend a sliver, and then more than two edges cross a plane: of n corners with m inside, m and one for each crossing
+# are left, m + 2 min(m, n - m) <= 3 n / 2. Six times from a triangle on: 4, 6, 9, 13, 19, 28.
+ROOM = 28
 # A corner while it is clipped: distance along the viewing axis, along right and up (scene units).
 W, ACROSS, UPWARD = 0, 1, 2
 N_COLUMN = 3
@@ -233,7 +236,7 @@ def is_beyond(corners, screen, limits):
 @kernel
 def clip_faces(positions, vertex, faces, screen, out_parts, out_cut):
     """Clip the triangles `faces`; write what is left of each as a fan of triangles, and its place in `faces`; return how many."""
-    polygon, scratch = np.empty((MOST_CORNERS + 1, N_COLUMN)), np.empty((MOST_CORNERS + 1, N_COLUMN))
+    polygon, scratch = np.empty((ROOM, N_COLUMN)), np.empty((ROOM, N_COLUMN))
     n_out = np.uint64(0)
     for number in range(np.uint64(len(faces))):
         take_triangle(positions, vertex, faces[number], screen, polygon)
@@ -242,7 +245,7 @@ def clip_faces(positions, vertex, faces, screen, out_parts, out_cut):
             n = clip_polygon(polygon, n, plane, screen, GUARD, scratch)
             polygon, scratch = scratch, polygon
         first = find_first(polygon, n, screen)
-        for k in range(np.uint64(2), np.uint64(max(n, 2))):
+        for k in range(np.uint64(2), np.uint64(min(max(n, 2), MOST_CORNERS))):
             for column in range(np.uint64(N_COLUMN)):
                 out_parts[n_out, 0, column] = polygon[first, column]
                 out_parts[n_out, 1, column] = polygon[(first + k - np.uint64(1)) % np.uint64(n), column]
@@ -271,7 +274,7 @@ def find_nearest(positions, vertex, screen, width, height):
 
     For a camera inside the scene: what is behind it or beside the picture says nothing about the depths that are seen.
     """
-    polygon, scratch = np.empty((MOST_CORNERS + 1, N_COLUMN)), np.empty((MOST_CORNERS + 1, N_COLUMN))
+    polygon, scratch = np.empty((ROOM, N_COLUMN)), np.empty((ROOM, N_COLUMN))
     limits = (0.0, float(width), 0.0, float(height))
     nearest = np.inf
     for face in range(np.uint64(vertex.shape[1])):

@@ -45,7 +45,7 @@ from .records import FACE, IS_EXACT, IS_ID, RECORD_MASK, borrow_records, write_e
 from .scan import CLEAR, GROUP_SHIFT, Canvas, depths_of, fill, fill_spans, note_extent, plane_of, triangle_of
 from .transform import Vertices
 
-MOST_FRAGMENTS = 2**20  # words of lists that a thread works on at a time: 8 MB; more where a sample alone has more
+MOST_FRAGMENTS = 2**22  # words of lists that a thread works on at a time: 32 MB; more where a sample alone has more
 FEW = 32  # lists that are longer on the average are filled in the order of depth, so that little is left to sort
 PATIENCE = 8  # steps a fragment that a list may cost before it is sorted in another way
 INVISIBLE = 2.0**-26  # transmitted: float32 shows no opacity from there to 1, and a colour is off by a 2^-25th of the brightest

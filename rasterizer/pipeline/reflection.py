@@ -444,12 +444,13 @@ def finish_highlights(row, n, number):
 
 
 def grazing(cosine):
-    """Cosines up to this, 2^-40 in float64 and 2^-18 in float32, count as 0 where a step lies at 0.
+    """Cosines up to this, 2^-40 in float64 and 2^-20 in float32, count as 0 where a step lies at 0.
 
-    A light that is exactly parallel to a face has N·L = 0, and the rounding of the normal, of the light's direction and of their
-    product, about 20 roundings, must not decide for each sample by itself which side of the step it is on. In float64 the
-    normal's own rounding counts most: 2^-53 times the ratio of the coordinates to the face's size, which may be 2^10 here. In
-    float32 a light's place, up to three times as far from the eye as from the face, is covered, too: 20·2^-24·3 < 2^-18.
+    A light that is exactly parallel to a face has N·L = 0, and rounding must not decide for each sample by itself which side of
+    the step it is on. With u the unit roundoff that of the normal is 2 u, that of the light's direction u, that of the product
+    3 u; errors of the vectors' lengths don't count. In float32 that makes 6·2^-24, and 10 are left for the place of a light. In
+    float64 the normal's own rounding counts most: 2^-53 times the ratio of the coordinates to the face's size, which may be 2^10
+    here. No more than that, because what really grazes the surface is lit in float64, and by the formula.
     """
     raise NotImplementedError("compiled code only")
 
@@ -457,7 +458,7 @@ def grazing(cosine):
 @overload(grazing, inline="never")
 def _overload_grazing(cosine):
     if cosine == np.float32 or getattr(cosine, "bitwidth", 64) == 32:
-        return lambda cosine: np.float32(2.0**-18)
+        return lambda cosine: np.float32(2.0**-20)
     return lambda cosine: 2.0**-40
 
 

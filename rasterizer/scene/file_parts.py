@@ -165,7 +165,7 @@ def read_material(entry, context, name="") -> Material:
             settings[key] = _read_texture(field, context)
         else:
             settings[key] = color_value(field) if key in COLORS else field.value
-    return entry.call(Material, **settings)
+    return keeping_units(entry.call(Material, **settings), settings, ("tangent",))
 
 
 def _read_texture(entry, context) -> Texture:

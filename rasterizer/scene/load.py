@@ -28,8 +28,9 @@ from rasterizer.scene.parse import (
     materials_of,
     weld,
 )
+from rasterizer.scene.ply import read_ply
 from rasterizer.scene.scene import Scene
-from rasterizer.scene.soup import read_off, read_ply, read_stl
+from rasterizer.scene.soup import read_off, read_stl
 from rasterizer.scene.threemf import read_3mf
 
 _UP_AXES = {"stl": "z", "3mf": "z"}  # all others: y

@@ -50,7 +50,8 @@ class Material:
     emissive : colour, light that the surface gives off by itself (ke)
     opacity : number within 0..1: the share of what is seen that is the surface itself; the rest comes from
         behind it (1 - opacity is the transmission coefficient kt). Interpolated transparency (Foley, van Dam,
-        Feiner & Hughes 1990, 16.5.1): light is not bent
+        Feiner & Hughes 1990, 16.5.1): light is not bent. 0 isn't there in a picture; depth, face and normal buffers show
+        every surface
     texture : Texture, or anything that its class takes as an image, or None: multiplies `diffuse` and `ambient`,
         and its alpha the opacity; the mesh needs `uv`
     reflection : "phong" (1975, mirrored ray against viewer), "blinn" (1977, half vector against normal),
@@ -165,7 +166,7 @@ class Material:
         return self.texture is not None or (self.is_anisotropic and self.tangent == "u")
 
     @classmethod
-    def named(cls, name, **changes) -> "Material":
+    def named(cls, name, /, **changes) -> "Material":
         """Return one of the materials of the classic table: "gold", "jade", "red plastic", ...
 
         Parameters

@@ -1,15 +1,28 @@
-"""Read MTL material files: trimesh rounds Ka Kd Ks to 8 bits, and leaves Ke d Tr illum as text.
+"""Read MTL material files.
 
-How a file's values become a `Material`; coefficients are linear, one number stands for a grey:
+How a file's values become a `Material`; coefficients are linear, one number stands for a grey. What is marked (w) is warned of,
+with file and line; a line that can't be read (no number, not finite, negative) counts as if it weren't there (w).
 
     Kd       diffuse; missing: the default grey
-    Ka       ambient, as the file says, also the 0 0 0 or 1 1 1 that exporters write unasked; missing: as Kd
+    Ka       ambient, as the file says, also the 0 0 0 that exporters write unasked; missing: as Kd. So is 1 1 1 beside another
+             Kd: Blender writes it for every material, and would bleach all that is coloured (reported)
     Ks       specular; missing: none
-    Ns       shininess, at least 1; missing: the default
     Ke       emissive; missing: none
-    d, Tr    opacity d, or 1 - Tr; d wins where both are given
+    above 1  Ka Kd Ks in whole numbers up to 255 are bytes: divided by 255 (w); else divided by their largest component (w):
+             no surface reflects more than it gets. Ke may be as bright as it likes
+    xyz      CIE XYZ, brought to linear RGB, negative components 0; `spectral` files are not read: as if missing (w)
+    two      numbers of a colour: the blue is that of the first, as the format says (w)
+    Ns       shininess; missing: the default. Below 1, also the 0 of matte surfaces: no highlight (w, if Ks is not 0), since
+             (R·V)^0 is 1 all over the lit side and burns it out. Above 10^6: 10^6 (w)
+    d        opacity, within 0..1 (w); d 0 is invisible (w)
+    Tr       without d: 1 - Tr by the format's later custom; but exporters disagree, so the file's own evidence counts first:
+             1. materials with both d and Tr show whether Tr is d or 1 - d;
+             2. else, if a comment names MeshLab, or some Tr is 1 and none is 0, Tr is the opacity: MeshLab writes it so, `Tr 1`
+                for what is opaque, and nobody exports what can't be seen;
+             3. else it is 1 - opacity, but Tr 1 is opaque all the same.
+             Where that makes Tr an opacity (w). With d, Tr is not looked at
     illum 0  the plain colour Kd (+ Ke), not lit at all: it becomes emissive, and everything else 0
-    illum 1  no specular; all other models: the equation as usual
+    illum 1  no specular; all other models, 2 to 10: the equation as usual; any other number: as 2 (w)
     illum 4, 6, 7, 9 (glass) ask for rays; without d or Tr such a material is opaque
     map_Kd   texture, sRGB: it multiplies Kd and Ka; a missing Kd is 1 then. The alpha of the picture, if it has any, multiplies d
     map_d    another picture than that of map_Kd: its grey (8 bits / 255, not decoded) becomes the texture's alpha; the same
@@ -23,6 +36,7 @@ Format: Wavefront, MTL specification 4.2, 1995.
 """
 
 import math
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -35,8 +49,11 @@ from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene._files import OutsideError
 from rasterizer.scene.material import Material
 from rasterizer.scene.parse import ModelFile, text_of
+from rasterizer.scene.spectrum import rgb_from_xyz
 from rasterizer.scene.texture import Budget, Texture, read_picture
 
+MOST_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
+MOST_WARNINGS = 20  # lines of one file that are warned of one by one
 _COLORS = ("ka", "kd", "ks", "ke")
 _NUMBERS = ("ns", "d", "tr", "illum")
 _MAPS = ("map_", "bump", "disp", "decal", "refl", "norm")  # the first letters of all keywords that name a picture
@@ -46,56 +63,95 @@ _OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2} | dict.fromkeys(
 )
 
 
+class Doubts:
+    """What is doubtful in a file, by line, warned of all at once."""
+
+    def __init__(self, library):
+        self.library, self.found = library, {}
+
+    def add(self, line, text) -> None:
+        """Remember a doubt about a line."""
+        self.found.setdefault((line, text))
+
+    def warn(self) -> None:
+        """Warn of the first ones, in the order of the lines; and of how many more there are."""
+        found = sorted(self.found)
+        for k, (line, text) in enumerate(found[:MOST_WARNINGS]):
+            more = f" (and {len(found) - MOST_WARNINGS} lines more)" if k == MOST_WARNINGS - 1 < len(found) - 1 else ""
+            warnings.warn(f"{self.library.name}:{line}: {text}{more}", stacklevel=3)
+
+
 def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Material]:
     """Read the materials of an MTL file.
 
     Parameters
     ----------
     library : ModelFile with the bytes of the MTL file; its folder is where textures are looked for
-    used : set of names of the materials whose textures are read; None = all
+    used : set of names of the materials whose textures are read, and whose doubts are warned of; None = all
     maps : Maps, the pictures read so far
 
     Returns
     -------
     dict, name to Material
 
-    Raises
-    ------
-    ModelError : a coefficient is not a number, negative or not finite; the message names the file and the
-        line
-
     Warns
     -----
-    UserWarning : a texture is missing or can't be read
+    UserWarning : a line that can't be read, or is taken otherwise than it stands there, with file and line; a texture is missing or
+        can't be read
     """
     maps = Maps(library.log) if maps is None else maps
-    found = {}
-    for name, values in _blocks(library):
+    doubts, found = Doubts(library), {}
+    blocks = _blocks(library)
+    is_opacity = _is_tr_opacity(library, [values for _, values, _ in blocks])
+    for name, values, faults in blocks:
         is_used = used is None or name in used
         texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
-        found[name] = _material(library, name, values, texture)
+        # Doubts about a material that nobody uses concern nobody.
+        own = doubts if is_used else Doubts(library)
+        for line, text in faults:
+            own.add(line, text)
+        found[name] = _material(library, name, values, texture, is_opacity, own)
+    doubts.warn()
     return found
 
 
-def _blocks(library) -> list[tuple[str, dict]]:
-    """Return the name and the values of every material."""
-    blocks, name, values = [], None, {}
-    for line_number, line in enumerate(text_of(library.data).replace("\r\n", "\n").split("\n"), 1):
+def _blocks(library) -> list[tuple[str, dict, list]]:
+    """Return the name, the values and the faults of every material; a value is (number or colour, line), a map (name, wrap)."""
+    blocks, name, values, faults = [], None, {}, []
+    lines = text_of(library.data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    for line_number, line in enumerate(lines, 1):
         key, _, rest = line.strip().replace("\t", " ").partition(" ")
         key, rest = key.lower(), rest.strip()
         if key == "newmtl":
             if name is not None:
-                blocks.append((name, values))
-            name, values = rest, {}
+                blocks.append((name, values, faults))
+            name, values, faults = rest, {}, []
         elif key in _COLORS + _NUMBERS:
-            values[key] = _numbers(library, line_number, key, rest)
+            number, fault = _value(key, rest)
+            if fault:
+                faults.append((line_number, fault))
+            if number is not None:
+                values[key] = number, line_number
         elif key in ("map_kd", "map_d"):
             values[key] = _map_line(library, line_number, key, rest)
         elif key.startswith(_MAPS):
             library.log(f"{library.name}: texture '{rest}' ({key}) of material '{name}' is not drawn by this version")
     if name is not None:
-        blocks.append((name, values))
+        blocks.append((name, values, faults))
     return blocks
+
+
+def _is_tr_opacity(library, blocks) -> bool:
+    """Tell whether `Tr` is the opacity in a file; see the module's docstring."""
+    pairs = [(values["d"][0], values["tr"][0]) for values in blocks if "d" in values and "tr" in values]
+    # A pair tells nothing where d is about 1/2: files hold at least three digits.
+    as_opacity = sum(abs(d - tr) < 1e-3 <= abs(1 - d - tr) for d, tr in pairs)
+    as_rest = sum(abs(1 - d - tr) < 1e-3 <= abs(d - tr) for d, tr in pairs)
+    if as_opacity != as_rest:
+        return as_opacity > as_rest
+    alone = [values["tr"][0] for values in blocks if "tr" in values and "d" not in values]
+    comments = re.findall(rb"#[^\r\n]*", library.data)
+    return any(b"meshlab" in comment.lower() for comment in comments) or (1.0 in alone and 0.0 not in alone)
 
 
 def _map_line(library, line_number, key, rest) -> tuple[str, str]:
@@ -121,50 +177,104 @@ def _is_number(word) -> bool:
     return True
 
 
-def _numbers(library, line_number, key, rest):
-    """Return the numbers of one line: three for a colour, else one; None for a spectral or xyz colour."""
-    words = rest.split("#")[0].split()
-    if key in _COLORS and words[:1] and words[0].lower() in ("spectral", "xyz"):
-        library.log(f"{library.name}:{line_number}: the {words[0]} form of a colour is not read")
-        return None
-    words = [word for word in words if word.lower() != "-halo"]
+def _value(key, rest) -> tuple[float | tuple | None, str | None]:
+    """Return the number or colour of one line, None where it has none, and what is doubtful about it."""
+    words = [word for word in rest.partition("#")[0].split() if word.lower() != "-halo"]
+    form = words[0].lower() if key in _COLORS and words else ""
+    spelt = key if key in ("d", "illum") else key.capitalize()
+    if form == "spectral":
+        return None, f"'{spelt} {rest[:60]}': the spectral form of a colour is not read; it counts as missing"
+    words = words[1:] if form == "xyz" else words
     try:
         numbers = [float(word) for word in words[: 3 if key in _COLORS else 1]]
     except ValueError:
         numbers = []
     if not numbers or not all(math.isfinite(number) and number >= 0.0 for number in numbers):
-        raise library.error(
-            f"'{key}' takes numbers that are finite and not negative, not '{rest}'", line_number
-        )
+        what = "numbers that are finite and not negative" if key in _COLORS else "a number that is finite and not negative"
+        return None, f"'{spelt}' takes {what}, not '{rest[:60]}'; the line is left out"
     if key in _NUMBERS:
-        return numbers[0]
-    return tuple(numbers) if len(numbers) == 3 else (numbers[0],) * 3
+        return numbers[0], None
+    fault = f"'{spelt} {rest[:60]}': a colour of two numbers; the third is taken as the first" if len(numbers) == 2 else None
+    color = (numbers + [numbers[0]] * 2)[:3]
+    if form == "xyz":
+        # The sRGB primaries with the white D65 (IEC 61966-2-1:1999).
+        matrix = rgb_from_xyz(np.array([0.95047, 1.0, 1.08883]))
+        color = np.clip(matrix @ np.array(color), 0.0, None).tolist()
+    return tuple(color), fault
 
 
-def _material(library, name, values, texture) -> Material:
+def _share(key, given, doubts) -> tuple:
+    """Return a coefficient of reflection, none of its components above 1."""
+    color, line = given
+    most = max(color)
+    if most <= 1.0:
+        return color
+    shown = " ".join([key.capitalize(), *(f"{component:g}" for component in color)])
+    if most <= 255.0 and all(component == int(component) for component in color):
+        doubts.add(line, f"'{shown}' reads as bytes; it is divided by 255")
+        return tuple(component / 255.0 for component in color)
+    doubts.add(line, f"'{shown}' would reflect more light than there is; it is divided by {most:g}")
+    return tuple(component / most for component in color)
+
+
+def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material:
     """Turn the values of one material into the coefficients of the illumination equation."""
-    given = {key: value for key, value in values.items() if value is not None}
-    coefficients = {"specular": given.get("ks", 0.0), "emissive": given.get("ke", 0.0), "name": name, "texture": texture}
-    if "kd" in given:
-        coefficients["diffuse"] = given["kd"]
-    elif texture is not None and "map_kd" in given:
+    coefficients = {"name": name, "texture": texture, "specular": 0.0}
+    for key, field_name in (("kd", "diffuse"), ("ka", "ambient"), ("ks", "specular")):
+        if key in values:
+            coefficients[field_name] = _share(key, values[key], doubts)
+    coefficients["emissive"] = values["ke"][0] if "ke" in values else 0.0
+    if "kd" not in values and texture is not None and "map_kd" in values:
         coefficients["diffuse"] = 1.0
-    if "ka" in given:
-        coefficients["ambient"] = given["ka"]
-    if "ns" in given:
-        coefficients["shininess"] = max(given["ns"], 1.0)
-    opacity = given.get("d", 1.0 - given.get("tr", 0.0))
-    coefficients["opacity"] = min(max(opacity, 0.0), 1.0)
-    if given.get("illum") == 0.0 and texture is not None:
-        library.log(f"{library.name}: material '{name}' has illum 0 and a texture: it is lit all the same")
+    if coefficients.get("ambient") == (1.0, 1.0, 1.0) and coefficients.get("diffuse", 1.0) not in ((1.0, 1.0, 1.0), 1.0):
+        del coefficients["ambient"]
+        library.log(f"{library.name}:{values['ka'][1]}: 'Ka 1 1 1' of material '{name}' is taken as its Kd")
+    illum, line = values.get("illum", (2.0, 0))
+    if illum not in range(11):
+        doubts.add(line, f"illum {illum:g} is none of 0..10; the material '{name}' is drawn as with illum 2")
+    if illum in (0.0, 1.0):
         coefficients["specular"] = 0.0
-    elif given.get("illum") == 0.0:
+    _add_shininess(name, values, coefficients, doubts)
+    coefficients["opacity"] = _opacity(name, values, is_tr_opacity, doubts)
+    if illum == 0.0 and texture is not None:
+        library.log(f"{library.name}: material '{name}' has illum 0 and a texture: it is lit all the same")
+    elif illum == 0.0:
         plain = Material(**coefficients)
         glow = tuple(kd + ke for kd, ke in zip(plain.diffuse, plain.emissive, strict=True))
         coefficients |= {"ambient": 0.0, "diffuse": 0.0, "specular": 0.0, "emissive": glow}
-    elif given.get("illum") == 1.0:
-        coefficients["specular"] = 0.0
     return Material(**coefficients)
+
+
+def _add_shininess(name, values, coefficients, doubts) -> None:
+    """Put the exponent of the highlight among the coefficients, or take the highlight away."""
+    if "ns" not in values:
+        return
+    exponent, line = values["ns"]
+    has_highlight = coefficients["specular"] != 0.0 and max(coefficients["specular"]) > 0.0
+    if exponent < 1.0 and has_highlight:
+        doubts.add(line, f"Ns {exponent:g} would spread the highlight of '{name}' over all that is lit; it is drawn without one")
+        coefficients["specular"] = 0.0
+    elif exponent > MOST_SHININESS and has_highlight:
+        doubts.add(line, f"Ns {exponent:g} of '{name}' is beyond {MOST_SHININESS:g}, which is taken")
+    coefficients["shininess"] = min(max(exponent, 1.0), MOST_SHININESS)
+
+
+def _opacity(name, values, is_tr_opacity, doubts) -> float:
+    """Return the opacity of a material; see the module's docstring."""
+    if "d" in values:
+        opacity, line = values["d"]
+    elif "tr" in values:
+        tr, line = values["tr"]
+        opacity = tr if is_tr_opacity or tr >= 1.0 else 1.0 - tr
+        if opacity == tr and tr != 0.5:
+            doubts.add(line, f"Tr {tr:g} of '{name}' is taken as its opacity, as MeshLab writes it: there is no d")
+    else:
+        return 1.0
+    if opacity > 1.0:
+        doubts.add(line, f"an opacity of {opacity:g} of '{name}' is beyond 1, which is taken")
+    if opacity <= 0.0:
+        doubts.add(line, f"the material '{name}' is invisible: opacity 0")
+    return min(max(opacity, 0.0), 1.0)
 
 
 # --- textures -----------------------------------------------------------------------------------------------

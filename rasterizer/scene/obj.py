@@ -1,23 +1,21 @@
-"""Read OBJ through trimesh, and recover what it loses: normals, smoothing groups, polygons, objects, materials.
+"""Read OBJ: vertices, polygons, normals, texture coordinates, smoothing groups, objects, materials.
 
-trimesh parses the numbers and cuts polygons into triangles. Where the face lines say more than three vertex
-numbers, they are read a second time into a table of corners, which is laid beside trimesh's triangles; every
-vertex of every triangle must then be the same point in both, which holds the two readers together. A plain
-file costs no more than a few searches through its text.
-
-    text ─ tidy ─┬─ trimesh ──────────┬─ all faces ─ parts, one an object
-                 ├─ table of corners ─┤
-                 └─ o, usemtl ────────┘
+    text ─ tidy ─┬─ rows of v, vn, vt ──┐
+                 ├─ table of corners ───┼─ triangles (polygons.py) ─ parts, one an object
+                 └─ o, usemtl, s ───────┘
 
 Each `o` line with faces begins a part, which may have several materials; groups (`g`) only name faces, so normals
-go across their borders. Faces keep the order of the file. The vertices are those of the file: copies that trimesh
-makes of a vertex with several normals or texture coordinates are joined again. Format: Wavefront, Advanced
-Visualizer manual, appendix B1, 1995.
+go across their borders. Faces keep the order of the file; those with fewer than three corners, points and lines are left out.
+
+Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name; a `v` of four or five numbers is a
+place, of six or more a place and its colour (0..1, or 0..255 where a number is above 1), used where all `v` lines have one; a `vt`
+after the last is none; `1.#QNAN` and the like are not a number. Format: Wavefront, Advanced Visualizer manual, appendix B1, 1995.
 """
 
 import re
 import warnings
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -30,22 +28,14 @@ from rasterizer.scene.obj_corners import (
     MisreadError,
     in_force,
     read_corners,
-    read_normals,
     read_texture_coordinates,
-    rewrite_faces,
+    read_vectors,
 )
-from rasterizer.scene.obj_fault import find_fault
-from rasterizer.scene.parse import (
-    Fans,
-    ModelFile,
-    Part,
-    fans,
-    part_from,
-    run_trimesh,
-    text_of,
-    triangle_meshes,
-)
+from rasterizer.scene.obj_fault import find_fault, line_of_face
+from rasterizer.scene.parse import WHITE, ModelFile, Part, bytes_of, cut_faces, text_of
+from rasterizer.scene.polygons import listed
 
+MOST_LIBRARIES = 256  # material files that an OBJ file may name
 _UNNAMED = -1  # material number of faces before the first usemtl
 
 
@@ -80,27 +70,22 @@ def read_obj(model: ModelFile) -> list[Part]:
 
 def _read(model):
     text = _tidy(model.data)
-    corners = read_corners(text) if _needs_table(text) else None
-    mesh = _run(model, text if corners is None or corners.is_plain else rewrite_faces(text, corners))
-    if mesh is None:
-        return []
     n_line = text.count("\nf ")
-    if corners is None and len(mesh.faces) != n_line:
-        corners = read_corners(text)
-    part = part_from(mesh)
-    part.pop("uv", None)
-    if corners is not None:
-        part = _recover(part, corners, text)
+    if n_line == 0:
+        return []
+    corners = read_corners(text)
+    if corners.n_corner.max(initial=0) < 3:
+        return []
+    part, polygons = _make_part(model, corners, text)
     object_of_line, objects = _named(text, "o", n_line)
     material_of_line, names = _named(text, "usemtl", n_line)
-    lines = np.arange(n_line) if corners is None else fans(corners.n_corner).polygons
     materials = _find_materials(model, text, names)
     default = replace(part.pop("material"), name="")
     palette = [materials.get(name, replace(default, name=name)) for name in names] + [default]
-    part["face_material"] = material_of_line[lines]
+    part["face_material"] = material_of_line[polygons]
     return [
         _with_materials(model, piece, palette, objects[number] if number >= 0 else _only_group(text))
-        for number, piece in _objects(part, object_of_line[lines])
+        for number, piece in _objects(part, object_of_line[polygons])
     ]
 
 
@@ -128,7 +113,7 @@ def _only_group(text) -> str:
 
 
 def _tidy(data: bytes) -> str:
-    """Return the text as trimesh expects it: \\n ends a line, nothing before a keyword, a blank after it."""
+    """Return the text with \\n at the end of each line, nothing before a keyword, and a blank after it."""
     text = "\n" + text_of(data) + "\n"
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
@@ -143,85 +128,43 @@ def _tidy(data: bytes) -> str:
     return text
 
 
-def _needs_table(text: str) -> bool:
-    """Tell whether the face lines may say more than vertex numbers above 0, or smoothing groups are used."""
-    start, last = text.find("\nf "), text.rfind("\nf ")
-    if start < 0:
-        return False
-    end = text.find("\n", last + 1) + 1
-    return "\ns " in text or any(text.find(sign, start, end) >= 0 for sign in ("/", "-", " 0 ", " 0\n"))
+# --- triangles ----------------------------------------------------------------------------------------------
 
 
-# --- trimesh ------------------------------------------------------------------------------------------------
-
-
-def _run(model, text):
-    """Parse the text with trimesh, as one object of one material; None if it has no faces."""
-    plain = re.sub(r"\n(?:usemtl|mtllib|o|g)(?: .*)?(?=\n)", "", text)
-    meshes = list(triangle_meshes(run_trimesh(model, plain)).values())
-    if not meshes:
-        return None
-    if len(meshes) > 1 or meshes[0].vertices.shape[1:] != (3,):
-        raise MisreadError("vertices or objects are mixed up")
-    return meshes[0]
-
-
-# --- alignment ----------------------------------------------------------------------------------------------
-
-
-def _recover(part: Part, corners: Corners, text) -> Part:
-    """Lay the table beside all triangles, and take from it what trimesh has lost."""
-    triangles = fans(corners.n_corner)
-    if len(triangles.polygons) != len(part["faces"]):
-        raise MisreadError("trimesh finds another number of triangles")
-    taken = part["faces"][_file_order(corners.n_corner, triangles)]
-    merged = _join_seams(part, taken, corners.v[triangles.corners])
-    normal_idx = corners.vn[triangles.corners]
+def _make_part(model, corners: Corners, text) -> tuple[Part, np.ndarray]:
+    """Put all triangles of the file in one part; return it, and which face line each triangle came from."""
+    points = read_vectors(text, "v", 3)
+    if corners.v.max() >= len(points):
+        raise MisreadError("a face refers to a vertex after the last")
+    cut = cut_faces(model, points[:, :3], corners.v, corners.n_corner, lambda face: f":{line_of_face(model.data, face)}: the face")
+    v = corners.v[cut.corners]
+    n_used, faces = _compact(v)
+    used = np.zeros(n_used, np.int64)
+    used[faces] = v
+    points = points[used]
+    part = {"vertices": np.ascontiguousarray(points[:, :3]), "faces": faces, "name": "", "material": Material()}
+    if points.shape[1] >= 6 and np.isfinite(points[:, 3:6]).all():
+        part |= {"colors": bytes_of(points[:, 3:6]), "material": WHITE}
+    normal_idx = corners.vn[cut.corners]
     if normal_idx.max() >= 0:
-        normals = read_normals(text)
+        normals = read_vectors(text, "vn", 3)
         if normal_idx.max() >= len(normals):
             raise MisreadError("a face refers to a normal after the last")
-        merged["normals"] = normals[normal_idx]
-        merged["has_normals"] = (normal_idx >= 0).all(axis=1)
-    uv_idx = corners.vt[triangles.corners]
+        part["normals"] = normals[normal_idx, :3]
+        part["has_normals"] = (normal_idx >= 0).all(axis=1)
+    uv_idx = corners.vt[cut.corners]
     if uv_idx.max() >= 0:
         coordinates = read_texture_coordinates(text)
         is_there = (uv_idx >= 0) & (uv_idx < len(coordinates))
         if is_there.any():
-            merged["uv"] = np.where(is_there[..., None], coordinates[np.where(is_there, uv_idx, 0)], 0.0)
-            merged["has_uv"] = is_there.all(axis=1)
+            part["uv"] = np.where(is_there[..., None], coordinates[np.where(is_there, uv_idx, 0)], 0.0)
+            part["has_uv"] = is_there.all(axis=1)
     if corners.n_corner.max() > 3:
-        merged["polygons"] = triangles.polygons
-    smoothing = corners.smoothing[triangles.polygons]
+        part["polygons"] = cut.polygons
+    smoothing = corners.smoothing[cut.polygons]
     if smoothing.any():
-        merged["smoothing"] = smoothing.astype(np.int32)
-    return merged
-
-
-def _file_order(n_corner, triangles: Fans):
-    """Return where the file's triangles stand in trimesh's list: they are grouped only if all are quads."""
-    is_uniform = (n_corner == n_corner[0]).all()
-    return np.argsort(triangles.order) if is_uniform else np.arange(len(triangles.order))
-
-
-def _join_seams(part: Part, taken, v) -> Part:
-    """Undo the copies that trimesh makes of a vertex with several normals or texture coordinates.
-
-    Parameters
-    ----------
-    part : with trimesh's vertices and what belongs to them
-    taken : (n_triangle, 3) trimesh's faces, in the order of the file
-    v : (n_triangle, 3) the vertices of the same triangles, as the file numbers them
-    """
-    n_used, faces = _compact(v)
-    merged = {**part, "faces": faces}
-    merged.pop("normals", None)
-    for attribute in ("vertices", "colors"):
-        if attribute in part:
-            merged[attribute] = _per_vertex(part[attribute][taken], faces, n_used)
-            if merged[attribute] is None:
-                raise MisreadError("trimesh finds other triangles")
-    return merged
+        part["smoothing"] = smoothing.astype(np.int32)
+    return part, cut.polygons
 
 
 def _compact(v) -> tuple[int, np.ndarray]:
@@ -342,24 +285,27 @@ def _find_materials(model, text, names) -> dict[str, Material]:
     if not names:
         return {}
     materials, missing, maps = {}, [], Maps(model.log)
-    for line in re.findall(r"\nmtllib +(.*?) *(?=\n)", text):
-        # Names with blanks are written like several names.
-        of_line = _library(model, line)
-        for name in [line] if of_line else line.split():
-            library = of_line or _library(model, name)
-            if library is None:
-                missing.append(name)
-            else:
-                materials |= read_materials(library, set(names), maps)
+    named = dict.fromkeys(line.strip() for line in re.findall(r"\nmtllib (.*)", text))
+    # Names with blanks are written like several names.
+    named = [[line] if len(line) < 256 and _library(model, line) else line.split() for line in list(named)[:MOST_LIBRARIES]]
+    named = list(dict.fromkeys(chain.from_iterable(named)))
+    if len(named) > MOST_LIBRARIES:
+        warnings.warn(
+            f"{model.name}: names {len(named)} material files; the first {MOST_LIBRARIES} are looked for", stacklevel=2
+        )
+    for name in named[:MOST_LIBRARIES]:
+        library = _library(model, name)
+        if library is None:
+            missing.append(name)
+        else:
+            materials |= read_materials(library, set(names), maps)
     unknown = [name for name in names if name not in materials]
     if missing:
-        listed = ", ".join(f"'{name}'" for name in dict.fromkeys(missing))
-        warnings.warn(
-            f"{model.name}: material file {listed} not found; the default material is used", stacklevel=2
-        )
+        files = listed([f"'{name}'" for name in missing])
+        warnings.warn(f"{model.name}: material file {files} not found; the default material is used", stacklevel=2)
     elif unknown:
-        listed = ", ".join(f"'{name}'" for name in unknown[:5])
-        warnings.warn(f"{model.name}: no definition of material {listed}; the default is used", stacklevel=2)
+        unknown = listed([f"'{name}'" for name in unknown])
+        warnings.warn(f"{model.name}: no definition of material {unknown}; the default is used", stacklevel=2)
     return materials
 
 

@@ -1,22 +1,23 @@
 """The table of corners of an OBJ file: which vertex, texture coordinate and normal each corner of each face line names.
 
-In: the tidy text of the file, every line begun by a keyword. Out: `Corners`, and the rows of its vt and vn lines.
+In: the tidy text of the file, every line begun by a keyword. Out: `Corners`, and the rows of its v, vt and vn lines.
 """
 
 import re
 import warnings
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 # Ways to write a corner: slashes of one corner * 2 + whether two of them touch. The numbers say which columns
 # are v, vt and vn.
+_MARK = -8765432109
+NO_NUMBER = re.compile(r"[+-]?(nan\(.*\)|\d\.#\w+)")
 _PATTERNS = {0: ("v",), 2: ("v", "vt"), 4: ("v", "vt", "vn"), 5: ("v", "vn")}
 
 
 class MisreadError(Exception):
-    """The face lines can't be read, or trimesh understands them in another way."""
+    """Lines of the file can't be read."""
 
 
 class Corners(NamedTuple):
@@ -27,7 +28,6 @@ class Corners(NamedTuple):
     vn: np.ndarray  # (n_corner,) int64, -1 where a corner has none
     n_corner: np.ndarray  # (n_face,) int64
     smoothing: np.ndarray  # (n_face,) int64, 0 = none
-    is_plain: bool  # trimesh understands the face lines as they are
 
 
 def read_corners(text) -> Corners:
@@ -39,19 +39,18 @@ def read_corners(text) -> Corners:
     """
     faces = re.findall(r"\nf (.*)", text)
     n_corner, pattern = _patterns(faces)
-    columns = _read_mixed(faces, int(n_corner.sum())) if pattern is None else _read_uniform(faces, pattern, int(n_corner.sum()))
-    is_plain = pattern is not None
+    columns = None if pattern is None else _read_uniform(faces, pattern, int(n_corner.sum()))
+    columns = _read_mixed(faces, int(n_corner.sum())) if columns is None else columns
     indices = {}
     for kind in ("v", "vt", "vn"):
         column = columns.get(kind)
         if column is not None and column.min(initial=1) < 0:
-            is_plain = False
             column = _count_from_start(column, text, kind, n_corner)
         indices[kind] = np.full(int(n_corner.sum()), -1) if column is None else column - 1
     if indices["v"].min(initial=0) < 0:
         raise MisreadError("a face refers to a vertex before the first")
     smoothing = in_force(text, "s", _smoothing_group, 0, len(faces))
-    return Corners(**indices, n_corner=n_corner, smoothing=smoothing, is_plain=is_plain)
+    return Corners(**indices, n_corner=n_corner, smoothing=smoothing)
 
 
 def _patterns(faces):
@@ -71,22 +70,23 @@ def _patterns(faces):
     return n_corner, _PATTERNS.get(int(code[0])) if (code == code[0]).all() else None
 
 
-def numbers_in(text, dtype, place) -> np.ndarray:
-    """Return the numbers of a text with blanks between them; numpy before 2.4 only warns where it stops at anything else."""
+def numbers_in(text, dtype) -> np.ndarray | None:
+    """Return the numbers of a text with blanks between them, None where it holds anything else; numpy before 2.4 only warns."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)
             return np.fromstring(text, dtype=dtype, sep=" ")
-    except (ValueError, DeprecationWarning) as fault:
-        raise MisreadError(f"{place} holds something that is no number") from fault
+    except (ValueError, DeprecationWarning):
+        return None
 
 
-def _read_uniform(faces, pattern, n_corner) -> dict:
-    """Read face lines whose corners are all written alike; return the columns by kind, as in the file."""
+def _read_uniform(faces, pattern, n_corner) -> dict | None:
+    """Read face lines whose corners are all written alike; return the columns by kind, as in the file; None where a corner, as
+    `1//` or `1/2/`, has slashes without a number behind them."""
     text = " ".join(faces).replace("//", " ").replace("/", " ")
-    numbers = numbers_in(text, np.int64, "a face line")
-    if len(numbers) != n_corner * len(pattern):
-        raise MisreadError("a corner of a face lacks a number")
+    numbers = numbers_in(text, np.int64)
+    if numbers is None or len(numbers) != n_corner * len(pattern):
+        return None
     return dict(zip(pattern, numbers.reshape(-1, len(pattern)).T, strict=True))
 
 
@@ -129,33 +129,51 @@ def _smoothing_group(word: str) -> int:
     return int(word) if is_number else 0
 
 
-def rewrite_faces(text, corners) -> str:
-    """Write the face lines anew for trimesh: just the vertices, numbers from 1."""
-    words = [str(v) for v in (corners.v + 1).tolist()]
-    ends = np.cumsum(corners.n_corner).tolist()
-    faces = iter(["\nf " + " ".join(words[start:end]) for start, end in zip([0, *ends], ends, strict=False)])
-    return re.sub("\nf .*", lambda _: next(faces), text)
+def read_vectors(text, keyword, least) -> np.ndarray:
+    """Return the numbers of every line with a keyword, (n, width) float64: as many as all lines have.
+
+    Parameters
+    ----------
+    text : tidy
+    keyword : "v", "vn" or "vt"
+    least : how many a line must have
+
+    Raises
+    ------
+    MisreadError : a line with fewer numbers, or with something else
+    """
+    rows = re.findall(rf"\n{keyword} (.*)", text)
+    width = len(rows[0].split()) if rows else least
+    # A number that no file has between the lines shows whether all are equally long.
+    numbers = numbers_in(f" {_MARK} ".join([*rows, ""]), np.float64) if rows else np.empty(0)
+    is_even = numbers is not None and len(numbers) == (width + 1) * len(rows)
+    if is_even and (numbers[width :: width + 1] == _MARK).all():
+        table = numbers.reshape(len(rows), width + 1)[:, :width]
+    else:
+        words = [row.split() for row in rows]
+        width = min(map(len, words))
+        table = np.array([[_number(word) for word in line[:width]] for line in words], np.float64).reshape(len(rows), width)
+    if width < least:
+        raise MisreadError(f"a line '{keyword}' has {width} numbers")
+    return table
 
 
-def read_normals(text) -> np.ndarray:
-    """Return the three numbers of every vn line, (n, 3) float64."""
-    rows = re.findall(r"\nvn (.*)", text)
-    numbers = numbers_in(" ".join(rows), np.float64, "a normal")
-    if len(numbers) != 3 * len(rows):
-        raise MisreadError("a normal has not three numbers")
-    return numbers.reshape(-1, 3)
+def _number(word) -> float:
+    """Return the number that a word stands for; what C libraries write where there is none is not a number."""
+    try:
+        return float(word)
+    except ValueError:
+        if NO_NUMBER.fullmatch(word.lower()):
+            return float("nan")
+        raise MisreadError(f"'{word[:40]}' is not a number") from None
 
 
 def read_texture_coordinates(text) -> np.ndarray:
     """Return the first two numbers of every vt line, (n, 2) float64; the second is 0 where a line has one."""
     rows = re.findall(r"\nvt (.*)", text)
-    width = len(rows[0].split()) if rows else 0
-    numbers = numbers_in(" ".join(rows), np.float64, "a texture coordinate")
-    if not 1 <= width <= 3 or len(numbers) != width * len(rows):  # lines of several lengths
-        pairs = [[*row.split(), "0"][:2] for row in rows]
-        numbers, width = numbers_in(" ".join(chain.from_iterable(pairs)), np.float64, "a texture coordinate"), 2
-    if len(numbers) != width * len(rows):
+    if len(rows) and not all(map(str.strip, rows)):
         raise MisreadError("a texture coordinate has no number")
-    uv = np.zeros((len(rows), 2))
-    uv[:, : min(width, 2)] = numbers.reshape(len(rows), width)[:, :2]
-    return uv
+    table = read_vectors(text, "vt", 1)
+    if table.shape[1] == 1 and len(rows):  # some lines, or all, have but one
+        table = np.array([[_number(word) for word in [*row.split(), "0"][:2]] for row in rows])
+    return np.ascontiguousarray(table[:, :2]) if len(rows) else np.zeros((0, 2))

@@ -1,5 +1,8 @@
 """Find the first line of an OBJ file that is at fault, after reading has failed; it may take its time."""
 
+from itertools import islice
+
+from rasterizer.scene.obj_corners import NO_NUMBER
 from rasterizer.scene.parse import text_of
 
 _N_NUMBERS = {"v": 3, "vn": 3, "vt": 1}
@@ -33,6 +36,12 @@ def find_fault(data: bytes) -> tuple[int, str] | None:
     return None
 
 
+def line_of_face(data: bytes, face: int) -> int:
+    """Return the number of the line of a face, counted from 0."""
+    faces = (number for number, words in _numbered_lines(text_of(data)) if words[0] == "f" and len(words) > 1)
+    return next(islice(faces, face, None), 0)
+
+
 def _numbered_lines(text):
     """Yield the number and the words of every line that has any; a backslash joins a line to the next."""
     begun, start = "", None
@@ -61,7 +70,7 @@ def _is_number(word) -> bool:
     try:
         float(word)
     except ValueError:
-        return False
+        return NO_NUMBER.fullmatch(word.lower()) is not None
     return "_" not in word
 
 

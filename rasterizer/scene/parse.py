@@ -18,6 +18,7 @@ import numpy as np
 from rasterizer.errors import ModelError
 from rasterizer.scene._files import Folder
 from rasterizer.scene.material import Material
+from rasterizer.scene.polygons import CROSSING, Cut, cut_polygons
 
 # trimesh checks little: a damaged file makes it index past an array, look up an unknown key, unpack too few
 # values, assert, recurse through nested JSON, ask for gigabytes or for a package that only an exotic encoding
@@ -146,7 +147,7 @@ def _colors(mesh) -> dict:
     """Return the colours of the vertices or faces, 8 bit sRGB, and the white material they multiply."""
     kind = mesh.visual.kind
     if "color" in mesh.vertex_attributes:
-        return {"colors": _bytes_of(mesh.vertex_attributes["color"]), "material": WHITE}
+        return {"colors": bytes_of(mesh.vertex_attributes["color"]), "material": WHITE}
     if kind == "vertex":
         return {"colors": np.asarray(mesh.visual.vertex_colors), "material": WHITE}
     if kind == "face":
@@ -154,7 +155,7 @@ def _colors(mesh) -> dict:
     return {}
 
 
-def _bytes_of(colors):
+def bytes_of(colors):
     """Return colours as 8 bit values; floats count from 0 to 1, or to 255 where one of them is above 1."""
     colors = np.asarray(colors)
     if colors.dtype == np.uint8:
@@ -183,7 +184,7 @@ def weld(part: Part) -> Part:
     if "colors" in part:
         welded["colors"] = part["colors"][first]
     for attribute in ("normals", "uv"):
-        if attribute in part:
+        if attribute in part and part[attribute].ndim == 2:
             welded[attribute] = part[attribute][corners]
     return welded
 
@@ -215,62 +216,39 @@ def unique_rows(rows):
     return first[order], rank[inverse.reshape(-1)]
 
 
-class Fans(NamedTuple):
-    """The triangles of polygons whose corners follow each other in one list, in the order of the polygons."""
-
-    corners: np.ndarray  # (n_triangle, 3) int64 into the list of corners
-    polygons: np.ndarray  # (n_triangle,) int64
-    order: np.ndarray  # (n_triangle,) int64: trimesh's k-th triangle is our triangle order[k]
-
-
-def fans(n_corner) -> Fans:
-    """Triangulate polygons as trimesh does.
-
-    A fan round the first corner, but a quad 0 1 2 3 becomes 0 1 2 and 2 3 0.
-    `trimesh.geometry.triangulate_quads` returns all triangles, then the first halves of all quads, then their
-    second halves, then all other polygons.
+def cut_faces(model, points, corners, counts, line_of) -> Cut:
+    """Cut the polygons of a file, as `polygons.py` says; the second half of a quad 0 1 2 3 that is a fan begins at 2: 2 3 0.
 
     Parameters
     ----------
-    n_corner : (n_polygon,) number of corners of each polygon; those with fewer than 3 yield no triangle
+    points : (n_vertex, 3) float64
+    corners : (n_corner,) int64, legal indices of vertices, polygon by polygon
+    counts : (n_polygon,) int64
+    line_of : function of the number of a polygon, which returns what stands behind the file's name in the warning, as ":12: face"
+
+    Warns
+    -----
+    UserWarning : polygons that cross themselves
     """
-    n_corner = np.asarray(n_corner, np.int64)
-    n_triangle = np.maximum(n_corner - 2, 0)
-    polygons = np.repeat(np.arange(len(n_corner)), n_triangle)
-    step = np.arange(len(polygons)) - np.repeat(np.cumsum(n_triangle) - n_triangle, n_triangle)
-    start = (np.cumsum(n_corner) - n_corner)[polygons]
-    corners = np.stack([start, start + step + 1, start + step + 2], axis=1)
-    size = n_corner[polygons]
-    is_second_half = (size == 4) & (step == 1)
-    corners[is_second_half] = corners[is_second_half][:, [1, 2, 0]]
-    group = np.where(size == 3, 0, np.where(size == 4, 1 + step, 3))
-    return Fans(corners, polygons, np.argsort(group, kind="stable"))
+    cut = cut_polygons(points, corners, counts)
+    if len(cut.crossing):
+        more = f"; so do {len(cut.crossing) - 1} more" if len(cut.crossing) > 1 else ""
+        warnings.warn(f"{model.name}{line_of(int(cut.crossing[0]))} {CROSSING}{more}", stacklevel=2)
+    first = (np.cumsum(counts) - counts)[cut.polygons]
+    is_second_half = (counts[cut.polygons] == 4) & (cut.corners[:, 0] == first) & (cut.corners[:, 1] == first + 2)
+    cut.corners[is_second_half] = cut.corners[is_second_half][:, [1, 2, 0]]
+    return cut
 
 
-def sort_into_file_order(part: Part, n_corner) -> Part:
-    """Bring triangles that trimesh has grouped by kind of polygon back into the order of the file, and name
-    their polygons.
-
-    Parameters
-    ----------
-    part : with the faces of a mesh that trimesh has triangulated
-    n_corner : (n_polygon,) number of corners of the polygons in the file
-
-    Returns the part unchanged if the file has only triangles, or if the counts do not agree.
-    """
-    triangles = fans(n_corner)
-    if np.max(n_corner, initial=3) <= 3 or len(triangles.order) != len(part["faces"]):
-        return part
-    file_order = np.argsort(triangles.order)
-    changed = {**part, "faces": part["faces"][file_order], "polygons": triangles.polygons.astype(np.int32)}
-    for attribute in ("normals", "uv"):
-        if np.ndim(part.get(attribute)) == 3:
-            changed[attribute] = part[attribute][file_order]
-    if "face_colors" in part and len(part["face_colors"]) == len(n_corner):
-        changed["face_colors"] = part["face_colors"][triangles.polygons]
-    elif "face_colors" in part:
-        changed["face_colors"] = part["face_colors"][file_order]
-    return changed
+def check_indices(model, corners, counts, n_vertex, place_of) -> None:
+    """Raise ModelError where a corner of a polygon is no vertex; `place_of` says where a polygon stands, as in `cut_faces`."""
+    if len(corners) == 0 or (corners.min() >= 0 and corners.max() < n_vertex):
+        return
+    bad = int(np.argmax((corners < 0) | (corners >= n_vertex)))
+    polygon = int(np.searchsorted(np.cumsum(counts), bad, side="right"))
+    raise ModelError(
+        f"{model.name}{place_of(polygon)} refers to vertex {corners[bad]}; the file has {n_vertex}, legal is 0..{n_vertex - 1}"
+    )
 
 
 def is_drawable(part: Part) -> bool:

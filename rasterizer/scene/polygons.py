@@ -200,9 +200,10 @@ def find_rings(triangles, polygons, points) -> Rings:
     is_first = np.append(True, polygons[1:] != polygons[:-1])
     start = np.flatnonzero(is_first)
     count = np.diff(np.append(start, len(polygons)))
-    # A polygon that is interrupted by others is no fan.
-    is_whole = np.unique(polygons[start], return_counts=True, return_inverse=True)
-    is_whole = is_whole[2][is_whole[1].ravel()] == 1
+    is_whole = np.ones(len(start), bool)
+    if (polygons[1:] < polygons[:-1]).any():  # a polygon that is interrupted by others is no fan
+        _, name, n_run = np.unique(polygons[start], return_inverse=True, return_counts=True)
+        is_whole = n_run[name.ravel()] == 1
     found = [(nothing, nothing.reshape(0, 1), nothing.reshape(0, 1))]
     for n in np.unique(count[is_whole & (count > 1)]).tolist():
         of_size = start[is_whole & (count == n)]
