@@ -52,15 +52,15 @@ def test_a_texture_is_not_replaced_by_any_name_or_link(globe, command, argv, cap
 
 def test_models_libraries_arrays_scenes_and_buffers_are_not_replaced(folder, capsys):
     shutil.copy(CUBE, folder / "cube.png")  # a model by any name
-    assert run("cube.png", "--input-format", "obj") == 4 and "it is cube.png, which is read" in one_error(capsys)
+    assert run("-q", "cube.png", "--input-format", "obj") == 4 and "it is cube.png, which is read" in one_error(capsys)
     shutil.copy(CUBE, folder / "part.png")
     (folder / "scene.json").write_text(json.dumps({"meshes": [{"file": "part.obj"}]}))
     (folder / "part.obj").symlink_to("part.png")
-    assert run("scene.json", "-o", "part.png") == 4 and "which is read" in one_error(capsys)
+    assert run("-q", "scene.json", "-o", "part.png") == 4 and "which is read" in one_error(capsys)
     assert (folder / "part.png").read_bytes() == open(CUBE, "rb").read()
     Image.new("RGB", (2, 2)).save(folder / "t.png")
     shutil.copy(ROOT / "models" / "globe.obj", folder / "g.obj")
-    assert run("g.obj", "--material", "texture=t.png", "-o", "t.png") == 4 and "it is t.png, which is read" in one_error(capsys)
+    assert run("-q", "g.obj", "--material", "texture=t.png", "-o", "t.png") == 4 and "it is t.png, which is read" in one_error(capsys)
 
 
 def test_what_a_later_model_reads_is_not_replaced_by_an_earlier_one(globe, capsys):
@@ -114,7 +114,7 @@ def test_protected_outputs_are_refused_and_modes_kept(folder, capsys):
     for name, mode in (("protected.png", 0o400), ("private.png", 0o600)):
         (folder / name).write_bytes(b"old")
         (folder / name).chmod(mode)
-    assert run(CUBE, "-o", "protected.png") == 4 and "protected" in one_error(capsys)
+    assert run("-q", CUBE, "-o", "protected.png") == 4 and "protected" in one_error(capsys)
     assert (folder / "protected.png").read_bytes() == b"old"
     assert run(CUBE, "-o", "private.png") == 0
     assert (folder / "private.png").stat().st_mode & 0o777 == 0o600 and Image.open("private.png").size == (24, 16)
@@ -231,7 +231,7 @@ def test_json_is_json_also_where_a_number_is_not_finite(command, capsys, monkeyp
 def test_scene_files_that_were_tracebacks(folder, table, words, capsys):
     mesh = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
     (folder / "scene.json").write_text(json.dumps({"meshes": [mesh]} | table))
-    assert run("scene.json", "-o", "x.npy") in (2, 3)
+    assert run("-q", "scene.json", "-o", "x.npy") in (2, 3)
     err = one_error(capsys)
     assert "scene.json" in err and words in err and "internal" not in err
 
