@@ -59,7 +59,7 @@ def illuminate(
     points, normals, tangents, shape = _checked_points(points, normals, tangents, material)
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
-    scene = SimpleNamespace(lights=lights, background=None, meshes=[SimpleNamespace(palette=(material,))], depth_cue=None)
+    scene = SimpleNamespace(background=None, lights=lights, meshes=[SimpleNamespace(palette=(material,))], depth_cue=None)
     plan = make_plan(scene, Options(tolerance=0.0, exposure=exposure, spectral=spectral), np.empty((0, 3)))
     lighting = make_lighting(plan, view, (), is_perspective)
     # Of a screen lighting reads the eye and the axis along which it looks.

@@ -31,7 +31,7 @@ from .spectral import Products, multiply_spectra
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
 NEAREST = 2.0**-20  # the fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there
-LEAST_NEAR = 2.0**-30  # a near plane that is given is never nearer than this part of the furthest distance
+MOST_DEEP = 2.0**40  # what is further than so many times the nearest depth that is seen is clipped
 DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 BAND_WORDS = 2**17  # a band's z-buffer is about 1 MB: half of a usual L2 cache
 
@@ -316,8 +316,9 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, bounds=N
 
     So planes that somebody gives far before or behind the scene cost no digits of depth. With perspective the z-buffer's 38 bits
     are even in 1/w: they leave 2^-38 · w/near of the depth w, so near counts most. Where it is small beside far, the nearest depth
-    that is seen is looked for. A near plane before LEAST_NEAR of the furthest depth counts as there: order is 2^-8 of that depth
-    then, and 1/w, whose rounding is 2^-53 of its range, still has 2^-23 of it.
+    that is seen is looked for. 1/w is rounded to 2^-53 of the nearest one, twice: a relative error of 2^-52 · w/near, which
+    `Stats.error_bound` counts. What is further than MOST_DEEP times as far as the nearest that is seen is clipped: depth tells
+    nothing of it any more.
 
     What lies between the near plane and the nearest depth that is seen needs a depth, too, for the planes of triangles that reach
     there; the near plane is brought so near to the range that such depths leave it by no more than 2^20 times.
@@ -335,11 +336,13 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, bounds=N
         fitted = max(near, nearest - margin), min(far, furthest + margin)
         return make_screen(view, projection, fitted if fitted[0] < fitted[1] else depth_range, near, far_clip)
     far = min(far, furthest * (1 + NEAREST)) if near < furthest else far
-    near_clip = near = max(near, far * LEAST_NEAR)
+    near_clip = near
     if near < far * DEEP:
         screen = make_screen(view, projection, (near, far), near, far_clip)
         seen = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
         near = seen if near < seen < far else near
+    if near * MOST_DEEP < far:
+        far = far_clip = near * MOST_DEEP
     return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip)
 
 

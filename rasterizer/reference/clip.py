@@ -15,7 +15,6 @@ from rasterizer.scene.camera import Projection, View
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
 DEPTH_RATIO = 2.0**-20  # smallest near plane that is chosen for a scene, as a part of its far plane
-GIVEN_RATIO = 2.0**-30  # the same, of a near plane that is given
 
 
 class Range(NamedTuple):
@@ -51,8 +50,8 @@ def furthest_depth(boxes, view: View) -> float:
 def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
     """Fit near and far to the depths of the corners where they are not given.
 
-    With perspective the near plane is never nearer than a part of `deepest` (None = the deepest corner), or of the far plane
-    if that is given and nearer: DEPTH_RATIO, or GIVEN_RATIO where the near plane is given.
+    With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of `deepest` (None = the deepest corner), or
+    of the far plane if that is given and nearer.
     """
     depth = depth[np.isfinite(depth)]
     deepest = depth.max(initial=-np.inf) if deepest is None else deepest
@@ -64,8 +63,6 @@ def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
         raise SceneError(f"near is {near}, legal in a perspective view is > 0")
     elif far is not None and near >= far:
         raise SceneError(f"near is {near} and far is {far}, legal is near < far")
-    elif is_perspective:
-        near = max(near, seen * GIVEN_RATIO)
     return Range(near, deepest if far is None else far, far is not None)
 
 

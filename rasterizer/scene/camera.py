@@ -62,10 +62,10 @@ class Camera:
     fov : vertical field of view in degrees, between 0 and 180; None for an orthographic camera
     height : scene units that the picture is high, above 0; None for a perspective camera
     near, far : distances along the view, scene units; None = fitted to the scene, near to 2^-20 of the furthest
-        distance at least. near > 0 for a perspective camera, near < far. What is nearer or further is clipped;
-        nothing else depends on them, but that a near below 2^-30 of the furthest distance counts as there.
-        Surfaces at the distance w are told apart that are 2^-38 · w/n of it from each other, n the nearest
-        distance that is seen
+        distance at least. near > 0 for a perspective camera, near < far. What is nearer or further is clipped,
+        and nothing else depends on them. With perspective, surfaces at the distance w are told apart that are
+        2^-38 · w/n of it from each other, n the nearest distance that is seen; what is further than 2^40 n is
+        clipped
     intrinsics : (fx, fy, cx, cy) of an OpenCV calibration, pixels of `size`; `fov` is then taken from fy
     size : (width, height) in pixels of the pictures that `intrinsics` belong to; None without intrinsics
 
