@@ -54,6 +54,8 @@ def illuminate(
         raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
     if material.texture is not None:
         raise SceneError("the material must have no texture: points have no texture coordinates")
+    if not isinstance(two_sided, (bool, np.bool_, int)):
+        raise SceneError(f"two_sided must be True or False; given {shown(two_sided)}")
     if points is None or normals is None:
         raise SceneError("points and normals must be (..., 3) finite numbers; given None")
     points, normals, tangents, shape = _checked_points(points, normals, tangents, material)

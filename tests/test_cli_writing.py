@@ -1,4 +1,4 @@
-"""Tests of what the command line writes, and where not: no file that the run reads is replaced, modes are kept, nothing is left over."""
+"""Tests of what the command line writes, and where not: no file that is read is replaced, modes are kept, nothing is left over."""
 
 import json
 import os
@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from command import CUBE, one_error, run
+from command import CUBE, one_error, run, start
 from PIL import Image
 from raster import HAS_TOML, ROOT
 
@@ -140,7 +140,10 @@ def test_a_signal_while_writing_leaves_nothing(folder, number):
         "sys.exit(main())"
     )
     process = subprocess.Popen(
-        [sys.executable, "-c", code, CUBE], env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-c", code, CUBE],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     assert process.stdout.readline() == b"now\n"
     process.send_signal(number)
@@ -251,7 +254,5 @@ def test_libraries_say_nothing_on_stderr(folder):
     data = bytearray((folder / "t.tif").read_bytes())
     data[-20:] = b"\xff" * 20
     (folder / "t.tif").write_bytes(data)
-    done = subprocess.run(
-        [sys.executable, "-m", "rasterizer", "render", "m.obj", "-s", "16"], env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
-    )
+    done = start("render", "m.obj", "-s", "16")
     assert all(line.startswith(b"raster: ") for line in done.stderr.splitlines()), done.stderr.decode()

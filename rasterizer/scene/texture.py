@@ -4,8 +4,8 @@ Texture coordinates: u runs to the right, v upwards; (0, 0) is the picture's low
 as in OBJ. A picture of w × h texels has the centre of the texel in column i and row j (from the top) at
 u = (i + ½)/w, v = 1 - (j + ½)/h.
 
-Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one may be is looked up
-in its header before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
+Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one is stands in its
+header, and is looked at before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
 """
 
 import logging
@@ -283,7 +283,7 @@ def _halve_strip(level, rows, out) -> None:
 
 
 def _halve_axis(array, axis, n, first=0) -> np.ndarray:
-    """Means of what each of half as many texels covers along an axis: of all n texels, or of those for the new ones from `first` on.
+    """Means of what each of half as many texels covers along an axis of n: of all, or of those for the new ones from `first` on.
 
     Of n = 2 m + 1 texels, the new one with the number k covers the range from k·n/m to (k + 1)·n/m, that is from 2 k + k/m to
     2 k + 2 + (k + 1)/m: the share 1 - k/m of texel 2 k, all of the next, and the share (k + 1)/m of the one after.
