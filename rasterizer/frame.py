@@ -254,8 +254,8 @@ def _on_white(image):
 def write_whole(path, content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
-    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is replaced keeps its
-    mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
+    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is replaced keeps
+    its mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
     """
     try:
         place = os.path.realpath(path)

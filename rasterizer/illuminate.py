@@ -54,6 +54,10 @@ def illuminate(
         raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
     if material.texture is not None:
         raise SceneError("the material must have no texture: points have no texture coordinates")
+    if not isinstance(two_sided, (bool, np.bool_, int)):
+        raise SceneError(f"two_sided must be True or False; given {shown(two_sided)}")
+    if points is None or normals is None:
+        raise SceneError("points and normals must be (..., 3) finite numbers; given None")
     points, normals, tangents, shape = _checked_points(points, normals, tangents, material)
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
@@ -99,7 +103,8 @@ def _checked_points(points, normals, tangents, material):
 def _vectors(value, name) -> np.ndarray:
     """An array (..., 3) of finite float64."""
     try:
-        array = np.asarray(value, np.float64)
+        array = np.asarray(value)
+        array = array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.ndim == 0 or array.shape[-1] != 3 or not np.isfinite(array).all():

@@ -103,8 +103,9 @@ def read_scene(
     name, data, own_folder = _read(source)
     files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
     context = Context(files, log or (lambda _text: None), crease_angle, drop_bad_faces, weighting)
+    format = (format or Path(name).suffix or "json").lower().removeprefix(".")
     with one_file(name):
-        return _read_tables(Entry(_parse(data, (format or Path(name).suffix or "json").lower().removeprefix("."), name), name), context)
+        return _read_tables(Entry(_parse(data, format, name), name), context)
 
 
 def _read_tables(root, context) -> SceneFile:
@@ -172,7 +173,7 @@ def _parse(data, format, name):
         raise ModelError(f"{name}: unknown format {format!r} of a scene file; readable are {', '.join(FORMATS)}")
     most = MOST_TOML if format == "toml" else MOST_JSON
     if len(data) > most:
-        raise ModelError(f"{name}: {len(data)} bytes; a scene file in {format.upper()} may have {most}. Arrays go into .npz files")
+        raise ModelError(f"{name}: {len(data)} bytes; one in {format.upper()} may have {most}: arrays go into .npz files")
     try:
         text = data.decode("utf-8-sig")
         if format == "toml":

@@ -263,7 +263,9 @@ def keeping_units(made, given, names):
     """Give fields of what was made back the unit vectors that were given; to normalise one again moves it by a rounding."""
     for name in names:
         vector = given.get(name)
-        if isinstance(vector, list) and hasattr(made, name) and abs(math.fsum(float(x) ** 2 for x in vector) - 1.0) <= _UNIT_SLACK:
+        if not isinstance(vector, list) or not hasattr(made, name):
+            continue
+        if abs(math.fsum(float(x) * float(x) for x in vector) - 1.0) <= _UNIT_SLACK:
             object.__setattr__(made, name, tuple(map(float, vector)))
     return made
 

@@ -143,7 +143,7 @@ class Material:
 
     def _checked_roughness(self):
         """Return the roughness as a float, or as two that differ."""
-        is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and np.ndim(self.roughness) == 1
+        is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and getattr(self.roughness, "ndim", 1) == 1
         values = tuple(self.roughness) if is_pair else (self.roughness,)
         if is_pair and (len(values) != 2 or (self.reflection, self.distribution) != ("cook-torrance", "ggx")):
             what = "one number, or two (along the tangent and across it) for 'cook-torrance' with 'ggx'"
