@@ -32,7 +32,7 @@ def illuminate(
     points : (..., 3) numbers, world space, scene units
     normals : (..., 3) numbers of any length above 0, world space; the shapes of both are broadcast
     material : Material, or the name of one (see `Material.named`); without a texture
-    lights : one light or a sequence of them; area lights as in a picture; shadows have no part, because there is nothing to cast them
+    lights : one light or a sequence of them; area lights as in a picture; shadows have no part, as nothing is there to cast them
     viewer : three numbers, the eye's place in the world; or a Camera, without perspective at infinity
     toward_viewer : three numbers in place of `viewer`: the direction from the surface to an eye at infinity, of any length
     tangents : (..., 3) numbers, world space, the direction in which u grows; needed by materials that are brushed along u
@@ -46,8 +46,8 @@ def illuminate(
 
     Raises
     ------
-    SceneError : shapes that don't fit, values that are not finite, normals without length, no viewer or two, lights that move with
-        a camera where the viewer is none, a texture
+    SceneError : shapes that don't fit, values that are not finite, normals without length, no viewer or two, lights that move
+        with a camera where the viewer is none, a texture
     """
     material = Material.named(material) if isinstance(material, str) else material
     if not isinstance(material, Material):

@@ -143,7 +143,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
 
 
 def make_cue(cue, n_channel) -> Cue:
-    """Depth cueing as the pipeline takes it; with one channel the colour is a multiple of the tint, whose largest component is 1."""
+    """Depth cueing as the pipeline takes it; with one channel its colour is a multiple of the tint, whose largest component is 1."""
     return Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
 
 

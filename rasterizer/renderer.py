@@ -241,8 +241,8 @@ class Renderer:
         return draw(self._geometry, job, screen, self._scratch, self._workers, clock)
 
     def _normal_attributes(self, dtype, has_albedo, has_tangents=False) -> np.ndarray:
-        """Normals, behind them the model's colours, the texture coordinates and the tangents, as point attributes: (1, n_point, n),
-        n from 3 to 11."""
+        """Normals, behind them the model's colours, the texture coordinates and the tangents, as point attributes
+        (1, n_point, 3 to 11)."""
         key = np.dtype(dtype), has_albedo, has_tangents
         if key not in self._normals:
             columns = [self._geometry.normals.T] + ([self._geometry.albedo] if has_albedo else [])

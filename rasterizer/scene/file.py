@@ -7,7 +7,8 @@
     materials   table of named materials that meshes refer to
     lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
     camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
-    background  colour      depth_cue  a number, or {scale, start, color}      up  axis      options  those of a picture, as `Options` names them
+    background  colour      up  axis      options  those of a picture, as `Options` names them
+    depth_cue   a number, or {scale, start, color}
 
 Names of files are relative to the folder of the scene file; which are read is said in `_files`. `file_write` writes what is read
 here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files beside it.

@@ -157,7 +157,8 @@ def read_material(entry, context, name="") -> Material:
         return Material.named(entry.value)
     if not isinstance(entry.value, dict):
         known = ", ".join(context.materials) or "none"
-        legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({', '.join(NAMED_MATERIALS)})"
+        classic = ", ".join(NAMED_MATERIALS)
+        legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({classic})"
         raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
     settings = {"name": name}
     for key, field in entry.table([field.name for field in fields(Material)]).items():
