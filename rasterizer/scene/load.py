@@ -1,4 +1,4 @@
-"""Load a model: files of every format through trimesh, and whatever is a mesh already.
+"""Load a model: files of every format, some of them through trimesh, and whatever is a mesh already.
 
 In: a path, bytes, an open file, or a mesh. Out: a Scene.
 

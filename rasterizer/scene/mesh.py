@@ -235,7 +235,8 @@ class Mesh:
         Every triangle is cut at the midpoints of its edges into four that lie in it: face f becomes the faces
         4f..4f + 3. The surface and so its silhouette stay, but for the rounding of the new vertices, which are
         placed to 1/256 px like all. Colours and texture coordinates are interpolated. A polygon stays one
-        polygon, so flat shading doesn't change either.
+        polygon, so flat shading doesn't change either. Of a polygon with more than three corners the triangles in `faces`
+        are cut; the result is drawn as they lie, no longer about the polygon's centre.
 
         Normals that the mesh has are interpolated, and made unit vectors: Gouraud's picture comes nearer to
         Phong's each time, and finds highlights inside large faces. Where they are to be computed, the new

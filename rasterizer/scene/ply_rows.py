@@ -58,6 +58,9 @@ def read_header(model):
                 elements[-1].properties.append(Property(words[2], _TYPES[words[1]], None))
         except (IndexError, KeyError, ValueError):
             raise model.error(f"'{text.strip()[:60]}' is not a line of a PLY header", line) from None
+        names = [each.name for each in elements[-1].properties] if key == "property" else []
+        if names[-1:] and names[-1] in names[:-1]:
+            raise model.error(f"the property '{names[-1]}' is there twice", line)
         if elements and elements[-1].n_row < 0:
             raise model.error(f"{elements[-1].n_row} {elements[-1].name} lines; none is the least", line)
     if order is None:
