@@ -52,6 +52,7 @@ from rasterizer.scene.spectrum import rgb_from_xyz
 from rasterizer.scene.texture import Texture, read_picture
 
 MOST_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
+LONGEST_NAME = 4096  # letters of a file's name, with its folders; no system takes longer ones
 MOST_WARNINGS = 20  # lines of one file that are warned of one by one
 _COLORS = ("ka", "kd", "ks", "ke")
 _NUMBERS = ("ns", "d", "tr", "illum")
@@ -323,9 +324,9 @@ class Maps:
         """Return the file of a map once it has been read; None, and a warning, where that fails."""
         if given is None:
             return None
-        what = f"{library.name}: texture '{given[0]}' of material '{material}'"
+        what = f"{library.name}: texture '{given[0][:200]}' of material '{material}'"
         try:
-            path = library.folder and file_beside(library.folder, given[0])
+            path = library.folder and len(given[0]) <= LONGEST_NAME and file_beside(library.folder, given[0]) or None
         except (OSError, ValueError):  # a name that the system refuses
             path = None
         if path is None:

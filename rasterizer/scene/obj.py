@@ -21,7 +21,7 @@ import numpy as np
 
 from rasterizer.errors import ModelError
 from rasterizer.scene.material import Material
-from rasterizer.scene.mtl import Maps, file_beside, read_materials
+from rasterizer.scene.mtl import LONGEST_NAME, Maps, file_beside, read_materials
 from rasterizer.scene.obj_corners import (
     Corners,
     MisreadError,
@@ -29,6 +29,7 @@ from rasterizer.scene.obj_corners import (
     read_corners,
     read_texture_coordinates,
     read_vectors,
+    without_signs,
 )
 from rasterizer.scene.obj_fault import find_fault, line_of_face
 from rasterizer.scene.parse import WHITE, ModelFile, Part, bytes_of, cut_faces, text_of
@@ -113,7 +114,7 @@ def _only_group(text) -> str:
 
 def _tidy(data: bytes) -> str:
     """Return the text with \\n at the end of each line, nothing before a keyword, and a blank after it."""
-    text = "\n" + text_of(data) + "\n"
+    text = without_signs("\n" + text_of(data) + "\n")
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     if "\\" in text:
@@ -300,17 +301,17 @@ def _find_materials(model, text, names) -> dict[str, Material]:
             materials |= read_materials(library, set(names), maps)
     unknown = [name for name in names if name not in materials]
     if missing:
-        files = listed([f"'{name}'" for name in missing])
+        files = listed([f"'{name[:80]}'" for name in missing])
         warnings.warn(f"{model.name}: material file {files} not found; the default material is used", stacklevel=2)
     elif unknown:
-        unknown = listed([f"'{name}'" for name in unknown])
+        unknown = listed([f"'{name[:80]}'" for name in unknown])
         warnings.warn(f"{model.name}: no definition of material {unknown}; the default is used", stacklevel=2)
     return materials
 
 
 def _library(model, name) -> ModelFile | None:
     """Return an MTL file beside the model, or None."""
-    if model.folder is None:
+    if model.folder is None or len(name) > LONGEST_NAME:
         return None
     try:
         path = file_beside(model.folder, name)

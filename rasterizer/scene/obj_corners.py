@@ -12,7 +12,7 @@ import numpy as np
 # Ways to write a corner: slashes of one corner * 2 + whether two of them touch. The numbers say which columns
 # are v, vt and vn.
 _MARK = -8765432109
-NO_NUMBER = re.compile(r"[+-]?(nan\(.*\)|\d\.#\w+)")
+NO_NUMBER = re.compile(r"[+-]?nan\(.*\)")
 _PATTERNS = {0: ("v",), 2: ("v", "vt"), 4: ("v", "vt", "vn"), 5: ("v", "vn")}
 
 
@@ -28,6 +28,11 @@ class Corners(NamedTuple):
     vn: np.ndarray  # (n_corner,) int64, -1 where a corner has none
     n_corner: np.ndarray  # (n_face,) int64
     smoothing: np.ndarray  # (n_face,) int64, 0 = none
+
+
+def without_signs(text) -> str:
+    """Write nan for `1.#QNAN`, `-1.#IND` and the like, whose '#' begins no comment."""
+    return re.sub(r"\d\.#[A-Za-z]+\d*", "nan", text) if ".#" in text else text
 
 
 def read_corners(text) -> Corners:
