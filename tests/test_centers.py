@@ -122,6 +122,16 @@ def test_the_default_tolerance_holds_for_polygons(shading):
     assert worst <= 1 / 4096, f"{worst:.3g} > {1 / 4096:.3g}"
 
 
+def test_flat_colours_do_not_depend_on_the_first_corner():
+    for shape in (QUAD, np.concatenate([QUAD, [(-2.0, 0, 0)]])):
+        k = len(shape)
+        for first in range(k):
+            scene = straight_on(rz.Mesh(shape, [turned(range(k), first)], colors=grey(np.arange(k) % 2), material=GLOW))
+            color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",)).color[4, 4, 0]
+            assert abs(color - (np.arange(k) % 2).mean()) < 1e-6, f"first corner {first}: {color}"
+            judge.check(scene, (8, 8), judge.EXACT, shading="flat", tolerance=0)
+
+
 def test_flat_shading_needs_no_centres():
     mesh = rz.Mesh(QUAD, [(0, 1, 2, 3)])
     assert gather_geometry(rz.Scene(mesh), True).centers is None

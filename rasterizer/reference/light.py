@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.reference.lamp import place_lamps, shine
-from rasterizer.reference.polygons import Rings, about_centers
+from rasterizer.reference.polygons import Rings, about_centers, even_colors
 from rasterizer.reference.reflection import reflect
 from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
 from rasterizer.reference.texture import look_up
@@ -131,7 +131,9 @@ def gather(scene: Scene, shading: str = "flat") -> Surface:
     columns = list(zip(*parts, strict=True))[:6]
     surface = Surface(*(np.concatenate(column) for column in columns[:-1]), np.concatenate(columns[-1]) if has_texture else None)
     has_polygons = any(mesh.polygons is not None for mesh in scene.meshes)
-    return about_centers(surface) if has_polygons and shading != "flat" else surface
+    if not has_polygons:
+        return surface
+    return even_colors(surface) if shading == "flat" else about_centers(surface)
 
 
 def _corner_normals(mesh: Mesh) -> np.ndarray:
