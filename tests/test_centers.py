@@ -103,7 +103,8 @@ def test_the_judge_agrees_about_transparent_polygons(shading):
         rng = np.random.default_rng(seed)
         corners = rng.normal(size=(3, 4, 3)) * 0.1 + QUAD * [1, 1, 0] + np.array([(0, 0, z) for z in (-1, 0, 1)])[:, None]
         meshes = [
-            rz.Mesh(points, [(0, 1, 2, 3)], colors=rng.uniform(size=(4, 3)), material=rz.Material(opacity=0.5)) for points in corners
+            rz.Mesh(points, [(0, 1, 2, 3)], colors=rng.uniform(size=(4, 3)), material=rz.Material(opacity=0.5))
+            for points in corners
         ]
         scene = rz.Scene(meshes, [rz.PointLight((1, 2, 3), 1.0)], rz.Camera.perspective((0.3, 0.2, 5), (0, 0, 0)))
         judge.check(scene, SIZE, judge.EXACT, shading=shading, tolerance=0, ignored=0.02)

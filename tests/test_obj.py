@@ -235,7 +235,8 @@ def test_rows_of_several_lengths_and_vertices_that_nobody_uses():
 
 
 @pytest.mark.parametrize(
-    "line", ["f 1// 2// 3// 4//", "f 1/ 2/ 3/ 4/", "f 1/2/ 2/1/ 3/1/ 4/1/", "f 1// 2/2/ 3/1 4", "f -8// -7/ -6 4 # f 9 9 9", "f 1 2 \\\n3 4"]
+    "line",
+    ["f 1// 2// 3// 4//", "f 1/ 2/ 3/ 4/", "f 1/2/ 2/1/ 3/1/ 4/1/", "f 1// 2/2/ 3/1 4", "f -8// -7/ -6 4 # f 9 9 9", "f 1 2 \\\n3 4"]
 )
 def test_corners_written_short(line):
     (mesh,) = load_obj(POINTS + "vt 0 0\nvt 1 0\n" + line + "\n").meshes
@@ -260,7 +261,8 @@ def test_long_lines_take_no_square_of_their_length(tmp_path):
     """Blanks, slashes and names of half a million letters: done at once, or not within the hour."""
     n = 500_000
     path = tmp_path / "long.obj"
-    lines = ["mtllib a" + " " * n + "b", "mtllib " + "a/" * n, "mtllib " + " ".join(f"m{k}" for k in range(n // 10)), "usemtl x" + " " * n + "y", "#" * n, " " * n + "# c"]
+    lines = ["mtllib a" + " " * n + "b", "mtllib " + "a/" * n, "usemtl x" + " " * n + "y", "#" * n, " " * n + "# c"]
+    lines += ["mtllib " + " ".join(f"m{k}" for k in range(n // 10))]
     lines += ["o " + " " * n + "x", "g" + " " * n, "s " + " " * n + "1"]
     path.write_text("\n".join(lines) + "\n" + POINTS + "f 1 2 3" + " " * n + "\n")
     with pytest.warns(UserWarning, match="names .* material files; the first 256"):

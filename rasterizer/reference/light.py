@@ -131,9 +131,8 @@ def gather(scene: Scene, shading: str = "flat") -> Surface:
     columns = list(zip(*parts, strict=True))[:6]
     surface = Surface(*(np.concatenate(column) for column in columns[:-1]), np.concatenate(columns[-1]) if has_texture else None)
     has_polygons = any(mesh.polygons is not None for mesh in scene.meshes)
-    if not has_polygons:
-        return surface
-    return even_colors(surface) if shading == "flat" else about_centers(surface)
+    prepare = (even_colors if shading == "flat" else about_centers) if has_polygons else (lambda surface: surface)
+    return prepare(surface)
 
 
 def _corner_normals(mesh: Mesh) -> np.ndarray:

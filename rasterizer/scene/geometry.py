@@ -2,8 +2,8 @@
 
 Points are where the illumination equation is evaluated or normals are kept: the split vertices for Gouraud's and Phong's
 methods, the polygons' centroids for flat shading. With the methods that interpolate, convex polygons with more than three corners
-are triangles about their centres, points behind all others that are not lit: see `centers.py`. Triangles index vertices and points through separate columns, which are the
-same array where a vertex is a point.
+are triangles about their centres, points behind all others that are not lit: see `centers.py`. Triangles index vertices and points
+through separate columns, which are the same array where a vertex is a point.
 """
 
 from typing import NamedTuple
@@ -216,8 +216,8 @@ def flat_part(mesh) -> Part:
 
 
 def _triangle_colors(mesh) -> np.ndarray:
-    """Colours (n_face, 3) of triangles, the means of their corners; those of a convex polygon have the mean of all its corners, so
-    that it doesn't matter which is first."""
+    """Colours (n_face, 3) of triangles, the means of their corners; in a convex polygon the mean of all its corners, so that it
+    doesn't matter which is first."""
     colors = sum(mesh.colors[mesh.faces[:, k], :3] for k in range(3)) / 3.0
     rings = find_rings(mesh.faces, mesh.polygons, mesh.vertices)
     for k in range(3 if len(rings.start) else 0):

@@ -8,7 +8,7 @@ Each `o` line with faces begins a part, which may have several materials; groups
 go across their borders. Faces keep the order of the file; those with fewer than three corners, points and lines are left out.
 
 Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name; a `v` of four or five numbers is a
-place, of six or more a place and its colour (0..1, or 0..255 where a number is above 1), used where all `v` lines have one; a `vt`
+place, of six or more a place and its colour (0..1, or 0..255 where one is above 1), used where all `v` lines have one; a `vt`
 after the last is none; `1.#QNAN` and the like are not a number. Format: Wavefront, Advanced Visualizer manual, appendix B1, 1995.
 """
 
@@ -136,7 +136,11 @@ def _make_part(model, corners: Corners, text) -> tuple[Part, np.ndarray]:
     points = read_vectors(text, "v", 3)
     if corners.v.max() >= len(points):
         raise MisreadError("a face refers to a vertex after the last")
-    cut = cut_faces(model, points[:, :3], corners.v, corners.n_corner, lambda face: f":{line_of_face(model.data, face)}: the face")
+
+    def place(face):
+        return f":{line_of_face(model.data, face)}: the face"
+
+    cut = cut_faces(model, points[:, :3], corners.v, corners.n_corner, place)
     v = corners.v[cut.corners]
     n_used, faces = _compact(v)
     used = np.zeros(n_used, np.int64)
