@@ -105,8 +105,7 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
     for name, values, faults in blocks:
         is_used = used is None or name in used
         texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
-        # Doubts about a material that nobody uses concern nobody.
-        own = doubts if is_used else Doubts(library)
+        own = doubts if is_used else Doubts(library)  # of no concern
         own.found.update(faults)
         found[name] = _material(library, name, values, texture, is_opacity, own)
     doubts.warn()
