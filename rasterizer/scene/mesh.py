@@ -36,7 +36,8 @@ class Mesh:
         normals given, else the smoothing groups, else 30
     face_colors : as `colors`, one a face: a triangle, or a polygon as given
     polygons : (n_face,) integers, which polygon each triangle came from; only with triangles. Stored int32,
-        made where polygons are cut or faces dropped; None where every triangle is its own polygon
+        made where polygons are cut or faces dropped; None where every triangle is its own polygon. A convex
+        polygon whose triangles are a fan is drawn about its centre unless it is shaded flat: see `centers.py`
     smoothing : (n_face,) integers, OBJ smoothing groups, 0 = none; one a triangle, or a polygon as given;
         stored int32
     materials : sequence of Material, where faces differ; `material` is then the first of them. Normals are averaged across
