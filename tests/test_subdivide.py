@@ -62,8 +62,8 @@ def test_the_silhouette_stays(is_far):
     assert changed.sum() <= 3, f"{changed.sum()} of {(before.face >= 0).sum()} samples covered otherwise"
     same = (before.face == after.face // 16) & (before.face >= 0)
     assert same.sum() > 0.99 * (before.face >= 0).sum()
-    # half a sub-pixel moves a sample of these surfaces by a thousandth of its depth at most, seen at 85 degrees
-    assert np.allclose(before.depth[same], after.depth[same], rtol=1e-3)
+    # half a sub-pixel moves a sample of these surfaces by two thousandths of its depth at most, seen at 87 degrees
+    assert np.allclose(before.depth[same], after.depth[same], rtol=2e-3)
 
 
 # ---------------------------------------------------------------- what belongs to it
