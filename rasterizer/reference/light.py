@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.reference.lamp import place_lamps, shine
-from rasterizer.reference.polygons import Rings, about_centers
+from rasterizer.reference.polygons import Rings, about_centers, even_colors
 from rasterizer.reference.reflection import GRAZING, reflect
 from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
 from rasterizer.reference.tangent import corner_tangents, face_tangents, unit_sums
@@ -137,7 +137,8 @@ def gather(scene: Scene, shading: str = "flat") -> Surface:
     columns = zip(*parts, strict=True)
     surface = Surface(*(None if column[0] is None else np.concatenate(column) for column in columns))
     has_polygons = any(mesh.polygons is not None for mesh in scene.meshes)
-    return about_centers(surface) if has_polygons and shading != "flat" else surface
+    prepare = (even_colors if shading == "flat" else about_centers) if has_polygons else (lambda surface: surface)
+    return prepare(surface)
 
 
 def _corner_normals(mesh: Mesh) -> np.ndarray:
