@@ -50,6 +50,13 @@ def list_features() -> dict:
         features[name] = (scene_of(lights=(SUN, *lights)), {}, MORE)
     for name in ("blinn", "lambert", "oren-nayar", "cook-torrance", "toon"):
         features[name] = (scene_of(replace(LOOK, reflection=name)), {}, 1)
+    shaped = [replace(spot, falloff=2.0) for spot in spots]
+    features["spot light, falloff 2"] = (scene_of(lights=(SUN, *shaped)), {}, MORE)
+    features["coloured F0"] = (scene_of(replace(LOOK, fresnel=(1.0, 0.8, 0.3))), {}, 1)
+    brushed = replace(LOOK, reflection="cook-torrance", roughness=(0.1, 0.4))
+    for name, tangent in (("u", "u"), ("an axis", (0, 1, 0))):
+        features[f"brushed along {name}"] = (scene_of(replace(brushed, tangent=tangent)), {}, 1)
+    features["depth cue"] = (replace(scene_of(), depth_cue=2.0), {}, 1)
     for name in ("nearest", "bilinear", "trilinear"):
         features[f"texture, {name}"] = (scene_of(replace(LOOK, texture=rz.Texture(checks, filter=name))), {}, 1)
     features["float64"] = (scene_of(), {"tolerance": 0.0}, 1)

@@ -34,7 +34,7 @@ def has_highlight(material) -> bool:
 
 
 def has_colored_fresnel(material) -> bool:
-    """Tell whether a material's F0 is a colour: then its highlight is two sums, see reflection.grazing_part."""
+    """Tell whether a material's F0 is a colour: then its highlight is two sums, see pipeline/fresnel.py."""
     return isinstance(material.fresnel, tuple) and has_highlight(material) and material.reflection != "toon"
 
 
@@ -59,8 +59,9 @@ def highlight_bounds(material) -> tuple[float, float]:
 
     A power h^n magnifies a relative error of h by n (that of directions by less: see rounding.py), W(θ) by 5 at most, N·L by 1.
     Cook-Torrance with GGX: π D <= 1/α², N·L G1(L)/(2 N·L) <= 1/2, G1(V)/(2 N·V) <= 1/α. ln D rises by at most 2/α a radian, and
-    G by 1/α. Anisotropic: π D <= 1/(αx αy), and the root in G1(V) is at least the smaller α; ln D rises by at most 2/α a radian of
-    that one. A coloured F0 has W <= 1 in every channel, too, because F0 <= 1. With Beckmann's D: π D has its maximum at tan² = max(0, 2 m² - 1), and G1(V)/N·V <= 3.535/m.
+    G by 1/α. With Beckmann's D: π D has its maximum at tan² = max(0, 2 m² - 1), and G1(V)/N·V <= 3.535/m.
+    Anisotropic: π D <= 1/(αx αy), and the root in G1(V) is at least the smaller α; ln D rises by at most 2/α a radian of that one,
+    as far as the tangent stands still. A coloured F0 has W <= 1 in every channel, too, because F0 <= 1.
     """
     model, r = model_of(material), material.roughness
     if model == "ggx":

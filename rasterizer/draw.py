@@ -23,11 +23,11 @@ from .pipeline.layers import (
     Fragments,
     Opacity,
     composite,
+    divide_room,
     in_order_of_depth,
     open_layers,
     ranges_of,
     scan_opaque,
-    seen_through,
     show_first,
     take_fragments,
 )
@@ -151,18 +151,18 @@ def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, ben
     """Draw a band of a scene with transparent surfaces: list what is seen through at every sample, shade one layer after the
     other, nearest first, and sum them up."""
     canvas, layers, n_row = bench.canvas, bench.layers, y_stop - y_start
-    scan_opaque(
+    places, n_sample = np.empty(len(faces), np.int64), n_row * canvas.pitch
+    n_place = scan_opaque(
         faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, canvas, bench.records,
-        job.opacity, table.material,
+        job.opacity, table.material, places,
     )  # fmt: skip
-    places, n_sample = seen_through(faces, job.opacity, table.material), n_row * canvas.pitch
+    places = places[:n_place]
     fragments = Fragments(0, n_sample, np.empty(0, np.int64), layers.cursor, layers.start, True)
     open_layers(layers)
     take_fragments(faces, places, polygons, vertices, y_start, 0, n_row, bench.block, canvas, fragments)
-    n_fragment = np.cumsum(layers.cursor[:n_sample], out=layers.start[1 : n_sample + 1])[-1]
-    if n_fragment > FEW * np.count_nonzero(layers.cursor[:n_sample]):
+    n_fragment, n_list = divide_room(layers, n_sample)
+    if n_fragment > FEW * n_list:
         places = in_order_of_depth(places, faces, polygons, vertices)
-    layers.cursor[:n_sample] = layers.start[:n_sample]
 
     shown = bench._replace(canvas=Canvas(layers.words, canvas.pitch, canvas.width, layers.left, layers.right))
     for first, last in ranges_of(layers.start[: n_sample + 1], canvas.pitch):

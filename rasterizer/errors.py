@@ -34,7 +34,7 @@ class OutputError(RasterizerError, OSError):
 
 
 def internal_error(name: str, fault: Exception) -> ModelError:
-    """Make the error that stands for a fault of this package, met at one model; the fault itself is its `__cause__` once raised."""
+    """Make the error that stands for a fault of this package, met at one model; raised, it has the fault as its `__cause__`."""
     text = " ".join(str(fault).split())[:200]
     what = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
     error = ModelError(f"{name}: internal error: {what} (run with -v for the traceback, and please report it)")

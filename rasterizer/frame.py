@@ -69,7 +69,8 @@ class Frame:
     alpha : (height, width) float32, covered share of each pixel, weighted by opacity; 1 with a background; in steps of 1/255
         where only "rgb" was asked for
     depth : (height, width) float32, distance along the viewing axis in scene units, inf where nothing is
-    face : (height, width) int32, index of the face as loaded, -1 where nothing is
+    face : (height, width) int32, index of the face as loaded, -1 where nothing is; of a convex polygon with more than three
+        corners, unless it is shaded flat, the triangle that has the edge between which and the centre the sample lies
     normal : (height, width, 3) float32, unit normal in world space, towards the viewer, 0 where nothing is
     stats : Stats
 
@@ -254,8 +255,8 @@ def _on_white(image):
 def write_whole(path, content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
-    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is replaced keeps its
-    mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
+    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is replaced keeps
+    its mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
     """
     try:
         place = os.path.realpath(path)

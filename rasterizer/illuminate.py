@@ -32,7 +32,7 @@ def illuminate(
     points : (..., 3) numbers, world space, scene units
     normals : (..., 3) numbers of any length above 0, world space; the shapes of both are broadcast
     material : Material, or the name of one (see `Material.named`); without a texture
-    lights : one light or a sequence of them; area lights as in a picture; shadows have no part, because there is nothing to cast them
+    lights : one light or a sequence of them; area lights as in a picture; shadows have no part, as nothing is there to cast them
     viewer : three numbers, the eye's place in the world; or a Camera, without perspective at infinity
     toward_viewer : three numbers in place of `viewer`: the direction from the surface to an eye at infinity, of any length
     tangents : (..., 3) numbers, world space, the direction in which u grows; needed by materials that are brushed along u
@@ -46,14 +46,18 @@ def illuminate(
 
     Raises
     ------
-    SceneError : shapes that don't fit, values that are not finite, normals without length, no viewer or two, lights that move with
-        a camera where the viewer is none, a texture
+    SceneError : shapes that don't fit, values that are not finite, normals without length, no viewer or two, lights that move
+        with a camera where the viewer is none, a texture
     """
     material = Material.named(material) if isinstance(material, str) else material
     if not isinstance(material, Material):
         raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
     if material.texture is not None:
         raise SceneError("the material must have no texture: points have no texture coordinates")
+    if not isinstance(two_sided, (bool, np.bool_, int)):
+        raise SceneError(f"two_sided must be True or False; given {shown(two_sided)}")
+    if points is None or normals is None:
+        raise SceneError("points and normals must be (..., 3) finite numbers; given None")
     points, normals, tangents, shape = _checked_points(points, normals, tangents, material)
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
@@ -99,7 +103,8 @@ def _checked_points(points, normals, tangents, material):
 def _vectors(value, name) -> np.ndarray:
     """An array (..., 3) of finite float64."""
     try:
-        array = np.asarray(value, np.float64)
+        array = np.asarray(value)
+        array = array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
     except (TypeError, ValueError):
         array = np.empty(0)
     if array.ndim == 0 or array.shape[-1] != 3 or not np.isfinite(array).all():

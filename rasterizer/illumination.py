@@ -5,6 +5,7 @@ import numpy as np
 
 from ._kernel import row_function
 from .bounds import cone_cosines, first_fresnel, has_colored_fresnel, has_highlight, highlight_scale, kind_of, model_of
+from .pipeline.fresnel import SECOND_PARTS, no_second_part
 from .pipeline.lighting import (
     AMBIENT,
     DIFFUSE_COLOR,
@@ -39,9 +40,7 @@ from .pipeline.reflection import (
     ROUGHNESS,
     ROUGHNESS_ACROSS,
     SCALE,
-    SECOND_PARTS,
     SHININESS,
-    no_second_part,
 )
 from .pipeline.shadow import cast
 from .plan import Plan
@@ -159,7 +158,7 @@ def _color_lights(plan) -> tuple[np.ndarray, int]:
 def is_parted(plan: Plan) -> bool:
     """Tell whether the light of each light is summed in two terms, because some material's F0 has a colour.
 
-    The second term is that of reflection.grazing_part; it follows the first as if it were another light's.
+    The second term is that of pipeline/fresnel.py; it follows the first as if it were another light's.
     """
     return any(has_colored_fresnel(material) for material in plan.materials)
 

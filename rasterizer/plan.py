@@ -47,6 +47,7 @@ class Plan(NamedTuple):
     normal_limit: float  # how far float32 planes may turn a normal, see find_normals in pipeline/records.py
     bound: float  # the largest intensity that any point can have
     reflected: Reflected  # how bright each light makes each material, not amplified
+    most: np.ndarray  # (n_light,): how much each light amplifies at most
     brightest_background: float  # the largest component of what lies behind the picture
     rounding: float  # what rounding may add to an intensity, linear, before it is known where lights and surfaces are
     is_flat: bool
@@ -63,13 +64,15 @@ class Plan(NamedTuple):
     cue: Cue | None  # None where nothing fades with depth
 
 
-def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
+def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None) -> Plan:
     """Find out what a scene needs.
 
     Parameters
     ----------
     albedo : (n_point, 3) float64, linear colours given with the model, or no rows
     is_precise : use float64 even where the scene alone does not ask for it; see `fits_float32`
+    clearances : (n_light,) float64, distances that no lit point comes nearer to the lights than, or None: lights that amplify
+        without limit need float64 then
 
     Raises SceneError where the picture's intensities may be too large for float32.
     """
@@ -87,7 +90,8 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         most_albedo = albedo.max(initial=1.0) * brightest_texel(materials)
         reflected = find_reflected(materials, lights, ambient, most_albedo, products)
-    greatest = reflected.amplified(find_most(lights))
+    most = find_most(lights, clearances)
+    greatest = reflected.amplified(most)
     bound, behind = greatest.bound, max(scene.background or (0.0,))
     check_brightness(reflected.bound)
     # Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners; or the
@@ -120,6 +124,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
         normal_limit=normal_limit,
         bound=bound,
         reflected=reflected,
+        most=most,
         brightest_background=behind,
         rounding=rounding,
         is_flat=options.is_flat,
@@ -138,7 +143,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False) -> Plan:
 
 
 def make_cue(cue, n_channel) -> Cue:
-    """Depth cueing as the pipeline takes it; with one channel the colour is a multiple of the tint, whose largest component is 1."""
+    """Depth cueing as the pipeline takes it; with one channel its colour is a multiple of the tint, whose largest component is 1."""
     return Cue(cue.scale, cue.start, np.array(cue.color if n_channel == 3 else [max(cue.color)], np.float64))
 
 
@@ -221,6 +226,8 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
     with_places = surroundings.clearances[np.isfinite(surroundings.clearances)]
     lengths = [surroundings.furthest, *with_places]
     if not all(SMALL <= length <= LARGE for length in lengths):
+        return False
+    if (find_most(plan.lights, surroundings.clearances) > plan.most).any():
         return False
     # Nothing is kept back here: where a normal vanishes or a light lies on a surface, float64 is right.
     if surroundings.is_lit_per_sample and surroundings.shortest <= 0.0:

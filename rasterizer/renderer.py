@@ -54,6 +54,9 @@ class Renderer:
         self._plan = make_plan(self.scene, self.options, self._geometry.albedo)
         self._precise_plan = self._last_plan = None
         self._clearances = {}
+        if not np.isfinite(self._plan.bound):
+            clearances = self._lasting_clearances()
+            self._plan = make_plan(self.scene, self.options, self._geometry.albedo, clearances=clearances)
         self._shortest = 1.0
         if self._plan.is_lit_per_sample and self._plan.reflected.turned > 0.0:
             self._shortest = find_shortest_normal(self._geometry.normals, self._geometry.corner)
@@ -185,23 +188,36 @@ class Renderer:
             self._last_plan = key, plan, error_bound_of(plan, tolerance, surroundings), list_steps(plan, surroundings)
         return self._last_plan[1:]
 
+    def _lasting_clearances(self) -> np.ndarray:
+        """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that moves with
+        the camera."""
+        lengths = []
+        for light in self._plan.lights:
+            if isinstance(light, DirectionalLight) or light.attached == "camera":
+                lengths.append(np.inf if isinstance(light, DirectionalLight) else 0.0)
+            else:
+                lengths.append(0.5 * self._clearance_of(light.position))
+        return np.array(lengths)
+
+    def _clearance_of(self, place) -> float:
+        """How near the lit points come to a place: surfaces in Phong's method, else vertices or centroids."""
+        if self._plan.is_lit_per_sample:
+            return find_clearance(self._geometry.positions, self._geometry.vertex, *map(float, place))
+        return find_point_clearance(self._geometry.points, *map(float, place))
+
     def _find_surroundings(self, view, screen, furthest) -> Surroundings:
         """What this view says about the places of lights and surfaces.
 
         No lit point comes nearer to a light than its clearance: no vertex or centroid, or no sample's point.
         A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its depth.
         """
-        geometry, lights = self._geometry, self._plan.lights
+        lights = self._plan.lights
         places = [None if isinstance(light, DirectionalLight) else world_position(light, view) for light in lights]
         kept, self._clearances = self._clearances, {}
         for place in places:
             if place is not None and (key := tuple(place.tolist())) not in self._clearances:
                 found = kept.get(key)
-                if found is None and self._plan.is_lit_per_sample:
-                    found = find_clearance(geometry.positions, geometry.vertex, *map(float, place))
-                elif found is None:
-                    found = find_point_clearance(geometry.points, *map(float, place))
-                self._clearances[key] = found
+                self._clearances[key] = self._clearance_of(place) if found is None else found
         beside = 0.0
         if self._plan.is_lit_per_sample:
             deepest = furthest if screen.is_perspective else 1.0
@@ -225,8 +241,8 @@ class Renderer:
         return draw(self._geometry, job, screen, self._scratch, self._workers, clock)
 
     def _normal_attributes(self, dtype, has_albedo, has_tangents=False) -> np.ndarray:
-        """Normals, behind them the model's colours, the texture coordinates and the tangents, as point attributes: (1, n_point, n),
-        n from 3 to 11."""
+        """Normals, behind them the model's colours, the texture coordinates and the tangents, as point attributes
+        (1, n_point, 3 to 11)."""
         key = np.dtype(dtype), has_albedo, has_tangents
         if key not in self._normals:
             columns = [self._geometry.normals.T] + ([self._geometry.albedo] if has_albedo else [])

@@ -20,9 +20,11 @@ from pathlib import Path
 
 import numpy as np
 from fuzz_cases import make_case
+from numba.core import event
 
 import rasterizer as rz
 from rasterizer.scene.file import read_scene
+from rasterizer.scene.texture import ENVIRONMENT
 
 SECONDS = 10  # that a case may take on a machine that does other things, too
 MEGABYTES = 700  # that a case may add to the largest size of the process
@@ -38,8 +40,26 @@ class TooLong(BaseException):
     """Raised by the alarm; no guard catches it."""
 
 
-def _ring(*_):
-    raise TooLong
+class Compiling(event.Listener):
+    """Listen to the compiler: while it works, the time of a case doesn't count."""
+
+    depth = 0
+
+    def on_start(self, _event):
+        self.depth += 1
+
+    def on_end(self, _event):
+        self.depth -= 1
+
+
+def _alarm(compiling):
+    def ring(*_):
+        if compiling.depth:
+            signal.setitimer(signal.ITIMER_REAL, SECONDS)
+        else:
+            raise TooLong
+
+    return ring
 
 
 def run_case(seed, folder) -> str:
@@ -112,7 +132,10 @@ def main():
     parser.add_argument("--traceback", action="store_true")
     parser.add_argument("--seconds", type=float, default=1e9, help="stop after so many")
     given = parser.parse_args()
-    signal.signal(signal.SIGALRM, _ring)
+    os.environ[ENVIRONMENT] = str(2**18)  # so that no case decodes pictures for seconds
+    compiling = Compiling()
+    event.register("numba:compiler_lock", compiling)
+    signal.signal(signal.SIGALRM, _alarm(compiling))
     rz.render(rz.load(Path(__file__).parent.parent / "models" / "cube.obj"), SIZE, threads=1)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() if sys.platform == "linux" else 2**40
     resource.setrlimit(resource.RLIMIT_AS, (used + ADDRESSES, resource.RLIM_INFINITY))

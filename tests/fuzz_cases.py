@@ -42,8 +42,14 @@ f 1//1 2//1 4//1
 s off
 f 2 3 4
 """
-MTL = b"newmtl a\nKa 1 1 1\nKd 0.5 0.6 0.7\nKs 0.2 0.2 0.2\nNs 30\nd 0.9\nmap_Kd -clamp on wood.png\nmap_d wood.png\nnewmtl b\nillum 0\nTr 0.2\nKe 0 1 0\n"
-TRIANGLE = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "faces": [[0, 1, 2], [0, 2, 3]], "uv": [[0, 0], [1, 0], [0, 1], [1, 1]]}
+MTL = (
+    b"newmtl a\nKa 1 1 1\nKd 0.5 0.6 0.7\nKs 0.2 0.2 0.2\nNs 30\nd 0.9\nmap_Kd -clamp on wood.png\nmap_d wood.png\n"
+    b"newmtl b\nillum 0\nTr 0.2\nKe 0 1 0\n"
+)
+TRIANGLE = {
+    "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "faces": [[0, 1, 2], [0, 2, 3]],
+    "uv": [[0, 0], [1, 0], [0, 1], [1, 1]],
+}  # fmt: skip
 SCENE = {
     "meshes": [
         TRIANGLE | {"normals": [[0, 0, 1]] * 4, "polygons": [0, 1], "smoothing": [1, 2], "material": "a", "name": "t",
@@ -131,7 +137,8 @@ def changed(random, tree):
                 holder[key] = holder[key] * int(random.choice([-1, 2, 1000])) + int(random.integers(-1, 2))
             case 3:
                 other, name = places[int(random.integers(0, len(places)))]
-                holder[key] = json.loads(json.dumps(other[name])) if name in (other if isinstance(other, dict) else range(len(other))) else 0
+                is_there = name in (other if isinstance(other, dict) else range(len(other)))
+                holder[key] = json.loads(json.dumps(other[name])) if is_there else 0
             case _:
                 holder[key] = VALUES[int(random.integers(0, len(VALUES)))]
     return tree
@@ -208,7 +215,7 @@ def _obj(random):
 def _lines(random):
     """An OBJ file of random lines."""
     keys = ("v", "v", "v", "vn", "vt", "f", "f", "f", "f", "s", "g", "o", "usemtl", "mtllib", "l", "p", "#", "\\")
-    words = ("1", "2", "3", "4", "-1", "1/1", "1//1", "2/2/1", "3/", "/", "0", "5", "a", "b", "a.mtl", "0.5", "1e3", "nan", "-2", "off", "\\")
+    words = "1 2 3 4 -1 1/1 1//1 2/2/1 3/ / 0 5 a b a.mtl 0.5 1e3 nan -2 off \\".split()
     lines = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1", "vt 0 0", "vt 1 1", "vn 0 0 1"]
     for _ in range(random.integers(1, 20)):
         lines.append(" ".join([random.choice(keys), *random.choice(words, int(random.integers(0, 6)))]))

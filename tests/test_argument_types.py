@@ -31,7 +31,8 @@ def calls(folder):
         (rz.DirectionalLight, {"direction": (0, 0, -1)}), (rz.PointLight, {"position": (0, 0, 1)}),
         (rz.SpotLight, {"position": (0, 0, 1), "direction": (0, 0, -1)}), (rz.Camera, {"position": (0, 0, 5), "fov": 30}),
         (rz.Material, {}), (rz.Mesh, {"vertices": MESH.vertices, "faces": MESH.faces}), (rz.Options, {}), (rz.Scene, {"meshes": MESH}),
-        (rz.Shadow, {}), (rz.Spectrum, SPAN | {"values": [1, 1]}), (rz.Texture, {"image": PIXELS}), (rz.compare, {"a": frame, "b": frame}),
+        (rz.Shadow, {}), (rz.Spectrum, SPAN | {"values": [1, 1]}), (rz.Texture, {"image": PIXELS}),
+        (rz.compare, {"a": frame, "b": frame}),
         (rz.load, {"source": MESH}), (rz.mach_bands, {"picture": frame, "scene": SCENE}), (rz.render, {"scene": SCENE, "size": 8}),
         (rz.Renderer, {"scene": SCENE, "size": 8}), (rz.sheet, {"frames": [frame]}), (rz.Camera.framing, {"subject": MESH}),
         (rz.Camera.from_opencv, {"K": np.diag([50, 50, 1]), "R": np.eye(3), "t": (0, 0, 5), "size": (16, 16)}),
@@ -42,7 +43,9 @@ def calls(folder):
         (frame.save, {"path": folder / "x.png"}), (frame.encode, {}), (frame.encode_array, {}), (frame.has, {"name": "rgb"}),
         (renderer.render, {}), (rz.Spectrum.blackbody, {"kelvin": 4000}), (SPECTRUM.at, {"wavelengths": [500]}),
         (rz.Spectrum.flat, {"value": 1}), (rz.Spectrum.of_power, SPAN | {"power": [1, 1]}), (rz.Spectrum.of_rgb, {"color": "red"}),
-        (SPECTRUM.scaled, {"factor": 2}),
+        (SPECTRUM.scaled, {"factor": 2}), (rz.DepthCue, {"scale": 2}),
+        (rz.illuminate, {"points": [[0, 0, 0]], "normals": [[0, 0, 1]], "material": rz.Material(), "lights": rz.AmbientLight(1),
+                         "viewer": (0, 0, 3)}),
     ]  # fmt: skip
 
 

@@ -64,7 +64,7 @@ def test_a_bomb_of_a_texture_leaves_the_model(tmp_path):
     (tmp_path / "wood.png").write_bytes(blank_png(9000, 9000))
     (tmp_path / "m.obj").write_bytes(OBJ)
     (tmp_path / "a.mtl").write_bytes(MTL)
-    with pytest.warns(UserWarning, match=r"wood\.png: this picture of 9000 x 9000 has more than 67108864 texels.*RASTER_MOST_TEXELS"):
+    with pytest.warns(UserWarning, match=r"wood\.png: this picture of 9000 x 9000 has more than 33554432 texels.*RASTER_MOST_TEXELS"):
         assert rz.load(tmp_path / "m.obj").n_face > 3
 
 
@@ -133,7 +133,7 @@ def test_other_formats_are_refused_and_start_no_program(tmp_path, format, monkey
             pytest.skip(f"Pillow can't write {format} here")
         data = stream.getvalue()
     (tmp_path / "wood.png").write_bytes(data)
-    with pytest.raises(rz.ModelError, match=r"wood\.png: can't be read as a picture: is none of PNG, JPEG, WEBP, BMP, TGA, TIFF, GIF"):
+    with pytest.raises(rz.ModelError, match=r"wood\.png: can't be read as a picture: is none of PNG, JPEG, WEBP, BMP, TGA, TIFF"):
         Texture(tmp_path / "wood.png")
     assert not started
 
@@ -178,14 +178,15 @@ def scene_with(data, folder, **mesh):
 
 def test_an_npz_that_unpacks_to_gigabytes_is_refused(tmp_path):
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("mesh0_vertices.npy", "w", force_zip64=True) as part:
+    archive = zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED)
+    with archive, archive.open("mesh0_vertices.npy", "w", force_zip64=True) as part:
         header = io.BytesIO()
         np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (2**24, 3)})
         part.write(header.getvalue())
         for _ in range(2**24 * 24 // 2**20):
             part.write(bytes(2**20))
     assert len(stream.getvalue()) < 2**20
-    with pytest.raises(rz.ModelError, match=r"a\.npz: its arrays would take 40265\d{4} bytes; an .npz file of its size may have 268435456"):
+    with pytest.raises(rz.ModelError, match=r"a\.npz: its arrays would take 40265\d{4} bytes; .* of its size may have 268435456"):
         scene_with(stream.getvalue(), tmp_path)
 
 
@@ -259,7 +260,7 @@ def test_large_numbers_of_polygons_and_groups_take_no_room(key):
         ("x.toml", ".".join(["a"] * 100_000) + " = 1", f"up to {MOST_DOTS} dots"),
         ("x.toml", "[" + " . ".join(["a"] * 100_000) + "]", f"up to {MOST_DOTS} dots"),
         ("x.toml", "t = {" + ".".join(['"a"'] * 50_000) + " = 1}", f"up to {MOST_DOTS} dots"),
-        ("x.toml", "#" * (MOST_TOML + 1), f"a scene file in TOML may have {MOST_TOML}"),
+        ("x.toml", "#" * (MOST_TOML + 1), f"one in TOML may have {MOST_TOML}"),
         ("x.toml", "x = " + "[" * 100_000, "nested too deeply"),
         ("x.json", "[" * 10**6, "nested too deeply|not legal JSON"),
         ("x.json", '{"a":' * 10**6, "nested too deeply|not legal JSON"),

@@ -13,6 +13,7 @@ from pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
 from rasterizer import reference
+from rasterizer.cli.render import describe_bound
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
 from rasterizer.renderer import Renderer
 
@@ -344,3 +345,22 @@ def test_the_stated_bound_holds_in_a_campaign(part, monkeypatch):
                 faults.append(f"{seed}, {shading}, {tolerance:.3g}: {errors.max():.3g} > {frame.stats.error_bound:.3g}")
     assert not faults, faults
     assert n_single > 10, f"only {n_single} of 150 pictures were drawn in float32"
+
+
+def test_amplifying_lights_at_a_distance_do_not_need_float64():
+    """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them."""
+    mesh = rz.Mesh(*octasphere(2), crease_angle=180)
+    for attached, dtype in (("world", np.float32), ("camera", np.float64)):
+        light = rz.PointLight((0.5, 1.0, 3.0), 2.0, (0, 0, 1), attached, amplify=True)
+        scene = rz.Scene([mesh], light, FRONT)
+        for shading in SHADINGS:
+            with Renderer(scene, SMALL, shading=shading) as renderer:
+                view, screen = renderer._screen(FRONT, 1)
+                assert renderer._plan_for(view, screen)[0].dtype == dtype, f"{attached}, {shading}"
+        assert_bounded(scene, tolerances=(0.0, DEFAULT, 0.01))
+
+
+def test_the_bound_is_said_in_words():
+    scene = rz.Scene([rz.Mesh(SQUARE, QUAD)], rz.DirectionalLight((0, 0, -1)), FRONT)
+    text = describe_bound(rz.render(scene, SMALL, tolerance=0).stats)
+    assert text.startswith("errors are at most ") and "N·L = 0 (within 2e-12, cosine of an angle)" in text

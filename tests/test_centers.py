@@ -103,7 +103,8 @@ def test_the_judge_agrees_about_transparent_polygons(shading):
         rng = np.random.default_rng(seed)
         corners = rng.normal(size=(3, 4, 3)) * 0.1 + QUAD * [1, 1, 0] + np.array([(0, 0, z) for z in (-1, 0, 1)])[:, None]
         meshes = [
-            rz.Mesh(points, [(0, 1, 2, 3)], colors=rng.uniform(size=(4, 3)), material=rz.Material(opacity=0.5)) for points in corners
+            rz.Mesh(points, [(0, 1, 2, 3)], colors=rng.uniform(size=(4, 3)), material=rz.Material(opacity=0.5))
+            for points in corners
         ]
         scene = rz.Scene(meshes, [rz.PointLight((1, 2, 3), 1.0)], rz.Camera.perspective((0.3, 0.2, 5), (0, 0, 0)))
         judge.check(scene, SIZE, judge.EXACT, shading=shading, tolerance=0, ignored=0.02)
@@ -120,6 +121,16 @@ def test_the_default_tolerance_holds_for_polygons(shading):
         exact, cheap = (rz.render(scene, SIZE, shading=shading, tolerance=t, outputs=("color",)) for t in (0, 1 / 4096))
         worst = max(worst, float(np.abs(exact.color - cheap.color).max()))
     assert worst <= 1 / 4096, f"{worst:.3g} > {1 / 4096:.3g}"
+
+
+def test_flat_colours_do_not_depend_on_the_first_corner():
+    for shape in (QUAD, np.concatenate([QUAD, [(-2.0, 0, 0)]])):
+        k = len(shape)
+        for first in range(k):
+            scene = straight_on(rz.Mesh(shape, [turned(range(k), first)], colors=grey(np.arange(k) % 2), material=GLOW))
+            color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",)).color[4, 4, 0]
+            assert abs(color - (np.arange(k) % 2).mean()) < 1e-6, f"first corner {first}: {color}"
+            judge.check(scene, (8, 8), judge.EXACT, shading="flat", tolerance=0)
 
 
 def test_flat_shading_needs_no_centres():

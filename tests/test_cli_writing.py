@@ -1,4 +1,4 @@
-"""Tests of what the command line writes, and where not: no file that the run reads is replaced, modes are kept, nothing is left over."""
+"""Tests of what the command line writes, and where not: no file that is read is replaced, modes are kept, nothing is left over."""
 
 import json
 import os
@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from command import CUBE, one_error, run
+from command import CUBE, one_error, run, start
 from PIL import Image
 from raster import HAS_TOML, ROOT
 
@@ -52,15 +52,15 @@ def test_a_texture_is_not_replaced_by_any_name_or_link(globe, command, argv, cap
 
 def test_models_libraries_arrays_scenes_and_buffers_are_not_replaced(folder, capsys):
     shutil.copy(CUBE, folder / "cube.png")  # a model by any name
-    assert run("cube.png", "--input-format", "obj") == 4 and "it is cube.png, which is read" in one_error(capsys)
+    assert run("-q", "cube.png", "--input-format", "obj") == 4 and "it is cube.png, which is read" in one_error(capsys)
     shutil.copy(CUBE, folder / "part.png")
     (folder / "scene.json").write_text(json.dumps({"meshes": [{"file": "part.obj"}]}))
     (folder / "part.obj").symlink_to("part.png")
-    assert run("scene.json", "-o", "part.png") == 4 and "which is read" in one_error(capsys)
+    assert run("-q", "scene.json", "-o", "part.png") == 4 and "which is read" in one_error(capsys)
     assert (folder / "part.png").read_bytes() == open(CUBE, "rb").read()
     Image.new("RGB", (2, 2)).save(folder / "t.png")
     shutil.copy(ROOT / "models" / "globe.obj", folder / "g.obj")
-    assert run("g.obj", "--material", "texture=t.png", "-o", "t.png") == 4 and "it is t.png, which is read" in one_error(capsys)
+    assert run("-q", "g.obj", "--material", "texture=t.png", "-o", "t.png") == 4 and "it is t.png, which is read" in one_error(capsys)
 
 
 def test_what_a_later_model_reads_is_not_replaced_by_an_earlier_one(globe, capsys):
@@ -114,7 +114,7 @@ def test_protected_outputs_are_refused_and_modes_kept(folder, capsys):
     for name, mode in (("protected.png", 0o400), ("private.png", 0o600)):
         (folder / name).write_bytes(b"old")
         (folder / name).chmod(mode)
-    assert run(CUBE, "-o", "protected.png") == 4 and "protected" in one_error(capsys)
+    assert run("-q", CUBE, "-o", "protected.png") == 4 and "protected" in one_error(capsys)
     assert (folder / "protected.png").read_bytes() == b"old"
     assert run(CUBE, "-o", "private.png") == 0
     assert (folder / "private.png").stat().st_mode & 0o777 == 0o600 and Image.open("private.png").size == (24, 16)
@@ -140,7 +140,10 @@ def test_a_signal_while_writing_leaves_nothing(folder, number):
         "sys.exit(main())"
     )
     process = subprocess.Popen(
-        [sys.executable, "-c", code, CUBE], env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-c", code, CUBE],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     assert process.stdout.readline() == b"now\n"
     process.send_signal(number)
@@ -231,7 +234,7 @@ def test_json_is_json_also_where_a_number_is_not_finite(command, capsys, monkeyp
 def test_scene_files_that_were_tracebacks(folder, table, words, capsys):
     mesh = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
     (folder / "scene.json").write_text(json.dumps({"meshes": [mesh]} | table))
-    assert run("scene.json", "-o", "x.npy") in (2, 3)
+    assert run("-q", "scene.json", "-o", "x.npy") in (2, 3)
     err = one_error(capsys)
     assert "scene.json" in err and words in err and "internal" not in err
 
@@ -251,7 +254,5 @@ def test_libraries_say_nothing_on_stderr(folder):
     data = bytearray((folder / "t.tif").read_bytes())
     data[-20:] = b"\xff" * 20
     (folder / "t.tif").write_bytes(data)
-    done = subprocess.run(
-        [sys.executable, "-m", "rasterizer", "render", "m.obj", "-s", "16"], env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True
-    )
+    done = start("render", "m.obj", "-s", "16")
     assert all(line.startswith(b"raster: ") for line in done.stderr.splitlines()), done.stderr.decode()

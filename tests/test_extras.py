@@ -1,4 +1,4 @@
-"""Every extra that is named anywhere in the tree is one of setup.cfg's, and no message names a package of the index that isn't ours."""
+"""Every extra that is named anywhere in the tree is one of setup.cfg's; no message names a package of the index that isn't ours."""
 
 import configparser
 import re

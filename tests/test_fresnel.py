@@ -116,7 +116,8 @@ def test_grey_pictures_keep_one_channel_and_compile_nothing_more():
     plan = make_plan(neutral, Options(), np.empty((0, 3)))
     assert plan.n_channel == 1 and len(make_lighting(plan, neutral.camera_for((4, 3)).view()).light_function) == len(plan.lights)
     # A colour that no highlight shows is none.
-    assert make_plan(replace(neutral, meshes=ball(rz.Material(specular=0, fresnel=GOLD)).meshes), Options(), np.empty((0, 3))).n_channel == 1
+    dull = replace(neutral, meshes=ball(rz.Material(specular=0, fresnel=GOLD)).meshes)
+    assert make_plan(dull, Options(), np.empty((0, 3))).n_channel == 1
     assert planned(rz.Material(fresnel=GOLD)).n_channel == 3
 
 
@@ -126,8 +127,9 @@ def test_float32_serves_it_as_it_serves_a_number():
 
 def test_shadows_fall_on_both_parts():
     """A card between light and floor: what lies in shadow has no highlight at all."""
-    floor = rz.Mesh([[-2, 0, -2], [-2, 0, 2], [2, 0, 2], [2, 0, -2]], [[0, 1, 2, 3]], material=rz.Material(fresnel=GOLD, diffuse=0))
-    card = rz.Mesh([[-2, 1, -2], [-2, 1, 2], [2, 1, 2], [2, 1, -2]], [[0, 1, 2, 3]], material=rz.Material(diffuse=0, specular=0))
+    shiny, black = rz.Material(fresnel=GOLD, diffuse=0), rz.Material(diffuse=0, specular=0)
+    floor = rz.Mesh([[-2, 0, -2], [-2, 0, 2], [2, 0, 2], [2, 0, -2]], [[0, 1, 2, 3]], material=shiny)
+    card = rz.Mesh([[-2, 1, -2], [-2, 1, 2], [2, 1, 2], [2, 1, -2]], [[0, 1, 2, 3]], material=black)
     scene = rz.Scene([floor, card], rz.PointLight((0, 3, 0), shadow=True), rz.Camera.perspective((0, 0.5, 4), (0, 0, 0)))
     frame = rz.render(scene, (40, 30), shading="phong", outputs=("color", "face"))
     assert (frame.face < 2).any() and frame.color[(frame.face >= 0) & (frame.face < 2)].max() == 0.0

@@ -162,7 +162,7 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     ball, ring = octasphere(1), torus(8, 5)
     colors = rng.random(ring[0].shape)
     looks = [rz.Material(shininess=n) for n in (8, 16, 32)]
-    shapes = [rz.Mesh(*ball), rz.Mesh(*ring, colors=colors), rz.Mesh(CUBE, QUADS)]
+    shapes = [rz.Mesh(*ball), rz.Mesh(*ring, colors=colors), rz.Mesh(CUBE, rz.Mesh(CUBE, QUADS).faces)]
     meshes = [replace(mesh, material=look) for mesh, look in zip(shapes, looks, strict=True)]
     scene = rz.Scene(meshes)
     geometry = gather_geometry(scene, is_flat)
@@ -186,7 +186,8 @@ def test_meshes_stand_one_behind_the_other(is_flat):
 
 @pytest.mark.parametrize("is_flat", [True, False])
 def test_meshes_of_equal_materials_are_one_group(is_flat):
-    shapes = [rz.Mesh(CUBE, QUADS, material=rz.Material(shininess=n)) for n in (8, 8, 16, 8)]
+    faces = rz.Mesh(CUBE, QUADS).faces
+    shapes = [rz.Mesh(CUBE, faces, material=rz.Material(shininess=n)) for n in (8, 8, 16, 8)]
     geometry = gather_geometry(rz.Scene(shapes), is_flat)
     n = geometry.points.shape[1] // 4
     assert geometry.group_material.tolist() == [0, 1, 0]

@@ -127,7 +127,8 @@ def test_illegal_attenuations_as_text(wrong):
 @pytest.mark.parametrize("settings, message", [
     ({"direction": (0, 0, 0)}, "spot light's direction"), ({"position": (0, math.nan, 0)}, "spot light's position"),
     ({"inner": 40}, r"inner angle must be within 0..outer = 30 degrees; given 40"), ({"inner": -1}, "inner"),
-    ({"outer": 0}, "outer"), ({"outer": 91}, "outer"), ({"exponent": -1}, "exponent"), ({"falloff": 0}, "falloff"), ({"falloff": math.nan}, "falloff"), ({"exponent": math.inf}, "exponent"),
+    ({"outer": 0}, "outer"), ({"outer": 91}, "outer"), ({"exponent": -1}, "exponent"), ({"exponent": math.inf}, "exponent"),
+    ({"falloff": 0}, "falloff"), ({"falloff": math.nan}, "falloff"),
     ({"color": -1}, "spot light's color"), ({"range": 0}, "spot light's range"), ({"range": math.inf}, "range"),
     ({"attached": "wall"}, "spot light's attached"), ({"color": (1, math.nan, 1)}, "color"),
 ])  # fmt: skip

@@ -479,3 +479,17 @@ def test_the_same_without_the_compiler():
         for flag in "01"
     ]
     assert texts[0] == texts[1] and texts[0]
+
+
+@pytest.mark.parametrize("smoothing", [None, 1])
+def test_an_edge_of_many_faces_is_no_part_of_a_surface(smoothing):
+    """The pages of a book: up to 64 at its back are compared two by two, more of them stay as they are."""
+    for n_page, is_joined in ((60, True), (200_000, False)):
+        angle = np.arange(n_page) * (2 * np.pi / n_page)
+        pages = np.stack([np.cos(angle), np.sin(angle), np.full(n_page, 0.5)], axis=1)
+        vertices = np.concatenate([[(0, 0, 0), (0, 0, 1)], pages])
+        faces = np.stack([np.zeros(n_page), np.ones(n_page), np.arange(n_page) + 2], axis=1).astype(int)
+        groups = None if smoothing is None else np.full(n_page, smoothing)
+        split = split_creases(vertices, faces, 40.0, smoothing=groups)
+        at_back = (split.source < 2).sum()
+        assert (at_back < 2 * n_page) == is_joined, f"{at_back} split vertices at the back of {n_page} pages"

@@ -225,6 +225,50 @@ def test_vertex_colors_are_srgb_and_multiply_white():
     assert mesh.material.diffuse == (1.0, 1.0, 1.0)
 
 
+def test_rows_of_several_lengths_and_vertices_that_nobody_uses():
+    """Weights behind some places, what C writes for no number, colours for some vertices only."""
+    text = "v 0 0 0 1\nv 1 0 0\nv 1 1 0 0.5 0.5\nv -nan(ind) 1.#QNAN nan\nv 0 1 0 1 0 0\nf 1 2 3\nf 1 3 5\n"
+    (mesh,) = load_obj(text).meshes
+    assert mesh.n_vertex == 4 and mesh.n_face == 2 and mesh.colors is None
+    (mesh,) = load_obj("v 0 0 0 255 0 51\nv 1 0 0 255 0 51 9 9\nv 1 1 0 255 0 51 1\nf 1 2 3\n").meshes
+    np.testing.assert_allclose(mesh.colors[:, :3], [(1, 0, 0.0331)] * 3, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["f 1// 2// 3// 4//", "f 1/ 2/ 3/ 4/", "f 1/2/ 2/1/ 3/1/ 4/1/", "f 1// 2/2/ 3/1 4", "f -8// -7/ -6 4 # f 9 9 9", "f 1 2 \\\n3 4"]
+)
+def test_corners_written_short(line):
+    (mesh,) = load_obj(POINTS + "vt 0 0\nvt 1 0\n" + line + "\n").meshes
+    assert mesh.n_face == 2 and triangles(mesh)[0].tolist() == [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+
+
+def test_concave_faces_are_drawn_as_they_are():
+    """An L of area 28, with normals and texture coordinates that stay with their corners."""
+    ell = [(0, 0), (8, 0), (8, 2), (2, 2), (2, 8), (0, 8)]
+    text = "".join(f"v {x} {y} 0\nvt {x / 8} {y / 8}\n" for x, y in ell) + "vn 0 0 1\n"
+    for first in range(6):
+        words = [f"{(k + first) % 6 + 1}/{(k + first) % 6 + 1}/1" for k in range(6)]
+        (mesh,) = load_obj(text + "f " + " ".join(words) + "\n").meshes
+        corners = triangles(mesh)
+        area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+        assert abs(area - 28) < 1e-12
+        uv = mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
+        np.testing.assert_array_equal(uv, corners[..., :2] / 8)
+
+
+def test_long_lines_take_no_square_of_their_length(tmp_path):
+    """Blanks, slashes and names of half a million letters: done at once, or not within the hour."""
+    n = 500_000
+    path = tmp_path / "long.obj"
+    lines = ["mtllib a" + " " * n + "b", "mtllib " + "a/" * n, "usemtl x" + " " * n + "y", "#" * n, " " * n + "# c"]
+    lines += ["mtllib " + " ".join(f"m{k}" for k in range(n // 10))]
+    lines += ["o " + " " * n + "x", "g" + " " * n, "s " + " " * n + "1"]
+    path.write_text("\n".join(lines) + "\n" + POINTS + "f 1 2 3" + " " * n + "\n")
+    with pytest.warns(UserWarning, match="names .* material files; the first 256"):
+        assert load(path).n_face == 1
+
+
 # --- materials ----------------------------------------------------------------------------------------------
 
 

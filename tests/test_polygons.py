@@ -170,7 +170,8 @@ def test_corners_that_turn_all_one_way_but_twice_round_are_not_convex():
 
 
 def test_polygons_that_are_not_finite_or_points_disturb_nobody():
-    points = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (np.nan, 1, 0), (np.inf, 0, 0), (1e308, -1e308, 0), (-1e308, 1e308, 1e308)])
+    points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (np.nan, 1, 0), (np.inf, 0, 0), (1e308, -1e308, 0), (-1e308, 1e308, 1e308)]
+    points = np.array(points)
     corners = [0, 1, 2, 3, 4, 5, 6, 0, 0, 0, 0, 0, 0, 5, 6, 1, 2, 0]
     cut = cut_polygons(points, np.array(corners), [4, 4, 4, 3, 3])
     assert len(cut.corners) == 8 and cut.polygons.tolist() == [0, 0, 1, 1, 2, 2, 3, 4]

@@ -44,7 +44,8 @@ def test_off_with_everything():
 def test_off_colours(color):
     mesh = load_off("COFF\n3 1 0\n" + "".join(f"{k} {k * k} 0 {color}\n" for k in range(3)) + "3 0 1 2 0.5 0.5 0.5\n")
     assert mesh.colors[1, :3].tolist() == [1, 0, 0] and mesh.face_colors is None
-    mesh = load_off("OFF\n6 2 0\n" + ELL + f"4 0 1 2 3 {color}\n3 0 3 4 0 0 1\n".replace("0 0 1\n", "0 0 255\n" if color[0] == "2" else "0 0 1\n"))
+    blue = "0 0 255" if color[0] == "2" else "0 0 1"
+    mesh = load_off("OFF\n6 2 0\n" + ELL + f"4 0 1 2 3 {color}\n3 0 3 4 {blue}\n")
     assert mesh.face_colors[:, :3].tolist() == [[1, 0, 0], [1, 0, 0], [0, 0, 1]]
 
 
@@ -105,7 +106,9 @@ def test_a_huge_promise_costs_no_memory():
         load_stl(binary_stl(0, 2**32 - 1) + bytes(13))
 
 
-@pytest.mark.parametrize("spell", [str, str.upper, str.title, lambda text: text.replace("\n", "\r\n"), lambda text: text.replace(" ", "\t")])
+@pytest.mark.parametrize(
+    "spell", [str, str.upper, str.title, lambda text: text.replace("\n", "\r\n"), lambda text: text.replace(" ", "\t")]
+)
 def test_ascii_in_any_spelling(spell):
     scene = load_stl(spell("solid part one\n" + FACET * 2 + "endsolid part one\n").encode())
     assert scene.n_face == 2 and scene.meshes[0].name.lower().replace("\t", " ") == "part one"

@@ -55,14 +55,15 @@ def test_the_silhouette_stays(is_far):
     mesh = load("torus.obj") if is_far else load("teapot.obj")
     scene = rz.Scene([mesh])
     camera = scene.camera_for(SIZE)
-    before = draw(mesh, camera=camera, outputs=("depth", "face"))
-    after = draw(mesh.subdivide(2), camera=camera, outputs=("depth", "face"))
+    # Flat: where values are interpolated, polygons are drawn about their centres, which bent ones have beside their triangles.
+    before = draw(mesh, camera=camera, shading="flat", outputs=("depth", "face"))
+    after = draw(mesh.subdivide(2), camera=camera, shading="flat", outputs=("depth", "face"))
     changed = (before.face >= 0) != (after.face >= 0)
     assert changed.sum() <= 3, f"{changed.sum()} of {(before.face >= 0).sum()} samples covered otherwise"
     same = (before.face == after.face // 16) & (before.face >= 0)
     assert same.sum() > 0.99 * (before.face >= 0).sum()
-    # half a sub-pixel moves a sample of these surfaces by a thousandth of its depth at most, seen at 85 degrees
-    assert np.allclose(before.depth[same], after.depth[same], rtol=1e-3)
+    # half a sub-pixel moves a sample of these surfaces by two thousandths of its depth at most, seen at 87 degrees
+    assert np.allclose(before.depth[same], after.depth[same], rtol=2e-3)
 
 
 # ---------------------------------------------------------------- what belongs to it

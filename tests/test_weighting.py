@@ -76,7 +76,8 @@ def test_it_stays_when_a_mesh_is_changed():
 def test_on_load():
     assert [mesh.weighting for mesh in rz.load(ROOT / "models" / "cube.obj").meshes] == ["angle"]
     assert [mesh.weighting for mesh in rz.load(ROOT / "models" / "cube.obj", weighting="area").meshes] == ["area"]
-    assert rz.load(box("area")).meshes[0].weighting == "area" and rz.load(box("area"), weighting="angle").meshes[0].weighting == "angle"
+    assert rz.load(box("area")).meshes[0].weighting == "area"
+    assert rz.load(box("area"), weighting="angle").meshes[0].weighting == "angle"
     scene = rz.load(ROOT / "models" / "room.json", weighting="uniform")
     assert {mesh.weighting for mesh in scene.meshes} == {"uniform"}
     assert {mesh.weighting for mesh in rz.load(scene, weighting="area").meshes} == {"area"}

@@ -4,8 +4,8 @@
     argparse    globs, names      before anything    one model after the other
                                   is loaded
 
-Exit codes: 0 done · 1 some inputs failed, the rest was done, or the fault is the program's own · 2 usage · 3 a model can't be read
-or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one line on stderr; so does a
+Exit codes: 0 done · 1 some inputs failed, the rest was done, or the fault is the program's own · 2 usage · 3 a model can't be
+read or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one line on stderr; so does a
 fault of the program's own, whose traceback is shown with -v.
 
 Only the standard library is imported before a command runs, so that `raster --help` is quick; and next to nothing before `main`
@@ -28,27 +28,30 @@ def main(argv=None) -> int:
     -------
     int, the exit code; `--help` and `--version` raise SystemExit, as argparse does
     """
-    if argv is not None:
-        return _run_to_the_end(argv, [])
+    try:
+        return _run_as_program() if argv is None else _guarded(argv, [])
+    except KeyboardInterrupt:
+        return _interrupted()
+
+
+def _run_as_program() -> int:
+    """Run with the process's own arguments, and remember interrupts: libraries may make other errors of them in their imports."""
     import signal
 
     interrupts = []
 
     def interrupt(*_):
-        interrupts.append(True)  # libraries may make another error of it while they are imported
+        interrupts.append(True)
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, interrupt)
-    code = _run_to_the_end(sys.argv[1:], interrupts)
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as for a process that was started in the background
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        code = _guarded(sys.argv[1:], interrupts)
+    except KeyboardInterrupt:
+        code = _interrupted()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process ends: nothing is left to interrupt
     return code
-
-
-def _run_to_the_end(argv, interrupts) -> int:
-    try:
-        return _guarded(argv, interrupts)
-    except KeyboardInterrupt:
-        return _interrupted()
 
 
 def _interrupted() -> int:

@@ -104,6 +104,7 @@ def _render_model(targets, arguments, settings, messages, output) -> None:
             output.write(_content(frame, target.output, options.outputs[0]), target.output)
             seconds, start = perf_counter() - start, perf_counter()
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
+            messages.detail(f"{target.model}: {describe_bound(frame.stats)}")
             if arguments.json:
                 record = _record(target, frame, scene, seconds, of_model + doubts)
                 print_record(record, target.output == STDIO)
@@ -121,6 +122,12 @@ def _names_of_file(arguments) -> set[str]:
 
 def _as_keywords(options) -> dict:
     return {field.name: getattr(options, field.name) for field in fields(options)}
+
+
+def describe_bound(stats) -> str:
+    """Say how far a picture may be off, and next to what it may be further off."""
+    steps = "".join(f"; without bound next to a step: {cause} (within {near:.1g}, {unit})" for cause, near, unit in stats.steps)
+    return f"errors are at most {stats.error_bound:.2g} in linear intensity{steps}"
 
 
 def _content(frame, output, array) -> bytes:

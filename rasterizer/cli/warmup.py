@@ -47,6 +47,9 @@ def draw_all_kinds() -> None:
     for samples in (1, 4):
         render(scenes[0], 16, samples=samples, outputs=("rgb",), threads=1, cull="back")
     render(scenes[0], 16, outputs=("depth", "face", "normal"), threads=1)
+    polygons = replace(scenes[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])])  # a convex one, and one with ears
+    for tolerance in (0.0, 1 / 4096):
+        render(polygons, 16, tolerance=tolerance, threads=1, outputs=("rgb",))
     for scene in _rarer_scenes():
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):

@@ -8,8 +8,8 @@ Out: the samples' intensities I, mixed with the colour C of the cue by their dep
 Source of the mix: Foley, van Dam, Feiner & Hughes 1990, section 16.1.3; of s: the attenuation 1/(d + d0) by the viewer's
 distance, Rogers 1985, section 5.2, scaled to 1 where it begins.
 
-The depth is found from the exact record, in float64, as that of the depth buffer is: 1/w errs by about 2^-52 of the nearest one's,
-so d by far/near·2^-52 <= 2^-32 of itself. As d·|ds/dd| <= 1/4, that moves I' by 2^-34·(I + C): below the rounding of the output.
+The depth is found from the exact record, in float64, as that of the depth buffer is: 1/w errs by about 2^-52 of the nearest
+one's, so d by far/near·2^-52 <= 2^-32 of itself. As d·|ds/dd| <= 1/4, that moves I' by 2^-34·(I + C): below the rounding of the output.
 """
 
 from typing import NamedTuple

@@ -63,7 +63,7 @@ class Layers(NamedTuple):
     start: np.ndarray  # (rows * pitch + 1,) int64: where each sample's list begins, were all kept at a time
     transmitted: np.ndarray  # (rows * pitch,) float64: the part of the light from behind that arrives
     opacity: np.ndarray  # (rows * pitch,) float64: summed up, because 1 - transmitted loses the digits of small ones
-    color: np.ndarray  # (n_channel, rows * pitch) float64
+    color: np.ndarray  # (n_channel, rows * pitch) float64; anything where the opacity is 0
 
 
 class Fragments(NamedTuple):
@@ -103,12 +103,6 @@ def least_transmitted(tolerance, bound, is_single) -> float:
     return min(tolerance / (4.0 * max(bound, 1.0)), INVISIBLE_ALPHA) if is_single else INVISIBLE
 
 
-def seen_through(faces, opacity, material) -> np.ndarray:
-    """The places, int64, in a band's list `faces` of the triangles that are neither opaque nor invisible."""
-    numbers = material[faces] if len(material) else np.zeros(len(faces), np.int64)
-    return np.flatnonzero(~opacity.is_opaque[numbers] & (opacity.opacity[numbers] > 0.0))
-
-
 def in_order_of_depth(places, faces, polygons, vertices) -> np.ndarray:
     """The places ordered by the least depth of their triangles."""
     return places[np.argsort(vertices.z[polygons.vertex[:, faces[places]]].min(axis=0), kind="stable")]
@@ -127,10 +121,14 @@ def ranges_of(start, pitch):
 
 
 @kernel
-def scan_opaque(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records, opacity, material):
-    """Write an exact record for every triangle, its number the place in the list; draw those that are opaque."""
+def scan_opaque(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records, opacity, material, out_places):
+    """Write an exact record for every triangle, its number the place in the list; draw those that are opaque.
+
+    `out_places` gets the places, int64, of those that are neither opaque nor invisible; return how many.
+    """
     faces, attributes, records = borrow(faces), borrow(attributes), borrow_records(records)
     vertices, polygons, canvas, block = borrow_all(vertices, polygons, canvas, block)
+    n_place = np.uint64(0)
     for first in range(0, len(faces), BLOCK):
         some = faces[np.uint64(first) : np.uint64(min(first + BLOCK, len(faces)))]
         gather_vertices(some, polygons, vertices, block)
@@ -141,10 +139,14 @@ def scan_opaque(faces, polygons, vertices, attributes, coding, y_start, y_stop, 
         for k in range(np.uint64(len(some))):
             write_exact(records, first + np.int64(k), k, some[k], attributes.shape[2], coding, block)
             left, right, top, bottom = box_of(k, block)
-            if left < right and top < bottom and opacity.is_opaque[material_of(some[k], material)]:
+            look = material_of(some[k], material)
+            out_places[n_place] = first + np.int64(k)
+            n_place += np.uint64(not opacity.is_opaque[look] and opacity.opacity[look] > 0.0)
+            if left < right and top < bottom and opacity.is_opaque[look]:
                 note_extent(canvas, left, right, top - y_start, bottom - y_start)
                 payload = (IS_ID | IS_EXACT | (first + np.int64(k)), np.int64(0), np.int64(0))
                 fill(canvas, (left, right, top, bottom, (top - y_start) * canvas.pitch), k, payload, block)
+    return n_place
 
 
 @kernel
@@ -205,13 +207,24 @@ def material_of(face, material):
 
 @kernel
 def open_layers(layers):
-    """Begin with empty lists, and with all light transmitted."""
-    cursor, transmitted, opacity = borrow(layers.cursor), borrow(layers.transmitted), borrow(layers.opacity)
+    """Begin with empty lists, and with nothing shown; the rest of a sample is written with its first layer."""
+    cursor, opacity = borrow(layers.cursor), borrow(layers.opacity)
     for k in range(np.uint64(len(cursor))):
-        cursor[k], transmitted[k], opacity[k] = 0, 1.0, 0.0
-    for channel in range(np.uint64(layers.color.shape[0])):
-        for k in range(np.uint64(len(cursor))):
-            layers.color[channel, k] = 0.0
+        cursor[k], opacity[k] = 0, 0.0
+
+
+@kernel
+def divide_room(layers, n_sample):
+    """Turn the lengths of the lists into where they begin; return how many words there are, and how many lists."""
+    cursor, start = borrow(layers.cursor), borrow(layers.start)
+    total = n_list = np.int64(0)
+    for k in range(np.uint64(n_sample)):
+        n = cursor[k]
+        start[k], cursor[k] = total, total
+        total += n
+        n_list += n > 0
+    start[np.uint64(n_sample)] = total
+    return total, n_list
 
 
 @kernel
@@ -232,7 +245,8 @@ def show_first(canvas, layers, fragments, first_row, n_row):
             k, word = np.uint64(band_row + i), CLEAR
             if fragments.first <= band_row + i < fragments.last:
                 begin, end = np.uint64(start[k] - base), np.uint64(start[k + np.uint64(1)] - base)
-                sort(list_words[begin:end])
+                if end - begin > np.uint64(1):
+                    sort(list_words[begin:end])
                 word = list_words[begin] if begin < end else opaque[k]
             words[np.uint64(row + i)] = word
 
@@ -262,13 +276,15 @@ def composite(canvas, records, layers, fragments, first_row, n_row, depth, radia
                     alpha = opacity.opacity[material_of(face, material)]
                     if texels.shape[0] > 0:
                         alpha *= texels[3, k]
-                share = transmitted[place] * alpha
+                before = transmitted[place] if depth > 0 else 1.0
+                share, after = before * alpha, before * (1.0 - alpha)
                 for channel in range(np.uint64(color.shape[0])):
-                    color[channel, place] += share * radiance[channel, k]
-                transmitted[place] *= 1.0 - alpha
+                    so_far = color[channel, place] if depth > 0 else 0.0
+                    color[channel, place] = so_far + share * radiance[channel, k]
+                transmitted[place] = after
                 out_opacity[place] = 1.0 if alpha == 1.0 else min(out_opacity[place] + share, 1.0)
                 begin, end, word = start[place] - base, start[place + np.uint64(1)] - base, CLEAR
-                if begin + depth < end and transmitted[place] > opacity.least:
+                if begin + depth < end and after > opacity.least:
                     word = list_words[np.uint64(begin + depth + 1)] if begin + depth + 1 < end else opaque[place]
                 words[k] = word
                 if word < CLEAR:

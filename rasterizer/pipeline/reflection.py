@@ -15,6 +15,7 @@ import numpy as np
 from numba import carray
 from numba.extending import overload, register_jitable
 
+from .anisotropic import anisotropic_mirrors, fill_tangents
 from .rows import (
     CHUNK,
     DIFFUSE,
@@ -29,9 +30,6 @@ from .rows import (
     NORMAL_Z,
     SPECULAR,
     STRENGTH,
-    TANGENT_X,
-    TANGENT_Y,
-    TANGENT_Z,
     VIEW_X,
     VIEW_Y,
     VIEW_Z,
@@ -43,7 +41,6 @@ SHININESS, ROUGHNESS, FRESNEL, SCALE, LEVELS, ROUGHNESS_ACROSS, BRUSH = range(7)
 N_MATERIAL_NUMBER = 9
 MOST_SQUARED = 4096  # integer exponents up to this are raised by squaring
 LEAST_COSINE = 1 / 64  # of Oren-Nayar's smaller angle: see there
-SHORT = 2.0**-80  # square of a projected tangent that is too short to be one: see `tangent_at`
 VISIBLE = 2.0**-12  # a fifth power of less is taken for 0: invisible, and never a denormal number
 
 
@@ -209,87 +206,27 @@ def cook_torrance_beckmann(rows, n, numbers):
 
 @register_jitable
 def anisotropic_ggx(rows, n, numbers):
-    """As `cook_torrance_ggx`, with mirrors whose tilt depends on a direction T in the surface: brushed metal, wood, hair.
+    """As `cook_torrance_ggx`, with mirrors whose tilt depends on a direction in the surface, that of the rows TANGENT.
 
-    Burley 2012, "Physically-based shading at Disney", appendix B; Heitz 2014, JCGT 3(2), equations 85 and 99. With B = N×T:
-
-        D  = 1 / (π αx αy ((H·T)²/αx² + (H·B)²/αy² + (N·H)²)²)
-        G1 = 2 / (1 + √(1 + (αx²(V·T)² + αy²(V·B)²) / (N·V)²)), so G1 / (2 N·V) = 1 / (N·V + √((N·V)² + αx²(V·T)² + αy²(V·B)²))
-
-    whose last two terms are `masking`, 1 - (N·V)² times the roughness in the plane of N and V: so it is the isotropic formula.
-
-    The rows TANGENT hold T, of any length and not yet in the surface. The plan takes float64 for this model: where T nearly
-    stands upright on the surface its projection, and all that depends on it, has no bound in float32.
+    Formulas: anisotropic.py. The plan takes float64 for this model: where the direction nearly stands upright on the surface its projection, and all that
+    depends on it, has no bound in float32.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
-    zero = row.dtype.type(0)
-    own_x, own_y = number[ROUGHNESS], number[ROUGHNESS_ACROSS]
-    mean = np.sqrt(own_x * own_y)
+    zero, two = row.dtype.type(0), row.dtype.type(2)
     for k in range(np.uint64(n)):
-        half_square, along, _ = half_parts(row, k)
-        tx, ty, tz, is_tangent = tangent_at(row, k)
-        bx = row[NORMAL_Y + k] * tz - row[NORMAL_Z + k] * ty
-        by = row[NORMAL_Z + k] * tx - row[NORMAL_X + k] * tz
-        bz = row[NORMAL_X + k] * ty - row[NORMAL_Y + k] * tx
-        ax, ay = own_x if is_tangent else mean, own_y if is_tangent else mean
-        lx, ly, lz = row[LIGHT_X + k], row[LIGHT_Y + k], row[LIGHT_Z + k]
-        vx, vy, vz = row[VIEW_X + k], row[VIEW_Y + k], row[VIEW_Z + k]
-        l_t, l_b = lx * tx + ly * ty + lz * tz, lx * bx + ly * by + lz * bz
-        v_t, v_b = vx * tx + vy * ty + vz * tz, vx * bx + vy * by + vz * bz
-        h_t = ((lx + vx) * tx + (ly + vy) * ty + (lz + vz) * tz) / ax
-        h_b = ((lx + vx) * bx + (ly + vy) * by + (lz + vz) * bz) / ay
-        n_dot_l, n_dot_v, strength = max(row[N_DOT_L + k], zero), max(row[N_DOT_V + k], zero), row[STRENGTH + k]
-        spread = h_t * h_t + h_b * h_b + along * along
-        ratio = half_square / spread if (along > zero) & (spread > zero) else zero
-        mirrors = ratio * ratio / (ax * ay)
-        masked = n_dot_l / masking(n_dot_l, l_t, l_b, ax, ay) / masking(n_dot_v, v_t, v_b, ax, ay)
-        reflected = mirrors * masked * schlick(number[FRESNEL], np.sqrt(half_square) / row.dtype.type(2))
+        half_square, _, _ = half_parts(row, k)
+        n_dot_l, strength = row[N_DOT_L + k], row[STRENGTH + k]
+        reflected = anisotropic_mirrors(row, k, number[ROUGHNESS], number[ROUGHNESS_ACROSS])
+        reflected = reflected * schlick(number[FRESNEL], np.sqrt(half_square) / two)
         row[DIFFUSE + k] = strength * n_dot_l if n_dot_l > zero else zero
         row[SPECULAR + k] = strength * reflected if n_dot_l > zero else zero
 
 
 def anisotropic_ggx_by_axis(rows, n, numbers):
-    """The same, T being the axis BRUSH in the world."""
-    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
-    x, y, z = number[BRUSH], number[BRUSH + 1], number[BRUSH + 2]
-    for k in range(np.uint64(n)):
-        row[TANGENT_X + k], row[TANGENT_Y + k], row[TANGENT_Z + k] = x, y, z
+    """The same, the direction being the axis BRUSH in the world."""
+    number = carray(numbers, (N_MATERIAL_NUMBER,))
+    fill_tangents(rows, n, number[BRUSH], number[BRUSH + 1], number[BRUSH + 2])
     anisotropic_ggx(rows, n, numbers)
-
-
-def grazing_part(rows, n, numbers):
-    """The second term of a highlight whose F0 is a colour, after the first: times s = (1 - cos θ)^5, cos θ = N·L.
-
-    W = F0 + (1 - F0) s is affine in F0, so  ks·Ip·W·h = (ks·Ip·F0)·h + (ks·Ip·(1 - F0))·(s·h)  in every channel and for every
-    wavelength: two sums with colours that geometry has no part in. Both have no negative terms, so nothing cancels.
-    The row SPECULAR still holds h, from the row function before.
-    """
-    row = carray(rows, (N_ROW * CHUNK,))
-    zero = row.dtype.type(0)
-    for k in range(np.uint64(n)):
-        sink = schlick(zero, max(row[N_DOT_L + k], zero))
-        # No product where nothing is left: the highlight may be infinite in the light itself.
-        row[SPECULAR + k] = row[SPECULAR + k] * sink if sink > zero else zero
-        row[DIFFUSE + k] = zero
-
-
-def grazing_part_of_mirrors(rows, n, numbers):
-    """The same for Cook-Torrance, where θ is the angle of incidence on the mirrors: cos θ = |L + V|/2."""
-    row = carray(rows, (N_ROW * CHUNK,))
-    zero, two = row.dtype.type(0), row.dtype.type(2)
-    for k in range(np.uint64(n)):
-        half_square, _, _ = half_parts(row, k)
-        sink = schlick(zero, np.sqrt(half_square) / two)
-        row[SPECULAR + k] = row[SPECULAR + k] * sink if sink > zero else zero
-        row[DIFFUSE + k] = zero
-
-
-def no_second_part(rows, n, numbers):
-    """Of a material whose F0 has no colour, in a scene where another one's has."""
-    row = carray(rows, (N_ROW * CHUNK,))
-    zero = row.dtype.type(0)
-    for k in range(np.uint64(n)):
-        row[DIFFUSE + k] = row[SPECULAR + k] = zero
 
 
 def toon(rows, n, numbers):
@@ -326,8 +263,6 @@ REFLECTIONS = {
     "anisotropic ggx by axis": Reflection(anisotropic_ggx_by_axis, needs_view=True, has_highlight=True),
     "toon": Reflection(toon, needs_view=True, has_highlight=True),
 }
-# The second term of highlights whose F0 is a colour, by the reflection that a material names.
-SECOND_PARTS = {"phong": grazing_part, "blinn": grazing_part, "cook-torrance": grazing_part_of_mirrors}
 # What takes their place where light and viewer are at infinity.
 DISTANT = {"blinn": distant_blinn, "weighted blinn": weighted_distant_blinn}
 
@@ -353,45 +288,6 @@ def weigh_highlights(rows, n, numbers):
     if scale > zero:
         for k in range(np.uint64(n)):
             row[SPECULAR + k] = row[SPECULAR + k] * (scale * max(row[N_DOT_L + k], zero))
-
-
-@register_jitable
-def tangent_at(row, k):
-    """The unit vector along the row TANGENT's part in the surface, and whether there is one; else any in the surface.
-
-    With a unit tangent, T - (T·N)N errs by about 2^-52. Shorter than 2^-40 its direction errs by more than 2^-12: an axis that
-    stands upright on the surface has no direction there, but rounding would make one up.
-    """
-    nx, ny, nz = row[NORMAL_X + k], row[NORMAL_Y + k], row[NORMAL_Z + k]
-    tx, ty, tz = row[TANGENT_X + k], row[TANGENT_Y + k], row[TANGENT_Z + k]
-    zero, one = row.dtype.type(0), row.dtype.type(1)
-    whole = tx * tx + ty * ty + tz * tz
-    up = nx * tx + ny * ty + nz * tz
-    tx, ty, tz = tx - up * nx, ty - up * ny, tz - up * nz
-    square = tx * tx + ty * ty + tz * tz
-    is_tangent = square > row.dtype.type(SHORT) * whole
-    if not is_tangent:
-        # The shortest of the axes' parts along N has the longest one across: never shorter than √(2/3).
-        is_x = (abs(nx) <= abs(ny)) & (abs(nx) <= abs(nz))
-        is_y = (not is_x) & (abs(ny) <= abs(nz))
-        tx, ty, tz = one if is_x else zero, one if is_y else zero, zero if is_x | is_y else one
-        up = nx * tx + ny * ty + nz * tz
-        tx, ty, tz = tx - up * nx, ty - up * ny, tz - up * nz
-        square = tx * tx + ty * ty + tz * tz
-    scale = one / np.sqrt(square)
-    return tx * scale, ty * scale, tz * scale, is_tangent
-
-
-@register_jitable
-def masking(cosine, along, across, alpha_along, alpha_across):
-    """c + √(c² + α²(1 - c²)), c the cosine of a direction D with N, α² = (αx²(D·T)² + αy²(D·B)²) / ((D·T)² + (D·B)²).
-
-    Where D is N itself, α has no part in it. Where c was below 0 and is taken for 0, this is the limit at the horizon.
-    """
-    one, square = type(cosine)(1), along * along + across * across
-    x, y = alpha_along * along, alpha_across * across
-    alpha_square = (x * x + y * y) / square if square > type(cosine)(0) else alpha_along * alpha_across
-    return cosine + np.sqrt(alpha_square + (one - alpha_square) * cosine * cosine)
 
 
 @register_jitable

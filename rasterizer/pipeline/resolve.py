@@ -209,7 +209,7 @@ def average_samples(words, pitch, radiance, row, left, factor, n, pixels):
 def average_layers(color, opacities, pitch, row, left, factor, n, pixels):
     """Mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many samples show anything.
 
-    `color` is weighted by opacity already.
+    `color` is weighted by opacity already; where that is 0 it may be anything.
     """
     n_channel, count = np.uint64(color.shape[0]), np.int64(0)
     for i in range(n):
@@ -217,7 +217,9 @@ def average_layers(color, opacities, pitch, row, left, factor, n, pixels):
         for sub in range(row, row + factor):
             place = np.uint64(sub * pitch + (left + np.int64(i)) * factor)
             for k in range(place, place + np.uint64(factor)):
-                count += opacities[k] > 0.0
+                if opacities[k] == 0.0:
+                    continue
+                count += 1
                 opacity += opacities[k]
                 sum0 += color[0, k]
                 if n_channel > np.uint64(1):

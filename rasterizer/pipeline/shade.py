@@ -291,7 +291,7 @@ def _overload_interpolate_tangents(lighting, words, records, first, y, rows):
 
 
 def interpolate_tangent_runs(lighting, words, records, first, y, rows):
-    """Interpolate the tangents of exact records, one run of samples after the other; on which side they are seen doesn't matter."""
+    """Interpolate the tangents of exact records, one run of samples after the other; their sign doesn't matter."""
     sy = y * SUBPIXEL + HALF
     number = rows.dtype.type
     column = records.numbers.shape[1] - 9

@@ -5,6 +5,7 @@
     light        where the illumination equation is evaluated, and the equation
     lamp         what arrives of each light
     shadow       rays to the lights
+    tangent      along which directions materials are brushed
     reflection   the models of reflection
     texture      what a picture on the surface shows
 """

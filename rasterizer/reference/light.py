@@ -20,9 +20,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rasterizer.reference.lamp import place_lamps, shine
-from rasterizer.reference.polygons import Rings, about_centers
+from rasterizer.reference.polygons import Rings, about_centers, even_colors
 from rasterizer.reference.reflection import GRAZING, reflect
 from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
+from rasterizer.reference.tangent import corner_tangents, face_tangents, unit_sums
 from rasterizer.reference.texture import look_up
 from rasterizer.reference.vectors import area_vectors, blend, dot, length, unit
 from rasterizer.scene.camera import Projection, View
@@ -101,7 +102,8 @@ def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection
         casters = gather_casters(surface.corners, owner, is_opaque)
     has_texture = any(texture is not None for texture in textures)
     table = read_materials(scene, n_wave)
-    return Stage(view, projection, table, scene.lights, shading, textures if has_texture else (), casters, n_wave, scene.depth_cue, exposure)
+    textures = textures if has_texture else ()
+    return Stage(view, projection, table, scene.lights, shading, textures, casters, n_wave, scene.depth_cue, exposure)
 
 
 def palette_of(scene: Scene) -> list:
@@ -129,13 +131,14 @@ def gather(scene: Scene, shading: str = "flat") -> Surface:
         uv = _corner_uv(mesh) if has_texture else None
         attributes = _corner_normals(mesh), _corner_albedo(mesh)
         part = Surface(mesh.vertices[mesh.faces], *attributes, polygon + n_polygon, material + n_material, uv)
-        parts.append(part._replace(tangents=_corner_tangents(part)) if is_brushed else part)
+        parts.append(part._replace(tangents=corner_tangents(*part[:2], uv)) if is_brushed else part)
         n_polygon += int(polygon.max()) + 1
         n_material += len(mesh.palette)
     columns = zip(*parts, strict=True)
     surface = Surface(*(None if column[0] is None else np.concatenate(column) for column in columns))
     has_polygons = any(mesh.polygons is not None for mesh in scene.meshes)
-    return about_centers(surface) if has_polygons and shading != "flat" else surface
+    prepare = (even_colors if shading == "flat" else about_centers) if has_polygons else (lambda surface: surface)
+    return prepare(surface)
 
 
 def _corner_normals(mesh: Mesh) -> np.ndarray:
@@ -294,7 +297,9 @@ def _light_polygons(surface: Surface, part: Seen, stage: Stage):
     normals[dot(normals, _to_viewer(centroids, stage)) < 0] *= -1
     material = np.zeros(n_polygon, np.int64)
     material[surface.polygon] = surface.material
-    tangents = None if surface.tangents is None else _unit_sums(_face_tangents(surface), surface.polygon)[polygon]
+    tangents = None
+    if surface.tangents is not None:
+        tangents = unit_sums(face_tangents(surface.corners, surface.uv), surface.polygon)[polygon]
     matte, rest = light_points(centroids, normals, material[polygon], stage, Start(centroids, polygon), tangents)
     return (albedo * matte)[sample_seen], rest[sample_seen], normals[sample_seen]
 
@@ -360,33 +365,6 @@ def _sample_points(part: Seen, stage: Stage) -> np.ndarray:
     y = (projection.center_y - (part.rows + 0.5)) / projection.scale_y
     across = x[:, None] * view.right + y[:, None] * view.up
     return view.eye + (depth if projection.is_perspective else 1.0) * across + depth * view.forward
-
-
-def _face_tangents(surface: Surface) -> np.ndarray:
-    """Return the directions (n_face, 3) in which u grows on the faces, as long as the faces' areas; 0 where it grows nowhere.
-
-    u grows fastest while v stays along the combination of both edges in which the changes of v cancel.
-    """
-    area = area_vectors(surface.corners)
-    e1, e2 = surface.corners[:, 1] - surface.corners[:, 0], surface.corners[:, 2] - surface.corners[:, 0]
-    d1, d2 = surface.uv[:, 1] - surface.uv[:, 0], surface.uv[:, 2] - surface.uv[:, 0]
-    level_v = e1 * d2[:, 1:] - e2 * d1[:, 1:]  # along it v stays
-    rise_u = (d1[:, :1] * d2[:, 1:] - d2[:, :1] * d1[:, 1:])[:, 0]
-    return unit(level_v) * np.sign(rise_u)[:, None] * length(area)
-
-
-def _unit_sums(vectors, group) -> np.ndarray:
-    """Return the sums of the vectors (n, 3) of each group, at length 1; zero stays zero."""
-    total = np.zeros((int(group.max()) + 1, 3))
-    np.add.at(total, group, vectors)
-    return unit(total)
-
-
-def _corner_tangents(surface: Surface) -> np.ndarray:
-    """Return the tangents (n_face, 3, 3) at the corners of a mesh: the mean over the faces that share place and normal there."""
-    rows = np.concatenate([surface.corners.reshape(-1, 3), surface.normals.reshape(-1, 3)], axis=1)
-    group = np.unique(rows + 0.0, axis=0, return_inverse=True)[1].ravel()
-    return _unit_sums(np.repeat(_face_tangents(surface), 3, axis=0), group)[group].reshape(-1, 3, 3)
 
 
 # ── the illumination equation ─────────────────────────────────────────────────────────────────────────────

@@ -26,11 +26,7 @@ def about_centers(surface):
     brought to unit length; with Gouraud's method light.py averages the corners' light. See scene/centers.py.
     """
     columns = [surface.corners, surface.normals, surface.albedo, surface.uv, surface.tangents]
-    columns = [column for column in columns if column is not None]
-    values = np.concatenate(columns, axis=2).reshape(3 * len(surface.corners), -1) + 0.0
-    _, first, name = np.unique(values, axis=0, return_index=True, return_inverse=True)
-    names = name.reshape(-1, 3)
-    found = find_rings(names, surface.polygon, values[first, :3])
+    values, first, names, found = _find_rings(surface, [column for column in columns if column is not None])
     sources, faces, rings = [], [], []
     ring_of = np.full(len(names), -1)
     for ring in range(len(found.start)):
@@ -58,3 +54,20 @@ def about_centers(surface):
         material=surface.material[faces], uv=None if surface.uv is None else values[..., 9:11],
         tangents=None if surface.tangents is None else values[..., -3:], loaded=faces, rings=table,
     )  # fmt: skip
+
+
+def even_colors(surface):
+    """Return a `Surface` for flat shading, all corners of whose convex polygons have the mean of the polygon's colours."""
+    values, first, _, found = _find_rings(surface, [surface.corners, surface.albedo])
+    albedo = surface.albedo.copy()
+    for start, end in zip(found.offsets[:-1], found.offsets[1:], strict=True):
+        albedo[found.owners[start:end]] = values[first[found.corners[start:end]], 3:6].mean(axis=0)
+    return surface._replace(albedo=albedo)
+
+
+def _find_rings(surface, columns):
+    """Find polygons by corners that agree in all columns: (rows of all corners, first row of each name, names, rings)."""
+    values = np.concatenate(columns, axis=2).reshape(3 * len(surface.corners), -1) + 0.0
+    _, first, name = np.unique(values, axis=0, return_index=True, return_inverse=True)
+    names = name.reshape(-1, 3)
+    return values, first, names, find_rings(names, surface.polygon, values[first, :3])

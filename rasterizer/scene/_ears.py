@@ -170,7 +170,7 @@ def _length(points, n, axis):
 
 @helper
 def _choose(some, n, kind, shape, x, y, points, before, after, is_crossing):
-    """Return the corner to cut off, and whether the polygon crosses itself: then no ear is left, though more than a triangle is."""
+    """Return the corner to cut off, and whether the polygon crosses itself: then it runs out of ears."""
     tip = -1
     for attempt in range(2):
         for wanted in (SPIKE, EAR, STRAIGHT):

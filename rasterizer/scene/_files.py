@@ -11,7 +11,8 @@ files, buffers and images of glTF files, models, arrays and textures of scene fi
     capitals   need not agree where no other file has the name; a backslash counts as a slash (OBJ and MTL)
     paths      of the author's machine (OBJ and MTL): where nothing is, or may be read, the last part is looked for in the folder
 
-`allow_outside=True` of `load`, or `--allow-outside`, lifts the first two for local files. What a refused file holds is in no message.
+`allow_outside=True` of `load`, or `--allow-outside`, lifts the first two for local files. What a refused file holds is in no
+message.
 
 Files are written whole or not at all: first hidden beside their places, then renamed. A file that is protected against writing is
 refused, though its folder may be written; one that is replaced keeps its mode, and its owner where that is allowed.
@@ -62,7 +63,8 @@ class Folder:
         """
         real = Path(os.path.realpath(path, strict=True))
         if not self.allow_outside and not real.is_relative_to(os.path.realpath(self.root)):
-            raise OutsideError("lies outside the folder of the file that names it; --allow-outside, or allow_outside=True, reads it")
+            where = "lies outside the folder of the file that names it"
+            raise OutsideError(f"{where}; --allow-outside, or allow_outside=True, reads it")
         if not stat.S_ISREG(os.stat(real).st_mode):
             raise OutsideError("is no regular file")
         return Path(path)

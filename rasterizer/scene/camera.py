@@ -215,7 +215,8 @@ class Camera:
             raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {shown(margin)}")
         aspect = number(aspect, "the aspect (width / height)")
         if not 1.0 / MOST_ASPECT <= aspect <= MOST_ASPECT:
-            raise SceneError(f"the aspect (width / height) must be above 0, and within 1/{MOST_ASPECT:g}..{MOST_ASPECT:g}; given {aspect}")
+            legal = f"above 0, and within 1/{MOST_ASPECT:g}..{MOST_ASPECT:g}"
+            raise SceneError(f"the aspect (width / height) must be {legal}; given {aspect}")
         filled = 1.0 - 2.0 * margin
         if not isinstance(orthographic, (bool, np.bool_)):
             raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")

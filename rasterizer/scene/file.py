@@ -7,7 +7,8 @@
     materials   table of named materials that meshes refer to
     lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
     camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
-    background  colour      depth_cue  a number, or {scale, start, color}      up  axis      options  those of a picture, as `Options` names them
+    background  colour      up  axis      options  those of a picture, as `Options` names them
+    depth_cue   a number, or {scale, start, color}
 
 Names of files are relative to the folder of the scene file; which are read is said in `_files`. `file_write` writes what is read
 here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files beside it.
@@ -103,8 +104,9 @@ def read_scene(
     name, data, own_folder = _read(source)
     files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
     context = Context(files, log or (lambda _text: None), crease_angle, drop_bad_faces, weighting)
+    format = (format or Path(name).suffix or "json").lower().removeprefix(".")
     with one_file(name):
-        return _read_tables(Entry(_parse(data, (format or Path(name).suffix or "json").lower().removeprefix("."), name), name), context)
+        return _read_tables(Entry(_parse(data, format, name), name), context)
 
 
 def _read_tables(root, context) -> SceneFile:
@@ -172,7 +174,7 @@ def _parse(data, format, name):
         raise ModelError(f"{name}: unknown format {format!r} of a scene file; readable are {', '.join(FORMATS)}")
     most = MOST_TOML if format == "toml" else MOST_JSON
     if len(data) > most:
-        raise ModelError(f"{name}: {len(data)} bytes; a scene file in {format.upper()} may have {most}. Arrays go into .npz files")
+        raise ModelError(f"{name}: {len(data)} bytes; one in {format.upper()} may have {most}: arrays go into .npz files")
     try:
         text = data.decode("utf-8-sig")
         if format == "toml":

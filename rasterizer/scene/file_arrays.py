@@ -19,8 +19,8 @@ MOST_UNPACKED = 2**28  # bytes that the arrays of any .npz may have together, pa
 MOST_RATIO = 20  # of bytes in the arrays to bytes of the file, beyond MOST_UNPACKED
 # What numpy and zipfile have been seen to raise for damaged files, besides their own errors.
 _FAULTS = (
-    OSError, ValueError, EOFError, TypeError, SyntaxError, LookupError, RuntimeError, MemoryError, ArithmeticError, AttributeError,
-    zipfile.BadZipFile, zlib.error, tokenize.TokenError,
+    OSError, ValueError, EOFError, TypeError, SyntaxError, LookupError, RuntimeError, MemoryError, ArithmeticError,
+    AttributeError, zipfile.BadZipFile, zlib.error, tokenize.TokenError,
 )  # fmt: skip
 
 

@@ -144,7 +144,7 @@ def _read_arrays(entry, context) -> Mesh:
         arrays = {key: table["arrays"].call(stored.__getitem__, start + key) for key in ARRAYS if start + key in stored}
         context.n_copy += len(arrays["faces"]) if arrays["faces"].ndim else 0
         if context.n_copy > MOST_COPIES + stored.n_byte:
-            raise entry.fault(f"these arrays have been used for more than {MOST_COPIES} triangles beyond those stored", ModelError)
+            raise entry.fault(f"its arrays have been used for more than {MOST_COPIES} triangles beyond those stored", ModelError)
     settings = {"crease_angle": _crease_angle(table, context), "drop_bad_faces": context.drop_bad_faces}
     if (weighting := _weighting(table, context)) is not None:
         settings["weighting"] = weighting

@@ -157,7 +157,8 @@ def read_material(entry, context, name="") -> Material:
         return Material.named(entry.value)
     if not isinstance(entry.value, dict):
         known = ", ".join(context.materials) or "none"
-        legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({', '.join(NAMED_MATERIALS)})"
+        classic = ", ".join(NAMED_MATERIALS)
+        legal = f"a table, or the name of one of the file's materials ({known}) or of the classic ones ({classic})"
         raise entry.fault(f"must be {legal}; given {shown(entry.value)}")
     settings = {"name": name}
     for key, field in entry.table([field.name for field in fields(Material)]).items():
@@ -263,7 +264,9 @@ def keeping_units(made, given, names):
     """Give fields of what was made back the unit vectors that were given; to normalise one again moves it by a rounding."""
     for name in names:
         vector = given.get(name)
-        if isinstance(vector, list) and hasattr(made, name) and abs(math.fsum(float(x) ** 2 for x in vector) - 1.0) <= _UNIT_SLACK:
+        if not isinstance(vector, list) or not hasattr(made, name):
+            continue
+        if abs(math.fsum(float(x) * float(x) for x in vector) - 1.0) <= _UNIT_SLACK:
             object.__setattr__(made, name, tuple(map(float, vector)))
     return made
 

@@ -2,8 +2,8 @@
 
 Points are where the illumination equation is evaluated or normals are kept: the split vertices for Gouraud's and Phong's
 methods, the polygons' centroids for flat shading. With the methods that interpolate, convex polygons with more than three corners
-are triangles about their centres, points behind all others that are not lit: see `centers.py`. Triangles index vertices and points through separate columns, which are the
-same array where a vertex is a point.
+are triangles about their centres, points behind all others that are not lit: see `centers.py`. Triangles index vertices and points
+through separate columns, which are the same array where a vertex is a point.
 """
 
 from typing import NamedTuple
@@ -262,11 +262,22 @@ def flat_part(mesh) -> Part:
     points = polygon_centroids(mesh.vertices, mesh.faces, polygons, len(normals))
     albedo = None
     if mesh.colors is not None:
-        albedo = _mean_by(polygons, sum(mesh.colors[mesh.faces[:, k], :3] for k in range(3)) / 3.0, len(normals))
+        albedo = _mean_by(polygons, _triangle_colors(mesh), len(normals))
     elif mesh.face_colors is not None:
         albedo = _mean_by(polygons, mesh.face_colors[:, :3], len(normals))
     corner = np.broadcast_to(polygons.astype(np.uint32)[:, None], (mesh.n_face, 3))
     return Part(mesh.vertices, mesh.faces, corner, points, normals, albedo)
+
+
+def _triangle_colors(mesh) -> np.ndarray:
+    """Colours (n_face, 3) of triangles, the means of their corners; in a convex polygon the mean of all its corners, so that it
+    doesn't matter which is first."""
+    colors = sum(mesh.colors[mesh.faces[:, k], :3] for k in range(3)) / 3.0
+    rings = find_rings(mesh.faces, mesh.polygons, mesh.vertices)
+    for k in range(3 if len(rings.start) else 0):
+        mean = np.add.reduceat(mesh.colors[rings.corners, k], rings.offsets[:-1]) / np.diff(rings.offsets)
+        colors[rings.owners, k] = np.repeat(mean, np.diff(rings.offsets))
+    return colors
 
 
 def polygon_centroids(vertices, faces, polygons, n_polygon) -> np.ndarray:

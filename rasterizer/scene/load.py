@@ -73,8 +73,8 @@ def load(
     camera : Camera; None = the first of the file, else framed when the picture is made
     background : colour; None = transparent
     depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
-    weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None = "angle", or as
-        a scene file says
+    weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None = "angle",
+        or as a scene file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
     log : function of one text, called with facts about the file; None = nobody wants them
     allow_outside : bool, read also files outside the folder of the file that names them: textures, buffers, parts of a scene

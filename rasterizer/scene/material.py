@@ -70,8 +70,9 @@ class Material:
     fresnel : F0 of the specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5 (Schlick 1994), by which `specular`
         is multiplied; θ is the angle of incidence, for "cook-torrance" that on the mirrors. A number within 0..1, or a
         colour whose components are within 0..1, a `Spectrum` included: W channel by channel, or wavelength by
-        wavelength. W grows from F0 to 1, so `specular` times W never exceeds `specular`. None: W = 1, for "cook-torrance"
-        F0 = 0.04. Stored as a float, or as a linear RGB triple or Spectrum where it isn't grey
+        wavelength. W grows from F0 to 1, so `specular` times W never exceeds `specular`. (With samples of the spectrum an
+        RGB F0 becomes a curve, as all RGB colours do: that of a saturated one leaves 0..1 here and there, its RGB doesn't.)
+        None: W = 1, for "cook-torrance" F0 = 0.04. Stored as a float, or as a linear RGB triple or Spectrum where it isn't grey
     normalized : scale the highlight of "phong" by (n + 2)/2·N·L (Lafortune & Willems 1994), that of "blinn" by
         (n + 2)(n + 4)/(8 (2^(-n/2) + n))·N·L (Giesen 2009; the usual (n + 8)/8 gives up to 7.5 % too much): a
         highlight reflects at most `specular` of the light, whatever the exponent
@@ -143,7 +144,7 @@ class Material:
 
     def _checked_roughness(self):
         """Return the roughness as a float, or as two that differ."""
-        is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and np.ndim(self.roughness) == 1
+        is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and getattr(self.roughness, "ndim", 1) == 1
         values = tuple(self.roughness) if is_pair else (self.roughness,)
         if is_pair and (len(values) != 2 or (self.reflection, self.distribution) != ("cook-torrance", "ggx")):
             what = "one number, or two (along the tangent and across it) for 'cook-torrance' with 'ggx'"

@@ -39,7 +39,8 @@ class Mesh(_arrays.KeepsArrays):
         normals given, else the smoothing groups, else 30
     face_colors : as `colors`, one a face: a triangle, or a polygon as given
     polygons : (n_face,) integers, which polygon each triangle came from; only with triangles. Stored int32,
-        made where polygons are cut or faces dropped; None where every triangle is its own polygon
+        made where polygons are cut or faces dropped; None where every triangle is its own polygon. A convex
+        polygon whose triangles are a fan is drawn about its centre unless it is shaded flat: see `centers.py`
     smoothing : (n_face,) integers, OBJ smoothing groups, 0 = none; one a triangle, or a polygon as given;
         stored int32
     materials : sequence of Material, where faces differ; `material` is then the first of them. Normals are averaged across
@@ -246,7 +247,8 @@ class Mesh(_arrays.KeepsArrays):
         Every triangle is cut at the midpoints of its edges into four that lie in it: face f becomes the faces
         4f..4f + 3. The surface and so its silhouette stay, but for the rounding of the new vertices, which are
         placed to 1/256 px like all. Colours and texture coordinates are interpolated. A polygon stays one
-        polygon, so flat shading doesn't change either.
+        polygon, so flat shading doesn't change either. Of a polygon with more than three corners the triangles in `faces`
+        are cut; the result is drawn as they lie, no longer about the polygon's centre.
 
         Normals that the mesh has are interpolated, and made unit vectors: Gouraud's picture comes nearer to
         Phong's each time, and finds highlights inside large faces. Where they are to be computed, the new

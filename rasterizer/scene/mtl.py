@@ -53,6 +53,7 @@ from rasterizer.scene.spectrum import rgb_from_xyz
 from rasterizer.scene.texture import Budget, Texture, read_picture
 
 MOST_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
+LONGEST_NAME = 4096  # letters of a file's name, with its folders; no system takes longer ones
 MOST_WARNINGS = 20  # lines of one file that are warned of one by one
 _COLORS = ("ka", "kd", "ks", "ke")
 _NUMBERS = ("ns", "d", "tr", "illum")
@@ -67,11 +68,11 @@ class Doubts:
     """What is doubtful in a file, by line, warned of all at once."""
 
     def __init__(self, library):
-        self.library, self.found = library, {}
+        self.library, self.found = library, set()
 
     def add(self, line, text) -> None:
         """Remember a doubt about a line."""
-        self.found.setdefault((line, text))
+        self.found.add((line, text))
 
     def warn(self) -> None:
         """Warn of the first ones, in the order of the lines; and of how many more there are."""
@@ -96,8 +97,7 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
 
     Warns
     -----
-    UserWarning : a line that can't be read, or is taken otherwise than it stands there, with file and line; a texture is missing or
-        can't be read
+    UserWarning : a line that can't be read or is taken otherwise than it stands there, with file and line; a texture that can't be
     """
     maps = Maps(library.log) if maps is None else maps
     doubts, found = Doubts(library), {}
@@ -106,10 +106,8 @@ def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Materi
     for name, values, faults in blocks:
         is_used = used is None or name in used
         texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
-        # Doubts about a material that nobody uses concern nobody.
-        own = doubts if is_used else Doubts(library)
-        for line, text in faults:
-            own.add(line, text)
+        own = doubts if is_used else Doubts(library)  # of no concern
+        own.found.update(faults)
         found[name] = _material(library, name, values, texture, is_opacity, own)
     doubts.warn()
     return found
@@ -142,9 +140,8 @@ def _blocks(library) -> list[tuple[str, dict, list]]:
 
 
 def _is_tr_opacity(library, blocks) -> bool:
-    """Tell whether `Tr` is the opacity in a file; see the module's docstring."""
+    """Tell whether `Tr` is the opacity in a file; see the module's docstring. Files have three digits or more."""
     pairs = [(values["d"][0], values["tr"][0]) for values in blocks if "d" in values and "tr" in values]
-    # A pair tells nothing where d is about 1/2: files hold at least three digits.
     as_opacity = sum(abs(d - tr) < 1e-3 <= abs(1 - d - tr) for d, tr in pairs)
     as_rest = sum(abs(1 - d - tr) < 1e-3 <= abs(d - tr) for d, tr in pairs)
     if as_opacity != as_rest:
@@ -219,11 +216,11 @@ def _share(key, given, doubts) -> tuple:
 
 def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material:
     """Turn the values of one material into the coefficients of the illumination equation."""
-    coefficients = {"name": name, "texture": texture, "specular": 0.0}
+    emissive = values["ke"][0] if "ke" in values else 0.0
+    coefficients = {"name": name, "texture": texture, "specular": 0.0, "emissive": emissive}
     for key, field_name in (("kd", "diffuse"), ("ka", "ambient"), ("ks", "specular")):
         if key in values:
             coefficients[field_name] = _share(key, values[key], doubts)
-    coefficients["emissive"] = values["ke"][0] if "ke" in values else 0.0
     if "kd" not in values and texture is not None and "map_kd" in values:
         coefficients["diffuse"] = 1.0
     if coefficients.get("ambient") == (1.0, 1.0, 1.0) and coefficients.get("diffuse", 1.0) not in ((1.0, 1.0, 1.0), 1.0):
@@ -325,8 +322,10 @@ class Maps:
         """Return the file of a map once it has been read; None, and a warning, where that fails."""
         if given is None:
             return None
-        what = f"{library.name}: texture '{given[0]}' of material '{material}'"
+        what = f"{library.name}: texture '{given[0][:200]}' of material '{material}'"
         try:
+            if len(given[0]) > LONGEST_NAME:
+                raise ValueError("too long a name")
             path = library.beside.find_alike(given[0])
             content = None if path in self._pictures else library.beside.read_bytes(path)
         except (OSError, ValueError) as fault:  # also a name that the system refuses

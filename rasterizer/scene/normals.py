@@ -104,8 +104,8 @@ def split_creases(vertices, faces, crease_angle, weighting="angle", smoothing=No
 
     The corners at a vertex are joined by walking across the edges at that vertex. Two faces that share an
     edge are joined if the angle between their normals is at most the crease angle, where 0.0005 degrees more
-    are still equal. Of an edge with more than two faces all pairs are tried, of one with more than 64 none. Where two faces are wound
-    against each other, the normal of one is turned for the comparison and for the average, and turned back
+    are still equal. Of an edge with more than two faces all pairs are tried, of one with more than 64 none.
+    Where two faces are wound against each other, the normal of one is turned for the comparison and for the average, and turned back
     for its own corners, which get a split vertex of their own. Where the walk contradicts itself (Möbius),
     the first link counts: edges are taken by the index of their far vertex, the pairs of an edge by face.
 

@@ -8,7 +8,7 @@ Each `o` line with faces begins a part, which may have several materials; groups
 go across their borders. Faces keep the order of the file; those with fewer than three corners, points and lines are left out.
 
 Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name; a `v` of four or five numbers is a
-place, of six or more a place and its colour (0..1, or 0..255 where a number is above 1), used where all `v` lines have one; a `vt`
+place, of six or more a place and its colour (0..1, or 0..255 where one is above 1), used where all `v` lines have one; a `vt`
 after the last is none; `1.#QNAN` and the like are not a number. Format: Wavefront, Advanced Visualizer manual, appendix B1, 1995.
 """
 
@@ -22,7 +22,7 @@ import numpy as np
 from rasterizer.errors import ModelError
 from rasterizer.scene._files import OutsideError
 from rasterizer.scene.material import Material
-from rasterizer.scene.mtl import Maps, read_materials
+from rasterizer.scene.mtl import LONGEST_NAME, Maps, read_materials
 from rasterizer.scene.obj_corners import (
     Corners,
     MisreadError,
@@ -30,6 +30,7 @@ from rasterizer.scene.obj_corners import (
     read_corners,
     read_texture_coordinates,
     read_vectors,
+    without_signs,
 )
 from rasterizer.scene.obj_fault import find_fault, line_of_face
 from rasterizer.scene.parse import WHITE, ModelFile, Part, bytes_of, cut_faces, text_of
@@ -114,7 +115,7 @@ def _only_group(text) -> str:
 
 def _tidy(data: bytes) -> str:
     """Return the text with \\n at the end of each line, nothing before a keyword, and a blank after it."""
-    text = "\n" + text_of(data) + "\n"
+    text = without_signs("\n" + text_of(data) + "\n")
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     if "\\" in text:
@@ -136,7 +137,11 @@ def _make_part(model, corners: Corners, text) -> tuple[Part, np.ndarray]:
     points = read_vectors(text, "v", 3)
     if corners.v.max() >= len(points):
         raise MisreadError("a face refers to a vertex after the last")
-    cut = cut_faces(model, points[:, :3], corners.v, corners.n_corner, lambda face: f":{line_of_face(model.data, face)}: the face")
+
+    def place(face):
+        return f":{line_of_face(model.data, face)}: the face"
+
+    cut = cut_faces(model, points[:, :3], corners.v, corners.n_corner, place)
     v = corners.v[cut.corners]
     n_used, faces = _compact(v)
     used = np.zeros(n_used, np.int64)
@@ -301,16 +306,18 @@ def _find_materials(model, text, names) -> dict[str, Material]:
             materials |= read_materials(library, set(names), maps)
     unknown = [name for name in names if name not in materials]
     if missing:
-        files = listed([f"'{name}'" for name in missing])
+        files = listed([f"'{name[:80]}'" for name in missing])
         warnings.warn(f"{model.name}: material file {files} not found; the default material is used", stacklevel=2)
     elif unknown:
-        unknown = listed([f"'{name}'" for name in unknown])
+        unknown = listed([f"'{name[:80]}'" for name in unknown])
         warnings.warn(f"{model.name}: no definition of material {unknown}; the default is used", stacklevel=2)
     return materials
 
 
 def _library(model, name) -> ModelFile | None:
     """Return an MTL file beside the model, or None."""
+    if len(name) > LONGEST_NAME:
+        return None
     try:
         path = model.beside.find_alike(name)
         data = model.beside.read_bytes(path)

@@ -2,7 +2,7 @@
 
 from itertools import islice
 
-from rasterizer.scene.obj_corners import NO_NUMBER
+from rasterizer.scene.obj_corners import NO_NUMBER, without_signs
 from rasterizer.scene.parse import text_of
 
 _N_NUMBERS = {"v": 3, "vn": 3, "vt": 1}
@@ -16,7 +16,7 @@ def find_fault(data: bytes) -> tuple[int, str] | None:
     ----------
     data : the bytes of an OBJ file
     """
-    lines = list(_numbered_lines(text_of(data)))
+    lines = list(_numbered_lines(without_signs(text_of(data))))
     total = dict.fromkeys(_KINDS, 0)
     for _, words in lines:
         if words[0] in total:

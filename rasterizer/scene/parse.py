@@ -1,4 +1,4 @@
-"""Run trimesh on one model file and put what it returns into plain arrays; nothing else imports trimesh.
+"""What the readers of model files share; and trimesh, for the formats that it reads: nothing else imports it.
 
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """

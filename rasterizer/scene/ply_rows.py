@@ -14,6 +14,7 @@ _TYPES = {
     "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
     "int64": "i8", "uint64": "u8",
 }  # fmt: skip
+MOST_PROPERTIES = 256  # of an element, and elements of a file
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -58,6 +59,11 @@ def read_header(model):
                 elements[-1].properties.append(Property(words[2], _TYPES[words[1]], None))
         except (IndexError, KeyError, ValueError):
             raise model.error(f"'{text.strip()[:60]}' is not a line of a PLY header", line) from None
+        properties = elements[-1].properties if key == "property" else []
+        if max(len(elements), len(properties)) > MOST_PROPERTIES:
+            raise model.error(f"more than {MOST_PROPERTIES} elements or properties", line)
+        if len({each.name for each in properties}) < len(properties):
+            raise model.error(f"the property '{properties[-1].name}' is there twice", line)
         if elements and elements[-1].n_row < 0:
             raise model.error(f"{elements[-1].n_row} {elements[-1].name} lines; none is the least", line)
     if order is None:
@@ -89,6 +95,8 @@ class Text:
     def element(self, element) -> dict:
         """Return the columns of the next element by name."""
         n, properties = element.n_row, element.properties
+        if not properties:
+            return {}
         left = len(self.numbers) - self.at
         if n * len(properties) > left:  # a list has at least its length
             raise _promised(self.model, element, left // max(len(properties), 1))
@@ -179,6 +187,8 @@ class Bytes:
 
     def element(self, element) -> dict:
         """Return the columns of the next element by name."""
+        if not element.properties:
+            return {}
         least = sum(np.dtype(each.count_type or each.type).itemsize for each in element.properties)
         if element.n_row * least > len(self.data) - self.at:
             found = max(len(self.data) - self.at, 0) // max(least, 1)
@@ -209,7 +219,7 @@ class Bytes:
         rows = np.dtype(fields)
         if element.n_row * rows.itemsize > len(self.data) - self.at:
             return None
-        table = np.frombuffer(self.data, rows, element.n_row, self.at) if rows.itemsize else np.zeros(element.n_row, rows)
+        table = np.frombuffer(self.data, rows, element.n_row, self.at)
         found = {}
         for number, each in enumerate(element.properties):
             column = table[f"p{number}"]

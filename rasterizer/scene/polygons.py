@@ -14,7 +14,7 @@ repeat or lie on a straight line give triangles without area. A polygon that cro
 corners: ears are cut as long as there are any, then the corner of the best shape that turns the right way, whatever lies in it;
 so some of it may be covered twice, and some that lies outside be covered. It is warned of.
 
-Rounding. A corner with coordinates up to M is known to M 2^-53 along each axis, as it was rounded when it was stored. That turns a
+Rounding. A corner with coordinates up to M is known to M 2^-53 along each axis, as it was rounded when stored. That turns a
 corner between the edges a and b by at most 4 M 2^-53 (|a| + |b|) (each edge moves by up to 2 sqrt(3) M 2^-53, and
 sqrt(3) 2 < 4); the computed turn is off by less than 2^-49 |a||b| besides (three products with three roundings each, their sum,
 and the normal's own rounding). What is straight within that counts as straight, what is plane within it as plane.

@@ -84,7 +84,7 @@ class Scene:
         return read_scene(path).framed_scene()
 
     def save(self, path):
-        """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background and depth cue come back.
+        """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth cue come back.
 
         Arrays are written beside it as NAME.npz and textures as NAME-texture0.png, or into the .npz where they are no 8-bit
         pictures; files of these names are replaced. Each file appears whole or not at all.

@@ -177,7 +177,7 @@ def _off_counts(model, lines) -> tuple[int, int]:
 
 
 def _off_vertices(model, rows, width, alpha_at) -> np.ndarray:
-    """Return the numbers of the vertices, (n, width); a fourth number of a colour, its alpha, is left out: where it would stand."""
+    """Return the numbers of the vertices, (n, width), without a colour's fourth, its alpha, which stands at `alpha_at`."""
     numbers = numbers_in(" ".join(line for _, line in rows), np.float64) if rows else np.empty(0)
     if numbers is not None and len(numbers) == width * len(rows) and len(rows) and len(rows[0][1].split()) == width:
         lengths = {len(line.split()) for _, line in rows}

@@ -4,10 +4,11 @@ Texture coordinates: u runs to the right, v upwards; (0, 0) is the picture's low
 as in OBJ. A picture of w × h texels has the centre of the texel in column i and row j (from the top) at
 u = (i + ½)/w, v = 1 - (j + ½)/h.
 
-Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one may be is looked up
-in its header before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
+Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one is stands in its
+header, and is looked at before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
 """
 
+import logging
 import os
 import struct
 import warnings
@@ -27,8 +28,9 @@ FILTERS = ("nearest", "bilinear", "trilinear")
 WRAPS = ("repeat", "clamp", "mirror")
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")  # Pillow's names
 MOST_TEXELS = 2**14  # along a side
-MOST_IN_PICTURE = 2**26  # texels, of a picture that is read: 8192 × 8192
+MOST_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096
 ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MOST_IN_PICTURE
+_NOWHERE = logging.NullHandler()  # without any handler, Pillow's errors would go to stderr; who wants them adds his own
 _STRIP = 2**16  # texels that are converted at a time
 # What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
 PICTURE_FAULTS = (
@@ -157,6 +159,7 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
     """
     from PIL import Image
 
+    logging.getLogger("PIL").addHandler(_NOWHERE)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here
@@ -280,7 +283,7 @@ def _halve_strip(level, rows, out) -> None:
 
 
 def _halve_axis(array, axis, n, first=0) -> np.ndarray:
-    """Means of what each of half as many texels covers along an axis: of all n texels, or of those for the new ones from `first` on.
+    """Means of what each of half as many texels covers along an axis of n: of all, or of those for the new ones from `first` on.
 
     Of n = 2 m + 1 texels, the new one with the number k covers the range from k·n/m to (k + 1)·n/m, that is from 2 k + k/m to
     2 k + 2 + (k + 1)/m: the share 1 - k/m of texel 2 k, all of the next, and the share (k + 1)/m of the one after.
