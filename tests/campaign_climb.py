@@ -57,17 +57,13 @@ def _mutated_mesh(mesh, rng, step, kind) -> rz.Mesh:
 
 
 def _mutated_material(material, rng, step) -> rz.Material:
-    least = 0.001 if material.reflection == "cook-torrance" else 0.0
-    return replace(
-        material,
-        shininess=float(np.clip(material.shininess * np.exp(2 * step * rng.normal()), 0.05, 1e6)),
-        roughness=material.roughness if material.is_anisotropic else float(
-            np.clip(material.roughness * np.exp(step * rng.normal()), least, 1.0)
-        ),
-        specular=material.specular if hasattr(material.specular, "wavelengths") else np.clip(
-            np.add(material.specular, 0.1 * step * rng.normal()), 0.0, 1.0
-        ),
-    )  # fmt: skip
+    changes = {"shininess": float(np.clip(material.shininess * np.exp(2 * step * rng.normal()), 0.05, 1e6))}
+    if np.size(material.roughness) == 1:
+        least = 0.001 if material.reflection == "cook-torrance" else 0.0
+        changes["roughness"] = float(np.clip(material.roughness * np.exp(step * rng.normal()), least, 1.0))
+    if not hasattr(material.specular, "wavelengths"):
+        changes["specular"] = np.clip(np.add(material.specular, 0.1 * step * rng.normal()), 0.0, 1.0)
+    return replace(material, **changes)
 
 
 def _jolted_light(light, rng, jolt, center, extent):
