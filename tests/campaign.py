@@ -184,7 +184,7 @@ def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
             n_step += (is_far & is_next).sum()
             is_far &= ~is_next
         share = (error / np.maximum(limit, np.finfo(np.float64).tiny)).max(axis=-1)
-        share[~is_far] = np.minimum(share, 1.0)[~is_far]
+        share[(share > 1.0) & ~is_far] = 0.0  # not judged
         worst = max(worst, float(share.max(initial=0.0)))
         if is_far.any():
             y, x = np.unravel_index(np.argmax(share), share.shape)
