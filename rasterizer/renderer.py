@@ -192,11 +192,11 @@ class Renderer:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that moves with
         the camera."""
         lengths = []
-        for light in self._plan.lights:
-            if isinstance(light, DirectionalLight) or light.attached == "camera":
-                lengths.append(np.inf if isinstance(light, DirectionalLight) else 0.0)
+        for source in self._plan.lights:
+            if isinstance(source, DirectionalLight) or source.attached == "camera":
+                lengths.append(np.inf if isinstance(source, DirectionalLight) else 0.0)
             else:
-                lengths.append(0.5 * self._clearance_of(light.position))
+                lengths.append(0.5 * self._clearance_of(source.position))
         return np.array(lengths)
 
     def _clearance_of(self, place) -> float:
