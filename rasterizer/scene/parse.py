@@ -16,8 +16,6 @@ from rasterizer.scene._files import Folder
 from rasterizer.scene.material import Material
 from rasterizer.scene.polygons import CROSSING, Cut, cut_polygons
 
-_LABELS = {"gltf": "glTF"}
-
 # Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
 WHITE = Material(diffuse=1.0)
 
