@@ -263,7 +263,7 @@ def frame_error(reflected, surroundings, u) -> float:
 def list_steps(plan, surroundings) -> tuple[Step, ...]:
     """The steps in what a frame shows, and how near to each of them its bound doesn't hold."""
     u = SINGLE if plan.dtype == np.float32 else DOUBLE
-    cosine = 2.0**-19 if u == SINGLE else 2.0**-39  # twice what counts as 0, see `grazing` in pipeline/reflection.py
+    cosine = 2.0**-19 if u == SINGLE else 2.0**-39  # twice what counts as 0, see `grazing` in pipeline/powers.py
     shiny = [m for m, lit in zip(plan.materials, plan.reflected.shine.any(axis=1), strict=True) if lit]
     classic = [m for m in shiny if m.reflection in ("phong", "blinn") and not m.normalized]
     steps = []
