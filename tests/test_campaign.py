@@ -11,7 +11,7 @@ SEED = 8
 N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", 3000))
 N_SHOWN = 12  # faults, at most
 LEAST_SINGLE = 0.25  # share of the pictures that are lit in float32
-N_CLIMB, N_STEP = 12, 40
+N_CLIMB, N_STEP = 24, 80
 
 
 def told(faults) -> str:
