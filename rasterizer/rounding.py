@@ -63,7 +63,8 @@ class Reflected(NamedTuple):
     @property
     def bound(self) -> float:
         """The largest intensity that any point can have."""
-        return float((self.rest + self.matte.sum(axis=1) + self.shine.sum(axis=1)).max(initial=0.0))
+        with np.errstate(over="ignore"):  # infinite where no bound holds
+            return float((self.rest + self.matte.sum(axis=1) + self.shine.sum(axis=1)).max(initial=0.0))
 
     @property
     def turned(self) -> float:
