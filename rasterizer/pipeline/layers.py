@@ -121,7 +121,9 @@ def ranges_of(start, pitch):
 
 
 @kernel
-def scan_opaque(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records, opacity, material, out_places):
+def scan_opaque(
+    faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records, opacity, material, out_places
+):
     """Write an exact record for every triangle, its number the place in the list; draw those that are opaque.
 
     `out_places` gets the places, int64, of those that are neither opaque nor invisible; return how many.
