@@ -14,6 +14,7 @@ from .options import Options
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
 from .pipeline.scratch import Scratch, empty_buffers, make_picture
+from .pipeline.transform import DEPTH_MARGIN
 from .pipeline.workers import Workers
 from .plan import error_bound_of, fit_depth_range, fit_screen, fits_float32, make_coding, make_encoding, make_plan, rounding_of
 from .rounding import Surroundings, list_steps
@@ -192,11 +193,11 @@ class Renderer:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that moves with
         the camera."""
         lengths = []
-        for light in self._plan.lights:
-            if isinstance(light, DirectionalLight) or light.attached == "camera":
-                lengths.append(np.inf if isinstance(light, DirectionalLight) else 0.0)
+        for source in self._plan.lights:
+            if isinstance(source, DirectionalLight) or source.attached == "camera":
+                lengths.append(np.inf if isinstance(source, DirectionalLight) else 0.0)
             else:
-                lengths.append(0.5 * self._clearance_of(light.position))
+                lengths.append(0.5 * self._clearance_of(source.position))
         return np.array(lengths)
 
     def _clearance_of(self, place) -> float:
@@ -224,7 +225,8 @@ class Renderer:
             beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
         distances = [np.inf if place is None else self._clearances[tuple(place.tolist())] - beside for place in places]
         distances = np.maximum(np.array(distances, float), 0.0)
-        return Surroundings(furthest, distances, self._shortest, self._plan.is_lit_per_sample)
+        deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
+        return Surroundings(furthest, distances, self._shortest, self._plan.is_lit_per_sample, deepness)
 
     def _draw_buffers(self, camera, buffers, clock):
         """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes them."""
@@ -257,6 +259,13 @@ class Renderer:
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return np.stack([toward, -toward])
+
+
+def furthest_over_nearest(screen, furthest) -> float:
+    """How many times as far as the nearest depth that a z-buffer has room for the furthest point is."""
+    if screen.z_scale == 0.0:
+        return 1.0
+    return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
 
 
 def check_depths(largest) -> None:

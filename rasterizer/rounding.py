@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .bounds import cone_cosines, has_highlight, highlight_bounds, matte_magnification, model_of
+from .bounds import cone_cosines, has_colored_fresnel, has_highlight, highlight_bounds, matte_magnification, model_of
 from .scene.lights import DirectionalLight, SpotLight
 
 SINGLE, DOUBLE = 2.0**-24, 2.0**-53  # u of float32 and float64
@@ -63,7 +63,8 @@ class Reflected(NamedTuple):
     @property
     def bound(self) -> float:
         """The largest intensity that any point can have."""
-        return float((self.rest + self.matte.sum(axis=1) + self.shine.sum(axis=1)).max(initial=0.0))
+        with np.errstate(over="ignore"):  # infinite where no bound holds
+            return float((self.rest + self.matte.sum(axis=1) + self.shine.sum(axis=1)).max(initial=0.0))
 
     @property
     def turned(self) -> float:
@@ -83,6 +84,7 @@ class Surroundings(NamedTuple):
     clearances: np.ndarray  # (n_light,): distance that no lit point comes nearer to a light than; inf for a directional one
     shortest: float  # the least length of a normal that is interpolated; 1 where none is
     is_lit_per_sample: bool
+    deepness: float = 0.0  # how many times as far as the nearest depth that is seen the furthest is; 0 without perspective
 
     def rounded(self) -> "Surroundings":
         """The same, lengths rounded to an eighth of an octave, to the unsafe side; without lights that have a place the furthest
@@ -92,7 +94,8 @@ class Surroundings(NamedTuple):
         furthest = 2.0 ** (math.ceil(8.0 * math.log2(self.furthest)) / 8.0) if self.furthest > 0.0 else 0.0
         if np.isinf(clearances).all() and 2.0**-30 < furthest < 2.0**50:
             furthest = 1.0
-        return self._replace(furthest=furthest, clearances=clearances)
+        deepness = 2.0 ** math.ceil(math.log2(self.deepness)) if self.deepness > 2.0**20 else 0.0
+        return self._replace(furthest=furthest, clearances=clearances, deepness=deepness)
 
     def kept(self) -> "Surroundings":
         """The same without points that lie on a light, and normals that vanish: next to these nothing is bounded."""
@@ -205,8 +208,10 @@ def lighting_error(reflected, u) -> float:
     """What rounding adds to an intensity at most, wherever lights and surfaces are."""
     given = reflected.matte + reflected.shine
     total = reflected.rest + given.sum(axis=1)
-    # The sum over the lights is taken one after the other: each of them is rounded once for each that follows.
-    error = u * (LIT + INTERPOLATED + given.shape[1]) * total
+    # The sum over the lights is taken one after the other: each of them is rounded once for each that follows. A coloured F0 has two
+    # terms for each light.
+    n_term = given.shape[1] * (2 if any(has_colored_fresnel(material) for material in reflected.materials) else 1)
+    error = u * (LIT + INTERPOLATED + n_term) * total
     error += u * ROUGH * times(reflected.rough, reflected.matte.sum(axis=1))
     error += times(given, np.minimum(1.0, CONE * u * reflected.steep)).sum(axis=1)
     return float((error + highlights_error(reflected, u)).max(initial=0.0))
@@ -229,6 +234,13 @@ def turning_error(reflected, angle) -> float:
     return max(parts, default=0.0)
 
 
+def depth_rounding(surroundings) -> float:
+    """The relative error of 1/w: it is kept beside an offset, as a z-buffer's depth in float64, and so rounded to 2^-53 of the
+    nearest one twice. In a face at the depth w that is 2^-52 · w/near of it. The weights of its corners, which are products with
+    1/w, are off by as much, so what is interpolated is off by twice that of its range; so is the place of a sample."""
+    return DOUBLE * 2.0 * surroundings.deepness
+
+
 def placing_error(reflected, surroundings, u) -> float:
     """What the rounding of positions adds to an intensity at most.
 
@@ -238,7 +250,7 @@ def placing_error(reflected, surroundings, u) -> float:
     """
     k = SAMPLES if surroundings.is_lit_per_sample else POINTS
     with np.errstate(over="ignore"):
-        angle = k * u * surroundings.furthest / surroundings.clearances
+        angle = (k * u + 2.0 * depth_rounding(surroundings)) * surroundings.furthest / surroundings.clearances
     error = 0.0
     for m, material in enumerate(reflected.materials):
         bend = np.minimum(1.0, (3.0 + reflected.rough[m]) * angle)
@@ -254,16 +266,17 @@ def placing_error(reflected, surroundings, u) -> float:
 def frame_error(reflected, surroundings, u) -> float:
     """What rounding adds to an intensity of one frame at most, normals interpolated exactly."""
     surroundings = surroundings.kept()
-    error = lighting_error(reflected, u) + placing_error(reflected, surroundings, u)
+    deep = 2.0 * depth_rounding(surroundings)
+    error = lighting_error(reflected, u) + placing_error(reflected, surroundings, u) + deep * reflected.bound
     if surroundings.is_lit_per_sample:
-        error += turning_error(reflected, CORNERS * u / surroundings.shortest)
+        error += turning_error(reflected, (CORNERS * u + deep) / surroundings.shortest)
     return min(error, reflected.bound)
 
 
 def list_steps(plan, surroundings) -> tuple[Step, ...]:
     """The steps in what a frame shows, and how near to each of them its bound doesn't hold."""
     u = SINGLE if plan.dtype == np.float32 else DOUBLE
-    cosine = 2.0**-19 if u == SINGLE else 2.0**-39  # twice what counts as 0, see `grazing` in pipeline/reflection.py
+    cosine = 2.0**-19 if u == SINGLE else 2.0**-39  # twice what counts as 0, see `grazing` in pipeline/powers.py
     shiny = [m for m, lit in zip(plan.materials, plan.reflected.shine.any(axis=1), strict=True) if lit]
     classic = [m for m in shiny if m.reflection in ("phong", "blinn") and not m.normalized]
     steps = []

@@ -6,6 +6,7 @@ from test_light_rows import DTYPES, call, take
 
 from rasterizer._kernel import kernel
 from rasterizer.pipeline import rows as r
+from rasterizer.pipeline.powers import exponential_single, power, power_single
 from rasterizer.pipeline.reflection import (
     BRUSH,
     FRESNEL,
@@ -17,9 +18,6 @@ from rasterizer.pipeline.reflection import (
     ROUGHNESS_ACROSS,
     SCALE,
     SHININESS,
-    exponential_single,
-    power,
-    power_single,
     square_and_multiply,
 )
 

@@ -5,8 +5,8 @@
                                   is loaded
 
 Exit codes: 0 done · 1 some inputs failed, the rest was done, or the fault is the program's own · 2 usage · 3 a model can't be
-read or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one line on stderr; so does a
-fault of the program's own, whose traceback is shown with -v.
+read or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one line on stderr; so does
+a fault of the program's own, whose traceback is shown with -v.
 
 Only the standard library is imported before a command runs, so that `raster --help` is quick; and next to nothing before `main`
 does, so that an interrupt at any time ends in one line, too.

@@ -121,7 +121,9 @@ def ranges_of(start, pitch):
 
 
 @kernel
-def scan_opaque(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records, opacity, material, out_places):
+def scan_opaque(
+    faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records, opacity, material, out_places
+):
     """Write an exact record for every triangle, its number the place in the list; draw those that are opaque.
 
     `out_places` gets the places, int64, of those that are neither opaque nor invisible; return how many.
@@ -259,7 +261,7 @@ def composite(canvas, records, layers, fragments, first_row, n_row, depth, radia
     records, material, radiance, texels = borrow_records(records), borrow(material), borrow(radiance), borrow(texels)
     transmitted, out_opacity, color = borrow(layers.transmitted), borrow(layers.opacity), borrow(layers.color)
     base = start[np.uint64(fragments.first)]
-    is_more = False
+    is_more, last_record, last_alpha = False, np.uint64(RECORD_MASK + 1), 0.0  # neighbours often show the same triangle
     for first in range(0, n_row, 1 << GROUP_SHIFT):
         group = np.uint64(first) >> np.uint64(GROUP_SHIFT)
         left, right = layers.left[group], layers.right[group]
@@ -272,8 +274,11 @@ def composite(canvas, records, layers, fragments, first_row, n_row, depth, radia
                     continue
                 alpha = 1.0
                 if word != opaque[place]:
-                    face = np.uint64(records.integers[np.uint64(word & RECORD_MASK), np.uint64(FACE)])
-                    alpha = opacity.opacity[material_of(face, material)]
+                    record = np.uint64(word & RECORD_MASK)
+                    if record != last_record:
+                        face = np.uint64(records.integers[record, np.uint64(FACE)])
+                        last_record, last_alpha = record, opacity.opacity[material_of(face, material)]
+                    alpha = last_alpha
                     if texels.shape[0] > 0:
                         alpha *= texels[3, k]
                 before = transmitted[place] if depth > 0 else 1.0

@@ -14,7 +14,7 @@ import numpy as np
 from numba import carray
 from numba.extending import register_jitable
 
-from .reflection import grazing, power
+from .powers import grazing, power
 from .rows import (
     CHUNK,
     LIGHT_X,

@@ -212,6 +212,17 @@ def average_layers(color, opacities, pitch, row, left, factor, n, pixels):
     `color` is weighted by opacity already; where that is 0 it may be anything.
     """
     n_channel, count = np.uint64(color.shape[0]), np.int64(0)
+    if factor == 1:  # nothing to sum: loops that become vector instructions
+        place = np.uint64(row * pitch + left)
+        here = opacities[place : place + n]
+        for i in range(n):
+            count += here[i] > 0.0
+            pixels[ALPHA + i] = here[i]
+        for channel in range(n_channel):
+            source, target = color[channel, place : place + n], channel * NEXT_CHANNEL
+            for i in range(n):
+                pixels[target + i] = source[i] * (1.0 / here[i]) if here[i] > 0.0 else 0.0
+        return count
     for i in range(n):
         sum0 = sum1 = sum2 = opacity = 0.0
         for sub in range(row, row + factor):

@@ -1,15 +1,11 @@
-"""What the readers of model files share; and trimesh, for the formats that it reads: nothing else imports it.
+"""What the readers of model files share.
 
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """
 
-import logging
 import math
 import warnings
-import zipfile
-import zlib
 from collections.abc import Callable
-from io import BytesIO, StringIO
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,19 +15,6 @@ from rasterizer.errors import ModelError
 from rasterizer.scene._files import Folder
 from rasterizer.scene.material import Material
 from rasterizer.scene.polygons import CROSSING, Cut, cut_polygons
-
-# trimesh checks little: a damaged file makes it index past an array, look up an unknown key, unpack too few
-# values, assert, recurse through nested JSON, ask for gigabytes or for a package that only an exotic encoding
-# needs. These are the types that damaged files of every format have been seen to raise, widened to their base
-# classes; lxml's errors are SyntaxErrors.
-TRIMESH_FAULTS = (
-    ValueError, TypeError, AttributeError, LookupError, ArithmeticError, AssertionError, NameError,
-    RuntimeError, ImportError, MemoryError, OSError, EOFError, SyntaxError, zipfile.BadZipFile, zlib.error,
-)  # fmt: skip
-
-_NOWHERE = logging.NullHandler()  # without any handler, trimesh's warnings would go to stderr; who wants them adds his own
-
-_LABELS = {"gltf": "glTF"}
 
 # Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
 WHITE = Material(diffuse=1.0)
@@ -79,80 +62,6 @@ def text_of(data: bytes) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")
-
-
-def run_trimesh(model: ModelFile, content=None, resolver=None, **options):
-    """Parse a model with trimesh, without merging, reordering or dropping anything.
-
-    Parameters
-    ----------
-    model : ModelFile
-    content : bytes or str to parse in place of the file's own bytes
-    resolver : mapping from the name of another file to its bytes; None = there is none
-    options : more arguments of trimesh's loader of the format
-
-    Returns
-    -------
-    trimesh.Scene
-
-    Raises
-    ------
-    ModelError : trimesh can't read it
-    """
-    import trimesh
-
-    logging.getLogger("trimesh").addHandler(_NOWHERE)
-    content = model.data if content is None else content
-    stream = StringIO(content) if isinstance(content, str) else BytesIO(content)
-    resolver = {} if resolver is None else resolver  # never one of trimesh's own, which read files and addresses
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            return trimesh.load_scene(stream, file_type=model.format, resolver=resolver, process=False, **options)
-    except ModelError:
-        raise
-    except TRIMESH_FAULTS as fault:
-        detail = str(fault).strip().splitlines()
-        reason = f"{type(fault).__name__}: {detail[0][:200]}" if detail else type(fault).__name__
-        raise model.error(
-            f"not a readable {_LABELS.get(model.format, model.format.upper())} file ({reason})"
-        ) from fault
-
-
-def triangle_meshes(scene) -> dict:
-    """Return the geometries of a trimesh scene that have faces, by name, in the scene's order."""
-    return {name: mesh for name, mesh in scene.geometry.items() if len(getattr(mesh, "faces", ())) > 0}
-
-
-def part_from(mesh, name="") -> Part:
-    """Take vertices, faces, file normals, colours and texture coordinates out of a mesh of trimesh.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh; its vertex_normals are asked for only if the file gave them, since trimesh would
-        compute them slowly
-    name : text
-    """
-    faces = np.asarray(mesh.faces)
-    part = {"vertices": np.asarray(mesh.vertices), "faces": faces, "name": name, "material": Material()}
-    if "vertex_normals" in mesh._cache:
-        part["normals"] = np.asarray(mesh.vertex_normals)
-    uv = mesh.vertex_attributes.get("_uv", getattr(mesh.visual, "uv", None))
-    if np.shape(uv) == (len(mesh.vertices), 2):
-        part["uv"] = np.asarray(uv, np.float64)
-    return part | _colors(mesh)
-
-
-def _colors(mesh) -> dict:
-    """Return the colours of the vertices or faces, 8 bit sRGB, and the white material they multiply."""
-    kind = mesh.visual.kind
-    if "color" in mesh.vertex_attributes:
-        return {"colors": bytes_of(mesh.vertex_attributes["color"]), "material": WHITE}
-    if kind == "vertex":
-        return {"colors": np.asarray(mesh.visual.vertex_colors), "material": WHITE}
-    if kind == "face":
-        return {"face_colors": np.asarray(mesh.visual.face_colors), "material": WHITE}
-    return {}
 
 
 def bytes_of(colors):

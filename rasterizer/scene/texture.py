@@ -4,8 +4,8 @@ Texture coordinates: u runs to the right, v upwards; (0, 0) is the picture's low
 as in OBJ. A picture of w × h texels has the centre of the texel in column i and row j (from the top) at
 u = (i + ½)/w, v = 1 - (j + ½)/h.
 
-Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one is stands in its
-header, and is looked at before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
+Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one is stands in
+its header, and is looked at before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
 """
 
 import logging

@@ -3,7 +3,7 @@
     3D/3dmodel.model     resources: objects, each a mesh or a list of components (other objects, placed); build: objects, placed
     the part of a path   a component may name an object of another .model part of the file (production extension)
 
-Matrices have 12 numbers, the columns of the affine one: the first three are where x goes. Colours and other resources aren't read.
+Matrices have 12 numbers, the columns of the affine one: the first three are where x goes. Colours etc. aren't read.
 The zip's directory tells how large each part is before one is unpacked; a document type (entities) is refused, and objects may be
 repeated for up to `gltf.MOST_COPIES` triangles more than the file holds.
 Format: 3MF Consortium, Core Specification 1.3, 2021.
