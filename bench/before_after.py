@@ -1,6 +1,6 @@
 """Do the same pictures take the same time as with another version of the package?
 
-    git worktree add ../before v0.1.0
+    git worktree add ../before HEAD~1
     python bench/before_after.py ../before
     python bench/before_after.py ../before path/to/scan.obj dense --threads 2
 

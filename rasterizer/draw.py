@@ -1,10 +1,10 @@
-"""The line: a polygon's way from the scene to the picture, one stage after the other.
+"""A polygon's way from the scene to the picture, one stage after the other.
 
     Scene ─ geometry ─ light ─ transform ─ clip ─ setup ─ bands ─ scan ─ shade ─ resolve ─ Frame
-            normals            1/256 px   near   cull    by y    z-test          8 bits
+            normals            1/256 px          cull    by y    z-test          8 bits
 
-Every stage hands plain arrays to the next; `draw` is the whole way. Flat shading and Gouraud's method light the points before
-they are drawn; Phong's method hands normals on, and lights the visible samples in the shade stage.
+Every stage hands plain arrays to the next; `draw` is the way from transform on. Flat shading and Gouraud's method light the
+points before they are drawn; Phong's method hands normals on, and lights the visible samples in the shade stage.
 """
 
 from typing import NamedTuple

@@ -21,7 +21,7 @@ class Stats:
     Parameters
     ----------
     faces : triangles of the scene
-    clipped : triangles that crossed the near plane
+    clipped : triangles with a corner that is behind the near plane, beyond a far plane or too far beside the picture to be placed
     culled : triangles left out because they showed their back
     drawn : triangles that may cover a sample
     covered : samples that something covers

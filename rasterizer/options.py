@@ -28,7 +28,7 @@ class Options:
     size : (width, height) in pixels
     shading : "flat" (once a polygon; "lambert" is another word for it), "gouraud" (once a vertex), "phong" (once a sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64. The default keeps every 8-bit
-        value within one level of the picture with tolerance 0
+        value within one level of the picture with tolerance 0, but next to steps of the illumination (`Stats.steps`)
     samples : samples a pixel, on a square grid: 1, 4, 9 or 16
     outputs : names out of "color" (float32 linear, and 8 bits), "rgb" (8 bits only: the fastest), "depth", "face", "normal";
         buffers are those of the pixels' centres, never averaged

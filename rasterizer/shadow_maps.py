@@ -1,7 +1,7 @@
 """Shadow maps: for every light that casts shadows, pictures of the opaque surfaces as the light sees them (pipeline/shadow.py).
 
     directional   one map, parallel rays, fitted to the scene
-    spot          one map about its axis, as wide as the outer cone
+    spot          one map about its axis, as wide as the outer cone, if that has 63 degrees at most; else as a point light
     point         one map, if the scene fits into a wide view from the light; else six, the faces of a cube round it
     area          maps of its cells, as for points
 """

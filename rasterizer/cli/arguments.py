@@ -188,7 +188,7 @@ def _add_reference(parser) -> None:
         "--no-reference",
         dest="has_reference",
         action="store_false",
-        help="compare with Phong's shading as rendered, which takes no time",
+        help="compare with Phong's shading as rendered, which is quicker",
     )
 
 
@@ -346,7 +346,7 @@ def _add_tolerance(group) -> None:
         type=values.number,
         metavar="T",
         help="error accepted, in linear intensity with white = 1; 0 = as exact as float64 (default 1/4096: "
-        "8-bit values are off by one level at most)",
+        "8-bit values are off by one level at most, but next to steps of the light)",
     )
 
 

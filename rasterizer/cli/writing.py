@@ -1,8 +1,8 @@
 """How outputs are written: never in place of a file that the run reads, nor of another output of the run.
 
 Which other files a model reads (materials, textures, buffers, parts of a scene) is known once it has been loaded. So an output
-that exists already, where a later model may read it, waits until all models have been loaded. A model can only read what lies in
-its own folder, and only some formats name other files at all: in most runs nothing waits.
+that exists already, where a later model may read it, waits until all models have been loaded. Unless --allow-outside is given, a
+model can only read what lies in its own folder, and only some formats name other files at all: in most runs nothing waits.
 """
 
 import os

@@ -2,7 +2,8 @@
 
 A row function reads the rows of normals and positions and one light's numbers, and writes the rows LIGHT_X, LIGHT_Y, LIGHT_Z
 (unit vectors to the light), N_DOT_L and STRENGTH (the part of the light's intensity that arrives; lighting.py applies its
-colour). To add a kind of light: write its function here and one line in LIGHTS. Area lights are many point lights (plan.py).
+colour). A new kind of light needs its function here and a line in LIGHTS; bounds.py gives its name, illumination.py its numbers,
+rounding.py its bound, shadow_maps.py its map. Area lights are many point lights (plan.py).
 
 Source of the formulas: the illumination equation, e.g. Foley, van Dam, Feiner & Hughes 1990, section 16.1; the range is that of
 the glTF extension KHR_lights_punctual.

@@ -1,8 +1,8 @@
 """The reflection models, one row function each: from the directions at surface points to what is reflected to the viewer.
 
 A row function reads the rows of normals, lights, view directions, N_DOT_L, N_DOT_V and STRENGTH, and writes the rows DIFFUSE and
-SPECULAR, which shade.py multiplies by the light's colour and sums. To add a model: write its function here
-and one line in REFLECTIONS.
+SPECULAR, which lighting.py multiplies by colours and sums. A new model needs its function here and a line in REFLECTIONS;
+bounds.py gives its name and its largest value, rounding.py its bound, fresnel.py its second term where F0 has a colour.
 
 Which of them conserve energy, and which are reciprocal: see the table in scene/material.py. At a silhouette N·V may come out
 below 0, by a rounding error or an interpolated normal: Cook-Torrance takes it for 0, where the formula has a finite limit; the
@@ -209,8 +209,8 @@ def cook_torrance_beckmann(rows, n, numbers):
 def anisotropic_ggx(rows, n, numbers):
     """As `cook_torrance_ggx`, with mirrors whose tilt depends on a direction in the surface, that of the rows TANGENT.
 
-    Formulas: anisotropic.py. The plan takes float64 for this model: where the direction nearly stands upright on the surface its projection, and all that
-    depends on it, has no bound in float32.
+    Formulas: anisotropic.py. The plan takes float64 for this model: where the direction nearly stands upright on the surface its
+    projection, and all that depends on it, has no bound in float32.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero, two = row.dtype.type(0), row.dtype.type(2)

@@ -1,4 +1,7 @@
-"""The judge: the same pictures in plain numpy float64 and Python integers, slowly, sharing no kernel with the fast way.
+"""The judge: the same pictures in plain numpy float64 and Python integers, slowly, by code of its own.
+
+It shares with the fast way the scene as it is loaded and checked, averaged normals and their creases (scene/normals.py), and the
+decision which polygons are convex (scene/polygons.py).
 
     picture      which face each sample sees, layer behind layer; samples to pixels
     clip         near plane, limits of the screen

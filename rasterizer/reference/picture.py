@@ -1,4 +1,4 @@
-"""The judge: a slow renderer in plain numpy float64 and integers that shares no kernel with the fast one.
+"""The judge: a slow renderer in plain numpy float64 and integers; what it shares with the fast one, see reference/__init__.py.
 
 In: a `Scene` and the options of a picture. Out: a `Picture` of float64 arrays. It reads in working order:
 

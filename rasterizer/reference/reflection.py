@@ -1,7 +1,7 @@
 """The reflection models of the judge: how much of a light a surface sends to the viewer, in plain numpy float64.
 
 Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V; `table` is a row of
-`reference_light.read_materials` for each point.
+`light.read_materials` for each point.
 """
 
 import numpy as np

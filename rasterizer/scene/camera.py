@@ -59,7 +59,7 @@ class Camera:
         picture. Where it is parallel to the view, the picture's top is what it is for `framing` at azimuth 0
         about the axis nearest to `up`: with y-up the camera that looks straight down has -z on top, with z-up
         it has +y on top, as on a map
-    fov : vertical field of view in degrees, between 0 and 180; None for an orthographic camera
+    fov : vertical field of view in degrees, at least 1e-6, below 180; None for an orthographic camera
     height : scene units that the picture is high, above 0; None for a perspective camera
     near, far : distances along the view, scene units; None = fitted to the scene, near to 2^-20 of the furthest
         distance at least. near > 0 for a perspective camera, near < far. What is nearer or further is clipped,

@@ -11,7 +11,7 @@ The centre's place is the mean of the corners'. It is no vertex: nothing is lit 
 intensities with Gouraud's method, normals with Phong's (not brought to unit length before they are interpolated, as nothing is
 along an edge), colours and texture coordinates with both. So:
 
-- values are linear along every edge, as the notes have them, and equal those of the neighbour on the other side;
+- values are linear along every edge, as with Gouraud 1971, and equal those of the neighbour on the other side;
 - every corner counts alike: what permutes the corners (another first corner, the other direction, a turned or mirrored polygon)
   permutes the triangles, and nothing else. With two corners alike and opposite, as 0, 1, 0, 1, the middle has 0.5;
 - values stay within those of the corners, equal ones stay equal, and values that are linear over a plane polygon stay so, because

@@ -30,9 +30,9 @@ class Shadow:
 
     Parameters
     ----------
-    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; so has a light
-        with a place from which the scene fits into a wide view, else it has six. The cells of an area light have maps of half
-        the size
+    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; a light with a
+        place has one if the scene, or its cone, fits into a view of 63 degrees to each side, else six. The cells of an area
+        light have maps of half the size, but at least 16
     filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin & Cook
         1987): an odd number, 1 (hard edges) to 9
 
@@ -116,7 +116,7 @@ class PointLight:
     position : three numbers, scene units
     color : intensity Ip, linear: a number, three numbers, hex or CSS text, or a Spectrum
     attenuation : (kc, kl, kq), finite, at least 0, not all 0, or text: "1" = (1, 0, 0), no fall-off;
-        "1/(d+3)" = (3, 1, 0); "1/d^2" = (0, 0, 1), inverse square
+        "1/d" = (0, 1, 0); "1/(d+3)" = (3, 1, 0); "1/d^2" = (0, 0, 1), inverse square
     attached : "world", or "camera" where `position` is given in the camera's frame
     amplify : whether the attenuation may exceed 1
     range : scene units, above 0, or None: the intensity is multiplied by max(0, 1 - (d/range)^4), as glTF's

@@ -68,17 +68,18 @@ def load(
         suffix of the path or the file's name
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals of the file if it has any, else its smoothing groups, else 30
-    up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, y for the others
-    lights : sequence of lights; None = those of the file (GLB and glTF may have some), else studio lights
+    up : text, up axis "x", "y", "z" or with a minus sign; None = z for STL and 3MF, that of a scene file, y for the others
+    lights : sequence of lights; None = those of the file (GLB, glTF and scene files may have some), else studio lights
     camera : Camera; None = the first of the file, else framed when the picture is made
-    background : colour; None = transparent
+    background : colour; None = that of a scene file, else transparent
     depth_cue : DepthCue, or a number, its scale; None = that of a scene file, else nothing fades with depth
     weighting : text, "angle", "area" or "uniform": what faces count by where normals are averaged, see `Mesh`; None = "angle",
         or as a scene file says
     drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite, instead of raising an error
     log : function of one text, called with facts about the file; None = nobody wants them
     allow_outside : bool, read also files outside the folder of the file that names them: textures, buffers, parts of a scene
-    files_read : list that gets the paths (text) of all other files that were read; None = nobody wants them
+    files_read : list that gets the paths (text) of all other files that were read, each as often as it was;
+        None = nobody wants them
 
     Returns
     -------
@@ -92,7 +93,8 @@ def load(
 
     Warns
     -----
-    UserWarning : materials, textures or texture coordinates that the file uses are missing or unreadable
+    UserWarning : materials, textures or texture coordinates that the file uses are missing or unreadable, values of materials
+        that are taken otherwise than they stand there, polygons that cross themselves
     """
     from rasterizer.scene.file import is_scene_file, read_scene  # which loads models in turn
 

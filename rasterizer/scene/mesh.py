@@ -59,7 +59,7 @@ class Mesh(_arrays.KeepsArrays):
     ------
     ModelError : shapes and dtypes that don't fit, indices out of range, values that are not finite, no
         vertices, no faces, no face that has an area
-    SceneError : a material or crease angle that is not legal
+    SceneError : a material, crease angle or weighting that is not legal
 
     Warns
     -----
@@ -242,7 +242,7 @@ class Mesh(_arrays.KeepsArrays):
         return replace(self, **changes)
 
     def subdivide(self, times: int = 1) -> "Mesh":
-        """Return a mesh of the same surface in smaller triangles: a cure for the faults of Gouraud's method.
+        """Return a mesh of the same surface in smaller triangles: a remedy for the faults of Gouraud's method.
 
         Every triangle is cut at the midpoints of its edges into four that lie in it: face f becomes the faces
         4f..4f + 3. The surface and so its silhouette stay, but for the rounding of the new vertices, which are

@@ -13,7 +13,7 @@ with file and line; a line that can't be read (no number, not finite, negative) 
     xyz      CIE XYZ, brought to linear RGB, negative components 0; `spectral` files are not read: as if missing (w)
     two      numbers of a colour: the blue is that of the first, as the format says (w)
     Ns       shininess; missing: the default. Below 1, also the 0 of matte surfaces: no highlight (w, if Ks is not 0), since
-             (R·V)^0 is 1 all over the lit side and burns it out. Above 10^6: 10^6 (w)
+             (R·V)^0 is 1 all over the lit side and burns it out. Above 10^6: 10^6 (w, likewise)
     d        opacity, within 0..1 (w); d 0 is invisible (w)
     Tr       without d: 1 - Tr by the format's later custom; but exporters disagree, so the file's own evidence counts first:
              1. materials with both d and Tr show whether Tr is d or 1 - d;

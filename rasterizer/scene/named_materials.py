@@ -1,4 +1,4 @@
-"""The classic table of materials: coefficients of Phong's reflection that were chosen by eye for displays of the 1990s.
+"""The classic table of materials: coefficients of Phong's reflection for displays of the 1990s.
 
 Source: the materials of teapots.c by Mark J. Kilgard, Silicon Graphics 1994 (OpenGL Programming Guide, colour plate 17), where
 the exponent is given as a part of 128. The numbers were made for displays without gamma correction; they are taken here as they

@@ -4,9 +4,10 @@
                                                             ply_rows.py
 
 Read are of vertices `x y z`, `nx ny nz`, colours `red green blue alpha` (also `r g b`, `diffuse_red` …; bytes, 16 bits, or floats
-from 0 to 1) and texture coordinates (`s t`, `u v`, `texture_u texture_v`); of faces their `vertex_indices` (or `vertex_index`, or
-the only list of whole numbers), their colours, and `texcoord`, two numbers for each corner (MeshLab: wedge coordinates);
-`tristrips`, where -1 ends a strip. Pictures (`comment TextureFile`, `texnumber`), other elements and properties are left out.
+from 0 to 1) and texture coordinates (`s t`, `u v`, `texture_u texture_v`, `texture_s texture_t`); of faces
+their `vertex_indices` (or `vertex_index`, or the only list of whole numbers), their colours, and `texcoord`, two numbers for each
+corner (MeshLab: wedge coordinates); `tristrips`, where -1 ends a strip. Pictures (`comment TextureFile`, `texnumber`), other
+elements and properties are left out.
 
 What the header promises is compared with the length of the file before memory is spent. Format: Turk 1994, The PLY Polygon File
 Format, Stanford University.
