@@ -48,7 +48,7 @@ class Plan(NamedTuple):
     bound: float  # the largest intensity that any point can have
     reflected: Reflected  # how bright each light makes each material, not amplified
     most: np.ndarray  # (n_light,): how much each light amplifies at most
-    brightest_background: float  # the largest component of what lies behind the picture
+    brightest_background: float  # the largest component of what lies behind the picture, or of what it fades to with depth
     rounding: float  # what rounding may add to an intensity, linear, before it is known where lights and surfaces are
     is_flat: bool
     is_lit_per_sample: bool
@@ -92,8 +92,9 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
         reflected = find_reflected(materials, lights, ambient, most_albedo, products)
     most = find_most(lights, clearances)
     greatest = reflected.amplified(most)
-    bound, behind = greatest.bound, max(scene.background or (0.0,))
-    check_brightness(reflected.bound)
+    fades_to = max(cue.color) if cue is not None else 0.0
+    bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
+    check_brightness(max(reflected.bound, fades_to))
     # Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners; or the
     # rest on intensities between them.
     rounding = lighting_error(greatest, SINGLE) + WRITTEN * SINGLE * (behind + bound)

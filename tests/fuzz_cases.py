@@ -1,5 +1,6 @@
 """The files of a case of the fuzz: seeds of every format, and the ways in which they are damaged."""
 
+import logging
 import io
 import json
 import struct
@@ -10,6 +11,8 @@ import numpy as np
 import trimesh
 from model_bytes import GLB, PLY_HEADER, THREEMF, box, exported, gltf_with, rich_gltf, threemf
 from PIL import Image
+
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it warns of packages that it would like to have
 
 NUMBERS = (
     b"-1", b"0", b"1", b"2", b"3", b"255", b"65536", b"2147483647", b"4294967295", b"-2147483649", b"99999999999999999999", b"1e30",

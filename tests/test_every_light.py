@@ -166,8 +166,9 @@ def test_the_usual_fall_is_the_usual_code():
 
 @pytest.mark.parametrize("falloff", [0.5, 0.6, 0.75, 0.99, 1.0, 1.2, 2.0, 10.0])
 def test_the_slope_of_the_fall_is_bounded(falloff):
-    """d/dt (t²(3 - 2t))^p by differences stays below what bounds.steepness counts on."""
-    from rasterizer.bounds import cone_cosines, steepness
+    """d/dt (t²(3 - 2t))^p by differences stays below what rounding.steepness counts on."""
+    from rasterizer.bounds import cone_cosines
+    from rasterizer.rounding import steepness
 
     light = rz.SpotLight((0, 0, 1), (0, 0, -1), inner=10, outer=40, falloff=falloff)
     inner, outer = cone_cosines(light)

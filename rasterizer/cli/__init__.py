@@ -36,7 +36,9 @@ def main(argv=None) -> int:
 
 def _run_as_program() -> int:
     """Run with the process's own arguments, and remember interrupts: libraries may make other errors of them in their imports."""
+    import _thread
     import signal
+    import threading
 
     interrupts = []
 
@@ -44,8 +46,16 @@ def _run_as_program() -> int:
         interrupts.append(True)
         raise KeyboardInterrupt
 
+    def take_again(unraisable):
+        # In a callback that can't raise, as those of imports, an interrupt would be printed and lost: it comes once more.
+        if issubclass(unraisable.exc_type, KeyboardInterrupt):
+            threading.Timer(0.01, _thread.interrupt_main).start()
+        else:
+            sys.__unraisablehook__(unraisable)
+
     if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:  # as for a process that was started in the background
         signal.signal(signal.SIGINT, interrupt)
+        sys.unraisablehook = take_again
     try:
         code = _guarded(sys.argv[1:], interrupts)
     except KeyboardInterrupt:
