@@ -1,15 +1,24 @@
 """The files of a case of the fuzz: seeds of every format, and the ways in which they are damaged."""
 
-import logging
 import io
 import json
+import logging
 import struct
 import zipfile
 from functools import cache
 
 import numpy as np
 import trimesh
-from model_bytes import GLB, PLY_HEADER, THREEMF, box, exported, gltf_with, rich_gltf, threemf
+from model_bytes import (
+    GLB,
+    PLY_HEADER,
+    THREEMF,
+    box,
+    exported,
+    gltf_with,
+    rich_gltf,
+    threemf,
+)
 from PIL import Image
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it warns of packages that it would like to have

@@ -220,7 +220,7 @@ def test_flat_lights_a_polygon_once_at_its_centroid():
     )
     to_light = np.array([0.5, 2.0, -3.0]) - (0, 1.25, -4.0)
     distance = np.linalg.norm(to_light)
-    albedo = ((0.1 + 0.4 + 0.6) / 3 + (0.1 + 0.6 + 0.9) / 3) / 2
+    albedo = (0.1 + 0.4 + 0.6 + 0.9) / 4
     seen = picture.color[picture.face >= 0]
     np.testing.assert_allclose(seen[:, 0], albedo * 0.7 / distance * min(1, 2 / distance**2), rtol=1e-11)
     assert set(np.unique(picture.face)) == {-1, 0, 1}

@@ -92,7 +92,8 @@ def show(meshes, shading="gouraud", lights=WHITE, camera=None, size=SIZE, **opti
 
 def textured(texels, kind="nearest", wrap="repeat", is_perspective=True, material=ALBEDO):
     vertices, uv = tilted_quad(is_perspective)
-    return rz.Mesh(vertices, [[0, 1, 2, 3]], uv=uv, material=replace(material, texture=rz.Texture(texels, kind, wrap)))
+    # Two triangles: the centre of a quad has a place of its own on the screen, which is rounded.
+    return rz.Mesh(vertices, [[0, 1, 2], [0, 2, 3]], uv=uv, material=replace(material, texture=rz.Texture(texels, kind, wrap)))
 
 
 # ── filters ─────────────────────────────────────────────────────────────────────────────────────────────
