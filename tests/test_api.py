@@ -50,7 +50,7 @@ def test_importing_the_package_is_cheap():
     assert run_python(code) == "[]"
 
 
-def test_loading_alone_imports_trimesh():
+def test_importing_load_imports_no_trimesh():
     code = "import sys, rasterizer as rz; rz.render; rz.load; print('trimesh' in sys.modules)"
     assert run_python(code) == "False"
 
@@ -179,7 +179,7 @@ def test_imports_go_one_way(module):
         assert "cli" not in folders or module == "__main__.py"
 
 
-def test_the_judge_shares_nothing_with_the_judged():
+def test_the_judge_imports_nothing_of_the_pipeline():
     judges = [module for module in MODULES if module.startswith("reference")]
     assert len(judges) >= 2
     for module in judges:

@@ -154,8 +154,9 @@ def _add_files(parser, default_name, size) -> None:
         "-o",
         "--output",
         metavar="OUT",
-        help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}.png in the current folder), a "
-        "folder, a template with {stem} {ext} {view}, or - for stdout; the suffix chooses the format",
+        help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}.png in the current folder, -VIEW before "
+        ".png for several views), a folder, a template with {stem} {ext} {view}, or - for stdout; the suffix chooses the "
+        "format",
     )
     add(
         "-s",
@@ -178,7 +179,8 @@ def _add_array(parser) -> None:
         dest="outputs",
         choices=OUTPUTS,
         help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb "
-        "uint8, depth in scene units, face the face's index or -1, normal in world space; one sample a pixel",
+        "uint8, depth in scene units, face the face's index or -1, normal in world space; one sample a pixel, but "
+        "for color and rgb with --samples",
     )
 
 
@@ -255,13 +257,17 @@ def _add_look(group) -> None:
         metavar="A",
         help="edges between faces that meet at more degrees stay sharp (default: as the file says, else 30)",
     )
-    add("--weighting", choices=WEIGHTINGS, help="what faces count by where normals are averaged (default angle)")
+    add(
+        "--weighting",
+        choices=WEIGHTINGS,
+        help="what faces count by where normals are averaged (default: as a scene file says, else angle)",
+    )
     add(
         "--subdivide",
         type=int,
         default=0,
         metavar="N",
-        help="cut every triangle in four, N times: for highlights with gouraud (default 0)",
+        help="cut every triangle in four, N times, up to 15: for highlights with gouraud (default 0)",
     )
     add(
         "--material",

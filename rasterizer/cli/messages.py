@@ -172,8 +172,8 @@ def _details_told(messages):
         log.removeHandler(teller)
 
 
-_ONCE = "compiling kernels for the first time, some 10 to 20 seconds a way of shading; `raster warmup` does it ahead"
+_ONCE = "compiling kernels for the first time, some 10 to 30 seconds a way of shading; `raster warmup` does it ahead"
 _ALWAYS = (
-    "compiling kernels, some 10 to 20 seconds a way of shading in every run, as there is no folder that could keep "
+    "compiling kernels, some 10 to 30 seconds a way of shading in every run, as there is no folder that could keep "
     "them (-v says why); NUMBA_CACHE_DIR names one"
 )

@@ -27,8 +27,8 @@ class Geometry(NamedTuple):
     vertex: np.ndarray  # (3, n_face) uint32, the vertices of each triangle
     corner: np.ndarray  # (3, n_face) uint32, the points at its corners
     points: np.ndarray  # (3, n_point) float64, world space
-    normals: np.ndarray  # (3, n_point) float64, unit length
-    albedo: np.ndarray  # (n_point, 3) float64, linear; (0, 3) where no mesh has colours
+    normals: np.ndarray  # (3, n_point) float64, unit length or zero; at centres the means of the corners'
+    albedo: np.ndarray  # (n_point, 3) float64, linear; (0, 3) where no mesh has colours and no material a texture
     is_inverted: np.ndarray  # (n_face,) uint8: 1 where the normals look against the winding
     point_offsets: np.ndarray  # (n_group + 1,) int64: points of one material stand side by side, in one or several groups
     group_material: np.ndarray  # (n_group,) int64

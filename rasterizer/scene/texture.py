@@ -46,8 +46,8 @@ class Texture(KeepsArrays):
     Parameters
     ----------
     image : path of a picture, `PIL.Image.Image`, or array (h, w), (h, w, 1), (h, w, 2: grey and alpha), (h, w, 3) or
-        (h, w, 4): uint8 is sRGB-encoded (its alpha is not), floats are linear. Stored as (h, w, 4) float32, linear, with the
-        alpha that the picture has, else 1; read-only
+        (h, w, 4), up to 16384 texels a side: uint8 is sRGB-encoded (its alpha is not), floats are linear. Stored as (h, w, 4)
+        float32, linear, with the alpha that the picture has, else 1; read-only
     filter : "nearest", "bilinear", or "trilinear": bilinear between and within mipmaps, each half as large as the one before
     wrap : what lies outside 0..1: "repeat", "clamp" or "mirror"; or a pair of these, for u and v
     name : text, for reports; the path where one was given
