@@ -130,7 +130,7 @@ def cut_polygons(vertices, corners, counts) -> Cut:
 
 
 def _check_steps(concave, counts) -> None:
-    """Raise TooManyCorners where the concave polygons, given by their numbers, are more than can be cut in a time worth waiting."""
+    """Raise TooManyCorners where the concave polygons, given by their numbers, would take more than MOST_STEPS."""
     sizes = counts[concave].astype(np.float64)
     steps = float((sizes * sizes).sum())
     if steps <= MOST_STEPS:
@@ -209,8 +209,8 @@ def _turned(lists, points) -> np.ndarray:
     for axis in range(3):
         values = np.where(is_least, points[..., axis], np.inf)
         is_least &= values == values.min(axis=0)
-    turns = (np.arange(k)[:, None] + np.arange(k)) % k
-    return lists.ravel()[turns[is_least.argmax(axis=0)] + np.arange(0, lists.size, k)[:, None]]
+    turns = (is_least.argmax(axis=0)[:, None] + np.arange(k)) % k
+    return lists.ravel()[turns + np.arange(0, lists.size, k)[:, None]]
 
 
 def find_rings(triangles, polygons, points) -> Rings:
