@@ -15,7 +15,7 @@ from .pipeline.transform import Screen
 from .plan import make_plan
 from .scene._check import shown, unit3, vector3
 from .scene.camera import Camera, View
-from .scene.lights import Light
+from .scene.lights import Light, check_number
 from .scene.material import Material
 
 
@@ -137,4 +137,5 @@ def _checked_lights(lights, has_camera):
             raise SceneError(f"lights must be Ambient-, Directional-, Point-, Spot- or AreaLight; given {shown(light)} at {i}")
         if getattr(light, "attached", "world") == "camera" and not has_camera:
             raise SceneError(f"light {i} moves with the camera: the viewer must be a Camera")
+    check_number(lights)
     return tuple(replace(light, shadow=None) if getattr(light, "shadow", None) is not None else light for light in lights)

@@ -222,3 +222,42 @@ def test_rings_are_found_again():
         assert loop == face[turn:] + face[:turn]
     dart = rz.Mesh(in_space(SHAPES["dart"]), [(0, 1, 2, 3)])
     assert len(find_rings(dart.faces, dart.polygons, dart.vertices).start) == 0
+
+
+def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path, monkeypatch):
+    """Ears take quadratic time; convex polygons don't, and have no limit."""
+    points = in_space(star(15000))
+    with pytest.raises(rz.ModelError, match=r"^face 1 is concave and has 30000 corners .* 536870912 at most, not 900000000; divide"):
+        rz.Mesh(points, [[0, 1, 2], range(30000)])
+    lines = [f"v {x} {y} {z}" for x, y, z in points.tolist()]
+    (tmp_path / "star.obj").write_text("\n".join(["v 0 0 0", *lines, "f 1 2 3", "f " + " ".join(map(str, range(2, 30002)))]))
+    with pytest.raises(rz.ModelError, match=r"star\.obj:30003: the face is concave and has 30000 corners"):
+        rz.load(tmp_path / "star.obj")
+    loop = "30000 " + " ".join(map(str, range(30000)))
+    head = "ply\nformat ascii 1.0\nelement vertex 30000\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+    bodies = {
+        "ply": head + "property list int int vertex_indices\nend_header\n" + "\n".join(line[2:] for line in lines) + f"\n{loop}\n",
+        "off": "OFF\n30000 1 0\n" + "\n".join(line[2:] for line in lines) + f"\n{loop}\n",
+    }
+    for format, text in bodies.items():
+        (tmp_path / f"star.{format}").write_text(text)
+        with pytest.raises(rz.ModelError, match=rf"star\.{format}.*is concave and has 30000 corners"):
+            rz.load(tmp_path / f"star.{format}")
+    assert rz.Mesh(in_space(star(15000, inner=1.0)), [range(30000)]).n_face == 29998
+    monkeypatch.setattr("rasterizer.scene.polygons.MOST_STEPS", 4 * 14 * 14)
+    flock = np.tile(np.arange(14), (5, 1))
+    assert rz.Mesh(in_space(star(7)), flock[:4]).n_face == 48
+    with pytest.raises(rz.ModelError, match="face 0 is concave and has 14 corners, and 4 more are to be cut"):
+        rz.Mesh(in_space(star(7)), flock)
+
+
+def test_convex_polygons_take_memory_that_grows_with_their_corners():
+    """A square of the number of corners would be 80 GB here."""
+    k = 100_000
+    mesh = rz.Mesh(in_space(star(k // 2, inner=1.0)), [range(k)])
+    rings = find_rings(mesh.faces, mesh.polygons, mesh.vertices)
+    assert np.array_equal(np.sort(rings.corners), np.arange(k))
+    bent = in_space([(0, 0), (1, 0), (1, 1), (0, 1)])
+    bent[2, 2] = 0.5
+    for turn in range(4):
+        assert cut_polygons(np.roll(bent, turn, axis=0), np.arange(4), [4]).corners.min(axis=0)[0] == turn

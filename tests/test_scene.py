@@ -10,8 +10,10 @@ import pytest
 
 import rasterizer.scene
 from rasterizer.errors import ModelError, SceneError
+from rasterizer.illuminate import illuminate
 from rasterizer.scene.camera import Camera
-from rasterizer.scene.lights import AmbientLight, PointLight, studio
+from rasterizer.scene.lights import AmbientLight, AreaLight, PointLight, studio
+from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.scene import Scene
 
@@ -119,3 +121,17 @@ def test_scene_modules_import_numpy_only():
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+def test_scenes_have_a_limited_number_of_lights():
+    """A small file may name many area lights of many cells; they take time one by one."""
+    area = AreaLight((0, 0, 3), (1, 0, 0), (0, 1, 0), resolution=(64, 64))
+    assert len(Scene(MESH, [area] * 4).lights) == 4
+    with pytest.raises(SceneError, match="16384 lights at most, .* one by one; given 16385"):
+        Scene(MESH, [area] * 4 + [AmbientLight(0.1)])
+    with pytest.raises(SceneError, match="16384 lights at most"):
+        illuminate((0, 0, 0), (0, 0, 1), Material(), [area] * 5, toward_viewer=(0, 0, 1))
+    dark = AreaLight((0, 0, 3), (1, 0, 0), (0, 1, 0), resolution=(64, 64), shadow=True)
+    assert len(Scene(MESH, [dark, area]).lights) == 2
+    with pytest.raises(SceneError, match="4096 lights that cast shadows at most, .*; given 4097"):
+        Scene(MESH, [dark, PointLight((0, 0, 3), shadow=True)])

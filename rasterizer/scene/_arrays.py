@@ -17,7 +17,7 @@ import numpy as np
 from rasterizer.errors import ModelError
 from rasterizer.scene._check import COORDINATE_LIMIT, shown
 from rasterizer.scene.color import linear_from_srgb_bytes
-from rasterizer.scene.polygons import CROSSING, cut_polygons, listed
+from rasterizer.scene.polygons import CROSSING, TooManyCorners, cut_polygons, listed
 
 CHUNK = 1 << 16  # faces looked at in one go
 _LARGEST = float(np.finfo(np.float64).max)
@@ -91,7 +91,8 @@ def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
 
     Raises
     ------
-    ModelError : no faces, fewer than 3 corners, indices that are not integers or out of range
+    ModelError : no faces, fewer than 3 corners, indices that are not integers or out of range; concave polygons with too many
+        corners
 
     Warns
     -----
@@ -106,7 +107,10 @@ def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
     _check_range(corners, counts, len(vertices))
     if counts.max() == 3:
         return np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.uint32), None
-    cut = cut_polygons(vertices, corners, counts)
+    try:
+        cut = cut_polygons(vertices, corners, counts)
+    except TooManyCorners as refusal:
+        raise ModelError(f"face {refusal.polygon} {refusal.fault}") from None
     if len(cut.crossing):
         warnings.warn(f"face {listed(cut.crossing)} {CROSSING}", stacklevel=2)
     return corners.astype(np.uint32)[cut.corners], cut.polygons

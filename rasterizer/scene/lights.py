@@ -22,6 +22,8 @@ from rasterizer.scene.color import linear_rgb
 ATTACHMENTS = ("world", "camera")
 MOST_TEXELS = 8192  # along a side of a shadow map
 MOST_TAPS = 9  # along a side of its filter
+MOST_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
+MOST_SHADOWED = 4096  # of them cast shadows: each is a picture or six
 
 
 @dataclass(frozen=True)
@@ -330,6 +332,19 @@ def _attenuation(value, whose: str) -> tuple[float, float, float]:
 
 
 Light = AmbientLight | DirectionalLight | PointLight | SpotLight | AreaLight
+
+
+def check_number(lights) -> None:
+    """Raise SceneError where lights are more than MOST_LIGHTS, or those that cast shadows more than MOST_SHADOWED."""
+    counts = [(math.prod(light.resolution) if isinstance(light, AreaLight) else 1, light) for light in lights]
+    n_light = sum(count for count, _ in counts)
+    n_shadowed = sum(count for count, light in counts if getattr(light, "shadow", None) is not None)
+    for number, most, which in ((n_light, MOST_LIGHTS, "lights"), (n_shadowed, MOST_SHADOWED, "lights that cast shadows")):
+        if number > most:
+            raise SceneError(
+                f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {number}: choose fewer, "
+                "or a smaller resolution of area lights"
+            )
 
 
 def studio() -> tuple[Light, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 from rasterizer.errors import ModelError
 from rasterizer.scene._files import Folder
 from rasterizer.scene.material import Material
-from rasterizer.scene.polygons import CROSSING, Cut, cut_polygons
+from rasterizer.scene.polygons import CROSSING, Cut, TooManyCorners, cut_polygons
 
 # Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
 WHITE = Material(diffuse=1.0)
@@ -138,8 +138,15 @@ def cut_faces(model, points, corners, counts, line_of) -> Cut:
     Warns
     -----
     UserWarning : polygons that cross themselves
+
+    Raises
+    ------
+    ModelError : concave polygons with too many corners
     """
-    cut = cut_polygons(points, corners, counts)
+    try:
+        cut = cut_polygons(points, corners, counts)
+    except TooManyCorners as refusal:
+        raise ModelError(f"{model.name}{line_of(refusal.polygon)} {refusal.fault}") from None
     if len(cut.crossing):
         more = f"; so do {len(cut.crossing) - 1} more" if len(cut.crossing) > 1 else ""
         warnings.warn(f"{model.name}{line_of(int(cut.crossing[0]))} {CROSSING}{more}", stacklevel=2)

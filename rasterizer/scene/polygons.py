@@ -12,7 +12,8 @@ come out depends on the places of the corners alone: not on which is first, nor 
 triangles in turn. Holes are drawn where the polygon reaches them by a bridge, an edge that is walked both ways. Corners that
 repeat or lie on a straight line give triangles without area. A polygon that crosses itself can't be cut into triangles of its
 corners: ears are cut as long as there are any, then the corner of the best shape that turns the right way, whatever lies in it;
-so some of it may be covered twice, and some that lies outside be covered. It is warned of.
+so some of it may be covered twice, and some that lies outside be covered. It is warned of. Ears take time that grows with
+the square of a polygon's corners, so the sum of these squares is limited, MOST_STEPS for one call; convex ones have no limit.
 
 Rounding. A corner with coordinates up to M is known to M 2^-53 along each axis, as it was rounded when stored. That turns a
 corner between the edges a and b by at most 4 M 2^-53 (|a| + |b|) (each edge moves by up to 2 sqrt(3) M 2^-53, and
@@ -24,6 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+MOST_STEPS = 1 << 29  # sum of the squares of the corners of polygons that are cut by ears: one of 23170, or 53687 of 100
 CHUNK = 1 << 14  # corners looked at in one go: their arrays stay in the cache
 CROSSING = "crosses itself: no triangles between its corners fill it, so more or less than its area may be drawn"
 _UNIT = 2.0**-53
@@ -35,6 +37,20 @@ class Cut(NamedTuple):
     corners: np.ndarray  # (n_triangle, 3) int64, places in the list of corners
     polygons: np.ndarray  # (n_triangle,) int32
     crossing: np.ndarray  # (n,) int64, the polygons that cross themselves
+
+
+class TooManyCorners(Exception):
+    """Concave polygons would take too long to cut.
+
+    Attributes
+    ----------
+    polygon : the largest of them
+    fault : text that follows the polygon's place in a message
+    """
+
+    def __init__(self, polygon: int, fault: str):
+        super().__init__(f"polygon {polygon} {fault}")
+        self.polygon, self.fault = polygon, fault
 
 
 class Rings(NamedTuple):
@@ -74,6 +90,10 @@ def cut_polygons(vertices, corners, counts) -> Cut:
     vertices : (n_vertex, 3) float64; a polygon with a corner that is not finite becomes a fan
     corners : (n_corner,) integers, legal indices of vertices, polygon by polygon
     counts : (n_polygon,) corners of each; those with fewer than 3 yield nothing
+
+    Raises
+    ------
+    TooManyCorners : cutting the concave ones would take more than MOST_STEPS steps
     """
     counts = np.asarray(counts, np.int64)
     triangles, polygons = fan_corners(counts)
@@ -96,6 +116,7 @@ def cut_polygons(vertices, corners, counts) -> Cut:
     concave = np.sort(np.concatenate(concave)) if concave else np.empty(0, np.int64)
     crossing = np.empty(0, np.int64)
     if len(concave):
+        _check_steps(concave, counts)
         from rasterizer.scene._ears import cut_ears  # compiles; most models have only convex polygons
 
         is_crossing = np.zeros(len(concave), np.bool_)
@@ -106,6 +127,21 @@ def cut_polygons(vertices, corners, counts) -> Cut:
         )  # fmt: skip
         crossing = concave[is_crossing]
     return Cut(triangles, polygons.astype(np.int32), crossing)
+
+
+def _check_steps(concave, counts) -> None:
+    """Raise TooManyCorners where the concave polygons, given by their numbers, would take more than MOST_STEPS."""
+    sizes = counts[concave].astype(np.float64)
+    steps = float((sizes * sizes).sum())
+    if steps <= MOST_STEPS:
+        return
+    largest = int(concave[np.argmax(sizes)])
+    others = f", and {len(concave) - 1} more are" if len(concave) > 1 else ""
+    raise TooManyCorners(
+        largest,
+        f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of corners may "
+        f"sum up to {MOST_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a modelling program",
+    )
 
 
 def listed(numbers) -> str:
@@ -173,8 +209,8 @@ def _turned(lists, points) -> np.ndarray:
     for axis in range(3):
         values = np.where(is_least, points[..., axis], np.inf)
         is_least &= values == values.min(axis=0)
-    turns = (np.arange(k)[:, None] + np.arange(k)) % k
-    return lists.ravel()[turns[is_least.argmax(axis=0)] + np.arange(0, lists.size, k)[:, None]]
+    turns = (is_least.argmax(axis=0)[:, None] + np.arange(k)) % k
+    return lists.ravel()[turns + np.arange(0, lists.size, k)[:, None]]
 
 
 def find_rings(triangles, polygons, points) -> Rings:

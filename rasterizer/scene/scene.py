@@ -10,7 +10,7 @@ from rasterizer.scene._check import AXES, choice, number, picture_size, shown
 from rasterizer.scene.camera import Camera
 from rasterizer.scene.color import linear_rgb
 from rasterizer.scene.depth_cue import DepthCue, checked_cue
-from rasterizer.scene.lights import Light, studio
+from rasterizer.scene.lights import Light, check_number, studio
 from rasterizer.scene.mesh import Mesh
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
@@ -33,7 +33,8 @@ class Scene:
 
     Raises
     ------
-    SceneError : no meshes, or a light, camera, background, depth cue or axis that is not legal
+    SceneError : no meshes, or a light, camera, background, depth cue or axis that is not legal; more than 16384 lights, or more than
+        4096 that cast shadows, where the cells of area lights count one by one
     ModelError : a mesh that is not legal
     """
 
@@ -189,4 +190,5 @@ def _checked_lights(lights) -> tuple[Light, ...]:
             raise SceneError(
                 f"lights must be Ambient-, Directional-, Point-, Spot- or AreaLight; given {shown(light)} at {i}"
             )
+    check_number(lights)
     return lights
