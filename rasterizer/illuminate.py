@@ -13,7 +13,7 @@ from .pipeline.lighting import light_points
 from .pipeline.rows import make_rows
 from .pipeline.transform import Screen
 from .plan import make_plan
-from .scene._check import shown, unit3, vector3
+from .scene._check import plain_array, shown, unit3, vector3
 from .scene.camera import Camera, View
 from .scene.lights import Light, check_number
 from .scene.material import Material
@@ -103,7 +103,7 @@ def _checked_points(points, normals, tangents, material):
 def _vectors(value, name) -> np.ndarray:
     """An array (..., 3) of finite float64."""
     try:
-        array = np.asarray(value)
+        array = plain_array(value)
         array = array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
     except (TypeError, ValueError):
         array = np.empty(0)

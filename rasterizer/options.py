@@ -72,7 +72,7 @@ class Options:
         object.__setattr__(self, "outputs", outputs)
         object.__setattr__(self, "size", self._checked_size())
         try:
-            tolerance = float(self.tolerance)
+            tolerance = _as_float(self.tolerance)
         except (TypeError, ValueError, OverflowError):
             tolerance = -1.0
         if not 0.0 <= tolerance < float("inf"):
@@ -87,7 +87,7 @@ class Options:
     def _checked_exposure(self) -> float:
         """Return the exposure as a number; beyond 64 stops nothing is told apart."""
         try:
-            exposure = float(self.exposure)
+            exposure = _as_float(self.exposure)
         except (TypeError, ValueError, OverflowError):
             exposure = float("nan")
         if not -MOST_STOPS <= exposure <= MOST_STOPS:
@@ -124,6 +124,11 @@ class Options:
         if self.threads is not None:
             return self.threads
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _as_float(value) -> float:
+    """Return `float(value)`, which for numpy's masked constant would warn."""
+    return float("nan") if getattr(value, "mask", False) else float(value)
 
 
 def _is_int(value) -> bool:

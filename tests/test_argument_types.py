@@ -96,3 +96,61 @@ def test_large_values_make_short_messages(value):
     with pytest.raises(rz.SceneError) as caught:
         rz.Camera(position=value, fov=30)
     assert len(str(caught.value)) < 300
+
+
+class OnlyAnArray:
+    """What numpy can read, and nothing else."""
+
+    def __init__(self, values):
+        self.values = np.asarray(values)
+
+    def __array__(self, dtype=None, copy=None):
+        return np.array(self.values, dtype=dtype)
+
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+FACES = {"triangles": np.array([[0, 1, 2], [0, 2, 3]]), "quads": np.array([[0, 1, 2, 3]])}
+KINDS = {
+    "only an array": OnlyAnArray, "big endian": lambda a: a.astype(a.dtype.newbyteorder(">")), "Fortran": np.asfortranarray,
+    "backwards": lambda a: a[::-1].copy()[::-1], "strided": lambda a: np.repeat(a, 2, axis=1)[:, ::2], "memory": memoryview,
+    "a mask without a bit": np.ma.array, "small": lambda a: a.astype(np.float16 if a.dtype.kind == "f" else np.int8),
+    "large": lambda a: a.astype(np.longdouble if a.dtype.kind == "f" else np.uint64), "broadcast": lambda a: np.broadcast_to(a, a.shape),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("shape", FACES)
+def test_arrays_of_any_layout_make_the_same_mesh(kind, shape):
+    make = KINDS[kind]
+    mesh, plain = rz.Mesh(make(CORNERS), make(FACES[shape])), rz.Mesh(CORNERS, FACES[shape])
+    assert np.array_equal(mesh.vertices, plain.vertices) and np.array_equal(mesh.faces, plain.faces)
+
+
+def masked(values):
+    array = np.ma.array(values, float)
+    array[0] = np.ma.masked
+    return array
+
+
+@pytest.mark.filterwarnings("error")
+def test_masked_values_are_refused_and_never_read():
+    """What a mask hides would else be drawn."""
+    light, up = rz.AmbientLight(1.0), (0, 0, 1)
+    calls = [
+        lambda: rz.Mesh(masked(CORNERS), FACES["quads"]),
+        lambda: rz.Mesh(CORNERS, np.ma.array(FACES["triangles"], mask=[[1, 0, 0], [0, 0, 0]])),
+        lambda: rz.Mesh(CORNERS, FACES["quads"], uv=masked(CORNERS[:, :2])),
+        lambda: rz.Mesh(CORNERS, FACES["quads"], normals=masked(CORNERS)),
+        lambda: MESH.transformed(masked(np.eye(4))), lambda: rz.Texture(masked(np.ones((4, 4)))),
+        lambda: rz.Spectrum([400, 500], masked([1, 1])),
+        lambda: rz.illuminate(masked(CORNERS), up, "gold", light, toward_viewer=up),
+        lambda: rz.Camera(position=masked(up), fov=30),
+        lambda: rz.Material(diffuse=masked(up)), lambda: rz.Material(shininess=np.ma.masked),
+        lambda: rz.render(MESH, 8, exposure=np.ma.masked),
+        lambda: rz.render(MESH, 8, tolerance=np.ma.masked),
+        lambda: rz.Mesh(np.full((3, 3), np.longdouble("1e4000")), [[0, 1, 2]]),
+    ]  # fmt: skip
+    for call in calls:
+        with pytest.raises(rz.RasterizerError):
+            call()
+    assert np.isfinite(rz.Spectrum.blackbody(1e308).values).all()

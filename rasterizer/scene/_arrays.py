@@ -15,7 +15,7 @@ from itertools import chain
 import numpy as np
 
 from rasterizer.errors import ModelError
-from rasterizer.scene._check import COORDINATE_LIMIT, shown
+from rasterizer.scene._check import COORDINATE_LIMIT, plain_array, shown
 from rasterizer.scene.color import linear_from_srgb_bytes
 from rasterizer.scene.polygons import CROSSING, TooManyCorners, cut_polygons, listed
 
@@ -118,6 +118,8 @@ def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
 
 def _flattened(faces) -> tuple[np.ndarray, np.ndarray]:
     """Return all corners one after the other, any integer dtype, and how many each face has."""
+    if isinstance(faces, np.ma.MaskedArray) and np.ma.is_masked(faces):
+        raise ModelError(f"faces must be integers, none of them masked; given {shown(faces)}")
     try:
         array = np.asarray(faces)
     except ValueError:  # lists of several lengths
@@ -157,7 +159,7 @@ def _check_range(corners: np.ndarray, counts: np.ndarray, n_vertex: int) -> None
 def _as_real(values, what: str) -> np.ndarray:
     """Return an array of a real dtype (bool is none)."""
     try:
-        array = np.asarray(values)
+        array = plain_array(values)
         is_real = array.dtype.kind in "fiu"
     except (TypeError, ValueError):
         is_real = False

@@ -21,10 +21,26 @@ AXES = {
 _MOST_PIXELS = 2**31 - 1  # that any size may have; a picture has fewer, see Options
 
 
+def plain_array(values) -> np.ndarray:
+    """Return `np.asarray(values)`, numbers beyond float64 as infinities.
+
+    Raises
+    ------
+    TypeError, ValueError : no array, or a masked one, whose masked values would count
+    """
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise ValueError("masked values are no numbers")
+    array = np.asarray(values)
+    if array.dtype.kind == "f" and array.dtype.itemsize > 8:
+        with np.errstate(over="ignore"):
+            array = array.astype(np.float64)
+    return array
+
+
 def number(value, what: str) -> float:
     """Return `value` as a finite float; SceneError where it is none (booleans and text are none)."""
     is_scalar = not isinstance(value, (str, bytes, bool, np.bool_)) and getattr(value, "ndim", 0) == 0
-    is_scalar = is_scalar and getattr(getattr(value, "dtype", None), "kind", "f") in "fiu"
+    is_scalar = is_scalar and value is not np.ma.masked and getattr(getattr(value, "dtype", None), "kind", "f") in "fiu"
     try:
         result = float(value) if is_scalar else math.nan
     except (TypeError, ValueError, OverflowError):

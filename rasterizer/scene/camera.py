@@ -22,7 +22,7 @@ import numpy as np
 
 from rasterizer.errors import SceneError
 from rasterizer.scene import _framing
-from rasterizer.scene._check import AXES, choice, number, picture_size, place3, shown, unit3
+from rasterizer.scene._check import AXES, choice, number, picture_size, place3, plain_array, shown, unit3
 
 MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km
@@ -334,7 +334,7 @@ def _is_column(value) -> bool:
 def _checked_matrix(value, shape: tuple[int, ...], what: str) -> np.ndarray:
     """Return a finite float64 array of the given shape."""
     try:
-        matrix = np.asarray(value)
+        matrix = plain_array(value)
         matrix = matrix.astype(np.float64) if matrix.dtype.kind in "fiu" else np.empty(0)
     except (TypeError, ValueError):
         matrix = np.empty(0)

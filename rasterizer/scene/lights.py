@@ -342,8 +342,8 @@ def check_number(lights) -> None:
     for number, most, which in ((n_light, MOST_LIGHTS, "lights"), (n_shadowed, MOST_SHADOWED, "lights that cast shadows")):
         if number > most:
             raise SceneError(
-                f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {number}: choose fewer, "
-                "or a smaller resolution of area lights"
+                f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {number}: "
+                "choose fewer, or a smaller resolution of area lights"
             )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene import _arrays
-from rasterizer.scene._check import choice, number, shown
+from rasterizer.scene._check import choice, number, plain_array, shown
 from rasterizer.scene.material import Material
 
 WEIGHTINGS = ("angle", "area", "uniform")  # those of the kernels in _fans.py, which a Mesh doesn't load; a test holds that
@@ -122,7 +122,7 @@ class Mesh(_arrays.KeepsArrays):
 
         cut_from : (n_face,) int32 polygon that each triangle was cut from; None where none was cut
         """
-        n_face, n_given = len(faces), len(self.faces)
+        n_face, n_given = len(faces), len(self.faces if hasattr(self.faces, "__len__") else np.asarray(self.faces))
         n_corner_face = n_face if cut_from is None else None
 
         def per_vertex_or_corner(key: str, width: int):
@@ -310,7 +310,7 @@ def _check_polygon_materials(polygons, face_material) -> None:
 def _checked_affine(matrix) -> np.ndarray:
     """Return a 4 × 4 affine matrix as float64."""
     try:
-        result = np.asarray(matrix)
+        result = plain_array(matrix)
         result = result.astype(np.float64) if result.dtype.kind in "fiu" else np.empty(0)
     except (TypeError, ValueError):
         result = np.empty(0)

@@ -33,8 +33,8 @@ class Scene:
 
     Raises
     ------
-    SceneError : no meshes, or a light, camera, background, depth cue or axis that is not legal; more than 16384 lights, or more than
-        4096 that cast shadows, where the cells of area lights count one by one
+    SceneError : no meshes, or a light, camera, background, depth cue or axis that is not legal; more than 16384 lights, or
+        more than 4096 that cast shadows, where the cells of area lights count one by one
     ModelError : a mesh that is not legal
     """
 

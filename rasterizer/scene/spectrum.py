@@ -21,7 +21,7 @@ from functools import cache
 import numpy as np
 
 from rasterizer.errors import SceneError
-from rasterizer.scene._check import number, shown
+from rasterizer.scene._check import number, plain_array, shown
 from rasterizer.scene.cie import D65, MATCHING, WAVELENGTHS
 from rasterizer.scene.color import linear_rgb
 
@@ -124,7 +124,7 @@ class Spectrum(tuple):
         temperature = number(kelvin, "the black body's temperature")
         if temperature < COLDEST:
             raise SceneError(f"the black body's temperature must be at least {COLDEST:g} kelvin; given {shown(kelvin)}")
-        exponent = _C2 / (WAVELENGTHS * temperature)
+        exponent = _C2 / WAVELENGTHS / temperature
         # In logarithms, log(e^x - 1) = x + log(1 - e^-x), as e^x overflows for a cold body.
         log_power = -5.0 * np.log(WAVELENGTHS) - exponent - np.log(-np.expm1(-exponent))
         return cls.of_power(WAVELENGTHS, np.exp(log_power - log_power.max()))
@@ -212,7 +212,7 @@ def _row(values, what: str) -> np.ndarray:
 def _numbers(values, what: str) -> np.ndarray:
     """Finite numbers of any shape as float64."""
     try:
-        numbers = np.asarray(values)
+        numbers = plain_array(values)
     except ValueError:  # rows of several lengths
         numbers = np.asarray(None)
     if numbers.dtype.kind not in "fiu" or not np.isfinite(numbers).all():

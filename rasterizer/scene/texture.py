@@ -21,7 +21,7 @@ import numpy as np
 
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene._arrays import KeepsArrays, fixed
-from rasterizer.scene._check import choice, shown
+from rasterizer.scene._check import choice, plain_array, shown
 from rasterizer.scene.color import linear_from_srgb_bytes
 
 FILTERS = ("nearest", "bilinear", "trilinear")
@@ -234,7 +234,7 @@ def _strips(height, width) -> list[slice]:
 def _checked_image(image) -> np.ndarray:
     """Return an image as (h, w, 4) float32, linear, read-only."""
     try:
-        array = np.asarray(image)
+        array = plain_array(image)
     except ValueError:  # lists of several lengths
         array = np.empty(0, object)
     array = array[..., None] if array.ndim == 2 else array
