@@ -177,7 +177,7 @@ class Renderer:
         """
         furthest = math.sqrt(sum(side * side for side in np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()))
         surroundings = self._find_surroundings(view, screen, furthest).rounded()
-        key = surroundings.furthest, surroundings.clearances.tobytes()
+        key = surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness
         if self._last_plan is None or self._last_plan[0] != key:
             plan, tolerance = self._plan, self.options.tolerance
             if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings):

@@ -4,6 +4,7 @@ The exact picture is the judge's, or that of tolerance 0 where the judge would t
 """
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -364,3 +365,14 @@ def test_the_bound_is_said_in_words():
     scene = rz.Scene([rz.Mesh(SQUARE, QUAD)], rz.DirectionalLight((0, 0, -1)), FRONT)
     text = describe_bound(rz.render(scene, SMALL, tolerance=0).stats)
     assert text.startswith("errors are at most ") and "N·L = 0 (within 2e-12, cosine of an angle)" in text
+
+
+def test_a_renderer_states_the_bound_of_each_view():
+    """Not that of the view before: one through which the furthest point is very many times as far as the nearest has a larger one."""
+    points = [(-1, -1, -1e-5), (1, -1, -1e-5), (0, 1, -1e-5), (-1e7, -1e7, -1e7), (1e7, -1e7, -1e7), (0, 1e7, -1e7)]
+    scene = rz.Scene(rz.Mesh(points, [[0, 1, 2], [3, 4, 5]]), [rz.DirectionalLight((0.2, -0.3, -1))])
+    cameras = [rz.Camera.perspective((0, 0, 0), (0, 0, -1), near=near) for near in (1e-3, 1e-6)]
+    with rz.Renderer(scene, (16, 12), tolerance=0) as renderer:
+        bounds = [renderer.render(camera).stats.error_bound for camera in cameras]
+    alone = [rz.render(replace(scene, camera=camera), (16, 12), tolerance=0).stats.error_bound for camera in cameras]
+    assert bounds == alone and bounds[1] > 2 * bounds[0], f"{bounds} of one Renderer, {alone} of two"
