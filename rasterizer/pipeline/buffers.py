@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, kernel
-from .exact import corner_weights, corners_of, mean, weights_of
-from .records import ATTRIBUTE, DEPTH, FACE, RECORD_MASK, SIDE, borrow_records
+from .exact import corner_weights, corners_of, depth_of, mean, weights_of
+from .records import ATTRIBUTE, FACE, RECORD_MASK, SIDE, borrow_records
 from .resolve import clean
 from .scan import CLEAR, GROUP_SHIFT
 from .transform import HALF, SUBPIXEL
@@ -48,13 +48,10 @@ def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
                 out_face[y, x] = loaded_face[np.uint64(face)] if len(loaded_face) > 0 else face
             weights = weights_of(records, record)
             q0, q1, q2 = corner_weights(weights, i * SUBPIXEL + HALF, sy)
-            total = q0 + q1 + q2
-            if out_depth.shape[0] > 0 and screen.is_perspective:
-                # A mean of 1/w may not leave its range by a rounding error.
-                out_depth[y, x] = 1.0 / min(max(total / weights.area, weights.sums[0]), weights.sums[1])
-            elif out_depth.shape[0] > 0:
-                out_depth[y, x] = mean(corners_of(numbers, record, DEPTH), q0 / total, q1 / total, q2 / total)
+            if out_depth.shape[0] > 0:
+                out_depth[y, x] = depth_of(records, record, weights, q0, q1, q2, screen.is_perspective)
             if out_normal.shape[0] > 0:
+                total = q0 + q1 + q2
                 p0, p1, p2 = q0 / total, q1 / total, q2 / total
                 nx = mean(corners_of(numbers, record, ATTRIBUTE), p0, p1, p2)
                 ny = mean(corners_of(numbers, record, ATTRIBUTE + 3), p0, p1, p2)

@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .._kernel import borrow, kernel
-from .exact import corner_weights, corners_of, mean, weights_of
-from .records import DEPTH, RECORD_MASK, borrow_records
+from .exact import corner_weights, depth_of, weights_of
+from .records import RECORD_MASK, borrow_records
 from .scan import CLEAR, GROUP_SHIFT
 from .transform import HALF, SUBPIXEL
 
@@ -47,11 +47,7 @@ def fade(canvas, records, y_start, n_row, is_perspective, cue, out_radiance):
             record = np.uint64(word & RECORD_MASK)
             weights = weights_of(records, record)
             q0, q1, q2 = corner_weights(weights, i * SUBPIXEL + HALF, sy)
-            total = q0 + q1 + q2
-            if is_perspective:
-                depth = 1.0 / min(max(total / weights.area, weights.sums[0]), weights.sums[1])
-            else:
-                depth = mean(corners_of(records.numbers, record, DEPTH), q0 / total, q1 / total, q2 / total)
+            depth = depth_of(records, record, weights, q0, q1, q2, is_perspective)
             share = cue.scale / (cue.scale + max(depth - cue.start, 0.0))
             for channel in range(np.uint64(radiance.shape[0])):
                 radiance[channel, sample] = share * radiance[channel, sample] + (1.0 - share) * color[channel]

@@ -13,7 +13,7 @@ import numpy as np
 
 from .._kernel import borrow, helper
 from .clip import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
-from .records import CUT, INV_W, IS_EXACT, IS_ID, LEVEL_MASK, PLACE
+from .records import CUT, DEPTH, INV_W, IS_EXACT, IS_ID, LEVEL_MASK, PLACE
 from .transform import SUBPIXEL
 
 
@@ -133,6 +133,16 @@ def weight_steps(weights):
         (-(x1 + x2) * inv_w[0], x1 * inv_w[1], x2 * inv_w[2]),
         (-(y1 + y2) * inv_w[0], y1 * inv_w[1], y2 * inv_w[2]),
     )
+
+
+@helper
+def depth_of(records, record, weights, q0, q1, q2, is_perspective):
+    """Depth along the viewing axis, scene units, at a sample with the weights q_i."""
+    total = q0 + q1 + q2
+    if is_perspective:
+        # A mean of 1/w may not leave its range by a rounding error.
+        return 1.0 / min(max(total / weights.area, weights.sums[0]), weights.sums[1])
+    return float(mean(corners_of(records.numbers, record, DEPTH), q0 / total, q1 / total, q2 / total))
 
 
 @helper
