@@ -290,16 +290,17 @@ def _find_materials(model, text, names) -> dict[str, Material]:
     if not names:
         return {}
     materials, missing, maps = {}, [], Maps(model.log)
-    named = dict.fromkeys(line.strip() for line in re.findall(r"\nmtllib (.*)", text))
-    # Names with blanks are written like several names.
-    named = [[line] if len(line) < 256 and _library(model, line) else line.split() for line in list(named)[:MOST_LIBRARIES]]
+    lines = dict.fromkeys(line.strip() for line in re.findall(r"\nmtllib (.*)", text))
+    # Names with blanks are written like several names; what was read to find out is not read again.
+    found = {line: _library(model, line) for line in list(lines)[:MOST_LIBRARIES] if len(line) < 256}
+    named = [[line] if found.get(line) else line.split() for line in list(lines)[:MOST_LIBRARIES]]
     named = list(dict.fromkeys(chain.from_iterable(named)))
     if len(named) > MOST_LIBRARIES:
         warnings.warn(
             f"{model.name}: names {len(named)} material files; the first {MOST_LIBRARIES} are looked for", stacklevel=2
         )
     for name in named[:MOST_LIBRARIES]:
-        library = _library(model, name)
+        library = found[name] if name in found else _library(model, name)
         if library is None:
             missing.append(name)
         else:
