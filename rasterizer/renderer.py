@@ -7,7 +7,8 @@ from time import perf_counter
 import numpy as np
 
 from .engine.draw import FaceTable, buffers_job, draw, fill_centers, interpolated_job, light, lit_job
-from .engine.error_bounds import Surroundings, list_steps
+from .engine.error_bounds import Surroundings, furthest_over_nearest, list_steps
+from .engine.light_table import entry_of
 from .engine.plan import (
     error_bound_of,
     fit_depth_range,
@@ -19,7 +20,7 @@ from .engine.plan import (
     rounding_of,
 )
 from .engine.shadow_maps import Shadows
-from .engine.uniforms import make_lighting, world_position
+from .engine.uniforms import make_lighting
 from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .geometry.points import find_clearance, find_point_clearance, find_shortest_normal, gather_geometry
@@ -27,10 +28,8 @@ from .options import Options
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
 from .pipeline.threads import Workers
-from .pipeline.transform import DEPTH_MARGIN
 from .pipeline.workspace import Scratch, empty_buffers, make_picture
 from .scene.camera import Camera
-from .scene.lights import DirectionalLight
 from .scene.scene import Scene
 
 
@@ -69,7 +68,7 @@ class Renderer:
             clearances = self._lasting_clearances()
             self._plan = make_plan(self.scene, self.options, self._geometry.albedo, clearances=clearances)
         self._shortest = 1.0
-        if self._plan.is_lit_per_sample and self._plan.reflected.turned > 0.0:
+        if self._plan.is_lit_per_sample and self._plan.reflected.turn_slope > 0.0:
             self._shortest = find_shortest_normal(self._geometry.normals, self._geometry.corner)
         self._encoding = make_encoding(self._plan, self.scene.background, self.options.color_range)
         self._bounds = np.stack([mesh.bounds for mesh in self.scene.meshes])
@@ -202,13 +201,8 @@ class Renderer:
     def _lasting_clearances(self) -> np.ndarray:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
         moves with the camera."""
-        lengths = []
-        for source in self._plan.lights:
-            if isinstance(source, DirectionalLight) or source.attached == "camera":
-                lengths.append(np.inf if isinstance(source, DirectionalLight) else 0.0)
-            else:
-                lengths.append(0.5 * self._clearance_of(source.position))
-        return np.array(lengths)
+        lights = self._plan.lights
+        return np.array([entry_of(light).lasting_clearance(light, self._clearance_of) for light in lights], float)
 
     def _clearance_of(self, place) -> float:
         """How near the lit points come to a place: surfaces in Phong's method, else vertices or centroids."""
@@ -223,19 +217,20 @@ class Renderer:
         A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its
         depth.
         """
-        lights = self._plan.lights
-        places = [None if isinstance(light, DirectionalLight) else world_position(light, view) for light in lights]
         kept, self._clearances = self._clearances, {}
-        for place in places:
-            if place is not None and (key := tuple(place.tolist())) not in self._clearances:
-                found = kept.get(key)
-                self._clearances[key] = self._clearance_of(place) if found is None else found
+
+        def distance(position) -> float:
+            key = tuple(map(float, position))
+            if key not in self._clearances:
+                self._clearances[key] = kept[key] if key in kept else self._clearance_of(position)
+            return self._clearances[key]
+
         beside = 0.0
         if self._plan.is_lit_per_sample:
             deepest = furthest if screen.is_perspective else 1.0
             beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
-        distances = [np.inf if place is None else self._clearances[tuple(place.tolist())] - beside for place in places]
-        distances = np.maximum(np.array(distances, float), 0.0)
+        clearances = [entry_of(light).clearance(light, view, distance) - beside for light in self._plan.lights]
+        distances = np.maximum(np.array(clearances, float), 0.0)
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
         return Surroundings(furthest, distances, self._shortest, self._plan.is_lit_per_sample, deepness)
 
@@ -272,13 +267,6 @@ class Renderer:
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return np.stack([toward, -toward])
-
-
-def furthest_over_nearest(screen, furthest) -> float:
-    """How many times as far as the nearest depth that a z-buffer has room for the furthest point is."""
-    if screen.z_scale == 0.0:
-        return 1.0
-    return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
 
 
 def check_depths(largest) -> None:

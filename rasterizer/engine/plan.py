@@ -18,26 +18,16 @@ from ..pipeline import texture_sampling as texturing
 from ..pipeline.a_buffer import Opacity, least_transmitted
 from ..pipeline.clip import find_nearest
 from ..pipeline.depth_cueing import Cue
-from ..pipeline.light_kinds import LIGHTS
 from ..pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
 from ..pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
 from ..pipeline.texture_sampling import Textures
 from ..pipeline.transform import make_screen
-from ..scene.lights import AmbientLight, AreaLight
-from .error_bounds import (
-    DOUBLE,
-    EXPONENTS,
-    SINGLE,
-    WRITTEN,
-    Reflected,
-    Surroundings,
-    find_most,
-    find_reflected,
-    frame_error,
-    lighting_error,
-)
-from .intensity_bounds import common_color, common_tint, has_highlight, kind_of, model_of
+from . import light_table, reflection_table
+from .error_bounds import WRITTEN, Surroundings, frame_error, lighting_error
+from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
+from .rounding import DOUBLE, SINGLE
 from .spectral_products import Products, multiply_spectra
+from .tint import common_color, common_tint
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
@@ -104,8 +94,8 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
     tint = tint if cue is None or tint is None else common_tint(tint, cue.color)
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         most_albedo = albedo.max(initial=1.0) * brightest_texel(materials)
-        reflected = find_reflected(materials, lights, ambient, most_albedo, products)
-    most = find_most(lights, clearances)
+        reflected = compute_reflected(materials, lights, ambient, most_albedo, products)
+    most = compute_amplifications(lights, clearances)
     greatest = reflected.amplified(most)
     fades_to = max(cue.color) if cue is not None else 0.0
     bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
@@ -113,21 +103,19 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
     # Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners;
     # or the rest on intensities between them.
     rounding = lighting_error(greatest, SINGLE) + WRITTEN * SINGLE * (behind + bound)
-    has_shadows = any(light.shadow is not None for light in lights)
-    # Next to a step no error is small: the levels of a toon, the edges of shadows and of texels.
-    is_stepped = has_shadows or is_textured or any(material.reflection == "toon" for material in materials)
-    # And none has a bound where a tangent nearly stands upright on the surface.
-    # Depth cueing reads depths from exact records.
-    is_stepped = is_stepped or any(material.is_anisotropic for material in materials) or cue is not None
-    is_steep = any(m.shininess < 1.0 and has_highlight(m) and model_of(m) in EXPONENTS for m in materials)
+    has_shadows = any(light_table.shadow_of(light) is not None for light in lights)
+    # Next to a step no error is small: the edges of shadows and of texels; reflection models say themselves where they
+    # have some. Depth cueing reads depths from exact records.
+    is_stepped = has_shadows or is_textured or cue is not None
+    is_stepped = is_stepped or any(reflection_table.entry_of(m).needs_float64(m) for m in materials)
     is_single = options.tolerance > 0 and rounding <= options.tolerance / 2 and are_single(lights)
-    is_single = is_single and not (is_precise or is_stepped or is_steep or products)
+    is_single = is_single and not (is_precise or is_stepped or products)
     dtype = np.dtype(np.float32 if is_single else np.float64)
     is_lit_per_sample = options.shading == "phong"
     is_opaque = all(material.is_opaque for material in materials)
     coding, normal_limit = EXACT, 0.0
     if is_lit_per_sample and is_single and is_opaque:
-        normal_limit = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * max(greatest.turned, 1e-30))
+        normal_limit = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * max(greatest.turn_slope, 1e-30))
         coding = NORMAL_PLANES if normal_limit > 3.0 else EXACT
     elif is_single and is_opaque and np.isfinite(bound):
         coding = IN_WORDS if tint is not None else IN_PLANES
@@ -168,9 +156,8 @@ def make_cue(cue, n_channel) -> Cue:
 
 def list_parts(scene):
     """The ambient lights, the others (those of an area light one by one), and the different materials."""
-    ambient = tuple(light for light in scene.lights if isinstance(light, AmbientLight))
-    others = [light for light in scene.lights if not isinstance(light, AmbientLight)]
-    lights = tuple(part for light in others for part in (light.cells() if isinstance(light, AreaLight) else (light,)))
+    ambient = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
+    lights = tuple(part for light in scene.lights for part in light_table.entry_of(light).expand(light))
     return ambient, lights, number_materials(scene.meshes)[0]
 
 
@@ -232,10 +219,9 @@ def check_brightness(bound) -> None:
 
 
 def are_single(lights) -> bool:
-    """Tell whether the numbers of lights have a place in float32, and their products with squares of lengths, too."""
-    numbers = [number for light in lights for number in getattr(light, "attenuation", ()) if number > 0.0]
-    numbers += [light.range for light in lights if getattr(light, "range", None) is not None]
-    return all(SMALL <= number <= LARGE for number in numbers)
+    """Tell whether the coefficients of lights keep their digits in float32, and their products with squares of lengths,
+    too."""
+    return all(SMALL <= length <= LARGE for light in lights for length in light_table.entry_of(light).lengths(light))
 
 
 def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
@@ -248,7 +234,7 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
     lengths = [surroundings.furthest, *with_places]
     if not all(SMALL <= length <= LARGE for length in lengths):
         return False
-    if (find_most(plan.lights, surroundings.clearances) > plan.most).any():
+    if (compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any():
         return False
     # Nothing is kept back here: where a normal vanishes or a light lies on a surface, float64 is right.
     if surroundings.is_lit_per_sample and surroundings.shortest <= 0.0:
@@ -259,7 +245,7 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
 def rounding_of(plan: Plan, surroundings: Surroundings) -> float:
     """What rounding may add to an intensity in one view, in the plan's type, and in the float32 of the picture."""
     u = SINGLE if plan.dtype == np.float32 else DOUBLE
-    reflected = plan.reflected.amplified(find_most(plan.lights, surroundings.kept().clearances))
+    reflected = plan.reflected.amplified(compute_amplifications(plan.lights, surroundings.kept().clearances))
     written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bound)
     return frame_error(reflected, surroundings, u) + written
 
@@ -297,7 +283,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         normal_limit=plan.normal_limit,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
         needs_distance=plan.coding == NORMAL_PLANES
-        and any(LIGHTS[kind_of(light)].needs_position for light in plan.lights),
+        and any(light_table.entry_of(light).function(light).needs_position for light in plan.lights),
         inv_w_offset=inv_w_offset,
         inv_w_scale=inv_w_scale,
         depth_offset=depth_offset,
