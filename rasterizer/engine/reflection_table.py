@@ -63,9 +63,9 @@ class ReflectionEntry:
         """Tell whether the material has a highlight."""
         return max(material.specular) > 0 and self.model(material).has_highlight
 
-    def needs_float64(self, material: Any) -> bool:
-        """Tell whether errors have no small bound, or none but next to steps, so that float32 won't do."""
-        return False
+    def reason_for_float64(self, material: Any) -> str:
+        """Return why float32 won't do, in a few words; empty where it does."""
+        return ""
 
     def highlight_scale(self, material: Any) -> float:
         """Return the factor of a normalised highlight, beside N·L; 0 for a classic one."""
@@ -149,9 +149,9 @@ class PowerEntry(ReflectionEntry):
         """Return the function of the power, with its weights where it has some."""
         return pipeline.REFLECTIONS[self.name(material)]
 
-    def needs_float64(self, material: Any) -> bool:
+    def reason_for_float64(self, material: Any) -> str:
         """h^n with n < 1 is steep without limit at h = 0."""
-        return material.shininess < 1.0
+        return "an exponent below 1" if material.shininess < 1.0 else ""
 
     def brightest_highlight(self, material: Any) -> float:
         """Return the scale, at least 1: h <= 1, W <= 1, also of an F0 with a colour, because F0 <= 1."""
@@ -213,9 +213,8 @@ class BlinnEntry(PowerEntry):
         return (13.0 + 20.0 / LEAST_SUM[u]) * u
 
     def highlight_scale(self, material: Any) -> float:
-        """Return (n + 2)(n + 4)/(8 (2^(-n/2) + n)). Source: Giesen 2009, Phong Normalization Factor derivation."""
-        n = material.shininess
-        return (n + 2) * (n + 4) / (8 * (2 ** (-n / 2) + n)) if material.normalized else 0.0
+        """Return the factor of Blinn's highlight."""
+        return blinn_scale(material)
 
     def highlight_steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """Add that of the half vector, which a normalised highlight hides behind N·L = 0."""
@@ -237,9 +236,9 @@ class CookTorranceEntry(ReflectionEntry):
             return pipeline.REFLECTIONS["anisotropic ggx" if material.tangent == "u" else "anisotropic ggx by axis"]
         return pipeline.REFLECTIONS[material.distribution]
 
-    def needs_float64(self, material: Any) -> bool:
+    def reason_for_float64(self, material: Any) -> str:
         """Where the tangent nearly stands upright on the surface its projection has no bound."""
-        return material.is_anisotropic
+        return "brushed materials" if material.is_anisotropic else ""
 
     def brightest_highlight(self, material: Any) -> float:
         """Return the largest π D G / (4 N·V).
@@ -281,13 +280,14 @@ class ToonEntry(ReflectionEntry):
         """Return the function of the levels."""
         return pipeline.REFLECTIONS["toon"]
 
-    def needs_float64(self, material: Any) -> bool:
+    def reason_for_float64(self, material: Any) -> str:
         """Next to a step no error is small."""
-        return True
+        return "toon levels"
 
     def brightest_highlight(self, material: Any) -> float:
-        """A highlight is there, or it isn't."""
-        return 1.0
+        """A highlight is 1 or 0. The factor of a normalised one, which this model doesn't apply, makes the bound larger
+        than it need be where a material has both."""
+        return max(blinn_scale(material), 1.0)
 
     def diffuse_steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """Every level ends with a step, the highlight too."""
@@ -342,6 +342,15 @@ def first_fresnel(material: Any) -> float:
     if material.fresnel is None:
         return entry_of(material).default_fresnel
     return 1.0 if isinstance(material.fresnel, tuple) else material.fresnel
+
+
+def blinn_scale(material: Any) -> float:
+    """Return the factor (n + 2)(n + 4)/(8 (2^(-n/2) + n)) of a normalised highlight, 0 for a classic one.
+
+    Source: Giesen 2009, Phong Normalization Factor derivation.
+    """
+    n = material.shininess
+    return (n + 2) * (n + 4) / (8 * (2 ** (-n / 2) + n)) if material.normalized else 0.0
 
 
 def power_slope(exponent: float) -> float:
