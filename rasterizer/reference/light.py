@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rasterizer.reference.creases import corner_normals
 from rasterizer.reference.lamp import place_lamps, shine
 from rasterizer.reference.polygons import Rings, about_centers, even_colors
 from rasterizer.reference.reflection import GRAZING, reflect
@@ -30,7 +31,6 @@ from rasterizer.scene.camera import Projection, View
 from rasterizer.scene.depth_cue import DepthCue
 from rasterizer.scene.lights import AmbientLight
 from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.normals import split_creases
 from rasterizer.scene.scene import Scene
 from rasterizer.scene.spectrum import rgb_of, samples_of
 
@@ -147,8 +147,7 @@ def _corner_normals(mesh: Mesh) -> np.ndarray:
         return mesh.normals if mesh.normals.ndim == 3 else mesh.normals[mesh.faces]
     crease_angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
     smoothing = mesh.smoothing if mesh.crease_angle is None else None
-    split = split_creases(mesh.vertices, mesh.faces, crease_angle, mesh.weighting, smoothing)
-    return split.normals[split.faces]
+    return corner_normals(mesh.vertices, mesh.faces, crease_angle, mesh.weighting, smoothing)
 
 
 def _corner_albedo(mesh: Mesh) -> np.ndarray:
