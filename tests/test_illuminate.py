@@ -7,6 +7,7 @@ from pinhole import octasphere
 import rasterizer as rz
 from rasterizer.errors import SceneError
 from rasterizer.reference import light as reference_light
+from rasterizer.reference.surface import gather
 from rasterizer.scene.geometry import gather_geometry
 
 UP = (0.0, 0.0, 1.0)
@@ -61,9 +62,9 @@ def judged(points, normals, material, camera, spectral=None):
     """The same by the judge."""
     corners, faces = octasphere(0)
     scene = rz.Scene([rz.Mesh(corners, faces, material=material)], LIGHTS, camera)
-    surface = reference_light.gather(scene)
-    stage = reference_light.set_stage(scene, surface, camera.view(), camera.projection((4, 3)), "phong", spectral)
-    return sum(reference_light.light_points(points, normals, np.zeros(len(points), int), stage))
+    surface = gather(scene)
+    lighting = reference_light.make_lighting(scene, surface, camera.view(), camera.projection((4, 3)), "phong", spectral)
+    return sum(reference_light.light_points(points, normals, np.zeros(len(points), int), lighting))
 
 
 @pytest.mark.parametrize("spectral", [None, 40])
