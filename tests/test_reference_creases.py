@@ -1,4 +1,5 @@
-"""The reference's own creases and polygons against those of the fast way, on seeded meshes that are broken in every way."""
+"""The reference's own creases and polygons against those of the fast way, on seeded meshes that are broken in every
+way."""
 
 import subprocess
 import sys
@@ -6,10 +7,10 @@ import sys
 import numpy as np
 import pytest
 
+from rasterizer.geometry.normals import split_creases
+from rasterizer.geometry.polygons import cut_polygons, find_rings, look_at
 from rasterizer.reference.creases import corner_normals
 from rasterizer.reference.polygons import are_convex, find_fans
-from rasterizer.scene.normals import split_creases
-from rasterizer.scene.polygons import cut_polygons, find_rings, look_at
 
 WEIGHTINGS = ("angle", "area", "uniform")
 ANGLES = (0, 20, 30, 45, 60, 89.999, 90, 120, 180)
@@ -29,9 +30,12 @@ def check(vertices, faces, angle, weighting="angle", smoothing=None):
 
 
 def broken_mesh(rng):
-    """Few vertices and many faces: open, non-manifold, wound against each other, doubled and without area, all at once."""
+    """Few vertices and many faces: open, non-manifold, wound against each other, doubled and without area, all at
+    once."""
     n_vertex = int(rng.integers(3, 12))
-    vertices = rng.integers(-2, 3, (n_vertex, 3)).astype(float) if rng.random() < 0.5 else rng.uniform(-1, 1, (n_vertex, 3))
+    vertices = (
+        rng.integers(-2, 3, (n_vertex, 3)).astype(float) if rng.random() < 0.5 else rng.uniform(-1, 1, (n_vertex, 3))
+    )
     faces = rng.integers(0, n_vertex, (int(rng.integers(1, 30)), 3))
     return vertices * 10.0 ** rng.integers(-6, 7), faces
 
@@ -88,7 +92,8 @@ def edge_of(n_face, is_reversed):
 @pytest.mark.parametrize("n_face", [2, 3, 4, 7, 63, 64, 65, 200])
 @pytest.mark.parametrize("angle", [0, 30, 90, 180])
 def test_both_ways_agree_about_edges_of_many_faces(n_face, angle):
-    """Up to 64 faces all pairs are tried; more are no part of a surface. What contradicts itself takes the first link."""
+    """Up to 64 faces all pairs are tried; more are no part of a surface. What contradicts itself takes the first
+    link."""
     is_reversed = np.random.default_rng(n_face).random(n_face) < 0.4
     check(*edge_of(n_face, is_reversed), angle)
 
@@ -134,14 +139,17 @@ def own_loops(faces, polygon, points):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_both_ways_find_the_same_convex_polygons(seed):
-    """Convex, bent, concave and crossing polygons, some turned round, some torn apart, some with triangles out of order."""
+    """Convex, bent, concave and crossing polygons, some turned round, some torn apart, some with triangles out of
+    order."""
     rng = np.random.default_rng(seed)
     points, corners, counts = [], [], []
     for _ in range(60):
         k = int(rng.integers(3, 9))
         angle = np.sort(rng.uniform(0, 2 * np.pi, k))
         radius = rng.uniform(0.3, 1.0, k) if rng.random() < 0.4 else 1.0
-        shape = np.stack([radius * np.cos(angle), radius * np.sin(angle), rng.choice([0.0, 0.1]) * rng.normal(size=k)], axis=1)
+        shape = np.stack(
+            [radius * np.cos(angle), radius * np.sin(angle), rng.choice([0.0, 0.1]) * rng.normal(size=k)], axis=1
+        )
         if rng.random() < 0.3:  # a corner on a straight line, but for its rounding
             shape[1] = shape[0] + rng.uniform(0.2, 0.8) * (shape[2] - shape[0])
         shape = shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.uniform(-5, 5, 3)
@@ -171,7 +179,9 @@ def test_both_ways_call_the_same_polygons_convex():
         angle = np.sort(rng.uniform(0, 2 * np.pi, k)) * rng.choice([1, 1, 2])
         shape = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1) * rng.choice([1.0, 1e-6, 1e6])
         shape[k // 2] = (shape[k // 2 - 1] + shape[(k // 2 + 1) % k]) / 2
-        shape = np.round(shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.uniform(-1, 1, 3), int(rng.choice([1, 6, 16])))
+        shape = np.round(
+            shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.uniform(-1, 1, 3), int(rng.choice([1, 6, 16]))
+        )
         expected = look_at(shape[:, None])[0][0]
         n_convex += expected
         assert are_convex(shape[None])[0] == expected, shape.tolist()
@@ -186,7 +196,7 @@ def test_both_ways_call_the_same_polygons_convex():
 def test_the_reference_loads_nothing_that_is_compiled():
     code = (
         "import sys, rasterizer.reference\n"
-        "bad = ('numba', 'llvmlite', 'rasterizer.pipeline', 'rasterizer.engine', 'rasterizer.geometry', 'rasterizer._kernel')\n"
+        "bad = ('numba', 'llvmlite', 'rasterizer.pipeline', 'rasterizer.engine', 'rasterizer.geometry', 'rasterizer.compiler.kernels')\n"
         "print(sorted(name for name in sys.modules if name.startswith(bad)))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

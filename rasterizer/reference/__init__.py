@@ -1,7 +1,7 @@
 """The reference: the same pictures in plain numpy float64 and Python integers, slowly, by code of its own.
 
-It shares with the fast way the scene as it is loaded and checked, and with it the triangles that concave polygons are cut into;
-nothing that is compiled. The modules in the order of a polygon's way:
+It shares with the fast way the scene as it is loaded and checked, and with it the triangles that concave polygons are
+cut into; nothing that is compiled. The modules in the order of a polygon's way:
 
     surface      the faces of a scene, corner by corner        creases, polygons, tangents    what their corners carry
     clip         near plane, limits of the screen
@@ -15,7 +15,7 @@ nothing that is compiled. The modules in the order of a polygon's way:
 vectors holds the vector algebra of all of them.
 """
 
-from rasterizer.reference.cover import coverage
-from rasterizer.reference.picture import Picture, render
+from .cover import coverage
+from .picture import Picture, render
 
 __all__ = ["Picture", "coverage", "render"]

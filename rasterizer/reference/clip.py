@@ -1,7 +1,8 @@
 """The frame of the eye: faces of the world are brought there, and cut where they leave what is seen.
 
-In: the corners of the faces, world space. Out: `Pieces`, triangles in the eye's frame: right, up, depth along the viewing axis.
-A piece of a face that is cut says only what is covered; depth and weights come from the whole face, see `Pieces.corners`.
+In: the corners of the faces, world space. Out: `Pieces`, triangles in the eye's frame: right, up, depth along the
+viewing axis. A piece of a face that is cut says only what is covered; depth and weights come from the whole face, see
+`Pieces.corners`.
 """
 
 from typing import NamedTuple
@@ -9,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.errors import SceneError
-from rasterizer.reference.vectors import dot
-from rasterizer.scene.camera import Projection, View
+from ..errors import SceneError
+from ..scene.camera import Projection, View
+from .vectors import dot
 
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
@@ -56,8 +57,8 @@ def choose_range(
 ) -> Range:
     """Fit near and far to the depths of the corners where they are not given.
 
-    With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of `deepest` (None = the deepest corner), or
-    of the far plane if that is given and nearer.
+    With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of `deepest` (None = the deepest
+    corner), or of the far plane if that is given and nearer.
     """
     depth = depth[np.isfinite(depth)]
     deepest = depth.max(initial=-np.inf) if deepest is None else deepest
@@ -75,8 +76,8 @@ def choose_range(
 def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_rounded: bool = True) -> Pieces:
     """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
 
-    Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid then decides
-    what is covered, and nothing else.
+    Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid
+    then decides what is covered, and nothing else.
     """
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
     planes: list[Plane] = [(0.0, 0.0, 1.0, -depths.near)]
@@ -101,7 +102,13 @@ def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_ro
     source = source[order]
     corners = triangles[source]
     if not is_rounded:
-        return Pieces(face[source], np.concatenate(fans)[order], np.ones(len(source), bool), corners, np.concatenate(ranges)[order])
+        return Pieces(
+            face[source],
+            np.concatenate(fans)[order],
+            np.ones(len(source), bool),
+            corners,
+            np.concatenate(ranges)[order],
+        )
     is_on_grid = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
     for plane in _screen_planes(projection):
         is_on_grid &= (_plane_distance(corners, plane) >= 0).all(axis=1)
@@ -119,7 +126,10 @@ def snap(position: NDArray, projection: Projection) -> NDArray[np.int64]:
 
 def rays(x_px: NDArray, y_px: NDArray, projection: Projection) -> NDArray[np.float64]:
     """Return the points (..., 3) of the eye's frame at depth 1 that are seen at x_px, y_px (...), in px."""
-    across, upward = (x_px - projection.center_x) / projection.scale_x, (projection.center_y - y_px) / projection.scale_y
+    across, upward = (
+        (x_px - projection.center_x) / projection.scale_x,
+        (projection.center_y - y_px) / projection.scale_y,
+    )
     return np.stack([across, upward, np.ones_like(across)], axis=-1)
 
 

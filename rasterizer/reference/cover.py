@@ -11,8 +11,8 @@ Screen coordinates are integers in 1/256 px, x to the right, y down; row 0 is th
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rasterizer.errors import SceneError
-from rasterizer.reference.clip import SNAP_LIMIT, SUBPIXELS
+from ..errors import SceneError
+from .clip import SNAP_LIMIT, SUBPIXELS
 
 
 def coverage(triangle: ArrayLike, width: int, height: int) -> NDArray[np.bool_]:

@@ -1,16 +1,19 @@
-"""The normals of corners, averaged over the faces round a vertex up to the creases, in plain numpy float64 and Python integers.
+"""The normals of corners, averaged over the faces round a vertex up to the creases, in plain numpy float64 and Python
+integers.
 
-In: vertices and triangles. Out: one unit normal for each corner of each triangle. Everything is computed from the definition:
+In: vertices and triangles. Out: one unit normal for each corner of each triangle. Everything is computed from the
+definition:
 
       after            A *corner* is one vertex of one face, numbered 3·face + k. Two corners at a vertex have an edge in common
       /  \\             where both faces go from that vertex to the same other one. They are wound alike where one of them leaves
      / A  \\            the vertex along the edge (here → after) and the other comes back along it (before → here).
  before - here
 
-Two corners with a common edge are joined where their faces meet at no more than the crease angle. Joined corners form groups. The
-corners of a group share the mean of their normals. Where faces are wound against each other, one of the normals is turned for
-the comparison and for the mean, and turned back for its own corners.
-Sources: Gouraud 1971, IEEE Trans. Computers C-20(6), 623-629; weights by angle: Thürmer & Wüthrich 1998, J. Graphics Tools 3(1).
+Two corners with a common edge are joined where their faces meet at no more than the crease angle. Joined corners form
+groups. The corners of a group share the mean of their normals. Where faces are wound against each other, one of the
+normals is turned for the comparison and for the mean, and turned back for its own corners.
+Sources: Gouraud 1971, IEEE Trans. Computers C-20(6), 623-629; weights by angle: Thürmer & Wüthrich 1998, J. Graphics
+Tools 3(1).
 """
 
 from typing import NamedTuple
@@ -18,17 +21,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rasterizer.reference.vectors import dot, length
+from .vectors import dot, length
 
-# Coordinates with six decimals tilt the faces of a cylinder with 12 sides by up to 2.2e-4 degrees against each other. Twice that is
-# no difference between the angle at which two faces meet and the crease angle.
+# Coordinates with six decimals tilt the faces of a cylinder with 12 sides by up to 2.2e-4 degrees against each other.
+# Twice that is no difference between the angle at which two faces meet and the crease angle.
 ANGLE_SLACK = 5e-4  # degrees
 MOST_AT_EDGE = 64  # faces at one edge: an edge of more is no part of a surface, and joins nothing
-# A cross product a × b of rounded differences is wrong by up to 5.3·2^-53 |a||b|: each product carries three roundings, and the
-# difference one more. A triangle whose doubled area is below 8·2^-53 |a||b| has no area.
+# A cross product a × b of rounded differences is wrong by up to 5.3·2^-53 |a||b|: each product carries three roundings,
+# and the difference one more. A triangle whose doubled area is below 8·2^-53 |a||b| has no area.
 NO_AREA = 2.0**-50
-# A sum of normals that is shorter than this part of its weights has cancelled. Its direction would show how single-precision
-# coordinates (2^-24) were rounded.
+# A sum of normals that is shorter than this part of its weights has cancelled. Its direction would show how
+# single-precision coordinates (2^-24) were rounded.
 CANCELLED = 2.0**-20
 
 
@@ -43,7 +46,11 @@ class Corners(NamedTuple):
 
 
 def corner_normals(
-    vertices: ArrayLike, faces: ArrayLike, crease_angle: float, weighting: str = "angle", smoothing: ArrayLike | None = None
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    crease_angle: float,
+    weighting: str = "angle",
+    smoothing: ArrayLike | None = None,
 ) -> NDArray[np.float64]:
     """Average the normals of the faces round each vertex, up to the creases.
 
@@ -57,8 +64,9 @@ def corner_normals(
 
     Returns
     -------
-    (n_face, 3, 3) float64, unit length. A corner keeps its own face's normal where the sum of its group's normals cancels. The
-    corners of a face without area get the normal of the first other corner at their vertex, or 0 where there is none.
+    (n_face, 3, 3) float64, unit length. A corner keeps its own face's normal where the sum of its group's normals
+    cancels. The corners of a face without area get the normal of the first other corner at their vertex, or 0 where
+    there is none.
     """
     corners = _measure_corners(np.asarray(vertices, np.float64), np.asarray(faces, np.int64), weighting)
     first, second, sign = _list_common_edges(corners)
@@ -75,7 +83,8 @@ def corner_normals(
 def _measure_corners(vertices: NDArray, faces: NDArray, weighting: str) -> Corners:
     """Compute each corner's face normal and weight.
 
-    The area vector is the cross product of the two shorter edges. They enclose the largest angle, so least is lost to rounding.
+    The area vector is the cross product of the two shorter edges. They enclose the largest angle, so least is lost to
+    rounding.
     """
     edges = vertices[np.roll(faces, -1, axis=1)] - vertices[faces]  # edge k leaves corner k
     with np.errstate(all="ignore"):  # coordinates beyond 1e75: their faces count as without area
@@ -97,7 +106,8 @@ def _measure_corners(vertices: NDArray, faces: NDArray, weighting: str) -> Corne
 
 
 def _list_common_edges(corners: Corners) -> tuple[NDArray, NDArray, NDArray]:
-    """List the pairs of corners that have an edge in common: two corners (n,), and 1 where they are wound alike, else -1.
+    """List the pairs of corners that have an edge in common: two corners (n,), and 1 where they are wound alike, else
+    -1.
 
     Pairs stand in the order of their vertex, then of the edge's other vertex, then of both corners.
     """
@@ -123,14 +133,17 @@ def _list_common_edges(corners: Corners) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def _angle_between(a: NDArray, b: NDArray, sign: NDArray) -> NDArray[np.float64]:
-    """Return the angles (n,) in degrees between unit vectors a and sign·b, (n, 3); exact for small ones and for those near 180."""
+    """Return the angles (n,) in degrees between unit vectors a and sign·b, (n, 3); exact for small ones and for those
+    near 180."""
     return np.degrees(np.arctan2(length(np.cross(a, b))[:, 0], sign * dot(a, b)))
 
 
 def _join(n_corner: int, first: NDArray, second: NDArray, sign: NDArray) -> tuple[NDArray, NDArray]:
-    """Join corners pair by pair; return the group of each corner (n_corner,), and the side of the group's faces it is on, 1 or -1.
+    """Join corners pair by pair; return the group of each corner (n_corner,), and the side of the group's faces it is
+    on, 1 or -1.
 
-    Where pairs contradict each other, as round a Möbius strip, those that come first count. The smaller group joins the larger.
+    Where pairs contradict each other, as round a Möbius strip, those that come first count. The smaller group joins the
+    larger.
     """
     group, side = list(range(n_corner)), [1] * n_corner
     members = [[corner] for corner in range(n_corner)]

@@ -4,17 +4,16 @@ In: the lights of a scene. Out: `Lamp`s, each of which shines from one point or 
 """
 
 from collections.abc import Callable, Iterable
-
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.errors import SceneError
-from rasterizer.reference.reflection import GRAZING
-from rasterizer.reference.vectors import dot, length, unit
-from rasterizer.scene.camera import View
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, Light, PointLight, SpotLight
+from ..errors import SceneError
+from ..scene.camera import View
+from ..scene.lights import AmbientLight, AreaLight, DirectionalLight, Light, PointLight, SpotLight
+from .reflection import GRAZING
+from .vectors import dot, length, unit
 
 
 class Lamp(NamedTuple):
@@ -58,7 +57,9 @@ def place_lamps(lights: Iterable[Light], view: View, channels_of: Callable[[obje
             m, n = light.resolution
             share = channels_of(light.color) / (m * n)
             for s, t in np.ndindex(m, n):
-                lamps.append(Lamp(light, share, np.zeros(3), origin + corner + u * (s + 0.5) / m + v * (t + 0.5) / n, index))
+                lamps.append(
+                    Lamp(light, share, np.zeros(3), origin + corner + u * (s + 0.5) / m + v * (t + 0.5) / n, index)
+                )
         elif isinstance(light, DirectionalLight):
             lamps.append(Lamp(light, channels_of(light.color), np.array(light.direction) @ axes, None, index))
         else:
@@ -68,7 +69,8 @@ def place_lamps(lights: Iterable[Light], view: View, channels_of: Callable[[obje
 
 
 def shine(lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and its weakened colour, (n, n_channel) or (n_channel,)."""
+    """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and its weakened colour, (n, n_channel) or
+    (n_channel,)."""
     light_dirs, attenuation = attenuate(lamp, points)
     return light_dirs, lamp.color if attenuation is None else lamp.color * attenuation
 

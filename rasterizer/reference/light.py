@@ -1,14 +1,15 @@
 """The illumination equation, in plain numpy float64 and in world space.
 
-In: points with normals and materials, and the lights of a scene (`Lighting`). Out: the linear light that goes to the viewer.
+In: points with normals and materials, and the lights of a scene (`Lighting`). Out: the linear light that goes to the
+viewer.
 
     materials    what surfaces reflect               shadow       whether the light arrives
     lamp         what arrives from a light           reflection   what goes on to the viewer
 
-Light is split in two. The *diffuse* part, ambient and diffuse reflection, is multiplied by the surface's colour. The *specular*
-part, highlights and emission, is not: intensity = texel·diffuse + specular, with the texel of the very sample in all methods of
-shading. With spectra the equation is evaluated for each wavelength; both parts then become RGB, and vertex colours and textures,
-which are RGB and no spectra, multiply the diffuse part's RGB.
+Light is split in two. The *diffuse* part, ambient and diffuse reflection, is multiplied by the surface's colour. The
+*specular* part, highlights and emission, is not: intensity = texel·diffuse + specular, with the texel of the very
+sample in all methods of shading. With spectra the equation is evaluated for each wavelength; both parts then become
+RGB, and vertex colours and textures, which are RGB and no spectra, multiply the diffuse part's RGB.
 
 Letters: N normal, L to the light, V to the viewer.
 """
@@ -19,18 +20,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.reference.lamp import Lamp, attenuate, place_lamps
-from rasterizer.reference.materials import channels_of, count_waves, palette_of, read_materials
-from rasterizer.reference.reflection import reflect
-from rasterizer.reference.shadow import Casters, gather_casters, reaches
-from rasterizer.reference.surface import Surface
-from rasterizer.reference.vectors import dot, unit
-from rasterizer.scene.camera import Projection, View
-from rasterizer.scene.depth_cue import DepthCue
-from rasterizer.scene.lights import AmbientLight, Light
-from rasterizer.scene.scene import Scene
-from rasterizer.scene.spectrum import rgb_of
-from rasterizer.scene.texture import Texture
+from ..scene.camera import Projection, View
+from ..scene.depth_cue import DepthCue
+from ..scene.lights import AmbientLight, Light
+from ..scene.scene import Scene
+from ..scene.spectrum import rgb_of
+from ..scene.texture import Texture
+from .lamp import Lamp, attenuate, place_lamps
+from .materials import channels_of, count_waves, palette_of, read_materials
+from .reflection import reflect
+from .shadow import Casters, gather_casters, reaches
+from .surface import Surface
+from .vectors import dot, unit
 
 
 class Lighting(NamedTuple):
@@ -68,9 +69,16 @@ class Contribution(NamedTuple):
 
 
 def make_lighting(
-    scene: Scene, surface: Surface, view: View, projection: Projection, shading: str, spectral: int | None, exposure: float = 0.0
+    scene: Scene,
+    surface: Surface,
+    view: View,
+    projection: Projection,
+    shading: str,
+    spectral: int | None,
+    exposure: float = 0.0,
 ) -> Lighting:
-    """Gather what lighting needs, for one grid of samples; `spectral` is the number of wavelengths asked for, or None."""
+    """Gather what lighting needs, for one grid of samples; `spectral` is the number of wavelengths asked for, or
+    None."""
     palette = palette_of(scene)
     n_wave = count_waves(scene, spectral)
     textures = tuple(material.texture for material in palette)
@@ -82,7 +90,9 @@ def make_lighting(
     if all(texture is None for texture in textures):
         textures = ()
     table = read_materials(scene, n_wave)
-    return Lighting(view, projection, table, scene.lights, shading, textures, casters, n_wave, scene.depth_cue, exposure)
+    return Lighting(
+        view, projection, table, scene.lights, shading, textures, casters, n_wave, scene.depth_cue, exposure
+    )
 
 
 def light_points(
@@ -91,8 +101,9 @@ def light_points(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:  # fmt: skip
     """Evaluate the illumination equation.
 
-    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a kd D + ks F), per channel, with D and F as `reflect` computes
-    them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's colour; S is 0 in shadow, else 1.
+    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a kd D + ks F), per channel, with D and F as `reflect`
+    computes them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's colour; S is 0 in
+    shadow, else 1.
 
     Parameters
     ----------

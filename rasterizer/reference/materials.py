@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.scene.material import Material
-from rasterizer.scene.scene import Scene
-from rasterizer.scene.spectrum import samples_of
+from ..scene.material import Material
+from ..scene.scene import Scene
+from ..scene.spectrum import samples_of
 
 N_WAVE = 81  # samples of the spectrum where a scene has spectra and nobody chose
 
@@ -32,7 +32,9 @@ def read_materials(scene: Scene, n_wave: int | None = None) -> NDArray:
     (n_material,) records; colours have `n_wave` values, or three where that is None
     """
     palette = palette_of(scene)
-    colors = [(name, np.float64, 3 if n_wave is None else n_wave) for name in ("ambient", "diffuse", "specular", "emissive")]
+    colors = [
+        (name, np.float64, 3 if n_wave is None else n_wave) for name in ("ambient", "diffuse", "specular", "emissive")
+    ]
     colors += [("fresnel", *colors[0][1:])]
     numbers = [(name, np.float64) for name in ("shininess", "levels", "opacity")]
     words = [("reflection", "U16"), ("distribution", "U16"), ("normalized", bool)]

@@ -12,17 +12,17 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.errors import SceneError
-from rasterizer.options import COLOR_RANGES, CULLS, SAMPLES, SHADINGS, Options
-from rasterizer.reference.clip import choose_range, clip_to_view, furthest_depth, snap, to_eye
-from rasterizer.reference.cover import doubled_area
-from rasterizer.reference.light import Lighting, make_lighting
-from rasterizer.reference.shading import light_samples
-from rasterizer.reference.surface import Surface, compute_sides, gather
-from rasterizer.reference.visibility import NOTHING, Raster, find_visible, gather_fragments
-from rasterizer.scene.camera import Camera
-from rasterizer.scene.color import linear_rgb, srgb_from_linear
-from rasterizer.scene.scene import Scene
+from ..errors import SceneError
+from ..options import COLOR_RANGES, CULLS, SAMPLES, SHADINGS, Options
+from ..scene.camera import Camera
+from ..scene.color import linear_rgb, srgb_from_linear
+from ..scene.scene import Scene
+from .clip import choose_range, clip_to_view, furthest_depth, snap, to_eye
+from .cover import doubled_area
+from .light import Lighting, make_lighting
+from .shading import light_samples
+from .surface import Surface, compute_sides, gather
+from .visibility import NOTHING, Raster, find_visible, gather_fragments
 
 ShadingName = Literal["flat", "lambert", "gouraud", "phong"]
 CullName = Literal["none", "back"]
@@ -32,15 +32,17 @@ ColorRangeName = Literal["clamp", "global", "local"]
 class Picture(NamedTuple):
     """A rendered picture. Depth, face, normal and margin are those of the pixel centres.
 
-    The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have margins
-    too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins are
-    brought to the depth of the nearest surface: as many steps there.
+    The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have
+    margins too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins
+    are brought to the depth of the nearest surface: as many steps there.
     """
 
     color: NDArray[np.float64]  # (h, w, 3) linear, not clamped, not premultiplied
     alpha: NDArray[np.float64]  # (h, w)
     rgb: NDArray[np.uint8]  # (h, w, 3) sRGB
-    depth: NDArray[np.float64]  # (h, w) scene units along the viewing axis, inf where nothing is; of the nearest surface
+    depth: NDArray[
+        np.float64
+    ]  # (h, w) scene units along the viewing axis, inf where nothing is; of the nearest surface
     face: NDArray[np.int32]  # (h, w) index into the faces as loaded, -1 where nothing is; of the nearest surface
     normal: NDArray[np.float64]  # (h, w, 3) unit, towards the viewer, 0 where nothing is; of the nearest surface
     margin: NDArray[np.float64]  # (h, w) how much deeper the runner-up lies, inf where there is none
@@ -99,9 +101,10 @@ def render(
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
     exposure : stops by which all light is multiplied, 2^exposure; not the background
     spectral : samples of 380..780 nm, or None: 81 where a light or material has a spectrum, else RGB alone
-    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as in the fast
-        way; False takes them from the polygons as they are, of which a sample at the very edge sees the nearest point, and leaves
-        the rounding to what is covered. The difference of both pictures is what the rounding of vertices does to colours
+    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as
+        in the fast way; False takes them from the polygons as they are, of which a sample at the very edge sees the
+        nearest point, and leaves the rounding to what is covered. The difference of both pictures is what the rounding
+        of vertices does to colours
 
     Returns
     -------
@@ -114,7 +117,9 @@ def render(
     _check_options(shading, samples, cull, color_range)
     Options(exposure=exposure, spectral=spectral)  # refuses what isn't legal
     limits = near, far
-    look = look_at(scene, size, shading, cull=cull, limits=limits, exposure=exposure, spectral=spectral, is_rounded=rounded)
+    look = look_at(
+        scene, size, shading, cull=cull, limits=limits, exposure=exposure, spectral=spectral, is_rounded=rounded
+    )
     per_axis = round(samples**0.5)
     centres = _draw(look, 1)
     fine = _draw(look, per_axis) if per_axis > 1 else centres
@@ -126,7 +131,9 @@ def render(
 def look_at(scene: Scene, size, shading: str, *, cull, limits, exposure, spectral, is_rounded=True) -> Look:
     """Gather what a picture is made from; parameters are those of `render`, `limits` its near and far."""
     camera = scene.camera_for(size)
-    near, far = (given if limit is None else limit for limit, given in zip(limits, (camera.near, camera.far), strict=True))
+    near, far = (
+        given if limit is None else limit for limit, given in zip(limits, (camera.near, camera.far), strict=True)
+    )
     shading = "flat" if shading == "lambert" else shading
     deepest = furthest_depth(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
     surface = gather(scene, shading)
@@ -161,10 +168,11 @@ def _check_options(shading, samples, cull, color_range) -> None:
 
 
 def _draw(look: Look, per_axis: int) -> Layers:
-    """Put the layers of surfaces that each sample sees on each other, the nearest first, until one lets nothing through.
+    """Put the layers of surfaces that each sample sees on each other, the nearest first, until one lets nothing
+    through.
 
-    Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA, "Interactive
-    order-independent transparency", for a picture of the next layer behind the one before.
+    Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA,
+    "Interactive order-independent transparency", for a picture of the next layer behind the one before.
     """
     raster, lighting = place_samples(look, per_axis)
     surface, shape = look.surface, (raster.grid[1], raster.grid[0])
@@ -192,8 +200,8 @@ def _draw(look: Look, per_axis: int) -> Layers:
 
 
 def resolve(color: NDArray, alpha: NDArray, per_axis: int, background: object) -> tuple[NDArray, NDArray]:
-    """Average blocks of per_axis² samples, their colour premultiplied; return straight colour (h, w, 3), 0 where nothing is, and
-    alpha (h, w), over any background.
+    """Average blocks of per_axis² samples, their colour premultiplied; return straight colour (h, w, 3), 0 where
+    nothing is, and alpha (h, w), over any background.
     """
     height, width = alpha.shape[0] // per_axis, alpha.shape[1] // per_axis
     total_alpha = alpha.reshape(height, per_axis, width, per_axis).sum(axis=(1, 3))

@@ -2,13 +2,13 @@
 
 In: the faces of a scene corner by corner. Out: the same, with a face for each edge of such a polygon.
 
-The triangles themselves are part of the model: a `Mesh` has them before anybody draws it, `Frame.face` numbers them, and a concave
-polygon can be cut correctly in several ways. Which of the polygons are convex, and everything that is computed of one, is decided
-here and in light.py.
+The triangles themselves are part of the model: a `Mesh` has them before anybody draws it, `Frame.face` numbers them,
+and a concave polygon can be cut correctly in several ways. Which of the polygons are convex, and everything that is
+computed of one, is decided here and in light.py.
 
-Rounding. A corner whose largest coordinate is M was stored with an error of up to M·2^-53 along each axis. This turns two edges a
-and b by at most 4 M 2^-53 (|a| + |b|), as each edge moves by up to 2√3 M 2^-53 < 4 M 2^-53. The computed turn is wrong by
-less than 2^-49 |a||b| besides. A corner that turns by no more than both counts as straight.
+Rounding. A corner whose largest coordinate is M was stored with an error of up to M·2^-53 along each axis. This turns
+two edges a and b by at most 4 M 2^-53 (|a| + |b|), as each edge moves by up to 2√3 M 2^-53 < 4 M 2^-53. The computed
+turn is wrong by less than 2^-49 |a||b| besides. A corner that turns by no more than both counts as straight.
 """
 
 from itertools import pairwise
@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.reference.vectors import dot, length, unit
+from .vectors import dot, length, unit
 
 
 class Rings(NamedTuple):
@@ -38,8 +38,8 @@ class Loop(NamedTuple):
 def about_centers(surface):
     """Return a `Surface` whose convex polygons that were cut into fans are faces between their edges and their centres.
 
-    Two corners are the same where all that is known of them agrees. The centre is the mean of the corners. So is its normal, which
-    is not brought to unit length. With Gouraud's method light.py averages the corners' light.
+    Two corners are the same where all that is known of them agrees. The centre is the mean of the corners. So is its
+    normal, which is not brought to unit length. With Gouraud's method light.py averages the corners' light.
     """
     columns = [surface.corners, surface.normals, surface.albedo, surface.uv, surface.tangents]
     values, first, loops = _find_loops(surface, [column for column in columns if column is not None])
@@ -70,7 +70,8 @@ def about_centers(surface):
 
 
 def even_colors(surface):
-    """Return a `Surface` for flat shading, all corners of whose convex polygons have the mean of the polygon's colours."""
+    """Return a `Surface` for flat shading, all corners of whose convex polygons have the mean of the polygon's
+    colours."""
     values, first, loops = _find_loops(surface, [surface.corners, surface.albedo])
     albedo = surface.albedo.copy()
     for loop in loops:
@@ -79,9 +80,11 @@ def even_colors(surface):
 
 
 def _find_loops(surface, columns) -> tuple[NDArray, NDArray, list[Loop]]:
-    """Find the convex polygons by corners that agree in all columns: (rows of all corners, first row of each name, loops).
+    """Find the convex polygons by corners that agree in all columns: (rows of all corners, first row of each name,
+    loops).
 
-    A loop begins at the corner with the smallest coordinates: then a mean doesn't depend on where the polygon's list begins.
+    A loop begins at the corner with the smallest coordinates: then a mean doesn't depend on where the polygon's list
+    begins.
     """
     values = np.concatenate(columns, axis=2).reshape(3 * len(surface.corners), -1) + 0.0
     _, first, name = np.unique(values, axis=0, return_index=True, return_inverse=True)
@@ -100,8 +103,8 @@ def _find_loops(surface, columns) -> tuple[NDArray, NDArray, list[Loop]]:
 def find_fans(faces: NDArray, polygon: NDArray) -> list[Loop]:
     """Find the polygons with more than three corners that are fans of triangles.
 
-    All triangles of a fan have a corner in common. They follow each other: each shares with the next the edge at that corner. What
-    was cut in another way, as by subdivision, or is interrupted by other polygons, is no fan.
+    All triangles of a fan have a corner in common. They follow each other: each shares with the next the edge at that
+    corner. What was cut in another way, as by subdivision, or is interrupted by other polygons, is no fan.
 
     Parameters
     ----------
@@ -117,7 +120,9 @@ def find_fans(faces: NDArray, polygon: NDArray) -> list[Loop]:
     _, which, n_run = np.unique(polygon[starts], return_inverse=True, return_counts=True)
     is_whole = n_run[which.ravel()] == 1
     loops = []
-    for start, count in zip(starts[is_whole & (counts > 1)].tolist(), counts[is_whole & (counts > 1)].tolist(), strict=True):
+    for start, count in zip(
+        starts[is_whole & (counts > 1)].tolist(), counts[is_whole & (counts > 1)].tolist(), strict=True
+    ):
         loop = _outline(faces[start : start + count].tolist(), start)
         if loop is not None:
             loops.append(loop)
@@ -131,7 +136,12 @@ def _outline(triangles: list[list[int]], start: int) -> Loop | None:
     after = {here: there for here, there in owner if (there, here) not in owner}
     n_corner = len(triangles) + 2
     middles = [corner for corner in triangles[0] if all(_share_edge(a, b, corner) for a, b in pairwise(triangles))]
-    if not middles or len(inner) != 2 * (len(triangles) - 1) or len(owner) != 3 * len(triangles) or len(after) != n_corner:
+    if (
+        not middles
+        or len(inner) != 2 * (len(triangles) - 1)
+        or len(owner) != 3 * len(triangles)
+        or len(after) != n_corner
+    ):
         return None
     corners = [middles[0]]
     while len(corners) < n_corner and (there := after.get(corners[-1])) not in (None, corners[0]):
@@ -149,7 +159,8 @@ def _share_edge(a: list[int], b: list[int], corner: int) -> bool:
 
 
 def are_convex(points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which polygons are convex: no corner turns back, and all together they go round once. A straight corner is no fault.
+    """Tell which polygons are convex: no corner turns back, and all together they go round once. A straight corner is
+    no fault.
 
     Turns are measured about Newell's normal, the sum of the area vectors of a fan.
     Source: Sutherland, Sproull & Schumacker 1974, ACM Computing Surveys 6(1), 1-55.

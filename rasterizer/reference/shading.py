@@ -1,7 +1,7 @@
 """Where the illumination equation is evaluated: once a polygon, at the corners of the faces, or at every sample.
 
-In: a `Surface` and what each sample of a picture sees of it (`Fragments`). Out: the linear colour, the opacity and the shading
-normal of every sample. Everything happens in world space.
+In: a `Surface` and what each sample of a picture sees of it (`Fragments`). Out: the linear colour, the opacity and the
+shading normal of every sample. Everything happens in world space.
 
     flat       at the centroid of a polygon, with its plane normal
     Gouraud    at the corners of a face, with the normals there; both parts of the light are interpolated between them
@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.reference.light import Lighting, RayOrigins, light_points, to_viewer
-from rasterizer.reference.shadow import NO_OWNER
-from rasterizer.reference.surface import Surface
-from rasterizer.reference.tangent import face_tangents, unit_sums
-from rasterizer.reference.texture import sample_texture
-from rasterizer.reference.vectors import area_vectors, blend, dot, length, unit
+from .light import Lighting, RayOrigins, light_points, to_viewer
+from .shadow import NO_OWNER
+from .surface import Surface
+from .tangents import face_tangents, unit_sums
+from .texture import sample_texture
+from .vectors import area_vectors, blend, dot, length, unit
 
 CHUNK = 2**16  # samples lit at a time: bounds the memory of a supersampled picture
 
@@ -34,7 +34,9 @@ class Fragments(NamedTuple):
     side: NDArray[np.int64]  # (n_sample,) +1 or -1, see surface.py
     weights: NDArray[np.float64]  # (n_sample, 3) perspective-correct, on the corners of the face
     depth: NDArray[np.float64]  # (n_sample,)
-    steps: NDArray[np.float64] | None = None  # (n_sample, 2, 3) change of the weights by one sample to the right, and down
+    steps: NDArray[np.float64] | None = (
+        None  # (n_sample, 2, 3) change of the weights by one sample to the right, and down
+    )
 
 
 class Points(NamedTuple):
@@ -112,7 +114,8 @@ def sample_normals(surface: Surface, fragments: Fragments) -> NDArray[np.float64
 
 
 def _light(points: Points, lighting: Lighting) -> tuple[NDArray, NDArray]:
-    """Evaluate the equation at points; return both parts of the light, (n, 3) each, the diffuse one with the points' colours."""
+    """Evaluate the equation at points; return both parts of the light, (n, 3) each, the diffuse one with the points'
+    colours."""
     args = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
     diffuse, specular = light_points(*args)
     return points.albedo * diffuse, specular
@@ -161,8 +164,8 @@ def polygon_points(surface: Surface, polygon: NDArray, lighting: Lighting) -> Po
 
 
 def _light_gouraud(surface: Surface, fragments: Fragments, lighting: Lighting):
-    """Light the corners of faces on the sides that are seen, each with its face's material; interpolate both parts of the light
-    within the range of the three corners. Return them and the normals, (n, 3) each.
+    """Light the corners of faces on the sides that are seen, each with its face's material; interpolate both parts of
+    the light within the range of the three corners. Return them and the normals, (n, 3) each.
     """
     seen_sides, sample_seen = np.unique(2 * fragments.face + (fragments.side > 0), return_inverse=True)
     face, side = seen_sides // 2, 2 * (seen_sides % 2) - 1
@@ -182,7 +185,8 @@ def _light_gouraud(surface: Surface, fragments: Fragments, lighting: Lighting):
 
 
 def _light_corners(surface: Surface, face: NDArray, side: NDArray, which: slice, lighting: Lighting) -> list[NDArray]:
-    """Light corners of faces on their sides (n,); `which` is a slice of the three. Return both parts, (n, n_corner, 3) each."""
+    """Light corners of faces on their sides (n,); `which` is a slice of the three. Return both parts, (n, n_corner, 3)
+    each."""
     parts = _light(corner_points(surface, face, side, which), lighting)
     return [part.reshape(len(face), -1, 3) for part in parts]
 
@@ -223,8 +227,8 @@ def _light_phong(surface: Surface, fragments: Fragments, lighting: Lighting):
 def sample_points(surface: Surface, fragments: Fragments, lighting: Lighting) -> Points:
     """Return the points that the samples see, with interpolated normals and colours.
 
-    The rays to the lights start on the face itself: the rounding of its vertices on the screen may put the sample's point a
-    little beside it, and so behind the face next to it.
+    The rays to the lights start on the face itself: the rounding of its vertices on the screen may put the sample's
+    point a little beside it, and so behind the face next to it.
     """
     positions, normals = world_positions(fragments, lighting), sample_normals(surface, fragments)
     albedo = blend(fragments.weights, surface.albedo[fragments.face])

@@ -1,7 +1,7 @@
 """The faces of a scene, corner by corner: what there is to see, before anybody looks.
 
-In: a `Scene`. Out: a `Surface`. The normals of corners come from creases.py, polygons about their centres from polygons.py.
-The *side* of a face is +1 where its shading normals look to the viewer and -1 where they must be turned.
+In: a `Scene`. Out: a `Surface`. The normals of corners come from creases.py, polygons about their centres from
+polygons.py. The *side* of a face is +1 where its shading normals look to the viewer and -1 where they must be turned.
 """
 
 from typing import NamedTuple
@@ -9,14 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.reference.creases import corner_normals
-from rasterizer.reference.materials import palette_of
-from rasterizer.reference.polygons import Rings, about_centers, even_colors
-from rasterizer.reference.reflection import GRAZING
-from rasterizer.reference.tangent import corner_tangents
-from rasterizer.reference.vectors import area_vectors, dot
-from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.scene import Scene
+from ..scene.mesh import Mesh
+from ..scene.scene import Scene
+from .creases import corner_normals
+from .materials import palette_of
+from .polygons import Rings, about_centers, even_colors
+from .reflection import GRAZING
+from .tangents import corner_tangents
+from .vectors import area_vectors, dot
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
 
@@ -30,7 +30,9 @@ class Surface(NamedTuple):
     polygon: NDArray[np.int64]  # (n_face,) polygon that the triangle came from
     material: NDArray[np.int64]  # (n_face,) row of the table of materials
     uv: NDArray[np.float64] | None = None  # (n_face, 3, 2) texture coordinates; None where no material needs them
-    tangents: NDArray[np.float64] | None = None  # (n_face, 3, 3) of the corners; None where no material is brushed along u
+    tangents: NDArray[np.float64] | None = (
+        None  # (n_face, 3, 3) of the corners; None where no material is brushed along u
+    )
     loaded: NDArray[np.int64] | None = None  # (n_face,) the face as loaded; None = the same
     rings: Rings | None = None  # polygons drawn about their centres; None = none
 
@@ -49,7 +51,9 @@ def gather(scene: Scene, shading: str = "flat") -> Surface:
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in palette_of(scene))
     for mesh in scene.meshes:
         polygon = np.arange(mesh.n_face) if mesh.polygons is None else np.asarray(mesh.polygons, np.int64)
-        material = np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
+        material = (
+            np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
+        )
         uv = _corner_uv(mesh) if has_texture else None
         attributes = _corner_normals(mesh), _corner_albedo(mesh)
         part = Surface(mesh.vertices[mesh.faces], *attributes, polygon + n_polygon, material + n_material, uv)

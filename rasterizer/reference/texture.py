@@ -1,6 +1,7 @@
 """What a picture laid over a surface shows at a sample, in plain numpy float64.
 
-In: texture coordinates u, v, and what they change by from one sample of the picture to the next. Out: linear RGB, and alpha.
+In: texture coordinates u, v, and what they change by from one sample of the picture to the next. Out: linear RGB, and
+alpha.
 
     v = 1 ┌───┬───┬───┐ row 0     a picture of w × h texels: texel (i, j) covers i/w <= u < (i + 1)/w and
           │   │   │ · │           j/h < 1 - v <= (j + 1)/h; its centre lies at u·w = i + ½, (1 - v)·h = j + ½
@@ -13,7 +14,7 @@ Alpha is interpolated as the colours are, and multiplies nothing here.
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.scene.texture import Texture
+from ..scene.texture import Texture
 
 
 def sample_texture(texture: Texture, uv: NDArray, steps: NDArray) -> NDArray[np.float64]:
@@ -48,7 +49,8 @@ def compute_mip_level(texture: Texture, steps: NDArray) -> NDArray[np.float64]:
     """Return the mip level, (n,) float64 within 0..n_level - 1, for the derivatives (n, 2, 2) of u and v by samples.
 
     It is log2 of the texels of level 0 that the larger of the two steps moves.
-    Sources: Williams 1983, Computer Graphics 17(3), 1-11; Heckbert 1983, NYIT, "Texture mapping polygons in perspective".
+    Sources: Williams 1983, Computer Graphics 17(3), 1-11; Heckbert 1983, NYIT, "Texture mapping polygons in
+    perspective".
     """
     height, width = texture.image.shape[:2]
     moved = np.hypot(steps[..., 0] * width, steps[..., 1] * height).max(axis=1)
@@ -67,7 +69,8 @@ def _bilinear(level: NDArray, uv: NDArray, wrap: tuple[str, str]) -> NDArray[np.
     left, top = np.floor(x), np.floor(y)
     across, down = (x - left)[:, None], (y - top)[:, None]
     above, below = (
-        _mix(_texels_at(level, left, row, wrap), _texels_at(level, left + 1, row, wrap), across) for row in (top, top + 1)
+        _mix(_texels_at(level, left, row, wrap), _texels_at(level, left + 1, row, wrap), across)
+        for row in (top, top + 1)
     )
     return _mix(above, below, down)
 
@@ -85,7 +88,8 @@ def _texels_at(level: NDArray, columns: NDArray, rows: NDArray, wrap: tuple[str,
 
 
 def _wrap(index: NDArray, n: int, word: str) -> NDArray[np.int64]:
-    """Bring whole numbers (n_sample,), kept as float64, into 0..n - 1; mirrored at the borders, -1 is 0 and n is n - 1."""
+    """Bring whole numbers (n_sample,), kept as float64, into 0..n - 1; mirrored at the borders, -1 is 0 and n is n -
+    1."""
     if word == "clamp":
         index = np.clip(index, 0, n - 1)
     elif word == "repeat":

@@ -1,7 +1,7 @@
 """Which surface each sample sees, layer behind layer, at what depth and with what weights on the corners of its face.
 
-In: triangles on a grid of samples (`Raster`). Out: a `VisibilityBuffer`, and of the samples that see something the `Fragments`.
-Letters: n_piece triangles after clipping, a fan for each face that is cut.
+In: triangles on a grid of samples (`Raster`). Out: a `VisibilityBuffer`, and of the samples that see something the
+`Fragments`. Letters: n_piece triangles after clipping, a fan for each face that is cut.
 """
 
 from typing import NamedTuple
@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterizer.reference.clip import SUBPIXELS, Pieces, rays
-from rasterizer.reference.cover import cover, doubled_area
-from rasterizer.reference.shading import Fragments
-from rasterizer.reference.vectors import dot
-from rasterizer.scene.camera import Projection
+from ..scene.camera import Projection
+from .clip import SUBPIXELS, Pieces, rays
+from .cover import cover, doubled_area
+from .shading import Fragments
+from .vectors import dot
 
 DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
 NOTHING = np.iinfo(np.int64).max  # of the depth buffer
@@ -54,7 +54,9 @@ def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> Visi
         if raster.pieces.is_cut[piece_idx]:
             depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, raster)
         else:
-            depth, piece_weights = _interpolate(affine, raster.pieces.position[piece_idx, :, 2], raster.projection.is_perspective)
+            depth, piece_weights = _interpolate(
+                affine, raster.pieces.position[piece_idx, :, 2], raster.projection.is_perspective
+            )
         key = _keys(depth, raster)
         is_behind = np.ones(len(key), bool)
         if before is not None:
@@ -88,11 +90,13 @@ def _interpolate(affine: NDArray, corner_depths: NDArray, is_perspective: bool) 
 
 
 def _weights_of_cut(rows: NDArray, columns: NDArray, piece_idx: int, raster: Raster) -> tuple[NDArray, NDArray]:
-    """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's corners.
+    """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's
+    corners.
 
-    The ray r of a sample meets the face where depth·r = Σ W_k P_k, so W/depth solves a linear system; in an orthographic view the
-    third coordinate is 1, and it is W. A piece's corners are rounded to the screen's grid, so a sample may lie as far outside the
-    face: no weight is below 0, and the depth stays within that of what is left of the face.
+    The ray r of a sample meets the face where depth·r = Σ W_k P_k, so W/depth solves a linear system; in an
+    orthographic view the third coordinate is 1, and it is W. A piece's corners are rounded to the screen's grid, so a
+    sample may lie as far outside the face: no weight is below 0, and the depth stays within that of what is left of the
+    face.
     """
     ray = rays(columns + 0.5, rows + 0.5, raster.projection)
     corners, is_perspective = raster.pieces.corners[piece_idx], raster.projection.is_perspective
@@ -105,12 +109,15 @@ def _weights_of_cut(rows: NDArray, columns: NDArray, piece_idx: int, raster: Ras
     return weights @ corners[:, 2], weights
 
 
-def _intersect(corners: NDArray, directions: NDArray, is_perspective: bool, edge_on: float = 1.0) -> NDArray[np.float64]:
-    """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each; `edge_on` for
-    faces that are seen edge-on, where there are none.
+def _intersect(
+    corners: NDArray, directions: NDArray, is_perspective: bool, edge_on: float = 1.0
+) -> NDArray[np.float64]:
+    """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each;
+    `edge_on` for faces that are seen edge-on, where there are none.
 
-    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the determinant,
-    products included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third coordinate is 1 and no length.
+    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the
+    determinant, products included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third
+    coordinate is 1 and no length.
     """
     columns, largest = np.swapaxes(corners, -1, -2).copy(), np.ones((len(corners), 3, 1))
     n_length = 3 if is_perspective else 2
@@ -132,8 +139,8 @@ def _intersect(corners: NDArray, directions: NDArray, is_perspective: bool, edge
 def _keys(depth: NDArray, raster: Raster) -> NDArray[np.int64]:
     """Return the depth buffer's keys (n,) int64 of depths (n,): what rounding alone tells apart shall be the same.
 
-    With perspective a step is 2^-40 of log2(depth), less than 2^-40 of the depth, wherever the near plane is; else it is a part of
-    the range of all depths.
+    With perspective a step is 2^-40 of log2(depth), less than 2^-40 of the depth, wherever the near plane is; else it
+    is a part of the range of all depths.
     """
     if raster.projection.is_perspective:
         return np.rint(LOG_STEPS * np.log2(depth)).astype(np.int64)
@@ -151,12 +158,13 @@ def gather_fragments(visible: VisibilityBuffer, raster: Raster) -> Fragments:
 
 
 def _weight_steps(piece: NDArray, weights: NDArray, depth: NDArray, raster: Raster) -> NDArray[np.float64]:
-    """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right, and down.
+    """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right,
+    and down.
 
     A weight is q_k / Σ q, where the q_k are affine on the screen and Σ q is 1/depth (in an orthographic view 1), so
-    dW_k = (dq_k - W_k Σ dq) / Σ q. Of a whole face q_k is the affine weight of the corner that faces the edge a→b, over the
-    corner's depth: its edge function over the doubled area, with the slopes -(b - a).y and (b - a).x. Of a face that is cut, see
-    `_weights_of_cut`.
+    dW_k = (dq_k - W_k Σ dq) / Σ q. Of a whole face q_k is the affine weight of the corner that faces the edge a→b, over
+    the corner's depth: its edge function over the doubled area, with the slopes -(b - a).y and (b - a).x. Of a face
+    that is cut, see `_weights_of_cut`.
     """
     screen, is_perspective = raster.screen[piece], raster.projection.is_perspective
     along = np.roll(screen, -2, axis=1) - np.roll(screen, -1, axis=1)  # b - a, for the edge that faces each corner
