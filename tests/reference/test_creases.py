@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from rasterizer.geometry.normals import split_creases
-from rasterizer.geometry.polygons import cut_polygons, find_rings, look_at
+from rasterizer.geometry.polygons import find_rings
 from rasterizer.reference.creases import corner_normals
 from rasterizer.reference.polygons import are_convex, find_fans
+from rasterizer.scene.triangulation import classify_polygons, cut_polygons
 
 WEIGHTINGS = ("angle", "area", "uniform")
 ANGLES = (0, 20, 30, 45, 60, 89.999, 90, 120, 180)
@@ -182,7 +183,7 @@ def test_both_ways_call_the_same_polygons_convex():
         shape = np.round(
             shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.uniform(-1, 1, 3), int(rng.choice([1, 6, 16]))
         )
-        expected = look_at(shape[:, None])[0][0]
+        expected = classify_polygons(shape[:, None])[0][0]
         n_convex += expected
         assert are_convex(shape[None])[0] == expected, shape.tolist()
     assert 50 < n_convex < 190
