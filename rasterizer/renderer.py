@@ -22,7 +22,8 @@ from .engine.shadow_maps import Shadows
 from .engine.uniforms import make_lighting, world_position
 from .errors import SceneError, shown
 from .frame import Frame, Stats
-from .geometry.points import find_clearance, find_point_clearance, find_shortest_normal, gather_geometry
+from .geometry.points import gather_geometry
+from .geometry.surfaces import find_clearance, find_point_clearance, find_shortest_normal
 from .options import Options
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture

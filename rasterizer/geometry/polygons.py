@@ -1,6 +1,6 @@
 """Polygons with more than three corners, found again among the triangles that they were cut into (scene/triangulation.py).
 
-    in:  triangles, and which polygon each came from      out: `Rings`, the corners of each convex polygon in turn
+in:  triangles, and which polygon each came from      out: `Rings`, the corners of each convex polygon in turn
 """
 
 from typing import NamedTuple

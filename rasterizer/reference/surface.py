@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.mesh import Mesh
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from ..scene.scene import Scene
 from .creases import corner_normals
 from .materials import palette_of
@@ -17,8 +17,6 @@ from .polygons import Rings, about_centers, even_colors
 from .reflection import GRAZING
 from .tangents import corner_tangents
 from .vectors import area_vectors, dot
-
-DEFAULT_CREASE_ANGLE = 30.0  # degrees
 
 
 class Surface(NamedTuple):

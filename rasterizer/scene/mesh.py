@@ -19,6 +19,7 @@ from .material import Material
 from .validate import choice, number, plain_array, shown
 
 WEIGHTINGS = ("angle", "area", "uniform")
+DEFAULT_CREASE_ANGLE = 30.0  # degrees
 
 
 @dataclass(frozen=True, eq=False, repr=False)
