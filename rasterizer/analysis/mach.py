@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import SceneError, shown
 from ..frame import Frame
-from ..geometry.points import smooth_part
+from ..geometry.mesh_points import smooth_part
 
 # Luminance of linear RGB with the sRGB primaries. Source: ITU-R BT.709-6, section 3.
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..geometry.points import find_lifts, find_shapes
+from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..pipeline.records import IN_WORDS
 from ..pipeline.shadow_lookup import (
     CENTER_X,
@@ -105,13 +105,13 @@ class Shadows:
     def shapes(self) -> np.ndarray:
         """The planes of all triangles, and how far their points are lifted, (n_face, 5) float64."""
         out = np.empty((self._geometry.vertex.shape[1], 5))
-        find_shapes(self._geometry.positions, self._geometry.normals, self._geometry.vertex, out)
+        compute_shapes(self._geometry.positions, self._geometry.normals, self._geometry.vertex, out)
         return out
 
     @cached_property
     def lifts(self) -> np.ndarray:
         """How far the points are lifted that are lit before they are drawn, (n_point,) float64."""
-        return find_lifts(self._geometry)
+        return compute_normal_offsets(self._geometry)
 
 
 def find_casters(geometry, bounds, opacity) -> Casters | None:

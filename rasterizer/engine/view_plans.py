@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.points import find_clearance, find_point_clearance, find_shortest_normal
+from ..geometry.surfaces import find_clearance, find_point_clearance, find_shortest_normal
 from ..options import Options
 from ..pipeline.records import EXACT
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps

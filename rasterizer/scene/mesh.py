@@ -14,20 +14,18 @@ import numpy as np
 
 from ..errors import ModelError, SceneError
 from . import mesh_arrays
+from .algorithms import algorithm
 from .material import Material
 from .validate import choice, number, plain_array, shown
 
-WEIGHTINGS = (
-    "angle",
-    "area",
-    "uniform",
-)  # those of the kernels in geometry/creases.py, which a Mesh doesn't load; a test holds that
+WEIGHTINGS = ("angle", "area", "uniform")
+DEFAULT_CREASE_ANGLE = 30.0  # degrees
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(mesh_arrays.KeepsArrays):
     """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see
-    `geometry/polygons.py`.
+    `scene/triangulation.py`.
 
     Parameters
     ----------
@@ -267,9 +265,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        from ..geometry.subdivide import subdivide  # normals are averaged by kernels; a Mesh needs none
-
-        return subdivide(self, times)
+        return algorithm("subdivide")(self, times)
 
 
 def _checked_crease_angle(angle) -> float | None:

@@ -15,8 +15,8 @@ from itertools import chain
 import numpy as np
 
 from ..errors import ModelError
-from ..geometry.polygons import CROSSING, TooManyCorners, cut_polygons, listed
 from .color import linear_from_srgb_bytes
+from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT, plain_array, shown
 
 CHUNK = 1 << 16  # faces looked at in one go
@@ -80,7 +80,7 @@ def checked_vertices(vertices) -> np.ndarray:
 
 
 def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
-    """Cut polygons into triangles, as `geometry/polygons.py` says: fans where they are convex, ears where they are not.
+    """Cut polygons into triangles, as `triangulation.py` says: fans where they are convex, ears where they are not.
 
     Parameters
     ----------

@@ -14,8 +14,8 @@ from rasterizer.cli import main
 from rasterizer.engine import error_bounds, intensity_bounds, plan, reflection_table, uniforms
 from rasterizer.engine.rounding import SINGLE
 from rasterizer.pipeline.reflection import BRUSH, FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, ROUGHNESS_ACROSS, SCALE
-from rasterizer.reference import light as reference_light
 from rasterizer.reference import reflection
+from rasterizer.reference.materials import read_materials
 from rasterizer.scene.material import REFLECTIONS as NAMES
 
 SIZE = (96, 72)
@@ -104,7 +104,7 @@ def judged(material, *sides):
     """D and S by the judge, (2, n), 0 where nothing is lit."""
     corners, faces = octasphere(0)
     scene = rz.Scene([rz.Mesh(corners, faces, uv=corners[:, :2], material=material)])
-    table = np.repeat(reference_light.read_materials(scene), len(sides[0]))
+    table = np.repeat(read_materials(scene), len(sides[0]))
     normal, to_light, to_viewer = (side.astype(float) for side in sides)
     tangents = np.broadcast_to(np.array(axis_of(material), float), normal.shape)
     found = np.stack(reflection.reflect(table, normal, to_light, to_viewer, tangents))[:, :, 0]
