@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from ..scene.camera import Projection, View
 from ..scene.depth_cue import DepthCue
-from ..scene.lights import AmbientLight, Light
+from ..scene.lights import Light
 from ..scene.scene import Scene
 from ..scene.spectrum import rgb_of
 from ..scene.texture import Texture
-from .lamp import Lamp, attenuate, place_lamps
+from .lamp import Lamp, attenuate, lamp_kind_of, place_lamps
 from .materials import channels_of, count_waves, palette_of, read_materials
 from .reflection import reflect
 from .shadow import Casters, gather_casters, reaches
@@ -131,7 +131,7 @@ def ambient_light(material: NDArray, lighting: Lighting) -> NDArray[np.float64]:
     coefficients = lighting.materials["ambient"][material]
     total = np.zeros_like(coefficients)
     for light in lighting.lights:
-        if isinstance(light, AmbientLight):
+        if lamp_kind_of(light).is_ambient:
             total += coefficients * channels_of(light.color, lighting.n_wave)
     return total
 
@@ -149,7 +149,7 @@ def contributions(
         color = lamp.color if attenuation is None else lamp.color * attenuation
         n_dot_l = dot(normals, light_dirs)
         is_lit = n_dot_l > 0
-        if origins is not None and lighting.casters is not None and lamp.light.shadow is not None:
+        if origins is not None and lighting.casters is not None and getattr(lamp.light, "shadow", None) is not None:
             is_lit[is_lit] = _is_reached(lamp, origins, is_lit, lighting.casters)
         diffuse, specular = reflect(table, normals, light_dirs, view_dirs, brush)
         with np.errstate(invalid="ignore"):  # an amplifying light in the very point

@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..scene.material import Material
+from ..scene.material import DISTRIBUTIONS, Material
 from ..scene.scene import Scene
 from ..scene.spectrum import samples_of
+from .reflection import REFLECTION_KINDS, reflection_kind_of
 
 N_WAVE = 81  # samples of the spectrum where a scene has spectra and nobody chose
 
@@ -37,7 +38,8 @@ def read_materials(scene: Scene, n_wave: int | None = None) -> NDArray:
     ]
     colors += [("fresnel", *colors[0][1:])]
     numbers = [(name, np.float64) for name in ("shininess", "levels", "opacity")]
-    words = [("reflection", "U16"), ("distribution", "U16"), ("normalized", bool)]
+    longest = max(map(len, (*REFLECTION_KINDS, *DISTRIBUTIONS)))
+    words = [("reflection", f"U{longest}"), ("distribution", f"U{longest}"), ("normalized", bool)]
     brush = [("roughness", np.float64), ("across", np.float64), ("axis", np.float64, 3), ("is_by_u", bool)]
     table = np.zeros(len(palette), [*colors, *numbers, *words, *brush])
     for row, material in zip(table, palette, strict=True):
@@ -45,7 +47,7 @@ def read_materials(scene: Scene, n_wave: int | None = None) -> NDArray:
             row[name] = channels_of(getattr(material, name), n_wave)
         for name, _ in numbers + words:
             row[name] = getattr(material, name)
-        absent = 0.04 if material.reflection == "cook-torrance" else 1.0
+        absent = reflection_kind_of(material).default_fresnel
         fresnel = absent if material.fresnel is None else material.fresnel
         row["fresnel"] = channels_of(fresnel, n_wave) if isinstance(fresnel, tuple) else fresnel
         row["roughness"], row["across"] = np.broadcast_to(material.roughness, 2)

@@ -4,9 +4,13 @@ Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H hal
 of `materials.read_materials` for each point.
 """
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import SceneError
 from .vectors import dot, length, unit
 
 # A cosine up to this counts as 0 where a model jumps at 0, and one up to this above a step as lying on it: the rounding
@@ -31,20 +35,19 @@ def reflect(
     tangents = np.zeros_like(normals) if tangents is None else tangents
     for model in np.unique(table["reflection"]):
         at = table["reflection"] == model
-        sides = normals[at], light_dirs[at], view_dirs[at]
-        more = (tangents[at],) if model == "cook-torrance" else ()
-        d, s, cosine = _MODELS[str(model)](table[at], *sides, *more)
+        sides = normals[at], light_dirs[at], view_dirs[at], tangents[at]
+        d, s, cosine = REFLECTION_KINDS[str(model)].function(table[at], *sides)
         diffuse[at] = np.reshape(d, (-1, 1))
         specular[at] = np.reshape(s, (-1, 1)) * (1.0 if cosine is None else _schlick(table[at], cosine))
     return diffuse, specular
 
 
-def _reflect_lambert(_table, normals, light_dirs, _view_dirs):
+def _reflect_lambert(_table, normals, light_dirs, _view_dirs, _tangents):
     """Lambert 1760: the cosine of the angle of incidence."""
     return dot(normals, light_dirs), np.zeros(len(normals)), None
 
 
-def _reflect_phong(table, normals, light_dirs, view_dirs):
+def _reflect_phong(table, normals, light_dirs, view_dirs, _tangents):
     """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U.
     Leuven."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
@@ -53,7 +56,7 @@ def _reflect_phong(table, normals, light_dirs, view_dirs):
     return n_dot_l, highlight * np.where(table["normalized"], (n / 2 + 1) * n_dot_l, 1.0), n_dot_l
 
 
-def _reflect_blinn(table, normals, light_dirs, view_dirs):
+def _reflect_blinn(table, normals, light_dirs, view_dirs, _tangents):
     """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor
     derivation."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
@@ -63,7 +66,7 @@ def _reflect_blinn(table, normals, light_dirs, view_dirs):
     return n_dot_l, highlight * np.where(table["normalized"], peak * n_dot_l, 1.0), n_dot_l
 
 
-def _reflect_oren_nayar(table, normals, light_dirs, view_dirs):
+def _reflect_oren_nayar(table, normals, light_dirs, view_dirs, _tangents):
     """Oren & Nayar 1994, Proc. SIGGRAPH, 239-246, equation 30, by angles; cos beta is 1/64 at least."""
     theta_l, theta_v = _angle(normals, light_dirs), _angle(normals, view_dirs)
     across_l, across_v = (unit(d - dot(d, normals)[:, None] * normals) for d in (light_dirs, view_dirs))
@@ -121,7 +124,7 @@ def _roughness_towards(table, normals, half, light_dirs, view_dirs, tangents):
     return found
 
 
-def _reflect_toon(table, normals, light_dirs, view_dirs):
+def _reflect_toon(table, normals, light_dirs, view_dirs, _tangents):
     """Return N.L raised to a multiple of 1/levels, and 1 or 0 where (R.V)^n is above or below one half."""
     n_dot_l, levels = dot(normals, light_dirs), table["levels"]
     steps = np.arange(1, levels.max() + 1)
@@ -132,16 +135,6 @@ def _reflect_toon(table, normals, light_dirs, view_dirs):
     return np.where(is_lit, np.minimum(step, levels) / levels, 0.0), np.where(is_lit & is_bright, 1.0, 0.0), None
 
 
-_MODELS = {
-    "lambert": _reflect_lambert,
-    "phong": _reflect_phong,
-    "blinn": _reflect_blinn,
-    "oren-nayar": _reflect_oren_nayar,
-    "cook-torrance": _reflect_cook_torrance,
-    "toon": _reflect_toon,
-}
-
-
 def _schlick(table, cosine):
     """Schlick 1994, Computer Graphics Forum 13(3), 233-246: W = F0 + (1 - F0)(1 - cos theta)^5, (n, n_channel)."""
     return table["fresnel"] + (1 - table["fresnel"]) * np.clip(1 - cosine, 0, 1)[:, None] ** 5
@@ -150,3 +143,41 @@ def _schlick(table, cosine):
 def _angle(a, b):
     """Return the angles (n,) between vectors (n, 3); exact for small ones and right ones."""
     return np.arctan2(length(np.cross(a, b))[:, 0], dot(a, b))
+
+
+class ReflectionKind(NamedTuple):
+    """How a reflection model is evaluated.
+
+    Parameters
+    ----------
+    function : (table, normals, light_dirs, view_dirs, tangents) -> D (n,), S (n,) and the cosine (n,) of the angle of
+        incidence, by whose W(theta) S is multiplied; None = by 1. The arguments are those of `reflect`
+    default_fresnel : F0 of a material that gives none
+    """
+
+    function: Callable
+    default_fresnel: float = 1.0
+
+
+# By the words of scene.material.REFLECTION_MODELS. It shares nothing with the table of the engine, which it judges.
+REFLECTION_KINDS: dict[str, ReflectionKind] = {
+    "lambert": ReflectionKind(_reflect_lambert),
+    "phong": ReflectionKind(_reflect_phong),
+    "blinn": ReflectionKind(_reflect_blinn),
+    "oren-nayar": ReflectionKind(_reflect_oren_nayar),
+    "cook-torrance": ReflectionKind(_reflect_cook_torrance, default_fresnel=0.04),
+    "toon": ReflectionKind(_reflect_toon),
+}
+
+
+def reflection_kind_of(material: Any) -> ReflectionKind:
+    """Return how a material's reflection model is evaluated.
+
+    Raises
+    ------
+    SceneError : the reference doesn't know the model; the message lists those that it knows
+    """
+    if material.reflection not in REFLECTION_KINDS:
+        legal = ", ".join(REFLECTION_KINDS)
+        raise SceneError(f"the reference knows the reflection models {legal}; given {material.reflection!r}")
+    return REFLECTION_KINDS[material.reflection]
