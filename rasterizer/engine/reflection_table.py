@@ -51,17 +51,17 @@ class ReflectionEntry:
     default_fresnel = 1.0  # F0 of a material that gives none
     second_function: Any = None  # the pipeline's, of the second term of a highlight whose F0 has a colour
 
-    def model(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.Reflection:
         """Return the pipeline's function for the material, and what it needs."""
         raise NotImplementedError(f"{type(self).__name__} has no function")
 
     def distant_function(self, material: Any) -> Any:
         """Return the pipeline's function where light and viewer are at infinity."""
-        return self.model(material).row_function
+        return self.function(material).row_function
 
     def has_highlight(self, material: Any) -> bool:
         """Tell whether the material has a highlight."""
-        return max(material.specular) > 0 and self.model(material).has_highlight
+        return max(material.specular) > 0 and self.function(material).has_highlight
 
     def reason_for_float64(self, material: Any) -> str:
         """Return why float32 won't do, in a few words; empty where it does."""
@@ -111,7 +111,7 @@ class LambertEntry(ReflectionEntry):
 
     is_lambert_when_dull = True
 
-    def model(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.Reflection:
         """Return Lambert's function."""
         return pipeline.REFLECTIONS["lambert"]
 
@@ -119,7 +119,7 @@ class LambertEntry(ReflectionEntry):
 class OrenNayarEntry(ReflectionEntry):
     """Oren's and Nayar's model of rough surfaces."""
 
-    def model(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.Reflection:
         """Return Oren's and Nayar's function."""
         return pipeline.REFLECTIONS["oren-nayar"]
 
@@ -145,7 +145,7 @@ class PowerEntry(ReflectionEntry):
         is_weighted = material.normalized or isinstance(material.fresnel, float)
         return f"weighted {material.reflection}" if is_weighted else material.reflection
 
-    def model(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.Reflection:
         """Return the function of the power, with its weights where it has some."""
         return pipeline.REFLECTIONS[self.name(material)]
 
@@ -230,7 +230,7 @@ class CookTorranceEntry(ReflectionEntry):
     default_fresnel = 0.04
     second_function = staticmethod(second_terms.grazing_part_of_mirrors)
 
-    def model(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.Reflection:
         """Return the function of the distribution, and of the direction along which the surface is brushed."""
         if material.is_anisotropic:
             return pipeline.REFLECTIONS["anisotropic ggx" if material.tangent == "u" else "anisotropic ggx by axis"]
@@ -276,7 +276,7 @@ class CookTorranceEntry(ReflectionEntry):
 class ToonEntry(ReflectionEntry):
     """Few levels: between the steps nothing moves."""
 
-    def model(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.Reflection:
         """Return the function of the levels."""
         return pipeline.REFLECTIONS["toon"]
 

@@ -50,7 +50,7 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
     light, material = _list_lights(plan, view), _list_materials(plan)
     color, n_light_channel = _color_lights(plan)
     is_shiny = np.array([has_highlight(source) for source in plan.materials], np.bool_)
-    models = [reflection_table.entry_of(source).model(source) for source in plan.materials]
+    models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
     of_lights, of_materials = row_functions_of(plan, is_perspective)
     if is_parted(plan):  # each light is followed by itself
@@ -160,7 +160,7 @@ def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
     of_materials = []
     for material in plan.materials:
         model = reflection_table.entry_of(material)
-        usual = model.model(material).row_function
+        usual = model.function(material).row_function
         distant = usual if is_perspective else model.distant_function(material)
         of_materials.append([distant if entry.is_distant else usual for entry in lights])
     if not is_parted(plan):

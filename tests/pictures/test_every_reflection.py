@@ -67,7 +67,7 @@ SMOOTH = [name for name in MATERIALS if "toon" not in name]
 
 def model_of(material):
     """The pipeline's word for the function that the plan would choose."""
-    model = reflection_table.entry_of(material).model(material)
+    model = reflection_table.entry_of(material).function(material)
     return next(word for word, other in REFLECTIONS.items() if other is model)
 
 
