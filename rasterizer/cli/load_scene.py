@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
+from ..choices import SCENE_FORMATS
 from ..errors import ModelError, SceneError
 from ..io.loader import load
 from ..io.scene_file import SceneFile, read_scene
@@ -18,7 +19,7 @@ from ..scene.lights import Shadow
 from ..scene.material import Material
 from ..scene.scene import Scene
 from ..scene.texture import Texture
-from .arguments import SCENE_FORMATS, UNSAID
+from .arguments import UNSAID
 from .cameras_lights import cast_shadows, make_lights, make_shadow
 from .targets import STDIO
 

@@ -20,9 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..choices import AXES
 from ..errors import SceneError
 from . import framing
-from .validate import AXES, choice, number, picture_size, place3, plain_array, shown, unit3
+from .arrays import plain_array
+from .validate import choice, number, picture_size, place3, shown, unit3
 
 MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km

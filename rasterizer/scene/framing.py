@@ -17,8 +17,9 @@ import math
 
 import numpy as np
 
+from ..choices import AXES
 from ..errors import SceneError
-from .validate import AXES, number, shown
+from .validate import number, shown
 
 # Where the camera stands for an azimuth of 0, by up axis. up × front is the direction in which a positive
 # azimuth turns it: +x wherever up leaves x free, else the y-up arrangement rolled about z.

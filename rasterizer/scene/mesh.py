@@ -14,8 +14,9 @@ import numpy as np
 
 from ..errors import ModelError, SceneError
 from . import mesh_arrays
+from .arrays import plain_array
 from .material import Material
-from .validate import choice, number, plain_array, shown
+from .validate import choice, number, shown
 
 WEIGHTINGS = (
     "angle",

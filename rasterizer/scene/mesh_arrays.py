@@ -16,8 +16,9 @@ import numpy as np
 
 from ..errors import ModelError
 from ..geometry.polygons import CROSSING, TooManyCorners, cut_polygons, listed
+from .arrays import plain_array
 from .color import linear_from_srgb_bytes
-from .validate import COORDINATE_LIMIT, plain_array, shown
+from .validate import COORDINATE_LIMIT, shown
 
 CHUNK = 1 << 16  # faces looked at in one go
 _LARGEST = float(np.finfo(np.float64).max)

@@ -5,13 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
+from ..choices import AXES
 from ..errors import SceneError
 from .camera import Camera
 from .color import linear_rgb
 from .depth_cue import DepthCue, checked_cue
 from .lights import Light, check_number, studio
 from .mesh import Mesh
-from .validate import AXES, choice, number, picture_size, shown
+from .validate import choice, number, picture_size, shown
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 

@@ -22,9 +22,10 @@ from functools import cache
 import numpy as np
 
 from ..errors import SceneError
+from .arrays import plain_array
 from .cie_tables import D65, MATCHING, WAVELENGTHS
 from .color import linear_rgb
-from .validate import number, plain_array, shown
+from .validate import number, shown
 
 N_TABLE = len(WAVELENGTHS)
 SHORTEST, LONGEST = float(WAVELENGTHS[0]), float(WAVELENGTHS[-1])

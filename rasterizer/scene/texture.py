@@ -20,13 +20,13 @@ from functools import cached_property
 
 import numpy as np
 
+from ..choices import FILTERS, WRAPS, Filter, Wrap
 from ..errors import ModelError, SceneError
+from .arrays import plain_array
 from .color import linear_from_srgb_bytes
 from .mesh_arrays import KeepsArrays, fixed
-from .validate import choice, plain_array, shown
+from .validate import choice, shown
 
-FILTERS = ("nearest", "bilinear", "trilinear")
-WRAPS = ("repeat", "clamp", "mirror")
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")  # Pillow's names
 MOST_TEXELS = 2**14  # along a side
 MOST_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096

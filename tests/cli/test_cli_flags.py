@@ -14,7 +14,7 @@ from rasterizer.geometry import creases
 from rasterizer.io import loader, scene_file
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
-from rasterizer.scene.validate import AXES
+from rasterizer.choices import AXES
 
 pytestmark = pytest.mark.usefixtures("folder")
 
