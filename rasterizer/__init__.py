@@ -12,7 +12,7 @@ import sys
 from importlib import import_module
 from types import ModuleType
 
-from ._version import __version__
+from .version import __version__
 
 _HOMES = {
     "AmbientLight": "scene.lights",

@@ -5,7 +5,7 @@ import re
 from dataclasses import fields
 
 from .. import choices
-from .._version import __version__
+from ..version import __version__
 from ..errors import SceneError
 from ..options import LEAST_WAVES, MOST_WAVES, Options
 from . import values
