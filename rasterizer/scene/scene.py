@@ -10,7 +10,7 @@ from ..errors import SceneError
 from .camera import Camera
 from .color import linear_rgb
 from .depth_cue import DepthCue, checked_cue
-from .lights import Light, check_number, studio
+from .lights import Light, checked_lights, studio
 from .mesh import Mesh
 from .validate import choice, number, picture_size, shown
 
@@ -50,7 +50,7 @@ class Scene:
 
     def __post_init__(self):
         object.__setattr__(self, "meshes", _checked_meshes(self.meshes))
-        object.__setattr__(self, "lights", _checked_lights(self.lights))
+        object.__setattr__(self, "lights", studio() if self.lights is None else checked_lights(self.lights))
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
         if self.background is not None:
@@ -176,22 +176,3 @@ def _is_one_mesh(source) -> bool:
         # its first item is a point, or the vertices of the first of two pairs
         return len(points) == 0 or np.size(points[0]) == 3
     return np.ndim(points) == 2
-
-
-def _checked_lights(lights) -> tuple[Light, ...]:
-    """Return one or many lights as a tuple; the studio's where none were given."""
-    if lights is None:
-        return studio()
-    if isinstance(lights, Light):
-        return (lights,)
-    try:
-        lights = tuple(lights)
-    except TypeError:
-        lights = (lights,)
-    for i, light in enumerate(lights):
-        if not isinstance(light, Light):
-            raise SceneError(
-                f"lights must be Ambient-, Directional-, Point-, Spot- or AreaLight; given {shown(light)} at {i}"
-            )
-    check_number(lights)
-    return lights
