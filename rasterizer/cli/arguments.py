@@ -5,12 +5,11 @@ import re
 from dataclasses import fields
 
 from .. import choices
-from ..version import __version__
 from ..errors import SceneError
 from ..options import LEAST_WAVES, MOST_WAVES, Options
+from ..version import __version__
 from . import values
 from .help_texts import COMPARE, EXAMPLES
-from .light_arguments import light
 from .material_arguments import material
 from .messages import NORMAL, QUIET, VERBOSE
 
@@ -273,7 +272,8 @@ def _add_look(group) -> None:
         metavar="[NAME,]KEY=VALUE,...",
         help="replace this in every material of the model; NAME is one of the classic table: gold, jade, red plastic ...",
     )
-    add("--reflection", choices=choices.REFLECTIONS, help="short for --material reflection=...")
+    models = ",".join(choices.REFLECTIONS)
+    add("--reflection", metavar=f"{{{models}}}", help="short for --material reflection=...")
     _add_lights(group)
     _add_range(group)
 
@@ -289,7 +289,6 @@ def _add_lights(group) -> None:
         "--light",
         dest="lights",
         action="append",
-        type=light,
         default=[],
         metavar="KIND:...",
         help="add a light",

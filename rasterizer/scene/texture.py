@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..choices import FILTERS, WRAPS, Filter, Wrap
+from ..choices import FILTERS, WRAPS
 from ..errors import ModelError, SceneError
 from .arrays import plain_array
 from .color import linear_from_srgb_bytes
