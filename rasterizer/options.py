@@ -4,7 +4,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .choices import COLOR_RANGES, CULLS, OUTPUTS, SAMPLES, SHADINGS, ColorRange, Cull, Output, Samples, Shading
 from .errors import SceneError, shown
@@ -95,7 +95,7 @@ class Options:
 
     def _checked_size(self) -> tuple[int, int]:
         """Return the size as two ints; a number alone makes a square."""
-        size = (self.size, self.size) if is_whole(self.size) else self.size
+        size: Any = (self.size, self.size) if is_whole(self.size) else self.size
         try:
             width, height = size
         except (TypeError, ValueError):

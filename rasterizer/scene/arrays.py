@@ -1,7 +1,12 @@
 """Arrays as callers give them: of any kind that numpy reads, but never masked."""
 
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+VectorLike: TypeAlias = Sequence[float] | NDArray[Any]  # three numbers, as a caller may give them
 
 
 def plain_array(values: ArrayLike) -> NDArray:

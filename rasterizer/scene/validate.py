@@ -7,16 +7,9 @@ standard library is imported, because the command line's help needs the options.
 import math
 import operator
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any
 
 from ..errors import SceneError, shown
-
-if TYPE_CHECKING:  # what numpy's arrays are called; the command line's help does without numpy
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    Vector: TypeAlias = Sequence[float] | NDArray[Any]
 
 COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
 _MOST_PIXELS = 2**31 - 1  # that any size may have; a picture has fewer, see Options
@@ -100,6 +93,8 @@ def picture_size(size: object) -> tuple[int, int]:
 
     Raises SceneError for anything else.
     """
+    width: Any = None
+    height: Any = None
     try:
         width, height = size  # type: ignore[misc]
         is_size = int(width) == width and int(height) == height
