@@ -10,10 +10,11 @@ from ..options import Options
 from ..pipeline.fragments import make_rows
 from ..pipeline.lighting import light_points
 from ..pipeline.transform import Screen
+from ..scene.arrays import plain_array
 from ..scene.camera import Camera, View
 from ..scene.lights import checked_lights
 from ..scene.material import Material
-from ..scene.validate import plain_array, shown, unit3, vector3
+from ..scene.validate import shown, unit3, vector3
 from .plan import make_plan
 from .tint import common_color
 from .uniforms import make_lighting

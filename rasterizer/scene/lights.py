@@ -387,3 +387,6 @@ def studio() -> tuple[Light, ...]:
 def headlight() -> tuple[Light, ...]:
     """Return one directional light along the view and a low ambient, both neutral: nothing seen is dark."""
     return (AmbientLight(0.15), DirectionalLight((0.0, 0.0, -1.0), 0.80, "camera"))
+
+
+PRESETS = {"studio": studio, "headlight": headlight}
