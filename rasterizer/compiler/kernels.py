@@ -30,6 +30,11 @@ from numba.core.compiler_lock import global_compiler_lock
 
 from . import store
 
+# The type that hot loops count with. A signed index may count from the end of an array: numba tests for that at every
+# access, and the test keeps loops from becoming vector instructions. A sum of a signed and an unsigned integer is a
+# float64, so what is added to such an index has this type, too. Constants alone may be plain integers.
+index = numpy.uint64
+
 _OPTIONS = {"nogil": True, "error_model": "numpy"}
 _PACKAGE = Path(__file__).resolve().parents[1]
 # Settings of numba (0.68) that change the code that it makes; each is also an environment variable, NUMBA_...
