@@ -29,6 +29,7 @@ kernels.PlainRowFunction.
 """
 
 import contextlib
+import functools
 import logging
 import os
 import pickle
@@ -205,7 +206,9 @@ def lowered_by(build: Callable, is_documented: bool = False) -> Callable:
         if not IS_COMPILING:
             return plain
         if IS_SEEN or is_documented:
-            return numba.extending.intrinsic(build)
+            spelled_out = functools.update_wrapper(numba.extending.intrinsic(build), plain)
+            spelled_out.py_func = plain  # as numba's own dispatchers have it
+            return spelled_out
         return numba.extending.register_jitable(plain)
 
     return choose
