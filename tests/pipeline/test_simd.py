@@ -1,5 +1,6 @@
-"""Compare the vector loops with the plain Python in their docstrings, wrap-around and rounding included."""
+"""Compare the vector loops with plain Python, wrap-around and rounding included, and so what stands in for them."""
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -17,8 +18,12 @@ def merge(words, start, pitch, n_row, word, edges, depth_mask):
     merge_box(words, start, pitch, n_row, word, edges, depth_mask)
 
 
+# As vector instructions, in Python with the JIT switched off, and where numba's version is unknown.
+MERGES = merge, np.errstate(over="ignore")(merge_box.py_func), numba.njit(merge_box.py_func)
+
+
 def merge_plainly(words, start, pitch, n_row, word, edges, depth_mask):
-    """The loop of the docstring, with Python's integers, cut to 64 and 32 bits where the vectors are."""
+    """The same loop with Python's integers, cut to 64 and 32 bits where the vectors are."""
     words = list(words)
     for row in range(n_row):
         for k in range(LANES):
@@ -36,14 +41,15 @@ def signed(value, bits):
 
 
 def assert_same(words, start, n_row, word, edges, depth_mask):
-    """Merge both ways; return how many words changed."""
+    """Merge in all ways; return how many words changed."""
     expected = merge_plainly(words, start, PITCH, n_row, word, edges, depth_mask)
-    array = np.array(words, np.int64)
-    merge(
-        array, np.uint64(start), np.uint64(PITCH), n_row, tuple(np.uint64(w % 2**64) for w in word),
-        tuple(np.int64(e) for e in edges), np.int64(depth_mask),
-    )  # fmt: skip
-    assert array.tolist() == expected
+    for way in MERGES:
+        array = np.array(words, np.int64)
+        way(
+            array, np.uint64(start), np.uint64(PITCH), n_row, tuple(np.uint64(w % 2**64) for w in word),
+            tuple(np.int64(e) for e in edges), np.int64(depth_mask),
+        )  # fmt: skip
+        assert array.tolist() == expected
     return sum(a != b for a, b in zip(words, expected, strict=True))
 
 
@@ -105,8 +111,11 @@ def take(words, n, record_mask, numbers, shift, column, x, y, scale, out, place,
     take_planes(words, n, record_mask, numbers, shift, column, x, y, scale, out, place, stride)
 
 
+TAKES = take, np.errstate(over="ignore")(take_planes.py_func), numba.njit(take_planes.py_func)
+
+
 def take_plainly(words, n, record_mask, numbers, shift, column, x, y, scale, out, place, stride):
-    """The loop of the docstring with numpy's scalars: int32 that wraps, or float32 that rounds after every
+    """The same loop with numpy's scalars: int32 that wraps, or float32 that rounds after every
     operation."""
     out, whole, number = out.copy(), numbers.view(np.int32), numbers.dtype.type
     is_integer = number == np.int32
@@ -123,11 +132,12 @@ def take_plainly(words, n, record_mask, numbers, shift, column, x, y, scale, out
     return out
 
 
+@pytest.mark.parametrize("way", TAKES, ids=["vectors", "plain", "compiled"])
 @pytest.mark.parametrize("column", [4, 16])
 @pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
 @pytest.mark.parametrize("out_dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("dtype", [np.int32, np.float32])
-def test_planes_are_those_of_plain_python(dtype, out_dtype, n, column):
+def test_planes_are_those_of_plain_python(dtype, out_dtype, n, column, way):
     rng, shift, n_record, mask = np.random.default_rng(n), 5, 40, (1 << 23) - 1
     numbers = rng.integers(-(2**31), 2**31, n_record << shift).astype(np.int32)
     if dtype == np.float32:
@@ -137,8 +147,8 @@ def test_planes_are_those_of_plain_python(dtype, out_dtype, n, column):
     words = (rng.integers(0, 2**38, 128) << 25 | 1 << 24 | rng.integers(0, n_record, 128)).astype(np.int64)
     out, stride = np.full(4 * 160 + 8, 7, out_dtype), 160
     expected = take_plainly(words, n, mask, numbers, shift, column, 1900, 33, out_dtype(0.37), out, 5, stride)
-    take(words, np.uint64(n), np.int64(mask), numbers, np.uint64(shift), np.uint64(column), np.int64(1900), np.int64(33),
-         out_dtype(0.37), out, np.uint64(5), np.uint64(stride))  # fmt: skip
+    way(words, np.uint64(n), np.int64(mask), numbers, np.uint64(shift), np.uint64(column), np.int64(1900), np.int64(33),
+        out_dtype(0.37), out, np.uint64(5), np.uint64(stride))  # fmt: skip
     stop = -(-n // GROUP) * GROUP
     untouched = np.ones(len(out), bool)
     for i in range(GROUP):
@@ -149,11 +159,12 @@ def test_planes_are_those_of_plain_python(dtype, out_dtype, n, column):
 
 
 @pytest.mark.filterwarnings("ignore:overflow")
-def test_planes_of_integers_wrap():
+@pytest.mark.parametrize("way", TAKES, ids=["vectors", "plain", "compiled"])
+def test_planes_of_integers_wrap(way):
     """Values far out may leave 32 bits on the way, if they come back."""
     numbers = np.zeros(16, np.int32)
     numbers[4:8], numbers[8:12] = 2**31 - 1, 2**30
     out = np.zeros(16, np.float32)
-    take(np.zeros(4, np.int64), np.uint64(4), np.int64(1), numbers, np.uint64(4), np.uint64(4), np.int64(0), np.int64(0),
-         np.float32(1), out, np.uint64(0), np.uint64(4))  # fmt: skip
+    way(np.zeros(4, np.int64), np.uint64(4), np.int64(1), numbers, np.uint64(4), np.uint64(4), np.int64(0), np.int64(0),
+        np.float32(1), out, np.uint64(0), np.uint64(4))  # fmt: skip
     assert out[:4].tolist() == [np.float32(signed(2**31 - 1 + k * 2**30, 32)) for k in range(4)]
