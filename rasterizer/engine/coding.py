@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ..pipeline.gradients import CODINGS, NORMAL_PLANES, Coding
 from ..pipeline.light_kinds import LIGHTS
-from ..pipeline.records import CODINGS, NORMAL_PLANES, Coding
 from ..pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
 from .intensity_bounds import kind_of
 from .plan import Plan

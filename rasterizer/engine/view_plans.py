@@ -7,7 +7,7 @@ import numpy as np
 
 from ..geometry.points import find_clearance, find_point_clearance, find_shortest_normal
 from ..options import Options
-from ..pipeline.records import EXACT
+from ..pipeline.gradients import EXACT
 from ..pipeline.transform import DEPTH_MARGIN
 from ..scene.lights import DirectionalLight
 from .error_bounds import DOUBLE, SINGLE, WRITTEN, Surroundings, find_most, frame_error, list_steps

@@ -148,27 +148,26 @@ def split_samples(starts, pitch):
 
 
 @kernel
-def scan_opaque(faces, drawables, coding, rows, block, visibility, records, opacity, face_materials, out_transparent):
-    """Write an exact record for every triangle, in the order of the list; draw those that are opaque.
+def scan_opaque(band, drawables, coding, block, visibility, records, opacity, face_materials, out_transparent):
+    """Write an exact record for every triangle of a band, in the order of its list; draw those that are opaque.
 
     Parameters
     ----------
-    faces : (n,) uint32, ascending
-    rows : Rows of the picture that the band has
+    band, drawables, coding, block, visibility, records : as in `scan`
     opacity : Opacity
     face_materials : (n_face,) uint32, or empty where there is one material
-    out_transparent : (n,) int64, where in the list those are that are neither opaque nor invisible
+    out_transparent : (n,) int64, where in the band's list those are that are neither opaque nor invisible
 
     Returns
     -------
     how many are transparent
     """
-    faces, drawables, records = borrow(faces), borrow_drawables(drawables), borrow_records(records)
+    faces, drawables, records = borrow(band.faces), borrow_drawables(drawables), borrow_records(records)
     visibility, block = borrow_visibility(visibility), borrow_block(block)
     n_transparent = index(0)
     for first in range(0, len(faces), s.BLOCK):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
-        s.set_up(some, drawables, rows, visibility.width, block)
+        s.set_up(some, drawables, band, visibility.width, block)
         s.gather_attributes(len(some), drawables.attributes, block)
         for k in range(index(len(some))):
             listed, box = first + np.int64(k), box_of(k, block)
@@ -177,26 +176,24 @@ def scan_opaque(faces, drawables, coding, rows, block, visibility, records, opac
             out_transparent[n_transparent] = listed
             n_transparent += index(not opacity.is_opaque[material] and opacity.opacity[material] > 0.0)
             if box.left < box.right and box.top < box.bottom and opacity.is_opaque[material]:
-                note_extent(visibility, box.left, box.right, box.top - rows.y_start, box.bottom - rows.y_start)
-                fill(visibility, rows, box, k, exact_payload(listed), block)
+                note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
+                fill(visibility, band, box, k, exact_payload(listed), block)
     return n_transparent
 
 
 @kernel
-def list_fragments(faces, transparent, drawables, band, rows, block, visibility, lists):
-    """Count or list the fragments of transparent triangles that lie before the opaque surfaces.
+def list_fragments(band, transparent, drawables, rows, block, visibility, lists):
+    """Count or list the fragments of a band's transparent triangles that lie before the opaque surfaces.
 
     Parameters
     ----------
-    faces : (n_face,) uint32, the band's list
-    transparent : (n,) int64, where in the list the transparent ones are
-    band, rows : Rows of the picture that the band has, and those of them that are worked on
+    transparent : (n,) int64, where in the band's list the transparent ones are
+    rows : Rows of the picture, those of the band that are worked on
     visibility : VisibilityBuffer, the opaque surfaces; its extents are widened where fragments are counted
     lists : FragmentLists
     """
-    faces, transparent, drawables = borrow(faces), borrow(transparent), borrow_drawables(drawables)
-    visibility, block = borrow_visibility(visibility), borrow_block(block)
-    lists = borrow_lists(lists)
+    faces, transparent, drawables = borrow(band.faces), borrow(transparent), borrow_drawables(drawables)
+    visibility, block, lists = borrow_visibility(visibility), borrow_block(block), borrow_lists(lists)
     some = np.empty(s.BLOCK, faces.dtype)
     for first in range(0, len(transparent), s.BLOCK):
         n = index(min(len(transparent) - first, s.BLOCK))

@@ -22,8 +22,21 @@ class Bands(NamedTuple):
     starts: np.ndarray  # (n_band + 1,) int64
 
 
+class Band(NamedTuple):
+    """Rows y_start..y_end of samples of the picture, and the triangles that meet them."""
+
+    faces: np.ndarray  # (n,) uint32, ascending
+    y_start: int
+    y_end: int
+
+    @property
+    def n_row(self) -> int:
+        """Rows of samples."""
+        return self.y_end - self.y_start
+
+
 class Rows(NamedTuple):
-    """Rows of samples of the picture, half-open: those of a band, or of a part of one."""
+    """Rows y_start..y_end of samples."""
 
     y_start: int
     y_end: int

@@ -38,22 +38,22 @@ def empty_buffers(size, names) -> Buffers:
 
 
 @kernel
-def write_buffers(visibility, records, loaded_faces, rows, screen, out):
-    """Write rows of the buffers; clear the band; return how many samples are covered.
+def write_buffers(visibility, records, loaded_faces, band, screen, out):
+    """Write a band's rows of the buffers; clear the band; return how many samples are covered.
 
     Parameters
     ----------
     loaded_faces : (n_face,) uint32, the face that each triangle is a part of; empty where no face was clipped
-    rows : Rows of the picture that the band has
+    band : Band
     screen : Screen
     out : Buffers
     """
     entries, records = borrow(visibility.entries), borrow_records(records)
     out_depth, out_face, out_normal = borrow(out.depth), borrow(out.face), borrow(out.normal)
     n_covered = 0
-    for row in range(rows.y_end - rows.y_start):
+    for row in range(band.y_end - band.y_start):
         strip = strip_of(row)
-        y, sy = index(rows.y_start + row), (rows.y_start + row) * SUBPIXEL + HALF
+        y, sy = index(band.y_start + row), (band.y_start + row) * SUBPIXEL + HALF
         for i in range(visibility.left[strip], visibility.right[strip]):
             entry = entries[index(row * visibility.pitch + i)]
             if entry >= CLEAR:
@@ -71,7 +71,7 @@ def write_buffers(visibility, records, loaded_faces, rows, screen, out):
                 total = q0 + q1 + q2
                 nx, ny, nz = normal_of(records, record, q0 / total, q1 / total, q2 / total)
                 out_normal[y, x, 0], out_normal[y, x, 1], out_normal[y, x, 2] = nx, ny, nz
-    clear(visibility, rows.y_end - rows.y_start)
+    clear(visibility, band.y_end - band.y_start)
     return n_covered
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..compiler.kernels import borrow, helper, index
 from . import setup as s
-from .clip import FACE_DEPTH, NO_PLANES
+from .face_planes import FACE_DEPTH, NO_PLANES
 from .gradients import DISTANCE_PLANE, LEVEL_PLANES
 from .simd import PLANE_GROUP
 

@@ -102,25 +102,26 @@ class Edge(NamedTuple):
 
 
 @kernel
-def scan(faces, drawables, coding, rows, block, visibility, records):
-    """Draw triangles into a band; return how many records were written, and how many of them are exact.
+def scan(band, drawables, coding, block, visibility, records):
+    """Draw a band's triangles; return how many records were written, and how many of them are exact.
 
     Parameters
     ----------
-    faces : (n,) uint32, ascending
-    rows : Rows of the picture that the band has
+    band : Band
+    drawables : Drawables, all of the picture
+    coding : Coding
     block : Block, scratch
     visibility : VisibilityBuffer, clear; written
     records : Records, with room for n; written
     """
-    faces, drawables, records = borrow(faces), borrow_drawables(drawables), borrow_records(records)
+    faces, drawables, records = borrow(band.faces), borrow_drawables(drawables), borrow_records(records)
     visibility, block = borrow_visibility(visibility), borrow_block(block)
     n_attribute = drawables.attributes.shape[2]
     n_record = n_exact = np.int64(0)
     for first in range(0, len(faces), s.BLOCK):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
         # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.
-        s.set_up(some, drawables, rows, visibility.width, block)
+        s.set_up(some, drawables, band, visibility.width, block)
         s.gather_attributes(len(some), drawables.attributes, block)
         compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
@@ -140,8 +141,8 @@ def scan(faces, drawables, coding, rows, block, visibility, records):
                 payload = Payload(payload.value | IS_EXACT, np.int64(0), np.int64(0))
                 n_record += 1
                 n_exact += 1
-            note_extent(visibility, box.left, box.right, box.top - rows.y_start, box.bottom - rows.y_start)
-            fill(visibility, rows, box, k, payload, block)
+            note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
+            fill(visibility, band, box, k, payload, block)
     return n_record, n_exact
 
 
@@ -152,14 +153,14 @@ def borrow_block(block):
 
 
 @helper
-def fill(visibility, rows, box, k, payload, block):
+def fill(visibility, band, box, k, payload, block):
     """Fill triangle k of the block: all samples of a small box side by side, else span by span."""
     surface = surface_of(k, payload, block)
     is_small = block.ints[s.EXTENT_X + k] <= MOST_WIDE and block.ints[s.EXTENT_Y + k] <= MOST_HIGH
     if is_small and not surface.is_sliver:
-        fill_box(visibility, rows, box, surface)
+        fill_box(visibility, band, box, surface)
     else:
-        fill_spans(visibility, rows, box, surface, None)
+        fill_spans(visibility, band, box, surface, None)
 
 
 @helper
@@ -199,10 +200,10 @@ def surface_of(k, payload, block):
 
 
 @helper
-def fill_box(visibility, rows, box, surface):
+def fill_box(visibility, band, box, surface):
     """Test every sample of a small box against the three edges, LANES at a time, without a branch."""
     triangle, plane = surface.triangle, surface.plane
-    base = (box.top - rows.y_start) * visibility.pitch
+    base = (box.top - band.y_start) * visibility.pitch
     for first in range(box.left, box.right, LANES):
         sx, sy = first * SUBPIXEL + HALF, box.top * SUBPIXEL + HALF
         e0, e0_dx, e0_dy = edge_function(triangle.x0, triangle.y0, triangle.x1, triangle.y1, sx, sy)
@@ -239,7 +240,7 @@ def entry_at(plane, x, y):
 
 
 @helper
-def fill_spans(visibility, rows, box, surface, lists):
+def fill_spans(visibility, band, box, surface, lists):
     """Walk the left and the right chain down the rows and fill the samples between them.
 
     `lists` is None, or the FragmentLists that take what lies before the buffer, which is then left as it is (a_buffer.py).
@@ -254,7 +255,7 @@ def fill_spans(visibility, rows, box, surface, lists):
         for y in range(y_start, y_end):
             x_start, x_end = max(left.x, 0), min(right.x, visibility.width)
             if x_start < x_end:
-                first = (y - rows.y_start) * visibility.pitch + x_start
+                first = (y - band.y_start) * visibility.pitch + x_start
                 span = visibility.entries[index(first) : index(first + x_end - x_start)]
                 if lists is not None:
                     list_span(span, first, x_start, y, surface, lists)

@@ -91,7 +91,7 @@ def set_up(faces, drawables, rows, width, block):
     Parameters
     ----------
     faces : (n,) uint32, n <= BLOCK
-    rows : Rows, of the band
+    rows : Band or Rows: y_start..y_end is drawn
     width : of the picture, samples
     """
     gather_vertices(faces, drawables.triangles, drawables.vertices, block)
