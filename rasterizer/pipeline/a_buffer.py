@@ -2,8 +2,8 @@
 stage's one pass.
 
 In:  the band's list of triangles, which of them are opaque.
-Out: every sample's colour, weighted by its opacity, and its opacity: all surfaces that are seen there, nearest first, up
-     to the first opaque one.
+Out: every sample's colour, weighted by its opacity, and its opacity: all surfaces that are seen there, nearest first,
+     up to the first opaque one.
 
 First the opaque surfaces are drawn. Then every sample gets a list of fragments, the entries of all transparent surfaces
 before that (Carpenter 1984, "The A-buffer, an antialiased hidden surface method"): they are counted, room is divided,

@@ -1,8 +1,8 @@
 """What is drawn: triangles, their vertices on the screen, and the attributes of their corners.
 
-The vertices come from the transform stage; the clip stage replaces triangles, and the scan stage draws them. A corner is
-where a triangle meets a vertex: two triangles share a vertex with one place on the screen, and may have a corner each
-there, with normals or intensities of their own.
+The vertices come from the transform stage; the clip stage replaces triangles, and the scan stage draws them. A corner
+is where a triangle meets a vertex: two triangles that share a vertex may have a corner each there, with normals or
+intensities of their own.
 """
 
 from typing import NamedTuple

@@ -3,14 +3,14 @@
 In:  positions, and the faces that the clip stage has to clip.
 Out: a row of planes for each face, from which every part of it is interpolated.
 
-The weights q_i of the face's own three vertices are affine on the screen: with the vertices P_i in eye space and the ray
-r(x, y) = ((x - center_x)/scale_x, (center_y - y)/scale_y, 1) of a sample, q = M^-1 r, where P_0, P_1, P_2 are the columns
-of M. Then r·w = Σ b_i P_i with b_i = w q_i, and 1/w = Σ q_i (Olano & Greer 1997, "Triangle scan conversion using 2D
-homogeneous coordinates"). Without perspective P_i = (across, upward, 1), and q_i = b_i.
+The weights q_i of the face's own three vertices are affine on the screen: with the vertices P_i in eye space and the
+ray r(x, y) = ((x - center_x)/scale_x, (center_y - y)/scale_y, 1) of a sample, q = M^-1 r, where P_0, P_1, P_2 are the
+columns of M. Then r·w = Σ b_i P_i with b_i = w q_i, and 1/w = Σ q_i (Olano & Greer 1997, "Triangle scan conversion
+using 2D homogeneous coordinates"). Without perspective P_i = (across, upward, 1), and q_i = b_i.
 
-Where all three vertices have a place on the screen, near and far planes apart, they count where they are rounded to: the
-planes are those of the face that isn't clipped. Else one is behind the eye, or too far out to be rounded, and all count
-where they are.
+Where all three vertices have a place on the screen, near and far planes apart, they count where they are rounded to:
+the planes are those of the face that isn't clipped. Else one is behind the eye, or too far out to be rounded, and all
+count where they are.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from .transform import LIMIT, SUBPIXEL, project
 
 # Columns of the planes: q_i at the picture's corner (0, 0), and what 1/256 px to the right, and down, adds to them; the
-# range that their sum has where the face is seen; depths of the vertices, scene units. Without perspective the sum is 1.
+# range that their sum has where the face is seen, 1 without perspective; depths of the vertices, scene units.
 WEIGHT, WEIGHT_X, WEIGHT_Y, LEAST_SUM, LARGEST_SUM, FACE_DEPTH = 0, 3, 6, 9, 10, 11
 N_COLUMN = 14
 NO_PLANES = np.empty((0, N_COLUMN))

@@ -181,10 +181,10 @@ def compute_normal_planes(coding, block):
 def shortest_normal(k, block):
     """Tell whether triangle k's three normals are equal, and how long every mean of them is at least.
 
-    A mean of the corners' normals n_i has weights b_i >= 0 with Σ b_i = 1. With m the least n_i² and c the least n_i·n_j
-    of two corners, or m if that is less,
+    A mean of the corners' normals n_i has weights b_i >= 0 with Σ b_i = 1, so Σ b_i² >= 1/3. With m the least n_i² and
+    c the least n_i·n_j of two corners, or m if that is less,
 
-        |Σ b_i n_i|² >= m Σ b_i² + 2 c Σ b_i b_j = (m - c) Σ b_i² + c >= (m - c)/3 + c = (m + 2 c)/3,    as Σ b_i² >= 1/3.
+        |Σ b_i n_i|² >= m Σ b_i² + 2 c Σ b_i b_j = (m - c) Σ b_i² + c >= (m - c)/3 + c = (m + 2 c)/3.
 
     n/w is such a mean times a mean of 1/w, so |n/w| >= (w_min/w_max)·√((m + 2 c)/3) with 1/w scaled to at most 1: short
     where corners look apart, as where a file has reversed one, where a corner has no normal, and far away in a triangle
@@ -206,8 +206,8 @@ def shortest_normal(k, block):
 def compute_albedo_plane(attribute, coding, block):
     """Compute the plane of an attribute behind the normals, in affine interpolation.
 
-    See compute_level_plane for its bound, and compute_normal_planes for that of rounding, which may take half of what is
-    accepted: u·(3 m + 4 s) with m the largest value.
+    See compute_level_plane for its bound, and compute_normal_planes for that of rounding, which may take half of what
+    is accepted: u·(3 m + 4 s) with m the largest value.
     """
     for k in range(index(s.BLOCK)):
         a0, a1, a2 = values_at(s.ATTRIBUTE + attribute * s.NEXT_PLANE + k, block)
@@ -234,7 +234,8 @@ def compute_distance_plane(coding, block):
     if coding.depth_scale != 0.0:
         offset, scale = coding.depth_offset, coding.depth_scale
     for k in range(index(s.BLOCK)):
-        d0, d1, d2 = offset + scale * reals[s.Z0 + k], offset + scale * reals[s.Z1 + k], offset + scale * reals[s.Z2 + k]
+        z0, z1, z2 = reals[s.Z0 + k], reals[s.Z1 + k], reals[s.Z2 + k]
+        d0, d1, d2 = offset + scale * z0, offset + scale * z1, offset + scale * z2
         rise = compute_plane(k, index(DISTANCE_PLANE), d0, d1, d2, block)
         largest = max(d0, d1, d2)
         block.ints[s.HAS_PLANES + k] &= (2.0 * rise <= largest) & (largest <= 2.0 * min(d0, d1, d2))

@@ -89,7 +89,8 @@ def write_planes(records, n_record, k, face, n_attribute, coding, block):
         source = s.ATTRIBUTE_PLANE + index(DISTANCE_PLANE) * s.NEXT_PLANE + k
         copy_planes(block.reals, source, 1, planes, first + index(DISTANCE))
     if n_attribute > 3:
-        copy_planes(block.reals, s.ATTRIBUTE_PLANE + index(3) * s.NEXT_PLANE + k, 3, planes, first + index(3 * PLANE_GROUP))
+        source = s.ATTRIBUTE_PLANE + index(3) * s.NEXT_PLANE + k
+        copy_planes(block.reals, source, 3, planes, first + index(3 * PLANE_GROUP))
 
 
 @helper

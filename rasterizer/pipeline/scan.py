@@ -6,8 +6,8 @@ Out: an entry for every sample of the band (visibility.py), and a record for eve
 
 A plane of entries is anchored at the first sample of the part of the triangle's box that lies right of and below the
 picture's upper left corner, and integer addition is associative: an entry is a function of triangle and sample alone,
-not of band, span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right entry
-all the same, because the entry itself fits.
+not of band, span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right
+entry all the same, because the entry itself fits.
 
     top v0                    Clockwise on the screen (y points down): v0 is the topmost vertex, the leftmost of two.
        /\\                     Left chain v0-v2(-v1), right chain v0-v1(-v2). A sample on a left or top edge belongs to
@@ -243,7 +243,8 @@ def entry_at(plane, x, y):
 def fill_spans(visibility, band, box, surface, lists):
     """Walk the left and the right chain down the rows and fill the samples between them.
 
-    `lists` is None, or the FragmentLists that take what lies before the buffer, which is then left as it is (a_buffer.py).
+    `lists` is None, or the FragmentLists that take what lies before the buffer, which is then left as it is: see
+    a_buffer.py.
     """
     triangle = surface.triangle
     middle = first_sample(min(triangle.y1, triangle.y2))

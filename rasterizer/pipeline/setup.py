@@ -1,8 +1,8 @@
 """Triangle setup: boxes, slopes and planes of depth over a block of triangles. The first part of the scan stage.
 
 In:  faces, in order, and what they refer to (drawables.py).
-Out: `Block`: for each triangle its vertices, clockwise on the screen and the topmost first, its box, the slopes of planes
-     over it, and the plane of its depth; gradients.py adds the planes of what is interpolated.
+Out: `Block`: for each triangle its vertices, clockwise on the screen and the topmost first, its box, the slopes of
+     planes over it, and the plane of its depth; gradients.py adds the planes of what is interpolated.
 
 The scan stage takes its triangles BLOCK at a time. What is to be known of them stands in rows, one quantity a row and
 one triangle a column, so that the arithmetic runs through all of them in vector instructions: done one by one, small
@@ -40,13 +40,13 @@ IS_FLIPPED, IS_SLIVER, HAS_PLANES = (index(BLOCK * k) for k in range(14, 17))
 CORNER0, CORNER1, CORNER2 = (index(BLOCK * k) for k in range(17, 20))  # where the vertices' attributes are
 CLIPPED_IDX = index(BLOCK * 20)  # the row of the planes of the face that it is a part of; -1 for a whole face
 N_INT = 21
-# Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); planes of levels, three
-# rows each, see gradients.py.
+# Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); planes of levels,
+# three rows each, see gradients.py.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = (index(BLOCK * k) for k in range(3))
 LEVEL_PLANE, MOST_LEVEL_PLANES = index(BLOCK * 3), 3
 N_LONG = 3 + 3 * MOST_LEVEL_PLANES
-# Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor, in
-# samples; the range of z that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other;
+# Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
+# in samples; the range of z that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other;
 # planes of attributes, three rows each, see gradients.py.
 Z0, Z1, Z2 = (index(BLOCK * k) for k in range(3))
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = (index(BLOCK * k) for k in range(3, 7))
@@ -169,8 +169,8 @@ def gather_attributes(n, attributes, block):
 
     Parameters
     ----------
-    attributes : (side, n_corner, n_attribute): side 0 is for triangles whose normals look at the viewer as they are, the
-        last side for those whose normals are flipped
+    attributes : (side, n_corner, n_attribute) float32 or float64: side 0 is for triangles whose normals look at the
+        viewer as they are, the last side for those whose normals are flipped
     """
     ints, reals = block.ints, block.reals
     last_side = index(attributes.shape[0] - 1)

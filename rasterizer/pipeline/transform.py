@@ -3,8 +3,8 @@
 In:  positions, world space, one float64 array an axis.
 Out: `Vertices`: x and y int32 in 1/256 px, and z float64, depth in units of the z-buffer. It is affine in screen space,
      so that a plane interpolates it: z = a + b/w in perspective, with w the distance along the viewing axis, else
-     z = a + b·depth. A vertex that has no place on the screen (nearer than the near plane, beyond the far plane, further
-     than 2^20 px from the picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
+     z = a + b·depth. A vertex that has no place on the screen (nearer than the near plane, beyond the far plane,
+     further than 2^20 px from the picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
 
 Float64 throughout: float32 would move two vertices in a hundred by a sub-pixel.
 

@@ -1,8 +1,8 @@
 """The visibility buffer of a band: an entry for every sample, which says how deep it is and what is visible there.
 
-(Burns & Hunt 2013, "The visibility buffer", keep a triangle's number for every sample in the same way, and shade later.)
 An entry packs depth and payload, so that one integer addition advances both along a span, and one comparison decides
-visibility and writes both:
+visibility and writes both. (Burns & Hunt 2013, "The visibility buffer", JCGT 2(2), keep a triangle's index for every
+sample, too, and shade later.)
 
     63        62 ............ 25   24     23 ............. 0
     sign (0)  z (38 bits)          is_id  intensity, or is_exact and the index of a record
@@ -56,9 +56,8 @@ def make_visibility_buffer(width, n_row) -> VisibilityBuffer:
 @helper
 def borrow_visibility(visibility):
     """Return the buffer with arrays that count no references."""
-    return VisibilityBuffer(
-        borrow(visibility.entries), visibility.pitch, visibility.width, borrow(visibility.left), borrow(visibility.right)
-    )
+    left, right = borrow(visibility.left), borrow(visibility.right)
+    return VisibilityBuffer(borrow(visibility.entries), visibility.pitch, visibility.width, left, right)
 
 
 @helper

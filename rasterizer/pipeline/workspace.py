@@ -40,8 +40,8 @@ class WorkspaceKind(NamedTuple):
 class WorkspacePool:
     """Workspaces that are free. Taking from a list and giving back are atomic, so threads may share it.
 
-    What is taken and not given back, because drawing failed half-way, is forgotten: a visibility buffer that isn't clear
-    is never used again.
+    What is taken and not given back, because drawing failed half-way, is forgotten: a visibility buffer that isn't
+    clear is never used again.
     """
 
     def __init__(self):
@@ -52,7 +52,7 @@ class WorkspacePool:
         try:
             workspace = self._free.setdefault(kind, []).pop()
         except IndexError:  # asking first whether there is one would leave room for another thread to take it
-            workspace = make_workspace(kind)
+            workspace = make_workspace(kind, n_record)
         if len(workspace.records.integers) < n_record:
             records = make_records(n_record, kind.n_attribute, kind.n_plane_group, kind.dtype)
             workspace = workspace._replace(records=records)
@@ -63,13 +63,13 @@ class WorkspacePool:
         self._free[kind].append(workspace)
 
 
-def make_workspace(kind: WorkspaceKind) -> Workspace:
-    """Return a workspace with room for one record."""
+def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
+    """Return a clear workspace with room for `n_record` records."""
     visibility = make_visibility_buffer(kind.width, kind.n_row)
     n_sample = len(visibility.entries)
     return Workspace(
         visibility,
-        make_records(1, kind.n_attribute, kind.n_plane_group, kind.dtype),
+        make_records(max(n_record, 1), kind.n_attribute, kind.n_plane_group, kind.dtype),
         make_block(),
         np.zeros((kind.n_channel, n_sample), kind.dtype),
         make_rows(kind.dtype),
