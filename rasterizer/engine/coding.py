@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..pipeline.records import CODINGS, NORMAL_PLANES, Coding
+from ..pipeline.gradients import CODINGS, NORMAL_PLANES, Coding
 from ..pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
 from .light_table import entry_of
 from .plan import Plan

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..geometry.surfaces import compute_normal_offsets, compute_shapes
-from ..pipeline.records import IN_WORDS
+from ..pipeline.gradients import IN_ENTRIES
 from ..pipeline.shadow_lookup import (
     CENTER_X,
     CENTER_Y,
@@ -163,7 +163,7 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMB
     texels = block[HEADER:].reshape(len(views), size, size)
     for k, (light_view, projection) in enumerate(views):
         screen = _fit_screen(light_view, projection, casters, size)
-        coding = make_coding(plan._replace(coding=IN_WORDS, lights=()), screen, 0.0)
+        coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=()), screen, 0.0)
         nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
         draw(casters.geometry, shadow_map_pass(nothing, coding, screen, texels[k]), screen, scratch, workers, NO_CLOCK)
         row = block[MAPS + N_MAP_NUMBER * k : MAPS + N_MAP_NUMBER * (k + 1)]

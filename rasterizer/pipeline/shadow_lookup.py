@@ -51,9 +51,7 @@ from .fragments import (
     SLOPE_Y,
     STRENGTH,
 )
-from .records import PAYLOAD_BITS
-from .resolve import clean
-from .scan import CLEAR, GROUP_SHIFT
+from .visibility import CLEAR, PAYLOAD_BITS, STRIP_SHIFT, clear
 
 # The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether
 # rays diverge; then for each map: the light's place relative to the eye, its axes (right, up, forward), scale and
@@ -188,10 +186,10 @@ def compare(row, header, texels, first, start, stop):
 @kernel
 def write_map(canvas, y_start, n_row, offset, scale, out_texels):
     """Turn a band's depths into texels: 1/w, or minus the depth, which are offset + scale·z; clean the band."""
-    words = borrow(canvas.words)
+    words = borrow(canvas.entries)
     far = out_texels.dtype.type(-np.inf)  # where nothing is, nothing is held off
     for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
+        group = np.uint64(j) >> np.uint64(STRIP_SHIFT)
         left, right = canvas.left[group], canvas.right[group]
         row = out_texels[np.uint64(y_start + j)]
         for i in range(np.uint64(len(row))):
@@ -201,4 +199,4 @@ def write_map(canvas, y_start, n_row, offset, scale, out_texels):
             for i in range(np.uint64(left), np.uint64(min(right, len(row)))):
                 word = words[start + i]
                 row[i] = offset + scale * float(word >> PAYLOAD_BITS) if word < CLEAR else far
-    clean(canvas, n_row)
+    clear(canvas, n_row)
