@@ -172,10 +172,10 @@ def _add_array(parser) -> None:
     parser.add_argument(
         "--array",
         dest="outputs",
-        choices=choices.OUTPUTS,
-        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb "
-        "uint8, depth in scene units, face the face's index or -1, normal in world space; one sample a pixel, but "
-        "for color and rgb with --samples",
+        choices=tuple(dict.fromkeys((*choices.OUTPUTS, *choices.BUFFERS))),
+        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb uint8, "
+        + "".join(f"{name} {text}, " for name, text in choices.BUFFERS.items()).rstrip(", ")
+        + "; one sample a pixel, but for color and rgb with --samples",
     )
 
 
