@@ -72,7 +72,8 @@ def gather_geometry(scene: Scene, is_flat: bool) -> Geometry:
 
 
 def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool) -> Geometry:
-    """Stack the arrays of meshes; indices move behind the meshes before them. What belongs to materials is left empty."""
+    """Stack the arrays of meshes; indices move behind the meshes before them. What belongs to materials is left
+    empty."""
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
     positions = _columns([part.positions for part in parts], np.float64)
     vertex = _columns([part.vertex for part in parts], np.uint32, first_vertex)

@@ -1,7 +1,7 @@
 """One pixel, explained: which surfaces its samples see, and what each light adds to them.
 
-It goes the way of picture.py, with the same functions, for the samples of one pixel alone. Only the sum is taken apart: the
-illumination equation is evaluated at the same points, and its terms are kept one by one.
+It goes the way of picture.py, with the same functions, for the samples of one pixel alone. Only the sum is taken apart:
+the illumination equation is evaluated at the same points, and its terms are kept one by one.
 """
 
 import operator
@@ -32,7 +32,7 @@ from .shading import (
     world_positions,
 )
 from .surface import Surface
-from .visibility import NOTHING, Raster, find_visible, gather_fragments
+from .visibility import NOTHING, find_visible, gather_fragments
 
 
 def explain(
@@ -60,11 +60,11 @@ def explain(
     x, y : column and row of the pixel, from the upper left, whole numbers
     size : (width, height) in pixels, or one number for a square
     camera : Camera; None = that of the scene
-    shading, samples, cull, color_range, exposure, spectral : the options of the picture, as for `render`. With several samples each
-        of them is explained, and the pixel's value is their mean. "global" takes the largest value of the whole picture, which
-        is then drawn, slowly
-    tolerance, outputs, threads : of no effect: the reference has no tolerance. They are taken so that the options of a picture can
-        be handed on as they are
+    shading, samples, cull, color_range, exposure, spectral : the options of the picture, as for `render`. With several
+        samples each of them is explained, and the pixel's value is their mean. "global" takes the largest value of the
+        whole picture, which is then drawn, slowly
+    tolerance, outputs, threads : of no effect: the reference has no tolerance. They are taken so that the options of a
+        picture can be handed on as they are
 
     Returns
     -------
@@ -107,7 +107,9 @@ def _checked_index(value: object, name: str, limit: int, what: str) -> int:
     except TypeError:
         index = -1
     if not 0 <= index < limit:
-        raise SceneError(f"{name} must be a whole number within 0..{limit - 1}, as the picture has {limit} {what}; given {shown(value)}")
+        raise SceneError(
+            f"{name} must be a whole number within 0..{limit - 1}, as the picture has {limit} {what}; given {shown(value)}"
+        )
     return index
 
 
@@ -160,7 +162,9 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, through:
     points, weights, lit_at = _evaluation_points(surface, fragment, lighting)
     cue = float(cue_factors(fragment.depth, lighting)[0])
     gain = 2.0**lighting.exposure * cue
-    ambient = _blend(as_rgb(ambient_light(points.material, lighting), lighting) * points.albedo, weights) * texel[:3] * gain
+    ambient = (
+        _blend(as_rgb(ambient_light(points.material, lighting), lighting) * points.albedo, weights) * texel[:3] * gain
+    )
     emission = _blend(as_rgb(lighting.materials["emissive"][points.material], lighting), weights) * gain
     lights = _explain_lights(points, weights, lighting, texel[:3] * gain, gain)
     depth_cue = (1.0 - cue) * np.array(lighting.cue.color) if lighting.cue is not None else np.zeros(3)
@@ -180,9 +184,14 @@ def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, through:
 def _evaluation_points(
     surface: Surface, fragment: Fragments, lighting: Lighting
 ) -> tuple[Points, NDArray[np.float64], str]:
-    """Return the points at which the equation is evaluated for a sample, what each counts for (n,), and where they are."""
+    """Return the points at which the equation is evaluated for a sample, what each counts for (n,), and where they
+    are."""
     if lighting.shading == "flat":
-        return polygon_points(surface, surface.polygon[fragment.face], lighting), np.ones(1), "at the polygon's centroid"
+        return (
+            polygon_points(surface, surface.polygon[fragment.face], lighting),
+            np.ones(1),
+            "at the polygon's centroid",
+        )
     if lighting.shading == "phong":
         return sample_points(surface, fragment, lighting), np.ones(1), "at the sample"
     ring = -1 if surface.rings is None else int(surface.rings.of_face[fragment.face[0]])
@@ -207,7 +216,8 @@ def _join(a: Points, b: Points) -> Points:
 def _explain_lights(
     points: Points, weights: NDArray, lighting: Lighting, diffuse_gain: NDArray, gain: float
 ) -> tuple[LightShare, ...]:
-    """Return what each light adds; `diffuse_gain` (3,) and `gain` are what both parts of its light are multiplied by."""
+    """Return what each light adds; `diffuse_gain` (3,) and `gain` are what both parts of its light are multiplied
+    by."""
     found = {}
     arguments = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
     for each in contributions(*arguments):

@@ -1,7 +1,8 @@
 """What `explain` says about a pixel: frozen records, and the text that a person reads.
 
-Every share of light is linear RGB, as it comes out of its layer: textures, vertex colours, exposure and depth cue are in it.
-So a layer's colour is the sum of its shares, and a sample's colour the sum of its layers' colours, each times `visible`.
+Every share of light is linear RGB, as it comes out of its layer: textures, vertex colours, exposure and depth cue are
+in it. So a layer's colour is the sum of its shares, and a sample's colour the sum of its layers' colours, each times
+`visible`.
 """
 
 from dataclasses import dataclass
@@ -15,8 +16,8 @@ Vector = tuple[float, float, float]
 class LightShare:
     """What one light adds to a layer.
 
-    Where the equation is evaluated at several points (the corners of a face with Gouraud's method, the cells of an area light),
-    direction, n_dot_l, attenuation and unshadowed are means over them, weighted as the shares are.
+    Where the equation is evaluated at several points (the corners of a face with Gouraud's method, the cells of an area
+    light), direction, n_dot_l, attenuation and unshadowed are means over them, weighted as the shares are.
 
     Attributes
     ----------
@@ -49,8 +50,8 @@ class Layer:
     mesh, mesh_face, mesh_name : number of the mesh in the scene, index of the face in it, and the mesh's name
     material_index, material : number of the material in the mesh's palette, and the material
     depth : distance along the viewing axis, scene units
-    weights : barycentric, perspective-correct, on the corners of the drawn triangle: of a convex polygon with more than three
-        corners, two of them and its centre
+    weights : barycentric, perspective-correct, on the corners of the drawn triangle: of a convex polygon with more than
+        three corners, two of them and its centre
     position, normal : world; the normal is a unit vector and looks to the viewer
     lit_at : where the illumination equation is evaluated, in words
     opacity : of the material, times that of the texel
@@ -137,7 +138,9 @@ class Explanation:
 
     def __str__(self) -> str:
         n = len(self.samples)
-        lines = [f"pixel ({self.x}, {self.y}) of {self.size[0]} x {self.size[1]}, {self.shading} shading, {_count(n, 'sample')}"]
+        lines = [
+            f"pixel ({self.x}, {self.y}) of {self.size[0]} x {self.size[1]}, {self.shading} shading, {_count(n, 'sample')}"
+        ]
         if self.way is not None:
             lines.append(f"drawn by: {self.way}")
         for sample in self.samples:
@@ -156,7 +159,9 @@ def _describe_sample(sample: Sample) -> list[str]:
     where = f"sample at {sample.x:g}, {sample.y:g} px"
     if not sample.layers:
         return [f"{where}: nothing is seen here but the background"]
-    lines = [f"{where}: {_count(len(sample.layers), 'layer')}, alpha {sample.alpha:.6g}, premultiplied {_numbers(sample.color)}"]
+    lines = [
+        f"{where}: {_count(len(sample.layers), 'layer')}, alpha {sample.alpha:.6g}, premultiplied {_numbers(sample.color)}"
+    ]
     for number, layer in enumerate(sample.layers, 1):
         lines += [f"  {line}" for line in _describe_layer(number, layer)]
     return lines

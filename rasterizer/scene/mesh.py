@@ -14,8 +14,8 @@ import numpy as np
 
 from ..errors import ModelError, SceneError
 from . import mesh_arrays
-from .algorithms import algorithm
 from .material import Material
+from .services import service
 from .validate import choice, number, plain_array, shown
 
 WEIGHTINGS = ("angle", "area", "uniform")
@@ -265,7 +265,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        return algorithm("subdivide")(self, times)
+        return service("subdivide")(self, times)
 
 
 def _checked_crease_angle(angle) -> float | None:

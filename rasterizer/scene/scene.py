@@ -11,6 +11,7 @@ from .color import linear_rgb
 from .depth_cue import DepthCue, checked_cue
 from .lights import Light, check_number, studio
 from .mesh import Mesh
+from .services import service
 from .validate import AXES, choice, number, picture_size, shown
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
@@ -81,9 +82,7 @@ class Scene:
         SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
             legal
         """
-        from ..io.scene_file import read_scene  # which loads models into scenes
-
-        return read_scene(path).framed_scene()
+        return service("read_scene")(path).framed_scene()
 
     def save(self, path):
         """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth
@@ -105,9 +104,7 @@ class Scene:
         SceneError : another suffix
         OutputError : a file can't be written
         """
-        from ..io.scene_file_write import write_scene
-
-        return write_scene(self, path)
+        return service("write_scene")(self, path)
 
     @property
     def n_face(self) -> int:

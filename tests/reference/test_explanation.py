@@ -130,12 +130,18 @@ def test_faces_meshes_and_materials_are_those_that_were_loaded():
     right = rz.Mesh(
         QUAD + (1.5, 0, 0), [(0, 1, 2), (0, 2, 3)], materials=(red, blue), face_material=[0, 1], name="right"
     )
-    scene = rz.Scene([left, right], [rz.DirectionalLight((0, 0, -1))], rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), 4))
+    scene = rz.Scene(
+        [left, right], [rz.DirectionalLight((0, 0, -1))], rz.Camera.orthographic((0, 0, 5), (0, 0, 0), (0, 1, 0), 4)
+    )
     (layer,) = rz.explain(scene, 44, 20, (64, 32)).layers
     assert (layer.face, layer.mesh, layer.mesh_face, layer.material_index) == (2, 1, 0, 0)
     (other,) = rz.explain(scene, 40, 12, (64, 32)).layers
     assert (other.face, other.mesh, other.mesh_face, other.material) == (3, 1, 1, blue)
-    assert layer.lights[0].direction == (0, 0, 1) and layer.lights[0].n_dot_l == pytest.approx(1) and layer.position[2] == 0
+    assert (
+        layer.lights[0].direction == (0, 0, 1)
+        and layer.lights[0].n_dot_l == pytest.approx(1)
+        and layer.position[2] == 0
+    )
 
 
 def test_the_text_says_what_is_seen():
@@ -190,7 +196,9 @@ def test_a_pixel_outside_is_refused(x, y, message):
         rz.explain(lit_quads(), x, y, (24, 18))
 
 
-@pytest.mark.parametrize("options", [{"shading": "toon"}, {"samples": 5}, {"cull": "front"}, {"tolerance": -1}, {"spectral": 2}])
+@pytest.mark.parametrize(
+    "options", [{"shading": "toon"}, {"samples": 5}, {"cull": "front"}, {"tolerance": -1}, {"spectral": 2}]
+)
 def test_options_that_are_not_legal_are_refused(options):
     with pytest.raises(SceneError, match=next(iter(options))):
         rz.explain(lit_quads(), 0, 0, (24, 18), **options)
