@@ -124,7 +124,8 @@ def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Pa
         positions=positions, vertex=vertex, corner=vertex, points=positions, normals=normals,
         albedo=with_means(geometry.albedo, centers), is_inverted=np.zeros(vertex.shape[1], np.uint8),
         face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
-        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents.T, centers).T, face=face, centers=centers,
+        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents.T, centers).T,
+        face=face, centers=centers,
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ points.
     flag_inverted           do a triangle's normals look against its winding?
     find_clearance          how near does the surface come to a point, as a light or the eye is?
     find_shortest_normal    how short can an interpolated normal become?
-    compute_shapes          which plane is a triangle in, and how far does the curved surface that it stands for leave it?
+    compute_shapes          which plane is a triangle in, and how far from it is the curved surface that it stands for?
     compute_normal_offsets  how far are points moved along their normals, so that their own faces don't shadow them?
 
 Columns: positions, normals and points are (3, n), one contiguous column an axis; vertex and corner are (3, n_face).

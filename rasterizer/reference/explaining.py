@@ -83,21 +83,30 @@ def explain(
     x, y = _checked_index(x, "x", width, "columns"), _checked_index(y, "y", height, "rows")
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     scene = scene if camera is None else replace(scene, camera=camera)
-    settings = {"cull": cull, "exposure": options.exposure, "spectral": spectral}
-    look = look_at(scene, options.size, shading, limits=(None, None), **settings)
+    look = look_at(scene, options.size, options.shading, limits=(None, None), **_settings_of(options))
     found = _explain_samples(look, x, y, options.factor)
-    square = options.factor, options.factor
-    color = np.array([sample.color for sample in found]).reshape(*square, 3)
-    alpha = np.array([sample.alpha for sample in found]).reshape(square)
+    return _sum_up(look, x, y, found, options)
+
+
+def _settings_of(options: Options) -> dict:
+    """Return the options that decide what is seen and how it is lit."""
+    return {"cull": options.cull, "exposure": options.exposure, "spectral": options.spectral}
+
+
+def _sum_up(look: Look, x: int, y: int, samples: list[Sample], options: Options) -> Explanation:
+    """Average the samples of a pixel, and bring the mean to 8 bits."""
+    scene, square = look.scene, (options.factor, options.factor)
+    color = np.array([sample.color for sample in samples]).reshape(*square, 3)
+    alpha = np.array([sample.alpha for sample in samples]).reshape(square)
     color, alpha = resolve(color, alpha, options.factor, scene.background)
     largest = None
-    if color_range == "global":
-        largest = float(render(scene, options.size, shading=shading, samples=samples, **settings).color.max())
-    rgb = tuple(int(value) for value in encode(color, color_range, largest)[0, 0])
+    if options.color_range == "global":
+        settings = _settings_of(options) | {"shading": options.shading, "samples": options.samples}
+        largest = float(render(scene, options.size, **settings).color.max())
+    red, green, blue = (int(value) for value in encode(color, options.color_range, largest)[0, 0])
     background = None if scene.background is None else _vector(scene.background)
-    return Explanation(
-        x, y, options.size, look.shading, tuple(found), background, _vector(color[0, 0]), float(alpha[0, 0]), rgb
-    )
+    linear, opaque = _vector(color[0, 0]), float(alpha[0, 0])
+    return Explanation(x, y, options.size, look.shading, tuple(samples), background, linear, opaque, (red, green, blue))
 
 
 def _checked_index(value: object, name: str, limit: int, what: str) -> int:
@@ -107,9 +116,8 @@ def _checked_index(value: object, name: str, limit: int, what: str) -> int:
     except TypeError:
         index = -1
     if not 0 <= index < limit:
-        raise SceneError(
-            f"{name} must be a whole number within 0..{limit - 1}, as the picture has {limit} {what}; given {shown(value)}"
-        )
+        legal = f"a whole number within 0..{limit - 1}, as the picture has {limit} {what}"
+        raise SceneError(f"{name} must be {legal}; given {shown(value)}")
     return index
 
 

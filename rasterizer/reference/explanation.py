@@ -138,9 +138,8 @@ class Explanation:
 
     def __str__(self) -> str:
         n = len(self.samples)
-        lines = [
-            f"pixel ({self.x}, {self.y}) of {self.size[0]} x {self.size[1]}, {self.shading} shading, {_count(n, 'sample')}"
-        ]
+        width, height = self.size
+        lines = [f"pixel ({self.x}, {self.y}) of {width} x {height}, {self.shading} shading, {_count(n, 'sample')}"]
         if self.way is not None:
             lines.append(f"drawn by: {self.way}")
         for sample in self.samples:
@@ -159,9 +158,8 @@ def _describe_sample(sample: Sample) -> list[str]:
     where = f"sample at {sample.x:g}, {sample.y:g} px"
     if not sample.layers:
         return [f"{where}: nothing is seen here but the background"]
-    lines = [
-        f"{where}: {_count(len(sample.layers), 'layer')}, alpha {sample.alpha:.6g}, premultiplied {_numbers(sample.color)}"
-    ]
+    n_layer = _count(len(sample.layers), "layer")
+    lines = [f"{where}: {n_layer}, alpha {sample.alpha:.6g}, premultiplied {_numbers(sample.color)}"]
     for number, layer in enumerate(sample.layers, 1):
         lines += [f"  {line}" for line in _describe_layer(number, layer)]
     return lines
@@ -171,12 +169,14 @@ def _describe_layer(number: int, layer: Layer) -> list[str]:
     """Return the lines about one layer: what is seen, where it is, and what each light adds."""
     name = f" {layer.mesh_name!r}" if layer.mesh_name else ""
     material = f" {layer.material.name!r}" if layer.material.name else ""
+    mesh = f"mesh {layer.mesh}{name}"
     lines = [
-        f"{number}. face {layer.face}: face {layer.mesh_face} of mesh {layer.mesh}{name}, material {layer.material_index}{material}",
+        f"{number}. face {layer.face}: face {layer.mesh_face} of {mesh}, material {layer.material_index}{material}",
         f"   {_describe_material(layer.material)}",
         f"   depth {layer.depth:.9g}, weights {_numbers(layer.weights)}",
         f"   position {_numbers(layer.position)}, normal {_numbers(layer.normal)}",
-        f"   opacity {layer.opacity:.6g}, visible {layer.visible:.6g}, texel {_numbers(layer.texel)}; lit {layer.lit_at}",
+        f"   opacity {layer.opacity:.6g}, visible {layer.visible:.6g}, texel {_numbers(layer.texel)}",
+        f"   lit {layer.lit_at}",
         f"   {'ambient':<22}{_numbers(layer.ambient)}",
         f"   {'emission':<22}{_numbers(layer.emission)}",
     ]

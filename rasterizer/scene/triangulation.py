@@ -132,8 +132,9 @@ def _check_steps(concave: NDArray, counts: NDArray) -> None:
     others = f", and {len(concave) - 1} more are" if len(concave) > 1 else ""
     raise TooManyCorners(
         largest,
-        f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of corners may "
-        f"sum up to {MOST_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a modelling program",
+        f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of "
+        f"corners may sum up to {MOST_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a "
+        "modelling program",
     )
 
 
