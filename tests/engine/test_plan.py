@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT as EXACTLY
-from helpers.judge import check, compare
+from helpers.against_reference import EXACT as EXACTLY
+from helpers.against_reference import assert_matches_reference, compare_with_reference
 from helpers.pinhole import SHADINGS, octasphere, torus
 from helpers.stages import screen_of
 from hypothesis import given, settings
@@ -94,7 +94,7 @@ def test_one_channel_is_found_where_all_colours_are_multiples_of_one(name):
         assert found.tint == pytest.approx(tint, abs=1e-7)
     # Whatever is found, the picture is the judge's.
     for shading in SHADINGS:
-        check(scene, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
+        assert_matches_reference(scene, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
 
 
 def test_colours_of_a_model_need_three_channels_unless_they_are_grey():
@@ -105,8 +105,8 @@ def test_colours_of_a_model_need_three_channels_unless_they_are_grey():
         assert plan_of(grey).n_channel == 1 and plan_of(grey).has_albedo
         assert plan_of(scene_of([GREY], GREY_LIGHTS, **{name: greys + [[0, 0, 1e-9]]})).n_channel == 3
         for shading in SHADINGS:
-            check(grey, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
-            check(grey, (48, 20), DEFAULT_TOLERANCE, shading=shading, ignored=0.01)
+            assert_matches_reference(grey, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
+            assert_matches_reference(grey, (48, 20), DEFAULT_TOLERANCE, shading=shading, ignored=0.01)
 
 
 def test_tints_that_differ_by_rounding_are_one():
@@ -364,7 +364,7 @@ def test_a_camera_inside_a_mesh_may_have_any_near_plane(near):
     camera = rz.Camera.perspective((0, 0, 0), (0.3, 0.2, -1), fov=80, near=near)
     scene = rz.Scene([mesh], GREY_LIGHTS, camera)
     for shading in ("flat", "gouraud", "phong"):
-        verdict = compare(scene, (32, 24), shading=shading, tolerance=0)
+        verdict = compare_with_reference(scene, (32, 24), shading=shading, tolerance=0)
         assert verdict.color <= EXACTLY and verdict.depth <= EXACTLY and verdict.n_compared > 100
 
 

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 import rasterizer as rz
+from helpers.against_reference import EXACT, clear_pixels, color_errors, depth_resolution
 from helpers.campaign_climb import mutated
 from helpers.campaign_scenes import Case, make_case
 from helpers.campaign_steps import next_to_step
-from helpers.judge import EXACT, clear_pixels, color_errors, depth_resolution
 from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.a_buffer import INVISIBLE_ALPHA

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.against_reference import EXACT, compare_with_reference
 from helpers.batches import DTYPES, UP, directions_of, polar, random_directions, reflect
-from helpers.judge import EXACT, compare
 from helpers.pinhole import SHADINGS, octasphere, torus, unit
 from helpers.raster import COLORED, GREY
 
@@ -340,7 +340,7 @@ def test_pictures_agree_with_the_judge(name):
     for scene in scenes:
         for shading in SHADINGS:
             for tolerance in (0.0, 1 / 4096):
-                found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
+                found = compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance)
                 brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance).plan.bound
                 budget = tolerance or max(EXACT, 2 * error_bounds.SINGLE * brightest)
                 assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
@@ -357,7 +357,7 @@ def test_a_file_of_several_materials_keeps_them_apart():
     ]
     for camera in (VIEW, rz.Camera.orthographic((1.5, 2, 4), height=3.0)):
         for shading in SHADINGS:
-            found = compare(rz.Scene(meshes, COLORED, camera), SIZE, shading=shading, tolerance=0.0)
+            found = compare_with_reference(rz.Scene(meshes, COLORED, camera), SIZE, shading=shading, tolerance=0.0)
             assert found.color <= 2 * EXACT, f"{shading}: {found.color:.3g}"
 
 
@@ -397,5 +397,5 @@ def test_one_half_vector_serves_all_points_where_light_and_viewer_are_at_infinit
     camera = rz.Camera.orthographic((1, 2, 5), height=2.6)
     lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -0.5, -0.3), 0.7), rz.PointLight((2, 3, 4), 0.5))
     scene = rz.Scene([rz.Mesh(*octasphere(3), material=material, crease_angle=180)], lights, camera)
-    verdict = compare(scene, (60, 50), shading=shading, tolerance=0)
+    verdict = compare_with_reference(scene, (60, 50), shading=shading, tolerance=0)
     assert verdict.color <= EXACT, f"{verdict.color:.3g} > {EXACT:.3g}"

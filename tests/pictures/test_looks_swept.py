@@ -7,7 +7,7 @@ the judge.
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, compare
+from helpers.against_reference import EXACT, compare_with_reference
 from helpers.pinhole import SHADINGS, octasphere, torus
 
 import rasterizer as rz
@@ -77,7 +77,7 @@ def test_random_looks_keep_their_bounds(seed):
     n_single = 0
     for _ in range(4):
         scene, shading = random_scene(rng), SHADINGS[rng.integers(len(SHADINGS))]
-        judged = compare(scene, SIZE, shading=shading, tolerance=0)
+        judged = compare_with_reference(scene, SIZE, shading=shading, tolerance=0)
         with rz.Renderer(scene, SIZE, shading=shading, tolerance=0) as renderer:
             exact, brightest = renderer.render(), renderer.plan.bound
         budget = max(EXACT, 2.0**-23 * brightest)

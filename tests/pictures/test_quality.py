@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, check, compare
+from helpers.against_reference import EXACT, assert_matches_reference, compare_with_reference
 from helpers.pinhole import ALBEDO, DULL, SHADINGS, octasphere, torus, unit
 from helpers.raster import COLORED, GREY, ROOT, sheet
 from hypothesis import given, settings
@@ -84,7 +84,7 @@ def test_pictures_are_within_their_tolerance_of_the_judge(name, shading):
     for options, budget in PAIRS:
         if is_thin and options.get("samples"):
             continue  # every pixel of a bundle has a sample in which two of the slivers are equally near
-        found = check(scene, SIZE, budget, ignored=0.02, units=2.0**20 if is_thin else 2.0**14,
+        found = assert_matches_reference(scene, SIZE, budget, ignored=0.02, units=2.0**20 if is_thin else 2.0**14,
                       shading=shading, **options)  # fmt: skip
         assert found.n_compared > 100
 
@@ -99,7 +99,7 @@ def test_the_stated_bound_holds(shading, tolerance, brightness):
     for samples in (1, 16):
         options = {"shading": shading, "tolerance": tolerance, "samples": samples}
         bound = rz.render(scene, SIZE, **options).stats.error_bound
-        found = compare(scene, SIZE, **options)
+        found = compare_with_reference(scene, SIZE, **options)
         assert found.color <= bound, f"{samples} samples: {found.color:.3g} > the stated bound {bound:.3g}"
 
 
@@ -458,7 +458,7 @@ def test_triangles_that_reach_far_out_of_the_picture_keep_their_depth(shading):
     speck = np.array([[0, 0, 0], [1e-4, 0, 0], [1e-4, 1e-4, 0], [0, 1e-4, 0]]) + (0, height, -2e-3)
     meshes = [rz.Mesh(points, [[0, 3, 2, 1]]) for points in (floor, *slabs, speck)]
     scene = rz.Scene(meshes, GREY, rz.Camera.perspective((0, height, 0), (0, 0, -15), up=(0.4, 1, 0), fov=50))
-    compare(scene, (160, 120), shading=shading, tolerance=0)
+    compare_with_reference(scene, (160, 120), shading=shading, tolerance=0)
     face = rz.render(scene, (160, 120), shading=shading, outputs=("face",)).face
     # The floor's own vertices are rounded to 1/256 px, which lets the lower slab through at its end.
     assert np.isin(face, (2, 3)).sum() > 200 and np.isin(face, (4, 5)).sum() < 50

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers.judge import BUFFERS, EXACT, NORMAL, check
+from helpers.against_reference import BUFFERS, EXACT, NORMAL, assert_matches_reference
 from helpers.pinhole import SHADINGS, octasphere, torus
 from helpers.raster import COLORED, GREY, assert_runs, sheet
 
@@ -44,7 +44,7 @@ def check_all(scene, size=SIZE, shadings=SHADINGS, **options):
     """Check a scene with every shading method, at tolerance 0 and the default."""
     for shading in shadings:
         for tolerance, budget in TOLERANCES:
-            check(scene, size, budget, shading=shading, tolerance=tolerance, **options)
+            assert_matches_reference(scene, size, budget, shading=shading, tolerance=tolerance, **options)
 
 
 def many_meshes():
@@ -244,7 +244,7 @@ def check_needles(bits):
                 if shading == "flat" and bits >= 26:
                     # The area is below float64's rounding: the polygon has a place, but no normal.
                     limits = {"budget": np.inf, "normal": np.inf}
-                found = check(scene, SIZE, **limits, shading=shading, tolerance=tolerance, ignored=0)
+                found = assert_matches_reference(scene, SIZE, **limits, shading=shading, tolerance=tolerance, ignored=0)
                 n_covered += found.n_compared
     assert n_covered >= 12
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, compare
+from helpers.against_reference import EXACT, compare_with_reference
 from helpers.stages import SERIAL, interpret, plain_screen
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -341,7 +341,7 @@ def test_clipped_faces_are_those_of_the_reference(shading, tolerance):
     for _ in range(20):
         vertices, colors, faces, lights = random_scene(rng, 6, None)
         scene = rz.Scene([mesh_of(vertices, faces, colors)], lights, random_camera(rng))
-        verdict = compare(scene, (32, 24), shading=shading, tolerance=tolerance)
+        verdict = compare_with_reference(scene, (32, 24), shading=shading, tolerance=tolerance)
         budget = max(tolerance, EXACT)
         assert verdict.color <= budget, f"colours differ by {verdict.color:.3g} > {budget:.3g}"
         assert verdict.depth <= 1e-6, f"depths differ by {verdict.depth:.3g} > 1e-6"
