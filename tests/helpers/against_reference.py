@@ -1,17 +1,13 @@
-"""The fast path against the judge, pixel by pixel: help for the tests of the pipeline."""
+"""The fast path against the reference, pixel by pixel: help for the tests of the pipeline."""
 
-import sys
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 import rasterizer as rz
-from rasterizer import reference
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from bench.margins import UNITS, clear_pixels, depth_resolution
+from rasterizer import reference
 
 EXACT = 1e-6  # promised with tolerance 0, in linear intensity
 NORMAL = 2e-6  # normals are stored as float32
@@ -31,7 +27,7 @@ class Comparison(NamedTuple):
 
 @lru_cache(maxsize=4)
 def reference_picture(scene, size, **options) -> reference.Picture:
-    """Render the judge's picture; the last ones are kept, because one picture judges every tolerance."""
+    """Render the reference's picture; the last ones are kept, because every tolerance is compared with the same one."""
     return reference.render(scene, size, **options)
 
 
@@ -84,7 +80,7 @@ def color_errors(scene, frame, expected) -> np.ndarray:
 def assert_matches_reference(
     scene, size, budget, ignored=0.002, units=UNITS, normal=NORMAL, far=0.0, **options
 ) -> Comparison:
-    """Refuse a picture whose colours are further than `budget` from the judge's.
+    """Refuse a picture whose colours are further than `budget` from the reference's.
 
     `ignored` is the share of the pixels that may be left out, `far` the share of those compared that may be further
     off: at the edges of shadows, which are drawn with shadow maps, and between texels where a filter jumps.

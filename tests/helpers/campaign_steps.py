@@ -1,7 +1,7 @@
 """Where pictures jump, as frames state it: help for the campaign.
 
-`frame.stats.steps` lists causes, and how near to each of them no bound holds. Here the judge draws the scene again, and
-what is lit so near to a step becomes NaN: whatever pixel that reaches is next to a step.
+`frame.stats.steps` lists causes, and how near to each of them no bound holds. Here the reference draws the scene again,
+and what is lit so near to a step becomes NaN: whatever pixel that reaches is next to a step.
 """
 
 from contextlib import ExitStack
@@ -38,7 +38,7 @@ def next_to_step(case, steps) -> np.ndarray:
 
 
 class Marker:
-    """Stands in for functions of the judge's, and marks what lies next to a step with NaN.
+    """Stands in for functions of the reference's, and marks what lies next to a step with NaN.
 
     `near` is a dict from a cause's word to how near to it no bound holds.
     """

@@ -1,4 +1,4 @@
-"""Check the reflection models as physics and as pictures: energy, reciprocity, digits, and agreement with the judge."""
+"""Check the reflection models as physics and as pictures: energy, reciprocity, digits, and what the reference says."""
 
 from dataclasses import replace
 
@@ -88,8 +88,8 @@ def axis_of(material):
     return (3.0, 0.0, -1.0) if material.tangent == "u" else material.tangent
 
 
-def judged(material, *sides):
-    """D and S by the judge, (2, n), 0 where nothing is lit."""
+def of_reference(material, *sides):
+    """D and S by the reference, (2, n), 0 where nothing is lit."""
     corners, faces = octasphere(0)
     scene = rz.Scene([rz.Mesh(corners, faces, uv=corners[:, :2], material=material)])
     table = np.repeat(reference_light.read_materials(scene), len(sides[0]))
@@ -128,10 +128,10 @@ def all_directions(dtype):
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_row_functions_compute_what_the_judge_does(name):
+def test_row_functions_compute_what_the_reference_does(name):
     """In float64, for equal directions; the conditioning of a sharp peak and of exponents is all that may differ."""
     material, sides = MATERIALS[name], all_directions(np.float64)
-    found, expected = fast(material, *sides), judged(material, *sides)
+    found, expected = fast(material, *sides), of_reference(material, *sides)
     # Squared exponents leave out what is below 2^-28.
     least = 2.0**-28 * (1 + intensity_bounds.highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
     n_wrong = (np.abs(found - expected) > 1e-9 * (1 + expected) + least).sum()
@@ -144,7 +144,7 @@ def test_float32_has_the_digits_that_the_plan_counts_on(name):
     """Directions rounded to float32, as in the rows, and all that follows from them: one light of intensity 1."""
     material, sides = MATERIALS[name], all_directions(np.float32)
     found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
-    expected = judged(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
+    expected = of_reference(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
     lights = (rz.DirectionalLight((0, 0, -1)),)
     reflected = error_bounds.find_reflected((material,), lights, np.zeros(3), 1.0)
     bound = reflected.bound
@@ -329,7 +329,7 @@ def test_what_float32_cannot_draw_is_drawn_in_float64():
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_pictures_agree_with_the_judge(name):
+def test_pictures_agree_with_the_reference(name):
     material = replace(MATERIALS[name], diffuse=(0.5, 0.4, 0.2), specular=(0.3, 0.2, 0.25), ambient=0.1)
     corners, faces = torus(24, 12)
     mesh = rz.Mesh(corners, faces, uv=corners[:, :2], material=material)

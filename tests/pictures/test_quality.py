@@ -1,8 +1,8 @@
-"""Check how good pictures are: against the judge, true surfaces, and what shading methods promise."""
+"""Check how good pictures are: against the reference, true surfaces, and what shading methods promise."""
 
-import sys
 from dataclasses import replace
 
+import make_models
 import numpy as np
 import pytest
 from helpers.against_reference import EXACT, assert_matches_reference, compare_with_reference
@@ -12,10 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-
-sys.path[:0] = [str(ROOT), str(ROOT / "models")]
-import make_models
-
 from bench import analytic
 
 DEFAULT = 1 / 4096
@@ -28,7 +24,7 @@ def load(name, **options):
     return rz.load(ROOT / "models" / name, **options)
 
 
-# ---------------------------------------------------------------- against the judge
+# ---------------------------------------------------------------- against the reference
 
 
 def slivers(lights, is_perspective):
@@ -53,7 +49,7 @@ def steep(lights):
     return sheet(SIZE, points, [1, 1000, 30, 2, 5.0], faces, lights, True, normals=normals)
 
 
-JUDGED = {
+COMPARED = {
     "teapot": lambda: load("teapot.obj"),
     "gear": lambda: load("gear.obj"),
     "still life": lambda: load("still_life.obj"),
@@ -77,9 +73,9 @@ PAIRS = [  # (options, budget)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("name", JUDGED)
-def test_pictures_are_within_their_tolerance_of_the_judge(name, shading):
-    scene = JUDGED[name]()
+@pytest.mark.parametrize("name", COMPARED)
+def test_pictures_are_within_their_tolerance_of_the_reference(name, shading):
+    scene = COMPARED[name]()
     is_thin = "slivers" in name or "steep" in name
     for options, budget in PAIRS:
         if is_thin and options.get("samples"):

@@ -1,4 +1,4 @@
-"""Check whole pictures against the judge: all shadings, lights, materials, cameras, exact and default."""
+"""Check whole pictures against the reference: all shadings, lights, materials, cameras, exact and default."""
 
 import itertools
 
@@ -71,7 +71,7 @@ def many_meshes():
 
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("lights", LIGHTS)
-def test_every_light_and_material_against_the_judge(camera, lights):
+def test_every_light_and_material_against_the_reference(camera, lights):
     for material in MATERIALS.values():
         check_all(rz.Scene([rz.Mesh(*RING, material=material)], LIGHTS[lights], CAMERAS[camera]))
 
@@ -225,7 +225,7 @@ def test_the_thinnest_triangles(bits):
 
 
 def check_needles(bits):
-    """Compare triangles of doubled area 3 with the judge."""
+    """Compare triangles of doubled area 3 with the reference."""
     from test_scan import needle
 
     rng = np.random.default_rng(bits)
