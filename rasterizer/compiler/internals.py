@@ -73,7 +73,7 @@ if IS_SEEN:
     from numba.core.ccallback import CFunc
     from numba.core.compiler_lock import global_compiler_lock
 else:
-    NullCache = object
+    NullCache, cgutils = object, None
     _log.warning(
         "numba %s is not among the versions that rasterizer was tried with, %d.%d to %d.%d: "
         "compiled kernels are not kept on disk, so that every run begins with compiling",
