@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.against_reference import BUFFERS, EXACT, NORMAL, assert_matches_reference
 from helpers.pinhole import SHADINGS, octasphere, torus
+from helpers.pixels import needle
 from helpers.raster import COLORED, GREY, assert_runs, sheet
 
 import rasterizer as rz
@@ -221,13 +222,11 @@ def test_slivers(reach, is_perspective):
 @pytest.mark.parametrize("bits", [10, 20, 24, 26, 27])
 def test_the_thinnest_triangles(bits):
     """Doubled area 3, up to 2^20 px long: a sample's weights are a third each. A fault would end the run."""
-    assert_runs(f"from test_render import check_needles; check_needles({bits})")
+    assert_runs(f"from pictures.test_render import check_needles; check_needles({bits})")
 
 
 def check_needles(bits):
     """Compare triangles of doubled area 3 with the reference."""
-    from test_scan import needle
-
     rng = np.random.default_rng(bits)
     n_covered = 0
     for _ in range(4):
@@ -251,7 +250,7 @@ def check_needles(bits):
 
 def test_intensities_that_reach_their_bound():
     """A sheet that faces light and viewer is as bright as anything can be; float32 may round that up."""
-    assert_runs("from test_render import check_brightest; check_brightest()")
+    assert_runs("from pictures.test_render import check_brightest; check_brightest()")
 
 
 def check_brightest():
@@ -277,7 +276,7 @@ def check_brightest():
 
 def test_a_light_in_the_very_point_of_a_surface():
     """An amplifying light is infinitely strong there; no pixel may become worse than infinite."""
-    assert_runs("from test_render import check_touching_light; check_touching_light()")
+    assert_runs("from pictures.test_render import check_touching_light; check_touching_light()")
 
 
 def check_touching_light():
