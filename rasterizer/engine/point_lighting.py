@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from ..options import Options
 from ..pipeline.fragments import make_rows
 from ..pipeline.lighting import light_points
@@ -14,7 +14,7 @@ from ..scene.arrays import plain_array
 from ..scene.camera import Camera, View
 from ..scene.lights import checked_lights
 from ..scene.material import Material
-from ..scene.validate import shown, unit3, vector3
+from ..scene.validate import unit3, vector3
 from .intensity_bounds import common_color
 from .plan import make_plan
 from .uniforms import make_lighting

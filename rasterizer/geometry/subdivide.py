@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import ModelError, SceneError
-from ..scene.validate import shown
+from ..errors import ModelError, SceneError, shown
 from .normals import split_creases
 from .points import DEFAULT_CREASE_ANGLE
 

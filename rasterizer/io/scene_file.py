@@ -22,10 +22,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import ModelError, one_file
+from ..errors import ModelError, one_file, shown
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from ..scene.validate import picture_size, shown
+from ..scene.validate import picture_size
 from .files import Folder, read_named
 from .scene_file_entry import Entry
 from .scene_file_meshes import read_meshes

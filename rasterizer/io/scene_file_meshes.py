@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, shown
 from ..scene.mesh import Mesh
-from ..scene.validate import number, shown, unit3, vector3
+from ..scene.validate import number, unit3, vector3
 from .gltf import MOST_COPIES
 from .loader import load_file
 from .scene_file_parts import array_of, index_of, keeping_normals, read_material
