@@ -164,7 +164,9 @@ def row_function(function, dtype):
     # What `numba.cfunc` does, with a cache of our own.
     options = {"error_model": "numpy", "nopython": True}
     compiled = CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options)
-    if CACHE_FOLDER is not None:
+    # The folder's name tells of this package's sources alone, not of those of a light that somebody registered.
+    is_own = function.__module__.partition(".")[0] == __name__.partition(".")[0]
+    if CACHE_FOLDER is not None and is_own:
         compiled._cache = _Kept(function)
     compiled.compile()
     return compiled

@@ -15,8 +15,8 @@ from ..scene.camera import Camera, View
 from ..scene.lights import checked_lights
 from ..scene.material import Material
 from ..scene.validate import unit3, vector3
-from .intensity_bounds import common_color
 from .plan import make_plan
+from .tint import common_color
 from .uniforms import make_lighting
 
 

@@ -19,7 +19,7 @@ the slopes of its tangent plane, which the normal gives, times the way to the ce
 which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px,
 which tilts its polygons a little: so a point is first moved onto the plane that its polygon has in the scene. A polygon
 that stands for a piece of a curved surface may lie below it: the point is then lifted along its normal by LIFT, how far
-the polygon's corners lie from their neighbours' tangent planes (geometry/points.py); flat surfaces have no lift. So
+the polygon's corners lie from their neighbours' tangent planes (geometry/surfaces.py); flat surfaces have no lift. So
 nothing of a convex surface lies before the tangent plane of a lifted point; before the plane of its polygon neighbours
 may lie, where the polygon is turned away from the light and its normals are not yet. Where a point is lifted beyond the
 light, it is lit.

@@ -18,9 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import WEIGHTINGS, Weighting
 from ..errors import ModelError, SceneError, shown
 from . import mesh_arrays
+from .algorithms import algorithm
 from .arrays import plain_array
 from .material import Material
 from .validate import COORDINATE_LIMIT, choice, number
+
+DEFAULT_CREASE_ANGLE = 30.0  # degrees
 
 
 class HasFaces(Protocol):
@@ -38,7 +41,7 @@ class HasFaces(Protocol):
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(mesh_arrays.KeepsArrays):
     """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see
-    `geometry/polygons.py`.
+    `scene/triangulation.py`.
 
     Parameters
     ----------
@@ -302,9 +305,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        from ..geometry.subdivide import subdivide  # normals are averaged by kernels; a Mesh needs none
-
-        return subdivide(self, times)
+        return algorithm("subdivide")(self, times)
 
 
 def _checked_crease_angle(angle: object) -> float | None:

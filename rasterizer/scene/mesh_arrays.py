@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ModelError, shown
-from ..geometry.polygons import CROSSING, TooManyCorners, cut_polygons, listed
 from .arrays import plain_array
 from .color import linear_from_srgb_bytes
+from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT
 
 CHUNK = 1 << 16  # faces looked at in one go
@@ -93,7 +93,7 @@ def checked_vertices(vertices: Any) -> NDArray[np.float64]:
 
 
 def triangulate(faces: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.uint32], NDArray[np.int32] | None]:
-    """Cut polygons into triangles, as `geometry/polygons.py` says: fans where they are convex, ears where they are not.
+    """Cut polygons into triangles, as `triangulation.py` says: fans where they are convex, ears where they are not.
 
     Parameters
     ----------

@@ -13,7 +13,6 @@ from helpers.raster import ROOT
 import rasterizer as rz
 from rasterizer import choices
 from rasterizer.cli import arguments, help_texts, render_command
-from rasterizer.geometry import creases
 from rasterizer.io import loader, scene_file
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
@@ -48,7 +47,7 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
     assert tuple(choices.AXES) == get_args(choices.Axis)
     assert choices.REFLECTIONS == tuple(material.REFLECTION_MODELS)
     assert choices.LIGHT_KINDS == tuple(lights.LIGHT_KINDS) and choices.PRESETS == tuple(lights.PRESETS)
-    assert choices.WEIGHTINGS == mesh.WEIGHTINGS == creases.WEIGHTINGS
+    assert choices.WEIGHTINGS == mesh.WEIGHTINGS
     assert choices.MODEL_FORMATS == tuple(loader._READERS) and choices.SCENE_FORMATS == scene_file.FORMATS
 
 

@@ -15,7 +15,7 @@ DAY = 24 * 3600
 TINY = """
 import numpy as np
 from rasterizer.compiler import kernels
-from rasterizer.scene.geometry import find_clearance
+from rasterizer.geometry.surfaces import find_clearance
 
 corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
 clearance = find_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0)
@@ -140,7 +140,7 @@ print(kernels.CACHE_FOLDER.parent)
         for folder in (his, ours)
     }
     assert made["his"] == {"program.twice"}
-    assert made["ours"] == {"geometry.find_clearance", "lights.directional"}
+    assert made["ours"] == {"surfaces.find_clearance", "lights.directional"}
 
 
 @pytest.mark.parametrize("value", [None, "", "somewhere"])

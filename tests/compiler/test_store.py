@@ -192,7 +192,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))
 import numpy as np
 from rasterizer.compiler import kernels
 from rasterizer.pipeline.lights import LIGHTS
-from rasterizer.scene.geometry import find_clearance
+from rasterizer.geometry.surfaces import find_clearance
 
 corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
 assert 97 < find_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0) < 100

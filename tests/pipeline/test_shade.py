@@ -21,7 +21,8 @@ from rasterizer.pipeline.records import EXACT, IN_PLANES, IN_WORDS, IS_EXACT, IS
 from rasterizer.pipeline.scan import CLEAR
 from rasterizer.pipeline.shade import shade_interpolated, shade_lit
 from rasterizer.reference import light as reference_light
-from rasterizer.reference.light import Stage
+from rasterizer.reference.light import Lighting
+from rasterizer.reference.materials import read_materials
 from rasterizer.scene.camera import Projection, View
 
 SIZE, WIDE = (120, 90), (3 * CHUNK + 50, 12)
@@ -232,10 +233,9 @@ def expected_light(screen, size, triangle, depth, normals, albedo, lights, mater
     colors = np.einsum("cn,ca->na", weights, albedo.astype(float))
     scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=material)], lights)
     projection = Projection(screen.scale_x, screen.scale_y, screen.center_x, screen.center_y, screen.is_perspective)
-    stage = Stage(view_of(screen), projection, reference_light.read_materials(scene), tuple(lights), "phong")
-    matte, rest = reference_light.light_points(points, normal, np.zeros(len(rows), int), stage)
-    light = colors * matte + rest
-    return rows, columns, light
+    lighting = Lighting(view_of(screen), projection, read_materials(scene), tuple(lights), "phong")
+    diffuse, specular = reference_light.light_points(points, normal, np.zeros(len(rows), int), lighting)
+    return rows, columns, colors * diffuse + specular
 
 
 @pytest.mark.parametrize("material", [SHINY, DULL, rz.Material(specular=0)])
