@@ -18,9 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import WEIGHTINGS, Weighting
 from ..errors import ModelError, SceneError, shown
 from . import mesh_arrays
-from .algorithms import algorithm
 from .arrays import plain_array
 from .material import Material
+from .services import service
 from .validate import COORDINATE_LIMIT, choice, number
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
@@ -305,7 +305,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        return algorithm("subdivide")(self, times)
+        return service("subdivide")(self, times)
 
 
 def _checked_crease_angle(angle: object) -> float | None:

@@ -17,6 +17,7 @@ from .color import RGB, ColorLike, linear_rgb
 from .depth_cue import DepthCue, checked_cue
 from .lights import Light, checked_lights, studio
 from .mesh import Mesh, MeshLike
+from .services import service
 from .validate import choice, number, picture_size
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
@@ -100,9 +101,7 @@ class Scene:
         SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
             legal
         """
-        from ..io.scene_file import read_scene  # which loads models into scenes
-
-        return read_scene(path).framed_scene()
+        return service("read_scene")(path).framed_scene()
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth
@@ -124,9 +123,7 @@ class Scene:
         SceneError : another suffix
         OutputError : a file can't be written
         """
-        from ..io.scene_file_write import write_scene
-
-        return write_scene(self, path)
+        return service("write_scene")(self, path)
 
     @property
     def n_face(self) -> int:
