@@ -23,8 +23,8 @@ class Truth(NamedTuple):
 
 
 def find_surface(scene) -> str | None:
-    """Return "sphere" or "torus" if all vertices of the scene lie on that surface, and nothing but light and one plain material
-    matter; else None."""
+    """Return "sphere" or "torus" if all vertices of the scene lie on that surface, and nothing but light and one plain
+    material matter; else None."""
     mesh = scene.meshes[0]
     is_plain = len(scene.meshes) == len(mesh.palette) == 1 and mesh.colors is None and mesh.face_colors is None
     is_plain &= mesh.material.texture is None and mesh.material.is_opaque
@@ -118,11 +118,7 @@ def _mean(color, depth, factor: int) -> Truth:
     height, width = depth.shape[0] // factor, depth.shape[1] // factor
 
     def blocks(values):
-        return (
-            values.reshape(height, factor, width, factor, -1)
-            .swapaxes(1, 2)
-            .reshape(height, width, factor**2, -1)
-        )
+        return values.reshape(height, factor, width, factor, -1).swapaxes(1, 2).reshape(height, width, factor**2, -1)
 
     depth = blocks(depth)[..., 0]
     is_covered = np.isfinite(depth)

@@ -4,9 +4,9 @@
     python bench/before_after.py ../before
     python bench/before_after.py ../before path/to/scan.obj dense --threads 2
 
-Two processes, one for each version, draw the same scene frame by frame in turns; only one of them works at a time. The scenes
-use nothing that is optional: what a picture doesn't need must cost it nothing, in either version. Columns are explained in
-bench/README.md.
+Two processes, one for each version, draw the same scene frame by frame in turns; only one of them works at a time. The
+scenes use nothing that is optional: what a picture doesn't need must cost it nothing, in either version. Columns are
+explained in bench/README.md.
 """
 
 import argparse

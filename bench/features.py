@@ -3,8 +3,9 @@
     python bench/features.py                       lights, reflection models, shadows, textures, layers, spectra
     python bench/features.py --model path/to/scan.obj --size 1080p
 
-Light and material: a square that fills the picture, Phong's shading, so that every pixel is lit. Shadow maps: those of a model,
-drawn anew for every frame, because their light moves with the camera. Columns are explained in bench/README.md.
+Light and material: a square that fills the picture, Phong's shading, so that every pixel is lit. Shadow maps: those of
+a model, drawn anew for every frame, because their light moves with the camera. Columns are explained in
+bench/README.md.
 """
 
 import argparse
@@ -90,7 +91,9 @@ def measure_features(args):
     with ExitStack() as stack:
         calls, dtypes, features = {}, {}, list_features()
         for name, (scene, options, _) in features.items():
-            renderer = stack.enter_context(rz.Renderer(scene, size, shading="phong", outputs=("rgb",), threads=1, **options))
+            renderer = stack.enter_context(
+                rz.Renderer(scene, size, shading="phong", outputs=("rgb",), threads=1, **options)
+            )
             renderer.render()
             calls[name], dtypes[name] = renderer.render, str(renderer._plan.dtype)
         turns = measure.take_turns(calls, args.seconds, args.frames)
@@ -116,7 +119,9 @@ def measure_maps(args):
         with ExitStack() as stack:
             calls = {}
             for n_thread in (1, 2):
-                renderer = stack.enter_context(rz.Renderer(rz.Scene(meshes, [light]), size, outputs=("rgb",), threads=n_thread))
+                renderer = stack.enter_context(
+                    rz.Renderer(rz.Scene(meshes, [light]), size, outputs=("rgb",), threads=n_thread)
+                )
                 renderer.render()
                 calls[n_thread] = renderer.render
             turns = measure.take_turns(calls, args.seconds / 4, args.frames)

@@ -33,9 +33,7 @@ def main(argv=None) -> int:
     args = make_parser().parse_args(argv)
     args.threads = args.threads or sorted({1, Options().n_thread})
     machine = measure.Machine()
-    parts = [
-        part for part in (measure_cold, measure_memory, measure_huge) if getattr(args, part.__name__[8:])
-    ]
+    parts = [part for part in (measure_cold, measure_memory, measure_huge) if getattr(args, part.__name__[8:])]
     rows = [row for part in parts or [measure_frames] for row in part(args)]
     if (peak := measure.peak_mib()) is not None:
         print(f"\npeak memory of this process {peak:.0f} MiB")
@@ -45,9 +43,7 @@ def main(argv=None) -> int:
 
 def make_parser() -> argparse.ArgumentParser:
     """Describe the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="*", default=CASES, metavar="CASE",
                         help=f"a model file, or one of {', '.join(scenes.all_names())}")  # fmt: skip
     parser.add_argument("--sizes", nargs="+", default=["512", "1080p", "4k"], metavar="SIZE")
@@ -56,19 +52,13 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--cull", choices=("none", "back"), default="none")
     parser.add_argument("--samples", type=int, default=1)
     scenes.add_arguments(parser)
-    parser.add_argument(
-        "--frames", type=int, default=25, help="most warm frames of each row (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--seconds", type=float, default=2.0, help="time limit of a row (default: %(default)s)"
-    )
+    parser.add_argument("--frames", type=int, default=25, help="most warm frames of each row (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=2.0, help="time limit of a row (default: %(default)s)")
     parser.add_argument("--stages", action="store_true", help="print the milliseconds of each stage as well")
     instead = parser.add_argument_group("measured instead of the frames, each in fresh processes")
     instead.add_argument("--cold", action="store_true", help="start-up and compiling; first case and size")
     instead.add_argument("--memory", action="store_true", help="peak memory of each row")
-    instead.add_argument(
-        "--huge", action="store_true", help="ten million triangles at 1080p, with peak memory"
-    )
+    instead.add_argument("--huge", action="store_true", help="ten million triangles at 1080p, with peak memory")
     return parser
 
 
@@ -133,10 +123,7 @@ def measure_frame(scene, size, shading, args) -> dict:
 
 def median_stages(stats: list) -> dict:
     """Median milliseconds of each stage over the frames."""
-    return {
-        stage: float(np.median([s.milliseconds.get(stage, 0.0) for s in stats]))
-        for stage in stats[0].milliseconds
-    }
+    return {stage: float(np.median([s.milliseconds.get(stage, 0.0) for s in stats])) for stage in stats[0].milliseconds}
 
 
 def print_stages(stages: dict) -> None:
@@ -158,9 +145,7 @@ def settings_of(args, shading, size, n_thread) -> list:
 
 def measure_cold(args):
     """Yield two rows a shading: with an empty cache of compiled kernels, and with what that left there."""
-    table = measure.Table(
-        [("case        ", "case", ""), ("shading", "shading", ""), ("cache ", "cache", ""), *STEPS]
-    )
+    table = measure.Table([("case        ", "case", ""), ("shading", "shading", ""), ("cache ", "cache", ""), *STEPS])
     case, size = args.cases[0], args.sizes[0]
     for shading in args.shadings:
         with tempfile.TemporaryDirectory() as cache:

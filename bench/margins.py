@@ -5,8 +5,8 @@ There the renderer and the reference may each show the other surface, and no dif
 
 import numpy as np
 
-from rasterizer.plan import fit_depth_range, fit_screen
-from rasterizer.scene.geometry import gather_geometry
+from rasterizer.engine.plan import fit_depth_range, fit_screen
+from rasterizer.geometry.points import gather_geometry
 
 UNITS = 2.0**14  # steps of the z-buffer: half a step of rounding for each sample of the largest box
 

@@ -19,9 +19,7 @@ def main(argv=None) -> None:
     from bench import measure, scenes
     from rasterizer import Renderer
 
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("case")
     parser.add_argument("--size", type=scenes.size_of, default=(640, 480))
     parser.add_argument("--shading", default="gouraud")

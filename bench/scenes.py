@@ -17,9 +17,7 @@ MODELS = Path(__file__).resolve().parents[1] / "models"
 SUFFIXES = (".obj", ".ply", ".stl", ".glb")
 MODEL_NAMES = ("teapot", "sphere", "torus", "gear", "knot", "still_life", "floor")
 FOV = 40.0  # degrees
-MARGIN = (
-    0.025  # on each side: the object fits 95 % of the picture's height, or of its width where that is tighter
-)
+MARGIN = 0.025  # on each side: the object fits 95 % of the picture's height, or of its width where that is tighter
 N_QUAD = 32
 SIZES = {"1080p": (1920, 1080), "4k": (3840, 2160)}
 
@@ -151,9 +149,7 @@ def uv_sphere(n_row: int, n_column: int):
     faces = np.empty((2 * (n_row - 1) * n_column, 3), np.uint32)
     faces[:n_column] = np.stack([np.zeros_like(column), column + 1, following + 1], axis=1)
     last = np.uint32(len(vertices) - 1)
-    faces[-n_column:] = np.stack(
-        [np.full_like(column, last), last - n_column + following, last - n_column + column], 1
-    )
+    faces[-n_column:] = np.stack([np.full_like(column, last), last - n_column + following, last - n_column + column], 1)
     quads = faces[n_column:-n_column].reshape(n_row - 2, n_column, 2, 3)
     upper = np.arange(n_row - 2, dtype=np.uint32)[:, None] * np.uint32(n_column) + np.uint32(1)
     lower = upper + np.uint32(n_column)

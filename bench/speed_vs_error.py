@@ -58,27 +58,17 @@ def main(argv=None) -> int:
 
 def make_parser() -> argparse.ArgumentParser:
     """Describe the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "models", nargs="*", default=MODELS, metavar="MODEL", help="a model file, or a name in models/"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("models", nargs="*", default=MODELS, metavar="MODEL", help="a model file, or a name in models/")
     parser.add_argument("--size", type=scenes.size_of, default=(640, 480), help="default: 640x480")
     parser.add_argument("--shadings", nargs="+", default=["flat", "gouraud", "phong"], choices=SHADINGS)
-    parser.add_argument(
-        "--tolerances", nargs="+", default=TOLERANCES, metavar="T", help="numbers or fractions"
-    )
+    parser.add_argument("--tolerances", nargs="+", default=TOLERANCES, metavar="T", help="numbers or fractions")
     parser.add_argument("--samples", nargs="+", type=int, default=[1, 4], choices=SAMPLES)
     parser.add_argument("--threads", type=int, default=1, help="default: %(default)s")
     parser.add_argument("--cull", choices=("none", "back"), default="none")
     scenes.add_arguments(parser, lights="studio", channels="own")
-    parser.add_argument(
-        "--frames", type=int, default=25, help="most warm frames of each row (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--seconds", type=float, default=1.0, help="time limit of a row (default: %(default)s)"
-    )
+    parser.add_argument("--frames", type=int, default=25, help="most warm frames of each row (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=1.0, help="time limit of a row (default: %(default)s)")
     return parser
 
 
@@ -128,8 +118,9 @@ def time_tolerances(scene, settings, args) -> tuple[dict, int]:
 def compare_with_reference(frame, judge, is_clear) -> dict:
     """Numerical error of a frame: the same mesh, the same method, float64.
 
-    Pixels of which another part is covered are counted, not compared; and so are those with a sample in which two surfaces are
-    nearer to each other than depth can tell (`is_clear` (h, w) is False), where each may show the other one.
+    Pixels of which another part is covered are counted, not compared; and so are those with a sample in which two
+    surfaces are nearer to each other than depth can tell (`is_clear` (h, w) is False), where each may show the other
+    one.
     """
     is_other = (frame.face != judge.face) | (np.abs(frame.alpha - judge.alpha) > 1e-6) | ~is_clear
     is_seen = (judge.alpha > 0) & ~is_other
@@ -142,8 +133,9 @@ def compare_with_reference(frame, judge, is_clear) -> dict:
 
 
 def error_of_vertices(judge, unrounded) -> float:
-    """What the rounding of vertices to 1/256 px does to colours, at most: the reference as it is against the reference whose
-    colours are those of the polygons as they are, with the same coverage. Pixels whose centres show other faces are left out.
+    """What the rounding of vertices to 1/256 px does to colours, at most: the reference as it is against the reference
+    whose colours are those of the polygons as they are, with the same coverage. Pixels whose centres show other faces
+    are left out.
     """
     is_same = (judge.face == unrounded.face) & (np.abs(judge.alpha - unrounded.alpha) <= 1e-6)
     return float(np.abs(judge.color - unrounded.color)[is_same].max(initial=0.0))

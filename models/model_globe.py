@@ -1,7 +1,7 @@
 """The globe: a sphere with texture coordinates, and its picture, computed by formula.
 
-The picture is a map in equal steps of longitude (to the right, 0 at the middle) and latitude; its texels hold one of 16 colours.
-Compression would give other bytes with other versions of its library, so the PNG holds its texels as they are.
+The picture is a map in equal steps of longitude (to the right, 0 at the middle) and latitude; its texels hold one of 16
+colours. Compression would give other bytes with other versions of its library, so the PNG holds its texels as they are.
 """
 
 import struct
@@ -46,7 +46,9 @@ def png_bytes(texels, palette):
     """
     height, width = texels.shape
     pairs = (texels[:, 0::2] << 4 | texels[:, 1::2]).astype(np.uint8)
-    rows = np.concatenate([np.zeros((height, 1), np.uint8), pairs], axis=1).tobytes()  # each row begins with its filter: none
+    rows = np.concatenate(
+        [np.zeros((height, 1), np.uint8), pairs], axis=1
+    ).tobytes()  # each row begins with its filter: none
     stream = b"\x78\x01"
     for start in range(0, len(rows), 65535):
         block = rows[start : start + 65535]
@@ -64,7 +66,8 @@ def png_chunk(kind, data):
 
 
 def globe_obj(sides=32, rings=16):
-    """Write a unit sphere with texture coordinates: one point at each pole, one row of coordinates more than there are columns.
+    """Write a unit sphere with texture coordinates: one point at each pole, one row of coordinates more than there are
+    columns.
 
     Seen from outside, columns go to the right with the longitude, rows go down from the north pole.
     """
@@ -84,7 +87,9 @@ def globe_obj(sides=32, rings=16):
 
     faces = [f"f {pole(0, j)} {corner(1, j)} {corner(1, j + 1)}" for j in range(sides)]
     for i in range(1, rings - 1):
-        faces += [f"f {corner(i, j)} {corner(i + 1, j)} {corner(i + 1, j + 1)} {corner(i, j + 1)}" for j in range(sides)]
+        faces += [
+            f"f {corner(i, j)} {corner(i + 1, j)} {corner(i + 1, j + 1)} {corner(i, j + 1)}" for j in range(sides)
+        ]
     faces += [f"f {corner(rings - 1, j)} {pole(1, j)} {corner(rings - 1, j + 1)}" for j in range(sides)]
     lines = ["# globe, made by make_models.py", "mtllib globe.mtl", "o globe"]
     lines += ["v " + " ".join(map(number_text, point)) for point in points]

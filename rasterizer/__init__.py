@@ -18,11 +18,11 @@ _HOMES = {
     "AmbientLight": "scene.lights",
     "AreaLight": "scene.lights",
     "Camera": "scene.camera",
-    "Comparison": "compare",
+    "Comparison": "analysis.comparison",
     "DepthCue": "scene.depth_cue",
     "DirectionalLight": "scene.lights",
     "Frame": "frame",
-    "MachBands": "mach",
+    "MachBands": "analysis.mach",
     "Material": "scene.material",
     "Mesh": "scene.mesh",
     "ModelError": "errors",
@@ -37,20 +37,21 @@ _HOMES = {
     "SpotLight": "scene.lights",
     "Spectrum": "scene.spectrum",
     "Texture": "scene.texture",
-    "compare": "compare",
+    "compare": "analysis.comparison",
     "headlight": "scene.lights",
-    "illuminate": "illuminate",
-    "load": "scene.load",
-    "mach_bands": "mach",
+    "illuminate": "engine.point_lighting",
+    "load": "io.loader",
+    "mach_bands": "analysis.mach",
     "render": "renderer",
-    "sheet": "sheet",
+    "sheet": "analysis.contact_sheet",
     "studio": "scene.lights",
 }
 __all__ = sorted([*_HOMES, "__version__"])
 
 
 class _Package(ModuleType):
-    """Keep `compare`, `illuminate` and `sheet` functions, though importing the module of that name would bind it here."""
+    """Keep `compare`, `illuminate` and `sheet` functions, though importing the module of that name would bind it
+    here."""
 
     def __setattr__(self, name, value):
         if not (name in _HOMES and isinstance(value, ModuleType)):

@@ -1,9 +1,9 @@
 """The errors that the package raises, one small tree.
 
-    RasterizerError
-    ├── ModelError    a model that can't be read, is empty or is broken       (also a ValueError)
-    ├── SceneError    an argument, light, material, camera or option that is not legal  (also a ValueError)
-    └── OutputError   a picture or buffer that could not be written           (also an OSError)
+RasterizerError
+├── ModelError    a model that can't be read, is empty or is broken       (also a ValueError)
+├── SceneError    an argument, light, material, camera or option that is not legal  (also a ValueError)
+└── OutputError   a picture or buffer that could not be written           (also an OSError)
 """
 
 import reprlib
@@ -15,7 +15,8 @@ class RasterizerError(Exception):
 
 
 class ModelError(RasterizerError, ValueError):
-    """A model can't be read, is empty, or is broken; the message names the file, the line where there is one, and the fault.
+    """A model can't be read, is empty, or is broken; the message names the file, the line where there is one, and the
+    fault.
 
     Attributes
     ----------
@@ -34,7 +35,8 @@ class OutputError(RasterizerError, OSError):
 
 
 def internal_error(name: str, fault: Exception) -> ModelError:
-    """Make the error that stands for a fault of this package, met at one model; raised, it has the fault as its `__cause__`."""
+    """Make the error that stands for a fault of this package, met at one model; raised, it has the fault as its
+    `__cause__`."""
     text = " ".join(str(fault).split())[:200]
     what = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
     error = ModelError(f"{name}: internal error: {what} (run with -v for the traceback, and please report it)")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import OutputError, SceneError, shown
-from .scene._files import write_and_move
+from .io.files import write_and_move
 
 ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
 SAVED_ARRAYS = ("color", "rgb", "rgba", "alpha", "depth", "face", "normal")
@@ -21,19 +21,20 @@ class Stats:
     Parameters
     ----------
     faces : triangles of the scene
-    clipped : triangles with a corner that is behind the near plane, beyond a far plane or too far beside the picture to be placed
+    clipped : triangles with a corner that is behind the near plane, beyond a far plane or too far beside the picture to
+        be placed
     culled : triangles left out because they showed their back
     drawn : triangles that may cover a sample
     covered : samples that something covers
     samples : samples of the picture
     threads : how many worked
-    error_bound : the largest error of an intensity that the paths of this frame may have, in linear intensity where 1 is white,
-        against the exact illumination of the same faces at the same samples: rounding to float32 or float64, and what was
-        approximated. What rounding of vertices to 1/256 px changes is no part of it, see `position_bound`. 0 where no picture was
-        asked for
+    error_bound : the largest error of an intensity that the paths of this frame may have, in linear intensity where 1
+        is white, against the exact illumination of the same faces at the same samples: rounding to float32 or float64,
+        and what was approximated. What rounding of vertices to 1/256 px changes is no part of it, see `position_bound`.
+        0 where no picture was asked for
     milliseconds : dict of stage to time
-    steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how near to
-        that the bound doesn't hold. Empty where it holds everywhere
+    steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how
+        near to that the bound doesn't hold. Empty where it holds everywhere
     """
 
     faces: int
@@ -49,8 +50,9 @@ class Stats:
 
     @property
     def position_bound(self) -> float:
-        """How far, in px along either axis, a pixel's sample may lie from the point of the polygon that it shows: vertices are
-        rounded to 1/256 px. `error_bound` doesn't count this: it compares with a float64 evaluation of the rounded polygon."""
+        """How far, in px along either axis, a pixel's sample may lie from the point of the polygon that it shows:
+        vertices are rounded to 1/256 px. `error_bound` doesn't count this: it compares with a float64 evaluation of the
+        rounded polygon."""
         return 0.5 / 256  # pipeline/transform.py: POSITION_BOUND
 
     @property
@@ -66,11 +68,12 @@ class Frame:
     ----------
     color : (height, width, 3) float32, linear, not limited to 1; where alpha is 0, 0
     rgb : (height, width, 3) uint8, sRGB
-    alpha : (height, width) float32, covered share of each pixel, weighted by opacity; 1 with a background; in steps of 1/255
-        where only "rgb" was asked for
+    alpha : (height, width) float32, covered share of each pixel, weighted by opacity; 1 with a background; in steps of
+        1/255 where only "rgb" was asked for
     depth : (height, width) float32, distance along the viewing axis in scene units, inf where nothing is
-    face : (height, width) int32, index of the face as loaded, -1 where nothing is; of a convex polygon with more than three
-        corners, unless it is shaded flat, the triangle that has the edge between which and the centre the sample lies
+    face : (height, width) int32, index of the face as loaded, -1 where nothing is; of a convex polygon with more than
+        three corners, unless it is shaded flat, the triangle that has the edge between which and the centre the sample
+        lies
     normal : (height, width, 3) float32, unit normal in world space, towards the viewer, 0 where nothing is
     stats : Stats
 
@@ -107,9 +110,7 @@ class Frame:
     def rgba(self) -> np.ndarray:
         """(height, width, 4) uint8: sRGB and alpha, not premultiplied."""
         if self._rgba is None:
-            raise SceneError(
-                "this frame has no picture: ask for it with outputs=('color', ...) or ('rgb', ...)"
-            )
+            raise SceneError("this frame has no picture: ask for it with outputs=('color', ...) or ('rgb', ...)")
         return self._rgba
 
     @property
@@ -255,8 +256,8 @@ def _on_white(image):
 def write_whole(path, content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
-    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is replaced keeps
-    its mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
+    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
+    replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
     """
     try:
         place = os.path.realpath(path)

@@ -26,18 +26,20 @@ class Options:
     Parameters
     ----------
     size : (width, height) in pixels
-    shading : "flat" (once a polygon; "lambert" is another word for it), "gouraud" (once a vertex), "phong" (once a sample)
-    tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64. The default keeps every 8-bit
-        value within one level of the picture with tolerance 0, but next to steps of the illumination (`Stats.steps`)
+    shading : "flat" (once a polygon; "lambert" is another word for it), "gouraud" (once a vertex), "phong" (once a
+        sample)
+    tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64. The default keeps every
+        8-bit value within one level of the picture with tolerance 0, but next to steps of the illumination
+        (`Stats.steps`)
     samples : samples a pixel, on a square grid: 1, 4, 9 or 16
-    outputs : names out of "color" (float32 linear, and 8 bits), "rgb" (8 bits only: the fastest), "depth", "face", "normal";
-        buffers are those of the pixels' centres, never averaged
+    outputs : names out of "color" (float32 linear, and 8 bits), "rgb" (8 bits only: the fastest), "depth", "face",
+        "normal"; buffers are those of the pixels' centres, never averaged
     cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
-    color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" (divide by the picture's largest) or "local"
-        (divide a pixel by its own largest component)
+    color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" (divide by the picture's largest) or
+        "local" (divide a pixel by its own largest component)
     exposure : stops by which the light of the scene is multiplied, 2^exposure; the background stays what it is
-    spectral : number of samples of 380..780 nm, 3 to 401, with which light and colours are multiplied; None = 81 (every 5 nm)
-        where a light or material has a Spectrum, else red, green and blue alone
+    spectral : number of samples of 380..780 nm, 3 to 401, with which light and colours are multiplied; None = 81 (every
+        5 nm) where a light or material has a Spectrum, else red, green and blue alone
     threads : how many; None = as many as the process may use
 
     Raises
@@ -64,7 +66,9 @@ class Options:
         try:
             outputs = (self.outputs,) if isinstance(self.outputs, str) else tuple(self.outputs)
         except TypeError:
-            raise SceneError(f"outputs must be one or several of {', '.join(OUTPUTS)}; given {shown(self.outputs)}") from None
+            raise SceneError(
+                f"outputs must be one or several of {', '.join(OUTPUTS)}; given {shown(self.outputs)}"
+            ) from None
         if not outputs:
             raise SceneError(f"outputs must name at least one of {', '.join(OUTPUTS)}; given none")
         for name in outputs:
@@ -80,7 +84,9 @@ class Options:
         object.__setattr__(self, "tolerance", tolerance)
         object.__setattr__(self, "exposure", self._checked_exposure())
         if self.spectral is not None and not (_is_int(self.spectral) and LEAST_WAVES <= self.spectral <= MOST_WAVES):
-            raise SceneError(f"spectral must be {LEAST_WAVES} to {MOST_WAVES} samples, or None; given {shown(self.spectral)}")
+            raise SceneError(
+                f"spectral must be {LEAST_WAVES} to {MOST_WAVES} samples, or None; given {shown(self.spectral)}"
+            )
         if self.threads is not None and not (_is_int(self.threads) and 1 <= self.threads <= 1024):
             raise SceneError(f"threads must be 1 to 1024, or None; given {shown(self.threads)}")
 
@@ -91,7 +97,9 @@ class Options:
         except (TypeError, ValueError, OverflowError):
             exposure = float("nan")
         if not -MOST_STOPS <= exposure <= MOST_STOPS:
-            raise SceneError(f"exposure must be a number within -{MOST_STOPS}..{MOST_STOPS} stops; given {shown(self.exposure)}")
+            raise SceneError(
+                f"exposure must be a number within -{MOST_STOPS}..{MOST_STOPS} stops; given {shown(self.exposure)}"
+            )
         return exposure
 
     def _checked_size(self) -> tuple[int, int]:

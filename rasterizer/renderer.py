@@ -6,23 +6,32 @@ from time import perf_counter
 
 import numpy as np
 
-from .draw import FaceTable, buffers_job, draw, fill_centers, interpolated_job, light, lit_job
+from .engine.draw import FaceTable, buffers_job, draw, fill_centers, interpolated_job, light, lit_job
+from .engine.error_bounds import Surroundings, list_steps
+from .engine.plan import (
+    error_bound_of,
+    fit_depth_range,
+    fit_screen,
+    fits_float32,
+    make_coding,
+    make_encoding,
+    make_plan,
+    rounding_of,
+)
+from .engine.shadow_maps import Shadows
+from .engine.uniforms import make_lighting, world_position
 from .errors import SceneError, shown
 from .frame import Frame, Stats
-from .illumination import make_lighting, world_position
+from .geometry.points import find_clearance, find_point_clearance, find_shortest_normal, gather_geometry
 from .options import Options
 from .pipeline.records import EXACT
 from .pipeline.resolve import encode_picture
-from .pipeline.scratch import Scratch, empty_buffers, make_picture
+from .pipeline.threads import Workers
 from .pipeline.transform import DEPTH_MARGIN
-from .pipeline.workers import Workers
-from .plan import error_bound_of, fit_depth_range, fit_screen, fits_float32, make_coding, make_encoding, make_plan, rounding_of
-from .rounding import Surroundings, list_steps
+from .pipeline.workspace import Scratch, empty_buffers, make_picture
 from .scene.camera import Camera
-from .scene.geometry import find_clearance, find_point_clearance, find_shortest_normal, gather_geometry
 from .scene.lights import DirectionalLight
 from .scene.scene import Scene
-from .shadow_maps import Shadows
 
 
 def render(scene, size=(640, 480), **options) -> Frame:
@@ -43,9 +52,10 @@ def render(scene, size=(640, 480), **options) -> Frame:
 class Renderer:
     """Render many pictures of one scene: what doesn't depend on the camera is prepared once, and buffers are kept.
 
-    Parameters are those of `render`. Use it as a context manager, or call `close`, to end its threads. One Renderer draws one
-    picture at a time: threads that share one take turns, so each needs one of its own to draw at the same time. A forked process
-    goes on with it, on threads of its own; pickled, it becomes a new one of the same scene and options.
+    Parameters are those of `render`. Use it as a context manager, or call `close`, to end its threads. One Renderer
+    draws one picture at a time: threads that share one take turns, so each needs one of its own to draw at the same
+    time. A forked process goes on with it, on threads of its own; pickled, it becomes a new one of the same scene and
+    options.
     """
 
     def __init__(self, scene, size=(640, 480), **options):
@@ -153,8 +163,8 @@ class Renderer:
         return counts, error_bound, steps
 
     def _light_points(self, plan, lighting, screen) -> np.ndarray:
-        """Intensities of the points, (n_side, n_point, n_channel); with textures, those of a black surface in front of them,
-        and texture coordinates behind."""
+        """Intensities of the points, (n_side, n_point, n_channel); with textures, those of a black surface in front of
+        them, and texture coordinates behind."""
         options, geometry = self.options, self._geometry
         is_one_sided = options.is_flat or (options.cull == "back" and not geometry.is_inverted.any())
         n_side = 1 if is_one_sided else 2
@@ -190,8 +200,8 @@ class Renderer:
         return self._last_plan[1:]
 
     def _lasting_clearances(self) -> np.ndarray:
-        """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that moves with
-        the camera."""
+        """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
+        moves with the camera."""
         lengths = []
         for source in self._plan.lights:
             if isinstance(source, DirectionalLight) or source.attached == "camera":
@@ -210,7 +220,8 @@ class Renderer:
         """What this view says about the places of lights and surfaces.
 
         No lit point comes nearer to a light than its clearance: no vertex or centroid, or no sample's point.
-        A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its depth.
+        A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its
+        depth.
         """
         lights = self._plan.lights
         places = [None if isinstance(light, DirectionalLight) else world_position(light, view) for light in lights]
@@ -229,7 +240,8 @@ class Renderer:
         return Surroundings(furthest, distances, self._shortest, self._plan.is_lit_per_sample, deepness)
 
     def _draw_buffers(self, camera, buffers, clock):
-        """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes them."""
+        """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes
+        them."""
         view, screen = self._screen(camera, 1)
         if len(buffers.depth):
             depths = np.abs((self._bounds - view.eye) * view.forward).max(axis=1).sum(axis=1)
@@ -254,7 +266,8 @@ class Renderer:
         return self._normals[key]
 
     def _flat_normals(self, view, screen) -> np.ndarray:
-        """Polygon normals towards the viewer, (2, n_point, 3): side 1 is reversed, because write_buffers turns it round."""
+        """Polygon normals towards the viewer, (2, n_point, 3): side 1 is reversed, because write_buffers turns it
+        round."""
         normals = self._geometry.normals.T
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)

@@ -7,7 +7,8 @@ from rasterizer.cli import main
 
 @pytest.fixture(scope="session", autouse=True)
 def compiled_kernels():
-    """Compile all kernels before the first test, so that no test pays for it, or finds the notice about it on stderr."""
+    """Compile all kernels before the first test, so that no test pays for it, or finds the notice about it on
+    stderr."""
     assert main(["warmup", "--quiet"]) == 0
 
 

@@ -4,12 +4,12 @@
     argparse    globs, names      before anything    one model after the other
                                   is loaded
 
-Exit codes: 0 done · 1 some inputs failed, the rest was done, or the fault is the program's own · 2 usage · 3 a model can't be
-read or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one line on stderr; so does
-a fault of the program's own, whose traceback is shown with -v.
+Exit codes: 0 done · 1 some inputs failed, the rest was done, or the fault is the program's own · 2 usage · 3 a model
+can't be read or is empty · 4 an output can't be written · 130 interrupted. Whatever a user may do wrong ends in one
+line on stderr; so does a fault of the program's own, whose traceback is shown with -v.
 
-Only the standard library is imported before a command runs, so that `raster --help` is quick; and next to nothing before `main`
-does, so that an interrupt at any time ends in one line, too.
+Only the standard library is imported before a command runs, so that `raster --help` is quick; and next to nothing
+before `main` does, so that an interrupt at any time ends in one line, too.
 """
 
 import sys
@@ -35,7 +35,8 @@ def main(argv=None) -> int:
 
 
 def _run_as_program() -> int:
-    """Run with the process's own arguments, and remember interrupts: libraries may make other errors of them in their imports."""
+    """Run with the process's own arguments, and remember interrupts: libraries may make other errors of them in their
+    imports."""
     import _thread
     import signal
     import threading
@@ -47,7 +48,8 @@ def _run_as_program() -> int:
         raise KeyboardInterrupt
 
     def take_again(unraisable):
-        # In a callback that can't raise, as those of imports, an interrupt would be printed and lost: it comes once more.
+        # In a callback that can't raise, as those of imports, an interrupt would be printed and lost: it comes once
+        # more.
         if issubclass(unraisable.exc_type, KeyboardInterrupt):
             threading.Timer(0.01, _thread.interrupt_main).start()
         else:
@@ -113,14 +115,14 @@ def exit_code(error) -> int:
 def _run(arguments, messages) -> int:
     """Run the command; each one imports what it needs."""
     if arguments.command == "warmup":
-        from .warmup import warm_up
+        from .warmup_command import warm_up
 
         warm_up(messages)
         return DONE
     if arguments.command == "compare":
-        from .compare import compare_models as run
+        from .compare_command import compare_models as run
     else:
-        from .render import render_models as run
+        from .render_command import render_models as run
     failures, n_model = run(arguments, messages)
     if failures and len(failures) < n_model:
         return SOME_FAILED

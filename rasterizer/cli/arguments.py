@@ -73,9 +73,7 @@ def _joined_values(argv) -> list[str]:
         is_after_end = is_after_end or word == "--"
         if re.fullmatch(r"-(\w|-[a-z-]+=|\w=)--", word) and not is_after_end:  # argparse would make a list of it
             raise SceneError(f"{word[:-2].removesuffix('=')} can't have the value -- (see raster --help)")
-        is_value = (
-            re.match(r"-(\.?\d|[xyz]$)", word) and joined and re.fullmatch(r"--[a-z]+(-[a-z]+)*", joined[-1])
-        )
+        is_value = re.match(r"-(\.?\d|[xyz]$)", word) and joined and re.fullmatch(r"--[a-z]+(-[a-z]+)*", joined[-1])
         if is_value and not is_after_end:
             joined[-1] += f"={word}"
         else:
@@ -92,9 +90,7 @@ class _Parser(argparse.ArgumentParser):
 
 def _make_parsers() -> tuple[_Parser, dict[str, _Parser]]:
     """Make the parser of the program, and of its commands by name."""
-    parser = _Parser(
-        "raster", description="Draw 3-D models, without GPU, OpenGL or display.", allow_abbrev=False
-    )
+    parser = _Parser("raster", description="Draw 3-D models, without GPU, OpenGL or display.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"raster {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", title="commands", parser_class=_Parser)
     render = commands.add_parser(
@@ -170,7 +166,9 @@ def _add_files(parser, default_name, size) -> None:
         action="store_true",
         help="print a line of JSON for each picture on stdout (on stderr with -o -)",
     )
-    add("--input-format", choices=FORMATS + SCENE_FORMATS, help="of the models, whatever their suffix; needed for stdin")
+    add(
+        "--input-format", choices=FORMATS + SCENE_FORMATS, help="of the models, whatever their suffix; needed for stdin"
+    )
 
 
 def _add_array(parser) -> None:
@@ -238,8 +236,7 @@ def _add_method(group) -> None:
     add(
         "--shading",
         choices=SHADINGS,
-        help="light polygons (flat or lambert), vertices (gouraud) or samples (phong) "
-        f"(default {Options.shading})",
+        help=f"light polygons (flat or lambert), vertices (gouraud) or samples (phong) (default {Options.shading})",
     )
     add(
         "--samples",
@@ -383,6 +380,4 @@ def _add_messages(parser) -> None:
         default=NORMAL,
         help="say what a file had, what was used, and how long it took",
     )
-    group.add_argument(
-        "-q", "--quiet", dest="level", action="store_const", const=QUIET, help="say nothing but errors"
-    )
+    group.add_argument("-q", "--quiet", dest="level", action="store_const", const=QUIET, help="say nothing but errors")

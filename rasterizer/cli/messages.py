@@ -65,7 +65,8 @@ def _say(text) -> None:
 def print_record(record: dict, is_stdout_taken: bool) -> None:
     """Print a dict as one line of JSON: on stdout, or on stderr where a picture goes to stdout.
 
-    A number that is not finite, which JSON doesn't have, becomes null, and the field NAME_reason beside it says what it was.
+    A number that is not finite, which JSON doesn't have, becomes null, and the field NAME_reason beside it says what it
+    was.
     """
     print_text(json.dumps(_finite(record), allow_nan=False) + "\n", is_stdout_taken)
 
@@ -125,23 +126,23 @@ def write_stdout(content: bytes) -> None:
 
 @contextmanager
 def compiling_announced(messages):
-    """Say once, inside the block, that kernels are being compiled, as soon as the first one is; as a detail, what is wrong with
-    those on disk.
+    """Say once, inside the block, that kernels are being compiled, as soon as the first one is; as a detail, what is
+    wrong with those on disk.
 
     Yields a list, empty until then.
     """
     from numba.core import event
 
-    from .. import _kernel
+    from ..compiler import kernels
 
     announced = []
-    for reason in _kernel.CACHE_REASONS:
+    for reason in kernels.CACHE_REASONS:
         messages.detail(f"no kernels are kept in {reason}")
 
     class Announcer(event.Listener):
         def on_start(self, _event):
             if not announced:
-                is_kept = _kernel.CACHE_FOLDER is not None
+                is_kept = kernels.CACHE_FOLDER is not None
                 announced.append(_ONCE if is_kept else _ALWAYS)
                 messages.notice(announced[0])
 

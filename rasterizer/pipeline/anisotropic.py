@@ -1,20 +1,21 @@
 """Mirrors that are tilted more across a direction T in the surface than along it: brushed metal, wood, hair.
 
-Burley 2012, "Physically-based shading at Disney", appendix B; Heitz 2014, JCGT 3(2), equations 85 and 99. With B = N×T, and the
-roughnesses αx along T and αy across it:
+Burley 2012, "Physically-based shading at Disney", appendix B; Heitz 2014, JCGT 3(2), equations 85 and 99. With B = N×T,
+and the roughnesses αx along T and αy across it:
 
     D  = 1 / (π αx αy ((H·T)²/αx² + (H·B)²/αy² + (N·H)²)²)
-    G1 = 2 / (1 + √(1 + (αx²(V·T)² + αy²(V·B)²) / (N·V)²)), so G1 / (2 N·V) = 1 / (N·V + √((N·V)² + αx²(V·T)² + αy²(V·B)²))
+    G1 = 2 / (1 + √(1 + (αx²(V·T)² + αy²(V·B)²) / (N·V)²)), so G1 / (2 N·V) = 1 / (N·V + √((N·V)² + αx²(V·T)² +
+    αy²(V·B)²))
 
-whose last two terms are `masking`, 1 - (N·V)² times the square of the roughness in the plane of N and V: so it is the isotropic
-formula where αx = αy.
+whose last two terms are `masking`, 1 - (N·V)² times the square of the roughness in the plane of N and V: so it is the
+isotropic formula where αx = αy.
 """
 
 import numpy as np
 from numba import carray
 from numba.extending import register_jitable
 
-from .rows import (
+from .fragments import (
     CHUNK,
     LIGHT_X,
     LIGHT_Y,
@@ -70,8 +71,8 @@ def anisotropic_mirrors(row, k, alpha_along, alpha_across):
 def tangent_at(row, k):
     """The unit vector along the row TANGENT's part in the surface, and whether there is one; else any in the surface.
 
-    With a unit tangent, T - (T·N)N errs by about 2^-52. Shorter than 2^-40 its direction errs by more than 2^-12: an axis that
-    stands upright on the surface has no direction there, but rounding would make one up.
+    With a unit tangent, T - (T·N)N errs by about 2^-52. Shorter than 2^-40 its direction errs by more than 2^-12: an
+    axis that stands upright on the surface has no direction there, but rounding would make one up.
     """
     nx, ny, nz = row[NORMAL_X + k], row[NORMAL_Y + k], row[NORMAL_Z + k]
     tx, ty, tz = row[TANGENT_X + k], row[TANGENT_Y + k], row[TANGENT_Z + k]

@@ -1,15 +1,15 @@
 """Stage 4, bands: the triangles of every band of scanlines, in face order.
 
-A counting sort by band: the classic bucket-sorted edge table with bands instead of scanlines. A band is the unit of parallel
-work, and so small that its z-buffer stays in the L2 cache. The order within a band is the order of the faces, whatever the
-number of threads, so the picture can't depend on it.
+A counting sort by band: the classic bucket-sorted edge table with bands instead of scanlines. A band is the unit of
+parallel work, and so small that its z-buffer stays in the L2 cache. The order within a band is the order of the faces,
+whatever the number of threads, so the picture can't depend on it.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import kernel
+from ..compiler.kernels import kernel
 
 
 class Bands(NamedTuple):
@@ -35,7 +35,8 @@ def sort_into_bands(parts, workers) -> Bands:
 
 @kernel
 def scatter(face, first_band, last_band, cursor, out_face):
-    """Append every triangle to the lists of the bands it reaches; `cursor` holds the place of each list's next entry."""
+    """Append every triangle to the lists of the bands it reaches; `cursor` holds the place of each list's next
+    entry."""
     for k in range(len(face)):
         for band in range(np.uint64(first_band[k]), np.uint64(last_band[k]) + np.uint64(1)):
             out_face[np.uint64(cursor[band])] = face[k]

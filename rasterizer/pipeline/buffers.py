@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import borrow, kernel
-from .exact import corner_weights, corners_of, depth_of, mean, weights_of
+from ..compiler.kernels import borrow, kernel
+from .interpolate import corner_weights, corners_of, depth_of, mean, weights_of
 from .records import ATTRIBUTE, FACE, RECORD_MASK, SIDE, borrow_records
 from .resolve import clean
 from .scan import CLEAR, GROUP_SHIFT

@@ -1,47 +1,50 @@
 """Stage 2, clip: the triangles with a vertex that can't be placed on the screen, in homogeneous space.
 
 In:  index columns, positions, and the vertices on the screen, some of them OUTSIDE.
-Out: the same with every such triangle replaced, at its place in the order of faces, by the parts of it that can be placed, and
+Out: the same with every such triangle replaced, at its place in the order of faces, by the parts of it that can be
+placed, and
      the planes of the whole face.
 
-Clipped against the near plane, the far plane where the caller gave one, and |x|, |y| <= 2^20 px: six half-spaces that are linear
-in eye space (Sutherland & Hodgman 1974). A new vertex is always computed from the inside vertex to the outside one, so two
-triangles that share an edge get the same one, and no gap opens between them.
+Clipped against the near plane, the far plane where the caller gave one, and |x|, |y| <= 2^20 px: six half-spaces that
+are linear in eye space (Sutherland & Hodgman 1974). A new vertex is always computed from the inside vertex to the
+outside one, so two triangles that share an edge get the same one, and no gap opens between them.
 
-The parts say only what is covered. Depth and attributes come from the planes of the whole face, so they are the same in all
-parts of a face, wherever it is clipped:
+The parts say only what is covered. Depth and attributes come from the planes of the whole face, so they are the same in
+all parts of a face, wherever it is clipped:
 
-* A part's corners are rounded to 1/256 px as all vertices are. Its depths are those of the whole face at the rounded corners;
-  depth is affine on the screen, so the planes of all parts are the plane of the face.
-* Attributes are interpolated with the weights q_i of the face's own three vertices, which are affine on the screen, too: with
-  the vertices P_i in eye space and the ray r(x, y) = ((x - center_x)/scale_x, (center_y - y)/scale_y, 1) of a sample,
-  q = M^-1 r, where P_0, P_1, P_2 are the columns of M. Then r·w = Σ b_i P_i with b_i = w q_i, and 1/w = Σ q_i (Olano & Greer 1997,
-  "Triangle scan conversion using 2D homogeneous coordinates"). Without perspective P_i = (across, upward, 1), and q_i = b_i.
+* A part's corners are rounded to 1/256 px as all vertices are. Its depths are those of the whole face at the rounded
+  corners; depth is affine on the screen, so the planes of all parts are the plane of the face.
+* Attributes are interpolated with the weights q_i of the face's own three vertices, which are affine on the screen,
+  too: with the vertices P_i in eye space and the ray r(x, y) = ((x - center_x)/scale_x, (center_y - y)/scale_y, 1) of a
+  sample, q = M^-1 r, where P_0, P_1, P_2 are the columns of M. Then r·w = Σ b_i P_i with b_i = w q_i, and 1/w = Σ q_i
+  (Olano & Greer 1997, "Triangle scan conversion using 2D homogeneous coordinates"). Without perspective P_i = (across,
+  upward, 1), and q_i = b_i.
 
-Where all three vertices have a place on the screen, near and far planes apart, they count at their rounded places: the planes are
-those of the face that isn't clipped. Else one is behind the eye, or too far out to be rounded, and all count where they are.
-The vertices are sorted before anything is computed from them, and a part begins at its topmost, leftmost corner: so
-two faces with the same vertices have the same parts and the same depths to the last bit, in whatever order a file lists them.
+Where all three vertices have a place on the screen, near and far planes apart, they count at their rounded places: the
+planes are those of the face that isn't clipped. Else one is behind the eye, or too far out to be rounded, and all count
+where they are. The vertices are sorted before anything is computed from them, and a part begins at its topmost,
+leftmost corner: so two faces with the same vertices have the same parts and the same depths to the last bit, in
+whatever order a file lists them.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import helper, kernel
+from ..compiler.kernels import helper, kernel
 from .transform import LIMIT_PX, OUTSIDE, SUBPIXEL, Vertices
 
 N_PLANE = 6
 GUARD = (-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))  # px
 MOST_CORNERS = 3 + N_PLANE  # each plane adds at most one corner to a convex polygon
-# Rounding may bend a sliver, and then more than two edges cross a plane: of n corners with m inside, m and one for each crossing
-# are left, m + 2 min(m, n - m) <= 3 n / 2. Six times from a triangle on: 4, 6, 9, 13, 19, 28.
+# Rounding may bend a sliver, and then more than two edges cross a plane: of n corners with m inside, m and one for each
+# crossing are left, m + 2 min(m, n - m) <= 3 n / 2. Six times from a triangle on: 4, 6, 9, 13, 19, 28.
 ROOM = 28
 # A corner while it is clipped: distance along the viewing axis, along right and up (scene units).
 W, ACROSS, UPWARD = 0, 1, 2
 N_COLUMN = 3
-# Rows of `Clipped.planes`: q_i at the picture's corner (0, 0), and what 1/256 px to the right, and down, adds to them; the range
-# that their sum has where the face is seen; depths of the vertices. Without perspective the sum is 1.
+# Rows of `Clipped.planes`: q_i at the picture's corner (0, 0), and what 1/256 px to the right, and down, adds to them;
+# the range that their sum has where the face is seen; depths of the vertices. Without perspective the sum is 1.
 WEIGHT, WEIGHT_X, WEIGHT_Y, LEAST_SUM, LARGEST_SUM, WHOLE_DEPTH = 0, 3, 6, 9, 10, 11
 N_PLANE_COLUMN = 14
 NO_PLANES = np.empty((0, N_PLANE_COLUMN))
@@ -77,7 +80,8 @@ def clip(positions, vertex, corner, vertices, screen) -> Clipped:
         planes[:, LEAST_SUM], planes[:, LARGEST_SUM] = 1.0 / largest, 1.0 / least
     z = np.repeat(whole_z[cut], 3, axis=0)
     z = z[:, 0] + z[:, 1] * x + z[:, 2] * y
-    # The corners' depths may lie beyond those of the face: brought back, they would tilt its plane. See block.py: MAX_CUT_SLOPE.
+    # The corners' depths may lie beyond those of the face: brought back, they would tilt its plane. See setup.py:
+    # MAX_CUT_SLOPE.
     ends = np.sort(z_of(np.stack([least, largest], axis=1), screen), axis=1)
     z = np.where(np.isnan(z), np.repeat(ends.mean(axis=1)[cut], 3), z)
 
@@ -140,7 +144,8 @@ def find_ranges(w, cut, n_cut):
 
 
 def round_places(across, upward, w, screen):
-    """Move the vertices of faces across the view to where the screen shows them rounded, if all three have a place there.
+    """Move the vertices of faces across the view to where the screen shows them rounded, if all three have a place
+    there.
 
     All are (n_cut, 3) float64, scene units; depths, `w`, stay.
     """
@@ -158,11 +163,11 @@ def round_places(across, upward, w, screen):
 def find_whole_planes(positions, vertex, screen):
     """Find the planes of the weights q_i of whole faces, and of their depths.
 
-    M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to lengths of at most 1, so that no product over- or underflows;
-    without perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of its length, twice, and
-    so det M = P_i·(P_j × P_k), products included, to less than 2^-50 Σ |P_i| |P_j × P_k|, however much further away one vertex is
-    than another. A face whose determinant is no larger is seen edge-on: its weights are all the same, and so is its depth,
-    which isn't known here.
+    M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to lengths of at most 1, so that no product over- or
+    underflows; without perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of
+    its length, twice, and so det M = P_i·(P_j × P_k), products included, to less than 2^-50 Σ |P_i| |P_j × P_k|,
+    however much further away one vertex is than another. A face whose determinant is no larger is seen edge-on: its
+    weights are all the same, and so is its depth, which isn't known here.
 
     Parameters
     ----------
@@ -172,11 +177,13 @@ def find_whole_planes(positions, vertex, screen):
     Returns
     -------
     planes : (n_cut, N_PLANE_COLUMN) float64; LEAST_SUM and LARGEST_SUM are 1
-    z : (n_cut, 3) float64, z-buffer units at the picture's corner, and what 1/256 px to the right, and down, adds; NaN for
-        faces that are seen edge-on
+    z : (n_cut, 3) float64, z-buffer units at the picture's corner, and what 1/256 px to the right, and down, adds; NaN
+        for faces that are seen edge-on
     """
     relative = positions[:, vertex] - screen.eye[:, None, None]
-    across, upward, depth = (np.einsum("a,akn->nk", axis, relative) for axis in (screen.right, screen.up, screen.forward))
+    across, upward, depth = (
+        np.einsum("a,akn->nk", axis, relative) for axis in (screen.right, screen.up, screen.forward)
+    )
     w = depth if screen.is_perspective else np.ones_like(depth)
     across, upward = round_places(across, upward, w, screen)
     order = np.lexsort((upward, across, depth), axis=-1)
@@ -198,7 +205,11 @@ def find_whole_planes(positions, vertex, screen):
     rows = rows / np.where(is_edge_on, 1.0, determinant)[:, None, None] / scale[:, None, :]
     rows[is_edge_on] = (0.0, 0.0, 1.0)
     q_x, q_y = rows[:, :, 0] / (screen.scale_x * SUBPIXEL), -rows[:, :, 1] / (screen.scale_y * SUBPIXEL)
-    q = rows[:, :, 2] - rows[:, :, 0] * (screen.center_x / screen.scale_x) + rows[:, :, 1] * (screen.center_y / screen.scale_y)
+    q = (
+        rows[:, :, 2]
+        - rows[:, :, 0] * (screen.center_x / screen.scale_x)
+        + rows[:, :, 1] * (screen.center_y / screen.scale_y)
+    )
 
     planes = np.ones((len(corners), N_PLANE_COLUMN))
     back = np.argsort(order, axis=1)
@@ -213,8 +224,8 @@ def find_whole_planes(positions, vertex, screen):
 
 @kernel
 def find_crossing(positions, vertex, faces, screen, out_face):
-    """Find those of the triangles `faces` that don't lie wholly beyond one of the planes; return how many: nothing is left of
-    the others."""
+    """Find those of the triangles `faces` that don't lie wholly beyond one of the planes; return how many: nothing is
+    left of the others."""
     corners = np.empty((3, N_COLUMN))
     n_out = np.uint64(0)
     for face in faces:
@@ -236,7 +247,8 @@ def is_beyond(corners, screen, limits):
 
 @kernel
 def clip_faces(positions, vertex, faces, screen, out_parts, out_cut):
-    """Clip the triangles `faces`; write what is left of each as a fan of triangles, and its place in `faces`; return how many."""
+    """Clip the triangles `faces`; write what is left of each as a fan of triangles, and its place in `faces`; return
+    how many."""
     polygon, scratch = np.empty((ROOM, N_COLUMN)), np.empty((ROOM, N_COLUMN))
     n_out = np.uint64(0)
     for number in range(np.uint64(len(faces))):
@@ -304,7 +316,8 @@ def take_triangle(positions, vertex, face, screen, out):
 
 @helper
 def clip_polygon(polygon, n, plane, screen, limits, out):
-    """Keep the part of a convex polygon on the inner side of one plane (Sutherland & Hodgman 1974); return its corners."""
+    """Keep the part of a convex polygon on the inner side of one plane (Sutherland & Hodgman 1974); return its
+    corners."""
     n_out = np.uint64(0)
     for k in range(np.uint64(n)):
         here, after = polygon[k], polygon[np.uint64(0) if k + np.uint64(1) == np.uint64(n) else k + np.uint64(1)]

@@ -2,8 +2,9 @@
 
     I = ke + albedo·(ka·Ia + Σ kd·Ip·DIFFUSE) + Σ ks·Ip·SPECULAR          summed over the lights
 
-Source: Phong 1975; Foley, van Dam, Feiner & Hughes 1990, section 16.1. The terms that depend on a light alone are found by the
-light's row function (lights.py), those that depend on the material by the reflection model's (reflection.py).
+Source: Phong 1975; Foley, van Dam, Feiner & Hughes 1990, section 16.1. The terms that depend on a light alone are found
+by the light's row function (light_kinds.py), those that depend on the material by the reflection model's
+(reflection.py).
 """
 
 from typing import NamedTuple
@@ -11,9 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from .._kernel import borrow, call_row, helper, kernel
-from .reflection import N_MATERIAL_NUMBER
-from .rows import (
+from ..compiler.kernels import borrow, call_row, helper, kernel
+from .fragments import (
     ALBEDO,
     CHUNK,
     DIFFUSE,
@@ -41,6 +41,7 @@ from .rows import (
     VIEW_Y,
     VIEW_Z,
 )
+from .reflection import N_MATERIAL_NUMBER
 
 # A material's numbers: those that its row function reads (reflection.py), then its coefficients, a column a channel.
 EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR = (N_MATERIAL_NUMBER + 3 * k for k in range(4))
@@ -61,9 +62,13 @@ class Lighting(NamedTuple):
     needs_view: bool  # some material is view-dependent
     needs_position: bool  # some light has a place
     has_albedo: bool  # colours are given with the model
-    color: np.ndarray  # (1 or n_material, n_light, 6): what D, and what the highlight, is multiplied by, a column a channel
+    color: (
+        np.ndarray
+    )  # (1 or n_material, n_light, 6): what D, and what the highlight, is multiplied by, a column a channel
     shadow_function: int  # address of the row function that casts shadows
-    shadow: np.ndarray  # (n_light,) int64, addresses of shadow maps (shadow.py), 0 for none; empty where no light has one
+    shadow: (
+        np.ndarray
+    )  # (n_light,) int64, addresses of shadow maps (shadow_lookup.py), 0 for none; empty where no light has one
 
 
 class ShadowedLighting(Lighting):
@@ -194,14 +199,15 @@ def compose(rows, n, channel, source, number, has_albedo, is_shiny):
 
 @kernel
 def light_points(positions, normals, albedo, lift, start, stop, screen, side, lighting, material, rows, out_intensity):
-    """Evaluate the illumination equation at surface points: the vertices of Gouraud's method, the centroids of flat shading.
+    """Evaluate the illumination equation at surface points: the vertices of Gouraud's method, the centroids of flat
+    shading.
 
     Parameters
     ----------
-    positions, normals : (3, n) float64, world space; the normals have unit length. With BRUSHED lighting `normals` is (6, n):
-        the tangents stand behind
+    positions, normals : (3, n) float64, world space; the normals have unit length. With BRUSHED lighting `normals` is
+        (6, n): the tangents stand behind
     albedo : (n, n_channel) float64, read only if lighting.has_albedo
-    lift : (n,) float64, scene units, see shadow.py; read only if a light casts shadows
+    lift : (n,) float64, scene units, see shadow_lookup.py; read only if a light casts shadows
     start, stop : the points to light
     side : 1 or -1, a factor of the normals; 0 flips every normal towards the viewer
     out_intensity : (n, n_channel) float32 or float64
@@ -297,7 +303,8 @@ def take_own_planes(lighting, lift, first, n, rows):
 def turn_normals(positions, normals, screen, rows):
     """Copy normals, each turned to the side that the eye, or the viewer at infinity, is on.
 
-    In float64: of a face that is far away and seen at a grazing angle, N·(P - eye) is the small difference of large numbers.
+    In float64: of a face that is far away and seen at a grazing angle, N·(P - eye) is the small difference of large
+    numbers.
     """
     eye_x, eye_y, eye_z = screen.eye
     forward_x, forward_y, forward_z = screen.forward

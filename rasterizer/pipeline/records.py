@@ -1,11 +1,13 @@
 """What the scan stage leaves for the shade stage: intensities in words, or records with what is interpolated.
 
-There are three ways for a triangle's attributes to reach its samples; each triangle takes the cheapest that is good enough:
+There are three ways for a triangle's attributes to reach its samples; each triangle takes the cheapest that is good
+enough:
 
-* In words: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p + ΔI·Δv (Gouraud
+* In words: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p + ΔI·Δv
+  (Gouraud
   1971). One channel, flat shading and Gouraud's method.
-* In planes: a record holds value, d/dx and d/dy of every attribute. Three channels (integers, so that constants stay constant and
-  nothing leaves the range of the vertices), and the normals of Phong's method (float32).
+* In planes: a record holds value, d/dx and d/dy of every attribute. Three channels (integers, so that constants stay
+  constant and nothing leaves the range of the vertices), and the normals of Phong's method (float32).
 * Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
 perspective.
   What the first two can't do within the tolerance, and everything at tolerance 0.
@@ -18,8 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from .._kernel import borrow, helper
-from .block import (
+from ..compiler.kernels import borrow, helper
+from .clip import WHOLE_DEPTH
+from .setup import (
     ANCHOR_X,
     ANCHOR_Y,
     ATTRIBUTE0,
@@ -48,9 +51,8 @@ from .block import (
     Z1,
     Z2,
 )
-from .block import CUT as CUT_FACE
-from .clip import WHOLE_DEPTH
-from .lanes import GROUP
+from .setup import CUT as CUT_FACE
+from .simd import GROUP
 
 LEVEL_BITS = 24
 PAYLOAD_BITS = LEVEL_BITS + 1
@@ -62,15 +64,15 @@ MAX_RECORDS = 1 << (LEVEL_BITS - 1)
 
 EXACT, IN_WORDS, IN_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # kinds of coding; IN_PLANES and above have records with planes
 
-# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and the side
-# that is seen; the row of the planes of the clipped face that it is a part of, or -1.
+# Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and
+# the side that is seen; the row of the planes of the clipped face that it is a part of, or -1.
 PLACE, FACE, SIDE, CUT = 0, 6, 7, 8
 N_INTEGER = 9
 # Columns of an exact record's numbers: 1/w, depth (orthographic) and each attribute, each at the three vertices.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
-# Columns of a record of planes: the triangle, the sample where the planes are anchored, and then the planes of four attributes a
-# group: four values, four d/dx, four d/dy (lanes.py). Such records stand one behind the other in a flat array, 2^plane_shift
-# numbers each, so that a place is found by a shift.
+# Columns of a record of planes: the triangle, the sample where the planes are anchored, and then the planes of four
+# attributes a group: four values, four d/dx, four d/dy (simd.py). Such records stand one behind the other in a flat
+# array, 2^plane_shift numbers each, so that a place is found by a shift.
 PLANE_FACE, PLANE_X, PLANE_Y, PLANE = 0, 1, 2, 4
 DISTANCE = 3  # the fourth attribute of the normals' group: 1/w, or depth without perspective, where it is needed
 
@@ -109,7 +111,9 @@ class Records(NamedTuple):
     levels: np.ndarray  # (n << plane_shift,) int32: the planes
     planes: np.ndarray  # the same memory as float32
     plane_shift: int
-    cut: np.ndarray  # (n_cut, 14) float64: the planes of clipped faces, see clip.Clipped; those of the picture, not of the band
+    cut: (
+        np.ndarray
+    )  # (n_cut, 14) float64: the planes of clipped faces, see clip.Clipped; those of the picture, not of the band
 
 
 @helper
@@ -121,7 +125,8 @@ def borrow_records(records):
     )  # fmt: skip
 
 
-# ---------------------------------------------------------------- a block at a time: planes, and whether they are good enough
+# ---------------------------------------------------------------- a block at a time: planes, and whether they are good
+# enough
 
 
 def carry_attributes(n_attribute, coding, block):
@@ -169,12 +174,12 @@ def inv_ws(z0, z1, z2, coding):
 def find_levels(channel, coding, block):
     """Planes, in whole levels, of one channel's intensity.
 
-    Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no value can
-    leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both ends; a range below
-    2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <= |ΔI|·(r-1)/4 with
-    r = w_max/w_min: the first is (r-1)/(√r+1)².
-    Whatever the intensities are, also none (NaN), negative or infinite ones, the levels are within 0..LEVEL_MASK - 1: no word
-    can carry into the bits above it.
+    Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no
+    value can leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both
+    ends; a range below 2e becomes a constant. Interpolating I instead of I/w errs by at most |ΔI|·(√r-1)/(√r+1) <=
+    |ΔI|·(r-1)/4 with r = w_max/w_min: the first is (r-1)/(√r+1)².
+    Whatever the intensities are, also none (NaN), negative or infinite ones, the levels are within 0..LEVEL_MASK - 1:
+    no word can carry into the bits above it.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
     scale, most = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
@@ -188,7 +193,8 @@ def find_levels(channel, coding, block):
         shrink = 1.0 - reach / spread if spread > reach else 0.0
         drift = reach if spread > reach else 0.5 * spread
         inv_w_min, inv_w_rise = inv_ws(reals[Z0 + k], reals[Z1 + k], reals[Z2 + k], coding)
-        # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the vertices.
+        # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the
+        # vertices.
         is_good = spread * inv_w_rise + 4.0 * inv_w_min * (drift + 0.5) <= 4.0 * inv_w_min * coding.level_tolerance
         rise1, rise2 = (l1 - l0) * shrink, (l2 - l0) * shrink
         l_x = rise1 * reals[SLOPE_X1 + k] + rise2 * reals[SLOPE_X2 + k]
@@ -211,17 +217,18 @@ def within(level, most):
 def find_normals(coding, block):
     """Planes of n/w: their direction is all that counts, so 1/w is scaled to at most 1.
 
-    A float32 plane that rises by s over the box of its triangle errs by at most u·(3 + 4 s) there, u = 2^-24: the roundings of
-    value, slopes, products and sums. With three components that turns the normal by √3·u·(3 + 4 s)/|n/w|, the error over the
-    length of what is interpolated: coding.normal_limit is how many u a normal may turn by, over √3.
+    A float32 plane that rises by s over the box of its triangle errs by at most u·(3 + 4 s) there, u = 2^-24: the
+    roundings of value, slopes, products and sums. With three components that turns the normal by √3·u·(3 + 4 s)/|n/w|,
+    the error over the length of what is interpolated: coding.normal_limit is how many u a normal may turn by, over √3.
 
-    The shortest n/w: it is the mean of the corners' normals n_i, with weights b_i >= 0 and Σ b_i = 1, times a mean of 1/w.
-    With m the least n_i² and c the least n_i·n_j of two corners, or m if that is less,
+    The shortest n/w: it is the mean of the corners' normals n_i, with weights b_i >= 0 and Σ b_i = 1, times a mean of
+    1/w. With m the least n_i² and c the least n_i·n_j of two corners, or m if that is less,
 
         |Σ b_i n_i|² >= m Σ b_i² + 2 c Σ b_i b_j = (m - c) Σ b_i² + c >= (m - c)/3 + c = (m + 2 c)/3,     as Σ b_i² >= 1/3.
 
-    So |n/w| >= (w_min/w_max)·√((m + 2 c)/3): short where corners look apart, as where a file has reversed one, where a corner has
-    no normal, and far away in a triangle that spans much depth. Where nothing is left of it, the record is exact.
+    So |n/w| >= (w_min/w_max)·√((m + 2 c)/3): short where corners look apart, as where a file has reversed one, where a
+    corner has no normal, and far away in a triangle that spans much depth. Where nothing is left of it, the record is
+    exact.
     """
     ints, reals = block.ints, block.reals
     for k in range(np.uint64(BLOCK)):
@@ -256,8 +263,9 @@ def find_normals(coding, block):
 
 @helper
 def find_albedo(attribute, coding, block):
-    """The plane of an attribute behind the normals, in affine interpolation: see find_levels for its bound, and find_normals for
-    that of rounding, which may take half of what is accepted: u·(3 m + 4 s) with m the largest value."""
+    """The plane of an attribute behind the normals, in affine interpolation: see find_levels for its bound, and
+    find_normals for that of rounding, which may take half of what is accepted: u·(3 m + 4 s) with m the largest
+    value."""
     ints, reals = block.ints, block.reals
     row = ATTRIBUTE0 + np.uint64(3) * attribute * NEXT
     for k in range(np.uint64(BLOCK)):
@@ -275,7 +283,8 @@ def find_distances(coding, block):
     """The plane of 1/w, or of depth without perspective, behind those of the attributes.
 
     1/w loses digits where it spans much, and planes where they rise far beyond their triangle: taken are those with
-    w_max <= 2 w_min that rise by half of their maximum m at most. These err by u·(3 + 4/2)·m, that is 10 u of the distance itself.
+    w_max <= 2 w_min that rise by half of their maximum m at most. These err by u·(3 + 4/2)·m, that is 10 u of the
+    distance itself.
     """
     ints, reals = block.ints, block.reals
     add, times = coding.inv_w_offset, coding.inv_w_scale
@@ -314,7 +323,8 @@ def write_planes(records, n_record, k, face, n_attribute, coding, block):
     levels[row + np.uint64(PLANE_X)], levels[row + np.uint64(PLANE_Y)] = ints[ANCHOR_X + k], ints[ANCHOR_Y + k]
     column = row + np.uint64(PLANE)
     if coding.kind == IN_PLANES:
-        # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right again.
+        # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right
+        # again.
         source = LEVEL + k
         for _ in range(3):
             for part in range(np.uint64(3)):
@@ -344,8 +354,8 @@ def copy_plane(planes, column, source, reals):
 
 @helper
 def write_exact(records, n_record, k, face, n_attribute, coding, block):
-    """Write where triangle k lies on the screen, and 1/w, depth and the attributes of its three corners; of a part of a clipped
-    face the depths and attributes are those of the face's corners, and the weights come from its planes."""
+    """Write where triangle k lies on the screen, and 1/w, depth and the attributes of its three corners; of a part of a
+    clipped face the depths and attributes are those of the face's corners, and the weights come from its planes."""
     ints, reals = block.ints, block.reals
     row, numbers = np.uint64(n_record), records.numbers
     x0, y0 = np.int64(ints[X0 + k]), np.int64(ints[Y0 + k])

@@ -1,12 +1,14 @@
-"""The reflection models, one row function each: from the directions at surface points to what is reflected to the viewer.
+"""The reflection models, one row function each: from the directions at surface points to what is reflected to the
+viewer.
 
-A row function reads the rows of normals, lights, view directions, N_DOT_L, N_DOT_V and STRENGTH, and writes the rows DIFFUSE and
-SPECULAR, which lighting.py multiplies by colours and sums. A new model needs its function here and a line in REFLECTIONS;
-bounds.py gives its name and its largest value, rounding.py its bound, fresnel.py its second term where F0 has a colour.
+A row function reads the rows of normals, lights, view directions, N_DOT_L, N_DOT_V and STRENGTH, and writes the rows
+DIFFUSE and SPECULAR, which lighting.py multiplies by colours and sums. A new model needs its function here and a line
+in REFLECTIONS; engine/intensity_bounds.py gives its name and its largest value, engine/error_bounds.py its bound,
+fresnel.py its second term where F0 has a colour.
 
-Which of them conserve energy, and which are reciprocal: see the table in scene/material.py. At a silhouette N·V may come out
-below 0, by a rounding error or an interpolated normal: Cook-Torrance takes it for 0, where the formula has a finite limit; the
-others don't divide by it.
+Which of them conserve energy, and which are reciprocal: see the table in scene/material.py. At a silhouette N·V may
+come out below 0, by a rounding error or an interpolated normal: Cook-Torrance takes it for 0, where the formula has a
+finite limit; the others don't divide by it.
 """
 
 from typing import NamedTuple
@@ -16,8 +18,7 @@ from numba import carray
 from numba.extending import register_jitable
 
 from .anisotropic import anisotropic_mirrors, fill_tangents
-from .powers import exponential, grazing, power
-from .rows import (
+from .fragments import (
     CHUNK,
     DIFFUSE,
     LIGHT_X,
@@ -35,9 +36,10 @@ from .rows import (
     VIEW_Y,
     VIEW_Z,
 )
+from .power import exponential, grazing, power
 
-# A material's numbers, as far as row functions read them. SCALE: of a normalised highlight, 0 for a classic one. ROUGHNESS_ACROSS
-# and the three of BRUSH, an axis in the world: of anisotropic materials.
+# A material's numbers, as far as row functions read them. SCALE: of a normalised highlight, 0 for a classic one.
+# ROUGHNESS_ACROSS and the three of BRUSH, an axis in the world: of anisotropic materials.
 SHININESS, ROUGHNESS, FRESNEL, SCALE, LEVELS, ROUGHNESS_ACROSS, BRUSH = range(7)
 N_MATERIAL_NUMBER = 9
 MOST_SQUARED = 4096  # integer exponents up to this are raised by squaring
@@ -67,8 +69,9 @@ def lambert(rows, n, numbers):
 def phong(rows, n, numbers):
     """Lambert and a highlight (R·V)^n about the mirrored light direction R = 2 (N·L) N - L (Phong 1975).
 
-    R·V = 1 - |R - V|²/2, as both have unit length. An error e of a vector moves that by e·|R - V| alone, which the n-th power
-    magnifies by about √n (rounding.py); that of R·V itself, or of a vector's length, it would magnify by n. Never above 1.
+    R·V = 1 - |R - V|²/2, as both have unit length. An error e of a vector moves that by e·|R - V| alone, which the n-th
+    power magnifies by about √n (engine/error_bounds.py); that of R·V itself, or of a vector's length, it would magnify
+    by n. Never above 1.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     one, two, half = row.dtype.type(1), row.dtype.type(2), row.dtype.type(0.5)
@@ -85,8 +88,8 @@ def phong(rows, n, numbers):
 def blinn(rows, n, numbers):
     """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977); H = (L + V) / |L + V|.
 
-    By components: with 2 + 2 L·V for |L + V|² the digits cancel where the viewer looks towards the light. N·H = 1 - |N - H|²/2,
-    see `phong`.
+    By components: with 2 + 2 L·V for |L + V|² the digits cancel where the viewer looks towards the light. N·H = 1 - |N
+    - H|²/2, see `phong`.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero, one, half = row.dtype.type(0), row.dtype.type(1), row.dtype.type(0.5)
@@ -95,7 +98,11 @@ def blinn(rows, n, numbers):
         half_z = row[LIGHT_Z + k] + row[VIEW_Z + k]
         square = half_x * half_x + half_y * half_y + half_z * half_z
         scale = one / np.sqrt(square)
-        x, y, z = row[NORMAL_X + k] - half_x * scale, row[NORMAL_Y + k] - half_y * scale, row[NORMAL_Z + k] - half_z * scale
+        x, y, z = (
+            row[NORMAL_X + k] - half_x * scale,
+            row[NORMAL_Y + k] - half_y * scale,
+            row[NORMAL_Z + k] - half_z * scale,
+        )
         # Where L = -V there is no half vector, and no highlight.
         row[SPECULAR + k] = one - half * (x * x + y * y + z * z) if square > zero else zero
     finish_highlights(row, n, number)
@@ -103,7 +110,8 @@ def blinn(rows, n, numbers):
 
 @register_jitable
 def distant_blinn(rows, n, numbers):
-    """Blinn's highlight where light and viewer are at infinity: H is the same everywhere, and is found once for all n points."""
+    """Blinn's highlight where light and viewer are at infinity: H is the same everywhere, and is found once for all n
+    points."""
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     half_x, half_y, half_z = row[LIGHT_X] + row[VIEW_X], row[LIGHT_Y] + row[VIEW_Y], row[LIGHT_Z] + row[VIEW_Z]
     square = half_x * half_x + half_y * half_y + half_z * half_z
@@ -136,13 +144,15 @@ def weighted_distant_blinn(rows, n, numbers):
 
 
 def oren_nayar(rows, n, numbers):
-    """Rough matte surfaces: N·L·(A + B·max(0, cos(φl - φv))·sin α·tan β), α the larger, β the smaller angle of L and V with N.
+    """Rough matte surfaces: N·L·(A + B·max(0, cos(φl - φv))·sin α·tan β), α the larger, β the smaller angle of L and V
+    with N.
 
-    Oren & Nayar 1994, Proc. SIGGRAPH, 239-246, equation 30 (the qualitative model). The part of L across the normal times that
-    of V is cos(φl - φv)·sin θl·sin θv = L·V - (N·L)(N·V), and the smaller angle has the larger cosine, so the last three factors
-    are max(0, L·V - (N·L)(N·V)) / max(N·L, N·V).
-    N·L·tan β has no limit where both directions graze; cos β is taken for 1/64 at least (89.1°), which makes it continuous, keeps
-    the model reciprocal and changes only the last 1/8192 of a sphere's radius. Never above 1, because A² + B² <= 1.
+    Oren & Nayar 1994, Proc. SIGGRAPH, 239-246, equation 30 (the qualitative model). The part of L across the normal
+    times that of V is cos(φl - φv)·sin θl·sin θv = L·V - (N·L)(N·V), and the smaller angle has the larger cosine, so
+    the last three factors are max(0, L·V - (N·L)(N·V)) / max(N·L, N·V).
+    N·L·tan β has no limit where both directions graze; cos β is taken for 1/64 at least (89.1°), which makes it
+    continuous, keeps the model reciprocal and changes only the last 1/8192 of a sphere's radius. Never above 1, because
+    A² + B² <= 1.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero, least = row.dtype.type(0), row.dtype.type(LEAST_COSINE)
@@ -151,7 +161,9 @@ def oren_nayar(rows, n, numbers):
     b = row.dtype.type(0.45) * square / (square + row.dtype.type(0.09))
     for k in range(np.uint64(n)):
         n_dot_l, n_dot_v = row[N_DOT_L + k], row[N_DOT_V + k]
-        l_dot_v = row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
+        l_dot_v = (
+            row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
+        )
         across = max(l_dot_v - n_dot_l * n_dot_v, zero)
         reflected = n_dot_l * (a + b * across / max(max(n_dot_l, n_dot_v), least))
         row[DIFFUSE + k] = row[STRENGTH + k] * reflected if n_dot_l > zero else zero
@@ -160,10 +172,10 @@ def oren_nayar(rows, n, numbers):
 def cook_torrance_ggx(rows, n, numbers):
     """Lambert and a highlight of microscopic mirrors (Cook & Torrance 1981), tilted as GGX says: π D F G / (4 N·V).
 
-    D and G: Walter, Marschner, Li & Torrance 2007, EGSR, 195-206, equations 33, 34 and 23 (Smith's G, the two directions masked
-    independently). With s = |N×H|, c = N·H: D = α² / (π (α² c² + s²)²); s by the cross product, because 1 - c² loses its digits
-    in the highlight. G1(V) / (2 N·V) = 1 / (N·V + √(α² + (1-α²)(N·V)²)) is finite at N·V = 0, unlike with the V-shaped grooves
-    of 1981.
+    D and G: Walter, Marschner, Li & Torrance 2007, EGSR, 195-206, equations 33, 34 and 23 (Smith's G, the two
+    directions masked independently). With s = |N×H|, c = N·H: D = α² / (π (α² c² + s²)²); s by the cross product,
+    because 1 - c² loses its digits in the highlight. G1(V) / (2 N·V) = 1 / (N·V + √(α² + (1-α²)(N·V)²)) is finite at
+    N·V = 0, unlike with the V-shaped grooves of 1981.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero, one = row.dtype.type(0), row.dtype.type(1)
@@ -209,8 +221,8 @@ def cook_torrance_beckmann(rows, n, numbers):
 def anisotropic_ggx(rows, n, numbers):
     """As `cook_torrance_ggx`, with mirrors whose tilt depends on a direction in the surface, that of the rows TANGENT.
 
-    Formulas: anisotropic.py. The plan takes float64 for this model: where the direction nearly stands upright on the surface its
-    projection, and all that depends on it, has no bound in float32.
+    Formulas: anisotropic.py. The plan takes float64 for this model: where the direction nearly stands upright on the
+    surface its projection, and all that depends on it, has no bound in float32.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero, two = row.dtype.type(0), row.dtype.type(2)
@@ -231,11 +243,13 @@ def anisotropic_ggx_by_axis(rows, n, numbers):
 
 
 def toon(rows, n, numbers):
-    """Few levels, as in a drawing: N·L raised to the next k/levels, k = 1, 2, .. levels; a highlight of 1 where (R·V)^n >= 1/2.
+    """Few levels, as in a drawing: N·L raised to the next k/levels, k = 1, 2, .. levels; a highlight of 1 where (R·V)^n
+    >= 1/2.
 
-    A step is a step: a rounding error next to one costs a whole level. The plan takes float64 for this model, and cosines
-    within `grazing` above a step count as lying on it: what lies on a step exactly (a light parallel to a face, or at 60 degrees
-    with two levels) falls on the same side everywhere. After Lake, Marshall, Harris & Blackstein 2000, NPAR, 13-20.
+    A step is a step: a rounding error next to one costs a whole level. The plan takes float64 for this model, and
+    cosines within `grazing` above a step count as lying on it: what lies on a step exactly (a light parallel to a face,
+    or at 60 degrees with two levels) falls on the same side everywhere. After Lake, Marshall, Harris & Blackstein 2000,
+    NPAR, 13-20.
     """
     row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_MATERIAL_NUMBER,))
     zero, one, two = row.dtype.type(0), row.dtype.type(1), row.dtype.type(2)
@@ -243,7 +257,9 @@ def toon(rows, n, numbers):
     levels, least = number[LEVELS], row.dtype.type(0.5) ** (one / number[SHININESS])
     for k in range(np.uint64(n)):
         n_dot_l, strength = row[N_DOT_L + k], row[STRENGTH + k]
-        l_dot_v = row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
+        l_dot_v = (
+            row[LIGHT_X + k] * row[VIEW_X + k] + row[LIGHT_Y + k] * row[VIEW_Y + k] + row[LIGHT_Z + k] * row[VIEW_Z + k]
+        )
         mirrored = two * n_dot_l * row[N_DOT_V + k] - l_dot_v
         # A cosine may come out a little above 1.
         step = min(np.ceil(levels * (n_dot_l - slack)), levels) / levels
@@ -270,7 +286,8 @@ DISTANT = {"blinn": distant_blinn, "weighted blinn": weighted_distant_blinn}
 
 @register_jitable
 def schlick(least, cosine):
-    """The specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5 (Schlick 1994, Computer Graphics Forum 13(3), 233-246)."""
+    """The specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5 (Schlick 1994, Computer Graphics Forum 13(3),
+    233-246)."""
     number = type(cosine)
     sink = number(1) - cosine
     sink = sink if sink > number(VISIBLE) else number(0)
@@ -307,10 +324,11 @@ def half_parts(row, k):
 
 @register_jitable
 def beckmann_visible(cosine, m):
-    """G1(θ) / cos θ of Beckmann's distribution: with a = 1/(m tan θ) < 1.6, G1 = (3.535 a + 2.181 a²) / (1 + 2.276 a + 2.577 a²).
+    """G1(θ) / cos θ of Beckmann's distribution: with a = 1/(m tan θ) < 1.6, G1 = (3.535 a + 2.181 a²) / (1 + 2.276 a +
+    2.577 a²).
 
-    Else 1 (Walter et al. 2007, equation 27). The fraction exceeds 1 by less than 1e-4 from a = 1.55 on; cut off at 1, it is
-    continuous.
+    Else 1 (Walter et al. 2007, equation 27). The fraction exceeds 1 by less than 1e-4 from a = 1.55 on; cut off at 1,
+    it is continuous.
     """
     number = type(cosine)
     slope = m * np.sqrt(max(number(1) - cosine * cosine, number(1e-12)))  # cos θ / a
@@ -322,10 +340,11 @@ def beckmann_visible(cosine, m):
 
 @register_jitable
 def finish_highlights(row, n, number):
-    """Raise the cosines in the row SPECULAR to the exponent, and fill DIFFUSE; no highlight from a light behind the surface.
+    """Raise the cosines in the row SPECULAR to the exponent, and fill DIFFUSE; no highlight from a light behind the
+    surface.
 
-    A classic highlight ends at N·L = 0 with a step: what grazes the surface counts as behind it, see `grazing`. One that is
-    normalised falls to 0 there.
+    A classic highlight ends at N·L = 0 with a step: what grazes the surface counts as behind it, see `grazing`. One
+    that is normalised falls to 0 there.
     """
     zero, one = row.dtype.type(0), row.dtype.type(1)
     shininess, least = number[SHININESS], zero if number[SCALE] > zero else grazing(zero)

@@ -1,20 +1,20 @@
 """Stage 7, resolve: a band's intensities into the picture, while they are in the cache.
 
 In:  the band's z-buffer (what is covered) and radiance (linear intensities).
-Out: all of the band's rows of the picture: linear colour float32, and red, green, blue, alpha in 8 bits. The z-buffer is left
-clean for the next band.
+Out: all of the band's rows of the picture: linear colour float32, and red, green, blue, alpha in 8 bits. The z-buffer
+is left clean for the next band.
 
-Samples are averaged over each pixel (box filter, linear light) where there are several; a pixel's colour is the mean of its
-covered samples, its alpha the covered fraction. Then the out-of-range policy, the sRGB curve (IEC 61966-2-1) and rounding to
-the nearest level.
+Samples are averaged over each pixel (box filter, linear light) where there are several; a pixel's colour is the mean of
+its covered samples, its alpha the covered fraction. Then the out-of-range policy, the sRGB curve (IEC 61966-2-1) and
+rounding to the nearest level.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import borrow, helper, kernel
-from .rows import CHUNK, NEXT_CHANNEL
+from ..compiler.kernels import borrow, helper, kernel
+from .fragments import CHUNK, NEXT_CHANNEL
 from .scan import CLEAR, GROUP_SHIFT, PADDING
 
 LEAST, MOST = np.float32(2.0**-13), np.float32(1 - 2.0**-24)  # below the first threshold and above the last
@@ -53,11 +53,11 @@ def srgb_thresholds():
 
 
 def make_level_table():
-    """Return an int32 for every bucket of floats from LEAST to MOST: the sum of it and of the lower bits of a float in the
-    bucket has the float's level in its upper bits.
+    """Return an int32 for every bucket of floats from LEAST to MOST: the sum of it and of the lower bits of a float in
+    the bucket has the float's level in its upper bits.
 
-    A bucket is 2^-7 of its octave wide, and no two thresholds come so close: so it holds one threshold at most, and the sum
-    carries into the level from there on. (Positive floats are ordered as their bits are.)
+    A bucket is 2^-7 of its octave wide, and no two thresholds come so close: so it holds one threshold at most, and the
+    sum carries into the level from there on. (Positive floats are ordered as their bits are.)
     """
     threshold = srgb_thresholds().view(np.int32)
     start = np.arange(FIRST_BUCKET, (MOST.view(np.int32) >> BUCKET_SHIFT) + 1, dtype=np.int32) << BUCKET_SHIFT
@@ -75,15 +75,19 @@ LEVEL_TABLE = make_level_table()
 def resolve(canvas, radiance, layers, y_start, y_stop, factor, encoding, out):
     """Write the rows y_start..y_stop of the picture from the band; clean the band; return how many samples are covered.
 
-    `factor` is the number of samples a pixel along each axis; the band's rows are y_start*factor .. y_stop*factor. `layers` is
-    None, or takes the place of the radiance where surfaces are transparent (layers.py).
+    `factor` is the number of samples a pixel along each axis; the band's rows are y_start*factor .. y_stop*factor.
+    `layers` is None, or takes the place of the radiance where surfaces are transparent (a_buffer.py).
     """
     words, radiance = borrow(canvas.words), borrow(radiance)
     out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
     encoding = borrow_encoding(encoding)
     pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
     behind, n_covered = encoding.background, 0
-    blank = encode_pixel(behind[0], behind[1], behind[2], np.float32(1), encoding) if encoding.has_background else np.uint32(0)
+    blank = (
+        encode_pixel(behind[0], behind[1], behind[2], np.float32(1), encoding)
+        if encoding.has_background
+        else np.uint32(0)
+    )
     # The usual case: bytes alone, a sample a pixel, nothing to mix or to scale.
     n_channel = radiance.shape[0]
     is_plain = (factor == 1) & (out.color.shape[0] == 0) & (encoding.policy == CLAMP) & (not encoding.has_background)
@@ -114,7 +118,9 @@ def resolve(canvas, radiance, layers, y_start, y_stop, factor, encoding, out):
             if encoding.has_background:
                 show_background(pixels, n, encoding, 1 if is_single else 3)
             if out.color.shape[0] > 0:
-                write_colors(pixels, n, out.color[np.uint64(j), np.uint64(left) :], out.alpha[np.uint64(j), np.uint64(left) :])
+                write_colors(
+                    pixels, n, out.color[np.uint64(j), np.uint64(left) :], out.alpha[np.uint64(j), np.uint64(left) :]
+                )
             if out.rgba.shape[0] > 0:
                 encode_chunk(pixels, levels, n, encoding, out.rgba[np.uint64(j), np.uint64(left) :])
     clean(canvas, (y_stop - y_start) * factor)
@@ -132,7 +138,8 @@ def borrow_encoding(encoding):
 
 @helper
 def touched_columns(canvas, row, factor):
-    """Pixels that any sample of `factor` rows may have touched, as a half-open range; where there are none, an empty one."""
+    """Pixels that any sample of `factor` rows may have touched, as a half-open range; where there are none, an empty
+    one."""
     left, right = np.int64(canvas.width), np.int64(0)
     for sub in range(row, row + factor):
         group = np.uint64(sub) >> np.uint64(GROUP_SHIFT)
@@ -142,7 +149,8 @@ def touched_columns(canvas, row, factor):
 
 @helper
 def encode_samples(words, radiance, start, out):
-    """Encode one sample a pixel, a row in one loop; transparent black where none is covered; return how many are covered."""
+    """Encode one sample a pixel, a row in one loop; transparent black where none is covered; return how many are
+    covered."""
     n = np.uint64(len(words))
     blank, opaque = np.uint32(0), np.int32(255)
     n_covered = np.int64(0)
@@ -207,7 +215,8 @@ def average_samples(words, pitch, radiance, row, left, factor, n, pixels):
 
 @helper
 def average_layers(color, opacities, pitch, row, left, factor, n, pixels):
-    """Mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many samples show anything.
+    """Mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many samples show
+    anything.
 
     `color` is weighted by opacity already; where that is 0 it may be anything.
     """
@@ -280,8 +289,8 @@ def write_colors(pixels, n, color, alpha):
 
 @helper
 def fill_blank(out, j, first, stop, encoding, blank):
-    """Fill a row's pixels on both sides of first..stop, where nothing is drawn, with the background, or with transparent
-    black."""
+    """Fill a row's pixels on both sides of first..stop, where nothing is drawn, with the background, or with
+    transparent black."""
     red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
     alpha = np.float32(1) if encoding.has_background else np.float32(0)
     for left, right in ((0, first), (stop, out.rgba.shape[1])):

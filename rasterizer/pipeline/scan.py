@@ -3,16 +3,16 @@
 In:  the band's list of triangles, in face order, and the vertices on the screen.
 Out: a word for every sample of the band, and a record for every triangle whose samples are shaded later.
 
-A word packs depth and what is visible there, so that one integer addition advances both along a span, and one comparison
-decides visibility and writes both:
+A word packs depth and what is visible there, so that one integer addition advances both along a span, and one
+comparison decides visibility and writes both:
 
     63        62 ............ 25   24     23 ............. 0
     sign (0)  depth (38 bits)      is_id  intensity or record number
 
-A plane is anchored at the first sample of the part of the triangle's box that lies right of and below the picture's upper left
-corner, and integer addition is associative: a word is a function of triangle and sample alone, not of band, span start or
-thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right word all the same, because the word
-itself fits.
+A plane is anchored at the first sample of the part of the triangle's box that lies right of and below the picture's
+upper left corner, and integer addition is associative: a word is a function of triangle and sample alone, not of band,
+span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right word all the
+same, because the word itself fits.
 
     top v0                    Clockwise on the screen (y points down): v0 is the topmost vertex, the leftmost of two.
        /\\                     Left chain v0-v2(-v1), right chain v0-v1(-v2). A sample on a left or top edge belongs to
@@ -24,8 +24,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import borrow, helper, kernel
-from .block import (
+from ..compiler.kernels import borrow, helper, kernel
+from .cull import first_sample
+from .records import (
+    IN_PLANES,
+    IN_WORDS,
+    IS_EXACT,
+    IS_ID,
+    PAYLOAD_BITS,
+    borrow_records,
+    carry_attributes,
+    write_exact,
+    write_planes,
+)
+from .setup import (
     ANCHOR_X,
     ANCHOR_Y,
     BLOCK,
@@ -61,19 +73,7 @@ from .block import (
     set_up_boxes,
     set_up_depths,
 )
-from .lanes import LANES, MOST_HIGH, MOST_WIDE, merge_box
-from .records import (
-    IN_PLANES,
-    IN_WORDS,
-    IS_EXACT,
-    IS_ID,
-    PAYLOAD_BITS,
-    borrow_records,
-    carry_attributes,
-    write_exact,
-    write_planes,
-)
-from .setup import first_sample
+from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
 from .transform import DEPTH_BITS, HALF, SUBPIXEL, Vertices
 
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
@@ -94,11 +94,11 @@ class Canvas(NamedTuple):
 
 @kernel
 def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records):
-    """Draw the triangles `faces` into the rows y_start..y_stop of the picture; return how many records were written, and how many
-    of them are exact.
+    """Draw the triangles `faces` into the rows y_start..y_stop of the picture; return how many records were written,
+    and how many of them are exact.
 
-    `attributes` is (side, n, n_attribute): side 0 for triangles whose normals look at the viewer as they are, the last side for
-    those whose normals must be flipped.
+    `attributes` is (side, n, n_attribute): side 0 for triangles whose normals look at the viewer as they are, the last
+    side for those whose normals must be flipped.
     """
     faces, attributes, records = borrow(faces), borrow(attributes), borrow_records(records)
     vertices = Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z))
@@ -187,7 +187,8 @@ def depths_of(k, block):
 
 @helper
 def plane_of(k, payload, block):
-    """The words of triangle k of the block: at the picture's sample (0, 0), and what one step to the right, or down, adds."""
+    """The words of triangle k of the block: at the picture's sample (0, 0), and what one step to the right, or down,
+    adds."""
     ints, longs = block.ints, block.longs
     word_x, word_y = pack(longs[DEPTH_X + k], payload[1]), pack(longs[DEPTH_Y + k], payload[2])
     anchor_x, anchor_y = np.uint64(np.int64(ints[ANCHOR_X + k])), np.uint64(np.int64(ints[ANCHOR_Y + k]))
@@ -196,7 +197,8 @@ def plane_of(k, payload, block):
 
 @helper
 def pack(depth, payload):
-    """Put depth above payload. Unsigned, because products of a plane may overflow on the way: signed overflow is undefined."""
+    """Put depth above payload. Unsigned, because products of a plane may overflow on the way: signed overflow is
+    undefined."""
     return (np.uint64(np.int64(depth)) << np.uint64(PAYLOAD_BITS)) + np.uint64(payload)
 
 
@@ -213,14 +215,17 @@ def fill_lanes(words, pitch, box, triangle, plane):
         e2, e2_x, e2_y = edge_function(x2, y2, x0, y0, sx, sy)
         word = origin + np.uint64(first) * word_x + np.uint64(top) * word_y
         edges = (e0, e0_x, e0_y, e1, e1_x, e1_y, e2, e2_x, e2_y)
-        merge_box(words, np.uint64(base + first), np.uint64(pitch), bottom - top, (word, word_x, word_y), edges, DEPTH_MASK)
+        merge_box(
+            words, np.uint64(base + first), np.uint64(pitch), bottom - top, (word, word_x, word_y), edges, DEPTH_MASK
+        )
 
 
 @helper
 def edge_function(xa, ya, xb, yb, sx, sy):
     """Pineda's edge function (1988) of a clockwise edge at a sample, and its steps a sample; >= 0 means inside.
 
-    A sample on the edge is inside only on a top edge (to the right) or a left one (upwards), so the others are moved by one.
+    A sample on the edge is inside only on a top edge (to the right) or a left one (upwards), so the others are moved by
+    one.
     """
     dx, dy = xb - xa, yb - ya
     is_top_left = (dy < 0) | ((dy == 0) & (dx > 0))
@@ -232,7 +237,7 @@ def edge_function(xa, ya, xb, yb, sx, sy):
 def fill_spans(canvas, box, triangle, plane, is_sliver, depths, payload, fragments):
     """Walk the left and the right chain down the rows and fill the samples between them, slivers exactly.
 
-    `fragments` is None, or the lists that take what lies before the canvas, which is then left as it is (layers.py).
+    `fragments` is None, or the lists that take what lies before the canvas, which is then left as it is (a_buffer.py).
     """
     _, _, top, bottom, base = box
     x0, y0, x1, y1, x2, y2 = triangle
@@ -280,7 +285,8 @@ def edge_crossing(xa, ya, xb, yb, sy):
     """First sample at or beyond the edge a-b on the row at height `sy`, as an exact digital differential analyser.
 
     The crossing is at x = xa + (sy - ya)·dx/dy; the sample is ceil((x - 128)/256), a quotient of integers below 2^60.
-    Returns (sample, rest, sample step, rest step, divisor): each row adds the steps, and carries one when rest >= divisor.
+    Returns (sample, rest, sample step, rest step, divisor): each row adds the steps, and carries one when rest >=
+    divisor.
     """
     dx, dy = xb - xa, yb - ya
     divisor = dy * SUBPIXEL
@@ -301,8 +307,8 @@ def fill_span(row, word, step):
 
 @helper
 def fill_span_exactly(row, start, j, triangle, depths, payload):
-    """Fill a span of a triangle that is too thin or too steep for a plane: its depth comes from exact edge functions, at every
-    sample."""
+    """Fill a span of a triangle that is too thin or too steep for a plane: its depth comes from exact edge functions,
+    at every sample."""
     for k in range(np.uint64(len(row))):
         new, old = word_of_sliver(start + np.int64(k), j, triangle, depths, payload), row[k]
         row[k] = new if new < (old & DEPTH_MASK) else old
@@ -323,8 +329,9 @@ def word_of_sliver(i, j, triangle, depths, payload):
 
 @helper
 def take_span(row, place, start, j, triangle, depths, payload, is_sliver, word, step, fragments):
-    """Count, or append to the lists of the samples, the words of a span that lie before those of `row`: whole words are compared,
-    so that at equal depth the triangle with the lower number lies in front. `place` is the span's first sample in the band."""
+    """Count, or append to the lists of the samples, the words of a span that lie before those of `row`: whole words are
+    compared, so that at equal depth the triangle with the lower number lies in front. `place` is the span's first
+    sample in the band."""
     cursor = fragments.cursor
     if fragments.is_counting and not is_sliver:  # all samples: the compiler makes vector instructions of it
         lengths = cursor[np.uint64(place) : np.uint64(place + np.int64(len(row)))]

@@ -3,35 +3,17 @@
 In:  the band's z-buffer and records (scan.py, records.py).
 Out: `radiance`, linear intensities, a plane a channel; samples where nothing is visible hold anything.
 
-`shade_interpolated` serves flat shading and Gouraud's method: intensities stand in the words or are interpolated. `shade_lit` is
-Phong's method: normals are interpolated, and the illumination equation is evaluated at every visible sample. Both work on a
-chunk of a row at a time. Samples of words and planes are taken in one loop without branches, whatever they show; those of exact
-records, if the band has any, are then put in run by run.
+`shade_interpolated` serves flat shading and Gouraud's method: intensities stand in the words or are interpolated.
+`shade_lit` is Phong's method: normals are interpolated, and the illumination equation is evaluated at every visible
+sample. Both work on a chunk of a row at a time. Samples of words and planes are taken in one loop without branches,
+whatever they show; those of exact records, if the band has any, are then put in run by run.
 """
 
 import numpy as np
 from numba.extending import overload
 
-from .._kernel import borrow, helper, kernel
-from .exact import corner_weights, corners_of, has_exact, is_exact, mean, run_end, weights_of
-from .lanes import GROUP, take_planes
-from .lighting import BRUSHED, ShadowedLighting, light_rows, normalize_normals, view_from_direction
-from .records import (
-    ATTRIBUTE,
-    DEPTH,
-    FACE,
-    IN_PLANES,
-    IN_WORDS,
-    IS_ID,
-    LEVEL_MASK,
-    NORMAL_PLANES,
-    PLANE,
-    PLANE_FACE,
-    RECORD_MASK,
-    SIDE,
-    borrow_records,
-)
-from .rows import (
+from ..compiler.kernels import borrow, helper, kernel
+from .fragments import (
     ALBEDO,
     CHUNK,
     DISTANCE,
@@ -55,7 +37,25 @@ from .rows import (
     VIEW_Y,
     VIEW_Z,
 )
+from .interpolate import corner_weights, corners_of, has_exact, is_exact, mean, run_end, weights_of
+from .lighting import BRUSHED, ShadowedLighting, light_rows, normalize_normals, view_from_direction
+from .records import (
+    ATTRIBUTE,
+    DEPTH,
+    FACE,
+    IN_PLANES,
+    IN_WORDS,
+    IS_ID,
+    LEVEL_MASK,
+    NORMAL_PLANES,
+    PLANE,
+    PLANE_FACE,
+    RECORD_MASK,
+    SIDE,
+    borrow_records,
+)
 from .scan import GROUP_SHIFT
+from .simd import GROUP, take_planes
 from .transform import HALF, SUBPIXEL
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
@@ -104,7 +104,8 @@ def interpolate_runs(words, records, first, y, n_channel, out):
         stop = start + np.uint64(1)
         if is_exact(words[start]):
             stop = run_end(words, start)
-            # Where levels stand in words, a record's number is a matter of arithmetic: whatever it is, nothing else is read.
+            # Where levels stand in words, a record's number is a matter of arithmetic: whatever it is, nothing else is
+            # read.
             record = min(np.uint64(words[start] & RECORD_MASK), last_record)
             weights = weights_of(records, record)
             red = corners_of(records.numbers, record, ATTRIBUTE)
@@ -126,14 +127,26 @@ def interpolate_runs(words, records, first, y, n_channel, out):
 
 @kernel
 def shade_lit(
-    canvas, records, n_exact, kind, y_start, n_row, screen, lighting, face_material, face_shape, texels, rows, out_radiance
+    canvas,
+    records,
+    n_exact,
+    kind,
+    y_start,
+    n_row,
+    screen,
+    lighting,
+    face_material,
+    face_shape,
+    texels,
+    rows,
+    out_radiance,
 ):
     """Interpolate normals and evaluate the illumination equation at every visible sample.
 
-    Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo), the last three the tangents (only
-    with BRUSHED lighting, all of whose records are exact). `face_material` is the material
-    of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows; `texels`
-    is None where there are no textures. `n_exact` records of the band are exact.
+    Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo), the last three the
+    tangents (only with BRUSHED lighting, all of whose records are exact). `face_material` is the material
+    of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows;
+    `texels` is None where there are no textures. `n_exact` records of the band are exact.
     """
     words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
     radiance, face_material = borrow(out_radiance), borrow(face_material)
@@ -202,7 +215,8 @@ def take_face_shapes(lighting, words, records, face_shape, eye, rows):
 
 @helper
 def run_of_material(words, records, face_material):
-    """Length of the run of samples that show one material, and the material; samples that show nothing belong to any run."""
+    """Length of the run of samples that show one material, and the material; samples that show nothing belong to any
+    run."""
     material = np.int64(-1)
     if len(face_material) == 0:
         return len(words), np.int64(0)
@@ -319,13 +333,13 @@ def interpolate_tangent_runs(lighting, words, records, first, y, rows):
 def fill_positions(screen, first, y, n, needs_position, rows):
     """Fill the rows of positions and view directions: where the rays through the samples meet the surface.
 
-    Perspective: P = w·ray, with ray·forward = 1; the direction to the viewer is that of -ray. Orthographic: P is the sample's
-    point of the picture plane plus depth·forward; the viewer is at infinity. DISTANCE holds w or depth. A ray is a function of
-    column and row alone, wherever the chunk begins.
+    Perspective: P = w·ray, with ray·forward = 1; the direction to the viewer is that of -ray. Orthographic: P is the
+    sample's point of the picture plane plus depth·forward; the viewer is at infinity. DISTANCE holds w or depth. A ray
+    is a function of column and row alone, wherever the chunk begins.
 
-    Columns are counted from the one next to the picture's centre. So a ray is the sum of parts that are not longer than it is
-    itself, whatever the field of view: with 4 roundings each, of a part, its product and two sums, and |x| + |y| + |z| <= √3 times
-    the length, a ray errs by 7 u of its length, u = 2^-24 or 2^-53.
+    Columns are counted from the one next to the picture's centre. So a ray is the sum of parts that are not longer than
+    it is itself, whatever the field of view: with 4 roundings each, of a part, its product and two sums, and |x| + |y|
+    + |z| <= √3 times the length, a ray errs by 7 u of its length, u = 2^-24 or 2^-53.
     """
     number = rows.dtype.type
     right_x, right_y, right_z = screen.right

@@ -1,26 +1,28 @@
 """Stage 1, transform: vertices from world space to the screen.
 
 In:  world-space positions, one float64 array an axis.
-Out: `x`, `y` int32 in 1/256 px, and `z` float64, depth in units of the z-buffer, affine in screen space, so that it can be
-     interpolated by a plane: for perspective z = a + b/w with w the distance along the viewing axis, else z = a + b·depth.
-     A vertex that can't be placed (nearer than the near plane, beyond the far plane, further than 2^20 px from the
-     picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
+Out: `x`, `y` int32 in 1/256 px, and `z` float64, depth in units of the z-buffer, affine in screen space, so that it can
+be
+     interpolated by a plane: for perspective z = a + b/w with w the distance along the viewing axis, else z = a +
+     b·depth. A vertex that can't be placed (nearer than the near plane, beyond the far plane, further than 2^20 px from
+     the picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
 
 Float64 throughout: float32 would move two vertices in a hundred by a sub-pixel.
 
-What the rounding to 1/256 px does to all that is interpolated: a vertex v_i of the polygon becomes s_i, no further than 1/512 px
-from it along either axis. With the weights b_i >= 0, Σ b_i = 1, of a sample p = Σ b_i s_i, what is seen there is what the polygon
-itself shows at p' = Σ b_i v_i: with and without perspective a value is a function of the b_i and of what the vertices have. And
-|p' - p| <= Σ b_i |v_i - s_i| <= 1/512 px along either axis (POSITION_BOUND). So every colour, depth, normal and texture coordinate
-is that of a point of the polygon that lies no further than this from the sample; how much that is in a colour depends on how
-fast the colour changes there.
+What the rounding to 1/256 px does to all that is interpolated: a vertex v_i of the polygon becomes s_i, no further than
+1/512 px from it along either axis. With the weights b_i >= 0, Σ b_i = 1, of a sample p = Σ b_i s_i, what is seen there
+is what the polygon itself shows at p' = Σ b_i v_i: with and without perspective a value is a function of the b_i and of
+what the vertices have. And
+|p' - p| <= Σ b_i |v_i - s_i| <= 1/512 px along either axis (POSITION_BOUND). So every colour, depth, normal and texture
+coordinate is that of a point of the polygon that lies no further than this from the sample; how much that is in a
+colour depends on how fast the colour changes there.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from .._kernel import kernel
+from ..compiler.kernels import kernel
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
 HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner
@@ -34,7 +36,8 @@ DEPTH_SPAN = 2.0**DEPTH_BITS - 2 * DEPTH_MARGIN
 
 
 class Screen(NamedTuple):
-    """How view space maps to the screen and to the z-buffer: plain float64 numbers and axes (world space, unit length)."""
+    """How view space maps to the screen and to the z-buffer: plain float64 numbers and axes (world space, unit
+    length)."""
 
     eye: np.ndarray
     right: np.ndarray
@@ -60,10 +63,11 @@ class Vertices(NamedTuple):
 
 
 def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:
-    """Fit the z-buffer to `depth_range` = (nearest, furthest) distance along the viewing axis that is seen, in scene units.
+    """Fit the z-buffer to `depth_range` = (nearest, furthest) distance along the viewing axis that is seen, in scene
+    units.
 
-    What is nearer than the range but beyond `near_clip` lies outside the picture: it needs a depth for the planes of the
-    triangles that reach there, but no room in the z-buffer.
+    What is nearer than the range but beyond `near_clip` lies outside the picture: it needs a depth for the planes of
+    the triangles that reach there, but no room in the z-buffer.
     """
     near, far = depth_range
     if projection.is_perspective:

@@ -1,7 +1,7 @@
 """The judge: the same pictures in plain numpy float64 and Python integers, slowly, by code of its own.
 
-It shares with the fast way the scene as it is loaded and checked, averaged normals and their creases (scene/normals.py), and the
-decision which polygons are convex (scene/polygons.py).
+It shares with the fast way the scene as it is loaded and checked, averaged normals and their creases
+(geometry/normals.py), and the decision which polygons are convex (geometry/polygons.py).
 
     picture      which face each sample sees, layer behind layer; samples to pixels
     clip         near plane, limits of the screen
@@ -13,6 +13,6 @@ decision which polygons are convex (scene/polygons.py).
     texture      what a picture on the surface shows
 """
 
-from rasterizer.reference.picture import Picture, coverage, render
+from .picture import Picture, coverage, render
 
 __all__ = ["Picture", "coverage", "render"]

@@ -1,16 +1,17 @@
 """The judge's frame of the eye: faces of the world are brought there, and cut where they leave what is seen.
 
-In: the corners of the faces, world space. Out: `Pieces`, triangles in the eye's frame: right, up, depth along the viewing axis.
-A piece of a face that is cut says only what is covered; depth and weights come from the whole face, see `Pieces.corners`.
+In: the corners of the faces, world space. Out: `Pieces`, triangles in the eye's frame: right, up, depth along the
+viewing axis. A piece of a face that is cut says only what is covered; depth and weights come from the whole face, see
+`Pieces.corners`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.reference.vectors import dot
-from rasterizer.scene.camera import Projection, View
+from ..errors import SceneError
+from ..scene.camera import Projection, View
+from .vectors import dot
 
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
@@ -50,8 +51,8 @@ def furthest_depth(boxes, view: View) -> float:
 def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
     """Fit near and far to the depths of the corners where they are not given.
 
-    With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of `deepest` (None = the deepest corner), or
-    of the far plane if that is given and nearer.
+    With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of `deepest` (None = the deepest
+    corner), or of the far plane if that is given and nearer.
     """
     depth = depth[np.isfinite(depth)]
     deepest = depth.max(initial=-np.inf) if deepest is None else deepest
@@ -69,8 +70,8 @@ def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
 def clip_to_view(position, projection: Projection, depths: Range, is_rounded=True) -> Pieces:
     """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
 
-    Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid then decides
-    what is covered, and nothing else.
+    Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid
+    then decides what is covered, and nothing else.
     """
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
     planes = [(0.0, 0.0, 1.0, -depths.near)]
@@ -95,7 +96,13 @@ def clip_to_view(position, projection: Projection, depths: Range, is_rounded=Tru
     source = source[order]
     corners = triangles[source]
     if not is_rounded:
-        return Pieces(face[source], np.concatenate(fans)[order], np.ones(len(source), bool), corners, np.concatenate(ranges)[order])
+        return Pieces(
+            face[source],
+            np.concatenate(fans)[order],
+            np.ones(len(source), bool),
+            corners,
+            np.concatenate(ranges)[order],
+        )
     has_place = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
     for plane in _screen_planes(projection):
         has_place &= (_plane_distance(corners, plane) >= 0).all(axis=1)
@@ -113,7 +120,10 @@ def snap(position, projection: Projection) -> np.ndarray:
 
 def rays(x_px, y_px, projection: Projection) -> np.ndarray:
     """Return the points (..., 3) of the eye's frame at depth 1 that are seen at x_px, y_px (...), in px."""
-    across, upward = (x_px - projection.center_x) / projection.scale_x, (projection.center_y - y_px) / projection.scale_y
+    across, upward = (
+        (x_px - projection.center_x) / projection.scale_x,
+        (projection.center_y - y_px) / projection.scale_y,
+    )
     return np.stack([across, upward, np.ones_like(across)], axis=-1)
 
 

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.reference.reflection import GRAZING
-from rasterizer.reference.vectors import dot, length, unit
-from rasterizer.scene.camera import View
-from rasterizer.scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
+from ..errors import SceneError
+from ..scene.camera import View
+from ..scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
+from .reflection import GRAZING
+from .vectors import dot, length, unit
 
 
 class Lamp(NamedTuple):
@@ -61,7 +61,8 @@ def place_lamps(lights, view: View, channels_of) -> list[Lamp]:
 
 
 def shine(lamp: Lamp, points):
-    """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and its weakened colour, (n, n_channel) or (n_channel,)."""
+    """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and its weakened colour, (n, n_channel) or
+    (n_channel,)."""
     if lamp.position is None:
         return np.broadcast_to(-lamp.axis, points.shape), lamp.color
     light, to_light = lamp.light, lamp.position - points

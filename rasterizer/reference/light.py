@@ -6,12 +6,13 @@ Out: the linear colour, the opacity and the shading normal of every sample. Ever
     lamp        what arrives from a light at a point       texture      what a texture shows at a sample
     shadow      whether it arrives                         reflection   what goes on to the viewer
 
-Light is split into what the surface's colours multiply, the *matte* part (ambient and diffuse), and the *rest* (emissive and the
-highlights): intensity = texel·matte + rest, with the texel of the very sample in all methods of shading.
-With spectra the equation is evaluated for each wavelength; both parts then become RGB, and vertex colours and textures,
-which are RGB and no spectra, multiply the matte part's RGB.
+Light is split into what the surface's colours multiply, the *matte* part (ambient and diffuse), and the *rest*
+(emissive and the highlights): intensity = texel·matte + rest, with the texel of the very sample in all methods of
+shading. With spectra the equation is evaluated for each wavelength; both parts then become RGB, and vertex colours and
+textures, which are RGB and no spectra, multiply the matte part's RGB.
 
-Letters: N normal, L to the light, V to the viewer. The *side* of a face is +1 where its shading normals look to the viewer and
+Letters: N normal, L to the light, V to the viewer. The *side* of a face is +1 where its shading normals look to the
+viewer and
 -1 where they must be turned.
 """
 
@@ -19,20 +20,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.reference.lamp import place_lamps, shine
-from rasterizer.reference.polygons import Rings, about_centers, even_colors
-from rasterizer.reference.reflection import GRAZING, reflect
-from rasterizer.reference.shadow import NO_OWNER, Casters, gather_casters, reaches
-from rasterizer.reference.tangent import corner_tangents, face_tangents, unit_sums
-from rasterizer.reference.texture import look_up
-from rasterizer.reference.vectors import area_vectors, blend, dot, length, unit
-from rasterizer.scene.camera import Projection, View
-from rasterizer.scene.depth_cue import DepthCue
-from rasterizer.scene.lights import AmbientLight
-from rasterizer.scene.mesh import Mesh
-from rasterizer.scene.normals import split_creases
-from rasterizer.scene.scene import Scene
-from rasterizer.scene.spectrum import rgb_of, samples_of
+from ..geometry.normals import split_creases
+from ..scene.camera import Projection, View
+from ..scene.depth_cue import DepthCue
+from ..scene.lights import AmbientLight
+from ..scene.mesh import Mesh
+from ..scene.scene import Scene
+from ..scene.spectrum import rgb_of, samples_of
+from .lamp import place_lamps, shine
+from .polygons import Rings, about_centers, even_colors
+from .reflection import GRAZING, reflect
+from .shadow import NO_OWNER, Casters, gather_casters, reaches
+from .tangents import corner_tangents, face_tangents, unit_sums
+from .texture import look_up
+from .vectors import area_vectors, blend, dot, length, unit
 
 DEFAULT_CREASE_ANGLE = 30.0
 CHUNK = 2**16  # samples lit at a time: bounds the memory of a supersampled picture
@@ -48,7 +49,9 @@ class Surface(NamedTuple):
     polygon: np.ndarray  # (n_face,) int, polygon that the triangle came from
     material: np.ndarray  # (n_face,) int, row of the table of materials
     uv: np.ndarray | None = None  # (n_face, 3, 2) float64, texture coordinates; None where no material needs them
-    tangents: np.ndarray | None = None  # (n_face, 3, 3) float64, of the corners; None where no material is brushed along u
+    tangents: np.ndarray | None = (
+        None  # (n_face, 3, 3) float64, of the corners; None where no material is brushed along u
+    )
     loaded: np.ndarray | None = None  # (n_face,) int, the face as loaded; None = the same
     rings: Rings | None = None  # polygons drawn about their centres; None = none
 
@@ -77,7 +80,9 @@ class Seen(NamedTuple):
     side: np.ndarray  # (n_sample,) int, +1 or -1
     weights: np.ndarray  # (n_sample, 3) float64, perspective-correct, on the corners of the face
     depth: np.ndarray  # (n_sample,) float64
-    steps: np.ndarray | None = None  # (n_sample, 2, 3) float64, change of the weights by one sample to the right, and down
+    steps: np.ndarray | None = (
+        None  # (n_sample, 2, 3) float64, change of the weights by one sample to the right, and down
+    )
 
 
 class Start(NamedTuple):
@@ -90,8 +95,11 @@ class Start(NamedTuple):
 # ── gather ────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def set_stage(scene: Scene, surface: Surface, view: View, projection: Projection, shading: str, spectral, exposure=0.0) -> Stage:
-    """Gather what lighting needs, for one grid of samples; `spectral` is the number of wavelengths asked for, or None."""
+def set_stage(
+    scene: Scene, surface: Surface, view: View, projection: Projection, shading: str, spectral, exposure=0.0
+) -> Stage:
+    """Gather what lighting needs, for one grid of samples; `spectral` is the number of wavelengths asked for, or
+    None."""
     palette = palette_of(scene)
     n_wave = count_waves(scene, spectral)
     textures = tuple(material.texture for material in palette)
@@ -121,13 +129,16 @@ def count_waves(scene: Scene, spectral: int | None) -> int | None:
 
 
 def gather(scene: Scene, shading: str = "flat") -> Surface:
-    """Lay out the faces of all meshes of a scene corner by corner; but for flat shading, convex polygons about their centres."""
+    """Lay out the faces of all meshes of a scene corner by corner; but for flat shading, convex polygons about their
+    centres."""
     parts, n_polygon, n_material = [], 0, 0
     has_texture = any(material.needs_uv for material in palette_of(scene))
     is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in palette_of(scene))
     for mesh in scene.meshes:
         polygon = np.arange(mesh.n_face) if mesh.polygons is None else np.asarray(mesh.polygons, np.int64)
-        material = np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
+        material = (
+            np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
+        )
         uv = _corner_uv(mesh) if has_texture else None
         attributes = _corner_normals(mesh), _corner_albedo(mesh)
         part = Surface(mesh.vertices[mesh.faces], *attributes, polygon + n_polygon, material + n_material, uv)
@@ -168,9 +179,12 @@ def _corner_uv(mesh: Mesh) -> np.ndarray:
 
 
 def read_materials(scene: Scene, n_wave: int | None = None) -> np.ndarray:
-    """Return one record of reflection coefficients for each material of `palette_of`; colours have `n_wave` values, or three."""
+    """Return one record of reflection coefficients for each material of `palette_of`; colours have `n_wave` values, or
+    three."""
     palette = palette_of(scene)
-    colors = [(name, np.float64, 3 if n_wave is None else n_wave) for name in ("ambient", "diffuse", "specular", "emissive")]
+    colors = [
+        (name, np.float64, 3 if n_wave is None else n_wave) for name in ("ambient", "diffuse", "specular", "emissive")
+    ]
     colors += [("fresnel", *colors[0][1:])]
     numbers = [(name, np.float64) for name in ("shininess", "levels", "opacity")]
     words = [("reflection", "U16"), ("distribution", "U16"), ("normalized", bool)]
@@ -275,7 +289,8 @@ def _sample_normals(surface: Surface, part: Seen) -> np.ndarray:
 
 
 def _light_polygons(surface: Surface, part: Seen, stage: Stage):
-    """Light each polygon that is seen once, at its centroid; return both parts of the light and the normals, (n, 3) each.
+    """Light each polygon that is seen once, at its centroid; return both parts of the light and the normals, (n, 3)
+    each.
 
     The normal is Newell's: the sum of the area vectors of the polygon's triangles.
     Source: Sutherland, Sproull & Schumacker 1974, ACM Computing Surveys 6(1), 1-55.
@@ -305,8 +320,8 @@ def _light_polygons(surface: Surface, part: Seen, stage: Stage):
 
 
 def _interpolate_corner_light(surface: Surface, part: Seen, stage: Stage):
-    """Light the corners of faces on the sides that are seen, each with its face's material; interpolate both parts of the light
-    within the range of the three corners. Return them and the normals, (n, 3) each.
+    """Light the corners of faces on the sides that are seen, each with its face's material; interpolate both parts of
+    the light within the range of the three corners. Return them and the normals, (n, 3) each.
     """
     seen_sides, sample_seen = np.unique(2 * part.face + (part.side > 0), return_inverse=True)
     face, side = seen_sides // 2, 2 * (seen_sides % 2) - 1
@@ -325,7 +340,8 @@ def _interpolate_corner_light(surface: Surface, part: Seen, stage: Stage):
 
 
 def _corner_light(surface: Surface, face, side, which, stage: Stage):
-    """Light corners of faces on their sides (n,); `which` is a slice of the three. Return both parts, (n, n_corner, 3) each."""
+    """Light corners of faces on their sides (n,); `which` is a slice of the three. Return both parts, (n, n_corner, 3)
+    each."""
     normals = surface.normals[face, which] * side[:, None, None]
     corners, albedo = surface.corners[face, which], surface.albedo[face, which]
     points, material = corners.reshape(-1, 3), np.repeat(surface.material[face], corners.shape[1])
@@ -347,8 +363,8 @@ def _center_light(surface: Surface, ring, side, stage: Stage):
 def _light_points(surface: Surface, part: Seen, stage: Stage):
     """Light the points that the samples see; return both parts of the light and the normals, (n, 3) each.
 
-    The rays to the lights start on the face itself: the rounding of its vertices on the screen may put the sample's point a
-    little beside it, and so behind the face next to it.
+    The rays to the lights start on the face itself: the rounding of its vertices on the screen may put the sample's
+    point a little beside it, and so behind the face next to it.
     """
     points, normals = _sample_points(part, stage), _sample_normals(surface, part)
     albedo = blend(part.weights, surface.albedo[part.face])
@@ -373,8 +389,9 @@ def _sample_points(part: Seen, stage: Stage) -> np.ndarray:
 def light_points(points, normals, material, stage: Stage, start: Start | None = None, tangents=None):
     """Evaluate the illumination equation.
 
-    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a kd D + ks F), per channel, with D and F as `reflect` finds
-    them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's colour; S is 0 in shadow, else 1.
+    I = ke + a ka Ia + sum over the lights of S f_att Ip lit (a kd D + ks F), per channel, with D and F as `reflect`
+    finds them; lit means N.L > 0: no highlight from a light behind the surface. a is the surface's colour; S is 0 in
+    shadow, else 1.
 
     Parameters
     ----------

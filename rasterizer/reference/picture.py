@@ -1,4 +1,5 @@
-"""The judge: a slow renderer in plain numpy float64 and integers; what it shares with the fast one, see reference/__init__.py.
+"""The judge: a slow renderer in plain numpy float64 and integers; what it shares with the fast one, see
+reference/__init__.py.
 
 In: a `Scene` and the options of a picture. Out: a `Picture` of float64 arrays. It reads in working order:
 
@@ -17,25 +18,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.options import Options
-from rasterizer.reference import light as lighting
-from rasterizer.reference.clip import (
-    SNAP_LIMIT,
-    SUBPIXELS,
-    Pieces,
-    choose_range,
-    clip_to_view,
-    furthest_depth,
-    rays,
-    snap,
-    to_eye,
-)
-from rasterizer.reference.light import Seen, Stage, Surface
-from rasterizer.reference.vectors import dot
-from rasterizer.scene.camera import Projection
-from rasterizer.scene.color import linear_rgb, srgb_from_linear
-from rasterizer.scene.scene import Scene
+from ..errors import SceneError
+from ..options import Options
+from ..scene.camera import Projection
+from ..scene.color import linear_rgb, srgb_from_linear
+from ..scene.scene import Scene
+from . import light as lighting
+from .clip import SNAP_LIMIT, SUBPIXELS, Pieces, choose_range, clip_to_view, furthest_depth, rays, snap, to_eye
+from .light import Seen, Stage, Surface
+from .vectors import dot
 
 DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
 NOTHING = np.iinfo(np.int64).max  # of the depth buffer
@@ -44,15 +35,17 @@ NOTHING = np.iinfo(np.int64).max  # of the depth buffer
 class Picture(NamedTuple):
     """A rendered picture. Depth, face, normal and margin are those of the pixel centres.
 
-    The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have margins
-    too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins are
-    brought to the depth of the nearest surface: as many steps there.
+    The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have
+    margins too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins
+    are brought to the depth of the nearest surface: as many steps there.
     """
 
     color: np.ndarray  # (h, w, 3) float64, linear, not clamped, not premultiplied
     alpha: np.ndarray  # (h, w) float64
     rgb: np.ndarray  # (h, w, 3) uint8, sRGB
-    depth: np.ndarray  # (h, w) float64, scene units along the viewing axis, inf where nothing is; of the nearest surface
+    depth: (
+        np.ndarray
+    )  # (h, w) float64, scene units along the viewing axis, inf where nothing is; of the nearest surface
     face: np.ndarray  # (h, w) int32 index into the faces as loaded, -1 where nothing is; of the nearest surface
     normal: np.ndarray  # (h, w, 3) float64, unit, towards the viewer, 0 where nothing is; of the nearest surface
     margin: np.ndarray  # (h, w) float64, how much deeper the runner-up lies, inf where there is none
@@ -117,9 +110,10 @@ def render(
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
     exposure : stops by which all light is multiplied, 2^exposure; not the background
     spectral : samples of 380..780 nm, or None: 81 where a light or material has a spectrum, else RGB alone
-    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as in the fast
-        way; False takes them from the polygons as they are, of which a sample at the very edge sees the nearest point, and leaves
-        the rounding to what is covered. The difference of both pictures is what the rounding of vertices does to colours
+    rounded : whether colours, depths and normals are those of the polygons whose vertices are rounded to 1/256 px, as
+        in the fast way; False takes them from the polygons as they are, of which a sample at the very edge sees the
+        nearest point, and leaves the rounding to what is covered. The difference of both pictures is what the rounding
+        of vertices does to colours
 
     Returns
     -------
@@ -164,7 +158,8 @@ def _check_options(shading, samples, cull, color_range) -> None:
 
 
 def _draw(surface: Surface, stage: Stage, grid, cull, limits, is_rounded) -> Drawn:
-    """Draw a surface on a grid of (columns, rows) samples; `limits` are near, far and the deepest, as `choose_range` takes them."""
+    """Draw a surface on a grid of (columns, rows) samples; `limits` are near, far and the deepest, as `choose_range`
+    takes them."""
     position = to_eye(surface.corners, stage.view)
     depths = choose_range(position[..., 2], stage.projection.is_perspective, *limits)
     pieces = clip_to_view(position, stage.projection, depths, is_rounded)
@@ -176,10 +171,11 @@ def _draw(surface: Surface, stage: Stage, grid, cull, limits, is_rounded) -> Dra
 
 
 def _composite(surface: Surface, stage: Stage, job: Pass) -> Drawn:
-    """Put the layers of surfaces that each sample sees on each other, the nearest first, until one lets nothing through.
+    """Put the layers of surfaces that each sample sees on each other, the nearest first, until one lets nothing
+    through.
 
-    Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA, "Interactive
-    order-independent transparency", for a picture of the next layer behind the one before.
+    Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA,
+    "Interactive order-independent transparency", for a picture of the next layer behind the one before.
     """
     shape = job.grid[1], job.grid[0]
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
@@ -214,12 +210,13 @@ def _see(visible: Visible, job: Pass) -> Seen:
 
 
 def _weight_steps(piece, weights, depth, job: Pass) -> np.ndarray:
-    """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right, and down.
+    """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right,
+    and down.
 
     A weight is q_k / Σ q, where the q_k are affine on the screen and Σ q is 1/depth (in an orthographic view 1), so
-    dW_k = (dq_k - W_k Σ dq) / Σ q. Of a whole face q_k is the affine weight of the corner that faces the edge a→b, over the
-    corner's depth: its edge function over the doubled area, with the slopes -(b - a).y and (b - a).x. Of a face that is cut, see
-    `_weights_of_cut`.
+    dW_k = (dq_k - W_k Σ dq) / Σ q. Of a whole face q_k is the affine weight of the corner that faces the edge a→b, over
+    the corner's depth: its edge function over the doubled area, with the slopes -(b - a).y and (b - a).x. Of a face
+    that is cut, see `_weights_of_cut`.
     """
     screen, is_perspective = job.screen[piece], job.projection.is_perspective
     along = np.roll(screen, -2, axis=1) - np.roll(screen, -1, axis=1)  # b - a, for the edge that faces each corner
@@ -314,7 +311,9 @@ def _find_visible(job: Pass, before: Visible | None = None) -> Visible:
         if job.pieces.is_cut[piece_idx]:
             depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, job)
         else:
-            depth, piece_weights = _interpolate(affine, job.pieces.position[piece_idx, :, 2], job.projection.is_perspective)
+            depth, piece_weights = _interpolate(
+                affine, job.pieces.position[piece_idx, :, 2], job.projection.is_perspective
+            )
         key = _keys(depth, job)
         is_behind = np.ones(len(key), bool)
         if before is not None:
@@ -348,11 +347,13 @@ def _interpolate(affine, corner_depths, is_perspective: bool):
 
 
 def _weights_of_cut(rows, columns, piece_idx, job: Pass):
-    """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's corners.
+    """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's
+    corners.
 
-    The ray r of a sample meets the face where depth·r = Σ W_k P_k, so W/depth solves a linear system; in an orthographic view the
-    third coordinate is 1, and it is W. A piece's corners are rounded to the screen's grid, so a sample may lie as far outside the
-    face: no weight is below 0, and the depth stays within that of what is left of the face.
+    The ray r of a sample meets the face where depth·r = Σ W_k P_k, so W/depth solves a linear system; in an
+    orthographic view the third coordinate is 1, and it is W. A piece's corners are rounded to the screen's grid, so a
+    sample may lie as far outside the face: no weight is below 0, and the depth stays within that of what is left of the
+    face.
     """
     ray = rays(columns + 0.5, rows + 0.5, job.projection)
     corners, is_perspective = job.pieces.corners[piece_idx], job.projection.is_perspective
@@ -366,11 +367,12 @@ def _weights_of_cut(rows, columns, piece_idx, job: Pass):
 
 
 def _meet(corners, directions, is_perspective: bool, edge_on=1.0) -> np.ndarray:
-    """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each; `edge_on` for
-    faces that are seen edge-on, where there are none.
+    """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each;
+    `edge_on` for faces that are seen edge-on, where there are none.
 
-    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the determinant,
-    products included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third coordinate is 1 and no length.
+    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the
+    determinant, products included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third
+    coordinate is 1 and no length.
     """
     columns, largest = np.swapaxes(corners, -1, -2).copy(), np.ones((len(corners), 3, 1))
     n_length = 3 if is_perspective else 2
@@ -392,8 +394,8 @@ def _meet(corners, directions, is_perspective: bool, edge_on=1.0) -> np.ndarray:
 def _keys(depth, job: Pass) -> np.ndarray:
     """Return the depth buffer's keys (n,) int64 of depths (n,): what rounding alone tells apart shall be the same.
 
-    With perspective a step is 2^-40 of log2(depth), less than 2^-40 of the depth, wherever the near plane is; else it is a part of
-    the range of all depths.
+    With perspective a step is 2^-40 of log2(depth), less than 2^-40 of the depth, wherever the near plane is; else it
+    is a part of the range of all depths.
     """
     if job.projection.is_perspective:
         return np.rint(LOG_STEPS * np.log2(depth)).astype(np.int64)
@@ -406,8 +408,8 @@ def _keys(depth, job: Pass) -> np.ndarray:
 
 
 def _resolve(color, alpha, per_axis: int, background):
-    """Average blocks of per_axis² samples, their colour premultiplied; return straight colour (h, w, 3), 0 where nothing is, and
-    alpha (h, w), over any background.
+    """Average blocks of per_axis² samples, their colour premultiplied; return straight colour (h, w, 3), 0 where
+    nothing is, and alpha (h, w), over any background.
     """
     height, width = alpha.shape[0] // per_axis, alpha.shape[1] // per_axis
     total_alpha = alpha.reshape(height, per_axis, width, per_axis).sum(axis=(1, 3))

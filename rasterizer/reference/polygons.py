@@ -1,14 +1,15 @@
 """The judge's polygons: the convex ones with more than three corners, drawn about their centres.
 
-In: the faces of a scene corner by corner. Out: the same, with a face for each edge of such a polygon. What is a convex polygon is
-found by the code that cuts them (scene/polygons.py); all that is computed of one is computed here, and in light.py.
+In: the faces of a scene corner by corner. Out: the same, with a face for each edge of such a polygon. What is a convex
+polygon is found by the code that cuts them (geometry/polygons.py); all that is computed of one is computed here, and in
+light.py.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.scene.polygons import find_rings
+from ..geometry.polygons import find_rings
 
 
 class Rings(NamedTuple):
@@ -22,8 +23,8 @@ class Rings(NamedTuple):
 def about_centers(surface):
     """Return a `Surface` whose convex polygons that were cut into fans are faces between their edges and their centres.
 
-    A corner is one where all that is known of it agrees. The centre is the mean of the corners, also its normal, which is not
-    brought to unit length; with Gouraud's method light.py averages the corners' light. See scene/centers.py.
+    A corner is one where all that is known of it agrees. The centre is the mean of the corners, also its normal, which
+    is not brought to unit length; with Gouraud's method light.py averages the corners' light. See geometry/centers.py.
     """
     columns = [surface.corners, surface.normals, surface.albedo, surface.uv, surface.tangents]
     values, first, names, found = _find_rings(surface, [column for column in columns if column is not None])
@@ -57,7 +58,8 @@ def about_centers(surface):
 
 
 def even_colors(surface):
-    """Return a `Surface` for flat shading, all corners of whose convex polygons have the mean of the polygon's colours."""
+    """Return a `Surface` for flat shading, all corners of whose convex polygons have the mean of the polygon's
+    colours."""
     values, first, _, found = _find_rings(surface, [surface.corners, surface.albedo])
     albedo = surface.albedo.copy()
     for start, end in zip(found.offsets[:-1], found.offsets[1:], strict=True):
@@ -66,7 +68,8 @@ def even_colors(surface):
 
 
 def _find_rings(surface, columns):
-    """Find polygons by corners that agree in all columns: (rows of all corners, first row of each name, names, rings)."""
+    """Find polygons by corners that agree in all columns: (rows of all corners, first row of each name, names,
+    rings)."""
     values = np.concatenate(columns, axis=2).reshape(3 * len(surface.corners), -1) + 0.0
     _, first, name = np.unique(values, axis=0, return_index=True, return_inverse=True)
     names = name.reshape(-1, 3)

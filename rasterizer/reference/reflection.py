@@ -1,15 +1,16 @@
 """The reflection models of the judge: how much of a light a surface sends to the viewer, in plain numpy float64.
 
-Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V; `table` is a row of
-`light.read_materials` for each point.
+Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V; `table` is a row
+of `light.read_materials` for each point.
 """
 
 import numpy as np
 
-from rasterizer.reference.vectors import dot, length, unit
+from .vectors import dot, length, unit
 
-# A cosine up to this counts as 0 where a model jumps at 0, and one up to this above a step as lying on it: the rounding of normals
-# and directions must not decide for each point by itself on which side it is. A thousand roundings of 2^-53 are 2^-43.
+# A cosine up to this counts as 0 where a model jumps at 0, and one up to this above a step as lying on it: the rounding
+# of normals and directions must not decide for each point by itself on which side it is. A thousand roundings of 2^-53
+# are 2^-43.
 GRAZING = 2.0**-40
 
 
@@ -20,7 +21,8 @@ def reflect(table, normals, light_dirs, to_viewer, tangents=None):
     ----------
     table : (n,) records of `read_materials`
     normals, light_dirs, to_viewer : (n, 3) float64, unit
-    tangents : (n, 3) float64 of any length, the direction that anisotropic materials are brushed along; None = no such materials
+    tangents : (n, 3) float64 of any length, the direction that anisotropic materials are brushed along; None = no such
+        materials
     """
     matte, highlight = np.zeros((2, *table["fresnel"].shape))
     tangents = np.zeros_like(normals) if tangents is None else tangents
@@ -40,7 +42,8 @@ def _reflect_lambert(_table, normals, light_dirs, _to_viewer):
 
 
 def _reflect_phong(table, normals, light_dirs, to_viewer):
-    """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U. Leuven."""
+    """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U.
+    Leuven."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
     highlight = np.clip(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0, 1) ** n
     highlight = np.where(table["normalized"] | (n_dot_l > GRAZING), highlight, 0.0)
@@ -48,7 +51,8 @@ def _reflect_phong(table, normals, light_dirs, to_viewer):
 
 
 def _reflect_blinn(table, normals, light_dirs, to_viewer):
-    """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor derivation."""
+    """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor
+    derivation."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
     highlight = np.clip(dot(normals, unit(light_dirs + to_viewer)), 0, 1) ** n
     highlight = np.where(table["normalized"] | (n_dot_l > GRAZING), highlight, 0.0)
@@ -93,10 +97,11 @@ def _reflect_cook_torrance(table, normals, light_dirs, to_viewer, tangents):
 def _roughness_towards(table, normals, half, light_dirs, to_viewer, tangents):
     """Return alpha (n,) as it counts for the tilt towards half, and for the masking towards the light and the viewer.
 
-    Heitz 2014, JCGT 3(2), section 5.3: an anisotropic surface is an isotropic one stretched, so in the plane of N and a direction
-    it has one roughness: with the azimuth phi from the tangent, the slopes' root of (cos phi/ax)^2 + (sin phi/ay)^2 is 1/alpha
-    of the tilt, and that of (ax cos phi)^2 + (ay sin phi)^2 alpha of the masking. Where a tangent has no part in the surface, or
-    one of less than 2^-40 of its length, which rounding could make up, alpha is the geometric mean.
+    Heitz 2014, JCGT 3(2), section 5.3: an anisotropic surface is an isotropic one stretched, so in the plane of N and a
+    direction it has one roughness: with the azimuth phi from the tangent, the slopes' root of (cos phi/ax)^2 + (sin
+    phi/ay)^2 is 1/alpha of the tilt, and that of (ax cos phi)^2 + (ay sin phi)^2 alpha of the masking. Where a tangent
+    has no part in the surface, or one of less than 2^-40 of its length, which rounding could make up, alpha is the
+    geometric mean.
     """
     ax, ay = table["roughness"], table["across"]
     along = tangents - dot(tangents, normals)[:, None] * normals

@@ -1,4 +1,5 @@
-"""The shadows of the judge: rays from lit points to lights, against every face that light does not go through, in float64.
+"""The shadows of the judge: rays from lit points to lights, against every face that light does not go through, in
+float64.
 
           light q          A ray is blocked where a face lies strictly between its ends: they lie on different sides of the
              ·             face's plane, and the line p→q passes the three edges of the face on the same side.
@@ -14,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.reference.vectors import area_vectors, dot, unit
+from .vectors import area_vectors, dot, unit
 
 CHUNK = 2**17  # pairs of rays and faces looked at together: some 40 MB
 NO_OWNER = -1  # of a point whose own faces are known by their planes alone
@@ -32,10 +33,10 @@ class Casters(NamedTuple):
 def gather_casters(corners, owner, is_opaque) -> Casters:
     """Gather the faces that cast shadows.
 
-    Rounding: a point on a face is a weighted sum of its corners, wrong by less than 4·2^-53 R in each coordinate, where R is the
-    largest coordinate of the scene. The direction of a face's normal is wrong by some 4·2^-53 R/h, where h is the least
-    altitude of the face, so that its distance from a point of the same face is wrong by less than 2^-50 R·L/h, L its longest
-    side. 2^-40 R allows for slivers up to L/h = 2^10, and is 2^-40 of the scene's extent.
+    Rounding: a point on a face is a weighted sum of its corners, wrong by less than 4·2^-53 R in each coordinate, where
+    R is the largest coordinate of the scene. The direction of a face's normal is wrong by some 4·2^-53 R/h, where h is
+    the least altitude of the face, so that its distance from a point of the same face is wrong by less than 2^-50
+    R·L/h, L its longest side. 2^-40 R allows for slivers up to L/h = 2^10, and is 2^-40 of the scene's extent.
 
     Parameters
     ----------
@@ -55,8 +56,8 @@ def gather_casters(corners, owner, is_opaque) -> Casters:
 def reaches(casters: Casters, points, owner, to_light, is_finite: bool) -> np.ndarray:
     """Tell which points the light reaches.
 
-    A face on whose plane a point (or the light itself) lies is not between them: so neither a vertex's own faces nor the one
-    that lies on top of another cast shadows on it.
+    A face on whose plane a point (or the light itself) lies is not between them: so neither a vertex's own faces nor
+    the one that lies on top of another cast shadows on it.
 
     Parameters
     ----------

@@ -1,6 +1,7 @@
 """The textures of the judge: what a picture laid over a surface shows at a sample, in plain numpy float64.
 
-In: texture coordinates u, v, and what they change by from one sample of the picture to the next. Out: linear RGB, and alpha.
+In: texture coordinates u, v, and what they change by from one sample of the picture to the next. Out: linear RGB, and
+alpha.
 
     v = 1 ┌───┬───┬───┐ row 0     a picture of w × h texels: texel (i, j) covers i/w <= u < (i + 1)/w and
           │   │   │ · │           j/h < 1 - v <= (j + 1)/h; its centre lies at u·w = i + ½, (1 - v)·h = j + ½
@@ -12,7 +13,7 @@ Alpha is interpolated as the colours are, and multiplies nothing here.
 
 import numpy as np
 
-from rasterizer.scene.texture import Texture
+from ..scene.texture import Texture
 
 
 def look_up(texture: Texture, uv, steps) -> np.ndarray:
@@ -44,10 +45,12 @@ def look_up(texture: Texture, uv, steps) -> np.ndarray:
 
 
 def level_of_detail(texture: Texture, steps) -> np.ndarray:
-    """Return the level of the mipmap, (n,) float64 within 0..n_level - 1, for the derivatives (n, 2, 2) of u and v by samples.
+    """Return the level of the mipmap, (n,) float64 within 0..n_level - 1, for the derivatives (n, 2, 2) of u and v by
+    samples.
 
     It is log2 of the texels of level 0 that the larger of the two steps moves.
-    Sources: Williams 1983, Computer Graphics 17(3), 1-11; Heckbert 1983, NYIT, "Texture mapping polygons in perspective".
+    Sources: Williams 1983, Computer Graphics 17(3), 1-11; Heckbert 1983, NYIT, "Texture mapping polygons in
+    perspective".
     """
     height, width = texture.image.shape[:2]
     moved = np.hypot(steps[..., 0] * width, steps[..., 1] * height).max(axis=1)
@@ -66,7 +69,8 @@ def _bilinear(level, uv, wrap) -> np.ndarray:
     left, top = np.floor(x), np.floor(y)
     across, down = (x - left)[:, None], (y - top)[:, None]
     above, below = (
-        _mix(_texels_at(level, left, row, wrap), _texels_at(level, left + 1, row, wrap), across) for row in (top, top + 1)
+        _mix(_texels_at(level, left, row, wrap), _texels_at(level, left + 1, row, wrap), across)
+        for row in (top, top + 1)
     )
     return _mix(above, below, down)
 
@@ -84,7 +88,8 @@ def _texels_at(level, columns, rows, wrap) -> np.ndarray:
 
 
 def _wrap(index, n: int, word: str) -> np.ndarray:
-    """Bring whole numbers (n_sample,), kept as float64, into 0..n - 1; mirrored at the borders, -1 is 0 and n is n - 1."""
+    """Bring whole numbers (n_sample,), kept as float64, into 0..n - 1; mirrored at the borders, -1 is 0 and n is n -
+    1."""
     if word == "clamp":
         index = np.clip(index, 0, n - 1)
     elif word == "repeat":

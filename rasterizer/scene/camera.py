@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.scene import _framing
-from rasterizer.scene._check import AXES, choice, number, picture_size, place3, plain_array, shown, unit3
+from ..errors import SceneError
+from . import framing
+from .validate import AXES, choice, number, picture_size, place3, plain_array, shown, unit3
 
 MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km
@@ -102,9 +102,7 @@ class Camera:
         if self.intrinsics is not None:
             self._check_intrinsics()
         elif self.size is not None:
-            raise SceneError(
-                "the camera's size goes with its intrinsics; a picture's size is given to the renderer"
-            )
+            raise SceneError("the camera's size goes with its intrinsics; a picture's size is given to the renderer")
         if (self.fov is None) == (self.height is None):
             raise SceneError(
                 "a camera needs either fov (perspective) or height (orthographic); "
@@ -164,9 +162,7 @@ class Camera:
         return cls(position=position, target=target, up=up, fov=fov, near=near, far=far)
 
     @classmethod
-    def orthographic(
-        cls, position, target=(0, 0, 0), up=(0, 1, 0), height=2.0, near=None, far=None
-    ) -> "Camera":
+    def orthographic(cls, position, target=(0, 0, 0), up=(0, 1, 0), height=2.0, near=None, far=None) -> "Camera":
         """Make a camera without perspective that looks at `target`; parameters and errors as in the class."""
         return cls(position=position, target=target, up=up, height=height, near=near, far=far)
 
@@ -207,9 +203,9 @@ class Camera:
         ------
         SceneError : a value that is not legal, no points, points that are not finite
 
-        Source: derivation at `rasterizer.scene._framing.fit_perspective`.
+        Source: derivation at `rasterizer.scene.framing.fit_perspective`.
         """
-        axes = _framing.orbit_axes(azimuth, elevation, choice(up, tuple(AXES), "up"))
+        axes = framing.orbit_axes(azimuth, elevation, choice(up, tuple(AXES), "up"))
         margin = number(margin, "the margin")
         if not 0.0 <= margin < 0.5:
             raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {shown(margin)}")
@@ -221,10 +217,10 @@ class Camera:
         if not isinstance(orthographic, (bool, np.bool_)):
             raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")
         if orthographic:
-            eye, target, height = _framing.fit_orthographic(subject, axes, aspect * filled, filled)
+            eye, target, height = framing.fit_orthographic(subject, axes, aspect * filled, filled)
             return cls(position=eye, target=target, up=axes[1], height=height)
         slope = filled * math.tan(math.radians(_checked_fov(fov)) / 2.0)
-        eye, target = _framing.fit_perspective(subject, axes, aspect * slope, slope)
+        eye, target = framing.fit_perspective(subject, axes, aspect * slope, slope)
         return cls(position=eye, target=target, up=axes[1], fov=fov)
 
     @classmethod
@@ -251,16 +247,12 @@ class Camera:
         fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
         ideal = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
-            raise SceneError(
-                f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew; given {shown(K.tolist())}"
-            )
+            raise SceneError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew; given {shown(K.tolist())}")
         R = _nearest_rotation(R)
         eye = -R.T @ t
         # a target about as far away as the eye is from the origin keeps every digit of the direction
         target = eye + R[2] * max(1.0, float(np.abs(eye).max()))
-        return cls(
-            position=eye, target=target, up=-R[1], near=near, far=far, intrinsics=(fx, fy, cx, cy), size=size
-        )
+        return cls(position=eye, target=target, up=-R[1], near=near, far=far, intrinsics=(fx, fy, cx, cy), size=size)
 
     def to_opencv(self, size) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return K (3, 3), R (3, 3), t (3,), float64, as OpenCV writes this camera for pictures of `size`
@@ -284,7 +276,7 @@ class Camera:
         forward = unit3(way, "the way from the camera's position to its target")
         up = self.up
         if math.hypot(*_cross(forward, up)) < 1e-8:  # parallel but for rounding
-            up = _framing.top_when_parallel(np.array(forward), np.array(up))
+            up = framing.top_when_parallel(np.array(forward), np.array(up))
         right = unit3(_cross(forward, up), "the camera's right")
         return View(*(np.array(axis) for axis in (self.position, right, _cross(right, forward), forward)))
 
@@ -319,7 +311,9 @@ def _checked_fov(fov) -> float:
     """Return the field of view as a float between 0 and 180 degrees; a smaller one would magnify roundings only."""
     value = number(fov, "the camera's fov")
     if not LEAST_FOV <= value < 180.0:
-        raise SceneError(f"the camera's fov must be between 0 and 180 degrees, {LEAST_FOV:g} at least; given {shown(fov)}")
+        raise SceneError(
+            f"the camera's fov must be between 0 and 180 degrees, {LEAST_FOV:g} at least; given {shown(fov)}"
+        )
     return value
 
 

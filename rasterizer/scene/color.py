@@ -10,8 +10,8 @@ above).
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.scene._check import number, shown, vector3
+from ..errors import SceneError
+from .validate import number, shown, vector3
 
 RGB = tuple[float, float, float]
 

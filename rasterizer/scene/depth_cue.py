@@ -2,19 +2,20 @@
 
 from dataclasses import dataclass
 
-from rasterizer.errors import SceneError
-from rasterizer.scene._check import number, shown
-from rasterizer.scene.color import linear_rgb
+from ..errors import SceneError
+from .color import linear_rgb
+from .validate import number, shown
 
 
 @dataclass(frozen=True)
 class DepthCue:
     """Let what is seen fade with its depth d: s·I + (1 - s)·`color`, with s = scale / (scale + max(d - start, 0)).
 
-    That is the fall-off 1/(d + d0) by the viewer's distance of the textbooks (Rogers 1985, section 5.2), d0 being `scale`, and 1
-    where it begins. It tells parallel surfaces of one material apart that all light falls on alike. The depth is that of
-    `Frame.depth`: the distance from the camera along the viewing axis. Everything that a surface sends out fades, ambient and
-    emissive light too; the background does not. Exposure has no part in `color`. Pictures with a cue are computed in float64.
+    That is the fall-off 1/(d + d0) by the viewer's distance of the textbooks (Rogers 1985, section 5.2), d0 being
+    `scale`, and 1 where it begins. It tells parallel surfaces of one material apart that all light falls on alike. The
+    depth is that of `Frame.depth`: the distance from the camera along the viewing axis. Everything that a surface sends
+    out fades, ambient and emissive light too; the background does not. Exposure has no part in `color`. Pictures with a
+    cue are computed in float64.
 
     Parameters
     ----------

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.scene._check import choice, number, place3, shown, unit3, vector3
-from rasterizer.scene.color import linear_rgb
+from ..errors import SceneError
+from .color import linear_rgb
+from .validate import choice, number, place3, shown, unit3, vector3
 
 ATTACHMENTS = ("world", "camera")
 MOST_TEXELS = 8192  # along a side of a shadow map
@@ -32,10 +32,11 @@ class Shadow:
 
     Parameters
     ----------
-    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; a light with a
-        place has one if the scene, or its cone, fits into a view of 63 degrees to each side, else six. The cells of an area
-        light have maps of half the size, but at least 16
-    filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin & Cook
+    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; a light
+        with a place has one if the scene, or its cone, fits into a view of 63 degrees to each side, else six. The cells
+        of an area light have maps of half the size, but at least 16
+    filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin &
+        Cook
         1987): an odd number, 1 (hard edges) to 9
 
     Raises
@@ -55,7 +56,9 @@ class Shadow:
                 count = -1
             if not (low <= count <= high and (count - low) % step == 0):
                 what = "an odd" if step == 2 else "a whole"
-                raise SceneError(f"the shadow's {field} must be {what} number within {low}..{high}; given {shown(value)}")
+                raise SceneError(
+                    f"the shadow's {field} must be {what} number within {low}..{high}; given {shown(value)}"
+                )
             object.__setattr__(self, field, count)
 
 
@@ -191,7 +194,9 @@ class SpotLight:
         object.__setattr__(self, "direction", unit3(self.direction, "the spot light's direction"))
         outer = number(self.outer, "the spot light's outer angle")
         if not 0.0 < outer <= 90.0:
-            raise SceneError(f"the spot light's outer angle must be above 0 and at most 90 degrees; given {shown(self.outer)}")
+            raise SceneError(
+                f"the spot light's outer angle must be above 0 and at most 90 degrees; given {shown(self.outer)}"
+            )
         inner = 0.8 * outer if self.inner is None else number(self.inner, "the spot light's inner angle")
         if not 0.0 <= inner <= outer:
             raise SceneError(
@@ -244,7 +249,9 @@ class AreaLight:
         for ends in ((0, 1), (1, 0), (1, 1)):
             end = [c + ends[0] * u + ends[1] * v for c, u, v in zip(self.corner, self.edge_u, self.edge_v, strict=True)]
             place3(end, "each corner of the area light")
-        u, v = (unit3(edge, f"the area light's {name}") for edge, name in ((self.edge_u, "edge_u"), (self.edge_v, "edge_v")))
+        u, v = (
+            unit3(edge, f"the area light's {name}") for edge, name in ((self.edge_u, "edge_u"), (self.edge_v, "edge_v"))
+        )
         # Unit vectors whose cosine is 1 to float64 rounding are parallel.
         if abs(sum(a * b for a, b in zip(u, v, strict=True))) >= 1.0 - 1e-15:
             raise SceneError(
@@ -339,7 +346,10 @@ def check_number(lights) -> None:
     counts = [(math.prod(light.resolution) if isinstance(light, AreaLight) else 1, light) for light in lights]
     n_light = sum(count for count, _ in counts)
     n_shadowed = sum(count for count, light in counts if getattr(light, "shadow", None) is not None)
-    for number, most, which in ((n_light, MOST_LIGHTS, "lights"), (n_shadowed, MOST_SHADOWED, "lights that cast shadows")):
+    for number, most, which in (
+        (n_light, MOST_LIGHTS, "lights"),
+        (n_shadowed, MOST_SHADOWED, "lights that cast shadows"),
+    ):
         if number > most:
             raise SceneError(
                 f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {number}: "

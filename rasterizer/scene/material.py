@@ -1,6 +1,7 @@
 """What a surface is made of: the coefficients of the illumination equation, and the model of its reflection.
 
-What a model reflects from the light direction L to the viewer V, as a BRDF f(L, V); W is the specular reflection function:
+What a model reflects from the light direction L to the viewer V, as a BRDF f(L, V); W is the specular reflection
+function:
 
     reflection               f(L,V) = f(V,L)    ∫ f cos <= 1, for coefficients kd + ks <= 1
     lambert                  yes                yes
@@ -13,18 +14,18 @@ What a model reflects from the light direction L to the viewer V, as a BRDF f(L,
     normalized, with W       no: W = W(N·L)     yes
     toon                     no                 no: steps are rounded up
 
-tests/test_reflection.py integrates each of them. In the units of this package a matte white surface under a light of intensity 1
-at N·L = 1 has intensity 1: intensity = π·f·N·L, and Lambert's BRDF is kd/π.
+tests/pipeline/test_reflection.py integrates each of them. In the units of this package a matte white surface under a
+light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·L, and Lambert's BRDF is kd/π.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.scene._check import choice, number, shown, unit3
-from rasterizer.scene.color import linear_rgb
-from rasterizer.scene.texture import Texture
+from ..errors import SceneError
+from .color import linear_rgb
+from .texture import Texture
+from .validate import choice, number, shown, unit3
 
 REFLECTIONS = ("phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon")
 DISTRIBUTIONS = ("ggx", "beckmann")
@@ -50,8 +51,8 @@ class Material:
     emissive : colour, light that the surface gives off by itself (ke)
     opacity : number within 0..1: the share of what is seen that is the surface itself; the rest comes from
         behind it (1 - opacity is the transmission coefficient kt). Interpolated transparency (Foley, van Dam,
-        Feiner & Hughes 1990, 16.5.1): light is not bent. 0 isn't there in a picture; depth, face and normal buffers show
-        every surface
+        Feiner & Hughes 1990, 16.5.1): light is not bent. 0 isn't there in a picture; depth, face and normal buffers
+        show every surface
     texture : Texture, or anything that its class takes as an image, or None: multiplies `diffuse` and `ambient`,
         and its alpha the opacity; the mesh needs `uv`
     reflection : "phong" (1975, mirrored ray against viewer), "blinn" (1977, half vector against normal),
@@ -70,9 +71,10 @@ class Material:
     fresnel : F0 of the specular reflection function W = F0 + (1 - F0)(1 - cos θ)^5 (Schlick 1994), by which `specular`
         is multiplied; θ is the angle of incidence, for "cook-torrance" that on the mirrors. A number within 0..1, or a
         colour whose components are within 0..1, a `Spectrum` included: W channel by channel, or wavelength by
-        wavelength. W grows from F0 to 1, so `specular` times W never exceeds `specular`. (With samples of the spectrum an
-        RGB F0 becomes a curve, as all RGB colours do: that of a saturated one leaves 0..1 here and there, its RGB doesn't.)
-        None: W = 1, for "cook-torrance" F0 = 0.04. Stored as a float, or as a linear RGB triple or Spectrum where it isn't grey
+        wavelength. W grows from F0 to 1, so `specular` times W never exceeds `specular`. (With samples of the spectrum
+        an RGB F0 becomes a curve, as all RGB colours do: that of a saturated one leaves 0..1 here and there, its RGB
+        doesn't.) None: W = 1, for "cook-torrance" F0 = 0.04. Stored as a float, or as a linear RGB triple or Spectrum
+        where it isn't grey
     normalized : scale the highlight of "phong" by (n + 2)/2·N·L (Lafortune & Willems 1994), that of "blinn" by
         (n + 2)(n + 4)/(8 (2^(-n/2) + n))·N·L (Giesen 2009; the usual (n + 8)/8 gives up to 7.5 % too much): a
         highlight reflects at most `specular` of the light, whatever the exponent
@@ -132,7 +134,9 @@ class Material:
         if not isinstance(self.tangent, str):
             object.__setattr__(self, "tangent", unit3(self.tangent, "the material's tangent"))
         elif self.tangent != "u":
-            raise SceneError(f"the material's tangent must be 'u' or three numbers, an axis; given {shown(self.tangent)}")
+            raise SceneError(
+                f"the material's tangent must be 'u' or three numbers, an axis; given {shown(self.tangent)}"
+            )
         object.__setattr__(self, "fresnel", _checked_fresnel(self.fresnel))
         if not isinstance(self.normalized, (bool, np.bool_)):
             raise SceneError(f"the material's normalized must be True or False; given {shown(self.normalized)}")
@@ -172,14 +176,15 @@ class Material:
 
         Parameters
         ----------
-        name : text, one of the names in `rasterizer.scene.named_materials.NAMED_MATERIALS`; the error for another one lists them
+        name : text, one of the names in `rasterizer.scene.named_materials.NAMED_MATERIALS`; the error for another one
+            lists them
         changes : fields of Material that differ from the table's
 
         Raises
         ------
         SceneError : an unknown name, or a value that is not legal
         """
-        from rasterizer.scene.named_materials import fields_of  # a table that few scenes need
+        from .named_materials import fields_of  # a table that few scenes need
 
         return cls(**{"name": name} | fields_of(name) | changes)
 

@@ -3,8 +3,8 @@
     in:  arrays as people have them (any real dtype, triangles, quads, ragged polygons)
     out: contiguous read-only arrays: float64 vertices, uint32 triangles, float64 attributes, colours linear
 
-The arrays given are never changed, and copied: writing into them afterwards doesn't change the mesh. Those of another mesh are
-shared: nobody can write into them.
+The arrays given are never changed, and copied: writing into them afterwards doesn't change the mesh. Those of another
+mesh are shared: nobody can write into them.
 """
 
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -12,17 +12,22 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from rasterizer.errors import ModelError, SceneError
-from rasterizer.scene import _arrays
-from rasterizer.scene._check import choice, number, plain_array, shown
-from rasterizer.scene.material import Material
+from ..errors import ModelError, SceneError
+from . import mesh_arrays
+from .material import Material
+from .validate import choice, number, plain_array, shown
 
-WEIGHTINGS = ("angle", "area", "uniform")  # those of the kernels in _fans.py, which a Mesh doesn't load; a test holds that
+WEIGHTINGS = (
+    "angle",
+    "area",
+    "uniform",
+)  # those of the kernels in geometry/creases.py, which a Mesh doesn't load; a test holds that
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh(_arrays.KeepsArrays):
-    """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see `polygons.py`.
+class Mesh(mesh_arrays.KeepsArrays):
+    """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see
+    `geometry/polygons.py`.
 
     Parameters
     ----------
@@ -31,8 +36,8 @@ class Mesh(_arrays.KeepsArrays):
         outside; stored (n_face, 3) uint32
     normals : (n_vertex, 3), or (n_face, 3, 3) for each corner of each triangle; stored float64 of unit
         length, zero where a zero was given
-    colors : (n_vertex, 3 or 4), uint8 = sRGB-encoded, float = linear; stored float64, linear. An alpha is kept, and not drawn:
-        opacity is the material's, or its texture's
+    colors : (n_vertex, 3 or 4), uint8 = sRGB-encoded, float = linear; stored float64, linear. An alpha is kept, and not
+        drawn: opacity is the material's, or its texture's
     uv : (n_vertex, 2), or (n_face, 3, 2) for each corner; texture coordinates, stored float64
     material : Material
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
@@ -40,16 +45,16 @@ class Mesh(_arrays.KeepsArrays):
     face_colors : as `colors`, one a face: a triangle, or a polygon as given
     polygons : (n_face,) integers, which polygon each triangle came from; only with triangles. Stored int32,
         made where polygons are cut or faces dropped; None where every triangle is its own polygon. A convex
-        polygon whose triangles are a fan is drawn about its centre unless it is shaded flat: see `centers.py`
+        polygon whose triangles are a fan is drawn about its centre unless it is shaded flat: see `geometry/centers.py`
     smoothing : (n_face,) integers, OBJ smoothing groups, 0 = none; one a triangle, or a polygon as given;
         stored int32
-    materials : sequence of Material, where faces differ; `material` is then the first of them. Normals are averaged across
-        their borders
-    face_material : (n_face,) integers, index into `materials`, one a triangle, or a polygon as given; stored int32. Needed where
-        `materials` are given, and only there
-    weighting : "angle", "area" or "uniform": what the normals of the faces round a vertex count by where they are averaged: the
-        angle of the face's corner (Thürmer & Wüthrich 1998: doesn't depend on how a flat polygon is cut), the face's area,
-        or all alike (Gouraud 1971). Without effect where the normals given are used
+    materials : sequence of Material, where faces differ; `material` is then the first of them. Normals are averaged
+        across their borders
+    face_material : (n_face,) integers, index into `materials`, one a triangle, or a polygon as given; stored int32.
+        Needed where `materials` are given, and only there
+    weighting : "angle", "area" or "uniform": what the normals of the faces round a vertex count by where they are
+        averaged: the angle of the face's corner (Thürmer & Wüthrich 1998: doesn't depend on how a flat polygon is cut),
+        the face's area, or all alike (Gouraud 1971). Without effect where the normals given are used
     name : text, for reports
     drop_bad_faces : whether to drop the faces that use vertices whose coordinates are not finite, instead of
         raising an error. Those vertices are then moved onto the first good one, and normals that are not
@@ -91,13 +96,13 @@ class Mesh(_arrays.KeepsArrays):
         store("material", self.palette[0])
         if not isinstance(self.name, str):
             raise ModelError(f"a mesh's name must be text; given {shown(self.name)}")
-        vertices = _arrays.checked_vertices(self.vertices)
-        faces, polygons = _arrays.triangulate(self.faces, vertices)
+        vertices = mesh_arrays.checked_vertices(self.vertices)
+        faces, polygons = mesh_arrays.triangulate(self.faces, vertices)
         is_cut = polygons is not None
         if self.polygons is not None:
             if is_cut:
                 raise ModelError("polygons may be given only with triangles; these faces have more corners")
-            polygons = _arrays.checked_ints(self.polygons, {len(faces)}, "polygons")
+            polygons = mesh_arrays.checked_ints(self.polygons, {len(faces)}, "polygons")
         attributes = self._checked_attributes(len(vertices), faces, polygons if is_cut else None)
         if (self.materials is None) != (attributes["face_material"] is None):
             raise ModelError("materials and face_material must be given together")
@@ -107,15 +112,15 @@ class Mesh(_arrays.KeepsArrays):
         if self.uv is None and any(material.needs_uv for material in self.palette):
             what = "a mesh brushed along u (two numbers of roughness, tangent='u')"
             raise ModelError(f"{what} needs texture coordinates, uv; or give the material's tangent as an axis")
-        vertices, keep = _arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
+        vertices, keep = mesh_arrays.without_bad_vertices(vertices, faces, polygons, self.drop_bad_faces)
         if keep is not None:
             polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons
             faces, polygons = faces[keep], polygons[keep]
             attributes |= {key: a[keep] for key, a in attributes.items() if _is_per_face(key, a)}
-        _arrays.check_area(vertices, faces)
+        mesh_arrays.check_area(vertices, faces)
         attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
         for key, array in attributes.items():
-            store(key, _arrays.kept(array, given[key]))
+            store(key, mesh_arrays.kept(array, given[key]))
 
     def _checked_attributes(self, n_vertex: int, faces, cut_from) -> dict[str, np.ndarray | None]:
         """Return what belongs to vertices, corners and faces, checked.
@@ -126,26 +131,24 @@ class Mesh(_arrays.KeepsArrays):
         n_corner_face = n_face if cut_from is None else None
 
         def per_vertex_or_corner(key: str, width: int):
-            array = _arrays.checked_floats(getattr(self, key), n_vertex, n_corner_face, width, key)
-            return _arrays.finite(array, self.drop_bad_faces, key)
+            array = mesh_arrays.checked_floats(getattr(self, key), n_vertex, n_corner_face, width, key)
+            return mesh_arrays.finite(array, self.drop_bad_faces, key)
 
         def per_triangle(array):
             return array[cut_from] if array is not None and len(array) != n_face else array
 
         return {
-            "normals": _arrays.unit_normals(per_vertex_or_corner("normals", 3)),
+            "normals": mesh_arrays.unit_normals(per_vertex_or_corner("normals", 3)),
             "uv": per_vertex_or_corner("uv", 2),
-            "colors": _arrays.checked_colors(self.colors, {n_vertex}, "colors"),
-            "face_colors": per_triangle(
-                _arrays.checked_colors(self.face_colors, {n_face, n_given}, "face_colors")
-            ),
+            "colors": mesh_arrays.checked_colors(self.colors, {n_vertex}, "colors"),
+            "face_colors": per_triangle(mesh_arrays.checked_colors(self.face_colors, {n_face, n_given}, "face_colors")),
             "face_material": per_triangle(self._checked_face_material(n_face, n_given)),
-            "smoothing": per_triangle(_arrays.checked_ints(self.smoothing, {n_face, n_given}, "smoothing")),
+            "smoothing": per_triangle(mesh_arrays.checked_ints(self.smoothing, {n_face, n_given}, "smoothing")),
         }
 
     def _checked_face_material(self, n_face, n_given) -> np.ndarray | None:
         """Return the indices of materials, checked against their number."""
-        indices = _arrays.checked_ints(self.face_material, {n_face, n_given}, "face_material")
+        indices = mesh_arrays.checked_ints(self.face_material, {n_face, n_given}, "face_material")
         n_material = len(self.palette)
         if indices is not None and not (0 <= indices.min() and indices.max() < n_material):
             raise ModelError(
@@ -198,15 +201,15 @@ class Mesh(_arrays.KeepsArrays):
     def used_vertices(self) -> np.ndarray:
         """The vertices (n, 3) float64 that at least one face uses: `vertices` itself where all are used."""
         is_used = np.zeros(self.n_vertex, dtype=bool)
-        for start in range(0, self.n_face, _arrays.CHUNK):  # numpy would turn all indices into int64 at once
-            is_used[self.faces[start : start + _arrays.CHUNK].ravel()] = True
-        return self.vertices if is_used.all() else _arrays.fixed(self.vertices[is_used])
+        for start in range(0, self.n_face, mesh_arrays.CHUNK):  # numpy would turn all indices into int64 at once
+            is_used[self.faces[start : start + mesh_arrays.CHUNK].ravel()] = True
+        return self.vertices if is_used.all() else mesh_arrays.fixed(self.vertices[is_used])
 
     @cached_property
     def bounds(self) -> np.ndarray:
         """Lowest and highest corner (2, 3) float64 of the box round the used vertices, scene units."""
         columns = self.used_vertices.T
-        return _arrays.fixed(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
+        return mesh_arrays.fixed(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
 
     def transformed(self, matrix) -> "Mesh":
         """Return a copy that is moved by an affine matrix.
@@ -226,7 +229,7 @@ class Mesh(_arrays.KeepsArrays):
         matrix = _checked_affine(matrix)
         linear = matrix[:3, :3]
         is_mirrored = np.linalg.det(linear) < 0.0
-        changes = {"vertices": _arrays.fixed(self.vertices @ linear.T + matrix[:3, 3])}
+        changes = {"vertices": mesh_arrays.fixed(self.vertices @ linear.T + matrix[:3, 3])}
         if self.normals is not None:
             # the cofactor matrix is the inverse transpose times the determinant; it exists for every matrix
             a, b, c = linear
@@ -247,8 +250,8 @@ class Mesh(_arrays.KeepsArrays):
         Every triangle is cut at the midpoints of its edges into four that lie in it: face f becomes the faces
         4f..4f + 3. The surface and so its silhouette stay, but for the rounding of the new vertices, which are
         placed to 1/256 px like all. Colours and texture coordinates are interpolated. A polygon stays one
-        polygon, so flat shading doesn't change either. Of a polygon with more than three corners the triangles in `faces`
-        are cut; the result is drawn as they lie, no longer about the polygon's centre.
+        polygon, so flat shading doesn't change either. Of a polygon with more than three corners the triangles in
+        `faces` are cut; the result is drawn as they lie, no longer about the polygon's centre.
 
         Normals that the mesh has are interpolated, and made unit vectors: Gouraud's picture comes nearer to
         Phong's each time, and finds highlights inside large faces. Where they are to be computed, the new
@@ -264,7 +267,7 @@ class Mesh(_arrays.KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        from rasterizer.scene.subdivide import subdivide  # normals are averaged by kernels; a Mesh needs none
+        from ..geometry.subdivide import subdivide  # normals are averaged by kernels; a Mesh needs none
 
         return subdivide(self, times)
 
@@ -280,7 +283,8 @@ def _checked_crease_angle(angle) -> float | None:
 
 
 def _checked_materials(material, materials) -> tuple[Material, ...] | None:
-    """Return the materials of a mesh whose faces differ, or None where it has one; the two must not contradict each other."""
+    """Return the materials of a mesh whose faces differ, or None where it has one; the two must not contradict each
+    other."""
     if not isinstance(material, Material):
         raise SceneError(f"a mesh's material must be a Material; given {shown(material)}")
     if materials is None:
@@ -304,7 +308,9 @@ def _check_polygon_materials(polygons, face_material) -> None:
     polygon, material = polygons[order], face_material[order]
     torn = np.flatnonzero((polygon[1:] == polygon[:-1]) & (material[1:] != material[:-1]))
     if len(torn):
-        raise ModelError(f"the triangles of a polygon must have one material; those of polygon {polygon[torn[0]]} differ")
+        raise ModelError(
+            f"the triangles of a polygon must have one material; those of polygon {polygon[torn[0]]} differ"
+        )
 
 
 def _checked_affine(matrix) -> np.ndarray:
@@ -315,11 +321,9 @@ def _checked_affine(matrix) -> np.ndarray:
     except (TypeError, ValueError):
         result = np.empty(0)
     # Within the limit of coordinates no product of three numbers overflows.
-    is_fine = result.shape == (4, 4) and (np.abs(result) <= _arrays.COORDINATE_LIMIT).all()
+    is_fine = result.shape == (4, 4) and (np.abs(result) <= mesh_arrays.COORDINATE_LIMIT).all()
     if not is_fine or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
-        raise SceneError(
-            f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}"
-        )
+        raise SceneError(f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}")
     return result
 
 

@@ -1,16 +1,21 @@
 """The classic table of materials: coefficients of Phong's reflection for displays of the 1990s.
 
-Source: the materials of teapots.c by Mark J. Kilgard, Silicon Graphics 1994 (OpenGL Programming Guide, colour plate 17), where
-the exponent is given as a part of 128. The numbers were made for displays without gamma correction; they are taken here as they
-stand, as linear coefficients, so pictures are a little lighter. They are no measurements: for metals, "cook-torrance" with a
-coloured `fresnel` is nearer to physics.
+Source: the materials of teapots.c by Mark J. Kilgard, Silicon Graphics 1994 (OpenGL Programming Guide, colour plate
+17), where the exponent is given as a part of 128. The numbers were made for displays without gamma correction; they are
+taken here as they stand, as linear coefficients, so pictures are a little lighter. They are no measurements: for
+metals, "cook-torrance" with a coloured `fresnel` is nearer to physics.
 """
 
-from rasterizer.errors import SceneError
+from ..errors import SceneError
 
 # name: (ambient, diffuse, specular, shininess / 128); a colour is a grey or red, green and blue
 NAMED_MATERIALS = {
-    "brass": ((0.329412, 0.223529, 0.027451), (0.780392, 0.568627, 0.113725), (0.992157, 0.941176, 0.807843), 0.21794872),
+    "brass": (
+        (0.329412, 0.223529, 0.027451),
+        (0.780392, 0.568627, 0.113725),
+        (0.992157, 0.941176, 0.807843),
+        0.21794872,
+    ),
     "bronze": ((0.2125, 0.1275, 0.054), (0.714, 0.4284, 0.18144), (0.393548, 0.271906, 0.166721), 0.2),
     "chrome": (0.25, 0.4, 0.774597, 0.6),
     "copper": ((0.19125, 0.0735, 0.0225), (0.7038, 0.27048, 0.0828), (0.256777, 0.137622, 0.086014), 0.1),

@@ -5,13 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.scene._check import AXES, choice, number, picture_size, shown
-from rasterizer.scene.camera import Camera
-from rasterizer.scene.color import linear_rgb
-from rasterizer.scene.depth_cue import DepthCue, checked_cue
-from rasterizer.scene.lights import Light, check_number, studio
-from rasterizer.scene.mesh import Mesh
+from ..errors import SceneError
+from .camera import Camera
+from .color import linear_rgb
+from .depth_cue import DepthCue, checked_cue
+from .lights import Light, check_number, studio
+from .mesh import Mesh
+from .validate import AXES, choice, number, picture_size, shown
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 
@@ -33,8 +33,8 @@ class Scene:
 
     Raises
     ------
-    SceneError : no meshes, or a light, camera, background, depth cue or axis that is not legal; more than 16384 lights, or
-        more than 4096 that cast shadows, where the cells of area lights count one by one
+    SceneError : no meshes, or a light, camera, background, depth cue or axis that is not legal; more than 16384 lights,
+        or more than 4096 that cast shadows, where the cells of area lights count one by one
     ModelError : a mesh that is not legal
     """
 
@@ -72,23 +72,25 @@ class Scene:
 
         Returns
         -------
-        Scene; the options that the file has for its picture are left out. Where the file asks for framing, the camera is made
-        for a picture of the file's size, else of 4:3
+        Scene; the options that the file has for its picture are left out. Where the file asks for framing, the camera
+        is made for a picture of the file's size, else of 4:3
 
         Raises
         ------
         ModelError : a file that can't be read or is no JSON or TOML, or a mesh that is not legal
-        SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is legal
+        SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
+            legal
         """
-        from rasterizer.scene.file import read_scene  # which loads models into scenes
+        from ..io.scene_file import read_scene  # which loads models into scenes
 
         return read_scene(path).framed_scene()
 
     def save(self, path):
-        """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth cue come back.
+        """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth
+        cue come back.
 
-        Arrays are written beside it as NAME.npz and textures as NAME-texture0.png, or into the .npz where they are no 8-bit
-        pictures; files of these names are replaced. Each file appears whole or not at all.
+        Arrays are written beside it as NAME.npz and textures as NAME-texture0.png, or into the .npz where they are no
+        8-bit pictures; files of these names are replaced. Each file appears whole or not at all.
 
         Parameters
         ----------
@@ -103,7 +105,7 @@ class Scene:
         SceneError : another suffix
         OutputError : a file can't be written
         """
-        from rasterizer.scene.file_write import write_scene
+        from ..io.scene_file_write import write_scene
 
         return write_scene(self, path)
 

@@ -1,29 +1,30 @@
 """Spectra: colours as functions of the wavelength, their linear RGB, and the smoothest spectrum of an RGB colour.
 
-Convention: every spectrum S is relative to daylight. A reflectance is just the reflectance; a light of spectrum 1 is D65, white
-of intensity 1; light times reflectance is the product of their spectra. What the eye makes of it is
+Convention: every spectrum S is relative to daylight. A reflectance is just the reflectance; a light of spectrum 1 is
+D65, white of intensity 1; light times reflectance is the product of their spectra. What the eye makes of it is
 
     X, Y, Z = k ∫ S(λ) D65(λ) (x(λ), y(λ), z(λ)) dλ,  380 to 780 nm, with k such that S = 1 has Y = 1
 
-(CIE 15:2018, 7.1; the tables are in `cie`), and linear RGB is XYZ times the matrix of the sRGB primaries (IEC 61966-2-1:1999) and
-of the white that S = 1 has in this very sum. So S = 1 is (1, 1, 1), and a grey surface under white light stays grey, however
-coarse the sampling.
+(CIE 15:2018, 7.1; the tables are in `cie`), and linear RGB is XYZ times the matrix of the sRGB primaries (IEC
+61966-2-1:1999) and of the white that S = 1 has in this very sum. So S = 1 is (1, 1, 1), and a grey surface under white
+light stays grey, however coarse the sampling.
 
-A spectrum sampled at n wavelengths is taken as linear between them. The integral is the trapezoid rule over the tables' grid
-(every 5 nm), or over the n wavelengths where these are closer.
+A spectrum sampled at n wavelengths is taken as linear between them. The integral is the trapezoid rule over the tables'
+grid (every 5 nm), or over the n wavelengths where these are closer.
 
-From RGB back to a spectrum there is no unique way (Smits 1999, J. Graphics Tools 4(4), 11-22; Mallett & Yuksel 2019, EGSR, whose
-three basis curves add up to 1 as ours do). Here a colour gets the spectrum that varies least: see `rgb_basis`.
+From RGB back to a spectrum there is no unique way (Smits 1999, J. Graphics Tools 4(4), 11-22; Mallett & Yuksel 2019,
+EGSR, whose three basis curves add up to 1 as ours do). Here a colour gets the spectrum that varies least: see
+`rgb_basis`.
 """
 
 from functools import cache
 
 import numpy as np
 
-from rasterizer.errors import SceneError
-from rasterizer.scene._check import number, plain_array, shown
-from rasterizer.scene.cie import D65, MATCHING, WAVELENGTHS
-from rasterizer.scene.color import linear_rgb
+from ..errors import SceneError
+from .cie_tables import D65, MATCHING, WAVELENGTHS
+from .color import linear_rgb
+from .validate import number, plain_array, shown
 
 N_TABLE = len(WAVELENGTHS)
 SHORTEST, LONGEST = float(WAVELENGTHS[0]), float(WAVELENGTHS[-1])
@@ -38,10 +39,11 @@ _C2 = 6.62607015e-34 * 299_792_458.0 / 1.380649e-23 * 1e9
 class Spectrum(tuple):
     """Hold a colour as a function of the wavelength, relative to D65: a reflectance, or the ratio of a light to white.
 
-    As a tuple it is its linear RGB, three floats. Unlike those of other colours they may be negative: no display shows the pure
-    colours of the spectrum. Between samples the spectrum is linear, beyond the first and the last constant. A picture sees it at
-    `Options.spectral` wavelengths, and its RGB is computed from every 5 nm: lines that are narrower are lost or
-    too strong, so average a finer measurement first. Two spectra are equal where their samples are, whatever their RGB.
+    As a tuple it is its linear RGB, three floats. Unlike those of other colours they may be negative: no display shows
+    the pure colours of the spectrum. Between samples the spectrum is linear, beyond the first and the last constant. A
+    picture sees it at `Options.spectral` wavelengths, and its RGB is computed from every 5 nm: lines that are narrower
+    are lost or too strong, so average a finer measurement first. Two spectra are equal where their samples are,
+    whatever their RGB.
 
     Parameters
     ----------
@@ -82,7 +84,8 @@ class Spectrum(tuple):
         Parameters
         ----------
         wavelengths : (n,) numbers, nm, increasing, reaching into 380..780
-        power : (n,) numbers, power for each nm of wavelength in any unit, at least 0; linear between, constant beyond the ends
+        power : (n,) numbers, power for each nm of wavelength in any unit, at least 0; linear between, constant beyond
+            the ends
 
         Returns
         -------
@@ -223,7 +226,9 @@ def _numbers(values, what: str) -> np.ndarray:
 def _check_samples(wavelengths, values, name: str) -> None:
     """Refuse samples that make no spectrum."""
     if len(wavelengths) != len(values):
-        raise SceneError(f"a spectrum needs as many samples of {name} as wavelengths; given {len(values)} for {len(wavelengths)}")
+        raise SceneError(
+            f"a spectrum needs as many samples of {name} as wavelengths; given {len(values)} for {len(wavelengths)}"
+        )
     if not (np.diff(wavelengths) > 0.0).all():
         raise SceneError(f"the wavelengths of a spectrum must increase; given {shown(wavelengths.tolist())}")
     if wavelengths[0] > LONGEST or wavelengths[-1] < SHORTEST:
@@ -246,8 +251,9 @@ def sampling(n: int) -> np.ndarray:
 def xyz_weights(n: int) -> np.ndarray:
     """Return the weights of a spectrum's samples in its tristimulus values.
 
-    Where n is less than 81 a sample stands for all of the curve around it: its weight is the integral of the hat that is 1 at
-    it and 0 at its neighbours. So no part of the tables is missed, and the white of every such n is that of D65.
+    Where n is less than 81 a sample stands for all of the curve around it: its weight is the integral of the hat that
+    is 1 at it and 0 at its neighbours. So no part of the tables is missed, and the white of every such n is that of
+    D65.
 
     Parameters
     ----------
@@ -301,7 +307,8 @@ def rgb_from_xyz(white) -> np.ndarray:
     -------
     (3, 3) float64, RGB = matrix @ XYZ
 
-    Source: SMPTE RP 177:1993. The columns of the inverse are the primaries, each with the strength that it has in white.
+    Source: SMPTE RP 177:1993. The columns of the inverse are the primaries, each with the strength that it has in
+    white.
     """
     primaries = np.array([(x, y, 1.0 - x - y) for x, y in PRIMARIES]).T
     strengths = np.linalg.solve(primaries, white)
@@ -329,15 +336,16 @@ def rgb_of(samples) -> np.ndarray:
 def rgb_basis(n: int) -> np.ndarray:
     """Return the spectra of pure red, green and blue that vary least, as samples.
 
-    Each minimises the sum of its squared first differences, |D s|², where its RGB is given, Wᵀ s = e. With Lagrange multipliers m
-    that is one linear system for all three:
+    Each minimises the sum of its squared first differences, |D s|², where its RGB is given, Wᵀ s = e. With Lagrange
+    multipliers m that is one linear system for all three:
 
         ( DᵀD  W ) (s)   (0)
         ( Wᵀ   0 ) (m) = (e)
 
-    The solution is linear in e, and the smoothest white is the constant 1: so the curves add up to 1, a grey is flat, and every
-    colour is met. They leave 0..1: to -0.18 and 1.08 for n = 81, to -0.30 and 1.16 for n = 7, to -5.6 and 4.5 for n = 3. Least
-    second differences would go to -2.4 and 2.9 at the ends for n = 81, where the eye sees little and nothing else holds them.
+    The solution is linear in e, and the smoothest white is the constant 1: so the curves add up to 1, a grey is flat,
+    and every colour is met. They leave 0..1: to -0.18 and 1.08 for n = 81, to -0.30 and 1.16 for n = 7, to -5.6 and 4.5
+    for n = 3. Least second differences would go to -2.4 and 2.9 at the ends for n = 81, where the eye sees little and
+    nothing else holds them.
 
     Parameters
     ----------

@@ -24,7 +24,9 @@ _KEPT = np.array([(_BYTES * 255 << 8 * (8 - n)) % 2**64 for n in range(9)], np.u
 _POWERS = 10 ** np.arange(MOST_DIGITS + 1)
 
 
-def read_whole(letters: NDArray[np.uint8], starts: NDArray, ends: NDArray) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def read_whole(
+    letters: NDArray[np.uint8], starts: NDArray, ends: NDArray
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Read words as whole numbers without a sign.
 
     Parameters
@@ -52,8 +54,11 @@ def read_whole(letters: NDArray[np.uint8], starts: NDArray, ends: NDArray) -> tu
     return values, is_whole
 
 
-def read_decimals(letters: NDArray[np.uint8], starts: NDArray, ends: NDArray) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Read words as decimal numbers, as Python's `float` does; underscores are not legal, `nan(ind)` and the like are nan.
+def read_decimals(
+    letters: NDArray[np.uint8], starts: NDArray, ends: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Read words as decimal numbers, as Python's `float` does; underscores are not legal, `nan(ind)` and the like are
+    nan.
 
     Parameters
     ----------
@@ -97,7 +102,8 @@ def _number(word: bytes) -> float | None:
 
 
 def numbers_in(text: str, dtype) -> np.ndarray | None:
-    """Return the numbers of a text with blanks between them, None where it holds anything else; numpy before 2.4 only warns."""
+    """Return the numbers of a text with blanks between them, None where it holds anything else; numpy before 2.4 only
+    warns."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)

@@ -1,11 +1,12 @@
 """A texture: a picture that is laid over a surface, decoded to linear colours, with its mipmaps.
 
-Texture coordinates: u runs to the right, v upwards; (0, 0) is the picture's lower left corner and (1, 1) its upper right one,
-as in OBJ. A picture of w × h texels has the centre of the texel in column i and row j (from the top) at
+Texture coordinates: u runs to the right, v upwards; (0, 0) is the picture's lower left corner and (1, 1) its upper
+right one, as in OBJ. A picture of w × h texels has the centre of the texel in column i and row j (from the top) at
 u = (i + ½)/w, v = 1 - (j + ½)/h.
 
-Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one is stands in
-its header, and is looked at before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third more with mipmaps.
+Pictures are read by Pillow, from the few formats of `FORMATS`: none of them starts another program. How large one is
+stands in its header, and is looked at before anything is decoded: see `most_texels`. A texel needs 16 bytes, a third
+more with mipmaps.
 """
 
 import logging
@@ -19,10 +20,10 @@ from functools import cached_property
 
 import numpy as np
 
-from rasterizer.errors import ModelError, SceneError
-from rasterizer.scene._arrays import KeepsArrays, fixed
-from rasterizer.scene._check import choice, plain_array, shown
-from rasterizer.scene.color import linear_from_srgb_bytes
+from ..errors import ModelError, SceneError
+from .color import linear_from_srgb_bytes
+from .mesh_arrays import KeepsArrays, fixed
+from .validate import choice, plain_array, shown
 
 FILTERS = ("nearest", "bilinear", "trilinear")
 WRAPS = ("repeat", "clamp", "mirror")
@@ -46,9 +47,10 @@ class Texture(KeepsArrays):
     Parameters
     ----------
     image : path of a picture, `PIL.Image.Image`, or array (h, w), (h, w, 1), (h, w, 2: grey and alpha), (h, w, 3) or
-        (h, w, 4), up to 16384 texels a side: uint8 is sRGB-encoded (its alpha is not), floats are linear. Stored as (h, w, 4)
-        float32, linear, with the alpha that the picture has, else 1; read-only
-    filter : "nearest", "bilinear", or "trilinear": bilinear between and within mipmaps, each half as large as the one before
+        (h, w, 4), up to 16384 texels a side: uint8 is sRGB-encoded (its alpha is not), floats are linear. Stored as (h,
+        w, 4) float32, linear, with the alpha that the picture has, else 1; read-only
+    filter : "nearest", "bilinear", or "trilinear": bilinear between and within mipmaps, each half as large as the one
+        before
     wrap : what lies outside 0..1: "repeat", "clamp" or "mirror"; or a pair of these, for u and v
     name : text, for reports; the path where one was given
 
@@ -82,7 +84,9 @@ class Texture(KeepsArrays):
             except ModelError as fault:
                 raise SceneError(str(fault)) from fault
             except PICTURE_FAULTS as fault:
-                raise SceneError(f"a texture's image can't be decoded ({_reason(fault)}); given {shown(image)}") from fault
+                raise SceneError(
+                    f"a texture's image can't be decoded ({_reason(fault)}); given {shown(image)}"
+                ) from fault
         object.__setattr__(self, "image", _checked_image(image))
 
     def __repr__(self) -> str:
@@ -97,11 +101,12 @@ class Texture(KeepsArrays):
 
     @cached_property
     def pyramid(self) -> tuple[np.ndarray, ...]:
-        """The picture and its mipmaps, (h, w, 4) float32 each, read-only, the last one with a single texel; the picture alone
-        where the filter needs no mipmaps.
+        """The picture and its mipmaps, (h, w, 4) float32 each, read-only, the last one with a single texel; the picture
+        alone where the filter needs no mipmaps.
 
-        Colours are weighted by their alpha. A level has half of the texels of the one before along each axis, rounded down, but
-        at least one; each is the mean of the area that it covers (Williams 1983, Pyramidal parametrics, for even numbers).
+        Colours are weighted by their alpha. A level has half of the texels of the one before along each axis, rounded
+        down, but at least one; each is the mean of the area that it covers (Williams 1983, Pyramidal parametrics, for
+        even numbers).
         """
         levels = [self.image]
         while self.filter == "trilinear" and max(levels[-1].shape[:2]) > 1:
@@ -110,7 +115,8 @@ class Texture(KeepsArrays):
 
 
 def most_texels() -> int:
-    """Return how many texels a picture may have that is read from a file: MOST_IN_PICTURE, or what RASTER_MOST_TEXELS says.
+    """Return how many texels a picture may have that is read from a file: MOST_IN_PICTURE, or what RASTER_MOST_TEXELS
+    says.
 
     Raises SceneError where that is no whole number above 0.
     """
@@ -125,8 +131,8 @@ def most_texels() -> int:
 class Budget:
     """Count the texels of all textures that one file asks for: twice as many as one picture may have, and no more.
 
-    Pictures count a quarter when they are read (4 bytes a texel), and in full for every texture made of them (16, or 21 with
-    mipmaps), so that a file that uses one picture in a thousand ways is stopped.
+    Pictures count a quarter when they are read (4 bytes a texel), and in full for every texture made of them (16, or 21
+    with mipmaps), so that a file that uses one picture in a thousand ways is stopped.
     """
 
     def __init__(self):
@@ -136,7 +142,9 @@ class Budget:
         """Take texels off; raises ModelError where they are not left."""
         if n_texel > self.left:
             what = f"{name}: the textures of this file need more than {2 * most_texels()} texels together"
-            raise ModelError(f"{what}, the most that may be made; {ENVIRONMENT} raises it (now {most_texels()} a picture)")
+            raise ModelError(
+                f"{what}, the most that may be made; {ENVIRONMENT} raises it (now {most_texels()} a picture)"
+            )
         self.left -= n_texel
 
 
@@ -172,7 +180,9 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
     except Image.UnidentifiedImageError as fault:
         raise ModelError(f"{name}: can't be read as a picture: is none of {', '.join(FORMATS)}") from fault
     except Image.DecompressionBombError as fault:
-        raise ModelError(f"{name}: can't be read as a picture: more than {2 * Image.MAX_IMAGE_PIXELS} texels") from fault
+        raise ModelError(
+            f"{name}: can't be read as a picture: more than {2 * Image.MAX_IMAGE_PIXELS} texels"
+        ) from fault
     except PICTURE_FAULTS as fault:
         raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
 
@@ -199,9 +209,13 @@ def _check_size(picture, name, budget) -> None:
     """Raise ModelError for a picture whose header asks for more texels than may be made."""
     width, height = picture.size
     if max(width, height) > MOST_TEXELS:
-        raise ModelError(f"{name}: a texture has up to {MOST_TEXELS} texels a side; this picture has {width} x {height}")
+        raise ModelError(
+            f"{name}: a texture has up to {MOST_TEXELS} texels a side; this picture has {width} x {height}"
+        )
     if width * height > most_texels():
-        fault = f"{name}: this picture of {width} x {height} has more than {most_texels()} texels, the most that are read"
+        fault = (
+            f"{name}: this picture of {width} x {height} has more than {most_texels()} texels, the most that are read"
+        )
         raise ModelError(f"{fault}; {ENVIRONMENT} raises that")
     if budget is not None:
         budget.take(width * height // 4, name)
@@ -283,10 +297,12 @@ def _halve_strip(level, rows, out) -> None:
 
 
 def _halve_axis(array, axis, n, first=0) -> np.ndarray:
-    """Means of what each of half as many texels covers along an axis of n: of all, or of those for the new ones from `first` on.
+    """Means of what each of half as many texels covers along an axis of n: of all, or of those for the new ones from
+    `first` on.
 
-    Of n = 2 m + 1 texels, the new one with the number k covers the range from k·n/m to (k + 1)·n/m, that is from 2 k + k/m to
-    2 k + 2 + (k + 1)/m: the share 1 - k/m of texel 2 k, all of the next, and the share (k + 1)/m of the one after.
+    Of n = 2 m + 1 texels, the new one with the number k covers the range from k·n/m to (k + 1)·n/m, that is from 2 k +
+    k/m to 2 k + 2 + (k + 1)/m: the share 1 - k/m of texel 2 k, all of the next, and the share (k + 1)/m of the one
+    after.
     """
     if n == 1:
         return array

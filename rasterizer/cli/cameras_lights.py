@@ -1,0 +1,178 @@
+"""Cameras and lights from the arguments."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ..errors import SceneError
+from ..scene import lights
+from ..scene.camera import Camera
+from .arguments import AZIMUTH, ELEVATION, FOV, VIEWS
+
+_LIGHTS = {
+    "ambient": lights.AmbientLight,
+    "directional": lights.DirectionalLight,
+    "point": lights.PointLight,
+    "spot": lights.SpotLight,
+    "area": lights.AreaLight,
+}
+
+
+def make_shadow(arguments) -> lights.Shadow | None:
+    """Make the shadow of lights that don't say themselves; None without --shadows."""
+    given = {"size": arguments.shadow_size, "filter": arguments.shadow_filter}
+    given = {name: value for name, value in given.items() if value is not None}
+    if not arguments.shadows:
+        for name in given:
+            raise SceneError(f"--shadow-{name} needs --shadows")
+        return None
+    return lights.Shadow(**given)
+
+
+def make_lights(arguments) -> tuple | None:
+    """Make the lights: those of a preset and those given, with shadows if asked for; None where neither is, so that a
+    file's own, or else the studio's, are used."""
+    shadow = make_shadow(arguments)
+    given = tuple(_make_light(light, shadow) for light in arguments.lights)
+    if arguments.preset is None:
+        return given or None
+    return cast_shadows(getattr(lights, arguments.preset)(), shadow) + given
+
+
+def _make_light(light, shadow):
+    """Make a light; one that doesn't speak of shadows casts the one of --shadows."""
+    settings = dict(light.settings)
+    own = settings.get("shadow", shadow)
+    if own is True:
+        own = shadow or lights.Shadow()
+    if light.kind != "ambient":
+        settings["shadow"] = lights.Shadow(*own) if isinstance(own, tuple) else own
+    return _LIGHTS[light.kind](**settings)
+
+
+def cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:
+    """Let lights cast shadows.
+
+    Parameters
+    ----------
+    of_scene : sequence of lights; a shadow that one has stays what it is
+    shadow : Shadow; None = nothing changes
+    unshadowed : places in the sequence of lights that shall cast none
+
+    Returns
+    -------
+    tuple of lights
+    """
+
+    def with_shadow(place, light):
+        if shadow is None or place in unshadowed or getattr(light, "shadow", True) is not None:
+            return light
+        return replace(light, shadow=shadow)
+
+    return tuple(with_shadow(place, light) for place, light in enumerate(of_scene))
+
+
+def is_camera_given(arguments) -> bool:
+    """Tell whether any flag but --zoom says where the picture is taken from, and how."""
+    numbers = (arguments.azimuth, arguments.elevation, arguments.fov, arguments.eye, arguments.target, arguments.up)
+    return bool(arguments.views) or arguments.ortho or any(value is not None for value in numbers)
+
+
+def check_camera(arguments) -> None:
+    """Raise SceneError where no model could be looked at like this; something stands in for the model."""
+    if arguments.zoom <= 0.0:
+        raise SceneError(f"--zoom must be above 0; given {arguments.zoom:g}")
+    if arguments.eye is None and arguments.target is not None:
+        raise SceneError("--target needs --eye")
+    if arguments.eye is not None and (
+        arguments.views or arguments.azimuth is not None or arguments.elevation is not None
+    ):
+        raise SceneError("--eye and --target can't be used with --view, --azimuth or --elevation")
+    box = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 4.0]]) + (arguments.eye or (0.0, 0.0, 0.0))
+    up = "y" if arguments.up in (None, "auto") else arguments.up
+    for view in arguments.views or [None]:
+        make_camera(arguments, view, box, box, up)
+
+
+def camera_of(arguments, view, scene, framing=None) -> Camera:
+    """Make the camera for a view of a scene: the scene's own where there is one and no flag asks for another.
+
+    Parameters
+    ----------
+    arguments : those of the command
+    view : name out of VIEWS, or None
+    scene : Scene
+    framing : dict of the arguments of `Camera.framing` that a scene file gives instead of a camera, or None; flags come
+        first
+
+    Returns
+    -------
+    Camera; raises SceneError for a value that is not legal
+    """
+    if scene.camera is None or framing is not None or is_camera_given(arguments):
+        return make_camera(arguments, view, scene, scene.bounds, scene.up, framing)
+    return _zoomed(scene.camera, arguments.zoom)
+
+
+def make_camera(arguments, view, subject, bounds, up, framing=None) -> Camera:
+    """Make the camera for a view.
+
+    Parameters
+    ----------
+    arguments : those of the command
+    view : name out of VIEWS, or None
+    subject : Scene or points (n, 3), what is framed
+    bounds : (2, 3) box round it, scene units
+    up : axis
+    framing : dict of the arguments of `Camera.framing` where the flags leave them out, or None
+
+    Returns
+    -------
+    Camera; orthographic at --eye, it shows of the target's plane what it would show with perspective
+
+    Raises SceneError for a value that is not legal.
+    """
+    framing = framing or {}
+    fov = _first(arguments.fov, framing.get("fov"), FOV)
+    if arguments.eye is not None:
+        target = bounds.mean(axis=0) if arguments.target is None else arguments.target
+        camera = Camera.perspective(arguments.eye, target, up, fov)
+        if arguments.ortho:
+            distance = math.dist(camera.position, camera.target)
+            height = 2.0 * distance * math.tan(math.radians(camera.fov) / 2.0)
+            camera = Camera.orthographic(arguments.eye, target, up, height)
+    else:
+        azimuth, elevation = VIEWS.get(view, (framing.get("azimuth", AZIMUTH), framing.get("elevation", ELEVATION)))
+        width, height = arguments.size
+        settings = {
+            "azimuth": _first(arguments.azimuth, azimuth),
+            "elevation": _first(arguments.elevation, elevation),
+            "fov": fov,
+            "up": up,
+            "orthographic": arguments.ortho or framing.get("orthographic", False),
+            "aspect": width / height,
+        }
+        camera = Camera.framing(subject, **framing | settings)
+    return _zoomed(camera, arguments.zoom)
+
+
+def _first(*values):
+    """The first value that is not None."""
+    return next(value for value in values if value is not None)
+
+
+def _zoomed(camera, zoom) -> Camera:
+    """Make everything `zoom` times larger in the picture, from the same place."""
+    if zoom == 1.0:
+        return camera
+    if camera.intrinsics is not None:
+        fx, fy, cx, cy = camera.intrinsics
+        (width, height), (x, y) = camera.size, (cx + 0.5, cy + 0.5)
+        # The middle of the picture stays where it is; OpenCV counts from the centre of the first pixel.
+        x, y = width / 2 + (x - width / 2) * zoom, height / 2 + (y - height / 2) * zoom
+        return replace(camera, intrinsics=(fx * zoom, fy * zoom, x - 0.5, y - 0.5))
+    if not camera.is_perspective:
+        return replace(camera, height=camera.height / zoom)
+    slope = math.tan(math.radians(camera.fov) / 2.0) / zoom
+    return replace(camera, fov=math.degrees(2.0 * math.atan(slope)))

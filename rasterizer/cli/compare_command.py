@@ -1,0 +1,215 @@
+"""`raster compare`: the shading methods beside the reference, with error maps and Mach-band figures.
+
+flat     Gouraud   Phong    reference        pictures, one sample a pixel, as exact as float64
+error    error     error    scale            false colours, one scale for all
+"""
+
+import math
+from dataclasses import replace
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import reference
+from ..analysis.comparison import compare
+from ..analysis.contact_sheet import sheet
+from ..analysis.mach import mach_bands
+from ..errors import SceneError
+from ..frame import Frame
+from ..options import Options
+from ..renderer import Renderer
+from .cameras_lights import camera_of
+from .load_scene import load_scene, with_options
+from .messages import QUIET, print_record, print_text
+from .render_command import draw_models, encode_picture
+from .targets import STDIO
+from .warnings import find_doubts
+
+METHODS = {"flat": "flat", "gouraud": "Gouraud 1971", "phong": "Phong 1975"}
+# The reference needs some 60 microseconds a face and 1 a pixel on one core of 2 GHz: beyond this, about a second.
+_SLOW = 20_000  # faces and pixels / 60 together
+_OPTIONS = (
+    "cull",
+    "color_range",
+    "exposure",
+    "spectral",
+    "threads",
+)  # a scene file's size is that of a picture, not of four
+_PAPER = "white"
+_SHARE = 0.99  # of the covered pixels have errors on the maps' scale
+_ROOM = 230  # pixels: the width that a long label needs
+
+# Black, violet, red, orange, white: rising in lightness, so that it reads in print and without colour vision too.
+_HEAT = np.array([(0, 0, 0), (58, 20, 110), (190, 35, 75), (250, 150, 30), (255, 255, 235)], float)
+
+
+class Drawn(NamedTuple):
+    """A picture by one method, of one sample a pixel."""
+
+    rgba: np.ndarray  # (height, width, 4) uint8
+    color: np.ndarray  # (height, width, 3) linear
+    face: np.ndarray  # (height, width) integers, -1 where nothing is
+
+
+class Figures(NamedTuple):
+    """What is said of a method; None for the errors of what it is compared with, and for jumps where no edge was
+    measured."""
+
+    max: float | None
+    rms: float | None
+    over_one: int | None
+    value_jump: float | None
+    slope_jump: float | None
+
+
+def compare_models(arguments, messages) -> tuple[list, int]:
+    """Compare the methods on every model; parameters, result and errors are those of `render_models`."""
+    if str(arguments.output).lower().endswith(".npy"):
+        raise SceneError(f"compare writes pictures, no arrays; given {arguments.output}")
+    Options(
+        size=arguments.size, **{name: getattr(arguments, name) for name in _OPTIONS}
+    )  # what is not legal is told at once
+    return draw_models(arguments, messages, _compare_model)
+
+
+def _compare_model(targets, arguments, settings, messages, output) -> None:
+    """Compare the methods in all views of one model."""
+    start = perf_counter()
+    loaded, of_model, own_options, framing = load_scene(
+        targets[0].model, arguments, settings, messages, output.files_read
+    )
+    arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
+    for target in targets:
+        scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
+        drawn, frame = _draw_methods(scene, arguments)
+        doubts = [f"{target.model}: {text}" for text in find_doubts(frame, loaded, arguments, scene.camera)]
+        for text in doubts:
+            messages.warn(text)
+        judge = "phong"
+        if arguments.has_reference:
+            judge = "reference"
+            if scene.n_face + arguments.size[0] * arguments.size[1] / 60 > _SLOW:
+                messages.notice(
+                    f"{target.model}: drawing the reference, which takes a while; --no-reference leaves it out"
+                )
+            drawn[judge] = _draw_reference(scene, arguments)
+        figures = {method: _measure(picture, drawn[judge], scene) for method, picture in drawn.items()}
+        figures[judge] = figures[judge]._replace(max=None, rms=None, over_one=None)
+        image, scale = _lay_out(drawn, judge, figures, scene.background)
+        output.write(encode_picture(_framed(image), target.output), target.output)
+        seconds, start = perf_counter() - start, perf_counter()
+        messages.detail(f"{target.model}: {target.output}, {scene.n_face} faces, {seconds:.2f} s in all")
+        if arguments.json:
+            record = _record(target, arguments.size, scene, seconds, of_model + doubts)
+            record |= {"against": judge, "scale": scale, "methods": {m: f._asdict() for m, f in figures.items()}}
+            print_record(record, target.output == STDIO)
+        elif arguments.level > QUIET:
+            print_text(_table(target, figures), target.output == STDIO)
+
+
+def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], Frame]:
+    """Draw a scene by every method; return the pictures, and the last one's frame."""
+    drawn = {}
+    for method in METHODS:
+        options = {name: getattr(arguments, name) for name in ("size", *_OPTIONS)}
+        with Renderer(scene, shading=method, tolerance=0.0, outputs=("color", "face"), **options) as renderer:
+            frame = renderer.render()
+        drawn[method] = Drawn(frame.rgba, frame.color, frame.face)
+    return drawn, frame
+
+
+def _draw_reference(scene, arguments) -> Drawn:
+    options = {name: getattr(arguments, name) for name in _OPTIONS if name != "threads"}
+    picture = reference.render(scene, arguments.size, "phong", **options)
+    alpha = np.rint(255.0 * picture.alpha).astype(np.uint8)
+    return Drawn(np.dstack([picture.rgb, alpha]), picture.color, picture.face)
+
+
+def _measure(picture, judge, scene) -> Figures:
+    """Measure a picture's errors, and its Mach bands."""
+    error, bands = compare(picture.color, judge.color), mach_bands(picture, scene)
+    over_one = compare(picture.rgba[..., :3], judge.rgba[..., :3]).over_one
+    jumps = (bands.value_jump, bands.slope_jump) if bands.n_place else (None, None)
+    return Figures(error.max, error.rms, over_one, *jumps)
+
+
+# --- the sheet ----------------------------------------------------------------------------------------------
+
+
+def _lay_out(drawn, judge, figures, background):
+    """Lay pictures and error maps on a sheet; return it, and the error from which on the maps are white."""
+    shape = drawn[judge].face.shape
+    errors = {m: np.abs(drawn[m].color.astype(float) - drawn[judge].color).max(axis=2) for m in METHODS if m != judge}
+    is_covered = drawn[judge].face >= 0
+    # The largest error is often that of a few pixels at an outline; the rest would be black on its scale.
+    most_of_all = max(np.quantile(error[is_covered], _SHARE) for error in errors.values()) if is_covered.any() else 0.0
+    scale = _rounded_up(most_of_all)
+    pictures, labels = [picture.rgba for picture in drawn.values()], []
+    for method, of_method in figures.items():
+        name, jump = METHODS.get(method, "reference: Phong, float64"), of_method.slope_jump
+        labels.append(_label(name, "" if jump is None else f", slope jump {jump:.2g} a pixel", shape))
+    for method, error in errors.items():
+        pictures.append(_heat(error / scale, is_covered))
+        most, rms = figures[method].max, figures[method].rms
+        labels.append(_label(f"error: rms {rms:.2g}", f", at most {most:.2g}", shape))
+    ramp = np.linspace(0.0, 1.0, shape[1])[None].repeat(max(shape[0] // 12, 1), axis=0)
+    pictures.append(_heat(ramp, np.ones(ramp.shape, bool)))
+    labels.append(_label(f"0 to {scale:g}", " of linear intensity, and more", shape))
+    paper = _PAPER if background is None else background
+    return sheet(pictures, columns=len(drawn), background=paper, labels=labels), scale
+
+
+def _framed(image) -> Frame:
+    """A sheet as a picture that can be encoded in any format."""
+    return Frame(np.asarray(image.convert("RGBA")), {}, None, image.size)
+
+
+def _label(text, rest, shape) -> str:
+    """A label, as long as fits below a picture."""
+    return text + rest if shape[1] >= _ROOM else text.partition(":")[0]
+
+
+def _rounded_up(value) -> float:
+    """The next of 1, 2, 5, 10, ... times a power of ten; 1e-6, below which float32 pictures tell nothing, at least."""
+    value = max(value, 1e-6)
+    power = math.floor(math.log10(value))
+    steps = (float(f"{digit}e{power}") for digit in (1, 2, 5, 10))
+    return next(step for step in steps if step >= value)
+
+
+def _heat(share, is_covered) -> np.ndarray:
+    """False colours (h, w, 4) uint8 of values from 0 to 1; transparent where nothing is covered."""
+    stops = np.linspace(0.0, 1.0, len(_HEAT))
+    rgb = np.stack([np.interp(share, stops, column) for column in _HEAT.T], axis=2)
+    return np.dstack([np.rint(rgb), np.where(is_covered, 255, 0)]).astype(np.uint8)
+
+
+# --- the figures --------------------------------------------------------------------------------------------
+
+
+def _table(target, figures) -> str:
+    """The figures of a picture, a line a method."""
+    rows = [("", "max", "rms", "levels over 1", "value jump", "slope jump")]
+    for method, of_method in figures.items():
+        cells = (
+            "-" if value is None else f"{value}" if isinstance(value, int) else f"{value:.3g}" for value in of_method
+        )
+        rows.append((method, *cells))
+    view = f" {target.view}" if target.view else ""
+    lines = [f"{target.model}{view}: {target.output}"]
+    lines += [f"{row[0]:<10}" + "".join(f"{cell:>15}" for cell in row[1:]) for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _record(target, size, scene, seconds, doubts) -> dict:
+    """What --json says of a picture, whatever it shows."""
+    return {
+        "path": target.model,
+        "view": target.view,
+        "output": target.output,
+        "size": list(size),
+        "faces": scene.n_face,
+        "seconds": round(seconds, 4),
+        "warnings": doubts,
+    }

@@ -1,0 +1,216 @@
+"""Models and scene files as the arguments want them: lights, materials, shadows, finer meshes."""
+
+import os
+import sys
+import warnings
+from copy import copy
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from ..errors import ModelError, SceneError
+from ..io.loader import load
+from ..io.scene_file import SceneFile, read_scene
+from ..options import Options
+from ..scene.color import linear_rgb
+from ..scene.depth_cue import DepthCue
+from ..scene.lights import Shadow
+from ..scene.material import Material
+from ..scene.scene import Scene
+from ..scene.texture import Texture
+from .arguments import SCENE_FORMATS, UNSAID
+from .cameras_lights import cast_shadows, make_lights, make_shadow
+from .targets import STDIO
+
+_MOST_TIMES = 15  # that a mesh can be subdivided
+
+
+class Settings(NamedTuple):
+    """What the arguments want of every model."""
+
+    load: dict  # arguments of `load`, None where the file rules
+    material: dict  # fields of Material to replace
+    shadow: Shadow | None  # of all lights but those that say otherwise
+    is_transparent: bool  # whether a background is taken away
+    scene: dict  # other fields of Scene to replace
+    subdivide: int
+
+
+class Loaded(NamedTuple):
+    """A model, ready to be drawn."""
+
+    scene: Scene
+    warnings: list[str]  # that loading gave, which were said
+    options: dict  # a scene file's, by the names of Options
+    framing: dict | None  # a scene file's, as `camera_of` takes it
+
+
+def make_settings(arguments) -> Settings:
+    """Read what the arguments want of every model.
+
+    Raises
+    ------
+    SceneError : an argument that is wrong for every model
+    ModelError : a texture that can't be read
+    """
+    background = arguments.background
+    if not 0 <= arguments.subdivide <= _MOST_TIMES:
+        raise SceneError(f"--subdivide must be within 0..{_MOST_TIMES}; given {arguments.subdivide}")
+    return Settings(
+        load={
+            "lights": make_lights(arguments),
+            "background": None if background in (None, "transparent") else linear_rgb(background, "--background"),
+            "up": None if arguments.up == "auto" else arguments.up,
+            "crease_angle": _checked_angle(arguments.crease_angle),
+            "weighting": arguments.weighting,
+            "drop_bad_faces": arguments.drop_bad_faces,
+            "allow_outside": arguments.allow_outside,
+        },
+        material=_make_material(arguments),
+        shadow=make_shadow(arguments),
+        is_transparent=background == "transparent",
+        scene={} if arguments.depth_cue == UNSAID else {"depth_cue": _make_cue(arguments.depth_cue)},
+        subdivide=arguments.subdivide,
+    )
+
+
+def _make_cue(settings):
+    """The cue of --depth-cue."""
+    try:
+        return None if settings is None else DepthCue(**settings)
+    except SceneError as fault:
+        raise SceneError(f"--depth-cue: {fault}") from fault
+
+
+def _checked_angle(angle):
+    if angle is not None and not 0.0 <= angle <= 180.0:
+        raise SceneError(f"--crease-angle must be within 0..180 degrees; given {angle:g}")
+    return angle
+
+
+def _make_material(arguments) -> dict:
+    """The fields of --reflection and --material, the last of a name; checked on a material that stands in for the
+    model's."""
+    settings = {} if arguments.reflection is None else {"reflection": arguments.reflection}
+    for given in arguments.materials:
+        settings |= given
+    if settings.get("texture") is not None:
+        try:
+            settings["texture"] = Texture(settings["texture"])
+        except ModelError as fault:
+            raise ModelError(f"--material texture: {fault}") from fault
+    try:
+        Material(**settings)
+    except SceneError as fault:
+        raise SceneError(f"--material: {fault}") from fault
+    return settings
+
+
+def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
+    """Load a model or scene file and change it as the settings say; its warnings are said, and the paths of other files
+    that were read are added to `files_read`.
+
+    Raises
+    ------
+    ModelError : the file can't be read, or a mesh can't take the texture
+    SceneError : a value that the file or one of its materials can't take
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        read = _read(model, arguments.input_format, settings, messages, files_read)
+        scene = _changed(read, model, settings)
+    texts = list(dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)))
+    for text in texts:
+        messages.warn(text)
+    return Loaded(scene, texts, read.options, read.framing)
+
+
+def _read(model, input_format, settings, messages, files_read) -> SceneFile:
+    """Read a model; what it has no say in is left to the defaults."""
+    source = _read_stdin() if model == STDIO else _checked_path(model, input_format)
+    format = (input_format or Path(model).suffix).lower().lstrip(".")
+    if format not in SCENE_FORMATS:
+        return SceneFile(load(source, format=input_format, log=messages.detail, files_read=files_read, **settings.load))
+    own = {key: settings.load[key] for key in ("crease_angle", "weighting", "drop_bad_faces", "allow_outside")}
+    read = read_scene(source, log=messages.detail, format=format, files_read=files_read, **own)
+    changes = {key: settings.load[key] for key in ("lights", "background", "up") if settings.load[key] is not None}
+    unshadowed = () if "lights" in changes else read.unshadowed
+    return read._replace(scene=replace(read.scene, **changes), unshadowed=unshadowed)
+
+
+def _read_stdin() -> bytes:
+    try:
+        return sys.stdin.buffer.read()
+    except OSError as fault:
+        raise ModelError(f"stdin can't be read ({fault.strerror or fault})") from fault
+
+
+def _checked_path(model, input_format) -> str:
+    """Refuse, in the command line's own words, a folder and a name that doesn't tell its format."""
+    path = Path(model)
+    if os.path.isdir(path):
+        raise ModelError(f"{model}: is a folder; give the models in it, e.g. '{path / '*.stl'}'")
+    if input_format is None and not path.suffix and os.path.exists(path):
+        raise ModelError(f"{model}: the format is unknown without a suffix; give --input-format")
+    return model
+
+
+def _changed(read, model, settings) -> Scene:
+    """Change a scene's materials, lights, meshes and background."""
+    changes = dict(settings.scene)
+    if settings.load["lights"] is None and settings.shadow is not None:
+        changes["lights"] = cast_shadows(read.scene.lights, settings.shadow, read.unshadowed)
+    if settings.is_transparent:
+        changes["background"] = None
+    if settings.material or settings.subdivide:
+        changes["meshes"] = tuple(_changed_mesh(mesh, model, settings) for mesh in read.scene.meshes)
+    return replace(read.scene, **changes) if changes else read.scene
+
+
+def _changed_mesh(mesh, model, settings):
+    """Change a mesh's materials, and subdivide it."""
+    if settings.material.get("texture") is not None and mesh.uv is None:
+        which = f"mesh {mesh.name!r}" if mesh.name else "a mesh"
+        raise ModelError(f"{model}: {which} has no texture coordinates (uv), which --material texture needs")
+    try:
+        if settings.material:
+            materials = tuple(with_fields(material, settings.material) for material in mesh.palette)
+            own = (
+                {"material": materials[0]}
+                if mesh.materials is None
+                else {"material": materials[0], "materials": materials}
+            )
+            mesh = replace(mesh, **own)
+        return mesh.subdivide(settings.subdivide) if settings.subdivide else mesh
+    except (ModelError, SceneError) as fault:
+        raise type(fault)(f"{model}: {fault}") from fault
+
+
+def with_fields(material, changes) -> Material:
+    """A material with other fields; the ambient coefficient follows the diffuse one unless it is given too."""
+    follows = {"ambient": None} if "diffuse" in changes else {}
+    return replace(material, **follows | changes)
+
+
+def with_options(arguments, options, names, model):
+    """Return the arguments with a scene file's options, out of `names`, in place of defaults; flags that were given
+    win.
+
+    Raises SceneError for an option that is not legal.
+    """
+    own = {name: value for name, value in options.items() if name in names and name not in arguments.given}
+    changed = copy(arguments)
+    if own:
+        try:
+            checked = Options(
+                **{name: value for name, value in vars(arguments).items() if _is_option(name, value)} | own
+            )
+        except SceneError as fault:
+            raise SceneError(f"{model}: options: {fault}") from fault
+        for name in own:
+            setattr(changed, name, getattr(checked, name))
+    return changed
+
+
+def _is_option(name, value) -> bool:
+    return value is not None and name in {field.name for field in fields(Options)}

@@ -1,0 +1,97 @@
+"""`raster warmup`: compile what any picture may need, by drawing small ones of every kind."""
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from ..compiler import kernels
+from ..errors import OutputError
+from ..renderer import render
+from ..scene.camera import Camera
+from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
+from ..scene.material import REFLECTIONS, Material
+from ..scene.mesh import Mesh
+from ..scene.scene import Scene
+from .messages import compiling_announced
+
+_VERTICES = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.5), (0, 0, 9)])
+_FACES = np.array([(0, 1, 2), (0, 2, 3), (2, 3, 4)])
+_SHADINGS = ("flat", "gouraud", "phong")
+
+
+def warm_up(messages) -> None:
+    """Compile the kernels of all ways to shade, and keep them on disk.
+
+    Raises OutputError where there is no folder for them, and says why.
+    """
+    if kernels.CACHE_FOLDER is None:
+        reasons = "; ".join(kernels.CACHE_REASONS) or "there is no folder for them"
+        raise OutputError(f"compiled kernels can't be kept: {reasons}; NUMBA_CACHE_DIR names another")
+    start = perf_counter()
+    with compiling_announced(messages) as announced:
+        draw_all_kinds()
+    text = "ready" if announced else "were ready already"
+    messages.notice(f"kernels {text} after {perf_counter() - start:.1f} s, in {kernels.CACHE_FOLDER}")
+
+
+def draw_all_kinds() -> None:
+    """Draw a picture of every kind that has kernels of its own."""
+    scenes = [_scene(reflection, is_colored) for reflection in ("phong", "blinn") for is_colored in (False, True)]
+    for scene in scenes:
+        for shading in _SHADINGS:
+            for tolerance in (0.0, 1 / 4096):
+                render(scene, 16, shading=shading, tolerance=tolerance, threads=1, color_range="global")
+    for samples in (1, 4):
+        render(scenes[0], 16, samples=samples, outputs=("rgb",), threads=1, cull="back")
+    render(scenes[0], 16, outputs=("depth", "face", "normal"), threads=1)
+    polygons = replace(
+        scenes[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])]
+    )  # a convex one, and one with ears
+    for tolerance in (0.0, 1 / 4096):
+        render(polygons, 16, tolerance=tolerance, threads=1, outputs=("rgb",))
+    for scene in _rarer_scenes():
+        for shading in _SHADINGS:
+            for tolerance in (0.0, 1 / 4096):
+                render(scene, 16, shading=shading, tolerance=tolerance, threads=1, outputs=("rgb",))
+
+
+def _rarer_scenes():
+    """Transparent, textured and shadowed scenes, and lights and reflection models that not every scene has."""
+    plain = _scene("phong", False)
+    colored, checks = _scene("phong", True), np.eye(4)
+    sun, lamp = DirectionalLight((0, -1, -1), 0.5, shadow=True), PointLight((0, 0, 1), 0.5, shadow=True)
+    for scene in (plain, colored):
+        clear = [replace(mesh, material=replace(mesh.material, opacity=0.5)) for mesh in scene.meshes]
+        yield replace(scene, meshes=[*clear, scene.meshes[0]])
+        yield replace(scene, lights=[sun, lamp])
+    for opacity in (0.5, 1.0):
+        look = Material(texture=checks, opacity=opacity)
+        papered = [replace(mesh, uv=mesh.vertices[:, :2], material=look) for mesh in plain.meshes]
+        yield replace(plain, meshes=papered)
+        yield replace(plain, meshes=papered, lights=[sun])
+    models = [Material(reflection=name, **extra) for name in REFLECTIONS for extra in ({}, {"fresnel": 0.1})]
+    models += [Material(reflection="cook-torrance", distribution="beckmann")]
+    meshes = [replace(plain.meshes[0], material=model) for model in models]
+    models += [Material(reflection=name, fresnel=(0.9, 0.5, 0.1), roughness=0.5) for name in ("phong", "cook-torrance")]
+    models += [Material(reflection="cook-torrance", roughness=(0.2, 0.5), tangent=(0, 1, 0))]
+    spot = SpotLight((50, 50, 50), (-1, -1, -1), 0.5)
+    far_away = Camera.orthographic((0, 0, 5))
+    lights = [spot, replace(spot, falloff=2.0), DirectionalLight((0, -1, -1), 0.5)]
+    yield replace(plain, meshes=meshes, lights=lights, camera=far_away, depth_cue=10.0)
+    brushed = Material(reflection="cook-torrance", roughness=(0.2, 0.5))
+    yield replace(plain, meshes=[replace(plain.meshes[0], uv=plain.meshes[0].vertices[:, :2], material=brushed)])
+
+
+def _scene(reflection, is_colored) -> Scene:
+    """A mesh with a crease that reaches behind the camera, so that it is clipped, in all kinds of light."""
+    colors = np.linspace(0.0, 1.0, _VERTICES.size).reshape(_VERTICES.shape) if is_colored else None
+    material = Material(reflection=reflection)
+    meshes = [
+        Mesh(_VERTICES, _FACES, colors=colors, material=material),
+        Mesh(_VERTICES, _FACES, smoothing=np.ones(len(_FACES), np.int32), material=Material(specular=0.0)),
+        Mesh(_VERTICES, _FACES, normals=np.tile((0.0, 0.0, 1.0), (len(_VERTICES), 1)), material=material),
+    ]
+    far_away = (50, 50, 50)  # float32 will do
+    lights = [AmbientLight(0.1), DirectionalLight((0, -1, -1), 0.5), PointLight(far_away, 0.5, (1, 0.1, 0))]
+    return Scene(meshes, lights, Camera.perspective((0, 0, 5)))

@@ -1,0 +1,133 @@
+"""How outputs are written: never in place of a file that the run reads, nor of another output of the run.
+
+Which other files a model reads (materials, textures, buffers, parts of a scene) is known once it has been loaded. So an
+output that exists already, where a later model may read it, waits until all models have been loaded. Unless
+--allow-outside is given, a model can only read what lies in its own folder, and only some formats name other files at
+all: in most runs nothing waits.
+"""
+
+import os
+import signal
+import tempfile
+import threading
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..errors import OutputError
+from ..frame import write_whole
+from ..io.files import identity_of
+from .messages import write_stdout
+from .targets import STDIO
+
+_NAMING = ("obj", "glb", "gltf", "json", "toml")  # formats whose files may name others
+_IN_MEMORY = 2**26  # bytes that wait in memory; more go into a file without a name
+_TERMINATED = 128 + 15  # exit code of a process that SIGTERM has ended
+
+
+class Outputs:
+    """Write the outputs of a run.
+
+    Parameters
+    ----------
+    plan : list of lists of Target, as `plan_targets` returns it
+    arguments : those of the command
+    """
+
+    def __init__(self, plan, arguments):
+        self.files_read = {
+            identity_of(model): model for model in (targets[0].model for targets in plan) if model != STDIO
+        }
+        self._written, self._waiting, self._store = {}, [], None
+        self._later = []  # for each model the folders in which later ones may read
+        below = []
+        for targets in reversed(plan):
+            self._later.insert(0, list(below))
+            model = targets[0].model
+            format = (arguments.input_format or Path(model).suffix).lower().removeprefix(".")
+            if format in _NAMING:
+                folder = os.path.realpath("." if model == STDIO else os.path.dirname(model) or ".")
+                below.append(os.sep if arguments.allow_outside else folder)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        """Write what waits, also after an interrupt: what hasn't been loaded will not be read any more."""
+        self.finish(None)
+
+    def of_model(self, number) -> "ModelOutput":
+        """Return what writes the outputs of one model of the plan."""
+        return ModelOutput(self, number)
+
+    def write(self, content, output, number) -> None:
+        """Write an output of a model; raises OutputError where it would replace what is read or was written."""
+        if output == STDIO:
+            write_stdout(content)
+            return
+        self._check(output)
+        place = os.path.realpath(output)
+        if os.path.isfile(place) and any(Path(place).is_relative_to(folder) for folder in self._later[number]):
+            self._store = self._store or tempfile.SpooledTemporaryFile(_IN_MEMORY)
+            self._waiting.append((output, self._store.seek(0, os.SEEK_END), len(content)))
+            self._store.write(content)
+        else:
+            self._write(content, output)
+
+    def _check(self, output) -> None:
+        identity = identity_of(output)
+        if identity is None:
+            return
+        if identity in self.files_read:
+            what = f"can't write {output}: it is {self.files_read[identity]}, which is read"
+            raise OutputError(f"{what}; give another name with -o")
+        if identity in self._written and os.path.isfile(output):
+            raise OutputError(f"can't write {output}: it is {self._written[identity]}, which has just been written")
+
+    def _write(self, content, output) -> None:
+        with _cleaning_up():
+            write_whole(output, content)
+        self._written[identity_of(output)] = output
+
+    def finish(self, messages) -> list[OutputError]:
+        """Write what waits; return what failed, after telling it."""
+        failures, waiting = [], self._waiting
+        self._waiting = []
+        for output, start, length in waiting:
+            self._store.seek(start)
+            try:
+                self._check(output)
+                self._write(self._store.read(length), output)
+            except OutputError as error:
+                failures.append(error)
+                if messages is not None:
+                    messages.error(error)
+        return failures
+
+
+class ModelOutput:
+    """Write the outputs of one model; `files_read` is a list that takes the paths of the files it reads."""
+
+    def __init__(self, outputs, number):
+        self._outputs, self._number, self.files_read = outputs, number, []
+
+    def write(self, content, output) -> None:
+        """Write an output, as `Outputs.write` does."""
+        self._outputs.files_read |= {identity_of(path): path for path in self.files_read}
+        self._outputs.write(content, output, self._number)
+
+
+@contextmanager
+def _cleaning_up():
+    """Let SIGTERM end the process by an exception inside the block, so that no half file stays."""
+
+    def stop(*_):
+        raise SystemExit(_TERMINATED)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

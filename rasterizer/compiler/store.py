@@ -1,0 +1,206 @@
+"""Where compiled kernels are kept, and files that hold one each.
+
+A kernel on disk is code that every later run executes. So it is read only from a folder that nobody else can write to:
+
+    folder, and every folder above it    belongs to the user who runs the program, or to root, and others can't write to it; above
+                                         the folder itself, a sticky one like /tmp will do: there nobody can move what
+                                         isn't his
+    file                                 a regular one, not a link, of the same owners, that others can't write to
+
+Writing by a group counts as writing by others, unless the group is the user's own: of his name, with no other member.
+Links are followed first, so that what is looked at is what is used. On Windows nothing is looked at: rights are not in
+a file's mode there, and folders of a user's profile are closed to others from the start.
+
+A file holds a checksum over all that follows, the key it was stored under, and the code. What is cut off, garbled, or
+of another version, is as good as no file: the kernel is compiled again. What can't be written is done without.
+"""
+
+import contextlib
+import hashlib
+import logging
+import os
+import stat
+import tempfile
+import time
+from pathlib import Path
+
+PREFIX, SUFFIX, HALF_WRITTEN = "rasterizer-kernels-", ".kernel", ".kernel-part"
+MARKER, MARK = "of-rasterizer", b"Compiled kernels of rasterizer. This folder may be removed at any time.\n"
+FORMAT = b"rasterizer kernel 1\n"
+MOST_BYTES = 2**28  # of a file: kernels have less than a thousandth of it
+MONTH = 30 * 24 * 3600  # seconds
+
+_log = logging.getLogger("rasterizer")
+
+
+def choose_folder(candidates, name: str) -> tuple[Path | None, list[str]]:
+    """Return the first of the folders `candidates` below which a folder `name` is, or can be made, that only the user
+    can write to, with that name; None where there is none. Also why those before it won't do.
+
+    Folders that are missing are made, closed to everybody else.
+    """
+    reasons = []
+    for candidate in candidates:
+        try:
+            base = Path(os.path.realpath(candidate))
+            reason = find_distrust(next(step for step in (base, *base.parents) if os.path.lexists(step)), is_above=True)
+            if not reason:
+                folder = base / name
+                for step in (*reversed(folder.parents), folder):
+                    with contextlib.suppress(FileExistsError):
+                        step.mkdir(mode=0o700)
+                folder = Path(os.path.realpath(folder))
+                reason = find_distrust(folder)
+            if not reason:
+                with tempfile.TemporaryFile(dir=folder):
+                    pass
+                _mark(folder)
+                return folder, reasons
+        except (OSError, ValueError) as fault:  # ValueError: a name with a null character
+            reason = f"it can't be written ({getattr(fault, 'strerror', None) or fault})"
+        reasons.append(f"{candidate}: {reason}")
+    return None, reasons
+
+
+def find_distrust(folder: Path, is_above: bool = False) -> str:
+    """Say why code may not be kept in a folder, which exists and has no links in its path; nothing where it may.
+
+    `is_above` tells that the folder is only one above it.
+    """
+    if os.name != "posix":
+        return ""
+    for step in (folder, *folder.parents):
+        status = os.lstat(step)
+        if status.st_uid not in (os.geteuid(), 0):
+            return f"{step} belongs to another user"
+        is_sticky = bool(status.st_mode & stat.S_ISVTX) and (is_above or step != folder)
+        if _is_open_to_others(status) and not is_sticky:
+            return f"others can write to {step}"
+    return ""
+
+
+def _is_open_to_others(status) -> bool:
+    """Tell whether anybody but the owner can write."""
+    if status.st_mode & stat.S_IWOTH:
+        return True
+    return bool(status.st_mode & stat.S_IWGRP) and not _is_private_group(status.st_gid)
+
+
+def _is_private_group(number) -> bool:
+    """Tell whether a group is the user's own: many systems make one for every user, and let it write."""
+    import grp
+    import pwd
+
+    try:
+        user, group = pwd.getpwuid(os.geteuid()).pw_name, grp.getgrgid(number)
+    except KeyError:  # containers have users without names
+        return False
+    return group.gr_name == user and set(group.gr_mem) <= {user}
+
+
+def home_folders() -> list[Path]:
+    """Return where the user's caches may be: XDG_CACHE_HOME, else .cache in HOME, else in the home that the system
+    knows of.
+
+    Only absolute names count: others would depend on the folder that the program is started in.
+    """
+    asked, home = os.environ.get("XDG_CACHE_HOME", ""), os.path.expanduser("~")
+    names = [asked] if os.path.isabs(asked) else [os.path.join(home, ".cache")]
+    if os.name == "posix":
+        import pwd
+
+        with contextlib.suppress(KeyError):
+            names.append(os.path.join(pwd.getpwuid(os.geteuid()).pw_dir, ".cache"))
+    return [Path(name) for name in dict.fromkeys(names) if os.path.isabs(name)]
+
+
+def _mark(folder: Path) -> None:
+    """Say whose folder it is, and that it is in use: its age counts from now."""
+    with contextlib.suppress(OSError):  # a full disk: then the folder is never removed
+        if not (folder / MARKER).exists():
+            (folder / MARKER).write_bytes(MARK)
+        os.utime(folder)
+
+
+def remove_old(folder: Path) -> None:
+    """Remove the kernels of other versions beside `folder` that nobody has used for a month.
+
+    Only a folder with exactly such a name and with the marker in it, never a link, and of it only files with names of
+    ours.
+    """
+    with contextlib.suppress(OSError), os.scandir(folder.parent) as entries:
+        for entry in entries:
+            with contextlib.suppress(OSError):  # somebody else's, or just removed by another process
+                if entry.name != folder.name and _is_ours(entry) and time.time() - entry.stat().st_mtime > MONTH:
+                    _empty(Path(entry.path))
+
+
+def _is_ours(entry) -> bool:
+    """Tell whether an entry of a folder is a folder that this module has made."""
+    digits = entry.name.removeprefix(PREFIX)
+    is_named = entry.name.startswith(PREFIX) and len(digits) == 16 and set(digits) <= set("0123456789abcdef")
+    if not is_named or not entry.is_dir(follow_symlinks=False):
+        return False
+    marker = Path(entry.path) / MARKER
+    return stat.S_ISREG(os.lstat(marker).st_mode) and marker.read_bytes() == MARK
+
+
+def _empty(folder: Path) -> None:
+    """Remove a folder of ours; it stays where there is anything else in it."""
+    for name in os.listdir(folder):
+        if name.endswith((SUFFIX, HALF_WRITTEN)):
+            os.unlink(folder / name)
+    if os.listdir(folder) == [MARKER]:
+        os.unlink(folder / MARKER)
+        os.rmdir(folder)
+
+
+def file_name(title: str, key: bytes) -> str:
+    """The name of the file that holds the kernel with this key."""
+    return f"{title}-{hashlib.sha256(key).hexdigest()[:16]}{SUFFIX}"
+
+
+def read_code(folder: Path, title: str, key: bytes) -> bytes | None:
+    """Return the code that was stored under a key, or None where there is none, or none that can be used."""
+    path = folder / file_name(title, key)
+    try:
+        content = _read_own(path)
+    except FileNotFoundError:
+        return None
+    except OSError as fault:
+        _log.info("kernel %s can't be read and is compiled again (%s)", path, fault.strerror or fault)
+        return None
+    checksum, rest = content[len(FORMAT) : len(FORMAT) + 32], memoryview(content)[len(FORMAT) + 32 :]
+    if not content.startswith(FORMAT) or hashlib.sha256(rest).digest() != checksum:
+        _log.info("kernel %s is damaged and is compiled again", path)
+        return None
+    size = int.from_bytes(rest[:4], "little")
+    return bytes(rest[4 + size :]) if rest[4 : 4 + size] == key else None
+
+
+def _read_own(path: Path) -> bytes:
+    """Read a regular file that nobody else can have written; OSError for anything else."""
+    flags = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY", "O_CLOEXEC"))
+    with open(os.open(path, flags), "rb") as file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode) or status.st_size > MOST_BYTES:
+            raise OSError(f"{path} is not a file with a kernel")
+        if os.name == "posix" and (status.st_uid not in (os.geteuid(), 0) or _is_open_to_others(status)):
+            raise OSError(f"others may have written {path}")
+        return file.read()
+
+
+def write_code(folder: Path, title: str, key: bytes, code: bytes) -> None:
+    """Store code under a key, whole or not at all; where that can't be done, nothing is stored."""
+    rest = len(key).to_bytes(4, "little") + key + code
+    path, part = folder / file_name(title, key), None
+    try:
+        number, part = tempfile.mkstemp(suffix=HALF_WRITTEN, dir=folder)
+        with open(number, "wb") as file:
+            file.write(FORMAT + hashlib.sha256(rest).digest() + rest)
+        os.replace(part, path)
+    except OSError as fault:
+        _log.info("kernel %s can't be kept (%s)", path, fault.strerror or fault)
+        if part is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(part)

@@ -1,0 +1,156 @@
+"""The illumination equation at points, without a picture: for a notebook, a plot, or a test of one's own."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+
+from ..errors import SceneError
+from ..options import Options
+from ..pipeline.fragments import make_rows
+from ..pipeline.lighting import light_points
+from ..pipeline.transform import Screen
+from ..scene.camera import Camera, View
+from ..scene.lights import Light, check_number
+from ..scene.material import Material
+from ..scene.validate import plain_array, shown, unit3, vector3
+from .intensity_bounds import common_color
+from .plan import make_plan
+from .uniforms import make_lighting
+
+
+def illuminate(
+    points, normals, material, lights, viewer=None, *, toward_viewer=None, tangents=None, two_sided=False, exposure=0.0,
+    spectral=None,
+):  # fmt: skip
+    """Evaluate the illumination equation at points of a surface, by the code that renders, in float64.
+
+    I = ke + ka·Ia + Σ f_att f_spot Ip [kd D + ks W h], summed over the lights; see `Material` for D, W and h.
+
+    Parameters
+    ----------
+    points : (..., 3) numbers, world space, scene units
+    normals : (..., 3) numbers of any length above 0, world space; the shapes of both are broadcast
+    material : Material, or the name of one (see `Material.named`); without a texture
+    lights : one light or a sequence of them; area lights as in a picture; shadows have no part, as nothing is there to
+        cast them
+    viewer : three numbers, the eye's place in the world; or a Camera, without perspective at infinity
+    toward_viewer : three numbers in place of `viewer`: the direction from the surface to an eye at infinity, of any
+        length
+    tangents : (..., 3) numbers, world space, the direction in which u grows; needed by materials that are brushed along
+        u
+    two_sided : bool, turn normals that look away from the viewer, as pictures do; else the normals are taken as they
+        are
+    exposure : stops by which light is multiplied, 2^exposure
+    spectral : number of samples of 380..780 nm, 3 to 401; None = 81 where a light or the material has a Spectrum, else
+        RGB
+
+    Returns
+    -------
+    (..., 3) float64, linear RGB, not clamped; a white matte surface facing a light of intensity 1 has 1
+
+    Raises
+    ------
+    SceneError : shapes that don't fit, values that are not finite, normals without length, no viewer or two, lights
+        that move with a camera where the viewer is none, a texture
+    """
+    material = Material.named(material) if isinstance(material, str) else material
+    if not isinstance(material, Material):
+        raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
+    if material.texture is not None:
+        raise SceneError("the material must have no texture: points have no texture coordinates")
+    if not isinstance(two_sided, (bool, np.bool_, int)):
+        raise SceneError(f"two_sided must be True or False; given {shown(two_sided)}")
+    if points is None or normals is None:
+        raise SceneError("points and normals must be (..., 3) finite numbers; given None")
+    points, normals, tangents, shape = _checked_points(points, normals, tangents, material)
+    view, is_perspective = _look_from(viewer, toward_viewer)
+    lights = _checked_lights(lights, isinstance(viewer, Camera))
+    scene = SimpleNamespace(
+        background=None, lights=lights, meshes=[SimpleNamespace(palette=(material,))], depth_cue=None
+    )
+    plan = make_plan(scene, Options(tolerance=0.0, exposure=exposure, spectral=spectral), np.empty((0, 3)))
+    lighting = make_lighting(plan, view, (), is_perspective)
+    # Of a screen lighting reads the eye and the axis along which it looks.
+    screen = Screen(view.eye, view.right, view.up, view.forward, *[1.0] * 8, is_perspective)
+    columns = np.concatenate([normals, tangents], axis=1).T if plan.has_tangents else normals.T
+    n = len(points)
+    found = np.empty((n, plan.n_channel))
+    light_points(
+        np.ascontiguousarray(points.T), np.ascontiguousarray(columns), np.empty((0, 3)), np.empty(0), 0, n, screen,
+        0 if two_sided else 1, lighting, 0, make_rows(plan.dtype), found,
+    )  # fmt: skip
+    if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
+        found = found * common_color(plan.materials, plan.lights, plan.ambient)
+    return found.reshape(shape)
+
+
+def _checked_points(points, normals, tangents, material):
+    """Points, unit normals and tangents as (n, 3) float64, and the shape that they had."""
+    names = ("points", "normals", "tangents")
+    given = [
+        _vectors(value, name)
+        for value, name in zip((points, normals, tangents), names, strict=True)
+        if value is not None
+    ]
+    try:
+        given = np.broadcast_arrays(*given)
+    except ValueError:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in zip(names, given, strict=False))
+        raise SceneError(f"the shapes of points and normals must fit each other; given {shapes}") from None
+    shape = given[0].shape
+    points, normals = given[0].reshape(-1, 3), given[1].reshape(-1, 3)
+    largest = np.abs(normals).max(axis=1, keepdims=True, initial=0.0)
+    if (largest == 0.0).any():
+        raise SceneError("normals must have a length; given a zero vector")
+    # Dividing by the largest component first keeps the squares from over- and underflowing.
+    normals = normals / largest
+    normals = normals / np.sqrt((normals * normals).sum(axis=1, keepdims=True))
+    if tangents is None and material.is_anisotropic and material.tangent == "u":
+        raise SceneError("a material brushed along u needs tangents, (..., 3); or give its tangent as an axis")
+    return points, normals, given[2].reshape(-1, 3) if tangents is not None else np.zeros_like(points), shape
+
+
+def _vectors(value, name) -> np.ndarray:
+    """An array (..., 3) of finite float64."""
+    try:
+        array = plain_array(value)
+        array = array.astype(np.float64) if array.dtype.kind in "fiu" else np.empty(0)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.ndim == 0 or array.shape[-1] != 3 or not np.isfinite(array).all():
+        raise SceneError(f"{name} must be (..., 3) finite numbers; given {shown(value)}")
+    return array
+
+
+def _look_from(viewer, toward_viewer):
+    """The view, as far as lighting reads it, and whether the viewer has a place."""
+    if (viewer is None) == (toward_viewer is None):
+        raise SceneError("give either viewer (a place, or a Camera) or toward_viewer (a direction)")
+    if isinstance(viewer, Camera):
+        return viewer.view(), viewer.is_perspective
+    axes = np.eye(3)
+    if viewer is not None:
+        return View(np.array(vector3(viewer, "the viewer")), axes[0], axes[1], -axes[2]), True
+    back = np.array(unit3(toward_viewer, "the direction toward_viewer"))
+    return View(np.zeros(3), axes[0], axes[1], -back), False
+
+
+def _checked_lights(lights, has_camera):
+    """One light or many as a tuple, none with shadows."""
+    lights = (lights,) if isinstance(lights, Light) else lights
+    try:
+        lights = tuple(lights)
+    except TypeError:
+        lights = (None,)
+    for i, light in enumerate(lights):
+        if not isinstance(light, Light):
+            raise SceneError(
+                f"lights must be Ambient-, Directional-, Point-, Spot- or AreaLight; given {shown(light)} at {i}"
+            )
+        if getattr(light, "attached", "world") == "camera" and not has_camera:
+            raise SceneError(f"light {i} moves with the camera: the viewer must be a Camera")
+    check_number(lights)
+    return tuple(
+        replace(light, shadow=None) if getattr(light, "shadow", None) is not None else light for light in lights
+    )

@@ -1,0 +1,77 @@
+"""Spectral colour: light and colours are multiplied wavelength by wavelength, and seen by the standard observer at the
+end.
+
+The illumination equation is a sum of products of colours, each times a factor that geometry alone decides (cosines,
+powers, attenuation, shadows). The observer's response is linear. So it may be applied to the products before anything
+is drawn:
+
+    RGB(Σ_i g_i · kd·Ip_i) = Σ_i g_i · RGB(kd·Ip_i)
+
+which gives what an evaluation of every sample of the spectrum at every pixel would give, for the price of three
+channels. A specular reflection function with a spectrum F0 is no such product, but affine in F0: W = F0·(1 - s) + s, s
+= (1 - cos θ)^5. So two products serve, ks·Ip·F0 and ks·Ip·(1 - F0): the highlight is that of W = 1 with the first, and
+times s with the second.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .intensity_bounds import has_colored_fresnel
+
+
+class Products(NamedTuple):
+    """Products of the spectra of materials and lights, as linear RGB; components may be negative."""
+
+    emissive: np.ndarray  # (n_material, 3)
+    ambient: np.ndarray  # (n_material, 3): ka·Ia
+    diffuse: np.ndarray  # (n_material, n_light, 3): kd·Ip
+    specular: np.ndarray  # (n_material, n_light, 3): ks·Ip; with a coloured F0 ks·Ip·F0
+    grazing: np.ndarray  # (n_material, n_light, 3): ks·Ip·(1 - F0); 0 where F0 has no colour
+
+
+def multiply_spectra(materials, lights, ambient_lights, options) -> Products | None:
+    """Multiply what materials reflect by what lights give; None where no colour is a spectrum and no samples are asked
+    for."""
+    fields = ("emissive", "ambient", "diffuse", "specular")
+    colors = [getattr(material, field) for material in materials for field in (*fields, "fresnel")]
+    colors += [light.color for light in (*lights, *ambient_lights)]
+    if options.spectral is None and not any(hasattr(color, "wavelengths") for color in colors):
+        return None
+    from ..scene.spectrum import N_TABLE, rgb_weights, samples_of
+
+    n = options.spectral or N_TABLE  # samples: every 5 nm, as the tables have them
+    weights = rgb_weights(n) * 2.0**options.exposure
+    emissive, ambient, diffuse, specular = (
+        np.array([samples_of(getattr(material, field), n) for material in materials]) for field in fields
+    )
+    around = sum((samples_of(light.color, n) for light in ambient_lights), np.zeros(n))
+    given = np.array([samples_of(light.color, n) for light in lights]).reshape(-1, n)
+    first, rest = split_fresnel(materials, n)
+    return Products(
+        emissive @ weights,
+        (ambient * around) @ weights,
+        (diffuse[:, None] * given) @ weights,
+        ((specular * first)[:, None] * given) @ weights,
+        ((specular * rest)[:, None] * given) @ weights,
+    )
+
+
+def split_fresnel(materials, n=None) -> tuple[np.ndarray, np.ndarray]:
+    """Return F0 and 1 - F0 of materials whose F0 is a colour, 1 and 0 of the others.
+
+    Parameters
+    ----------
+    n : samples of the spectrum; None = linear RGB
+
+    Returns
+    -------
+    two (n_material, n or 3) float64
+    """
+    if n is not None:
+        from ..scene.spectrum import samples_of
+    first = np.ones((len(materials), n or 3))
+    for row, material in zip(first, materials, strict=True):
+        if has_colored_fresnel(material):
+            row[:] = samples_of(material.fresnel, n) if n is not None else material.fresnel
+    return first, 1.0 - first

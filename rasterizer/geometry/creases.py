@@ -1,0 +1,331 @@
+"""Kernels for normals: area vectors, corners, fans, groups.
+
+      after            A *corner* is one vertex of one face, numbered 3 * face + k. It leaves along here-after
+      /  \\             and comes back along before-here. Two faces that share an edge are wound alike where
+     / A  \\            one leaves along it and the other comes back; else one of them is wound badly.
+ before - here         The *fan* is the corners at one vertex.
+
+Each fan is taken apart by itself, with the list of corners at each vertex and nothing else: no table of edges
+and no stored face normals. To compute a normal again at each corner costs less than to store and fetch it.
+
+Rounding: only differences of coordinates are used, so a common offset loses no more than the coordinates
+already have. Lengths may lie anywhere between 1e-60 and 1e60.
+"""
+
+import math
+
+import numpy as np
+
+from ..compiler.kernels import helper, kernel
+
+WEIGHTINGS = ("angle", "area", "uniform")
+_ANGLE, _AREA, _UNIFORM = range(3)
+
+# A corner without a split vertex yet; never an index, as there are at most as many split vertices as corners.
+UNSET = np.uint32(0xFFFFFFFF)
+
+# All pairs of faces at an edge are compared. An edge of more faces than these is no part of a surface: it joins
+# nothing, so that the time stays below this many comparisons a corner.
+MOST_AT_EDGE = 64
+
+# The dot product of two unit normals, each off unit length by 2 * 2^-53, is wrong by less than 8 * 2^-53.
+DOT_ERROR = 2.0**-50
+
+# A cross product a x b of rounded differences is wrong by up to 5.3 * 2^-53 |a||b|: each product carries
+# three roundings, the difference one more, and |(|ay bz| + |az by|, ...)| <= sqrt(2) |a||b|. Under 8 * 2^-53
+# it is noise.
+_FLAT = 2.0**-50
+
+# A sum of weighted normals that is shorter than this part of the weights has cancelled: its direction shows
+# how the coordinates were rounded (single precision: 2^-24), not the surface.
+_CANCELLED = 2.0**-20
+
+
+@kernel
+def sum_by_polygon(vertices, faces, polygons, out_normals, out_scales):
+    """Sum the area vectors by polygon and bring them to unit length, where they are more than rounding.
+
+    vertices (n_vertex, 3) f64, faces (n_face, 3) u32, polygons (n_face,) u32; out_normals (n_polygon, 3) f64
+    and out_scales (n_polygon,) f64, for the size that the rounding is relative to, come in as zero.
+    """
+    for face in range(len(faces)):
+        p0, p1 = _point(vertices, faces[face, 0]), _point(vertices, faces[face, 1])
+        area, scale, _ = _area_vector(p0, p1, _point(vertices, faces[face, 2]))
+        polygon = polygons[face]
+        out_scales[polygon] += scale
+        for axis in range(3):
+            out_normals[polygon, axis] += area[axis]
+    for polygon in range(len(out_normals)):
+        length = _length(_point(out_normals, polygon))
+        has_area = length > _FLAT * out_scales[polygon]
+        for axis in range(3):
+            out_normals[polygon, axis] = out_normals[polygon, axis] / length if has_area else 0.0
+
+
+@kernel
+def list_corners(corner_vertices, out_first, out_corners):
+    """Sort the corners by vertex, each vertex's in their order; return the most that one vertex has.
+
+    corner_vertices (n_corner,) u32; out_corners (n_corner,) u32: those of vertex v are
+    out_corners[out_first[v] : out_first[v + 1]]; out_first (n_vertex + 2,) u32 comes in as zero, its last
+    entry is working space.
+    """
+    # Count two places further on: one for the running sum, one because filling moves each start to its end.
+    for corner in range(len(corner_vertices)):
+        out_first[corner_vertices[corner] + 2] += np.uint32(1)
+    valence = 0
+    for place in range(2, len(out_first)):
+        valence = max(valence, np.int64(out_first[place]))
+        out_first[place] += out_first[place - 1]
+    for corner in range(len(corner_vertices)):
+        place = corner_vertices[corner] + 1
+        out_corners[out_first[place]] = corner
+        out_first[place] += np.uint32(1)
+    return valence
+
+
+@kernel
+def average_fans(vertices, corner_vertices, first, corners, valence, weighting, out_normals):
+    """Average each fan as one group.
+
+    vertices (n_vertex, 3) f64; corner_vertices, first, corners, valence as at `list_corners`; weighting 0 to
+    2; out_normals (n_vertex, 3) f64 comes in as zero.
+    """
+    fan, keys = np.empty((valence, 4)), np.empty(2 * valence, dtype=np.int64)
+    members = np.empty(valence, dtype=np.uint32)
+    for vertex in range(len(vertices)):
+        around = corners[first[vertex] : first[vertex + 1]]
+        n_fan = _gather_fan(vertices, corner_vertices, around, weighting, fan, members, keys)
+        weight = 0.0
+        for i in range(n_fan):
+            weight += fan[i, 3]
+            for axis in range(3):
+                out_normals[vertex, axis] += fan[i, 3] * fan[i, axis]
+        length = _length(_point(out_normals, vertex))
+        has_average = length > _CANCELLED * weight
+        for axis in range(3 if n_fan > 0 else 0):
+            out_normals[vertex, axis] = out_normals[vertex, axis] / length if has_average else fan[0, axis]
+
+
+@kernel
+def split_fans(vertices, corner_vertices, smoothing, first, corners, valence, cos_crease, weighting, out_faces):
+    """Join the corners of each fan into groups, and write split vertices for each; return (source, normals).
+
+    vertices (n_vertex, 3) f64; corner_vertices, first, corners, valence as at `list_corners`; smoothing
+    (n_face,) i32 or empty; weighting 0 to 2; out_faces (n_corner,) u32 comes in as UNSET. source (n_split,)
+    u32, normals (n_split, 3) f64.
+    """
+    # What is known of one fan: unit normal and weight, edges, corner, the walk, groups at their roots.
+    fan, keys = np.empty((valence, 4)), np.empty(2 * valence, dtype=np.int64)
+    members = np.empty(valence, dtype=np.uint32)
+    parents, signs = np.empty(valence, dtype=np.int64), np.empty(valence, dtype=np.int64)
+    sums, split_of = np.empty((valence, 4)), np.empty((valence, 2), dtype=np.int64)
+    # Room for a smooth mesh; it grows with the creases.
+    capacity = min(len(vertices), len(corner_vertices)) + valence
+    source, normals = np.empty(capacity, dtype=np.uint32), np.empty((capacity, 3))
+    n_split = 0
+    for corner in range(len(corner_vertices)):
+        if out_faces[corner] != UNSET:
+            continue
+        vertex = corner_vertices[corner]
+        around = corners[first[vertex] : first[vertex + 1]]
+        if n_split + len(around) > len(source):
+            source, normals = _grow(source, normals, n_split, valence)
+        n_fan = _gather_fan(vertices, corner_vertices, around, weighting, fan, members, keys)
+        _sort(keys[: 2 * n_fan])
+        _link_fan(fan[:n_fan], keys, members, smoothing, cos_crease, parents, signs)
+        _sum_groups(fan[:n_fan], parents, signs, sums, split_of)
+        # Write a split vertex for each side of a group, or for each corner where the group's normals cancel.
+        n_before = n_split
+        for i in range(n_fan):
+            root, sign = _find(parents, signs, i)
+            length = _length(_point(sums, root))
+            has_average = length > _CANCELLED * sums[root, 3]
+            side = (sign + 1) >> 1
+            if not has_average or split_of[root, side] < 0:
+                split_of[root, side] = n_split
+                source[n_split] = vertex
+                for axis in range(3):
+                    normals[n_split, axis] = sign * sums[root, axis] / length if has_average else fan[i, axis]
+                n_split += 1
+            out_faces[members[i]] = split_of[root, side]
+        # The corners without area take the first of these, or a zero normal where there is none.
+        if n_fan == 0:
+            source[n_split] = vertex
+            for axis in range(3):
+                normals[n_split, axis] = 0.0
+            n_split += 1
+        for other in around[: len(around) if n_fan < len(around) else 0]:
+            if out_faces[other] == UNSET:
+                out_faces[other] = n_before
+    return source[:n_split], normals[:n_split]
+
+
+@helper
+def _grow(source, normals, n_split, valence):
+    """Return both outputs with room for half as many entries again and for one more fan."""
+    capacity = n_split + n_split // 2 + valence
+    more_source, more_normals = np.empty(capacity, dtype=np.uint32), np.empty((capacity, 3))
+    # A loop, because numba takes 3 s to compile the copying of one slice to another.
+    for i in range(n_split):
+        more_source[i] = source[i]
+        for axis in range(3):
+            more_normals[i, axis] = normals[i, axis]
+    return more_source, more_normals
+
+
+@helper
+def _gather_fan(vertices, corner_vertices, around, weighting, out_fan, out_members, out_keys):
+    """Measure the corners with an area; list their edges as far vertex << 32 | place in fan << 1 | leaves."""
+    n_fan = 0
+    for corner in around:
+        k = corner % 3
+        after = corner_vertices[corner - 2 if k == 2 else corner + 1]
+        before = corner_vertices[corner + 2 if k == 0 else corner - 1]
+        here = _point(vertices, corner_vertices[corner])
+        normal, weight = _measure_corner(here, _point(vertices, after), _point(vertices, before), weighting)
+        if weight > 0.0:
+            out_fan[n_fan, 0], out_fan[n_fan, 1], out_fan[n_fan, 2], out_fan[n_fan, 3] = *normal, weight
+            out_members[n_fan] = corner
+            out_keys[2 * n_fan] = np.int64(after) << 32 | n_fan << 1 | 1
+            out_keys[2 * n_fan + 1] = np.int64(before) << 32 | n_fan << 1
+            n_fan += 1
+    return n_fan
+
+
+@helper
+def _sort(keys):
+    """Sort in place: an insertion sort for the usual dozen, and not quadratic at the apex of a cone.
+
+    Source: Shell 1959, CACM 2(7), 30-32, with the gaps of Knuth, TAOCP 3, 5.2.1.
+    """
+    gap = 1
+    while gap < len(keys) // 9:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for i in range(gap, len(keys)):
+            key, place = keys[i], i
+            while place >= gap and keys[place - gap] > key:
+                keys[place] = keys[place - gap]
+                place -= gap
+            keys[place] = key
+        gap //= 3
+
+
+@helper
+def _link_fan(fan, keys, members, smoothing, cos_crease, out_parents, out_signs):
+    """Unite the corners of a fan across every edge that isn't a crease; keys as gathered, sorted."""
+    for i in range(len(fan)):
+        out_parents[i], out_signs[i] = i, 1
+    end = 0
+    for a in range(2 * len(fan)):
+        if a == end:  # the corners at one edge stand side by side
+            end = a + 1
+            while end < 2 * len(fan) and keys[a] >> 32 == keys[end] >> 32:
+                end += 1
+            is_surface = end - a <= MOST_AT_EDGE
+        i = (keys[a] & 0xFFFFFFFF) >> 1
+        for b in range(a + 1, end if is_surface else a + 1):
+            j = (keys[b] & 0xFFFFFFFF) >> 1
+            sign = 1 if (keys[a] ^ keys[b]) & 1 else -1
+            if len(smoothing) > 0:
+                group = smoothing[members[i] // 3]
+                is_joined = group != 0 and group == smoothing[members[j] // 3]
+            else:
+                is_joined = sign * _dot(_point(fan, i), _point(fan, j)) >= cos_crease
+            if is_joined:
+                _unite(out_parents, out_signs, i, j, sign)
+
+
+@helper
+def _find(parents, signs, i):
+    """Return the root of a corner's group and whether both are wound alike (1) or not (-1), halving the path.
+
+    signs[i] compares corner i with its parent; a root is its own parent, with sign 1.
+    Source: Tarjan & van Leeuwen 1984, JACM 31(2), 245-281.
+    """
+    sign = 1
+    while parents[i] != i:
+        signs[i] *= signs[parents[i]]
+        parents[i] = parents[parents[i]]
+        sign *= signs[i]
+        i = parents[i]
+    return i, sign
+
+
+@helper
+def _unite(parents, signs, i, j, sign):
+    """Unite the groups of two corners, the lower root on top; inside a group the first link counts."""
+    root_i, sign_i = _find(parents, signs, i)
+    root_j, sign_j = _find(parents, signs, j)
+    if root_i != root_j:
+        low, high = min(root_i, root_j), max(root_i, root_j)
+        parents[high], signs[high] = low, sign * sign_i * sign_j
+
+
+@helper
+def _sum_groups(fan, parents, signs, out_sums, out_split_of):
+    """Sum each group's weights and weighted normals, turned to its root's side; clear its split vertices."""
+    for i in range(len(fan)):
+        out_split_of[i, 0], out_split_of[i, 1] = -1, -1
+        for column in range(4):
+            out_sums[i, column] = 0.0
+    for i in range(len(fan)):
+        root, sign = _find(parents, signs, i)
+        for axis in range(3):
+            out_sums[root, axis] += sign * fan[i, 3] * fan[i, axis]
+        out_sums[root, 3] += fan[i, 3]
+
+
+@helper
+def _measure_corner(here, after, before, weighting):
+    """Return the face's unit normal and the weight of its corner at `here`: 0 for a face without area."""
+    area, scale, cosine = _area_vector(here, after, before)
+    length = _length(area)
+    if not length > _FLAT * scale:
+        return (0.0, 0.0, 0.0), 0.0
+    weight = 1.0
+    if weighting == _AREA:
+        weight = length
+    elif weighting == _ANGLE:
+        # From sine and cosine, both times the edges' lengths: exact to rounding for needles and caps.
+        weight = math.atan2(length, cosine)
+    return (area[0] / length, area[1] / length, area[2] / length), weight
+
+
+@helper
+def _area_vector(p0, p1, p2):
+    """Return twice the area vector, the product of its edges' lengths, and the edges' dot product at p0.
+
+    The vector is the cross product of the two shorter edges: they enclose the largest angle, so least is lost
+    to rounding, and each corner of the face gets the same.
+    """
+    e0, e1, e2 = _subtract(p2, p1), _subtract(p0, p2), _subtract(p1, p0)
+    d0, d1, d2 = _dot(e0, e0), _dot(e1, e1), _dot(e2, e2)
+    a, b, scale = e0, e1, d0 * d1
+    if d0 >= d1 and d0 >= d2:
+        a, b, scale = e1, e2, d1 * d2
+    elif d1 >= d2:
+        a, b, scale = e2, e0, d2 * d0
+    area = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    return area, math.sqrt(scale), -_dot(e1, e2)
+
+
+@helper
+def _point(rows, i):
+    return rows[i, 0], rows[i, 1], rows[i, 2]
+
+
+@helper
+def _subtract(a, b):
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@helper
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@helper
+def _length(a):
+    return math.sqrt(_dot(a, a))

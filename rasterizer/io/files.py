@@ -1,0 +1,199 @@
+"""Which files may be read, and how they are written: the one place where this is decided.
+
+What a person names (an argument of `load`, of `Texture`, of the command line) may be any file, pipe or link that ends.
+What a
+*file* names is found by these rules, whatever its format: material libraries (MTL) and textures of OBJ files, textures
+of MTL files, buffers and images of glTF files, models, arrays and textures of scene files:
+
+    where      at or below the folder of the file that the person named; links are followed first, so that none leads out of it
+    refused    absolute paths, `..` that leave that folder, schemes such as http: or file: (but data: in glTF)
+    what       regular files only; a pipe, device or folder is never opened
+    how much   as many bytes as the format says (a glTF buffer's byteLength), else the whole file
+    capitals   need not agree where no other file has the name; a backslash counts as a slash (OBJ and MTL)
+    paths      of the author's machine (OBJ and MTL): where nothing is, or may be read, the last part is looked for in the folder
+
+`allow_outside=True` of `load`, or `--allow-outside`, lifts the first two for local files. What a refused file holds is
+in no message.
+
+Files are written whole or not at all: first hidden beside their places, then renamed. A file that is protected against
+writing is refused, though its folder may be written; one that is replaced keeps its mode, and its owner where that is
+allowed.
+"""
+
+import os
+import secrets
+import stat
+from pathlib import Path
+
+_SCHEME_LENGTH = 2  # letters before a colon from which on they are a scheme; a single one is a drive
+_READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe must not make us wait
+
+
+class OutsideError(ValueError):
+    """A file names another that it may not read."""
+
+
+class Folder:
+    """Find and read the files that a file names; see the rules above.
+
+    Parameters
+    ----------
+    path : where the names are relative to; None = nothing may be read, as for a model given as bytes
+    root : Path that must hold what is read; None = `path`
+    allow_outside : bool, whether files elsewhere may be read too
+    read : list to which the paths (text) of all files that are read are added
+    """
+
+    def __init__(self, path, root=None, allow_outside: bool = False, read: list | None = None):
+        self.path = None if path is None else Path(path)
+        self.root = self.path if root is None else Path(root)
+        self.allow_outside = allow_outside
+        self.read = [] if read is None else read
+        self._listings = {}
+
+    def below(self, path) -> "Folder":
+        """Return the same rules for names that are relative to another folder within."""
+        return Folder(path, self.root, self.allow_outside, self.read)
+
+    def check(self, path) -> Path:
+        """Return the path of a file that may be read.
+
+        Raises
+        ------
+        OutsideError : it lies elsewhere, or is no regular file
+        OSError, ValueError : there is none, or no file can have this name
+        """
+        real = Path(os.path.realpath(path, strict=True))
+        if not self.allow_outside and not real.is_relative_to(os.path.realpath(self.root)):
+            where = "lies outside the folder of the file that names it"
+            raise OutsideError(f"{where}; --allow-outside, or allow_outside=True, reads it")
+        if not stat.S_ISREG(os.stat(real).st_mode):
+            raise OutsideError("is no regular file")
+        return Path(path)
+
+    def find(self, name: str) -> Path:
+        """Return the path of a file by its name, relative to the folder; raises what `check` does."""
+        if self.path is None:
+            raise OutsideError("was named by a file that was given without a folder")
+        head = name.partition(":")[0]
+        if ":" in name and len(head) >= _SCHEME_LENGTH and head.replace("+", "").replace("-", "").isalnum():
+            if not (self.path / name).is_file():
+                raise OutsideError(f"is no file, but has the scheme {head[:20]}:")
+        if not self.allow_outside and os.path.isabs(name):
+            raise OutsideError("is an absolute path; --allow-outside, or allow_outside=True, reads it")
+        return self.check(self.path / name)
+
+    def find_alike(self, name: str) -> Path:
+        """Return the path of a file as OBJ and MTL name it: as written, whatever its capitals, or just its last part.
+
+        Raises OutsideError where a file of this name is there, but may not be read; FileNotFoundError where none is.
+        """
+        if self.path is None:
+            raise FileNotFoundError("no folder")
+        name, refusal = name.replace("\\", "/"), None
+        for wanted in dict.fromkeys((name, name.rsplit("/", 1)[-1])):
+            for spell in (self.path.joinpath, self._whatever_capitals):
+                try:
+                    path = self.check(spell(wanted))
+                    if self.allow_outside or not os.path.isabs(wanted):
+                        return path
+                    raise OutsideError("is an absolute path; --allow-outside, or allow_outside=True, reads it")
+                except OutsideError as fault:
+                    refusal = refusal or fault
+                except OSError:
+                    continue
+        raise refusal or FileNotFoundError("no such file")
+
+    def _whatever_capitals(self, name: str) -> Path:
+        """Return a path below the folder, with the capitals of the files that are there."""
+        found = self.path
+        for word in name.split("/"):
+            if word in ("", ".", "..") or (found / word).exists() or not found.is_dir():
+                found = found / word
+                continue
+            if found not in self._listings:  # many names may be missing
+                names = sorted((entry.name for entry in found.iterdir()), reverse=True)
+                self._listings[found] = {each.lower(): each for each in names}
+            found = found / self._listings[found].get(word.lower(), word)
+        return found
+
+    def read_bytes(self, path, most: int | None = None) -> bytes:
+        """Return the bytes of a file that `find` has returned, at most `most` of them; raises what `check` does."""
+        descriptor = os.open(self.check(path), _READ_ONLY)
+        with os.fdopen(descriptor, "rb") as stream:
+            if not stat.S_ISREG(os.fstat(descriptor).st_mode):  # it may have become another since
+                raise OutsideError("is no regular file")
+            self.read.append(str(path))
+            return stream.read(-1 if most is None else most)
+
+
+def read_named(path) -> bytes:
+    """Return the bytes of a file that a person named, which may be a pipe; OSError also for a device, which may have no
+    end."""
+    with open(path, "rb") as stream:
+        mode = os.fstat(stream.fileno()).st_mode
+        if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+            raise OSError("it is a device")
+        return stream.read()
+
+
+def identity_of(path) -> tuple[int, int] | None:
+    """Return what tells a file from all others, whatever name or link leads to it; None where there is none."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return None
+    return status.st_dev, status.st_ino
+
+
+def write_and_move(contents: dict[str, bytes]) -> None:
+    """Write files, all of them or none: first hidden in the folders of their places, then renamed in turn.
+
+    Parameters
+    ----------
+    contents : bytes by place, the real path of a file; what is there is replaced, and its mode kept
+
+    Raises
+    ------
+    OSError : a file can't be written or renamed, or is protected; the hidden ones are removed, also by an interrupt
+    """
+    written = {}
+    try:
+        for place, content in contents.items():
+            temporary = os.path.join(os.path.dirname(place), f".raster-{secrets.token_hex(8)}")
+            written[temporary] = place
+            _write_new(temporary, place, content)
+        while written:
+            temporary = next(iter(written))
+            os.replace(temporary, written[temporary])
+            del written[temporary]
+    finally:
+        for temporary in written:
+            if os.path.lexists(temporary):
+                os.unlink(temporary)
+
+
+def _write_new(temporary, place, content) -> None:
+    """Write a new file that gets the mode and owner of the one at `place`; without one, what the process's umask
+    leaves."""
+    try:
+        old = os.stat(place)
+    except FileNotFoundError:
+        old = None
+    if old is not None and not (
+        old.st_mode & 0o222 and os.access(place, os.W_OK)
+    ):  # for the superuser the mode counts, too
+        raise PermissionError(13, "the file that is there is protected against writing")
+    mode = 0o666 if old is None else 0o600  # nobody else reads what the old file hid
+    with os.fdopen(
+        os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode), "wb"
+    ) as stream:
+        stream.write(content)
+        if old is not None:
+            new = os.fstat(stream.fileno())
+            if hasattr(os, "fchown") and (old.st_uid, old.st_gid) != (new.st_uid, new.st_gid):
+                try:
+                    os.fchown(stream.fileno(), old.st_uid, old.st_gid)
+                except PermissionError:
+                    pass  # only the superuser gives files away
+            os.chmod(temporary, stat.S_IMODE(old.st_mode))

@@ -1,0 +1,180 @@
+"""What the readers of model files share.
+
+In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
+"""
+
+import math
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ModelError
+from ..geometry.polygons import CROSSING, Cut, TooManyCorners, cut_polygons
+from ..scene.material import Material
+from .files import Folder
+
+# Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
+WHITE = Material(diffuse=1.0)
+
+Part = dict
+
+
+class Contents(NamedTuple):
+    """What a file holds: parts, or pairs of a part and the matrix (4, 4) of its place; lights; a camera."""
+
+    parts: list
+    lights: tuple | None = None  # of rasterizer.scene.lights; None = the file has none
+    camera: object = None  # Camera or None
+
+
+def materials_of(part: Part) -> tuple[Material, ...]:
+    """Return the materials of a part, whether it has one or several."""
+    return part.get("materials") or (part["material"],)
+
+
+class ModelFile(NamedTuple):
+    """One file: name for messages, format, bytes, the folder of the files it refers to, and who is told."""
+
+    name: str
+    format: str
+    data: bytes
+    folder: Path | None
+    log: Callable[[str], None]
+    files: Folder | None = None  # None = those at or below `folder`
+
+    @property
+    def beside(self) -> Folder:
+        """The files that this one may name."""
+        return Folder(self.folder) if self.files is None else self.files
+
+    def error(self, fault: str, line: int | None = None) -> ModelError:
+        """Make the error `name:line: fault`."""
+        place = self.name if line is None else f"{self.name}:{line}"
+        return ModelError(f"{place}: {fault}")
+
+
+def text_of(data: bytes) -> str:
+    """Decode UTF-8, or Latin-1 where it is none: numbers and keywords are ASCII, only names differ."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def bytes_of(colors):
+    """Return colours as 8 bit values; floats count from 0 to 1, or to 255 where one of them is above 1."""
+    colors = np.asarray(colors)
+    if colors.dtype == np.uint8:
+        return colors
+    colors = np.nan_to_num(colors.astype(np.float64))
+    scale = 255.0 if colors.max(initial=0.0) <= 1.0 else 1.0
+    return np.rint(np.clip(colors * scale, 0.0, 255.0)).astype(np.uint8)
+
+
+def weld(part: Part) -> Part:
+    """Join the vertices that agree in every bit of position and colour, so that normals can be averaged
+    across them.
+
+    Some formats repeat a vertex for each of its triangles, normals or texture coordinates. Normals and
+    texture coordinates become those of the faces' corners. A part whose faces refer to vertices that are not
+    there is left for `Mesh` to refuse.
+    """
+    corners, n_vertex = part["faces"], len(part["vertices"])
+    columns = [part["vertices"] + 0.0]  # turns -0 into 0
+    if "colors" in part:
+        columns.append(np.asarray(part["colors"], np.float64))
+    first, inverse = unique_rows(np.concatenate(columns, axis=1))
+    if len(first) == n_vertex or corners.min() < 0 or corners.max() >= n_vertex:
+        return part
+    welded = {**part, "vertices": part["vertices"][first], "faces": inverse[corners]}
+    if "colors" in part:
+        welded["colors"] = part["colors"][first]
+    for attribute in ("normals", "uv"):
+        if attribute in part and part[attribute].ndim == 2:
+            welded[attribute] = part[attribute][corners]
+    return welded
+
+
+def unique_rows(rows):
+    """Find equal rows, bit by bit.
+
+    Parameters
+    ----------
+    rows : (n, k) float64
+
+    Returns
+    -------
+    first (n_unique,) int64 row at which each distinct row appears first, ascending; inverse (n,) int64 with
+    rows[first][inverse] equal to rows
+    """
+    bits = np.ascontiguousarray(rows).view(np.uint64)
+    mixed = np.zeros(len(bits), np.uint64)
+    for column in bits.T:
+        # One multiplication and shift a column, as in Steele, Lea, Flood 2014 (SplitMix64), OOPSLA.
+        mixed = (mixed ^ column) * np.uint64(0xBF58476D1CE4E5B9)
+        mixed ^= mixed >> np.uint64(31)
+    _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
+    if not np.array_equal(bits[first][inverse], bits):  # two different rows share a hash
+        _, first, inverse = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[inverse.reshape(-1)]
+
+
+def cut_faces(model, points, corners, counts, line_of) -> Cut:
+    """Cut the polygons of a file, as `geometry/polygons.py` says; the second half of a quad 0 1 2 3 that is a fan
+    begins at 2: 2 3 0.
+
+    Parameters
+    ----------
+    points : (n_vertex, 3) float64
+    corners : (n_corner,) int64, legal indices of vertices, polygon by polygon
+    counts : (n_polygon,) int64
+    line_of : function of the number of a polygon, which returns what stands behind the file's name in the warning, as
+        ":12: face"
+
+    Warns
+    -----
+    UserWarning : polygons that cross themselves
+
+    Raises
+    ------
+    ModelError : concave polygons with too many corners
+    """
+    try:
+        cut = cut_polygons(points, corners, counts)
+    except TooManyCorners as refusal:
+        raise ModelError(f"{model.name}{line_of(refusal.polygon)} {refusal.fault}") from None
+    if len(cut.crossing):
+        more = f"; so do {len(cut.crossing) - 1} more" if len(cut.crossing) > 1 else ""
+        warnings.warn(f"{model.name}{line_of(int(cut.crossing[0]))} {CROSSING}{more}", stacklevel=2)
+    first = (np.cumsum(counts) - counts)[cut.polygons]
+    is_second_half = (counts[cut.polygons] == 4) & (cut.corners[:, 0] == first) & (cut.corners[:, 1] == first + 2)
+    cut.corners[is_second_half] = cut.corners[is_second_half][:, [1, 2, 0]]
+    return cut
+
+
+def check_indices(model, corners, counts, n_vertex, place_of) -> None:
+    """Raise ModelError where a corner of a polygon is no vertex; `place_of` says where a polygon stands, as in
+    `cut_faces`."""
+    if len(corners) == 0 or (corners.min() >= 0 and corners.max() < n_vertex):
+        return
+    bad = int(np.argmax((corners < 0) | (corners >= n_vertex)))
+    polygon = int(np.searchsorted(np.cumsum(counts), bad, side="right"))
+    raise ModelError(
+        f"{model.name}{place_of(polygon)} refers to vertex {corners[bad]}; the file has {n_vertex}, legal is 0..{n_vertex - 1}"
+    )
+
+
+def is_drawable(part: Part) -> bool:
+    """Tell whether at least one face has finite corners and an area."""
+    with np.errstate(all="ignore"):
+        corners = part["vertices"][part["faces"]].astype(np.float64)
+        scale = np.abs(corners).max(where=np.isfinite(corners), initial=0.0)
+        edges = (corners[:, 1:] - corners[:, :1]) / (scale or math.inf)
+        area = np.cross(edges[:, 0], edges[:, 1])
+    return bool((np.isfinite(area).all(axis=1) & (area != 0.0).any(axis=1)).any())

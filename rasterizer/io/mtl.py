@@ -1,0 +1,392 @@
+"""Read MTL material files.
+
+How a file's values become a `Material`; coefficients are linear, one number stands for a grey. What is marked (w) is
+warned of, with file and line; a line that can't be read (no number, not finite, negative) counts as if it weren't there
+(w).
+
+    Kd       diffuse; missing: the default grey
+    Ka       ambient, as the file says, also the 0 0 0 that exporters write unasked; missing: as Kd. So is 1 1 1 beside another
+             Kd: Blender writes it for every material, and would bleach all that is coloured (reported)
+    Ks       specular; missing: none
+    Ke       emissive; missing: none
+    above 1  Ka Kd Ks in whole numbers up to 255 are bytes: divided by 255 (w); else divided by their largest component
+    (w):
+             no surface reflects more than it gets. Ke may be as bright as it likes
+    xyz      CIE XYZ, brought to linear RGB, negative components 0; `spectral` files are not read: as if missing (w)
+    two      numbers of a colour: the blue is that of the first, as the format says (w)
+    Ns       shininess; missing: the default. Below 1, also the 0 of matte surfaces: no highlight (w, if Ks is not 0), since
+             (R·V)^0 is 1 all over the lit side and burns it out. Above 10^6: 10^6 (w, likewise)
+    d        opacity, within 0..1 (w); d 0 is invisible (w)
+    Tr       without d: 1 - Tr by the format's later custom; but exporters disagree, so the file's own evidence counts first:
+             1. materials with both d and Tr show whether Tr is d or 1 - d;
+             2. else, if a comment names MeshLab, or some Tr is 1 and none is 0, Tr is the opacity: MeshLab writes it
+                so, `Tr 1` for what is opaque, and nobody exports what can't be seen;
+             3. else it is 1 - opacity, but Tr 1 is opaque all the same.
+             Where that makes Tr an opacity (w). With d, Tr is not looked at
+    illum 0  the plain colour Kd (+ Ke), not lit at all: it becomes emissive, and everything else 0
+    illum 1  no specular; all other models, 2 to 10: the equation as usual; any other number: as 2 (w)
+    illum 4, 6, 7, 9 (glass) ask for rays; without d or Tr such a material is opaque
+    map_Kd   texture, sRGB: it multiplies Kd and Ka; a missing Kd is 1 then. The alpha of the picture, if it has any, multiplies d
+    map_d    another picture than that of map_Kd: its grey (8 bits / 255, not decoded) becomes the texture's alpha; the same
+             picture: its own alpha
+    -clamp   on: "clamp", else "repeat"; the other options and maps are not applied: reported
+
+A picture that is missing or unreadable is warned of, and the material keeps its plain colour. Names of files are
+relative to the MTL file; which of them are read is said in `_files`. With illum 0 a texture needs light all the same.
+
+Format: Wavefront, MTL specification 4.2, 1995.
+"""
+
+import math
+import re
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ModelError, SceneError
+from ..scene.material import Material
+from ..scene.spectrum import rgb_from_xyz
+from ..scene.texture import Budget, Texture, read_picture
+from .files import OutsideError
+from .model_file import ModelFile, text_of
+
+MOST_SHININESS = 1e6  # a highlight of 0.1 degrees: smaller than a pixel of any picture
+LONGEST_NAME = 4096  # letters of a file's name, with its folders; no system takes longer ones
+MOST_WARNINGS = 20  # lines of one file that are warned of one by one
+_COLORS = ("ka", "kd", "ks", "ke")
+_NUMBERS = ("ns", "d", "tr", "illum")
+_MAPS = ("map_", "bump", "disp", "decal", "refl", "norm")  # the first letters of all keywords that name a picture
+# How many words follow an option at most; where that is more than one, the second and third must be numbers.
+_OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2} | dict.fromkeys(
+    ("-blendu", "-blendv", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-bm", "-type"), 1
+)
+
+
+class Doubts:
+    """What is doubtful in a file, by line, warned of all at once."""
+
+    def __init__(self, library):
+        self.library, self.found = library, set()
+
+    def add(self, line, text) -> None:
+        """Remember a doubt about a line."""
+        self.found.add((line, text))
+
+    def warn(self) -> None:
+        """Warn of the first ones, in the order of the lines; and of how many more there are."""
+        found = sorted(self.found)
+        for k, (line, text) in enumerate(found[:MOST_WARNINGS]):
+            more = f" (and {len(found) - MOST_WARNINGS} lines more)" if k == MOST_WARNINGS - 1 < len(found) - 1 else ""
+            warnings.warn(f"{self.library.name}:{line}: {text}{more}", stacklevel=3)
+
+
+def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Material]:
+    """Read the materials of an MTL file.
+
+    Parameters
+    ----------
+    library : ModelFile with the bytes of the MTL file; its folder is where textures are looked for
+    used : set of names of the materials whose textures are read, and whose doubts are warned of; None = all
+    maps : Maps, the pictures read so far
+
+    Returns
+    -------
+    dict, name to Material
+
+    Warns
+    -----
+    UserWarning : a line that can't be read or is taken otherwise than it stands there, with file and line; a texture
+        that can't be
+    """
+    maps = Maps(library.log) if maps is None else maps
+    doubts, found = Doubts(library), {}
+    blocks = _blocks(library)
+    is_opacity = _is_tr_opacity(library, [values for _, values, _ in blocks])
+    for name, values, faults in blocks:
+        is_used = used is None or name in used
+        texture = maps.texture(library, name, values.get("map_kd"), values.get("map_d")) if is_used else None
+        own = doubts if is_used else Doubts(library)  # of no concern
+        own.found.update(faults)
+        found[name] = _material(library, name, values, texture, is_opacity, own)
+    doubts.warn()
+    return found
+
+
+def _blocks(library) -> list[tuple[str, dict, list]]:
+    """Return the name, the values and the faults of every material; a value is (number or colour, line), a map (name,
+    wrap)."""
+    blocks, name, values, faults = [], None, {}, []
+    lines = text_of(library.data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    for line_number, line in enumerate(lines, 1):
+        key, _, rest = line.strip().replace("\t", " ").partition(" ")
+        key, rest = key.lower(), rest.strip()
+        if key == "newmtl":
+            if name is not None:
+                blocks.append((name, values, faults))
+            name, values, faults = rest, {}, []
+        elif key in _COLORS + _NUMBERS:
+            number, fault = _value(key, rest)
+            if fault:
+                faults.append((line_number, fault))
+            if number is not None:
+                values[key] = number, line_number
+        elif key in ("map_kd", "map_d"):
+            values[key] = _map_line(library, line_number, key, rest)
+        elif key.startswith(_MAPS):
+            library.log(f"{library.name}: texture '{rest}' ({key}) of material '{name}' is not drawn by this version")
+    if name is not None:
+        blocks.append((name, values, faults))
+    return blocks
+
+
+def _is_tr_opacity(library, blocks) -> bool:
+    """Tell whether `Tr` is the opacity in a file; see the module's docstring. Files have three digits or more."""
+    pairs = [(values["d"][0], values["tr"][0]) for values in blocks if "d" in values and "tr" in values]
+    as_opacity = sum(abs(d - tr) < 1e-3 <= abs(1 - d - tr) for d, tr in pairs)
+    as_rest = sum(abs(1 - d - tr) < 1e-3 <= abs(d - tr) for d, tr in pairs)
+    if as_opacity != as_rest:
+        return as_opacity > as_rest
+    alone = [values["tr"][0] for values in blocks if "tr" in values and "d" not in values]
+    comments = re.findall(rb"#[^\r\n]*", library.data)
+    return any(b"meshlab" in comment.lower() for comment in comments) or (1.0 in alone and 0.0 not in alone)
+
+
+def _map_line(library, line_number, key, rest) -> tuple[str, str]:
+    """Return the name of the picture that a line gives, which may hold blanks, and how it is wrapped."""
+    words, wrap = rest.split(), "repeat"
+    while len(words) > 1 and words[0].lower() in _OPTIONS:
+        option = words.pop(0).lower()
+        values = [words.pop(0)] if len(words) > 1 else []
+        while len(values) < _OPTIONS[option] and len(words) > 1 and _is_number(words[0]):
+            values.append(words.pop(0))
+        if option == "-clamp":
+            wrap = "clamp" if values and values[0].lower() == "on" else "repeat"
+        else:
+            library.log(
+                f"{library.name}:{line_number}: the option '{option} {' '.join(values)}' of {key} is not applied"
+            )
+    return " ".join(words), wrap
+
+
+def _is_number(word) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _value(key, rest) -> tuple[float | tuple | None, str | None]:
+    """Return the number or colour of one line, None where it has none, and what is doubtful about it."""
+    words = [word for word in rest.partition("#")[0].split() if word.lower() != "-halo"]
+    form = words[0].lower() if key in _COLORS and words else ""
+    spelt = key if key in ("d", "illum") else key.capitalize()
+    if form == "spectral":
+        return None, f"'{spelt} {rest[:60]}': the spectral form of a colour is not read; it counts as missing"
+    words = words[1:] if form == "xyz" else words
+    try:
+        numbers = [float(word) for word in words[: 3 if key in _COLORS else 1]]
+    except ValueError:
+        numbers = []
+    if not numbers or not all(math.isfinite(number) and number >= 0.0 for number in numbers):
+        what = (
+            "numbers that are finite and not negative" if key in _COLORS else "a number that is finite and not negative"
+        )
+        return None, f"'{spelt}' takes {what}, not '{rest[:60]}'; the line is left out"
+    if key in _NUMBERS:
+        return numbers[0], None
+    fault = (
+        f"'{spelt} {rest[:60]}': a colour of two numbers; the third is taken as the first"
+        if len(numbers) == 2
+        else None
+    )
+    color = (numbers + [numbers[0]] * 2)[:3]
+    if form == "xyz":
+        # The sRGB primaries with the white D65 (IEC 61966-2-1:1999).
+        matrix = rgb_from_xyz(np.array([0.95047, 1.0, 1.08883]))
+        color = np.clip(matrix @ np.array(color), 0.0, None).tolist()
+    return tuple(color), fault
+
+
+def _share(key, given, doubts) -> tuple:
+    """Return a coefficient of reflection, none of its components above 1."""
+    color, line = given
+    most = max(color)
+    if most <= 1.0:
+        return color
+    shown = " ".join([key.capitalize(), *(f"{component:g}" for component in color)])
+    if most <= 255.0 and all(component == int(component) for component in color):
+        doubts.add(line, f"'{shown}' reads as bytes; it is divided by 255")
+        return tuple(component / 255.0 for component in color)
+    doubts.add(line, f"'{shown}' would reflect more light than there is; it is divided by {most:g}")
+    return tuple(component / most for component in color)
+
+
+def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material:
+    """Turn the values of one material into the coefficients of the illumination equation."""
+    emissive = values["ke"][0] if "ke" in values else 0.0
+    coefficients = {"name": name, "texture": texture, "specular": 0.0, "emissive": emissive}
+    for key, field_name in (("kd", "diffuse"), ("ka", "ambient"), ("ks", "specular")):
+        if key in values:
+            coefficients[field_name] = _share(key, values[key], doubts)
+    if "kd" not in values and texture is not None and "map_kd" in values:
+        coefficients["diffuse"] = 1.0
+    if coefficients.get("ambient") == (1.0, 1.0, 1.0) and coefficients.get("diffuse", 1.0) not in (
+        (1.0, 1.0, 1.0),
+        1.0,
+    ):
+        del coefficients["ambient"]
+        library.log(f"{library.name}:{values['ka'][1]}: 'Ka 1 1 1' of material '{name}' is taken as its Kd")
+    illum, line = values.get("illum", (2.0, 0))
+    if illum not in range(11):
+        doubts.add(line, f"illum {illum:g} is none of 0..10; the material '{name}' is drawn as with illum 2")
+    if illum in (0.0, 1.0):
+        coefficients["specular"] = 0.0
+    _add_shininess(name, values, coefficients, doubts)
+    coefficients["opacity"] = _opacity(name, values, is_tr_opacity, doubts)
+    if illum == 0.0 and texture is not None:
+        library.log(f"{library.name}: material '{name}' has illum 0 and a texture: it is lit all the same")
+    elif illum == 0.0:
+        plain = Material(**coefficients)
+        glow = tuple(kd + ke for kd, ke in zip(plain.diffuse, plain.emissive, strict=True))
+        coefficients |= {"ambient": 0.0, "diffuse": 0.0, "specular": 0.0, "emissive": glow}
+    return Material(**coefficients)
+
+
+def _add_shininess(name, values, coefficients, doubts) -> None:
+    """Put the exponent of the highlight among the coefficients, or take the highlight away."""
+    if "ns" not in values:
+        return
+    exponent, line = values["ns"]
+    has_highlight = coefficients["specular"] != 0.0 and max(coefficients["specular"]) > 0.0
+    if exponent < 1.0 and has_highlight:
+        doubts.add(
+            line,
+            f"Ns {exponent:g} would spread the highlight of '{name}' over all that is lit; it is drawn without one",
+        )
+        coefficients["specular"] = 0.0
+    elif exponent > MOST_SHININESS and has_highlight:
+        doubts.add(line, f"Ns {exponent:g} of '{name}' is beyond {MOST_SHININESS:g}, which is taken")
+    coefficients["shininess"] = min(max(exponent, 1.0), MOST_SHININESS)
+
+
+def _opacity(name, values, is_tr_opacity, doubts) -> float:
+    """Return the opacity of a material; see the module's docstring."""
+    if "d" in values:
+        opacity, line = values["d"]
+    elif "tr" in values:
+        tr, line = values["tr"]
+        opacity = tr if is_tr_opacity or tr >= 1.0 else 1.0 - tr
+        if opacity == tr and tr != 0.5:
+            doubts.add(line, f"Tr {tr:g} of '{name}' is taken as its opacity, as MeshLab writes it: there is no d")
+    else:
+        return 1.0
+    if opacity > 1.0:
+        doubts.add(line, f"an opacity of {opacity:g} of '{name}' is beyond 1, which is taken")
+    if opacity <= 0.0:
+        doubts.add(line, f"the material '{name}' is invisible: opacity 0")
+    return min(max(opacity, 0.0), 1.0)
+
+
+# --- textures -----------------------------------------------------------------------------------------------
+
+
+@dataclass(eq=False)
+class Maps:
+    """Read the textures of materials, every picture once; materials with the same maps share a `Texture`.
+
+    Parameters
+    ----------
+    log : function of one text, called with what is ignored
+    """
+
+    log: Callable[[str], None]
+    _pictures: dict[Path, np.ndarray | None] = field(default_factory=dict)
+    _textures: dict[tuple, Texture | None] = field(default_factory=dict)
+    _budget: Budget = field(default_factory=Budget)
+
+    def texture(self, library, material, color, alpha) -> Texture | None:
+        """Return the texture of a material, or None where it has none that can be read.
+
+        Parameters
+        ----------
+        library : ModelFile of the MTL file
+        material : text, the name of the material
+        color, alpha : (name of the picture, wrap) of map_Kd and map_d, or None
+
+        Raises
+        ------
+        ModelError : a picture that is larger than a texture may be
+
+        Warns
+        -----
+        UserWarning : a picture is missing or can't be read
+        """
+        if color is None and alpha is None:
+            return None
+        color_path, alpha_path = (self._path(library, material, each) for each in (color, alpha))
+        if color_path is None and alpha_path is None:
+            return None
+        key = (color_path, alpha_path, (color or alpha)[1])
+        if key not in self._textures:
+            self._textures[key] = self._make(library, material, *key)
+        return self._textures[key]
+
+    def _path(self, library, material, given) -> Path | None:
+        """Return the file of a map once it has been read; None, and a warning, where that fails."""
+        if given is None:
+            return None
+        what = f"{library.name}: texture '{given[0][:200]}' of material '{material}'"
+        try:
+            if len(given[0]) > LONGEST_NAME:
+                raise ValueError("too long a name")
+            path = library.beside.find_alike(given[0])
+            content = None if path in self._pictures else library.beside.read_bytes(path)
+        except (OSError, ValueError) as fault:  # also a name that the system refuses
+            reason = fault if isinstance(fault, OutsideError) else "not found"
+            warnings.warn(f"{what} {reason}; the material keeps its plain colour", stacklevel=2)
+            return None
+        if path not in self._pictures:
+            try:
+                self._pictures[path] = read_picture(BytesIO(content), str(path), self._budget)
+            except ModelError as fault:
+                self._pictures[path] = None
+                warnings.warn(f"{what}: {fault}; the material keeps its plain colour", stacklevel=2)
+        return None if self._pictures[path] is None else path
+
+    def _make(self, library, material, color_path, alpha_path, wrap) -> Texture:
+        """Make the texture of one or two pictures that have been read."""
+        first = alpha_path if color_path is None else color_path
+        self._budget.take(math.prod(self._pictures[first].shape[:2]), f"{library.name}: texture '{first.name}'")
+        if color_path is None:
+            grey = _grey(self._pictures[alpha_path])
+            image = np.ones((*grey.shape, 4), np.float32)
+            image[..., 3] = grey
+            return _texture(alpha_path, image, wrap)
+        texture = _texture(color_path, self._pictures[color_path], wrap)
+        if alpha_path is None or alpha_path == color_path:
+            return texture
+        grey = _grey(self._pictures[alpha_path])
+        if grey.shape != texture.image.shape[:2]:
+            what = f"{library.name}: map_d '{alpha_path.name}' of material '{material}'"
+            self.log(f"{what} has another size than its map_Kd; it is not applied")
+            return texture
+        return replace(texture, image=np.dstack([texture.image[..., :3], grey]))
+
+
+def _texture(path, image, wrap) -> Texture:
+    """Make a texture that is named after its file."""
+    try:
+        return Texture(image, wrap=wrap, name=str(path))
+    except SceneError as fault:
+        raise ModelError(f"{path}: {fault}") from fault
+
+
+def _grey(picture) -> np.ndarray:
+    """The values of a picture (h, w) float32 within 0..1, as they are, not decoded; of colours their mean."""
+    colors = picture if picture.ndim == 2 else picture[..., : 1 if picture.shape[2] == 2 else 3].mean(axis=2)
+    return (colors / 255.0).astype(np.float32)

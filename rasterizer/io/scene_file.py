@@ -1,0 +1,243 @@
+"""A whole scene in one file: JSON or TOML.
+
+    file ─ text ─ tables, duplicate keys refused ─ meshes, materials, lights, camera ─ Scene
+           utf-8  json, tomllib                    file_meshes, file_parts
+
+    meshes      list: {file = "part.obj", transform, material, ...}, {vertices, faces, ...} or {arrays = "x.npz", mesh = 0, ...}
+    materials   table of named materials that meshes refer to
+    lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
+    camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
+    background  colour      up  axis      options  those of a picture, as `Options` names them
+    depth_cue   a number, or {scale, start, color}
+
+Names of files are relative to the folder of the scene file; which are read is said in `_files`. `file_write` writes
+what is read here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files beside
+it.
+"""
+
+import json
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from ..errors import ModelError, one_file
+from ..scene.camera import Camera
+from ..scene.scene import Scene
+from ..scene.validate import picture_size, shown
+from .files import Folder, read_named
+from .scene_file_entry import Entry
+from .scene_file_meshes import read_meshes
+from .scene_file_parts import Context, read_camera, read_color, read_depth_cue, read_lights, read_material
+
+FORMATS = ("json", "toml")
+MOST_JSON, MOST_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
+MOST_DOTS = (
+    100  # between two of the characters that may stand round a name of TOML; the parser's time grows with their square
+)
+KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
+# The fields of Options, which this side of the package doesn't import; a test holds that.
+OPTIONS = (
+    "size", "shading", "tolerance", "samples", "outputs", "cull", "color_range", "exposure", "spectral", "threads",
+)  # fmt: skip
+
+
+class SceneFile(NamedTuple):
+    """What a scene file holds.
+
+    Parameters
+    ----------
+    scene : Scene; without a camera where the file asks for framing
+    options : dict of options of a picture by name, not checked
+    framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
+    unshadowed : places of those lights that say `shadow = false`, other than those that say nothing
+    """
+
+    scene: Scene
+    options: dict = {}
+    framing: dict | None = None
+    unshadowed: tuple[int, ...] = ()
+
+    def framed_scene(self) -> Scene:
+        """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of
+        4:3."""
+        if self.framing is None:
+            return self.scene
+        size = self.options.get("size", (4, 3))
+        width, height = picture_size(size if isinstance(size, tuple) else (size, size))
+        camera = Camera.framing(self.scene, up=self.scene.up, aspect=width / height, **self.framing)
+        return replace(self.scene, camera=camera)
+
+
+def is_scene_file(source, format=None) -> bool:
+    """Tell whether a source, as `load` takes it, is a scene file, by its format or suffix."""
+    name = source if isinstance(source, (str, os.PathLike)) else getattr(source, "name", None)
+    if format is None and isinstance(name, (str, os.PathLike)):
+        format = Path(os.fsdecode(name)).suffix
+    return isinstance(format, str) and format.lower().removeprefix(".") in FORMATS
+
+
+def read_scene(
+    source,
+    folder=None,
+    log=None,
+    *,
+    format=None,
+    crease_angle=None,
+    weighting=None,
+    drop_bad_faces=False,
+    allow_outside=False,
+    files_read=None,
+) -> SceneFile:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    source : path, bytes, or file object
+    folder : path to which the names of files are relative; None = that of the path, for bytes the current one
+    log : function of one text, called with facts about the files; None = nobody wants them
+    format : "json" or "toml"; None = by the suffix of the path, for bytes JSON
+    crease_angle : degrees within 0..180, of all meshes in place of their own; None = as the file says
+    weighting : text, of all meshes in place of their own, see `Mesh`; None = as the file says
+    drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite
+    allow_outside : bool, read also files outside the folder; see `_files`
+    files_read : list that gets the paths of all files that are read
+
+    Returns
+    -------
+    SceneFile
+
+    Raises
+    ------
+    ModelError : a file that can't be read or is no JSON or TOML, duplicate keys, a mesh that is not legal
+    SceneError : an unknown or missing key, or a value that is not legal; messages name file, place and what is legal
+    """
+    name, data, own_folder = _read(source)
+    files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
+    context = Context(files, log or (lambda _text: None), crease_angle, drop_bad_faces, weighting)
+    format = (format or Path(name).suffix or "json").lower().removeprefix(".")
+    with one_file(name):
+        return _read_tables(Entry(_parse(data, format, name), name), context)
+
+
+def _read_tables(root, context) -> SceneFile:
+    """Read the tables of a scene file."""
+    top = root.table(KEYS, ("meshes",))
+    if "materials" in top:
+        for key, entry in top["materials"].names().items():
+            context.materials[key] = read_material(entry, context, key)
+    meshes, up = read_meshes(top["meshes"], context)
+    settings = {"up": up}
+    unshadowed = ()
+    if "lights" in top:
+        settings["lights"], unshadowed = read_lights(top["lights"])
+    camera, framing = read_camera(top["camera"]) if "camera" in top else (None, None)
+    if "background" in top and top["background"].value is not None:
+        settings["background"] = read_color(top["background"])
+    if "depth_cue" in top and top["depth_cue"].value is not None:
+        settings["depth_cue"] = read_depth_cue(top["depth_cue"])
+    if "up" in top:
+        settings["up"] = top["up"].text()
+    scene = root.call(Scene, meshes, camera=camera, **settings)
+    if framing is not None:
+        top["camera"].call(Camera.framing, scene.meshes[0], up=scene.up, **framing)
+    return SceneFile(scene, _options(top.get("options")), framing, unshadowed)
+
+
+def _options(entry) -> dict:
+    """The options of a picture; lists become tuples, the values are looked at where the picture is made."""
+    if entry is None:
+        return {}
+    items = entry.table(OPTIONS).items()
+    for size in [item for key, item in items if key == "size" and item.value is not None]:
+        size.call(picture_size, size.value if isinstance(size.value, list) else (size.value, size.value))
+    values = {key: item.value for key, item in items if item.value is not None}
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
+
+
+# --- text to tables -----------------------------------------------------------------------------------------
+
+
+def _read(source) -> tuple[str, bytes, Path]:
+    """Return name, bytes and folder of a source."""
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        return "scene", bytes(source), Path()
+    try:
+        if hasattr(source, "read"):
+            label = getattr(source, "name", None)
+            name = label if isinstance(label, str) else "scene"
+            data = source.read()
+            return (
+                name,
+                data.encode("utf-8", "surrogateescape") if isinstance(data, str) else bytes(data),
+                Path(name).parent,
+            )
+        path = Path(os.fsdecode(source))
+        return str(path), read_named(path), path.parent
+    except FileNotFoundError:
+        raise ModelError(f"{path}: no such file") from None
+    except (OSError, ValueError, TypeError) as fault:
+        what = source if isinstance(source, (str, os.PathLike)) else shown(source)
+        raise ModelError(f"{what}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
+
+
+def _parse(data, format, name):
+    """Parse the text of a scene file."""
+    if not data.strip():
+        raise ModelError(f"{name}: the file is empty")
+    if format not in FORMATS:
+        raise ModelError(f"{name}: unknown format {format!r} of a scene file; readable are {', '.join(FORMATS)}")
+    most = MOST_TOML if format == "toml" else MOST_JSON
+    if len(data) > most:
+        raise ModelError(
+            f"{name}: {len(data)} bytes; one in {format.upper()} may have {most}: arrays go into .npz files"
+        )
+    try:
+        text = data.decode("utf-8-sig")
+        if format == "toml":
+            _check_names(text, name)
+        if format == "toml":
+            return _toml(name).loads(text.replace("\r\n", "\n"))
+        return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse)
+    except UnicodeDecodeError as fault:
+        raise ModelError(f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start})") from fault
+    except RecursionError as fault:
+        raise ModelError(f"{name}: lists or tables are nested too deeply") from fault
+    except ValueError as fault:  # those of json and tomllib, and too many digits
+        raise ModelError(f"{name}: is not legal {format.upper()}: {' '.join(str(fault).split())[:200]}") from fault
+
+
+def _check_names(text, name) -> None:
+    """Raise ModelError for dotted names of TOML that are so long that parsing them would take minutes."""
+    for piece in re.split(r"[\n,=\[\]{}]", text):
+        if piece.count(".") > MOST_DOTS:
+            raise ModelError(f"{name}: a name or text in TOML may have up to {MOST_DOTS} dots; given {shown(piece)}")
+
+
+def _without_duplicates(pairs) -> dict:
+    """Make a table of JSON, whose keys may be there once only; of two, json itself would drop one silently."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        seen = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))
+        raise ValueError(f"duplicate key {shown(twice)}")
+    return table
+
+
+def _refuse(word):
+    raise ValueError(f"{word} is no number of JSON")
+
+
+def _toml(name):
+    """The parser of TOML: Python's own from 3.11 on, else its elder copy."""
+    try:
+        import tomllib
+    except ImportError:
+        try:
+            import tomli as tomllib
+        except ImportError:
+            raise ModelError(
+                f"{name}: TOML needs Python 3.11, or tomli: pip install tomli; JSON needs neither"
+            ) from None
+    return tomllib

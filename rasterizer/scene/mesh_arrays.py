@@ -1,0 +1,281 @@
+"""The arrays of a mesh, checked and brought into their stored form: contiguous, of one dtype each, triangles
+only.
+
+    in:  what people have: any real dtype, lists, quads, ragged polygons     out: float64, uint32 and int32
+    arrays
+
+A form that is right already is passed through without a copy; `kept` then copies what the caller could still write to.
+Whole-array checks are minima and maxima, which hand a nan on and need no temporary; the culprit is looked for only once
+there is one.
+"""
+
+import warnings
+from itertools import chain
+
+import numpy as np
+
+from ..errors import ModelError
+from ..geometry.polygons import CROSSING, TooManyCorners, cut_polygons, listed
+from .color import linear_from_srgb_bytes
+from .validate import COORDINATE_LIMIT, plain_array, shown
+
+CHUNK = 1 << 16  # faces looked at in one go
+_LARGEST = float(np.finfo(np.float64).max)
+_INT32_MAX = 2**31 - 1
+
+
+class _Owned(np.ndarray):
+    """Marks memory that was taken over by `fixed`."""
+
+
+def fixed(array: np.ndarray | None) -> np.ndarray | None:
+    """Take over an array's memory: return it contiguous, and so that it can neither be written through nor be made
+    writable.
+
+    Numpy lets a read-only view be made writable again where its memory is; so what lies between is a read-only buffer.
+    Whoever calls this must hold the only reference that can write: an index changed afterwards would make kernels read
+    anywhere.
+    """
+    if array is None or is_fixed(array):
+        return None if array is None else np.ascontiguousarray(array)
+    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())
+
+
+def is_fixed(array: np.ndarray) -> bool:
+    """Tell whether an array is one made by `fixed`, or a view of one."""
+    while type(array) is np.ndarray:
+        array = array.base
+    return type(array) is memoryview and type(array.obj) is _Owned
+
+
+def kept(array: np.ndarray | None, given) -> np.ndarray | None:
+    """Return an array made of what a caller gave so that nobody can change it: copied where it may share the caller's
+    memory.
+
+    An array that was already fixed is shared: what a mesh hands on to another takes no memory twice.
+    """
+    if array is None or is_fixed(array):
+        return fixed(array)
+    is_new = given is None or type(given) in (list, tuple)  # of anything else numpy may have made a view
+    is_new |= isinstance(given, np.ndarray) and not np.may_share_memory(array, given)
+    return fixed(array if is_new else array.copy())
+
+
+class KeepsArrays:
+    """What holds fixed arrays: those that come from pickle or from a deep copy are fixed, too."""
+
+    def __setstate__(self, state):
+        for key, value in state.items():
+            self.__dict__[key] = fixed(np.array(value)) if isinstance(value, np.ndarray) else value
+
+
+def checked_vertices(vertices) -> np.ndarray:
+    """Return the vertices as (n_vertex, 3) float64; whether they are finite is looked at later."""
+    array = _as_real(vertices, "vertices")
+    if array.size == 0:
+        raise ModelError("the mesh has no vertices")
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ModelError(f"vertices must have the shape (n, 3); given {array.shape}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
+    """Cut polygons into triangles, as `geometry/polygons.py` says: fans where they are convex, ears where they are not.
+
+    Parameters
+    ----------
+    faces : (n, k) integers, k >= 3, or a sequence of polygons of any length >= 3
+    vertices : (n_vertex, 3) float64, finite or not
+
+    Returns
+    -------
+    triangles : (n_face, 3) uint32
+    polygons : (n_face,) int32, the polygon that each triangle came from; None where all were triangles
+
+    Raises
+    ------
+    ModelError : no faces, fewer than 3 corners, indices that are not integers or out of range; concave polygons with
+        too many corners
+
+    Warns
+    -----
+    UserWarning : polygons that cross themselves
+    """
+    corners, counts = _flattened(faces)
+    if len(counts) == 0:
+        raise ModelError("the mesh has no faces")
+    if counts.min() < 3:
+        face = int(np.argmax(counts < 3))
+        raise ModelError(f"a face must have at least 3 corners; face {face} has {counts[face]}")
+    _check_range(corners, counts, len(vertices))
+    if counts.max() == 3:
+        return np.ascontiguousarray(corners.reshape(-1, 3), dtype=np.uint32), None
+    try:
+        cut = cut_polygons(vertices, corners, counts)
+    except TooManyCorners as refusal:
+        raise ModelError(f"face {refusal.polygon} {refusal.fault}") from None
+    if len(cut.crossing):
+        warnings.warn(f"face {listed(cut.crossing)} {CROSSING}", stacklevel=2)
+    return corners.astype(np.uint32)[cut.corners], cut.polygons
+
+
+def _flattened(faces) -> tuple[np.ndarray, np.ndarray]:
+    """Return all corners one after the other, any integer dtype, and how many each face has."""
+    if isinstance(faces, np.ma.MaskedArray) and np.ma.is_masked(faces):
+        raise ModelError(f"faces must be integers, none of them masked; given {shown(faces)}")
+    try:
+        array = np.asarray(faces)
+    except ValueError:  # lists of several lengths
+        array = np.empty(0, dtype=object)
+    if array.dtype == object:
+        try:
+            counts = np.array([len(face) for face in faces], dtype=np.int64)
+            corners = np.array(list(chain.from_iterable(faces)))
+        except (TypeError, ValueError):
+            raise ModelError(f"faces must be lists of vertex indices; given {shown(faces)}") from None
+    elif array.size == 0:
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    elif array.ndim != 2:
+        raise ModelError(f"faces must have the shape (n, 3 or more), or be a list of polygons; given {array.shape}")
+    else:
+        # broadcast: the counts of a million triangles need no memory
+        corners, counts = array.reshape(-1), np.broadcast_to(np.int64(array.shape[1]), len(array))
+    if corners.ndim != 1 or corners.dtype.kind not in "iu":
+        raise ModelError(f"faces must be integers, the indices of vertices; given {shown(faces)}")
+    return corners, counts
+
+
+def _check_range(corners: np.ndarray, counts: np.ndarray, n_vertex: int) -> None:
+    """Raise ModelError where a face refers to a vertex that there is not, naming the first."""
+    if corners.min() >= 0 and corners.max() < n_vertex:
+        return
+    place = int(np.argmax((corners < 0) | (corners >= n_vertex)))
+    face = int(np.searchsorted(np.cumsum(counts), place, side="right"))
+    raise ModelError(
+        f"face {face} refers to vertex {corners[place]}; the mesh has {n_vertex} vertices, legal is 0..{n_vertex - 1}"
+    )
+
+
+def _as_real(values, what: str) -> np.ndarray:
+    """Return an array of a real dtype (bool is none)."""
+    try:
+        array = plain_array(values)
+        is_real = array.dtype.kind in "fiu"
+    except (TypeError, ValueError):
+        is_real = False
+    if not is_real:
+        raise ModelError(f"{what} must be an array of numbers; given {shown(values)}")
+    return array
+
+
+def _has_bad(array: np.ndarray, limit: float = _LARGEST) -> bool:
+    """Tell whether anything is nan or beyond ±limit, without a temporary: minima and maxima hand a nan on."""
+    return array.size > 0 and not (array.min() >= -limit and array.max() <= limit)
+
+
+def without_bad_vertices(vertices, faces, polygons, drop_bad_faces: bool):
+    """Return vertices that are all finite, and which faces (n_face,) bool to keep; None where that is all."""
+    if not _has_bad(vertices, COORDINATE_LIMIT):
+        return vertices, None
+    is_bad = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
+    n_bad, first = int(is_bad.sum()), int(is_bad.argmax())
+    fault = (
+        f"{n_bad} of {len(vertices)} vertices have coordinates that are not finite or beyond "
+        f"±{COORDINATE_LIMIT:g}, the first is vertex {first}: {tuple(vertices[first].tolist())}"
+    )
+    if not drop_bad_faces:
+        raise ModelError(f"{fault}; drop_bad_faces=True leaves out the faces that use them")
+    is_dropped = is_bad[faces].any(axis=1)
+    if polygons is not None:
+        is_dropped = np.isin(polygons, polygons[is_dropped])
+    if is_dropped.all():
+        raise ModelError(f"{fault}; no face is left without them")
+    vertices = vertices.copy()
+    vertices[is_bad] = vertices[np.argmin(is_bad)]
+    return vertices, ~is_dropped
+
+
+def check_area(vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Raise ModelError where every face has zero area; the first chunk with a good face ends the search."""
+    for start in range(0, len(faces), CHUNK):
+        corners = vertices[faces[start : start + CHUNK]]
+        edges = corners[:, 1:] - corners[:, :1]
+        # relative to the largest edge, so that the products neither over- nor underflow
+        edges /= max(float(np.abs(edges).max()), np.finfo(np.float64).tiny)
+        normal = np.cross(edges[:, 0], edges[:, 1])
+        lengths = np.linalg.norm(edges, axis=2)
+        # a cross product of parallel edges is off zero by up to 2 roundings of a product of their lengths
+        if (np.linalg.norm(normal, axis=1) > 4 * np.finfo(np.float64).eps * lengths[:, 0] * lengths[:, 1]).any():
+            return
+    raise ModelError(f"every face has zero area: {len(faces)} faces, all of them points or lines")
+
+
+def checked_ints(values, counts: set[int], what: str) -> np.ndarray | None:
+    """Return (n,) integers of at least 0 as int32, for one of the legal `counts`."""
+    if values is None:
+        return None
+    array = _as_real(values, what)
+    if array.ndim != 1 or len(array) not in counts or array.dtype.kind not in "iu":
+        n = " or ".join(map(str, sorted(counts)))
+        raise ModelError(f"{what} must be integers of the shape ({n},); given {array.shape} {array.dtype}")
+    if not (array.min() >= 0 and array.max() <= _INT32_MAX):
+        raise ModelError(f"{what} must be within 0..{_INT32_MAX}; given {array.min()}..{array.max()}")
+    return np.ascontiguousarray(array, dtype=np.int32)
+
+
+def checked_floats(values, n_vertex: int, n_face: int | None, width: int, what: str) -> np.ndarray | None:
+    """Return (n_vertex, width), or (n_face, 3, width) unless `n_face` is None, as float64, finite or not."""
+    if values is None:
+        return None
+    array = _as_real(values, what)
+    legal = {(n_vertex, width)} | ({(n_face, 3, width)} if n_face is not None else set())
+    if array.shape not in legal:
+        hint = "" if n_face is not None else " (one a corner only with triangles)"
+        raise ModelError(f"{what} must have the shape {' or '.join(map(str, legal))}{hint}; given {array.shape}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def finite(array: np.ndarray | None, is_mended: bool, what: str) -> np.ndarray | None:
+    """Return a finite array: rows that are not become zero if `is_mended`, else raise ModelError."""
+    if array is None or not _has_bad(array):
+        return array
+    is_bad = ~np.isfinite(array).all(axis=-1)
+    if not is_mended:
+        first = ", ".join(str(i) for i in np.argwhere(is_bad)[0])
+        raise ModelError(f"{what} must be finite; {is_bad.sum()} of {is_bad.size} are not, the first is number {first}")
+    array = array.copy()
+    array[is_bad] = 0.0
+    return array
+
+
+def checked_colors(values, counts: set[int], what: str) -> np.ndarray | None:
+    """Return (n, 3 or 4) linear float64 colours, n one of the `counts`: uint8 is decoded, float is linear."""
+    if values is None:
+        return None
+    array = _as_real(values, what)
+    if array.ndim != 2 or len(array) not in counts or array.shape[1] not in (3, 4):
+        n = " or ".join(map(str, sorted(counts)))
+        raise ModelError(f"{what} must have the shape ({n}, 3 or 4); given {array.shape}")
+    if array.dtype == np.uint8:
+        return linear_from_srgb_bytes(array)
+    if array.dtype.kind != "f":
+        raise ModelError(f"{what} must be uint8 (sRGB) or float (linear); given {array.dtype}")
+    if not (array.min() >= 0.0 and np.isfinite(array.max())):
+        raise ModelError(f"{what} must be finite and at least 0; given {array.min()}..{array.max()}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def unit_normals(normals: np.ndarray | None) -> np.ndarray | None:
+    """Return a copy of normals (..., 3) with unit length; a zero stays zero."""
+    if normals is None:
+        return None
+    normals = normals.copy()
+    squares = np.einsum("...i,...i", normals, normals)
+    if not (1e-200 <= squares.min() and squares.max() <= 1e200):
+        # zero, or so short or long that the square lost digits: the largest component becomes 1 first
+        largest = np.abs(normals).max(axis=-1, keepdims=True)
+        normals /= np.where(largest > 0.0, largest, 1.0)
+        squares = np.einsum("...i,...i", normals, normals)
+        squares[squares == 0.0] = 1.0
+    normals /= np.sqrt(squares)[..., None]
+    return normals

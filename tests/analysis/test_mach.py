@@ -1,0 +1,162 @@
+"""Mach bands: on pictures whose jumps are known, and on a sphere by each method."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers.pinhole import octasphere
+from helpers.raster import ROOT, sheet
+
+import rasterizer as rz
+from rasterizer import reference
+
+SIZE = (24, 8)
+UP = np.tile([0.0, 0.0, 1.0], (6, 1))
+STRIP = [(-1, -9), (12, -9), (25, -9), (25, 20), (12, 20), (-1, 20)]  # two quads that meet in the column 12
+
+
+def strip(**mesh):
+    """A scene of two quads side by side, with one normal everywhere, and its light: what the vertices' colours say."""
+    lights = (rz.AmbientLight(1.0),)
+    material = rz.Material(ambient=1.0, diffuse=0.0, specular=0.0)
+    mesh = {"normals": UP, "polygons": [0, 0, 1, 1], **mesh}
+    return sheet(SIZE, STRIP, 2.0, [[0, 5, 4], [0, 4, 1], [1, 4, 3], [1, 3, 2]], lights, material=material, **mesh)
+
+
+def picture(scene, values) -> SimpleNamespace:
+    """A picture whose pixels have the values (w,), and only show the two triangles that share the edge between the
+    quads."""
+    face = rz.render(scene, SIZE, outputs=("face",)).face
+    color = np.broadcast_to(np.asarray(values, np.float32)[None, :, None], (*face.shape, 3))
+    return SimpleNamespace(color=color, face=np.where(face < 2, 1, 2).astype(np.int32))
+
+
+X = np.arange(24) + 0.5 - 12  # distance of the pixels from the edge
+
+
+@pytest.mark.parametrize(
+    ("values", "value_jump", "slope_jump"),
+    [
+        (0.5 + 0 * X, 0.0, 0.0),
+        (0.5 + 0.01 * X, 0.0, 0.0),
+        (np.where(X < 0, 0.2, 0.5), 0.3, 0.3),  # flat: the slope across the edge is the jump
+        (0.5 - 0.01 * np.abs(X), 0.0, 0.02),  # a ridge
+        (np.where(X < 0, 0.3, 0.3 + 0.02 * X), 0.0, 0.02),
+        (np.where(X < 0, 0.2 + 0.01 * X, 0.5 + 0.01 * X), 0.3, 0.3),
+        (0.5 + 0.001 * X**2, 0.0, 0.0),  # smooth: curvature alone is no jump
+    ],
+)
+def test_known_jumps(values, value_jump, slope_jump):
+    scene = strip()
+    bands = rz.mach_bands(picture(scene, values), scene)
+    assert bands.n_place == SIZE[1]
+    assert bands.value_jump == pytest.approx(value_jump, abs=1e-6)
+    assert bands.slope_jump == pytest.approx(slope_jump, abs=1e-6)
+
+
+def test_a_ramp_between_vertices():
+    """Colours 0, 0.5 and 0.5 at the columns -1, 12 and 25: slope 0.5/13, then none."""
+    scene = strip(colors=np.repeat([0.0, 0.5, 0.5, 0.5, 0.5, 0.0], 3).reshape(6, 3))
+    frame = rz.render(scene, SIZE, shading="gouraud", tolerance=0, outputs=("color", "face"))
+    bands = rz.mach_bands(frame, scene)
+    assert bands.slope_jump == pytest.approx(0.5 / 13, abs=1e-6) and bands.value_jump < 1e-6
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        {"normals": None, "crease_angle": 0.0, "face_colors": np.eye(3)[[0, 0, 1, 1]]},
+        {"normals": np.repeat([[[0, 0, 1.0]], [[0, 0, 1.0]], [[0, 1, 1.0]], [[0, 1, 1.0]]], 3, axis=1)},
+    ],
+)
+def test_colours_and_creases_are_to_be_seen(mesh):
+    scene = strip(**mesh)
+    assert rz.mach_bands(picture(scene, np.where(X < 0, 0.2, 0.5)), scene) == (0.0, 0.0, 0)
+
+
+def test_seams_of_a_file_are_no_edges():
+    """Vertices cut in two at one place, with one normal, are one; without normals each side has its own."""
+    scene = strip()
+    mesh = scene.meshes[0]
+    apart = rz.Mesh(mesh.vertices[mesh.faces.ravel()], np.arange(12).reshape(4, 3), normals=UP[:1].repeat(12, 0))
+    cut = replace(scene, meshes=(apart,))
+    assert rz.mach_bands(picture(scene, X), cut).n_place == SIZE[1]
+    assert rz.mach_bands(picture(scene, X), replace(cut, meshes=(replace(apart, normals=None),))).n_place == 0
+
+
+def test_outlines_do_not_count():
+    """Of two faces that share an edge and turn different sides to the viewer, one lies behind the other's outline."""
+    scene = strip()
+    turned = replace(scene.meshes[0], faces=scene.meshes[0].faces[:, [0, 2, 1]], normals=-UP)
+    half = replace(scene.meshes[0], faces=np.concatenate([scene.meshes[0].faces[:2], turned.faces[2:]]))
+    assert rz.mach_bands(picture(scene, X), replace(scene, meshes=(half,))).n_place == 0
+    assert rz.mach_bands(picture(scene, X), replace(scene, meshes=(turned,))).n_place == SIZE[1]
+
+
+@pytest.mark.parametrize("light", [
+    rz.DirectionalLight((-1, 0, 0)), rz.PointLight((0, 0, 90), attached="camera"), rz.AmbientLight(0.5),
+])  # fmt: skip
+def test_places_where_light_ends_do_not_count(light):
+    """Normals leaning to both sides: light from one side ends within the strip, light from the camera doesn't."""
+    leaning = np.array([[-1, 0, 1], [1, 0, 1], [-1, 0, 1], [-1, 0, 1], [1, 0, 1], [-1, 0, 1]], float)
+    scene = replace(strip(normals=leaning), lights=(light,))
+    ends = isinstance(light, rz.DirectionalLight)
+    assert (rz.mach_bands(picture(scene, X), scene).n_place == 0) == ends
+
+
+@pytest.mark.parametrize("n_split", [2, 3])
+@pytest.mark.parametrize("size", [(160, 120), (320, 240)])
+def test_flat_above_gouraud_above_phong_on_a_sphere(size, n_split):
+    mesh = rz.Mesh(*octasphere(n_split), material=rz.Material(specular=0.5, shininess=10))
+    scene = rz.Scene([mesh])
+    found = []
+    for shading in ("flat", "gouraud", "phong"):
+        frame = rz.render(scene, size, shading=shading, tolerance=0, outputs=("color", "face"))
+        found.append(rz.mach_bands(frame, scene))
+    flat, gouraud, phong = found
+    assert flat.n_place == gouraud.n_place == phong.n_place > 100
+    assert flat.slope_jump > 5 * gouraud.slope_jump and gouraud.slope_jump > 1.3 * phong.slope_jump, found
+    assert flat.value_jump > 5 * gouraud.value_jump and gouraud.value_jump > phong.value_jump, found
+
+
+def test_subdivision_and_size_make_the_bands_smaller():
+    scene = rz.load(ROOT / "models" / "sphere.obj")
+    camera = scene.camera_for((320, 240))
+    finer = replace(scene, meshes=(scene.meshes[0].subdivide(),))
+
+    def jump(scene, size):
+        frame = rz.render(replace(scene, camera=camera), size, tolerance=0, outputs=("color", "face"))
+        return rz.mach_bands(frame, scene, camera).slope_jump
+
+    assert jump(finer, (320, 240)) < 0.8 * jump(scene, (320, 240))
+    assert jump(scene, (640, 480)) == pytest.approx(jump(scene, (320, 240)) / 2, rel=0.2)
+
+
+def test_the_judges_picture_will_do():
+    scene = rz.load(ROOT / "models" / "sphere.obj")
+    frame = rz.render(scene, (160, 120), shading="phong", tolerance=0, outputs=("color", "face"))
+    judged = rz.mach_bands(reference.render(scene, (160, 120), "phong"), scene)
+    assert judged == pytest.approx(rz.mach_bands(frame, scene), abs=1e-6)
+
+
+@pytest.mark.parametrize("size", [(1, 9), (2, 9), (5, 5), (6, 1)])
+def test_small_pictures(size):
+    scene = rz.Scene([rz.Mesh(*octasphere(1))])
+    frame = rz.render(scene, size, outputs=("color", "face"))
+    assert rz.mach_bands(frame, scene).slope_jump < 1
+
+
+def test_what_is_no_picture_for_it():
+    scene = strip()
+    good = picture(scene, X)
+    fine = rz.render(scene, SIZE, samples=4, outputs=("color", "face"))
+    for bad, message in (
+        (fine, "one sample a pixel"),
+        (rz.render(scene, SIZE), "no face: ask for it"),
+        (good.color, "color and face is needed; given ndarray"),
+        (SimpleNamespace(color=good.color, face=good.color), "face .height, width. integers; given float32"),
+        (SimpleNamespace(color=good.color, face=good.face + 2), "shows face 4; the scene has 4 faces"),
+    ):
+        with pytest.raises(rz.SceneError, match=message):
+            rz.mach_bands(bad, scene)

@@ -1,0 +1,405 @@
+"""Check what the plan finds out about a scene: channels, number formats, codings, depth ranges, bands."""
+
+import numpy as np
+import pytest
+from helpers.judge import EXACT as EXACTLY
+from helpers.judge import check, compare
+from helpers.pinhole import SHADINGS, octasphere, torus
+from helpers.stages import screen_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rasterizer as rz
+from rasterizer.engine import plan as planning
+from rasterizer.engine.error_bounds import Surroundings
+from rasterizer.engine.plan import NEAREST, choose_band_rows, fit_depth_range, fits_float32, make_coding, make_plan
+from rasterizer.geometry.points import gather_geometry
+from rasterizer.options import DEFAULT_TOLERANCE, Options
+from rasterizer.pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES
+from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
+
+BALL = octasphere(1)
+CLAY = (0.8, 0.4, 0.2)
+GREY_LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((0, -1, -1), 0.6), rz.PointLight((3, 3, 3), 0.3))
+WARM_LIGHTS = (rz.AmbientLight((0.1, 0.05, 0.025)), rz.DirectionalLight((0, -1, -1), (0.6, 0.3, 0.15)))
+MIXED_LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((0, -1, -1), (0.6, 0.3, 0.15)))
+GREY = rz.Material()
+TINTED = rz.Material(diffuse=CLAY, specular=tuple(0.5 * c for c in CLAY), emissive=tuple(0.1 * c for c in CLAY))
+GLOSSY_CLAY = rz.Material(diffuse=CLAY)  # its highlight is grey
+DULL_CLAY = rz.Material(diffuse=CLAY, specular=0)
+GLOWING = rz.Material(emissive=(0.1, 0, 0))
+
+
+def scene_of(materials, lights, **mesh):
+    """One ball for each material."""
+    places = 1.5 * np.arange(len(materials))
+    meshes = [
+        rz.Mesh(BALL[0] * 0.7 + (x, 0, 0), BALL[1], material=m, **mesh) for x, m in zip(places, materials, strict=True)
+    ]
+    return rz.Scene(meshes, lights)
+
+
+def plan_of(scene, **options):
+    """The plan of a scene."""
+    options = Options(**options)
+    return make_plan(scene, options, gather_geometry(scene, options.is_flat).albedo)
+
+
+def screen_for(camera, depth_range):
+    """The screen of a small picture whose z-buffer spans a range of depths."""
+    return screen_of(camera.view(), camera.projection((64, 48)), depth_range)
+
+
+# ---------------------------------------------------------------- one channel or three
+
+CHANNELS = {  # name: (materials, lights, the tint, or None where three channels are needed)
+    "all grey": ([GREY], GREY_LIGHTS, (1, 1, 1)),
+    "several grey materials": ([GREY, rz.Material(diffuse=0.3, shininess=5)], GREY_LIGHTS, (1, 1, 1)),
+    "tinted material, grey lights": ([TINTED], GREY_LIGHTS, (1, 0.5, 0.25)),
+    "dull tinted material, grey lights": ([DULL_CLAY], GREY_LIGHTS, (1, 0.5, 0.25)),
+    "materials of one tint, grey lights": ([TINTED, DULL_CLAY], GREY_LIGHTS, (1, 0.5, 0.25)),
+    "grey highlight on a tinted material": ([GLOSSY_CLAY], GREY_LIGHTS, None),
+    "grey and tinted materials": ([GREY, DULL_CLAY], GREY_LIGHTS, None),
+    "materials of two tints": (
+        [DULL_CLAY, rz.Material(diffuse=(0.2, 0.4, 0.8), specular=0)],
+        GREY_LIGHTS,
+        None,
+    ),
+    "coloured glow": ([GLOWING], GREY_LIGHTS, None),
+    "coloured lights of one tint, grey material": ([GREY], WARM_LIGHTS, (1, 0.5, 0.25)),
+    "grey and coloured lights, grey material": ([GREY], MIXED_LIGHTS, None),
+    "coloured lights and a grey glow": ([rz.Material(emissive=0.1)], WARM_LIGHTS, None),
+    "coloured lights and a glow of their tint": (
+        [rz.Material(emissive=(0.4, 0.2, 0.1))],
+        WARM_LIGHTS,
+        (1, 0.5, 0.25),
+    ),
+    "coloured lights on a coloured material": ([GLOSSY_CLAY], WARM_LIGHTS, None),
+    "black lights have no colour": ([GREY], (*WARM_LIGHTS, rz.PointLight((1, 1, 1), 0)), (1, 0.5, 0.25)),
+    "no lights, a glow alone": ([rz.Material(diffuse=0, specular=0, emissive=CLAY)], (), (1, 0.5, 0.25)),
+    "nothing at all": ([rz.Material(diffuse=0, specular=0)], (), (1, 1, 1)),
+}
+
+
+@pytest.mark.parametrize("name", CHANNELS)
+def test_one_channel_is_found_where_all_colours_are_multiples_of_one(name):
+    materials, lights, tint = CHANNELS[name]
+    scene = scene_of(materials, lights)
+    found = plan_of(scene)
+    assert found.n_channel == (3 if tint is None else 1)
+    if tint is not None:
+        assert found.tint == pytest.approx(tint, abs=1e-7)
+    # Whatever is found, the picture is the judge's.
+    for shading in SHADINGS:
+        check(scene, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
+
+
+def test_colours_of_a_model_need_three_channels_unless_they_are_grey():
+    rng = np.random.default_rng(4)
+    for name, n in (("colors", 18), ("face_colors", 32)):
+        greys = np.repeat(rng.uniform(0.2, 1.0, (n, 1)), 3, axis=1)
+        grey = scene_of([GREY], GREY_LIGHTS, **{name: greys})
+        assert plan_of(grey).n_channel == 1 and plan_of(grey).has_albedo
+        assert plan_of(scene_of([GREY], GREY_LIGHTS, **{name: greys + [[0, 0, 1e-9]]})).n_channel == 3
+        for shading in SHADINGS:
+            check(grey, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
+            check(grey, (48, 20), DEFAULT_TOLERANCE, shading=shading, ignored=0.01)
+
+
+def test_tints_that_differ_by_rounding_are_one():
+    for k in range(1, 40):
+        materials = [rz.Material(diffuse=tuple(c * k / 7 for c in CLAY), specular=tuple(c / k for c in CLAY))]
+        assert plan_of(scene_of([DULL_CLAY, *materials], GREY_LIGHTS)).n_channel == 1, f"k = {k}"
+    off = rz.Material(diffuse=(0.8, 0.4, 0.2 * (1 + 1e-9)), specular=0)
+    assert plan_of(scene_of([DULL_CLAY, off], GREY_LIGHTS)).n_channel == 3
+
+
+palette = st.sampled_from([(0.0,) * 3, (0.5,) * 3, (0.2,) * 3, CLAY, (0.4, 0.2, 0.1), (0, 0.3, 0), (0.1, 0.2, 0.8)])
+one_material = st.builds(
+    lambda a, d, s, e: rz.Material(ambient=a, diffuse=d, specular=s, emissive=e),
+    palette,
+    palette,
+    palette,
+    palette,
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(one_material, min_size=1, max_size=2), st.lists(palette, max_size=2), palette)
+def test_no_intensity_leaves_the_tint_that_is_found(materials, colors, ambient):
+    """Every product of a material's and a light's colour must be a multiple of the tint."""
+    lights = (rz.AmbientLight(ambient), *(rz.DirectionalLight((0, 0, -1), color) for color in colors))
+    found = plan_of(scene_of(materials, lights))
+    terms = [np.array(m.emissive) for m in materials] + [np.array(m.ambient) * ambient for m in materials]
+    terms += [np.array(m.diffuse) * c for m in materials for c in colors]
+    terms += [np.array(m.specular) * c for m in materials for c in colors]
+    if found.n_channel == 1:
+        assert found.tint.max() == 1
+        for term in terms:
+            assert np.abs(term - term.max() * found.tint.astype(float)).max() < 1e-7
+    else:
+        everything = [
+            np.array(getattr(m, n)) for m in materials for n in ("ambient", "diffuse", "specular", "emissive")
+        ]
+        assert any(np.ptp(color) > 0 for color in [*everything, *map(np.array, colors), np.array(ambient)])
+
+
+# ---------------------------------------------------------------- number formats and codings
+
+SHINY = rz.Material(specular=0.5, shininess=400)
+AMPLIFIED = (rz.PointLight((3, 3, 3), 0.3, (0.1, 0, 0.3), amplify=True),)
+INVERSE_SQUARE = (rz.PointLight((3, 3, 3), 0.3, (0, 0, 1), amplify=True),)
+MIRROR = rz.Material(specular=0.5, shininess=20_000)
+DULL = rz.Material(specular=0.5, shininess=0.5)
+BRIGHT = (rz.DirectionalLight((0, 0, -1), 500),)
+PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated, coding when lit a sample)
+    "default": (GREY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "three channels": (GLOSSY_CLAY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_PLANES, NORMAL_PLANES),
+    "exact": (GREY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
+    "exact, three channels": (GLOSSY_CLAY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
+    "nearly exact": (GREY, GREY_LIGHTS, 1e-7, np.float64, EXACT, EXACT),
+    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "a mirror": (MIRROR, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
+    "too dull": (DULL, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
+    "shiny, and generous": (
+        SHINY,
+        (rz.DirectionalLight((0, 0, -1), 1.0),),
+        1e-2,
+        np.float32,
+        IN_WORDS,
+        NORMAL_PLANES,
+    ),
+    "too bright": (GREY, BRIGHT, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
+    "bright, and generous": (GREY, BRIGHT, 0.1, np.float32, IN_WORDS, NORMAL_PLANES),
+    "amplified ten times": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "without bound": (GREY, INVERSE_SQUARE, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
+    "dark": (GREY, (), DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+}
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_the_cheapest_way_inside_the_tolerance(name):
+    material, lights, tolerance, dtype, interpolated, lit = PLANS[name]
+    scene = scene_of([material], lights)
+    for shading in SHADINGS:
+        found = plan_of(scene, shading=shading, tolerance=tolerance)
+        assert found.dtype == dtype, shading
+        assert found.coding == (lit if shading == "phong" else interpolated), shading
+        assert found.is_lit_per_sample == (shading == "phong")
+        assert found.coding == EXACT or found.level_scale * found.bound <= LEVEL_MASK
+        if dtype == np.float32:
+            assert found.rounding <= tolerance / 2
+
+
+@pytest.mark.parametrize("name", [name for name in PLANS if name != "dark"])
+def test_no_intensity_is_above_the_bound(name):
+    material, lights = PLANS[name][:2]
+    scene = scene_of([material], lights)
+    for shading in SHADINGS:
+        bound = plan_of(scene, shading=shading).bound
+        most = rz.render(scene, (64, 48), shading=shading, tolerance=0).color.max()
+        assert 0 < most <= bound, f"{most} > the bound {bound}"
+
+
+def test_a_light_on_a_surface_needs_float64():
+    found = plan_of(scene_of([GREY], GREY_LIGHTS))
+
+    def fits(furthest, clearance, shortest=1.0):
+        around = Surroundings(furthest, np.array([np.inf, clearance]), shortest, True)
+        return fits_float32(found, DEFAULT_TOLERANCE, around)
+
+    assert fits(5.0, 1.0) and not fits(1e6, 1.0) and not fits(5.0, 0.0)
+    assert fits(5.0, np.inf, 0.3) and not fits(5.0, np.inf, 1e-6) and not fits(5.0, np.inf, 0.0)
+    # Squares of lengths must be numbers of float32, too.
+    for unit in (1e-30, 1e-21, 1e19, 1e30):
+        assert not fits(5.0 * unit, unit), unit
+    assert not fits(5.0, 1e25)
+    scene = scene_of([GREY], GREY_LIGHTS)
+    precise = make_plan(scene, Options(), np.empty((0, 3)), is_precise=True)
+    assert precise.dtype == np.float64 and precise.coding == EXACT
+
+
+def test_words_accept_what_is_left_of_the_tolerance():
+    """The rounding of the lighting and that of the levels have to share."""
+    camera = rz.Camera.perspective((0, 0, 5))
+    screen = screen_for(camera, (1.0, 9.0))
+    found = plan_of(scene_of([GREY], GREY_LIGHTS))
+    coding = make_coding(found, screen, DEFAULT_TOLERANCE)
+    assert coding.level_tolerance / coding.level_scale + found.rounding == pytest.approx(DEFAULT_TOLERANCE)
+    assert not coding.needs_distance
+    for w in (1.0, 3.7, 9.0):
+        z = screen.z_offset + screen.z_scale / w
+        assert coding.inv_w_offset + coding.inv_w_scale * z == pytest.approx(1 / w, rel=1e-12)
+
+
+@pytest.mark.parametrize("needs", [False, True])
+def test_distances_are_carried_for_lights_that_have_a_place(needs):
+    camera = rz.Camera.perspective((0, 0, 5))
+    screen = screen_for(camera, (1.0, 9.0))
+    lights = GREY_LIGHTS if needs else GREY_LIGHTS[:2]
+    found = plan_of(scene_of([GREY], lights), shading="phong")
+    assert make_coding(found, screen, DEFAULT_TOLERANCE).needs_distance == needs
+
+
+# ---------------------------------------------------------------- depth ranges
+
+BOUNDS = np.array([[[-1.0, -1, -1], [1, 1, 1]], [[2.0, 0, 0], [3, 1, 1]]])
+
+
+def fitted(camera, bounds=BOUNDS):
+    """Near, far and the clip distance that a camera gets."""
+    (near, far), clip = fit_depth_range(camera, camera.view(), bounds)
+    return near, far, clip
+
+
+def test_the_range_fits_what_lies_before_the_camera():
+    near, far, clip = fitted(rz.Camera.perspective((0, 0, 5)))
+    assert near == pytest.approx(4, rel=1e-5) and near < 4
+    assert far == pytest.approx(6, rel=1e-5) and far > 6 and clip == np.inf
+
+
+def test_a_camera_inside_the_bounds_keeps_a_near_plane_before_it():
+    near, far, clip = fitted(rz.Camera.perspective((0, 0, 0), (0, 0, -1)))
+    assert near == pytest.approx(NEAREST) and far == pytest.approx(1, rel=1e-5) and clip == np.inf
+
+
+@pytest.mark.parametrize("make", [rz.Camera.perspective, rz.Camera.orthographic])
+def test_near_and_far_that_are_given_count(make):
+    assert fitted(make((0, 0, 5), near=0.25, far=7.5)) == (0.25, 7.5, 7.5)
+    near, far, clip = fitted(make((0, 0, 5), near=0.25))
+    assert near == 0.25 and far == pytest.approx(6, rel=1e-5) and clip == np.inf
+    near, far, clip = fitted(make((0, 0, 5), far=5.5))
+    assert near == pytest.approx(4, rel=1e-5) and (far, clip) == (5.5, 5.5)
+    near, far, clip = fitted(make((0, 0, 5), near=50.0))
+    assert (near, far, clip) == (50.0, 50.0, np.inf)
+
+
+def test_an_orthographic_range_begins_at_the_camera():
+    near, far, clip = fitted(rz.Camera.orthographic((0, 0, 5)))
+    assert near == pytest.approx(4, rel=1e-5) and far == pytest.approx(6, rel=1e-5) and clip == np.inf
+    near, far, _ = fitted(rz.Camera.orthographic((0, 0, 0.5)))
+    assert near == 0 and far == pytest.approx(1.5, rel=1e-5)
+    assert fitted(rz.Camera.orthographic((0, 0, -5), (0, 0, -9))) == (0, 0, np.inf)
+
+
+def test_a_camera_that_sees_nothing_gets_a_range_all_the_same():
+    near, far, _ = fitted(rz.Camera.perspective((0, 0, -5), (0, 0, -9)))
+    assert 0 < near <= far < np.inf
+
+
+positions = st.tuples(*[st.floats(-20, 20)] * 3)
+
+
+@settings(max_examples=200, deadline=None)
+@given(positions, positions, st.booleans(), st.floats(-6, 6))
+def test_depths_in_the_range_fit_the_words(eye, target, is_perspective, exponent):
+    """Every vertex beyond the near plane gets a z within the bits for it, at any scale, with some room."""
+    if np.linalg.norm(np.subtract(eye, target)) < 1e-3:
+        return
+    scale = 10.0**exponent
+    eye, target = (tuple(scale * c for c in place) for place in (eye, target))
+    lens = {"fov": 45} if is_perspective else {"height": scale}
+    camera = rz.Camera(position=eye, target=target, **lens)
+    view = camera.view()
+    (near, far), _ = fit_depth_range(camera, view, BOUNDS * scale)
+    screen = screen_for(camera, (near, far))
+    corners = (BOUNDS * scale).reshape(-1, 3)
+    depth = (corners - view.eye) @ view.forward
+    depth = depth[depth >= near]
+    assert (depth <= far).all() and (near > 0 if is_perspective else near >= 0)
+    z = screen.z_offset + screen.z_scale * (1 / depth if is_perspective else depth)
+    assert (z >= DEPTH_MARGIN - 64).all() and (z <= 2.0**DEPTH_BITS - DEPTH_MARGIN + 64).all()
+
+
+def test_scenes_without_depth_are_drawn():
+    """All depths equal: the range is a point, and must not divide by zero."""
+    corners = [(-1, -1, 0), (1, -1, 0), (0, 1, 0)]
+    for camera in (rz.Camera.perspective((0, 0, 3)), rz.Camera.orthographic((0, 0, 3), height=2.5)):
+        scene = rz.Scene([rz.Mesh(corners, [[0, 1, 2]])], GREY_LIGHTS, camera)
+        frame = rz.render(scene, (40, 30), outputs=("color", "depth"))
+        assert frame.alpha.sum() > 100
+        assert np.abs(frame.depth[frame.alpha > 0] - 3).max() < 1e-6
+
+
+NEARS = (None, 0.25, 1e-3, 1e-9, 1e-11, 1e-16, 1e-30, 1e-300, 5e-324)
+FARS = (None, 6.0, 1e10, 1e30, 1e300)
+
+
+@pytest.mark.parametrize("far", FARS)
+@pytest.mark.parametrize("near", [*NEARS, -1e30])
+@pytest.mark.parametrize("make", [rz.Camera.perspective, rz.Camera.orthographic])
+def test_near_and_far_planes_only_clip(make, near, far):
+    """A square lies a little before another one: however far the planes are from both, it hides it, and nothing is
+    off."""
+    if make == rz.Camera.perspective and near is not None and near < 0:
+        return
+    square = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    vertices, colors = np.concatenate([square - (0, 0, 1e-3), square]), np.repeat([[1.0, 0, 0], [0, 1, 0]], 4, axis=0)
+    behind, before = [[0, 1, 2], [0, 2, 3]], [[4, 5, 6], [4, 6, 7]]
+    pictures = []
+    for faces in (behind + before, before + behind):
+        for planes in ({"near": near, "far": far}, {}):
+            scene = rz.Scene(
+                [rz.Mesh(vertices, faces, colors=colors)], [rz.AmbientLight(1.0)], make((0, 0, 5), **planes)
+            )
+            for tolerance in (0, DEFAULT_TOLERANCE):
+                frame = rz.render(scene, (32, 24), shading="phong", tolerance=tolerance, outputs=("color", "depth"))
+                is_seen = frame.alpha > 0
+                assert is_seen.sum() > 100 and np.abs(frame.depth[is_seen] - 5).max() < 1e-5
+                pictures.append(frame.color)
+    assert all(np.abs(picture - pictures[0]).max() <= DEFAULT_TOLERANCE for picture in pictures), (
+        "the other one is seen"
+    )
+
+
+@pytest.mark.parametrize("near", NEARS[1:])
+def test_a_camera_inside_a_mesh_may_have_any_near_plane(near):
+    """Next to the camera faces are cut, or are not: all colours and depths are finite, and those of the reference."""
+    rng = np.random.default_rng(5)
+    vertices = rng.uniform(-1, 1, (36, 3))
+    mesh = rz.Mesh(vertices, np.arange(36).reshape(-1, 3), colors=rng.uniform(0, 1, (36, 3)), crease_angle=0)
+    camera = rz.Camera.perspective((0, 0, 0), (0.3, 0.2, -1), fov=80, near=near)
+    scene = rz.Scene([mesh], GREY_LIGHTS, camera)
+    for shading in ("flat", "gouraud", "phong"):
+        verdict = compare(scene, (32, 24), shading=shading, tolerance=0)
+        assert verdict.color <= EXACTLY and verdict.depth <= EXACTLY and verdict.n_compared > 100
+
+
+# ---------------------------------------------------------------- bands
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.integers(1, 16384), st.integers(1, 16384), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
+def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread, factor):
+    width, height = max(1, columns // factor) * factor, max(1, lines // factor) * factor
+    rows = choose_band_rows(width, height, n_thread, factor)
+    assert rows % factor == 0 and factor <= rows <= height
+    assert rows * width <= max(planning.BAND_WORDS, 8 * width)
+    if n_thread > 1:
+        assert rows <= max(16, -(-height // (4 * n_thread)))
+
+
+def test_bands_of_usual_pictures():
+    assert choose_band_rows(640, 480, 1, 1) == 204
+    assert choose_band_rows(640, 480, 2, 1) == 60
+    assert choose_band_rows(16384, 16384, 1, 1) == 8
+    assert choose_band_rows(16384, 4, 8, 4) == 4
+
+
+def test_too_many_polygons_for_a_band_make_it_lower(monkeypatch):
+    """Record numbers are limited: bands are halved until they suffice, and the picture stays the same."""
+    from rasterizer.engine import draw
+
+    scene = rz.Scene([rz.Mesh(*torus(48, 24))], GREY_LIGHTS)
+    expected = rz.render(scene, (64, 48), tolerance=0, threads=1).color.tobytes()
+    whole = draw.MAX_RECORDS
+    heights = []
+    choose = draw.find_visible
+    monkeypatch.setattr(draw, "find_visible", lambda *given: heights.append(given[4]) or choose(*given))
+    monkeypatch.setattr(draw, "MAX_RECORDS", 400)
+    assert rz.render(scene, (64, 48), tolerance=0, threads=1).color.tobytes() == expected
+    assert len(heights) > 2 and sorted(heights, reverse=True) == heights
+    monkeypatch.setattr(draw, "MAX_RECORDS", 20)
+    with pytest.raises(rz.SceneError, match="legal are 20"):
+        rz.render(scene, (64, 48), tolerance=0, threads=1)
+    assert whole > 2**22

@@ -1,0 +1,156 @@
+"""Check the illumination equation at points: closed forms, the judge, the renderer's own values, and the border."""
+
+import numpy as np
+import pytest
+from helpers.pinhole import octasphere
+
+import rasterizer as rz
+from rasterizer.errors import SceneError
+from rasterizer.geometry.points import gather_geometry
+from rasterizer.reference import light as reference_light
+
+UP = (0.0, 0.0, 1.0)
+WHITE = rz.Material(diffuse=1.0, ambient=1.0, specular=0.0)
+SHINY = rz.Material(diffuse=(0.5, 0.3, 0.1), specular=0.4, shininess=9, emissive=(0, 0.01, 0.02))
+LIGHTS = (
+    rz.AmbientLight((0.1, 0.1, 0.2)), rz.DirectionalLight((-1, -0.4, -1), (0.7, 0.6, 0.5)), rz.PointLight((2, 3, 3), 0.4, "1/(d+1)"),
+    rz.SpotLight((0, 0, 4), (0, 0, -1), "orange", 5, 40, 2.0, falloff=2.5), rz.AreaLight((1, 1, 3), (1, 0, 0), (0, 1, 0), 0.5),
+)  # fmt: skip
+
+
+def test_closed_forms():
+    sun = rz.DirectionalLight((0, 0, -1))
+    assert rz.illuminate((0, 0, 0), UP, WHITE, sun, toward_viewer=UP).tolist() == [1, 1, 1]
+    assert rz.illuminate((0, 0, 0), UP, WHITE, rz.AmbientLight((0.1, 0.2, 0.3)), (0, 0, 5)) == pytest.approx(
+        (0.1, 0.2, 0.3), abs=1e-15
+    )
+    a = np.radians(np.linspace(0, 180, 19))
+    normals = np.stack([np.sin(a), 0 * a, np.cos(a)], axis=1)
+    found = rz.illuminate((0, 0, 0), 7 * normals, WHITE, sun, (0, 0, 5))
+    assert np.abs(found - np.maximum(np.cos(a), 0)[:, None]).max() < 1e-15 * 2
+    distance = np.array([0.5, 1.0, 2.0, 10.0])
+    points = np.stack([0 * distance, 0 * distance, -distance], axis=1)
+    for form, expected in (
+        ("1", 1 + 0 * distance),
+        ("1/d^2", np.minimum(1, distance**-2)),
+        ("1/(d+3)", 1 / (distance + 3)),
+    ):
+        found = rz.illuminate(points, UP, WHITE, rz.PointLight((0, 0, 0), 1, form), toward_viewer=UP)
+        assert np.abs(found - expected[:, None]).max() < 1e-15, form
+    colored = rz.illuminate((0, 0, 0), UP, rz.Material(diffuse=(0.9, 0.3, 0.1), specular=0), sun, toward_viewer=UP)
+    assert colored == pytest.approx((0.9, 0.3, 0.1), abs=1e-16), "digits beyond float32 are lost"
+
+
+@pytest.mark.parametrize("incidence", [0.0, 30.0, 60.0, 75.0])
+@pytest.mark.parametrize("name", ["phong", "blinn", "cook-torrance"])
+def test_where_the_highlight_is_brightest(name, incidence):
+    """Phong's and Blinn's peaks lie in the mirror direction; Cook-Torrance's moves beyond it, the further the more
+    light grazes.
+
+    Torrance & Sparrow 1967, J. Opt. Soc. Am. 57(9), 1105-1114: "off-specular peaks in the directional distribution".
+    """
+    material = rz.Material(diffuse=0, ambient=0, specular=1, shininess=60, reflection=name, roughness=0.2)
+    a, view = np.radians(incidence), np.radians(np.linspace(0, 89.9, 1800))
+    viewers = np.stack([np.sin(view), 0 * view, np.cos(view)], axis=1)
+    sun = rz.DirectionalLight((np.sin(a), 0, -np.cos(a)))
+    # An eye in the origin sees a point at -V from the direction V.
+    found = rz.illuminate(-viewers, UP, material, sun, (0, 0, 0))[:, 0]
+    peak = np.degrees(view[found.argmax()])
+    if name != "cook-torrance":
+        assert abs(peak - incidence) <= 0.05, f"peak at {peak:.2f}°"
+    elif incidence == 0:
+        assert peak < 0.1
+    else:
+        assert peak - incidence > {30.0: 1.0, 60.0: 5.0, 75.0: 10.0}[incidence], f"peak at {peak:.2f}°"
+
+
+def judged(points, normals, material, camera, spectral=None):
+    """The same by the judge."""
+    corners, faces = octasphere(0)
+    scene = rz.Scene([rz.Mesh(corners, faces, material=material)], LIGHTS, camera)
+    surface = reference_light.gather(scene)
+    stage = reference_light.set_stage(scene, surface, camera.view(), camera.projection((4, 3)), "phong", spectral)
+    return sum(reference_light.light_points(points, normals, np.zeros(len(points), int), stage))
+
+
+@pytest.mark.parametrize("spectral", [None, 40])
+@pytest.mark.parametrize(
+    "name", ["phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon", "colored", "brushed"]
+)
+def test_it_agrees_with_the_judge(name, spectral):
+    others = {
+        "colored": rz.Material(specular=0.5, reflection="blinn", normalized=True, fresnel=(0.9, 0.5, 0.2)),
+        "brushed": rz.Material(specular=0.2, reflection="cook-torrance", roughness=(0.2, 0.6), tangent=(1, 2, 3)),
+    }
+    material = others.get(name) or rz.Material(diffuse=(0.5, 0.3, 0.1), specular=0.4, reflection=name)
+    points, normals = np.random.default_rng(3).normal(size=(2, 700, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for camera in (rz.Camera.perspective((1, 2, 5)), rz.Camera.orthographic((1, 2, 5))):
+        found = rz.illuminate(points, normals, material, LIGHTS, camera, spectral=spectral)
+        expected = judged(points, normals, material, camera, spectral)
+        error = np.abs(found - expected).max()
+        # Squared exponents leave out what is below 2^-28, of each light.
+        assert error < 3e-8 * max(1, expected.max()), f"{error:.3g}"
+        assert np.isfinite(found).all() and found.max() > 0.1
+
+
+def test_it_is_what_the_renderer_computes():
+    """Vertices of a ball, lit by Gouraud's method in float64: the same bits."""
+    corners, faces = octasphere(2)
+    scene = rz.Scene(rz.Mesh(corners, faces, material=SHINY), LIGHTS, rz.Camera.perspective((1, 2, 5)))
+    with rz.Renderer(scene, 8, shading="gouraud", tolerance=0) as renderer:
+        view, screen = renderer._screen(scene.camera, 1)
+        from rasterizer.engine.uniforms import make_lighting
+
+        rendered = renderer._light_points(renderer._plan, make_lighting(renderer._plan, view), screen)[0]
+    geometry = gather_geometry(scene, False)
+    found = rz.illuminate(geometry.points.T, geometry.normals.T, SHINY, LIGHTS, scene.camera)
+    assert np.abs(found - rendered).max() <= 2e-16 * found.max()
+
+
+def test_shapes_viewers_and_sides():
+    points = np.zeros((4, 5, 3))
+    assert rz.illuminate(points, UP, "gold", LIGHTS, (0, 0, 5)).shape == (4, 5, 3)
+    assert rz.illuminate((0, 0, 0), points + UP, SHINY, LIGHTS, (0, 0, 5)).shape == (4, 5, 3)
+    assert rz.illuminate(np.zeros((0, 3)), UP, SHINY, LIGHTS, (0, 0, 5)).shape == (0, 3)
+    sun = rz.DirectionalLight((0, 0, -1))
+    assert rz.illuminate((0, 0, 0), (0, 0, -1), WHITE, sun, (0, 0, 5)).max() == 0
+    assert rz.illuminate((0, 0, 0), (0, 0, -1), WHITE, sun, (0, 0, 5), two_sided=True).min() == 1
+    assert rz.illuminate((0, 0, 0), UP, WHITE, sun, (0, 0, 5), exposure=2).tolist() == [4, 4, 4]
+    moving, camera = rz.studio(), rz.Camera.perspective((3, 2, 5))
+    lit = rz.illuminate((0, 0, 0), (3, 2, 5), rz.Material(), moving, camera)
+    assert 0.3 < lit.max() < 1
+    # An area light is the mean of its cells, and a shadow has no part.
+    area = rz.AreaLight((1, 1, 3), (1, 0, 0), (0, 1, 0), 0.5, shadow=True)
+    assert rz.illuminate((0, 0, 0), UP, SHINY, area, (0, 0, 5)) == pytest.approx(
+        rz.illuminate((0, 0, 0), UP, SHINY, area.cells(), (0, 0, 5)), abs=1e-15
+    )
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"points": (0, 0)}, "points must be"),
+        ({"points": (0, 0, np.nan)}, "points must be"),
+        ({"points": "origin"}, "points must be"),
+        ({"normals": (0, 0, 0)}, "normals must have a length"),
+        ({"points": np.zeros((2, 3)), "normals": np.ones((3, 3))}, "must fit each other"),
+        ({"material": "goldd"}, "a named material is one of"),
+        ({"material": 3}, "must be a Material"),
+        ({"material": rz.Material(texture=np.eye(2))}, "no texture"),
+        ({"material": rz.Material(reflection="cook-torrance", roughness=(0.1, 0.2))}, "needs tangents"),
+        ({"lights": [3]}, "lights must be"),
+        ({"lights": 3}, "lights must be"),
+        ({"lights": rz.studio()}, "must be a Camera"),
+        ({"viewer": None}, "give either viewer"),
+        ({"toward_viewer": UP}, "give either viewer"),
+        ({"viewer": (0, 0)}, "the viewer must be three"),
+        ({"viewer": None, "toward_viewer": (0, 0, 0)}, "toward_viewer must have a length"),
+        ({"spectral": 2}, "spectral must be"),
+        ({"exposure": 100}, "exposure must be"),
+    ],
+)
+def test_faults_are_named_at_the_border(wrong, words):
+    given = {"points": (0, 0, 0), "normals": UP, "material": SHINY, "lights": LIGHTS, "viewer": (0, 0, 5)} | wrong
+    with pytest.raises(SceneError, match=words):
+        rz.illuminate(**given)

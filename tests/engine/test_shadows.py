@@ -1,0 +1,437 @@
+"""Check shadows in whole pictures: no acne, edges and penumbrae where geometry has them, same bytes however they are
+drawn."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.pinhole import QUAD, SHADINGS, octasphere, torus, unit
+from numpy.lib.stride_tricks import sliding_window_view
+
+import rasterizer as rz
+from rasterizer import reference
+from rasterizer.pipeline.shadow_lookup import N_MAP
+from rasterizer.scene.lights import Shadow
+
+AMBIENT = 0.1
+SHINY = rz.Material(diffuse=0.6, specular=0.3, shininess=10)
+MATTE = rz.Material(diffuse=0.7, specular=0)
+PLANE = np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0]], float)
+BOX_FACES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+KINDS = ("directional", "point", "spot", "area")
+FLOOR_SIZE, FLOOR_HEIGHT = (640, 480), 4.8  # 100 pixels a unit
+ABOVE = rz.Camera.orthographic((0, 0, 10), (0, 0, 0), up=(0, 1, 0), height=FLOOR_HEIGHT)
+
+
+def make_light(kind, elevation, azimuth, distance=4.0, center=(0, 0, 0), shadow=True):
+    """A light of a kind in a direction as seen from `center`: degrees above the plane z = 0 and round it."""
+    e, a = np.radians([elevation, azimuth])
+    toward = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
+    place, across = center + distance * toward, unit(np.cross(toward, (0.3, 0.2, 0.7)))
+    if kind == "directional":
+        return rz.DirectionalLight(-toward, 0.8, shadow=shadow)
+    if kind == "point":
+        return rz.PointLight(place, 0.8, shadow=shadow)
+    if kind == "spot":
+        return rz.SpotLight(place, -toward, 0.8, outer=60, shadow=shadow)
+    edges = 0.3 * distance * across, 0.3 * distance * np.cross(toward, across)
+    return rz.AreaLight(place, *edges, 0.8, (2, 2), shadow=shadow)
+
+
+def draw_both(meshes, light, camera, size, shading="phong", **options):
+    """The picture, and the one without shadows: both in float64, so that what is lit is the same to the last bit."""
+    frames = []
+    for each in (light, replace(light, shadow=None)):
+        scene = rz.Scene(meshes, (rz.AmbientLight(AMBIENT), each), camera)
+        frames.append(rz.render(scene, size, shading=shading, tolerance=0, outputs=("color", "face"), **options))
+    return frames
+
+
+def n_different(*arguments, **options):
+    """How many pixels a light's shadows change."""
+    frame, bare = draw_both(*arguments, **options)
+    return int((frame.color != bare.color).any(axis=-1).sum())
+
+
+def lit_share(frame, bare, material=MATTE):
+    """The part of the light that arrives at every pixel, where any could."""
+    ambient = AMBIENT * np.array(material.ambient)
+    return ((frame.color - ambient) / np.maximum(bare.color - ambient, 1e-9))[..., 0]
+
+
+def floor_points():
+    """The places on the floor z = 0 that ABOVE shows, (h, w, 3)."""
+    (width, height), scale = FLOOR_SIZE, FLOOR_HEIGHT / FLOOR_SIZE[1]
+    x, y = np.meshgrid((np.arange(width) + 0.5 - width / 2) * scale, (height / 2 - np.arange(height) - 0.5) * scale)
+    return np.stack([x, y, np.zeros_like(x)], axis=-1)
+
+
+def floor_mesh(reach=(3.2, 2.4)):
+    return rz.Mesh(PLANE * (*reach, 1), QUAD, material=MATTE)
+
+
+def is_hidden(quad, points, light):
+    """Whether a parallelogram (4, 3) stands between points (..., 3) and a light: rays against its plane."""
+    is_parallel = isinstance(light, rz.DirectionalLight)
+    away = -np.broadcast_to(light.direction, points.shape) if is_parallel else np.array(light.position) - points
+    edges = np.stack([quad[1] - quad[0], quad[3] - quad[0]], axis=1)
+    normal = np.cross(*edges.T)
+    along = (quad[0] - points) @ normal / (away @ normal)
+    place = (points + along[..., None] * away - quad[0]) @ np.linalg.pinv(edges).T
+    return (along > 0) & ((along < 1) | is_parallel) & ((place > 0) & (place < 1)).all(axis=-1)
+
+
+def is_at_edge(mask, reach=1):
+    """Pixels that have both kinds of pixels within `reach` of them."""
+    windows = sliding_window_view(np.pad(mask, reach, mode="edge"), (2 * reach + 1, 2 * reach + 1))
+    return windows.any(axis=(2, 3)) & ~windows.all(axis=(2, 3))
+
+
+def sphere(n_around, n_down):
+    """A unit sphere of meridians and parallels."""
+    down, around = np.pi * np.arange(1, n_down) / n_down, 2 * np.pi * np.arange(n_around) / n_around
+    ring = [(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)) for t in down for p in around]
+    vertices = np.array([(0, 0, 1), *ring, (0, 0, -1)])
+    index = 1 + np.arange((n_down - 1) * n_around).reshape(n_down - 1, n_around)
+    following = np.roll(index, -1, axis=1)
+    quads = np.stack([index[:-1], index[1:], following[1:], following[:-1]], axis=-1).reshape(-1, 4)
+    top = [(0, a, b) for a, b in zip(index[0], following[0], strict=True)]
+    bottom = [(len(vertices) - 1, b, a) for a, b in zip(index[-1], following[-1], strict=True)]
+    return vertices, [*quads.tolist(), *top, *bottom]
+
+
+def box(low, high):
+    """Vertices of an upright box; BOX_FACES are its faces."""
+    return np.array([[(low, high)[(k >> 2 - axis) & 1][axis] for axis in range(3)] for k in range(8)], float)
+
+
+# ── no acne ─────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("texels", [16, 100, 1024])
+def test_a_plane_alone_is_lit_everywhere(kind, texels):
+    camera, plane = rz.Camera.perspective((1.5, 2, 3), (0, 0, 0), fov=40), rz.Mesh(PLANE, QUAD, material=SHINY)
+    filters = (1, 3) if texels == 100 else (1,)
+    lights = [
+        make_light(kind, e, 23 + 97 * e, shadow=Shadow(texels, n)) for e in (5, 12, 37, 60, 89, 90) for n in filters
+    ]
+    found = [n_different([plane], light, camera, (80, 60), shading) for light in lights for shading in SHADINGS]
+    assert not any(found), f"pixels in shadow: {found}"
+
+
+CONVEX = {
+    "8 x 6": lambda: sphere(8, 6),
+    "32 x 24": lambda: sphere(32, 24),
+    "96 x 64": lambda: sphere(96, 64),
+    "octasphere": lambda: octasphere(2),
+    "cube": lambda: (box((0, 0, 0), (1, 1, 1)), BOX_FACES),
+}
+
+
+@pytest.mark.parametrize("name", CONVEX)
+@pytest.mark.parametrize("texels", [16, 64, 256, 1024])
+def test_a_convex_model_casts_no_shadow_on_itself(name, texels):
+    """Also where polygons are turned away from the light that their normals still look at."""
+    model = rz.Mesh(*CONVEX[name](), material=SHINY)
+    camera, filters = rz.Camera.perspective((1.5, 2, 4), (0, 0, 0), fov=35), (1, 5) if texels == 256 else (1,)
+    for kind in ("directional", "point"):
+        lights = [
+            make_light(kind, e, a, shadow=Shadow(texels, n))
+            for e, a in ((15, 130), (50, 20), (-30, 70))
+            for n in filters
+        ]
+        found = [n_different([model], light, camera, (240, 180), shading) for light in lights for shading in SHADINGS]
+        assert not any(found), f"{kind}: pixels in shadow: {found}"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("scale, shift", [(1e-3, 0), (1e4, 0), (1, 1e5), (1e-2, 100)])
+def test_neither_scale_nor_place_make_acne(kind, scale, shift):
+    center = np.full(3, float(shift))
+    camera = rz.Camera.perspective(center + scale * np.array((1.5, 2, 4)), center, fov=40)
+    for vertices, faces in ((PLANE, QUAD), octasphere(2), (box((0, 0, 0), (1, 1, 1)), BOX_FACES)):
+        model = rz.Mesh(scale * vertices + center, faces, material=SHINY)
+        lights = [make_light(kind, e, a, 4 * scale, center, Shadow(128)) for e, a in ((7, 20), (50, 130), (85, 260))]
+        assert [n_different([model], light, camera, (80, 60), shading) for light in lights for shading in SHADINGS] == [
+            0
+        ] * 9
+
+
+@pytest.mark.parametrize("texels", [16, 8192])
+def test_a_plane_seen_at_a_low_angle_is_lit_everywhere(texels):
+    """The picture's own vertices are rounded, which tilts it most where it is seen edge-on."""
+    plane = rz.Mesh(PLANE, QUAD, material=SHINY)
+    for y in (-6, -2, 1):
+        camera = rz.Camera.perspective((0.3, y, 0.15), (0, 0, 0), up=(0, 0, 1), fov=25)
+        lights = [make_light(kind, e, 20, shadow=Shadow(texels)) for kind in ("directional", "point") for e in (89, 90)]
+        assert [n_different([plane], light, camera, (80, 60)) for light in lights] == [0] * 4
+
+
+def test_many_coplanar_triangles_are_lit_everywhere():
+    """A tilted plane of small triangles, whose normals differ by rounding."""
+    x, y = (v.ravel() / 10 - 1 for v in np.meshgrid(np.arange(21), np.arange(21)))
+    corner = np.arange(441).reshape(21, 21)
+    faces = np.stack([corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]], axis=-1).reshape(-1, 4)
+    plane = rz.Mesh(np.stack([x, y, 0.3 * x - 0.7 * y + 0.2], axis=1), faces, material=SHINY)
+    camera = rz.Camera.perspective((0.5, -1, 5), (0, 0, 0), fov=35)
+    lights = [make_light(kind, e, 200, shadow=Shadow(n)) for kind in KINDS for e in (25, 80) for n in (32, 1024)]
+    assert [n_different([plane], light, camera, (120, 90), shading) for light in lights for shading in SHADINGS] == [
+        0
+    ] * 48
+
+
+@pytest.mark.parametrize("n_around, n_down", [(32, 12), (96, 32)])
+def test_a_bowl_is_dark_only_where_its_rim_hides_the_light(n_around, n_down):
+    """The lower half of a sphere, seen from above: a point p is lit where the chord p + t·L, t = -2 p·L, ends above the
+    rim."""
+    down = np.pi / 2 * (1 + np.arange(n_down + 1) / n_down)
+    around = 2 * np.pi * np.arange(n_around) / n_around
+    vertices = np.array([(np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)) for t in down for p in around])
+    index = np.arange(len(vertices)).reshape(n_down + 1, n_around)
+    following = np.roll(index, -1, axis=1)
+    quads = np.stack([index[:-1], following[:-1], following[1:], index[1:]], axis=-1).reshape(-1, 4)
+    bowl = rz.Mesh(vertices, quads, normals=-vertices, material=MATTE)
+    camera = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), up=(0, 1, 0), height=2.4)
+    points = floor_points()[::2, ::2, :2] / 2
+    square = (points**2).sum(axis=-1)
+    inside = np.concatenate([points, -np.sqrt(np.maximum(1 - square, 0))[..., None]], axis=-1)
+    for elevation in (15, 50, 85):
+        light = make_light("directional", elevation, 20)
+        frame, bare = draw_both([bowl], light, camera, (320, 240))
+        toward = -np.array(light.direction)
+        is_lit = (inside - 2 * (inside @ toward)[..., None] * toward)[..., 2] > 0
+        is_sure = (square < 0.95) & ~is_at_edge(is_lit, 4)
+        is_dark = (frame.color != bare.color).any(axis=-1)
+        assert not (is_dark & is_lit & is_sure).any()
+        missed = ((bare.color > frame.color)[..., 0] < (~is_lit & (bare.color[..., 0] > 0.15))) & is_sure
+        assert missed.sum() <= 0.02 * is_sure.sum()  # the lift lets a little in next to the rim
+
+
+def test_a_torus_hides_what_rays_find_hidden():
+    """Away from edges and from grazing light, where the judge's polygons throw shadows on their own smooth
+    neighbours."""
+    model = rz.Mesh(*torus(40, 24), material=MATTE)
+    camera, size = rz.Camera.perspective((1.5, 2, 4), fov=40), (120, 90)
+    light = make_light("point", 15, 130)
+    frame, bare = draw_both([model], light, camera, size)
+    expected = reference.render(rz.Scene([model], (rz.AmbientLight(AMBIENT), light), camera), size, shading="phong")
+    is_dark = (frame.color != bare.color).any(axis=-1)
+    is_hidden_there = np.abs(expected.color - bare.color).max(axis=-1) > 1e-6
+    is_sure = (lit := bare.color[..., 0] - AMBIENT * 0.7) > 0.15 * lit.max()
+    wrong = (is_dark != is_hidden_there) & is_sure & ~is_at_edge(is_hidden_there)
+    assert (is_dark & is_sure).sum() > 30 and not wrong.any(), f"{wrong.sum()} pixels"
+
+
+# ── edges ───────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def floating_quad():
+    """A parallelogram above the floor, turned and tilted."""
+    turn = np.array([[np.cos(0.3), -np.sin(0.3), 0], [np.sin(0.3), np.cos(0.3), 0], [0, 0, 1]])
+    corners = np.array([[-0.5, -0.4, 1], [0.6, -0.4, 1], [0.6, 0.5, 1.2], [-0.5, 0.5, 1.2]])
+    return corners @ turn.T
+
+
+EDGES = {
+    "directional": (rz.DirectionalLight((0.5, 0.3, -1), 0.8, shadow=True), 1),
+    "spot": (rz.SpotLight((-1.5, -1, 4), (0.4, 0.25, -1), 0.8, outer=60, shadow=True), 1),
+    "wide spot": (rz.SpotLight((-1, -0.7, 1.9), (0.4, 0.25, -1), 0.8, outer=90, shadow=True), 6),
+    "point": (rz.PointLight((-1.5, -1, 5), 0.8, shadow=True), 1),
+    "point inside": (rz.PointLight((-1, -0.7, 1.9), 0.8, shadow=True), 6),
+    "point over a corner": (rz.PointLight((-0.9, -0.9, 1.4), 0.8, shadow=True), 6),
+}
+
+
+@pytest.mark.parametrize("name", EDGES)
+def test_edges_are_within_a_pixel_of_the_analytic_ones(name):
+    light, n_map = EDGES[name]
+    meshes = [floor_mesh(), rz.Mesh(quad := floating_quad(), QUAD, material=MATTE)]
+    frame, bare = draw_both(meshes, light, ABOVE, FLOOR_SIZE)
+    with rz.Renderer(rz.Scene(meshes, (light,), ABOVE), 16) as renderer:
+        renderer.render()
+        assert renderer._shadows._maps[0].block[N_MAP] == n_map
+    hidden = is_hidden(quad, floor_points(), light)
+    could_be_lit = (bare.color[..., 0] > AMBIENT * 0.7) & (frame.face < 2)
+    wrong = ((frame.color != bare.color).any(axis=-1) != hidden) & could_be_lit
+    assert (hidden & could_be_lit).sum() > 5000
+    far = wrong & ~is_at_edge(hidden)
+    assert not far.any(), f"{far.sum()} of {wrong.sum()} wrong pixels are further than a pixel from the edge"
+    if n_map == 6:  # the shadow crosses a border of two faces of the cube
+        axis = np.abs(floor_points() - np.array(light.position)).argmax(axis=-1)
+        assert sum((hidden & could_be_lit & (axis == k)).sum() > 1000 for k in range(3)) >= 2
+
+
+@pytest.mark.parametrize("direction", [(1, 0.2, -0.3), (1, 0.2, -1), (0.3, 0.1, -2), (1, 0.07, -0.05)])
+@pytest.mark.parametrize("kind", ["directional", "point"])
+def test_no_light_leaks_in_where_a_box_stands_on_the_floor(direction, kind):
+    """A ray meets the box if it is within all three pairs of planes at once (Kay & Kajiya 1986)."""
+    low, high = np.array([-0.5, -0.5, 0]), np.array([0.5, 0.5, 1])
+    meshes = [floor_mesh(), rz.Mesh(box(low, high), BOX_FACES, material=MATTE)]
+    light = rz.DirectionalLight(direction, 0.8, shadow=True)
+    if kind == "point":
+        light = rz.PointLight(-4 * unit(np.array(direction)) + (0, 0, 0.3), 0.8, shadow=True)
+    frame, bare = draw_both(meshes, light, ABOVE, FLOOR_SIZE)
+    points = floor_points()
+    toward = -np.array(light.direction) if kind == "directional" else np.array(light.position) - points
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.stack([(low - points) / toward, (high - points) / toward])
+    enters, leaves = ends.min(axis=0).max(axis=-1), ends.max(axis=0).min(axis=-1)
+    hidden = leaves > np.maximum(enters, 0)
+    is_floor = frame.face < 2
+    wrong = ((frame.color != bare.color).any(axis=-1) != hidden) & is_floor
+    assert (hidden & is_floor).sum() > 1000 and not (wrong & ~is_at_edge(hidden)).any()
+    assert not (frame.color != bare.color)[~is_floor].any()  # nothing hides the top
+
+
+# ── penumbra and filter ─────────────────────────────────────────────────────────────────────────────────
+
+
+def half_plane():
+    """A sheet at height 1 that ends at x = 0, and a floor."""
+    sheet = np.array([[-3, -3, 1], [-3, 3, 1], [0, 3, 1], [0, -3, 1]], float)
+    return [floor_mesh((3, 3)), rz.Mesh(sheet, QUAD, material=MATTE)]
+
+
+@pytest.mark.parametrize("length", [0.3, 1.0])
+def test_a_penumbra_is_as_wide_as_the_light_makes_it(length):
+    """A light of length w, d1 before an edge, makes a penumbra of the width w·d2/d1 on what lies d2 behind the edge."""
+    d1, d2 = 3.0, 1.0
+    light = rz.AreaLight((-3 - length / 2, -0.5, d1 + d2), (length, 0, 0), (0, 1, 0), 0.9, (8, 8), shadow=True)
+    camera = rz.Camera.orthographic((1, 0, 10), (1, 0, 0), up=(0, 1, 0), height=0.12)
+    frame, bare = draw_both(half_plane(), light, camera, (800, 120))
+    share, x = lit_share(frame, bare)[60], 1 + (np.arange(800) + 0.5 - 400) * 0.001
+    assert (
+        (np.diff(share) >= -1e-6).all()
+        and share[0] == pytest.approx(0, abs=1e-6)
+        and share[-1] == pytest.approx(1, abs=1e-6)
+    )
+    weights, middle = np.diff(share), (x[1:] + x[:-1]) / 2
+    center = (weights * middle).sum()
+    width = np.sqrt(12 * (weights * (middle - center) ** 2).sum())
+    expected = length * d2 / d1
+    assert abs(center - 1) < 0.02 and abs(width / expected - 1) < 0.1, f"{width:.4f}, expected {expected:.4f}"
+    assert len(np.unique(share.round(5))) > 8
+
+
+@pytest.mark.parametrize("n", [3, 5, 9])
+def test_the_filter_averages_comparisons(n):
+    """Multiples of 1/n²; what is further than half the filter and a texel from an edge stays as it was."""
+    texels, diagonal, cosine = 128, 8.6, 0.76  # of the floor; of the light on it
+    lights = [rz.DirectionalLight((0.8, 0.3, -1), 0.8, shadow=Shadow(texels, size)) for size in (1, n)]
+    meshes = [floor_mesh((3, 3)), rz.Mesh(floating_quad() * (1, 1, 0) + (0, 0, 1), QUAD, material=MATTE)]
+    pictures = [draw_both(meshes, light, ABOVE, FLOOR_SIZE) for light in lights]
+    hard, soft = (np.where(bare.face >= 0, lit_share(frame, bare), 1) for frame, bare in pictures)
+    steps = soft * n * n
+    assert np.abs(steps - steps.round()).max() < 1e-3
+    assert len(np.unique(steps.round())) > n + 1
+    reach = int(
+        np.ceil((n + 1) / 2 * 2**0.5 / cosine * diagonal / (texels - 2) * 100)
+    )  # pixels that taps lie away, at most
+    assert not ((np.abs(soft - hard) > 1e-5) & ~is_at_edge(hard > 0.5, reach)).any()
+
+
+# ── who casts, and on what ──────────────────────────────────────────────────────────────────────────────
+
+
+def test_what_lets_light_through_casts_none():
+    light = rz.DirectionalLight((0.5, 0.3, -1), 0.8, shadow=True)
+    texture = rz.Texture(np.dstack([np.ones((2, 2, 3)), [[1.0, 0.5], [1.0, 1.0]]]))
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+    for see_through in (replace(MATTE, opacity=0.9), replace(MATTE, texture=texture)):
+        for shading in SHADINGS:
+            meshes = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, uv=uv, material=see_through)]
+            frame, bare = draw_both(meshes, light, ABOVE, (160, 120), shading)
+            assert np.array_equal(frame.color, bare.color)
+            # it receives them
+            lid = rz.Mesh(floating_quad() + (-0.5, -0.3, 1), QUAD, material=MATTE)
+            assert n_different([*meshes, lid], light, ABOVE, (160, 120), "phong") > 100
+    assert n_different(meshes[1:], light, ABOVE, (160, 120)) == 0  # no caster at all
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_light_of_the_camera_goes_with_it(kind):
+    """Given in the camera's frame, or in the world's where it is then: the same picture."""
+    camera = rz.Camera.perspective((1.5, -3, 3), (0.2, 0, 0), up=(0, 0, 1), fov=50)
+    view = camera.view()
+    axes = np.stack([view.right, view.up, -view.forward])
+    meshes = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, material=MATTE)]
+    place, direction = np.array((1.5, 1, 0.5)), np.array((-0.4, -0.5, -1))
+    own = {
+        "directional": rz.DirectionalLight(direction, 0.8, "camera", True),
+        "point": rz.PointLight(place, 0.8, attached="camera", shadow=True),
+        "spot": rz.SpotLight(place, direction, 0.8, outer=60, attached="camera", shadow=True),
+        "area": rz.AreaLight(place, (1, 0, 0), (0, 1, 0), 0.8, (2, 2), attached="camera", shadow=True),
+    }[kind]
+    turned = {"attached": "world"}
+    for field in ("direction", "edge_u", "edge_v", "position", "corner"):
+        if hasattr(own, field):
+            away = view.eye if field in ("position", "corner") else 0.0
+            turned[field] = tuple(np.array(getattr(own, field)) @ axes + away)
+    frames = [draw_both(meshes, light, camera, (240, 180)) for light in (own, replace(own, **turned))]
+    (of_camera, bare), (of_world, _) = frames
+    assert (of_camera.color != bare.color).any(axis=-1).sum() > 500
+    differs = np.abs(of_camera.color - of_world.color).max(axis=-1) > 1e-5  # at edges a rounding decides
+    assert differs.sum() < 20
+
+
+def test_lights_that_see_nothing_or_stand_in_the_way():
+    """Away from the scene; on a surface, in a corner, inside a closed box; edge-on to a lone sheet; all casters at one
+    depth."""
+    meshes = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, material=MATTE)]
+    lights = [
+        rz.SpotLight((0, 0, 3), (0, 0, 1), 0.8, outer=40, shadow=True),
+        rz.PointLight((0, 0, 0), 0.8, shadow=True),
+        rz.PointLight((-3.2, -2.4, 0), 0.8, shadow=True),
+        rz.PointLight(tuple(floating_quad()[0]), 0.8, shadow=True),
+        rz.DirectionalLight((1, 0, 0), 0.8, shadow=True),
+        rz.DirectionalLight((0, 0, 1), 0.8, shadow=True),
+        rz.AreaLight((-1, -1, 0), (2, 0, 0), (0, 2, 0), 0.8, (2, 2), shadow=True),
+    ]
+    for light in lights:
+        for shading in SHADINGS:
+            frame, bare = draw_both(meshes, light, ABOVE, (80, 60), shading)
+            assert np.isfinite(frame.color).all() and (frame.color <= bare.color).all()
+    lone = [floor_mesh()]
+    for light in (
+        *lights[4:6],
+        rz.DirectionalLight((0, 0, -1), 0.8, shadow=True),
+        rz.PointLight((0, 0, 2), 0.8, shadow=True),
+    ):
+        assert [n_different(lone, light, ABOVE, (80, 60), shading) for shading in SHADINGS] == [0, 0, 0]
+    # a light inside a closed box reaches nothing outside
+    room = rz.Mesh(box((-0.5, -0.5, 0.1), (0.5, 0.5, 1)), BOX_FACES, material=MATTE)
+    frame, bare = draw_both([floor_mesh(), room], rz.PointLight((0.1, 0.2, 0.6), 0.8, shadow=True), ABOVE, FLOOR_SIZE)
+    assert (bare.color[frame.face < 2] > AMBIENT * 0.7).all()
+    assert np.abs(frame.color[frame.face < 2] - AMBIENT * 0.7).max() < 1e-6
+
+
+# ── the same bytes ──────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_neither_threads_nor_earlier_pictures_matter(shading):
+    meshes = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, material=SHINY), rz.Mesh(*torus(16, 12), material=SHINY)]
+    lights = [rz.AmbientLight(AMBIENT), make_light("area", 40, 30, shadow=Shadow(128)), make_light("spot", 60, 200)]
+    lights += [replace(make_light("point", 70, 100), attached="camera", position=(1, 1, 0))]
+    cameras = [rz.Camera.perspective((2, y, 4), (0, 0, 0), fov=40) for y in (-3, 0, 2)]
+    fresh = [rz.render(rz.Scene(meshes, lights, camera), (160, 120), shading=shading, threads=1) for camera in cameras]
+    for threads in (1, 2, 3):
+        with rz.Renderer(rz.Scene(meshes, lights), (160, 120), shading=shading, threads=threads) as renderer:
+            for k in (0, 1, 2, 0, 0):
+                frame = renderer.render(cameras[k])
+                assert (
+                    frame.color.tobytes() == fresh[k].color.tobytes()
+                    and frame.rgba.tobytes() == fresh[k].rgba.tobytes()
+                )
+
+
+def test_too_many_maps_are_refused(monkeypatch):
+    from rasterizer.engine import shadow_maps
+
+    monkeypatch.setattr(shadow_maps, "MOST_NUMBERS", 3 * 64**2)
+    mesh = rz.Mesh(*octasphere(1))
+    lights = [rz.DirectionalLight((0, k, -1), shadow=rz.Shadow(size=64)) for k in range(3)]
+    rz.render(rz.Scene([mesh], lights[:2]), 16)
+    with pytest.raises(rz.SceneError, match="smaller shadow size, or fewer cells"):
+        rz.render(rz.Scene([mesh], lights), 16)

@@ -1,0 +1,194 @@
+"""Check the arrays that lights and materials become for one view, and pictures of scenes that have everything."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.pinhole import SHADINGS, octasphere, unit
+
+import rasterizer as rz
+from rasterizer import reference
+from rasterizer.engine.plan import make_plan
+from rasterizer.engine.uniforms import make_lighting, row_functions_of
+from rasterizer.options import Options
+from rasterizer.pipeline.light_kinds import (
+    ATTENUATION,
+    AXIS,
+    CONE_EXPONENT,
+    CONE_SCALE,
+    COS_OUTER,
+    INVERSE_RANGE,
+    MOST,
+    VECTOR,
+    directional,
+    point,
+    spot,
+)
+from rasterizer.pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, SPECULAR_COLOR
+from rasterizer.pipeline.reflection import SHININESS, blinn, distant_blinn, lambert
+from rasterizer.scene.spectrum import Spectrum
+
+CAMERA = rz.Camera.perspective((3, 1, 2), (0, 0, 0), up=(0, 0, 1), fov=40)
+VIEW = CAMERA.view()
+AXES = np.stack([VIEW.right, VIEW.up, -VIEW.forward])  # rows: x, y, z of the camera in the world
+TRIANGLE = np.eye(3), [[0, 1, 2]]
+
+
+def lighting_of(lights, *materials, shadows=(), **options):
+    """(Lighting, plan) of lights and materials as VIEW sees them."""
+    meshes = [rz.Mesh(*TRIANGLE, material=material) for material in materials or (rz.Material(),)]
+    plan = make_plan(
+        rz.Scene(meshes, lights, CAMERA), Options(shading="phong", tolerance=0, **options), np.empty((0, 3))
+    )
+    return make_lighting(plan, VIEW, shadows), plan
+
+
+# ── lights ──────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_directions_point_to_the_light_and_places_are_relative_to_the_eye():
+    place, way = np.array((0.5, -2, 3)), unit(np.array((0.2, 0.3, -1)))
+    lights = (rz.DirectionalLight(way), rz.PointLight(place), rz.SpotLight(place, way))
+    rows = lighting_of(lights)[0].light
+    assert np.allclose(rows[0, VECTOR : VECTOR + 3], -way, atol=1e-15)
+    for k in (1, 2):
+        assert np.allclose(rows[k, VECTOR : VECTOR + 3], place - (3, 1, 2), atol=1e-15)
+    assert np.allclose(rows[2, AXIS : AXIS + 3], way, atol=1e-15)
+
+
+def test_what_is_attached_to_the_camera_is_turned_to_the_world():
+    place, way = np.array((0.5, -2, 3)), unit(np.array((0.2, 0.3, -1)))
+    lights = rz.DirectionalLight(way), rz.PointLight(place), rz.SpotLight(place, way)
+    rows = lighting_of([replace(light, attached="camera") for light in lights])[0].light
+    assert np.allclose(rows[0, VECTOR : VECTOR + 3], -(way @ AXES), atol=1e-15)
+    for k in (1, 2):
+        assert np.allclose(rows[k, VECTOR : VECTOR + 3], place @ AXES, atol=1e-15)
+    assert np.allclose(rows[2, AXIS : AXIS + 3], way @ AXES, atol=1e-15)
+
+
+def test_numbers_of_positional_lights():
+    lights = (
+        rz.PointLight((1, 2, 3), attenuation=(0.5, 0.25, 0.125)),
+        rz.PointLight((1, 2, 3), amplify=True, range=8),
+        rz.SpotLight((1, 2, 3), (0, 0, -1), inner=20, outer=60, exponent=3, attenuation="1/d^2"),
+        rz.SpotLight((1, 2, 3), (0, 0, -1), inner=30, outer=30),
+    )
+    rows = lighting_of(lights)[0].light
+    assert rows[:, ATTENUATION : ATTENUATION + 3].tolist() == [[0.5, 0.25, 0.125], [1, 0, 0], [0, 0, 1], [1, 0, 0]]
+    assert rows[:, MOST].tolist() == [1, np.inf, 1, 1] and rows[:, INVERSE_RANGE].tolist() == [0, 0.125, 0, 0]
+    c_inner, c_outer = np.cos(np.radians((20, 60)))
+    assert rows[2, COS_OUTER] == pytest.approx(c_outer, rel=1e-15) and rows[2, CONE_EXPONENT] == 3
+    assert rows[2, CONE_SCALE] == pytest.approx(1 / (c_inner - c_outer), rel=1e-14) and rows[3, CONE_SCALE] == np.inf
+
+
+def test_row_functions_are_those_of_the_lights_and_then_of_the_materials():
+    area = rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 1, 0), resolution=(2, 1))
+    lights = (rz.AmbientLight(), rz.SpotLight((1, 2, 3), (0, 0, -1)), area, rz.DirectionalLight((0, 0, -1)))
+    lighting, plan = lighting_of(lights, rz.Material(specular=0), rz.Material(reflection="blinn"))
+    of_lights, of_materials = row_functions_of(plan, True)
+    assert of_lights == [spot, point, point, directional] and of_materials == [[lambert] * 4, [blinn] * 4]
+    assert len(lighting.light_function) == 4 and lighting.reflection_function.shape == (2, 4)
+    # The half vector is constant where light and viewer are at infinity.
+    assert row_functions_of(plan, False)[1] == [[lambert] * 4, [blinn] * 3 + [distant_blinn]]
+    assert len(set(lighting.light_function.tolist())) == 3 and lighting.needs_position and lighting.needs_view
+    assert not lighting_of((rz.DirectionalLight((0, 0, -1)),), rz.Material(specular=0))[0].needs_view
+
+
+# ── colours ─────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_a_grey_scene_has_one_channel_of_everything():
+    material = rz.Material(ambient=0.5, diffuse=0.6, specular=0.2, emissive=0.1, shininess=7)
+    lighting, _ = lighting_of((rz.AmbientLight(0.4), rz.AmbientLight(0.2), rz.PointLight((1, 2, 3), 0.7)), material)
+    (row,) = lighting.material
+    assert (lighting.n_channel, lighting.n_light_channel) == (1, 1) and row[SHININESS] == 7
+    assert [row[k] for k in (EMISSIVE, DIFFUSE_COLOR, SPECULAR_COLOR)] == [0.1, 0.6, 0.2] and row[
+        AMBIENT
+    ] == pytest.approx(0.3)
+    assert lighting.color.shape == (1, 1, 6) and (lighting.color == 0.7).all()
+
+
+def test_lights_of_several_colours_need_three_sums():
+    material = rz.Material(ambient=(0.5, 0.1, 0.2), diffuse=(0.6, 0.4, 0.2), specular=0.2)
+    lights = (
+        rz.AmbientLight((0.4, 0.2, 0.1)),
+        rz.PointLight((1, 2, 3), (0.7, 0.1, 0.2)),
+        rz.DirectionalLight((0, 0, -1), 0.5),
+    )
+    lighting, _ = lighting_of(lights, material)
+    assert (lighting.n_channel, lighting.n_light_channel) == (3, 3)
+    assert np.allclose(lighting.color[0], [[0.7, 0.1, 0.2] * 2, [0.5] * 6])
+    assert np.allclose(lighting.material[0, AMBIENT : AMBIENT + 3], (0.2, 0.02, 0.02))
+    grey = lighting_of((rz.PointLight((1, 2, 3), 0.7),), rz.Material(diffuse=(0.6, 0.4, 0.2)))[0]
+    assert (grey.n_channel, grey.n_light_channel) == (3, 1)
+
+
+def test_with_spectra_every_material_has_sums_of_its_own():
+    """The lights' colours are those of the products; coefficients are 1."""
+    materials = [rz.Material(diffuse=Spectrum.flat(0.5), specular=0.3)]
+    materials.append(rz.Material(diffuse=(0.2, 0.6, 0.4), specular=0, emissive=0.1))
+    lights = (rz.AmbientLight(0.4), rz.PointLight((1, 2, 3), 0.5), rz.DirectionalLight((0, 0, -1)))
+    lighting, plan = lighting_of(lights, *materials, exposure=1)
+    assert (lighting.n_channel, lighting.n_light_channel) == (3, 3) and lighting.color.shape == (2, 2, 6)
+    assert np.allclose(lighting.color[0], [[0.5] * 3 + [0.3] * 3, [1.0] * 3 + [0.6] * 3], atol=1e-9)
+    assert np.allclose(lighting.color[1], [[0.2, 0.6, 0.4, 0, 0, 0], [0.4, 1.2, 0.8, 0, 0, 0]], atol=1e-9)
+    assert (lighting.material[:, DIFFUSE_COLOR : DIFFUSE_COLOR + 3] == 1).all()
+    assert (lighting.material[:, SPECULAR_COLOR : SPECULAR_COLOR + 3] == 1).all()
+    assert np.allclose(lighting.material[1, EMISSIVE : EMISSIVE + 3], 0.2) and plan.products is not None
+
+
+def test_a_scene_without_lights():
+    lighting, _ = lighting_of((rz.AmbientLight(0.5),))
+    assert lighting.light.shape[0] == 0 and len(lighting.light_function) == 0 and not lighting.needs_position
+
+
+# ── shadows ─────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_maps_are_handed_on_by_address():
+    class Map:
+        block = np.zeros(8)
+
+    lights = (rz.DirectionalLight((0, 0, -1)), rz.DirectionalLight((0, 1, -1), shadow=True))
+    lighting, plan = lighting_of(lights, shadows=(None, Map))
+    assert lighting.shadow.tolist() == [0, Map.block.ctypes.data] and lighting.shadow_function != 0
+    assert lighting.needs_position and plan.dtype == np.float64  # of the points, although no light has a place
+    without = lighting_of((replace(lights[1], shadow=None),))[0]
+    assert len(without.shadow) == 0 and without.shadow_function == 0 and not without.needs_position
+
+
+# ── all together ────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("spectral", [None, 20])
+def test_shadows_textures_layers_and_materials_together(shading, spectral):
+    """The judge's picture, but for pixels at the edges of shadows and of texels."""
+    rng, size = np.random.default_rng(4), (120, 90)
+    floor = np.array([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], float)
+    picture = rz.Texture(rng.uniform(0.2, 1, (4, 4, 4)), "bilinear")
+    paper = rz.Material(
+        diffuse=(0.8, 0.7, 0.5), specular=0.1, texture=rz.Texture(rng.uniform(0.3, 1, (8, 8, 3)), "bilinear")
+    )
+    glass = rz.Material(diffuse=(0.3, 0.5, 0.8), specular=0.4, opacity=0.6, texture=picture)
+    clay = rz.Material(diffuse=(0.7, 0.3, 0.2), specular=0, reflection="oren-nayar")
+    uv = (floor[:, :2] + 2) / 4
+    vertices, faces = octasphere(2)
+    meshes = [
+        rz.Mesh(floor, [[0, 1, 2, 3]], uv=uv * 3, material=paper),
+        rz.Mesh(floor * (0.5, 0.5, 1) + (0.2, -0.3, 1.3), [[0, 1, 2, 3]], uv=uv, material=glass),
+    ]
+    ball = {"uv": vertices[:, :2], "materials": [clay, paper], "face_material": np.arange(len(faces)) % 2}
+    meshes.append(rz.Mesh(vertices * 0.5 + (0.3, 0.4, 0.6), faces, **ball))
+    lights = (
+        rz.AmbientLight(0.1), rz.PointLight((1.5, -1, 4), (0.5, 0.4, 0.3), "1/(d+1)", shadow=True),
+        rz.DirectionalLight((0.3, 0.4, -1), 0.4, shadow=True),
+    )  # fmt: skip
+    camera = rz.Camera.perspective((3, 1, 4), (0, 0, 0.4), up=(0, 0, 1), fov=45)
+    scene = rz.Scene(meshes, lights, camera, background=(0.1, 0.1, 0.2))
+    frame = rz.render(scene, size, shading=shading, spectral=spectral, exposure=0.5, tolerance=0)
+    judge = reference.render(scene, size, shading, spectral=spectral, exposure=0.5)
+    off = np.abs(frame.color - judge.color).max(axis=-1)
+    # next to the line where light and shade meet, the judge's polygons throw shadows on their own smooth neighbours
+    assert (off > 1e-5).mean() < 0.02, f"{(off > 1e-5).sum()} of {off.size} pixels differ, by up to {off.max():.3g}"
+    assert np.ptp(judge.color) > 0.3

@@ -1,0 +1,232 @@
+"""Check what is made of meshes before they are drawn: points, normals, colours, the distance to a light."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.pinhole import octasphere, torus, unit
+
+import rasterizer as rz
+from rasterizer.geometry.points import (
+    find_clearance,
+    flag_inverted,
+    flat_part,
+    gather_geometry,
+    polygon_centroids,
+    smooth_part,
+)
+
+CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
+QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+
+
+def corner_places(part):
+    return part.points[part.corner]
+
+
+# ---------------------------------------------------------------- interpolation between vertices
+
+
+def test_a_cube_is_split_at_its_edges():
+    mesh = rz.Mesh(CUBE, QUADS)
+    part = smooth_part(mesh)
+    assert len(part.points) == 24 and (corner_places(part) == CUBE[mesh.faces]).all()
+    normals = part.normals[part.corner]
+    area = np.cross(CUBE[mesh.faces[:, 1]] - CUBE[mesh.faces[:, 0]], CUBE[mesh.faces[:, 2]] - CUBE[mesh.faces[:, 0]])
+    assert np.abs(normals - unit(area)[:, None]).max() < 1e-15
+    assert len(smooth_part(rz.Mesh(CUBE, QUADS, crease_angle=180)).points) == 8
+    assert part.albedo is None and part.vertex is part.corner
+
+
+def test_normals_of_vertices_are_taken_as_they_are():
+    vertices, faces = octasphere(2)
+    mesh = rz.Mesh(vertices, faces, normals=-vertices)
+    part = smooth_part(mesh)
+    assert (part.positions == vertices).all() and (part.corner == faces).all()
+    assert np.abs(part.normals + vertices).max() < 1e-15
+    creased = smooth_part(rz.Mesh(vertices, faces, normals=-vertices, crease_angle=180))
+    assert (creased.normals * creased.points).sum(axis=1).min() > 0.9, "a crease angle overrides the file's normals"
+
+
+def test_equal_normals_at_the_corners_of_a_vertex_are_welded():
+    """Normals a corner: as many points as there are kinds of (vertex, normal), and nothing lost."""
+    vertices, faces = octasphere(1)
+    rng = np.random.default_rng(0)
+    kinds = unit(rng.normal(size=(3, 3)))
+    choice = rng.integers(0, 3, faces.shape)
+    normals = kinds[choice]
+    normals[0, 0], normals[1, 1] = (0.0, 0.0, 1.0), (-0.0, 0.0, 1.0)  # equal but for the sign of a zero
+    mesh = rz.Mesh(vertices, faces, normals=normals)
+    part = smooth_part(mesh)
+    assert (part.normals[part.corner] == mesh.normals).all() and (corner_places(part) == vertices[faces]).all()
+    pairs = {(int(v), *(n + 0.0)) for v, n in zip(faces.ravel(), mesh.normals.reshape(-1, 3), strict=True)}
+    assert len(part.points) == len(pairs) < faces.size
+    first_use = part.corner.ravel()[np.sort(np.unique(part.corner.ravel(), return_index=True)[1])]
+    assert (first_use == np.arange(len(part.points))).all(), "points stand in the order of first use"
+
+
+def test_one_normal_everywhere_leaves_the_vertices_whole():
+    vertices, faces = octasphere(2)
+    part = smooth_part(rz.Mesh(vertices, faces, normals=vertices[faces]))
+    assert len(part.points) == len(vertices)
+    assert np.abs(part.normals - part.points).max() < 1e-15
+
+
+def test_colors_of_faces_split_the_vertices_they_share():
+    vertices, faces = octasphere(1)
+    colors = np.array([(1.0, 0.2, 0.1), (0.1, 0.3, 0.9)])[np.arange(len(faces)) % 2]
+    part = smooth_part(rz.Mesh(vertices, faces, face_colors=colors, crease_angle=180))
+    assert (part.albedo[part.corner] == colors[:, None]).all() and (corner_places(part) == vertices[faces]).all()
+    assert len(vertices) < len(part.points) <= 2 * len(vertices)
+    whole = smooth_part(rz.Mesh(vertices, faces, crease_angle=180))
+    assert np.abs(part.normals[part.corner] - whole.normals[whole.corner]).max() == 0
+    one = smooth_part(rz.Mesh(vertices, faces, face_colors=np.tile(colors[:1], (len(faces), 1)), crease_angle=180))
+    assert len(one.points) == len(vertices), "one colour splits nothing"
+
+
+def test_colors_of_vertices_count_before_those_of_faces():
+    vertices, faces = octasphere(1)
+    colors = np.random.default_rng(1).random(vertices.shape)
+    mesh = rz.Mesh(vertices, faces, colors=colors, face_colors=np.ones((len(faces), 3)))
+    part = smooth_part(mesh)
+    assert (part.albedo[part.corner] == colors[faces]).all()
+    flat = flat_part(mesh)
+    assert np.abs(flat.albedo - colors[faces].mean(axis=1)).max() < 1e-15
+
+
+# ---------------------------------------------------------------- flat shading
+
+
+def test_polygons_have_one_point_each():
+    """A rectangle of two triangles, and a triangle: centroids of the polygons, not of their parts."""
+    vertices = np.array([[0, 0, 1.0], [4, 0, 1], [4, 1, 1], [0, 1, 1], [9, 9, 9]])
+    mesh = rz.Mesh(vertices, [[0, 1, 2, 3], [0, 3, 4]])
+    part = flat_part(mesh)
+    assert part.corner[:, 0].tolist() == [0, 0, 1] and (part.corner == part.corner[:, :1]).all()
+    assert np.abs(part.points[0] - (2, 0.5, 1)).max() < 1e-15 and np.abs(part.normals[0] - (0, 0, 1)).max() < 1e-15
+    assert np.abs(part.points[1] - vertices[[0, 3, 4]].mean(axis=0)).max() < 1e-14
+    assert part.positions is mesh.vertices and part.albedo is None
+
+
+def test_centroids_are_weighted_by_area():
+    """A trapezium cut into two triangles of areas 3 and 1."""
+    vertices = np.array([[0, 0, 0.0], [3, 0, 0], [1, 2, 0], [0, 2, 0]])
+    part = flat_part(rz.Mesh(vertices, [[0, 1, 2, 3]]))
+    expected = (3 * np.array([4 / 3, 2 / 3, 0]) + 1 * np.array([1 / 3, 4 / 3, 0])) / 4
+    assert np.abs(part.points[0] - expected).max() < 1e-15
+
+
+def test_polygons_without_area_still_have_a_point():
+    vertices = np.array([[0, 0, 0.0], [2, 0, 0], [4, 0, 0], [0, 3, 0]])
+    faces, polygons = np.array([[0, 1, 2], [1, 1, 2], [0, 1, 3]]), np.array([0, 0, 1], np.uint32)
+    found = polygon_centroids(vertices, faces, polygons, 2)
+    assert np.abs(found - [[7 / 3, 0, 0], [2 / 3, 1, 0]]).max() < 1e-14
+
+
+def test_numbers_of_polygons_may_have_gaps():
+    vertices, faces = octasphere(1)
+    polygons = (np.arange(len(faces)) // 3) * 7 + 5
+    part = flat_part(rz.Mesh(vertices, faces, polygons=polygons))
+    assert (part.corner[:, 0] == np.arange(len(faces)) // 3).all() and len(part.points) == -(-len(faces) // 3)
+    assert np.isfinite(part.points).all() and np.abs(np.linalg.norm(part.normals, axis=1) - 1).max() < 1e-15
+
+
+def test_colors_of_polygons_are_means():
+    vertices, faces = octasphere(1)
+    colors = np.random.default_rng(2).random((len(faces), 4))
+    polygons = np.arange(len(faces)) // 2
+    part = flat_part(rz.Mesh(vertices, faces, polygons=polygons, face_colors=colors))
+    assert part.albedo.shape[1] == 3
+    assert np.abs(part.albedo - colors[:, :3].reshape(-1, 2, 3).mean(axis=1)).max() < 1e-15
+
+
+# ---------------------------------------------------------------- all meshes together
+
+
+@pytest.mark.parametrize("is_flat", [True, False])
+def test_meshes_stand_one_behind_the_other(is_flat):
+    rng = np.random.default_rng(3)
+    ball, ring = octasphere(1), torus(8, 5)
+    colors = rng.random(ring[0].shape)
+    looks = [rz.Material(shininess=n) for n in (8, 16, 32)]
+    shapes = [rz.Mesh(*ball), rz.Mesh(*ring, colors=colors), rz.Mesh(CUBE, rz.Mesh(CUBE, QUADS).faces)]
+    meshes = [replace(mesh, material=look) for mesh, look in zip(shapes, looks, strict=True)]
+    scene = rz.Scene(meshes)
+    geometry = gather_geometry(scene, is_flat)
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
+    assert (geometry.positions[:, geometry.vertex].T == corners).all()
+    assert geometry.corner.shape == geometry.vertex.shape == (3, scene.n_face)
+    assert (geometry.points is geometry.positions) == (not is_flat)
+    for mesh in range(3):
+        start, stop = scene.face_offsets[mesh : mesh + 2]
+        first, last = geometry.point_offsets[mesh : mesh + 2]
+        here = geometry.corner[:, start:stop]
+        assert here.min() == first and here.max() == last - 1
+        white = (geometry.albedo[first:last] == 1).all()
+        assert white == (mesh != 1)
+    assert len(geometry.albedo) == geometry.points.shape[1] == geometry.point_offsets[-1]
+    assert gather_geometry(rz.Scene(meshes[:1]), is_flat).albedo.shape == (0, 3)
+    assert not geometry.is_inverted.any()
+    assert geometry.group_material.tolist() == [0, 1, 2]
+    assert (geometry.face_material == np.repeat(np.arange(3), np.diff(scene.face_offsets))).all()
+
+
+@pytest.mark.parametrize("is_flat", [True, False])
+def test_meshes_of_equal_materials_are_one_group(is_flat):
+    faces = rz.Mesh(CUBE, QUADS).faces
+    shapes = [rz.Mesh(CUBE, faces, material=rz.Material(shininess=n)) for n in (8, 8, 16, 8)]
+    geometry = gather_geometry(rz.Scene(shapes), is_flat)
+    n = geometry.points.shape[1] // 4
+    assert geometry.group_material.tolist() == [0, 1, 0]
+    assert geometry.point_offsets.tolist() == [0, 2 * n, 3 * n, 4 * n]
+    assert geometry.face_material.tolist() == [0] * 24 + [1] * 12 + [0] * 12
+    assert len(gather_geometry(rz.Scene(shapes[:2]), is_flat).face_material) == 0
+
+
+def test_faces_whose_normals_contradict_their_winding_are_flagged():
+    vertices, faces = octasphere(2)
+    flipped = np.arange(len(faces)) % 3 == 0
+    wound = np.where(flipped[:, None], faces[:, ::-1], faces)
+    geometry = gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]), False)
+    assert (geometry.is_inverted == flipped).all()
+    inside = gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=-vertices)]), False)
+    assert (inside.is_inverted == ~flipped).all()
+    assert not gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]), True).is_inverted.any()
+    nothing = np.ones(len(faces), np.uint8)
+    flag_inverted.py_func(geometry.positions, 0 * geometry.normals, geometry.vertex, nothing)
+    assert not nothing.any(), "no normal is no contradiction"
+
+
+# ---------------------------------------------------------------- the distance to a light
+
+
+def distance_to_triangles(point, corners, rng):
+    """The least distance from many points of triangles (n, 3, 3): not less than the true one."""
+    shares = np.concatenate([rng.dirichlet((0.5, 0.5, 0.5), 2000), np.eye(3)])
+    return np.linalg.norm(np.einsum("sc,ncx->nsx", shares, corners) - point, axis=2).min()
+
+
+@pytest.mark.parametrize("scale, offset", [(1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 1e4)])
+def test_clearance_is_never_more_than_the_distance(scale, offset):
+    rng = np.random.default_rng(4)
+    for n in (1, 5, 40):
+        corners = offset + scale * (rng.normal(size=(n, 1, 3)) + 0.3 * rng.normal(size=(n, 3, 3)))
+        positions = np.ascontiguousarray(corners.reshape(-1, 3).T)
+        vertex = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
+        for reach in (0.1, 1.0, 30.0):
+            point = offset + scale * reach * rng.normal(size=3)
+            least = distance_to_triangles(point, corners, rng)
+            found = find_clearance(positions, vertex, *point)
+            assert 0 <= found <= least + 1e-12 * (scale + offset), f"{found} > {least}"
+            # The samples lie close to each other: no point of a side is further than a thirtieth of it from one.
+            side = max(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(), 1e-30)
+            assert found >= least - side / 8 - 1e-12 * offset
+
+
+def test_clearance_of_a_light_in_the_surface_is_nothing():
+    vertices, faces = octasphere(3)
+    positions, vertex = np.ascontiguousarray(vertices.T), np.ascontiguousarray(faces.T.astype(np.uint32))
+    assert find_clearance(positions, vertex, *vertices[faces[7]].mean(axis=0)) <= 1e-15
+    assert find_clearance(positions, vertex, *vertices[0]) <= 1e-15
+    assert find_clearance(positions, vertex, 0.0, 0.0, 0.0) == pytest.approx(1.0, abs=0.02)
+    assert find_clearance(positions, vertex, 0.0, 0.0, 11.0) == pytest.approx(10.0, abs=1e-12)

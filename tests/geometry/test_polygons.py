@@ -1,0 +1,278 @@
+"""Polygons: cut as they are, whatever their shape, unit and place, and whichever corner comes first."""
+
+import math
+
+import numpy as np
+import pytest
+
+import rasterizer as rz
+from rasterizer.geometry.ears import _exact_turn
+from rasterizer.geometry.polygons import cut_polygons, find_rings, look_at
+
+ELL = [(0, 0), (8, 0), (8, 2), (2, 2), (2, 8), (0, 8)]
+KEYHOLE = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
+
+
+def star(n, inner=0.4):
+    angle = np.arange(2 * n) * np.pi / n
+    radius = np.where(np.arange(2 * n) % 2, inner, 1.0)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+
+
+def comb(n):
+    """n teeth upwards."""
+    teeth = [point for k in range(n) for point in ((k, 0.5), (k + 0.4, 3), (k + 0.6, 3))]
+    return [(n, 0.5), (n, 0), (0, 0), *teeth]
+
+
+def spiral(n):
+    angle = np.arange(n) * 0.3
+    outer = np.stack([(1 + angle) * np.cos(angle), (1 + angle) * np.sin(angle)], axis=1)
+    return np.concatenate([outer, (outer * (1 - 0.5 / (1 + angle))[:, None])[::-1]])
+
+
+SHAPES = {
+    "ell": ELL, "keyhole": KEYHOLE, "star": star(7), "comb": comb(6), "spiral": spiral(60),
+    "dart": [(0, 0), (4, 0), (1, 1), (0, 4)],
+    "straight corners": [(0, 0), (1, 0), (2, 0), (2, 1), (2, 2), (1, 1), (0, 2), (0, 1)],
+    "repeated corners": [(0, 0), (0, 0), (3, 0), (1, 1), (1, 1), (1, 1), (0, 3)],
+    "outward spike": [(0, 0), (2, 0), (5, 0), (2, 0), (2, 2), (1, 1), (0, 2)],
+    "inward spike": [(0, 0), (4, 0), (4, 4), (2, 4), (2, 1), (2, 4), (0, 4)],
+    "slit": [(0, 0), (4, 0), (4, 2), (1, 2), (4, 2), (4, 4), (0, 4)],
+    "two holes": [(0, 0), (9, 0), (7, 1), (5, 1), (7, 3), (7, 1), (9, 0), (9, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (1, 1)],
+}  # fmt: skip
+
+
+def in_space(shape, axes=np.eye(3), unit=1.0, place=(0.0, 0.0, 0.0)):
+    flat = np.asarray(shape, float)
+    return (np.c_[flat, np.zeros(len(flat))] @ np.asarray(axes).T) * unit + np.asarray(place)
+
+
+def shoelace(points):
+    """The polygon's area vector, with an exact sum of each component."""
+    after = np.roll(points, -1, axis=0)
+    parts = np.cross(points - points[0], after - points[0]) / 2
+    return np.array([math.fsum(column) for column in parts.T])
+
+
+def areas(points, triangles):
+    corners = points[triangles]
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2
+
+
+def cut_one(points):
+    cut = cut_polygons(points, np.arange(len(points)), [len(points)])
+    assert cut.corners.shape == (len(points) - 2, 3), "a polygon of k corners has k - 2 triangles"
+    return cut
+
+
+def random_axes(rng):
+    return np.linalg.qr(rng.normal(size=(3, 3)))[0]
+
+
+def as_places(points, triangles):
+    return sorted(tuple(sorted(map(tuple, corners))) for corners in points[triangles].tolist())
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_polygon_is_covered_once(name):
+    """The triangles' areas sum up to the polygon's, none against it: so none overlap, and none lie outside."""
+    rng = np.random.default_rng(1)
+    worst = 0.0
+    for case in range(60):
+        unit = 10.0 ** rng.integers(-30, 31)
+        axes = np.eye(3) if case % 3 == 0 else random_axes(rng)
+        place = axes @ rng.normal(size=3) * unit * rng.choice([0, 1, 1e6])
+        points = in_space(SHAPES[name], axes, unit, place)
+        points = np.roll(points, rng.integers(len(points)), axis=0)[:: rng.choice([-1, 1])]
+        cut = cut_one(points)
+        assert len(cut.crossing) == 0, f"case {case} is said to cross itself"
+        expected = shoelace(points)
+        direction = expected / np.linalg.norm(expected)
+        parts = areas(points, cut.corners) @ direction
+        # Coordinates of 10^6 units are known to 10^-10.
+        slack = 1e-13 * np.linalg.norm(expected) + 1e-15 * np.abs(points).max() * np.ptp(points, axis=0).max() * 40
+        worst = max(worst, float(np.abs(np.abs(parts).sum() - np.linalg.norm(expected)) / slack))
+    assert worst <= 1.0, f"{name}: area off by {worst:.3g} times what rounding explains"
+
+
+@pytest.mark.parametrize(("shape", "area"), [(ELL, 28.0), (KEYHOLE, 12.0), (np.array(star(5)) * 4, None)])
+def test_the_picture_shows_the_polygon(shape, area):
+    """Counted in pixels, flat and interpolated."""
+    points = in_space(shape)
+    area = np.linalg.norm(shoelace(points)) if area is None else area
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, size = (low + high) / 2, (high - low).max()
+    camera = rz.Camera.orthographic(tuple(middle + (0, 0, 5)), tuple(middle), (0, 1, 0), float(size))
+    for shading in ("flat", "gouraud", "phong"):
+        scene = rz.Scene(rz.Mesh(points, [range(len(points))]), camera=camera)
+        frame = rz.render(scene, 400, shading=shading, outputs=("face",))
+        drawn = (frame.face >= 0).mean() * size**2
+        assert abs(drawn - area) < 0.01 * area, f"{shading}: {drawn:.2f} of an area of {area:.2f} is drawn"
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_triangles_do_not_depend_on_the_first_corner_nor_the_direction(name):
+    rng = np.random.default_rng(2)
+    for axes in (np.eye(3), random_axes(rng), random_axes(rng)):
+        points = in_space(SHAPES[name], axes)
+        expected = as_places(points, cut_one(points).corners)
+        for first in range(len(points)):
+            for step in (1, -1):
+                other = np.roll(points, first, axis=0)[::step]
+                assert as_places(other, cut_one(other).corners) == expected, f"first corner {first}, direction {step}"
+
+
+def test_random_polygons_are_covered_once_or_are_said_to_cross_themselves():
+    """Corners on a small grid: straight lines, repeated corners, spikes, touching and crossing edges of all kinds."""
+    rng = np.random.default_rng(3)
+    n_crossing = 0
+    for _ in range(3000):
+        k = int(rng.integers(4, 9))
+        points = in_space(rng.integers(0, rng.integers(2, 7), (k, 2)))
+        cut = cut_one(points)
+        parts = areas(points, cut.corners)[:, 2]
+        total = shoelace(points)[2]
+        assert abs(parts.sum() - total) < 1e-12
+        is_covered_once = abs(np.abs(parts).sum() - abs(total)) < 1e-12
+        assert is_covered_once or len(cut.crossing) == 1, f"{points[:, :2].tolist()}: {parts.tolist()} of {total}"
+        n_crossing += len(cut.crossing)
+    assert 300 < n_crossing < 2700
+
+
+@pytest.mark.parametrize("shape", [[(0, 0), (1, 1), (1, 0), (0, 1)], star(5)[::2][[0, 2, 4, 1, 3]]])
+def test_a_polygon_that_crosses_itself_is_warned_of(shape, tmp_path):
+    points = in_space(shape)
+    k = len(points)
+    with pytest.warns(UserWarning, match="face 1 crosses itself"):
+        rz.Mesh(np.r_[points, [(9, 9, 9)]], [(0, 1, k), range(k)])
+    lines = [f"v {x} {y} {z}" for x, y, z in points] + ["", "f 1 2 3", "f " + " ".join(map(str, range(1, k + 1)))]
+    (tmp_path / "bow.obj").write_text("\n".join(lines) + "\n")
+    with pytest.warns(UserWarning, match=rf"bow\.obj:{k + 3}: the face crosses itself"):
+        rz.load(tmp_path / "bow.obj")
+
+
+def test_convex_polygons_are_fans_and_bent_ones_begin_at_their_least_corner():
+    angle = np.arange(6) * np.pi / 3 + 0.1
+    hexagon = in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    assert cut_one(hexagon).corners.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 5]]
+    bent = hexagon + np.array([(0, 0, 0.1 * (k % 3)) for k in range(6)])
+    least = int(np.lexsort(bent.T[::-1])[0])
+    for first in range(6):
+        triangles = cut_one(np.roll(bent, first, axis=0)).corners
+        assert (triangles[:, 0] == (least + first) % 6).all()
+
+
+def test_corners_that_turn_all_one_way_but_twice_round_are_not_convex():
+    angle = np.arange(5) * 4 * np.pi / 5
+    is_convex, is_plane = look_at(in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))[:, None])
+    assert not is_convex[0] and is_plane[0]
+
+
+def test_polygons_that_are_not_finite_or_points_disturb_nobody():
+    points = [
+        (0, 0, 0),
+        (1, 0, 0),
+        (1, 1, 0),
+        (np.nan, 1, 0),
+        (np.inf, 0, 0),
+        (1e308, -1e308, 0),
+        (-1e308, 1e308, 1e308),
+    ]
+    points = np.array(points)
+    corners = [0, 1, 2, 3, 4, 5, 6, 0, 0, 0, 0, 0, 0, 5, 6, 1, 2, 0]
+    cut = cut_polygons(points, np.array(corners), [4, 4, 4, 3, 3])
+    assert len(cut.corners) == 8 and cut.polygons.tolist() == [0, 0, 1, 1, 2, 2, 3, 4]
+
+
+def test_short_polygons_yield_nothing():
+    points = in_space([(0, 0), (1, 0), (1, 1), (0, 1)])
+    cut = cut_polygons(points, np.array([0, 1, 0, 1, 2, 3, 2]), [2, 4, 1])
+    assert cut.corners.tolist() == [[2, 3, 4], [2, 4, 5]] and cut.polygons.tolist() == [1, 1]
+
+
+def test_ten_thousand_corners():
+    rng = np.random.default_rng(0)
+    angle = np.linspace(0, 2 * np.pi, 10_000, endpoint=False)
+    radius = 1 + 0.5 * rng.random(len(angle))
+    points = in_space(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1))
+    cut = cut_one(points)
+    parts, total = areas(points, cut.corners)[:, 2], shoelace(points)[2]
+    assert (parts >= 0).all() and abs(parts.sum() - total) < 1e-12
+    round_one = in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))
+    assert (cut_one(round_one).corners[:, 0] == 0).all()
+
+
+def test_turns_are_exact():
+    """Against whole numbers: points on a line, and a little beside it."""
+    rng = np.random.default_rng(7)
+    for _ in range(2000):
+        a, b, c = rng.integers(-(2**26), 2**26, (3, 2)) * 2 ** int(rng.integers(0, 26))
+        if rng.random() < 0.7:
+            c = a + (b - a) * int(rng.integers(-3, 4)) + (0, int(rng.integers(-1, 2)))
+        (ax, ay), (bx, by), (cx, cy) = ([int(value) for value in point] for point in (a, b, c))
+        expected = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
+        scaled = [float(value) * 2.0**-54 for value in (ax, ay, bx, by, cx, cy)]
+        assert _exact_turn(*scaled) == (expected > 0) - (expected < 0)
+
+
+def test_rings_are_found_again():
+    rng = np.random.default_rng(4)
+    angle = np.arange(9) * 2 * np.pi / 9
+    points = in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1), random_axes(rng))
+    faces = [[0, 1, 2], [0, 2, 4, 6], [3, 4, 5, 7, 8], [1, 2, 3], [8, 0, 1, 2, 3, 4, 5, 6, 7]]
+    mesh = rz.Mesh(points, faces)
+    rings = find_rings(mesh.faces, mesh.polygons, points)
+    assert rings.start.tolist() == [1, 3, 7]
+    for ring, face in enumerate(faces[k] for k in (1, 2, 4)):
+        loop = rings.corners[rings.offsets[ring] : rings.offsets[ring + 1]].tolist()
+        turn = face.index(loop[0])
+        assert loop == face[turn:] + face[:turn]
+    dart = rz.Mesh(in_space(SHAPES["dart"]), [(0, 1, 2, 3)])
+    assert len(find_rings(dart.faces, dart.polygons, dart.vertices).start) == 0
+
+
+def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path, monkeypatch):
+    """Ears take quadratic time; convex polygons don't, and have no limit."""
+    points = in_space(star(15000))
+    with pytest.raises(
+        rz.ModelError, match=r"^face 1 is concave and has 30000 corners .* 536870912 at most, not 900000000; divide"
+    ):
+        rz.Mesh(points, [[0, 1, 2], range(30000)])
+    lines = [f"v {x} {y} {z}" for x, y, z in points.tolist()]
+    (tmp_path / "star.obj").write_text(
+        "\n".join(["v 0 0 0", *lines, "f 1 2 3", "f " + " ".join(map(str, range(2, 30002)))])
+    )
+    with pytest.raises(rz.ModelError, match=r"star\.obj:30003: the face is concave and has 30000 corners"):
+        rz.load(tmp_path / "star.obj")
+    loop = "30000 " + " ".join(map(str, range(30000)))
+    head = "ply\nformat ascii 1.0\nelement vertex 30000\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+    bodies = {
+        "ply": head
+        + "property list int int vertex_indices\nend_header\n"
+        + "\n".join(line[2:] for line in lines)
+        + f"\n{loop}\n",
+        "off": "OFF\n30000 1 0\n" + "\n".join(line[2:] for line in lines) + f"\n{loop}\n",
+    }
+    for format, text in bodies.items():
+        (tmp_path / f"star.{format}").write_text(text)
+        with pytest.raises(rz.ModelError, match=rf"star\.{format}.*is concave and has 30000 corners"):
+            rz.load(tmp_path / f"star.{format}")
+    assert rz.Mesh(in_space(star(15000, inner=1.0)), [range(30000)]).n_face == 29998
+    monkeypatch.setattr("rasterizer.geometry.polygons.MOST_STEPS", 4 * 14 * 14)
+    flock = np.tile(np.arange(14), (5, 1))
+    assert rz.Mesh(in_space(star(7)), flock[:4]).n_face == 48
+    with pytest.raises(rz.ModelError, match="face 0 is concave and has 14 corners, and 4 more are to be cut"):
+        rz.Mesh(in_space(star(7)), flock)
+
+
+def test_convex_polygons_take_memory_that_grows_with_their_corners():
+    """A square of the number of corners would be 80 GB here."""
+    k = 100_000
+    mesh = rz.Mesh(in_space(star(k // 2, inner=1.0)), [range(k)])
+    rings = find_rings(mesh.faces, mesh.polygons, mesh.vertices)
+    assert np.array_equal(np.sort(rings.corners), np.arange(k))
+    bent = in_space([(0, 0), (1, 0), (1, 1), (0, 1)])
+    bent[2, 2] = 0.5
+    for turn in range(4):
+        assert cut_polygons(np.roll(bent, turn, axis=0), np.arange(4), [4]).corners.min(axis=0)[0] == turn

@@ -1,0 +1,1 @@
+"""Help for tests: scenes, judges and models that several of them share."""

@@ -1,0 +1,246 @@
+"""Random scenes over everything that a scene can hold, each made from two whole numbers alone: help for the campaign.
+
+    make_case(seed, index) ─ camera ─ meshes (shape, normals, colours, textures) ─ lights ─ options ─ Case
+
+Everything is drawn in units of about the size of the model, and brought to the scene's unit (10^-30..10^30) at the end.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+import rasterizer as rz
+from helpers.campaign_looks import Dice, Lens, make_lights, make_materials
+from helpers.pinhole import octasphere, torus, unit
+from rasterizer.options import DEFAULT_TOLERANCE
+
+
+class Case(NamedTuple):
+    """A random picture."""
+
+    seed: int
+    index: int
+    words: str  # what was chosen, for a reader
+    scene: rz.Scene
+    size: tuple
+    options: dict  # of `rz.render`, the tolerance included
+
+
+def make_case(seed: int, index: int) -> Case:
+    """Make the picture that two whole numbers stand for."""
+    dice = Dice(seed, index)
+    lens = make_lens(dice)
+    meshes, points = [], []
+    for _ in range(2 if dice.chance(0.15) else 1):
+        mesh, vertices = make_mesh(dice, lens)
+        meshes.append(mesh)
+        points.append(vertices)
+    lights = make_lights(dice, np.concatenate(points), lens)
+    background = tuple(dice.rng.random(3)) if dice.chance(0.2) else None
+    options = make_options(dice)
+    cue = None
+    if dice.wild(0.1):
+        lengths = np.array([dice.power(-1, 1), dice.between(0, 1)]) * lens.reach * dice.scale
+        cue = rz.DepthCue(*lengths.tolist(), dice.rng.random(3))
+        dice.words.append("cue")
+    dice.words.append(f"unit {dice.scale:.0e}")
+    scene = rz.Scene(meshes, lights, scaled_camera(lens.options, dice.scale), background, depth_cue=cue)
+    return Case(seed, index, " ".join(dice.words), scene, dice.size, options)
+
+
+# ── cameras ───────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def make_lens(dice) -> Lens:
+    """A camera that looks at the model, from outside or from within."""
+    kind = dice.choose(perspective=5, inside=1.5, orthographic=2, opencv=1)
+    fov = dice.between(1, 175) if dice.wild(0.4) else dice.between(15, 80)
+    fov = dice.power(0, 2) if dice.wild(0.2) else fov
+    reach = dice.between(0.8, 3) / np.tan(np.radians(fov) / 2)
+    if kind == "orthographic":
+        reach = dice.power(-1, 2)
+    elif kind == "inside":
+        reach = dice.between(0.1, 0.8)
+    target = dice.rng.normal(0, 0.2, 3) if dice.chance(0.7) else np.zeros(3)
+    options = {"position": target - reach * dice.direction(), "target": target, "up": dice.direction()}
+    if kind == "orthographic":
+        options["height"] = dice.power(-0.5, 0.8)
+    elif kind == "opencv":
+        focal = 0.5 * dice.size[1] / np.tan(np.radians(fov) / 2)
+        center = np.array(dice.size) * dice.rng.uniform(-0.3, 1.3, 2)
+        options |= {"fov": 45.0, "intrinsics": (focal, focal * dice.between(0.8, 1.2), *center), "size": dice.size}
+    else:
+        options["fov"] = fov
+    if dice.wild(0.25):
+        options["near"] = reach * (dice.power(-20, 0) if dice.chance(0.5) else dice.between(0.4, 1.3))
+        dice.words.append("near")
+    if dice.wild(0.12):
+        options["far"] = max(reach, options.get("near", 0.0)) * dice.between(1.05, 2)
+        dice.words.append("far")
+    return Lens(options, rz.Camera(**options), reach)
+
+
+def scaled_camera(options, scale) -> rz.Camera:
+    """The camera in the scene's unit."""
+    names = ("position", "target", "height", "near", "far")
+    return rz.Camera(**(options | {name: np.multiply(options[name], scale) for name in names if name in options}))
+
+
+# ── meshes ────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def make_mesh(dice, lens):
+    """A model of few faces with all that belongs to its corners, and its vertices in its own units."""
+    materials = make_materials(dice)
+    shape = dice.choose(soup=4, screen=3, slivers=1.5, specks=1, floor=1.5, cube=1, sphere=1.5, torus=1, twins=1)
+    vertices, faces = SHAPES[shape](dice, lens)
+    given = {"material": materials[0]}
+    if len(materials) > 1:
+        given = {"materials": materials, "face_material": dice.rng.integers(0, len(materials), len(faces))}
+    elif shape == "cube" and dice.chance(0.5):
+        given["polygons"] = np.tile(np.arange(6), 2)
+    if any(material.needs_uv for material in materials):
+        corners = (len(vertices), 2) if dice.chance(0.6) else (len(faces), 3, 2)
+        given["uv"] = dice.rng.normal(0.5, dice.power(-1, 1), corners)
+    if dice.chance(0.25):
+        values = dice.rng.random((len(vertices), int(dice.rng.choice([3, 4]))))
+        given["colors"] = (255 * values).astype(np.uint8) if dice.chance(0.3) else values
+        dice.words.append("colours")
+    elif dice.chance(0.1):
+        given["face_colors"] = dice.rng.random((len(faces), 3))
+    return rz.Mesh(vertices * dice.scale, faces, **given, **make_normals(dice, vertices, faces, shape)), vertices
+
+
+def make_normals(dice, vertices, faces, shape) -> dict:
+    """Normals from the file, good and bad ones, or a crease angle."""
+    bad = 0.0 if dice.is_plain else 1.0
+    kind = dice.choose(made=2, smooth=3, tilted=3, reversed=bad, zero=0.6 * bad, random=bad)
+    if kind == "made":
+        weighting = str(dice.rng.choice(["angle", "area", "uniform"]))
+        return {"crease_angle": float(dice.rng.choice([0.0, 30.0, 180.0])), "weighting": weighting}
+    if kind == "smooth" and shape in ("sphere", "torus", "cube"):
+        return {"normals": unit(vertices + 1e-300)}
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    flat = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+    spread = dice.power(-6, 0) if kind == "tilted" else 0.3
+    normals = unit(np.repeat(flat[:, None], 3, axis=1) + dice.rng.normal(0, spread, (len(faces), 3, 3)))
+    if kind == "random":
+        normals = unit(dice.rng.normal(size=normals.shape))
+    if kind in ("reversed", "zero"):
+        normals[dice.rng.random(normals.shape[:2]) < 0.4] *= -1.0 if kind == "reversed" else 0.0
+    return {"normals": normals}
+
+
+def in_camera(dice, lens, places, depth) -> np.ndarray:
+    """The points (n, 3) that lie at places (n, 2) of the picture, in pixels, and at depths (n,)."""
+    eye, right, up, forward = lens.camera.view()
+    scale_x, scale_y, center_x, center_y, is_perspective = lens.camera.projection(dice.size)
+    spread = depth if is_perspective else np.ones_like(depth)
+    x, y = (places[:, 0] - center_x) / scale_x * spread, (center_y - places[:, 1]) / scale_y * spread
+    return eye + x[:, None] * right + y[:, None] * up + depth[:, None] * forward
+
+
+def _soup(dice, lens):
+    n = int(dice.rng.integers(1, 9))
+    points = dice.rng.normal(0, 0.4, (n, 1, 3)) + dice.rng.normal(0, dice.power(-0.7, 0.3), (n, 3, 3))
+    if n > 1 and dice.chance(0.2):
+        points[-1, 2] = points[0, 1]
+    if n > 1 and dice.chance(0.1):
+        points[-1, 2] = points[-1, 1]  # a face without an area
+    return _loose(points)
+
+
+def _screen(dice, lens):
+    """Triangles placed on the picture, up to 10^7 times as far away at one corner as at another."""
+    n = int(dice.rng.integers(1, 5))
+    spread = dice.rng.choice([0.3, 1.0, 30.0, 1000.0], p=[0.3, 0.5, 0.15, 0.05])
+    places = (0.5 + spread * dice.rng.uniform(-0.8, 0.8, (3 * n, 2))) * dice.size
+    ratio = dice.power(0, 7) if dice.wild(0.6) else dice.between(1, 4)
+    depth = lens.reach * ratio ** dice.rng.uniform(0, 1, 3 * n)
+    if dice.chance(0.3):
+        depth[::3], depth[1::3] = lens.reach, lens.reach * ratio
+    return _loose(in_camera(dice, lens, places, depth).reshape(n, 3, 3))
+
+
+def _slivers(dice, lens):
+    """Triangles a few sub-pixels wide."""
+    rng, n = dice.rng, int(dice.rng.integers(2, 8))
+    middle, angle = rng.uniform(0, 1, (n, 2)) * dice.size, rng.uniform(0, np.pi, n)
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1) * rng.choice([6, 40, 2**12], (n, 1))
+    third = middle + along * rng.uniform(-0.9, 0.9, (n, 1)) + rng.choice([-30, 2, 50, 300], (n, 2)) / 256
+    points = np.stack([middle - along, middle + along, third], axis=1).reshape(-1, 2)
+    return _loose(in_camera(dice, lens, points, lens.reach * rng.uniform(1, 3, 3 * n)).reshape(n, 3, 3))
+
+
+def _specks(dice, lens):
+    """Triangles about as large as a pixel, or smaller."""
+    n = int(dice.rng.integers(10, 40))
+    center = dice.rng.uniform(0, 1, (n, 1, 2)) * dice.size
+    points = (center + dice.between(0.2, 2) * dice.rng.uniform(-1, 1, (n, 3, 2))).reshape(-1, 2)
+    return _loose(in_camera(dice, lens, points, lens.reach * dice.rng.uniform(1, 2, 3 * n)).reshape(n, 3, 3))
+
+
+def _floor(dice, lens):
+    """A large level square below the eye or above it, and another one across it."""
+    reach = dice.power(0, 7) if dice.wild(0.3) else dice.power(0, 3)
+    square = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]) * reach
+    height = lens.camera.position[1] - lens.reach * dice.between(0, 1) * dice.rng.choice([-1, 1])
+    slabs = [square + (0, height, 0)]
+    if dice.chance(0.3):
+        slabs.append(square[:, [1, 0, 2]] * 0.5)
+    faces = np.concatenate([np.array([[0, 3, 2], [0, 2, 1]]) + 4 * k for k in range(len(slabs))])
+    return np.concatenate(slabs) + dice.rng.normal(0, 1e-4, 3), faces
+
+
+def _cube(dice, lens):
+    vertices = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * dice.rng.uniform(0.3, 1, 3)
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    return vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+def _sphere(dice, lens):
+    vertices, faces = octasphere(int(dice.rng.integers(0, 2)))
+    return vertices * (dice.rng.uniform(0.3, 1, 3) if dice.chance(0.5) else 1.0), faces
+
+
+def _torus(dice, lens):
+    vertices, faces = torus(5, 4)
+    return 0.8 * vertices, faces
+
+
+def _twins(dice, lens):
+    """Faces that lie on each other, corner by corner: the one with the lower number is seen."""
+    points, faces = _screen(dice, lens) if dice.chance(0.7) else _soup(dice, lens)
+    return np.concatenate([points, points]), np.concatenate([faces, faces[::-1] + len(points)])
+
+
+def _loose(points):
+    """Vertices and faces of triangles (n, 3, 3) that share nothing."""
+    return points.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3)
+
+
+SHAPES = {
+    "soup": _soup, "screen": _screen, "slivers": _slivers, "specks": _specks, "floor": _floor,
+    "cube": _cube, "sphere": _sphere, "torus": _torus, "twins": _twins,
+}  # fmt: skip
+
+
+# ── options ───────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def make_options(dice) -> dict:
+    """The options of the picture."""
+    tolerance = DEFAULT_TOLERANCE if dice.chance(0.55) else dice.power(-6, -1)
+    options = {
+        "shading": dice.choose(flat=2, gouraud=4, phong=5),
+        "tolerance": 0.0 if dice.wild(0.05) else tolerance,
+        "samples": int(dice.rng.choice([1, 4, 9, 16], p=[0.88, 0.09, 0.015, 0.015])),
+        "cull": "back" if dice.chance(0.12) else "none",
+        "color_range": str(dice.rng.choice(["clamp", "global", "local"], p=[0.8, 0.1, 0.1])),
+        "exposure": dice.between(-4, 4) if dice.wild(0.2) else 0.0,
+        "spectral": int(dice.rng.integers(3, 12)) if dice.wild(0.05) else None,
+    }
+    dice.words += [f"{name}={options[name]:.3g}" for name in ("tolerance", "exposure") if options[name]]
+    dice.words += [f"{name}={options[name]}" for name in ("samples", "spectral") if options[name] not in (None, 1)]
+    return options

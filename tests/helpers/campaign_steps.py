@@ -1,0 +1,107 @@
+"""Where pictures jump, as frames state it: help for the campaign.
+
+`frame.stats.steps` lists causes, and how near to each of them no bound holds. Here the judge draws the scene again, and
+what is lit so near to a step becomes NaN: whatever pixel that reaches is next to a step.
+"""
+
+from contextlib import ExitStack
+from unittest.mock import patch
+
+import numpy as np
+
+from rasterizer import reference
+from rasterizer.reference import lamp as lamps
+from rasterizer.reference import light as lighting
+from rasterizer.reference.vectors import blend, dot, length, unit
+
+# Words that the causes of `frame.stats.steps` are known by.
+LEVELS, GRAZES, HALF, AWAY, CONE = "toon", "grazes", "half vector", "N·H = 0", "sharp spot"
+TEXELS, NEAR_LIGHT, SHORT, SHADOW = "texels", "light on a surface", "without length", "shadow"
+CAUSES = (LEVELS, GRAZES, HALF, AWAY, CONE, TEXELS, NEAR_LIGHT, SHORT, SHADOW)
+
+
+def next_to_step(case, steps) -> np.ndarray:
+    """Tell which pixels (h, w) have a sample next to one of the steps (cause, near, unit) that a frame states."""
+    near = {}
+    for cause, distance, _ in steps:
+        (word,) = (word for word in CAUSES if word in cause)
+        near[word] = max(distance, near.get(word, 0.0))
+    if not near:
+        return np.zeros((case.size[1], case.size[0]), bool)
+    marker = Marker(near)
+    settings = {name: value for name, value in case.options.items() if name != "tolerance"}
+    with ExitStack() as stack, np.errstate(all="ignore"):
+        for name in ("light_points", "_sample_normals", "look_up"):
+            stack.enter_context(patch.object(lighting, name, getattr(marker, name.strip("_"))))
+        color = reference.render(case.scene, case.size, **settings).color
+    return ~np.isfinite(color).all(axis=-1)
+
+
+class Marker:
+    """Stands in for functions of the judge's, and marks what lies next to a step with NaN.
+
+    `near` is a dict from a cause's word to how near to it no bound holds.
+    """
+
+    def __init__(self, near: dict):
+        self.near = near
+        self._find_normals, self._light, self._look_up = (
+            lighting._sample_normals,
+            lighting.light_points,
+            lighting.look_up,
+        )
+        self._is_short = None  # of the samples whose normals were found last
+
+    def sample_normals(self, surface, part, *others):
+        """Normals, remembering which of them were interpolated to almost nothing."""
+        if SHORT in self.near:
+            self._is_short = length(blend(part.weights, surface.normals[part.face]))[:, 0] < self.near[SHORT]
+        return self._find_normals(surface, part, *others)
+
+    def look_up(self, texture, uv, steps):
+        """Texels; NaN next to the border of one."""
+        texels = self._look_up(texture, uv, steps)
+        if TEXELS in self.near and texture.filter == "nearest":
+            height, width = texture.image.shape[:2]
+            places = np.stack([uv[:, 0] * width, (1.0 - uv[:, 1]) * height], axis=1)
+            texels[(np.abs(places - np.rint(places)) <= self.near[TEXELS]).any(axis=1)] = np.nan
+        return texels
+
+    def light_points(self, points, normals, material, stage, *others):
+        """Both parts of the light; NaN next to a step."""
+        matte, rest = self._light(points, normals, material, stage, *others)
+        is_near = np.zeros(len(points), bool)
+        if self._is_short is not None and len(self._is_short) == len(points):
+            is_near |= self._is_short
+            self._is_short = None
+        table, to_viewer = stage.materials[material], lighting._to_viewer(points, stage)
+        for lamp in lamps.place_lamps(
+            stage.lights, stage.view, lambda color: lighting.channels_of(color, stage.n_wave)
+        ):
+            to_light, _ = lamps.shine(lamp, points)
+            if NEAR_LIGHT in self.near and lamp.position is not None:
+                is_near |= length(lamp.position - points)[:, 0] < self.near[NEAR_LIGHT]
+            if CONE in self.near and getattr(lamp.light, "outer", None) == getattr(lamp.light, "inner", ()):
+                edge = np.cos(np.radians(lamp.light.outer))
+                is_near |= np.abs(-dot(to_light, lamp.axis) - edge) <= self.near[CONE]
+            is_near |= self._is_near_model_step(table, normals, to_light, to_viewer)
+        return np.where(is_near[:, None], np.nan, matte), rest
+
+    def _is_near_model_step(self, table, normals, to_light, to_viewer):
+        """Tell of points whether their material's model jumps near them, (n,) bool."""
+        model, near = table["reflection"], self.near
+        is_near = np.zeros(len(table), bool)
+        n_dot_l = dot(normals, to_light)
+        if LEVELS in near:
+            steps = table["levels"] * n_dot_l
+            mirrored = dot(2 * n_dot_l[:, None] * normals - to_light, to_viewer)
+            is_at = np.abs(steps - np.rint(steps)) <= table["levels"] * near[LEVELS]
+            is_at |= np.abs(mirrored - 0.5 ** (1 / table["shininess"])) <= near[LEVELS]
+            is_near |= (model == "toon") & is_at
+        if GRAZES in near:
+            is_near |= np.isin(model, ("phong", "blinn")) & ~table["normalized"] & (np.abs(n_dot_l) <= near[GRAZES])
+        if HALF in near:
+            is_near |= (model == "blinn") & (length(to_light + to_viewer)[:, 0] < near[HALF])
+        if AWAY in near:
+            is_near |= (model == "cook-torrance") & (np.abs(dot(normals, unit(to_light + to_viewer))) <= near[AWAY])
+        return is_near

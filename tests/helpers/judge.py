@@ -1,0 +1,98 @@
+"""The fast path against the judge, pixel by pixel: help for the tests of the pipeline."""
+
+import sys
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+import rasterizer as rz
+from rasterizer import reference
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+from bench.margins import UNITS, clear_pixels, depth_resolution
+
+EXACT = 1e-6  # promised with tolerance 0, in linear intensity
+NORMAL = 2e-6  # normals are stored as float32
+BUFFERS = ("color", "depth", "face", "normal")
+
+
+class Verdict(NamedTuple):
+    """What a comparison found."""
+
+    color: float  # largest difference of linear intensity; premultiplied where surfaces let light through
+    normal: float
+    depth: float  # relative
+    n_compared: int  # covered pixels
+    n_ignored: int  # pixels in which two surfaces lie nearer to each other than depth can tell
+    n_far: int  # compared pixels whose colour is further off than `limit`
+
+
+@lru_cache(maxsize=4)
+def judged(scene, size, **options) -> reference.Picture:
+    """Render the judge's picture; the last ones are kept, because one picture judges every tolerance."""
+    return reference.render(scene, size, **options)
+
+
+def compare(scene, size, units=UNITS, limit=EXACT, **options) -> Verdict:
+    """Render both ways; refuse any difference in coverage, face or depth.
+
+    `units` is what planes of depth may be off, in steps of the z-buffer: half a step for each sample of the
+    largest box. Where surfaces let light through, the order of all of them must be clear.
+    """
+    frame = rz.render(scene, size, outputs=BUFFERS, **options)
+    options.pop("tolerance", None)
+    options.pop("threads", None)
+    expected = judged(scene, size, **options)
+    is_covered = expected.face >= 0
+    assert ((frame.face >= 0) == is_covered).all(), f"{((frame.face >= 0) != is_covered).sum()} samples covered wrongly"
+    assert np.abs(frame.alpha - expected.alpha).max() < 1e-6
+
+    is_clear = expected.margin > depth_resolution(scene, size, expected.depth, units)
+    is_seen = is_covered & is_clear
+    wrong = (frame.face != expected.face) & is_seen
+    assert not wrong.any(), f"{wrong.sum()} pixels show the wrong face"
+    is_safe, n_ignored = is_clear, int((~is_clear).sum())
+    if options.get("samples", 1) > 1:
+        one = {**options, "samples": 1}
+        is_safe = clear_pixels(scene, size, options["samples"], lambda grid: judged(scene, grid, **one), units)
+        n_ignored = int((~is_safe).sum())
+    color = color_errors(scene, frame, expected)[is_safe]
+    normal = np.abs(frame.normal - expected.normal)[is_seen]
+    depth = np.abs(frame.depth[is_seen] / expected.depth[is_seen] - 1)
+    assert np.isfinite(frame.color).all(), "a colour is not finite"
+    assert not frame.normal[~is_covered].any() and np.isinf(frame.depth[~is_covered]).all()
+    n_compared = int((is_safe & (expected.alpha > 0)).sum())
+    largest = (values.max(initial=0.0) for values in (color, normal, depth))
+    return Verdict(*largest, n_compared, n_ignored, int((color > limit).any(axis=-1).sum()))
+
+
+def color_errors(scene, frame, expected) -> np.ndarray:
+    """Return the differences of linear intensity (h, w, 3).
+
+    A straight colour is divided by its alpha, and what rounding did to it with it: where surfaces may be next to clear,
+    premultiplied colours are compared.
+    """
+    errors = np.abs(frame.color - expected.color)
+    is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
+    return errors if is_opaque else errors * expected.alpha[..., None]
+
+
+def check(scene, size, budget, ignored=0.002, units=UNITS, normal=NORMAL, far=0.0, **options) -> Verdict:
+    """Refuse a picture whose colours are further than `budget` from the judge's.
+
+    `ignored` is the share of the pixels that may be left out, `far` the share of those compared that may be further
+    off: at the edges of shadows, which are drawn with shadow maps, and between texels where a filter jumps.
+    """
+    found = compare(scene, size, units, limit=budget, **options)
+    assert found.n_compared > 0, "nothing is covered"
+    share = found.n_ignored / (size[0] * size[1])
+    assert share <= ignored, f"{options}: {share:.4f} of the pixels ignored > {ignored}"
+    message = (
+        f"{options}: colours differ by {found.color:.3g} > {budget:.3g} in {found.n_far} of {found.n_compared} pixels"
+    )
+    assert found.n_far <= far * found.n_compared, message
+    assert found.normal <= normal, f"{options}: normals differ by {found.normal:.3g} > {normal:.3g}"
+    assert found.depth <= 1e-6, f"{options}: depths differ by {found.depth:.3g} > 1e-6"
+    return found

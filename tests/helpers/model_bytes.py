@@ -1,0 +1,106 @@
+"""Small models as the bytes of files, for the tests of loading."""
+
+import base64
+import json
+import struct
+import zipfile
+from io import BytesIO
+
+import trimesh
+
+PLY_HEADER = """ply
+format ascii 1.0
+element vertex 4
+property float x
+property float y
+property float z
+element face {n_face}
+property list uchar int vertex_indices
+{face_properties}end_header
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+"""
+
+
+def box():
+    return trimesh.creation.box(extents=(1, 2, 3))
+
+
+def exported(geometry, format, **options) -> bytes:
+    data = geometry.export(file_type=format, **options)
+    return data.encode() if isinstance(data, str) else data
+
+
+def embedded_gltf(scene) -> dict:
+    """Return the tree of a glTF file that holds its own buffers."""
+    files = scene.export(file_type="gltf")
+    tree = json.loads(files["model.gltf"])
+    for buffer in tree["buffers"]:
+        data = base64.b64encode(files[buffer["uri"]]).decode()
+        buffer["uri"] = f"data:application/octet-stream;base64,{data}"
+    return tree
+
+
+def gltf_with(change) -> bytes:
+    """Return a glTF box whose tree has been changed."""
+    tree = embedded_gltf(trimesh.Scene(box()))
+    change(tree, tree["meshes"][0]["primitives"][0])
+    return json.dumps(tree).encode()
+
+
+def rich_gltf() -> bytes:
+    """Return a glTF box with a texture of one texel, a light of each kind and a camera."""
+    from PIL import Image
+
+    picture, uv = BytesIO(), struct.pack("<16f", *(k / 16 for k in range(16)))
+    Image.new("RGB", (1, 1), "red").save(picture, "png")
+
+    def uri(data):
+        return "data:;base64," + base64.b64encode(data).decode()
+
+    def change(tree, primitive):
+        tree["buffers"].append({"uri": uri(uv), "byteLength": len(uv)})
+        tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": len(uv)})
+        view = len(tree["bufferViews"]) - 1
+        tree["accessors"].append({"bufferView": view, "componentType": 5126, "count": 8, "type": "VEC2"})
+        primitive["attributes"]["TEXCOORD_0"], primitive["material"] = len(tree["accessors"]) - 1, 0
+        tree["images"], tree["textures"] = [{"uri": uri(picture.getvalue())}], [{"source": 0, "sampler": 0}]
+        tree["samplers"] = [{"wrapS": 33071, "magFilter": 9729, "minFilter": 9729}]
+        surface = {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.5]}
+        tree["materials"] = [{"alphaMode": "MASK", "alphaCutoff": 0.5, "pbrMetallicRoughness": surface}]
+        lights = [{"type": kind, "intensity": 2, "color": [1, 0.5, 0]} for kind in ("directional", "point", "spot")]
+        tree["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+        tree["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "zfar": 50}}]
+        first = len(tree["nodes"])
+        tree["nodes"] += [
+            {"extensions": {"KHR_lights_punctual": {"light": k}}, "translation": [k, 2, 3]} for k in range(3)
+        ]
+        tree["nodes"].append({"camera": 0, "rotation": [0, 0, 0, 1], "translation": [0, 0, 9]})
+        tree["scenes"][0]["nodes"] += range(first, first + 4)
+
+    return gltf_with(change)
+
+
+THREEMF = """<?xml version="1.0" encoding="UTF-8"?>
+<model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
+<object id="1" name="tip" type="model"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
+<vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/>
+<triangle v1="0" v2="1" v3="3"/><triangle v1="1" v2="2" v3="3"/><triangle v1="2" v2="0" v3="3"/></triangles></mesh></object>
+<object id="2"><components><component objectid="1" transform="2 0 0 0 1 0 0 0 1 5 0 0"/><component objectid="1"/></components></object>
+</resources><build><item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 10 0"/><item objectid="1"/></build></model>
+"""
+
+
+def threemf(text=THREEMF, name="3D/3dmodel.model", **others) -> bytes:
+    """Return a 3MF file of one model part, and of other files by name."""
+    stream = BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+        for path, content in {name: text, **others}.items():
+            archive.writestr(path, content)
+    return stream.getvalue()
+
+
+GLB = exported(trimesh.Scene(box()), "glb", include_normals=False)

@@ -1,0 +1,235 @@
+"""Tests of which files a file may read, and of how files are written: the rules of rasterizer.io.files, format by
+format."""
+
+import json
+import os
+import stat
+import warnings
+
+import numpy as np
+import pytest
+from helpers.fuzz_cases import TRIANGLE, npz
+from helpers.model_bytes import box, exported, gltf_with
+from PIL import Image
+
+import rasterizer as rz
+from rasterizer.frame import write_whole
+from rasterizer.io.files import Folder, OutsideError, identity_of, read_named
+
+TEXTURED = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 1/1 2/2 3/3\n"
+SECRET = "outside/secret.png"
+
+
+@pytest.fixture
+def place(tmp_path):
+    """A folder with a model's folder `in`, and beside it what the model may not read."""
+    for name in ("in/sub", "outside"):
+        os.makedirs(tmp_path / name)
+    for name in ("in/wood.png", "in/sub/bark.png", SECRET):
+        Image.new("RGB", (2, 2), "red").save(tmp_path / name)
+    for name in ("secret.bin", "secret.obj", "secret.npz"):
+        (tmp_path / "outside" / name).write_bytes(b"TOP SECRET" * 100)
+    (tmp_path / "in" / "link.png").symlink_to(tmp_path / SECRET)
+    (tmp_path / "in" / "out").symlink_to(tmp_path / "outside")
+    (tmp_path / "in" / "loop.png").symlink_to("loop.png")
+    (tmp_path / "in" / "own.png").symlink_to("sub/bark.png")
+    if hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / "in" / "pipe.png")
+        (tmp_path / "in" / "endless.png").symlink_to("/dev/zero")
+    return tmp_path
+
+
+GOOD = ["wood.png", "./wood.png", "sub/bark.png", "sub/../wood.png", "own.png"]
+
+
+def bad_names(place):
+    """Names that a file may not read, each of something that is there."""
+    names = [
+        str(place / SECRET),
+        "../" + SECRET,
+        "sub/../../" + SECRET,
+        "link.png",
+        "out/secret.png",
+        "loop.png",
+        "sub",
+    ]
+    return names + (
+        ["pipe.png", "endless.png", "/dev/zero", "/dev/stdin", "/proc/self/environ"] if hasattr(os, "mkfifo") else []
+    )
+
+
+def test_what_a_folder_gives(place):
+    folder = Folder(place / "in")
+    for name in GOOD:
+        assert folder.read_bytes(folder.find(name)) == folder.read_bytes(folder.find_alike(name))
+    assert folder.read_bytes(folder.find("wood.png"), 3) == b"\x89PN" and len(folder.read) == 2 * len(GOOD) + 1
+    for name in bad_names(place):
+        with pytest.raises((OutsideError, OSError)):
+            folder.find(name)
+        with pytest.raises((OutsideError, OSError)):
+            folder.find_alike(name)
+    for name in ("a\0b", "x" * 300, "gone.png", "http://example.com/x.png", "file:///etc/passwd", "", "\ud800"):
+        with pytest.raises((OSError, ValueError)):
+            folder.find(name)
+    with pytest.raises(OutsideError):
+        Folder(None).find("wood.png")
+
+
+def test_names_from_other_machines(place):
+    folder = Folder(place / "in")
+    for name in (
+        "WOOD.PNG",
+        r"C:\Users\me\wood.png",
+        "/home/me/textures/Wood.png",
+        "../../wood.png",
+        "http://host/wood.png",
+    ):
+        assert folder.find_alike(name) == place / "in" / "wood.png", name
+    assert folder.find_alike(r"SUB\Bark.png") == place / "in" / "sub" / "bark.png"
+    (place / "in" / "Wood.png").write_bytes(b"")
+    assert folder.find_alike("wood.png").name == "wood.png" and folder.find_alike("Wood.png").name == "Wood.png"
+
+
+def test_outside_on_request(place):
+    folder = Folder(place / "in", allow_outside=True)
+    for name in (str(place / SECRET), "../" + SECRET, "link.png", "out/secret.png"):
+        assert folder.find(name) and folder.find_alike(name)
+    for name in ("pipe.png", "endless.png", "sub", "/dev/zero"):
+        with pytest.raises((OutsideError, OSError)):
+            folder.find(name)
+
+
+def test_a_material_library_below_may_name_textures_above_it_but_within(place):
+    (place / "in" / "sub" / "m.mtl").write_text("newmtl a\nmap_Kd ../wood.png\n")
+    (place / "in" / "model.obj").write_text(TEXTURED.replace("m.mtl", "sub/m.mtl"))
+    read = []
+    assert rz.load(place / "in" / "model.obj", files_read=read).meshes[0].material.texture is not None
+    assert list(dict.fromkeys(os.path.basename(path) for path in read)) == ["m.mtl", "wood.png"]
+
+
+def forms(place):
+    """Every way in which a file names another: the format's name, and a function from the name to the path of the
+    model."""
+
+    def obj(name):
+        (place / "in" / "m.mtl").write_text(f"newmtl a\nmap_Kd {name}\n")
+        (place / "in" / "model.obj").write_text(TEXTURED)
+        return place / "in" / "model.obj"
+
+    def library(name):
+        (place / "in" / "model.obj").write_text(TEXTURED.replace("m.mtl", name))
+        return place / "in" / "model.obj"
+
+    def image(name):
+        def change(tree, primitive):
+            tree["images"], tree["textures"] = [{"uri": name}], [{"source": 0}]
+            tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+            primitive["material"] = 0
+
+        (place / "in" / "model.gltf").write_bytes(gltf_with(change))
+        return place / "in" / "model.gltf"
+
+    def buffer(name):
+        (place / "in" / "model.gltf").write_bytes(gltf_with(lambda tree, _: tree["buffers"][0].update(uri=name)))
+        return place / "in" / "model.gltf"
+
+    def scene(table):
+        (place / "in" / "scene.json").write_text(json.dumps(table))
+        return place / "in" / "scene.json"
+
+    texture = {"arrays": "x.npz", "texture": 0}
+    return {
+        "obj": obj, "mtllib": library, "image": image, "buffer": buffer,
+        "part": lambda name: scene({"meshes": [{"file": name}]}),
+        "npz": lambda name: scene({"meshes": [{"arrays": name, "mesh": 0}]}),
+        "texture": lambda name: scene({"meshes": [TRIANGLE | {"material": {"texture": name}}]}),
+        "texels": lambda name: scene({"meshes": [TRIANGLE | {"material": {"texture": texture | {"arrays": name}}}]}),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["obj", "mtllib", "image", "buffer", "part", "npz", "texture", "texels"])
+def test_no_file_reads_what_it_may_not(place, form, monkeypatch):
+    opened = []
+    real_open = os.open
+
+    def watched(path, *args, **settings):
+        opened.append(os.path.realpath(path) if isinstance(path, (str, os.PathLike)) else path)
+        return real_open(path, *args, **settings)
+
+    monkeypatch.setattr(os, "open", watched)
+    for name in [*bad_names(place), "../outside/secret.bin", "../outside/secret.obj", "../outside/secret.npz"]:
+        path, said = forms(place)[form](name), []
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                rz.load(path)
+            except (rz.ModelError, rz.SceneError) as fault:
+                said.append(str(fault))
+        said += [str(warning.message) for warning in caught]
+        assert said and not any("TOP SECRET" in text or "internal" in text for text in said), (name, said)
+        assert not [p for p in opened if str(p).startswith((str(place / "outside"), "/dev/z", "/proc"))], name
+
+
+def test_a_buffer_is_read_up_to_its_length(place):
+    scene = gltf_with(lambda tree, _: None)
+    data = json.loads(scene)
+    uri = data["buffers"][0]["uri"]
+    import base64
+
+    content = base64.b64decode(uri.partition(",")[2])
+    with open(place / "in" / "large.bin", "wb") as stream:
+        stream.write(content)
+        stream.truncate(2**40)  # a terabyte with nothing in it
+    data["buffers"][0]["uri"] = "large.bin"
+    (place / "in" / "model.gltf").write_text(json.dumps(data))
+    assert rz.load(place / "in" / "model.gltf").n_face == 12
+
+
+def test_what_a_person_names_may_be_elsewhere_but_must_end(place):
+    assert rz.Texture(place / "in" / "link.png").image.shape == (2, 2, 4)
+    (place / "box.stl").write_bytes(exported(box(), "stl"))
+    (place / "in" / "link.stl").symlink_to(place / "box.stl")
+    assert rz.load(place / "in" / "link.stl").n_face == 12
+    with pytest.raises(rz.ModelError, match="it is a device"):
+        rz.load("/dev/zero", format="stl")
+    assert read_named(place / "box.stl")
+
+
+def test_arrays_beside_a_scene_are_read(place):
+    arrays = {f"mesh0_{key}": np.array(TRIANGLE[key]) for key in ("vertices", "faces")}
+    (place / "in" / "a.npz").write_bytes(npz(arrays))
+    (place / "in" / "scene.json").write_text(json.dumps({"meshes": [{"arrays": "a.npz", "mesh": 0}]}))
+    assert rz.load(place / "in" / "scene.json").n_face == 2
+
+
+# --- writing ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o644, 0o664, 0o666, 0o200, 0o755])
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path, mode):
+    path = tmp_path / "x.png"
+    path.write_bytes(b"before")
+    path.chmod(mode)
+    write_whole(path, b"after")
+    assert path.read_bytes() == b"after" and stat.S_IMODE(path.stat().st_mode) == mode
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
+@pytest.mark.parametrize("mode", [0o400, 0o444, 0o000])
+def test_a_protected_file_is_refused(tmp_path, mode):
+    path = tmp_path / "x.png"
+    path.write_bytes(b"before")
+    path.chmod(mode)
+    with pytest.raises(rz.OutputError, match="protected against writing"):
+        write_whole(path, b"after")
+    path.chmod(0o600)
+    assert path.read_bytes() == b"before" and os.listdir(tmp_path) == ["x.png"]
+
+
+def test_a_file_is_known_by_any_name(tmp_path):
+    (tmp_path / "a").write_bytes(b"")
+    os.link(tmp_path / "a", tmp_path / "b")
+    (tmp_path / "c").symlink_to("a")
+    assert identity_of(tmp_path / "a") == identity_of(tmp_path / "b") == identity_of(tmp_path / "c")
+    assert identity_of(tmp_path / "d") is None and identity_of("\0") is None

@@ -1,0 +1,218 @@
+"""Tests of lights and cameras in glTF files: every field, the places that nodes give them, and broken values."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers.model_bytes import gltf_with
+
+from rasterizer.errors import ModelError
+from rasterizer.io.gltf_nodes import world_matrices
+from rasterizer.io.loader import load
+from rasterizer.scene.camera import Camera
+from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight, studio
+
+QUARTER = math.sqrt(0.5)  # of a turn, as part of a quaternion
+
+
+def with_nodes(*nodes, lights=(), cameras=()):
+    """A glTF box with more nodes at its root, lights and cameras."""
+
+    def change(tree, _primitive):
+        first = len(tree["nodes"])
+        tree["nodes"] += nodes
+        tree["scenes"][0]["nodes"] += range(first, first + len(nodes))
+        tree["extensions"] = {"KHR_lights_punctual": {"lights": list(lights)}}
+        tree["extensionsUsed"] = ["KHR_lights_punctual"]
+        tree["cameras"] = list(cameras)
+
+    return gltf_with(change)
+
+
+def light_node(number=0, **place):
+    return {"extensions": {"KHR_lights_punctual": {"light": number}}, **place}
+
+
+def only_light(light, **place):
+    (found,) = load(with_nodes(light_node(**place), lights=[light]), format="gltf").lights
+    return found
+
+
+# --- lights -------------------------------------------------------------------------------------------------
+
+
+def test_a_directional_light_shines_down_minus_z_of_its_node():
+    assert only_light({"type": "directional"}) == DirectionalLight((0, 0, -1), 1.0)
+    # a quarter turn about x takes -z to +y
+    light = only_light(
+        {"type": "directional", "color": [1, 0.5, 0.25], "intensity": 4},
+        rotation=[QUARTER, 0, 0, QUARTER],
+        translation=[1, 2, 3],
+    )
+    np.testing.assert_allclose(light.direction, (0, 1, 0), atol=1e-15)
+    assert light.color == (4.0, 2.0, 1.0)
+
+
+def test_a_point_light_falls_off_with_the_square():
+    light = only_light({"type": "point", "intensity": 10, "range": 5}, translation=[1, 2, 3])
+    assert light == PointLight((1, 2, 3), 10.0, "1/d^2", amplify=True, range=5.0)
+    assert only_light({"type": "point"}).range is None
+
+
+def test_a_spot_light_has_its_angles_in_degrees():
+    cone = {"innerConeAngle": math.pi / 12, "outerConeAngle": math.pi / 6}
+    light = only_light({"type": "spot", "spot": cone, "range": 2}, translation=[0, 0, 9])
+    assert (light.inner, light.outer) == pytest.approx((15, 30))
+    assert light.position == (0, 0, 9) and light.direction == (0, 0, -1)
+    assert light.attenuation == (0, 0, 1) and light.amplify and light.range == 2
+    default = only_light({"type": "spot"})
+    assert isinstance(default, SpotLight) and (default.inner, default.outer) == (0, 45)
+    widest = only_light({"type": "spot", "spot": {"outerConeAngle": float(np.float32(math.pi / 2))}})
+    assert widest.outer == 90
+
+
+def test_lights_come_in_the_order_of_nodes_and_replace_the_studio():
+    lights = [{"type": "point", "intensity": 1}, {"type": "point", "intensity": 2}]
+    data = with_nodes(light_node(1), light_node(0), light_node(1), lights=lights)
+    assert [light.color[0] for light in load(data, format="gltf").lights] == [2, 1, 2]
+    assert load(data, format="gltf", lights=[AmbientLight(1)]).lights == (AmbientLight(1),)
+    assert load(with_nodes(lights=lights), format="gltf").lights == studio()  # no node holds one
+
+
+# --- cameras ------------------------------------------------------------------------------------------------
+
+PERSPECTIVE = {
+    "type": "perspective",
+    "perspective": {"yfov": math.radians(50), "znear": 0.5, "zfar": 40, "aspectRatio": 2},
+}
+
+
+def test_a_perspective_camera():
+    camera = load(with_nodes({"camera": 0, "translation": [0, 1, 8]}, cameras=[PERSPECTIVE]), format="gltf").camera
+    assert camera.is_perspective and camera.fov == pytest.approx(50) and (camera.near, camera.far) == (0.5, 40)
+    view = camera.view()
+    assert view.eye.tolist() == [0, 1, 8] and view.forward.tolist() == [0, 0, -1] and view.up.tolist() == [0, 1, 0]
+
+
+def test_an_infinite_perspective_camera_has_no_far():
+    lens = {"type": "perspective", "perspective": {"yfov": 1, "znear": 0.5}}
+    assert load(with_nodes({"camera": 0}, cameras=[lens]), format="gltf").camera.far is None
+
+
+def test_an_orthographic_camera_turned_and_scaled():
+    lens = {"type": "orthographic", "orthographic": {"xmag": 9, "ymag": 1.5, "znear": 0, "zfar": 40}}
+    # a quarter turn about z takes +y to -x; the scale of a camera's node doesn't count
+    node = {"camera": 0, "rotation": [0, 0, QUARTER, QUARTER], "scale": [3, 3, 3], "translation": [5, 0, 0]}
+    camera = load(with_nodes(node, cameras=[lens]), format="gltf").camera
+    assert camera.height == 3 and (camera.near, camera.far) == (0, 40)
+    np.testing.assert_allclose(camera.view().up, (-1, 0, 0), atol=1e-15)
+    assert camera.view().eye.tolist() == [5, 0, 0]
+
+
+def test_the_first_camera_counts_and_the_callers_own_wins():
+    other = {"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}
+    data = with_nodes({"camera": 1, "translation": [0, 0, 5]}, {"camera": 0}, cameras=[PERSPECTIVE, other])
+    facts = []
+    assert load(data, format="gltf", log=facts.append).camera.fov == pytest.approx(math.degrees(1))
+    assert "a camera" in facts[-1]
+    own = Camera.perspective((1, 1, 1))
+    assert load(data, format="gltf", camera=own).camera is own
+
+
+def test_what_hangs_on_a_camera_is_still_drawn():
+    def change(tree, _primitive):
+        tree["cameras"] = [PERSPECTIVE]
+        tree["nodes"].append({"camera": 0, "children": tree["scenes"][0]["nodes"], "translation": [10, 0, 0]})
+        tree["scenes"][0]["nodes"] = [len(tree["nodes"]) - 1]
+
+    scene = load(gltf_with(change), format="gltf")
+    np.testing.assert_allclose(scene.bounds[:, 0], (9.5, 10.5))
+    assert scene.camera.position == (10, 0, 0)
+
+
+# --- nodes --------------------------------------------------------------------------------------------------
+
+
+def test_matrices_of_nodes_multiply_down_the_tree():
+    matrix = [0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1, 0, 7, 8, 9, 1]  # column by column: x to y, y to -x
+    nodes = [
+        {"children": [1], "matrix": matrix},
+        {"translation": [1, 0, 0], "scale": [2, 3, 4], "rotation": [0, 0, 1, 0]},
+        {"translation": [5, 5, 5]},
+    ]
+    found = world_matrices({"nodes": nodes, "scenes": [{"nodes": [2]}, {"nodes": [0]}], "scene": 1})
+    assert sorted(found) == [0, 1]
+    # the point (1, 1, 1): scaled (2, 3, 4), half a turn about z (-2, -3, 4), moved (-1, -3, 4), then the parent's
+    np.testing.assert_allclose(found[1] @ (1, 1, 1, 1), (7 + 3, 8 - 1, 9 + 4, 1), atol=1e-14)
+    assert world_matrices({"nodes": nodes}) == {}
+
+
+def test_a_light_moves_with_its_parents():
+    def change(tree, _primitive):
+        n = len(tree["nodes"])
+        tree["nodes"] += [{"translation": [1, 0, 0], "children": [n + 1]}, light_node(translation=[0, 2, 0])]
+        tree["scenes"][0]["nodes"].append(n)
+        tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
+
+    (light,) = load(gltf_with(change), format="gltf").lights
+    assert light.position == (1, 2, 0)
+
+
+def test_nodes_in_a_ring_do_not_hang():
+    assert sorted(world_matrices({"nodes": [{"children": [1]}, {"children": [0]}], "scenes": [{"nodes": [0]}]})) == [
+        0,
+        1,
+    ]
+
+
+# --- faults -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("light", "fault"),
+    [
+        ({"type": "point", "intensity": -1}, "light 0: the point light's color must not be negative"),
+        ({"type": "point", "range": 0, "name": "lamp"}, "light 0 'lamp': the point light's range must be above 0"),
+        ({"type": "spot", "spot": {"outerConeAngle": 2}}, "outer angle must be above 0 and at most 90"),
+        ({"type": "spot", "spot": {"innerConeAngle": 1, "outerConeAngle": 0.5}}, "inner angle must be within"),
+        ({"type": "area"}, "light 0: its type must be directional, point or spot; given 'area'"),
+        ({}, "light 0: type is missing"),
+        ({"type": "point", "color": "red"}, "light 0: "),
+        ({"type": "directional", "color": [1, 1]}, "three finite numbers"),
+    ],
+)
+def test_broken_lights_are_named(light, fault):
+    with pytest.raises(ModelError, match=f"^model: .*{fault}"):
+        only_light(light)
+
+
+def test_lights_and_cameras_that_are_not_there():
+    with pytest.raises(ModelError, match="a node refers to light 3; the file has 0"):
+        load(with_nodes(light_node(3)), format="gltf")
+    with pytest.raises(ModelError, match="a node refers to camera 0; the file has 0"):
+        load(with_nodes({"camera": 0}), format="gltf")
+
+
+def test_a_light_without_direction():
+    with pytest.raises(ModelError, match="light 0: the directional light's direction must have a length"):
+        only_light({"type": "directional"}, scale=[1, 1, 0])
+
+
+@pytest.mark.parametrize(
+    ("camera", "fault"),
+    [
+        ({"type": "perspective", "perspective": {"yfov": 0, "znear": 1}}, "camera 0: the camera's fov must be between"),
+        ({"type": "perspective", "perspective": {"yfov": 1, "znear": 0}}, "camera 0: the near of a perspective camera"),
+        ({"type": "perspective", "perspective": {"yfov": 1, "znear": 2, "zfar": 1}}, "near must be below its far"),
+        ({"type": "perspective", "perspective": {"znear": 1}}, "camera 0: yfov is missing"),
+        ({"type": "orthographic", "orthographic": {"ymag": 0, "znear": 0, "zfar": 1}}, "height must be above 0"),
+        (
+            {"type": "fisheye", "name": "eye"},
+            "camera 0 'eye': its type must be perspective or orthographic; given 'fisheye'",
+        ),
+        ({"type": "perspective"}, "camera 0: perspective is missing"),
+    ],
+)
+def test_broken_cameras_are_named(camera, fault):
+    with pytest.raises(ModelError, match=f"^model: .*{fault}"):
+        load(with_nodes({"camera": 0}, cameras=[camera]), format="gltf")

@@ -1,0 +1,148 @@
+"""PLY: every kind of file that others write, and errors that name the line."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from rasterizer.errors import ModelError
+from rasterizer.io.loader import load
+
+POINTS = [(0, 0, 0), (8, 0, 0), (8, 2, 0), (2, 2, 0), (2, 8, 0), (0, 8, 0)]
+VERTEX = "element vertex {n}\nproperty float x\nproperty float y\nproperty float z\n"
+
+
+def text(elements, rows, n=6, comment="comment a\nobj_info b\n"):
+    return f"ply\nformat ascii 1.0\n{comment}{VERTEX.format(n=n)}{elements}end_header\n{rows}".encode()
+
+
+def points(extra=""):
+    return "".join(f"{x} {y} {z} {extra}\n" for x, y, z in POINTS)
+
+
+FACES = "element face {n}\nproperty list uchar int vertex_indices\n"
+
+
+def only(data, **options):
+    (mesh,) = load(data, format="ply", **options).meshes
+    return mesh
+
+
+def area(mesh):
+    corners = mesh.vertices[mesh.faces]
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+
+
+def test_concave_polygons_are_drawn_as_they_are():
+    mesh = only(text(FACES.format(n=1), points() + "6 0 1 2 3 4 5\n"))
+    assert mesh.n_face == 4 and abs(area(mesh) - 28) < 1e-12
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("count", [("uchar", "B"), ("int", "i")])
+@pytest.mark.parametrize("index", [("int", "i"), ("uint", "I"), ("uchar", "B"), ("short", "h")])
+def test_binary_files_of_every_kind(order, count, index):
+    """Polygons of several sizes, elements and properties that nobody asked for, bytes in both orders."""
+    name = "binary_little_endian" if order == "<" else "binary_big_endian"
+    header = (
+        f"ply\r\nformat {name} 1.0\r\nelement junk 2\r\nproperty list uchar double values\r\nproperty short z\r\n"
+        f"element vertex 6\r\nproperty double x\r\nproperty float y\r\nproperty short z\r\nproperty uchar red\r\n"
+        f"property uchar green\r\nproperty uchar blue\r\nproperty uchar alpha\r\n"
+        f"element face 2\r\nproperty uchar flags\r\nproperty list {count[0]} {index[0]} vertex_index\r\nend_header\r\n"
+    ).encode()
+    data = struct.pack(order + "BddhBh", 2, 1.5, 2.5, 7, 0, 9)
+    for k, (x, y, z) in enumerate(POINTS):
+        data += struct.pack(order + "dfhBBBB", x, y, z, 255, 40 * k, 0, 255)
+    for face in ([0, 1, 2, 3, 4, 5], [0, 1, 2]):
+        data += struct.pack(f"{order}B{count[1]}{len(face)}{index[1]}", 1, len(face), *face)
+    mesh = only(header + data)
+    assert mesh.n_face == 5 and mesh.polygons.tolist() == [0, 0, 0, 0, 1] and abs(area(mesh) - 36) < 1e-12
+    assert mesh.colors.shape == (6, 4) and mesh.colors[0, :3].tolist() == [1, 0, 0]
+    with pytest.raises(ModelError, match="binary PLY of another length"):
+        only(header + data[:-5])
+
+
+def test_texture_coordinates_for_each_corner_of_a_face():
+    """As MeshLab writes them: six numbers a triangle, and the number of a picture."""
+    elements = FACES.format(n=2) + "property list uchar float texcoord\nproperty int texnumber\n"
+    rows = "3 0 1 2 6 0 0 1 0 1 0.5 0\n4 0 3 4 5 8 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8 0\n"
+    mesh = only(text(elements, points() + rows))
+    assert mesh.uv.shape == (3, 3, 2) and mesh.uv[0].tolist() == [[0, 0], [1, 0], [1, 0.5]]
+    named = {0: (0.1, 0.2), 3: (0.3, 0.4), 4: (0.5, 0.6), 5: (0.7, 0.8)}
+    for triangle, uv in zip(mesh.faces[1:], mesh.uv[1:], strict=True):
+        assert uv.tolist() == [list(named[corner]) for corner in triangle.tolist()]
+    facts = []
+    rows = "3 0 1 2 6 0 0 1 0 1 0.5 0\n4 0 3 4 5 0 0\n"
+    assert not only(text(elements, points() + rows), log=facts.append).uv[1:].any()
+    assert any("1 faces have not two texture coordinates" in fact for fact in facts)
+
+
+def test_triangle_strips():
+    elements = "element tristrips 1\nproperty list int int vertex_indices\n"
+    mesh = only(text(elements, points() + "9 0 1 2 3 -1 3 4 5 5\n"))
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3], [3, 4, 5]]
+    both = FACES.format(n=1) + elements
+    mesh = only(text(both, points() + "4 0 1 2 3\n9 0 1 2 3 -1 3 4 5 5\n"))
+    assert mesh.n_face == 5 and mesh.polygons.tolist() == [0, 0, 1, 2, 3]
+    with pytest.raises(ModelError, match="a triangle strip refers to vertex 77"):
+        only(text(elements, points() + "4 0 1 2 77\n"))
+
+
+@pytest.mark.parametrize(
+    ("type", "values", "expected"),
+    [("uchar", "255 0 51", (1, 0, 0.0331)), ("float", "1 0 0.2", (1, 0, 0.0331)), ("ushort", "65535 0 13107", (1, 0, 0.0331)),
+     ("double", "1.0 0.0 0.2", (1, 0, 0.0331)), ("int", "255 0 51", (1, 0, 0.0331))],
+)  # fmt: skip
+@pytest.mark.parametrize("names", ["red green blue", "diffuse_red diffuse_green diffuse_blue", "r g b"])
+def test_colours_of_every_type(type, values, expected, names):
+    properties = "".join(f"property {type} {name}\n" for name in names.split())
+    elements = properties + FACES.format(n=1)
+    mesh = only(text(elements, points(values) + "3 0 1 2\n"))
+    assert np.allclose(mesh.colors[0, :3], expected, atol=1e-3) and mesh.material.diffuse == (1, 1, 1)
+
+
+def test_a_point_cloud_is_named_as_such():
+    with pytest.raises(ModelError, match="model: a point cloud: 6 points, no faces"):
+        only(text("", points()))
+    with pytest.raises(ModelError, match="a point cloud: 6 points"):
+        only(text(FACES.format(n=1), points() + "2 0 1\n"))
+
+
+@pytest.mark.parametrize(
+    ("data", "fault"),
+    [
+        (text(FACES.format(n=1), points() + "3 0 1 x\n"), r":18: 'x' is not a number"),
+        (text(FACES.format(n=2), points() + "3 0 1 2\n3 0 1 6\n"), r":19: the face refers to vertex 6; the file has 6"),
+        (text(FACES.format(n=2), points() + "3 0 1 2\n3 0 -1 2\n"), r":19: the face refers to vertex -1"),
+        (text(FACES.format(n=2), points() + "3 0 1 2\n-3 0 1 2\n"), r":19: face 1: -3 is not how long its list is"),
+        (text(FACES.format(n=2), points() + "3 0 1 2\nnan 0 1 2\n"), r":19: face 1: nan is not how long"),
+        (text(FACES.format(n=2), points() + "3 0 1 2\n3 0.5 1 2\n"), r"vertex 0\.5, which is no index"),
+        (text(FACES.format(n=3), points() + "3 0 1 2\n3 0 1 2\n"), r":9: the header promises 3 face lines, the file has 2"),
+        (text(FACES.format(n=2**31), points() + "3 0 1 2\n"), r":9: the header promises 2147483648 face lines"),
+        (text(FACES.format(n=1), "", n=2**40), r":5: the header promises 1099511627776 vertex lines"),
+        (text(FACES.format(n=-1), points()), r":9: -1 face lines"),
+        (text("property real w\n", points()), r":9: 'property real w' is not a line of a PLY header"),
+        (text("property list uchar\n", points()), r":9: 'property list uchar' is not a line"),
+        (b"ply\nelement vertex 1\nproperty float x\nend_header\n1\n", "no line 'format'"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", ":3: the vertices have no x, y and z"),
+        (b"ply\nformat ascii 1.0\nelement face 0\nproperty list uchar int a\nend_header\n", "no vertices"),
+        (
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 9000000000\nproperty float x\nproperty float y\n"
+            b"property float z\nend_header\n" + bytes(120),
+            "promised, room for at most 10",
+        ),
+        (
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+            b"element face 1\nproperty list uint int vertex_indices\nend_header\n" + bytes(12) + b"\xff\xff\xff\x7f",
+            "ends in face row 0 of 1",
+        ),
+    ],
+)  # fmt: skip
+def test_faults_name_the_line(data, fault):
+    with pytest.raises(ModelError, match="model" + fault if fault[0] == ":" else fault):
+        only(data)
+
+
+def test_rows_may_be_written_on_any_lines():
+    rows = points().replace("\n", " ") + "\n3\n0 1\n2 3 3\n4 5"
+    assert only(text(FACES.format(n=2), rows)).n_face == 2

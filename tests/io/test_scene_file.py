@@ -1,0 +1,364 @@
+"""Scene files as people write them: what each entry becomes, and what is said of each fault."""
+
+import json
+import math
+import sys
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from helpers.raster import HAS_TOML, ROOT
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+import rasterizer as rz
+from rasterizer.io import scene_file
+from rasterizer.io.scene_file import read_scene
+from rasterizer.options import Options
+
+LIFE, GEAR = (str(ROOT / "models" / name) for name in ("still_life.obj", "gear.stl"))
+TRIANGLE = {"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}
+
+
+def read(table, folder=ROOT / "models", **settings):
+    return read_scene(json.dumps(table).encode(), folder, **settings)
+
+
+def scene_of(**table):
+    return read({"meshes": [TRIANGLE]} | table).scene
+
+
+def mesh_of(**mesh):
+    (mesh,) = read({"meshes": [mesh]}).scene.meshes
+    return mesh
+
+
+# --- meshes -------------------------------------------------------------------------------------------------
+
+
+def test_models_are_found_beside_the_scene_file(tmp_path, monkeypatch):
+    (tmp_path / "part.obj").write_bytes((ROOT / "models" / "cube.obj").read_bytes())
+    (tmp_path / "scene.json").write_text('{"meshes": [{"file": "part.obj", "name": "part", "crease_angle": 7}]}')
+    (tmp_path / "scene.toml").write_text('[[meshes]]\nfile = "part.obj"\nname = "part"\ncrease_angle = 7\n')
+    monkeypatch.chdir(ROOT)
+    scenes = [rz.load(tmp_path / "scene.json"), rz.Scene.load(tmp_path / "scene.json")]
+    if HAS_TOML:
+        scenes.append(rz.load(str(tmp_path / "scene.toml")))
+    with open(tmp_path / "scene.json", "rb") as stream:
+        scenes.append(rz.load(stream))
+    scenes.append(read_scene((tmp_path / "scene.json").read_bytes(), tmp_path).scene)
+    for scene in scenes:
+        (mesh,) = scene.meshes
+        assert (mesh.n_face, mesh.name, mesh.crease_angle) == (12, "part", 7) and scene.camera is None
+        assert scene.lights == rz.studio()
+    assert rz.load(tmp_path / "scene.json", crease_angle=9, background="white", up="x").meshes[0].crease_angle == 9
+    assert rz.load(tmp_path / "scene.json", background="white", up="x").background == (1, 1, 1)
+
+
+def test_inline_meshes():
+    mesh = mesh_of(
+        vertices=[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], faces=[[0, 1, 2, 3], [0, 1, 2]],
+        normals=[[0, 0, 2]] * 4, colors=[[1, 0, 0]] * 4, uv=[[0, 0], [1, 0], [1, 1], [0, 1]], smoothing=[1, 2],
+        face_material=[1, 0], materials=[{"diffuse": 0.5}, {"diffuse": "orange"}], name="flag",
+    )  # fmt: skip
+    assert mesh.n_face == 3 and mesh.polygons.tolist() == [0, 0, 1] and mesh.face_material.tolist() == [1, 1, 0]
+    assert mesh.normals.tolist() == [[0, 0, 1]] * 4 and mesh.colors.tolist() == [[1, 0, 0]] * 4
+    assert mesh.materials == (rz.Material(diffuse=0.5), rz.Material(diffuse="orange")) and mesh.name == "flag"
+
+
+def test_transforms():
+    turned = {"axis": [0, 0, 3], "angle": 90}
+    corners = np.array(TRIANGLE["vertices"], float)
+
+    def moved(transform):
+        return mesh_of(**TRIANGLE, transform=transform).vertices
+
+    assert np.array_equal(moved({}), corners)
+    assert np.array_equal(moved({"translate": [1, 2, 3]}), corners + (1, 2, 3))
+    assert np.array_equal(moved({"scale": 2}), corners * 2) and np.array_equal(
+        moved({"scale": [2, 3, 4]}), corners * (2, 3, 4)
+    )
+    assert moved({"rotate": turned}) == pytest.approx(np.array([(0, 0, 0), (0, 1, 0), (-1, 0, 0)]), abs=1e-15)
+    all_three = moved({"scale": 2, "translate": [1, 0, 0], "rotate": turned})
+    assert all_three == pytest.approx(np.array([(1, 0, 0), (1, 2, 0), (-1, 0, 0)]), abs=1e-15), (
+        "scaled, turned, then moved"
+    )
+    matrix = [[0, -2, 0, 1], [2, 0, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]]
+    assert moved(matrix) == pytest.approx(all_three, abs=1e-15)
+    third = np.array(moved({"rotate": {"axis": [1, 1, 1], "angle": 120}}))
+    assert third == pytest.approx(corners[:, [2, 0, 1]], abs=1e-15), "x goes to y, y to z"
+
+
+def test_materials_replace_those_of_a_model():
+    table = {"red": {"diffuse": "red"}, "own": {"diffuse": 0.1, "name": "mine"}}
+    before = rz.load(LIFE).meshes
+    all_red = read({"meshes": [{"file": "still_life.obj", "material": "red"}], "materials": table}).scene.meshes
+    assert {m for mesh in all_red for m in mesh.palette} == {rz.Material(diffuse="red", name="red")}
+    name = before[0].palette[0].name
+    one = read({"meshes": [{"file": "still_life.obj", "materials": {name: "own"}}], "materials": table}).scene.meshes
+    for old, new in zip(before, one, strict=True):
+        for was, now in zip(old.palette, new.palette, strict=True):
+            assert now == (rz.Material(diffuse=0.1, name="mine") if was.name == name else was)
+    assert mesh_of(**TRIANGLE, material={"shininess": 3}).material == rz.Material(shininess=3)
+
+
+def test_textures(tmp_path):
+    Image.new("RGB", (2, 2), "red").save(tmp_path / "red.png")
+    mesh = TRIANGLE | {"uv": [[0, 0], [1, 0], [0, 1]]}
+    full = {"file": "red.png", "filter": "nearest", "wrap": ["clamp", "mirror"], "name": "brick"}
+    table = {
+        "materials": {"a": {"texture": "red.png"}},
+        "meshes": [mesh | {"material": m} for m in ("a", {"texture": full})],
+    }
+    plain, own = (mesh.material.texture for mesh in read(table, folder=tmp_path).scene.meshes)
+    assert plain.image[0, 0].tolist() == [1, 0, 0, 1] and plain.filter == "trilinear" and plain.name.endswith("red.png")
+    assert (own.filter, own.wrap, own.name) == ("nearest", ("clamp", "mirror"), "brick")
+
+
+def test_the_up_axis_is_that_of_the_models():
+    def up(*meshes, **rest):
+        return read({"meshes": list(meshes)} | rest).scene.up
+
+    assert up({"file": "gear.stl"}) == "z" and up({"file": "cube.obj"}) == "y" and up(TRIANGLE) == "y"
+    assert up({"file": "gear.stl"}, {"file": "cube.obj"}) == "y" and up({"file": "gear.stl"}, up="-x") == "-x"
+
+
+# --- lights, camera, the rest -------------------------------------------------------------------------------
+
+
+def test_lights():
+    lights = [
+        "headlight",
+        {"kind": "ambient", "color": 0.1},
+        {"kind": "directional", "direction": [0, -2, 0], "color": "#f80", "attached": "camera", "shadow": True},
+        {"kind": "point", "position": [1, 2, 3], "attenuation": "1/d^2", "range": 9, "amplify": True, "shadow": False},
+        {"kind": "spot", "position": [1, 2, 3], "direction": [0, -1, 0], "inner": 5, "outer": 20, "exponent": 2},
+        {"kind": "area", "corner": [0, 9, 0], "edge_u": [1, 0, 0], "edge_v": [0, 0, 1], "resolution": [2, 3],
+         "shadow": {"size": 64, "filter": 3}},
+    ]  # fmt: skip
+    found = read({"meshes": [TRIANGLE], "lights": lights})
+    assert found.scene.lights == (
+        *rz.headlight(),
+        rz.AmbientLight(0.1),
+        rz.DirectionalLight((0, -1, 0), "#f80", "camera", rz.Shadow()),
+        rz.PointLight((1, 2, 3), 1, "1/d^2", "world", True, 9),
+        rz.SpotLight((1, 2, 3), (0, -1, 0), 1, 5, 20, 2),
+        rz.AreaLight((0, 9, 0), (1, 0, 0), (0, 0, 1), resolution=(2, 3), shadow=rz.Shadow(64, 3)),
+    )
+    assert found.unshadowed == (4,)
+    assert scene_of(lights="studio").lights == rz.studio() and scene_of(lights=[]).lights == ()
+
+
+def test_spectra():
+    spectrum = {"wavelengths": [400, 500, 700], "values": [0.1, 0.5, 0.2]}
+    light = scene_of(lights=[{"kind": "ambient", "color": spectrum}]).lights[0]
+    assert light.color == rz.Spectrum([400, 500, 700], [0.1, 0.5, 0.2]) and isinstance(light.color, rz.Spectrum)
+    assert isinstance(mesh_of(**TRIANGLE, material={"diffuse": spectrum}).material.diffuse, rz.Spectrum)
+
+
+def test_cameras():
+    place = {"position": [0, 0, 5], "target": [0, 1, 0]}
+    expected = rz.Camera.perspective((0, 0, 5), (0, 1, 0), fov=40, near=1, far=9)
+    assert scene_of(camera=place | {"fov": 40, "near": 1, "far": 9}).camera == expected
+    assert scene_of(camera=place | {"height": 3, "up": "x"}).camera == rz.Camera.orthographic(
+        (0, 0, 5), (0, 1, 0), "x", 3
+    )
+    intrinsics = {"intrinsics": [80, 90, 40, 20], "size": [100, 60]}
+    assert scene_of(camera=place | intrinsics).camera.intrinsics == (80, 90, 40, 20)
+
+
+def test_framing():
+    framing = {"azimuth": 10, "elevation": 5, "fov": 20, "margin": 0.1, "orthographic": False}
+    found = read({"meshes": [{"file": "gear.stl"}], "camera": framing})
+    assert found.scene.camera is None and found.framing == framing
+    gear = rz.load(GEAR)
+    assert found.framed_scene().camera == rz.Camera.framing(gear, up="z", **framing)
+    sized = read({"meshes": [{"file": "gear.stl"}], "camera": framing, "options": {"size": [400, 100]}}).framed_scene()
+    assert sized.camera == rz.Camera.framing(gear, up="z", aspect=4.0, **framing)
+    with pytest.raises(rz.SceneError, match="camera.elevation: the elevation must be within -90"):
+        scene_of(camera={"elevation": 100})
+
+
+def test_background_and_options():
+    assert scene_of(background="#fff").background == (1, 1, 1) and scene_of(background=None).background is None
+    assert scene_file.OPTIONS == tuple(field.name for field in fields(Options))
+    found = read({"meshes": [TRIANGLE], "options": {"size": [4, 3], "tolerance": 0, "spectral": None}})
+    assert found.options == {"size": (4, 3), "tolerance": 0}
+
+
+# --- faults -------------------------------------------------------------------------------------------------
+
+PLACE = {"position": [0, 0, 5]}
+BAD = [
+    ({}, "scene: meshes is missing"),
+    ([], "scene: must be a table"),
+    ({"meshes": []}, "scene: meshes: must hold at least one mesh"),
+    ({"meshes": {}}, "meshes: must be a list"),
+    ({"meshes": [7]}, r"meshes\[0\]: must be a table; given 7"),
+    ({"meshes": [{}]}, r"meshes\[0\]: a mesh needs one of file"),
+    ({"meshes": [{"file": "cube.obj"} | TRIANGLE]}, "a mesh needs one of file"),
+    ({"meshes": [{"file": 5}]}, r"meshes\[0\].file: must be text; given 5"),
+    ({"meshes": [{"file": ""}]}, r"meshes\[0\].file: must be the name of a file"),
+    ({"meshes": [{"file": "other.json"}]}, r"meshes\[0\].file: must be a model, no scene file"),
+    ({"meshes": [{"file": "cube.obj", "colour": 1}]}, r"meshes\[0\].colour: unknown key; legal are file, transform"),
+    ({"meshes": [{"file": "cube.obj", "name": 1}]}, r"meshes\[0\].name: must be text"),
+    ({"meshes": [{"file": "cube.obj", "crease_angle": 200}]}, "crease angle must be within 0..180"),
+    (
+        {"meshes": [{"file": "cube.obj", "materials": {"x": {}}}]},
+        r"meshes\[0\].materials.x: the model has no material of this name",
+    ),
+    ({"meshes": [{"file": "cube.obj", "materials": {}, "material": {}}]}, "given both"),
+    (
+        {"meshes": [{"file": "cube.obj", "material": "red"}]},
+        r"meshes\[0\].material: must be a table, or the name of one .*\(none\)",
+    ),
+    ({"meshes": [{"vertices": []}]}, r"meshes\[0\]: faces is missing"),
+    ({"meshes": [TRIANGLE | {"faces": [[0, 1, 7]]}]}, "face 0 refers to vertex 7"),
+    ({"meshes": [TRIANGLE | {"vertices": [[0, 0], [1]]}]}, r"meshes\[0\].vertices: must be a list of lists of numbers"),
+    ({"meshes": [TRIANGLE | {"vertices": "many"}]}, r"meshes\[0\].vertices: must be a list"),
+    ({"meshes": [TRIANGLE | {"uv": [[0, 0]]}]}, r"meshes\[0\].uv: uv must have the shape"),
+    ({"meshes": [TRIANGLE | {"transform": [1]}]}, r"meshes\[0\].transform: must be 4 rows"),
+    ({"meshes": [TRIANGLE | {"transform": {"shift": 1}}]}, r"transform.shift: unknown key; legal are translate"),
+    ({"meshes": [TRIANGLE | {"transform": {"scale": "big"}}]}, "transform.scale: .*must be a finite number"),
+    ({"meshes": [TRIANGLE | {"transform": {"scale": 0}}]}, r"meshes\[0\].transform: "),
+    ({"meshes": [TRIANGLE | {"transform": {"rotate": {"axis": [0, 0, 1]}}}]}, "transform.rotate: angle is missing"),
+    (
+        {"meshes": [TRIANGLE | {"transform": {"rotate": {"axis": [0, 0, 0], "angle": 1}}}]},
+        "rotate.axis: .*must have a length",
+    ),
+    ({"meshes": [{"arrays": "no.npz", "mesh": 0}]}, r"meshes\[0\].arrays: no.npz: no such file"),
+    ({"meshes": [{"arrays": "cube.obj", "mesh": 0}]}, r"can't be read as .npz"),
+    ({"meshes": [{"arrays": "x.npz"}]}, r"meshes\[0\]: mesh is missing"),
+    ({"meshes": [{"arrays": "x.npz", "mesh": True}]}, r"meshes\[0\].mesh: must be a whole number"),
+    ({"materials": {"a b": {"shine": 1}}}, r"materials.'a b'.shine: unknown key; legal are ambient, diffuse"),
+    ({"materials": {"a": {"shininess": 0}}}, "materials.a.shininess: the material's shininess must be above 0"),
+    ({"materials": {"a": {"texture": 5}}}, "materials.a.texture: must be text"),
+    ({"materials": {"a": {"texture": "no.png"}}}, "materials.a.texture: no.png: no such file"),
+    ({"materials": {"a": {"texture": {"filter": "cubic"}}}}, "materials.a.texture: a texture needs either file"),
+    ({"materials": {"a": {"diffuse": {"values": [1]}}}}, "materials.a.diffuse: wavelengths is missing"),
+    ({"materials": {"a": {"diffuse": {"wavelengths": [5, 4], "values": [1, 1]}}}}, "materials.a.diffuse.wavelengths: "),
+    ({"lights": "sun"}, "lights: must be a table, or one of studio, headlight; given 'sun'"),
+    ({"lights": [{"color": 1}]}, r"lights\[0\]: kind is missing; legal are ambient, directional"),
+    ({"lights": [{"kind": "sun"}]}, r"lights\[0\].kind: must be one of ambient"),
+    ({"lights": ["studio", {"kind": "point"}]}, r"lights\[1\]: position is missing"),
+    ({"lights": [{"kind": "ambient", "shadow": True}]}, r"lights\[0\].shadow: unknown key; legal are kind, color"),
+    ({"lights": [{"kind": "ambient", "color": -1}]}, r"lights\[0\].color: .*must not be negative"),
+    ({"lights": [{"kind": "point", "position": [1, 2]}]}, r"lights\[0\].position: .*three finite numbers"),
+    (
+        {"lights": [{"kind": "point", "position": [1, 2, 3], "amplify": 1}]},
+        r"lights\[0\].amplify: must be true or false",
+    ),
+    (
+        {"lights": [{"kind": "point", "position": [1, 2, 3], "shadow": "soft"}]},
+        r"lights\[0\].shadow: must be true, false, or",
+    ),
+    ({"lights": [{"kind": "point", "position": [1, 2, 3], "shadow": {"size": 5}}]}, r"lights\[0\].shadow.size: "),
+    ({"camera": PLACE}, "camera: a camera needs either fov"),
+    ({"camera": PLACE | {"fov": 200}}, "camera.fov: the camera's fov must be between 0 and 180"),
+    ({"camera": PLACE | {"zoom": 2}}, "camera.zoom: unknown key; legal are position"),
+    ({"camera": {"target": [0, 0, 0]}}, "camera: position is missing, which goes with target"),
+    ({"camera": {"azimuth": "left"}}, "camera.azimuth: "),
+    ({"camera": {"orthographic": 1}}, "camera.orthographic: must be true or false"),
+    ({"background": "blurple"}, "background: the color must be"),
+    ({"up": "w"}, "up: the scene's up must be one of"),
+    ({"up": 3}, "up: must be text"),
+    ({"options": {"shade": 1}}, "options.shade: unknown key; legal are size, shading"),
+    ({"scene": 1}, "scene: scene: unknown key; legal are meshes, materials"),
+]
+
+
+@pytest.mark.parametrize(("table", "message"), BAD)
+def test_faults_name_file_place_and_what_is_legal(table, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    if isinstance(table, dict) and table and "meshes" not in table:
+        table = {"meshes": [TRIANGLE]} | table
+    with pytest.raises((rz.SceneError, rz.ModelError), match=message) as caught:
+        read(table)
+    assert str(caught.value).startswith("scene: ")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.json", b"", "a.json: the file is empty"),
+        ("a.json", b"{", "a.json: is not legal JSON"),
+        ("a.json", b'{"meshes": [], "meshes": []}', "a.json: is not legal JSON: duplicate key 'meshes'"),
+        ("a.json", b'{"meshes": NaN}', "NaN is no number of JSON"),
+        ("a.json", b"[" * 100_000, "nested too deeply|not legal JSON"),
+        ("a.json", b'{"up": ' + b"9" * 5000 + b"}", "not legal JSON"),
+        ("a.json", b'"\xff"', "a.json: is not UTF-8 text"),
+        ("a.toml", b"meshes = [", "a.toml: is not legal TOML"),
+        ("a.toml", b'up = "x"\nup = "y"', "a.toml: is not legal TOML"),
+    ],
+)
+def test_text_that_is_no_scene(tmp_path, name, content, message):
+    if name.endswith("toml") and not HAS_TOML:
+        pytest.skip("no parser of TOML")
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(rz.ModelError, match=message):
+        rz.load(tmp_path / name)
+
+
+def test_files_that_are_not_there(tmp_path):
+    with pytest.raises(rz.ModelError, match="none.json: no such file"):
+        rz.Scene.load(tmp_path / "none.json")
+    (tmp_path / "a.json").mkdir()
+    with pytest.raises(rz.ModelError, match="a.json: can't be read"):
+        rz.load(tmp_path / "a.json")
+    with pytest.raises(rz.ModelError, match="unknown format 'yaml' of a scene file"):
+        read({}, format="yaml")
+
+
+def test_without_a_parser_of_toml_the_error_says_what_to_do(tmp_path, monkeypatch):
+    (tmp_path / "a.toml").write_text("meshes = []")
+    monkeypatch.setitem(sys.modules, "tomllib", None)
+    monkeypatch.setitem(sys.modules, "tomli", None)
+    with pytest.raises(rz.ModelError, match="Python 3.11, or tomli: pip install tomli"):
+        rz.load(tmp_path / "a.toml")
+
+
+VALUES = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-3, 2**70)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(max_size=3),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["kind", "size", "file"]), inner, max_size=2)
+    ),
+    max_leaves=6,
+)
+FULL = {
+    "meshes": [TRIANGLE | {"transform": {"scale": 1, "rotate": {"axis": [0, 0, 1], "angle": 3}}, "uv": [[0, 0], [1, 0], [0, 1]],
+                           "normals": [[0, 0, 1]] * 3, "colors": [[1, 1, 1]] * 3, "crease_angle": 5, "material": {"levels": 2}}],
+    "materials": {"a": {field.name: None for field in fields(rz.Material)} | {"diffuse": 1}},
+    "lights": [{"kind": "spot", "position": [0, 0, 0], "direction": [0, 0, 1], "inner": 1, "outer": 2, "exponent": 0, "color": 1,
+                "attenuation": [1, 0, 0], "attached": "world", "amplify": False, "range": 5, "shadow": {"size": 64}}],
+    "camera": {"position": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30, "near": 1, "far": 9},
+    "background": 0.5, "up": "y", "options": {"size": [4, 3]},
+}  # fmt: skip
+
+
+def places(value, way=()):
+    yield way
+    for key in value if isinstance(value, dict) else range(len(value)) if isinstance(value, list) else ():
+        yield from places(value[key], (*way, key))
+
+
+@given(way=st.sampled_from([way for way in places(FULL) if way]), value=VALUES)
+def test_any_other_value_is_taken_or_refused_with_its_place(way, value):
+    table = json.loads(json.dumps(FULL))
+    table["materials"]["a"] = {"diffuse": 1}
+    if way[:2] == ("materials", "a"):
+        way = ("materials", "a", *way[2:])
+    target = table
+    for key in way[:-1]:
+        target = target[key]
+    target[way[-1]] = value
+    try:
+        scene = read(table).scene
+    except (rz.SceneError, rz.ModelError) as fault:
+        assert str(fault).startswith("scene: ")
+    else:
+        assert scene.meshes and math.isfinite(scene.bounds.sum())

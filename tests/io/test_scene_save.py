@@ -1,0 +1,260 @@
+"""Scenes written to files: what is read again is what was written, number by number; and nothing is half-written."""
+
+import os
+from dataclasses import fields, replace
+from functools import partial
+
+import numpy as np
+import pytest
+from helpers.raster import HAS_TOML, ROOT
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rasterizer as rz
+from rasterizer.io import scene_file_write
+from rasterizer.io.scene_file import read_scene
+from rasterizer.io.scene_file_meshes import ARRAYS
+
+FORMATS = ("json", "toml") if HAS_TOML else ("json",)
+SQUARE = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+UV = SQUARE[:, :2]
+TWO = [[0, 1, 2], [0, 2, 3]]
+BYTES = np.random.default_rng(1).integers(0, 256, (3, 5, 4), np.uint8)
+
+
+def assert_same(one, two):
+    """Two scenes hold the same; textures are compared by what they hold, as each is equal to itself alone."""
+    assert (one.lights, one.camera, one.background, one.up) == (two.lights, two.camera, two.background, two.up)
+    assert one.depth_cue == two.depth_cue
+    assert len(one.meshes) == len(two.meshes)
+    for a, b in zip(one.meshes, two.meshes, strict=True):
+        assert (a.name, a.crease_angle, a.weighting, a.drop_bad_faces) == (
+            b.name,
+            b.crease_angle,
+            b.weighting,
+            b.drop_bad_faces,
+        )
+        for key in ARRAYS:
+            x, y = getattr(a, key), getattr(b, key)
+            assert (x is None) == (y is None), key
+            assert x is None or (x.dtype == y.dtype and x.tobytes() == y.tobytes() and x.shape == y.shape), key
+            assert y is None or not y.flags.writeable
+        assert (a.materials is None) == (b.materials is None) and len(a.palette) == len(b.palette)
+        for m, n in zip(a.palette, b.palette, strict=True):
+            assert replace(m, texture=None) == replace(n, texture=None)
+            assert [type(getattr(m, f.name)) for f in fields(m)] == [type(getattr(n, f.name)) for f in fields(n)]
+            if m.texture is not None:
+                assert len({(t.filter, t.wrap, t.name) for t in (m.texture, n.texture)}) == 1
+                assert m.texture.image.tobytes() == n.texture.image.tobytes()
+
+
+def round_trip(scene, folder, format):
+    path = folder / f"scene.{format}"
+    assert scene.save(path) == path
+    again = rz.Scene.load(path)
+    assert_same(scene, again)
+    return again
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("name", ["still_life.obj", "knot.ply", "gear.stl", "torus.glb"])
+def test_models(tmp_path, name, format):
+    round_trip(rz.load(ROOT / "models" / name), tmp_path, format)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_all_kinds_of_arrays(tmp_path, format):
+    rng = np.random.default_rng(3)
+    colors = rng.random((4, 4))
+    meshes = [
+        rz.Mesh(SQUARE, [[0, 1, 2, 3]], normals=rng.normal(size=(4, 3)), colors=colors, uv=UV, name="a"),
+        rz.Mesh(SQUARE, TWO, normals=rng.normal(size=(2, 3, 3)), uv=rng.random((2, 3, 2)), crease_angle=0.1 + 0.2),
+        rz.Mesh(SQUARE, [[0, 1, 2], [0, 2, 3]], face_colors=colors[:2], smoothing=[1, 0], polygons=[0, 0]),
+        rz.Mesh(SQUARE, [[0, 1, 2], [0, 2, 3]], normals=[[0, 0, 0], [0, 0, 1], [1, 2, 3], [1e-5, 1, 0]]),
+        rz.Mesh(np.vstack([SQUARE, [[np.nan] * 3]]), [[0, 1, 2], [0, 2, 4]], drop_bad_faces=True),
+    ]
+    round_trip(rz.Scene(meshes), tmp_path, format)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_materials_are_written_once(tmp_path, format):
+    red = rz.Material(diffuse="red", name='the "red"\n\\ one\x7f é☃')
+    odd = rz.Material(reflection="toon", levels=7, fresnel=0.25)
+    many = rz.Mesh(SQUARE, TWO, materials=[red, odd, red], face_material=[0, 2])
+    again = round_trip(rz.Scene([many, rz.Mesh(SQUARE, [[0, 1, 2]], material=odd)]), tmp_path, format)
+    first, second, third = again.meshes[0].materials
+    assert first is third and again.meshes[1].material is second
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_what_the_lighting_has_besides(tmp_path, format):
+    """Coloured and spectral F0, brushed materials, weightings, the shape of a spot's fall, a depth cue: to the last
+    bit."""
+    ramp = rz.Spectrum([400, 510.5, 700], [0.1, 1 / 3, 0.7])
+    brushed = {"reflection": "cook-torrance", "roughness": (0.1, 1 / 3)}
+    looks = [
+        rz.Material(fresnel=(0.1, 0.2, 1 / 3)), rz.Material(fresnel=ramp), rz.Material(fresnel="white"), rz.Material.named("gold"),
+        rz.Material(**brushed), rz.Material(**brushed, tangent=(1, 2, 3), fresnel=(1, 0.5, 0)),
+        *(rz.Material(**brushed, tangent=axis) for axis in np.random.default_rng(2).normal(size=(20, 3))),
+    ]  # fmt: skip
+    words = ("angle", "area", "uniform")
+    meshes = [rz.Mesh(SQUARE, TWO, uv=UV, material=look, weighting=words[k % 3]) for k, look in enumerate(looks)]
+    lights = [rz.SpotLight((1, 2, 3), (1, 2, 3), falloff=1 / 3), rz.SpotLight((1, 2, 3), (0, 0, 1))]
+    for cue in (None, 2.0, rz.DepthCue(1 / 3, 0.1, (0.1, 0.2, 0.3)), rz.DepthCue(1, color=ramp)):
+        round_trip(rz.Scene(meshes, lights, depth_cue=cue), tmp_path, format)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_textures(tmp_path, format):
+    images = [BYTES, BYTES[..., :3], BYTES[..., 0], np.random.default_rng(2).random((4, 2, 3)), np.full((1, 1, 3), 7.5)]
+    textures = [rz.Texture(image, "nearest", ("clamp", "mirror"), name=f"t{i}") for i, image in enumerate(images)]
+    textures.append(rz.Texture(BYTES[:1]))
+    meshes = [rz.Mesh(SQUARE, [[0, 1, 2]], uv=UV, material=rz.Material(texture=texture)) for texture in textures]
+    shared = rz.Material(texture=textures[0], diffuse=1.0)
+    again = round_trip(rz.Scene([*meshes, rz.Mesh(SQUARE, [[0, 1, 2]], uv=UV, material=shared)]), tmp_path, format)
+    pictures = sorted(name for name in os.listdir(tmp_path) if name.endswith(".png"))
+    assert pictures == [f"scene-texture{i}.png" for i in (0, 1, 2, 5)], "the others are not of 8 bits"
+    first, last = again.meshes[0].material.texture, again.meshes[-1].material.texture
+    assert first.image.tobytes() == last.image.tobytes()
+
+
+def test_the_bytes_of_a_texture():
+    assert np.array_equal(scene_file_write.bytes_of(rz.Texture(BYTES)), BYTES)
+    every = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    assert np.array_equal(scene_file_write.bytes_of(rz.Texture(every))[..., 1], every)
+    image = rz.Texture(BYTES).image.copy()
+    image[1, 2, 0] = np.nextafter(image[1, 2, 0], np.float32(2))
+    assert scene_file_write.bytes_of(rz.Texture(image)) is None
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_spectra(tmp_path, format):
+    spectrum = rz.Spectrum([400, 510.5, 700], [0.1, 1 / 3, 0.7])
+    material = rz.Material(diffuse=spectrum, specular=spectrum)
+    mesh = rz.Mesh(SQUARE, [[0, 1, 2]], material=material)
+    again = round_trip(rz.Scene(mesh, rz.PointLight((1, 2, 3), spectrum)), tmp_path, format)
+    assert isinstance(again.lights[0].color, rz.Spectrum) and isinstance(again.meshes[0].material.diffuse, rz.Spectrum)
+
+
+REAL = st.floats(-1e6, 1e6)
+PLACE = st.tuples(REAL, REAL, REAL)
+WAY = PLACE.filter(any)
+COLOR = st.tuples(*[st.floats(0, 10)] * 3) | st.floats(0, 10)
+FALLING = {
+    "color": COLOR,
+    "attenuation": st.tuples(st.floats(0.1, 9), st.floats(0, 9), st.floats(0, 9)),
+    "attached": st.sampled_from(["world", "camera"]),
+    "amplify": st.booleans(),
+    "range": st.none() | st.floats(0.1, 99),
+    "shadow": st.none() | st.builds(rz.Shadow, st.integers(16, 8192), st.sampled_from([1, 3, 9])),
+}
+CELLS = st.tuples(*[st.integers(1, 9)] * 2)
+ANGLES = st.floats(0.1, 90).flatmap(lambda outer: st.tuples(st.floats(0, outer), st.just(outer)))
+LIGHTS = st.one_of(
+    st.builds(rz.AmbientLight, COLOR),
+    st.builds(rz.DirectionalLight, WAY, COLOR, FALLING["attached"], FALLING["shadow"]),
+    st.builds(rz.PointLight, PLACE, **FALLING),
+    ANGLES.flatmap(lambda pair: st.builds(partial(rz.SpotLight, inner=pair[0], outer=pair[1]), PLACE, WAY, **FALLING)),
+    st.builds(partial(rz.AreaLight, edge_u=(1, 0.5, 0), edge_v=(0, 0.1, 3)), PLACE, resolution=CELLS, **FALLING),
+)
+MATERIALS = st.builds(
+    rz.Material,
+    ambient=st.none() | COLOR, diffuse=COLOR, specular=COLOR, shininess=st.floats(0.1, 1e4), emissive=COLOR,
+    opacity=st.floats(0, 1), reflection=st.sampled_from(["phong", "toon", "cook-torrance"]), roughness=st.floats(0.01, 1),
+    distribution=st.sampled_from(["ggx", "beckmann"]), fresnel=st.none() | st.floats(0, 1), normalized=st.booleans(),
+    levels=st.integers(1, 256), name=st.text(st.characters(exclude_categories=["Cs"]), max_size=5),
+)  # fmt: skip
+LENSES = st.one_of(
+    st.fixed_dictionaries(
+        {"fov": st.floats(1, 170), "near": st.none() | st.floats(0.1, 1), "far": st.none() | st.floats(2, 9)}
+    ),
+    st.fixed_dictionaries({"height": st.floats(0.1, 99)}),
+    st.fixed_dictionaries(
+        {"intrinsics": st.tuples(*[st.floats(1, 999)] * 4), "size": st.tuples(*[st.integers(1, 999)] * 2)}
+    ),
+)
+
+
+def _camera(position, up, lens):
+    return rz.Camera(position=position, target=(7e7, 0, 0), up=up, **lens)
+
+
+CAMERAS = st.none() | st.builds(_camera, PLACE, WAY, LENSES)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@settings(deadline=None, max_examples=150)
+@given(
+    lights=st.lists(LIGHTS, max_size=3), material=MATERIALS, camera=CAMERAS, background=st.none() | COLOR,
+    up=st.sampled_from(["x", "-z"]),
+    corners=st.lists(PLACE, min_size=3, max_size=3), normals=st.lists(PLACE, min_size=7, max_size=7),
+)  # fmt: skip
+def test_any_scene(tmp_path_factory, format, lights, material, camera, background, up, corners, normals):
+    vertices = np.vstack([corners, SQUARE])
+    mesh = rz.Mesh(vertices, [[0, 1, 2], [3, 4, 5, 6]], normals=normals, material=material, name=material.name)
+    round_trip(rz.Scene(mesh, lights, camera, background, up=up), tmp_path_factory.getbasetemp(), format)
+
+
+# --- the files themselves -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_files_are_few_and_the_same_every_time(tmp_path, monkeypatch, format):
+    scene = rz.load(ROOT / "models" / "cube.obj")
+    monkeypatch.chdir(tmp_path)
+    scene.save(f"a.{format}")
+    contents = {name: (tmp_path / name).read_bytes() for name in os.listdir()}
+    assert set(contents) == {f"a.{format}", "a.npz"}
+    scene.save(f"a.{format}")
+    assert contents == {name: (tmp_path / name).read_bytes() for name in os.listdir()}
+    text = contents[f"a.{format}"].decode()
+    assert "shadow" not in text and text.endswith("\n")
+    assert read_scene(f"a.{format}").unshadowed == ()
+    monkeypatch.chdir(ROOT)
+    assert_same(rz.load(tmp_path / f"a.{format}"), scene)
+
+
+def test_what_cannot_be_written(tmp_path, monkeypatch):
+    scene = rz.Scene(rz.Mesh(SQUARE, [[0, 1, 2]]))
+    with pytest.raises(rz.SceneError, match="saved as .json or .toml; given 'a.yaml'"):
+        scene.save(tmp_path / "a.yaml")
+    with pytest.raises(rz.OutputError, match="there is no folder"):
+        scene.save(tmp_path / "none" / "a.json")
+    lost = rz.Scene(rz.Mesh(SQUARE, [[0, 1, 2]], name="\ud800"))
+    with pytest.raises(rz.SceneError, match="Unicode"):
+        lost.save(tmp_path / "a.toml")
+    assert os.listdir(tmp_path) == []
+    assert_same(rz.Scene.load(lost.save(tmp_path / "a.json")), lost)
+
+
+def test_a_fault_while_writing_leaves_the_old_files(tmp_path, monkeypatch):
+    path = rz.Scene(rz.Mesh(SQUARE, [[0, 1, 2]])).save(tmp_path / "a.json")
+    before = {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)}
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("rasterizer.io.scene_file_write.os.replace", full)
+    with pytest.raises(rz.OutputError, match="No space left on device"):
+        rz.Scene(rz.Mesh(SQUARE + 1, [[0, 1, 2]])).save(path)
+    assert before == {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)}
+
+
+def test_damaged_arrays(tmp_path):
+    path = rz.Scene(rz.Mesh(SQUARE, [[0, 1, 2]])).save(tmp_path / "a.json")
+    content = (tmp_path / "a.npz").read_bytes()
+    for damaged in (b"", content[:100], content[:-30], content.replace(b"mesh0_faces", b"mesh9_faces")):
+        (tmp_path / "a.npz").write_bytes(damaged)
+        with pytest.raises(rz.ModelError, match=r"a.json: meshes\[0\].arrays: "):
+            rz.load(path)
+    np.savez(tmp_path / "a.npz", mesh0_vertices=np.array([object()]), mesh0_faces=[[0, 1, 2]])
+    with pytest.raises(rz.ModelError, match="can't be read as .npz"):
+        rz.load(path)
+
+
+def test_toml_of_odd_keys_and_values():
+    tomllib = pytest.importorskip("tomllib")
+
+    table = {"a b": 1, "": {"é": [1.5, -0.0, 1e-300, 1e300], "x": {"deep": {"er": True}}}, "s": '"\\\n\x00'}
+    table["l"] = [{"a": {"b": []}}, {}]
+    assert tomllib.loads(scene_file_write.to_toml(table)) == table

@@ -1,0 +1,189 @@
+"""Check every kind of light in whole pictures: against closed forms on a lit plane, and against the judge on models."""
+
+import numpy as np
+import pytest
+from helpers.pinhole import SHADINGS, octasphere, torus
+from helpers.raster import sheet
+
+import rasterizer as rz
+from rasterizer import reference
+from rasterizer.options import DEFAULT_TOLERANCE
+
+SIZE, STEP, DEPTH = (96, 72), 8, 40.0
+KD, KA, IA = np.array([0.6, 0.5, 0.2]), 0.5, 0.1
+MATERIAL = rz.Material(ambient=KA, diffuse=tuple(KD), specular=0)
+PLACE, COLOR = np.array([10.0, -6.0, 15.0 - DEPTH]), np.array([0.9, 0.6, 0.3])
+
+ATTENUATIONS = {"none": "1", "linear": "1/(d+4)", "square": "1/d^2", "all": (0.5, 0.02, 0.003)}
+LIGHTS = {
+    **{f"point, {name}": rz.PointLight(PLACE, COLOR, form) for name, form in ATTENUATIONS.items()},
+    "point, amplified": rz.PointLight(PLACE, COLOR, (0.2, 0, 0.001), amplify=True),
+    "point, range": rz.PointLight(PLACE, COLOR, range=30),
+    "directional": rz.DirectionalLight((0.3, 0.4, -0.5), COLOR),
+    "spot": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, inner=20, outer=55),
+    "spot, exponent": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 20, 70, 5.5, "1/(d+4)", range=60),
+    "spot, sharp": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 50, 50),
+    "spot, late fall": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 20, 55, falloff=0.3),
+    "spot, early fall": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 20, 70, 1.5, "1/(d+4)", range=60, falloff=4.5),
+    "spot, sharp whatever falls": rz.SpotLight(PLACE, (-0.2, 0.1, -1), COLOR, 50, 50, falloff=3),
+    "area": rz.AreaLight(PLACE, (9, 0, 2), (1, 7, 0), COLOR, (5, 3), (1, 0.01, 0)),
+}
+
+
+def plane(light):
+    """A plane of small triangles with vertices in pixels' centres, one unit a pixel, seen from straight above."""
+    columns, rows = SIZE[0] // STEP + 1, SIZE[1] // STEP + 1
+    x, y = np.meshgrid(np.arange(columns), np.arange(rows))
+    corner = np.arange(columns * rows).reshape(rows, columns)
+    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+    faces = np.concatenate([np.stack([a, d, c], -1).reshape(-1, 3), np.stack([a, c, b], -1).reshape(-1, 3)])
+    points = np.stack([x.ravel(), y.ravel()], axis=1) * float(STEP) + 0.5
+    lights = (rz.AmbientLight(IA), light)
+    return sheet(SIZE, points, DEPTH, faces, lights, material=MATERIAL), points, faces
+
+
+def place_of(points):
+    """Where places in the picture (n, 2), in pixels, lie on the plane."""
+    x, y = np.moveaxis(np.asarray(points, float), -1, 0)
+    return np.stack([x - SIZE[0] / 2, SIZE[1] / 2 - y, np.full(x.shape, -DEPTH)], axis=-1)
+
+
+def closed_form(light, where):
+    """The illumination equation on the plane, whose normal is +z, at points (..., 3); also how far a sharp edge is, in
+    cosine."""
+    ambient = KA * IA
+    if isinstance(light, rz.DirectionalLight):
+        return ambient + KD * COLOR * -light.direction[2], np.inf
+    if isinstance(light, rz.AreaLight):
+        total, (m, n) = 0.0, light.resolution
+        for i in range(m):
+            for j in range(n):
+                place = (
+                    np.array(light.corner)
+                    + np.array(light.edge_u) * (i + 0.5) / m
+                    + np.array(light.edge_v) * (j + 0.5) / n
+                )
+                total += closed_form(rz.PointLight(place, COLOR, light.attenuation), where)[0] - ambient
+        return ambient + total / (m * n), np.inf
+    to_light = np.array(light.position) - where
+    distance = np.sqrt((to_light**2).sum(axis=-1))
+    kc, kl, kq = light.attenuation
+    strength = 1 / (kc + kl * distance + kq * distance**2)
+    strength = strength if light.amplify else np.minimum(strength, 1)
+    strength *= np.maximum(0, 1 - (distance / light.range) ** 4) if light.range else 1
+    edge = np.inf
+    if isinstance(light, rz.SpotLight):
+        cosine = -(to_light @ np.array(light.direction)) / distance
+        c_inner, c_outer = np.cos(np.radians([light.inner, light.outer]))
+        t = np.clip((cosine - c_outer) / (c_inner - c_outer), 0, 1) if c_inner > c_outer else 1.0 * (cosine >= c_outer)
+        strength *= (t**2 * (3 - 2 * t)) ** light.falloff * np.maximum(cosine, 0) ** light.exponent
+        edge = np.abs(cosine - c_outer) if c_inner == c_outer else np.inf
+    return ambient + KD * COLOR * (strength * to_light[..., 2] / distance)[..., None], edge
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("name", LIGHTS)
+def test_a_lit_plane_is_that_of_the_closed_form(name, shading):
+    """Flat: a value a triangle, of its centroid. Gouraud: right in the vertices. Phong: right in every pixel."""
+    scene, points, faces = plane(LIGHTS[name])
+    frame = rz.render(scene, SIZE, shading=shading, tolerance=0, outputs=("color", "face"))
+    rows, columns = np.nonzero(frame.face >= 0)
+    if shading == "flat":
+        where = points[faces].mean(axis=1)[frame.face[rows, columns]]
+    else:
+        where = np.stack([columns, rows], axis=1) + 0.5
+    if shading == "gouraud":
+        is_vertex = (columns % STEP == 0) & (rows % STEP == 0)
+        rows, columns, where = rows[is_vertex], columns[is_vertex], where[is_vertex]
+    expected, edge = closed_form(LIGHTS[name], place_of(where))
+    off = np.abs(frame.color[rows, columns] - expected).max(axis=-1)
+    off = off[np.broadcast_to(edge > 1e-12, off.shape)]
+    assert len(off) > 80 and off.max() <= 1e-6, f"{off.max():.3g} > 1e-6, {len(off)} places"
+    assert np.ptp(expected) > 0.002 or name == "directional"
+
+
+SCENES = {
+    "spot": (rz.SpotLight((2, 3, 2), (-2, -3, -2), (0.8, 0.7, 0.5), 15, 25, 2, (1, 0.05, 0)),),
+    "spot, narrow": (rz.SpotLight((2, 3, 2), (-2, -3, -2), 0.9, 9.99, 10),),
+    "spot, shaped": (rz.SpotLight((2, 3, 2), (-2, -3, -2), (0.8, 0.7, 0.5), 5, 25, 2, falloff=3), rz.AmbientLight(0.1)),
+    "spot, shaped and steep": (rz.SpotLight((2, 3, 2), (-2, -3, -2), 0.9, 5, 25, falloff=0.25), rz.AmbientLight(0.1)),
+    "spot, sharp": (rz.SpotLight((0, 0, 1), (0.1, 0, -1), 0.9, 12, 12, attached="camera"), rz.AmbientLight(0.1)),
+    "area": (rz.AreaLight((1, 3, 1), (1, 0, 0), (0, 0, 1), 0.9, (3, 2), "1/(d+1)", range=9),),
+    "area of the camera": (
+        rz.AreaLight((-1, 1, 0), (1, 0, 0), (0.3, 1, 0), (0.5, 0.4, 0.9), (2, 2), attached="camera"),
+    ),
+}
+
+
+def models(lights):
+    """A shiny torus and a sphere of another material."""
+    vertices, faces = octasphere(3)
+    shiny = rz.Material(specular=0.5, shininess=20, reflection="blinn")
+    meshes = [rz.Mesh(*torus(24, 12)), rz.Mesh(vertices * 0.6, faces, material=shiny)]
+    return rz.Scene(meshes, lights, rz.Camera.perspective((1.5, 2, 4), fov=40))
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("name", SCENES)
+def test_models_are_those_of_the_judge(name, shading):
+    """Exact at tolerance 0, within the tolerance by default; but for pixels on the very edge of a sharp cone."""
+    scene, size = models(SCENES[name]), (120, 90)
+    judge = reference.render(scene, size, shading=shading).color
+    assert np.ptp(judge) > 0.2
+    for tolerance, budget in ((0.0, 1e-6), (DEFAULT_TOLERANCE, DEFAULT_TOLERANCE)):
+        frame = rz.render(scene, size, shading=shading, tolerance=tolerance)
+        off = np.sort(np.abs(frame.color - judge).max(axis=2), axis=None)
+        worst = off[-3] if "sharp" in name else off[-1]
+        assert worst <= budget, f"{worst:.3g} > {budget:.3g}"
+
+
+def test_many_lights_add_up():
+    """A hundred lights of all kinds: the sum of what each gives alone."""
+    rng, size = np.random.default_rng(0), (60, 45)
+    lights = [rz.PointLight(rng.normal(size=3) * 5, 0.01, (1, 0.1, 0)) for _ in range(40)]
+    lights += [rz.SpotLight(rng.normal(size=3) * 5, rng.normal(size=3), 0.02, 30, 60) for _ in range(30)]
+    lights += [rz.DirectionalLight(rng.normal(size=3), 0.01) for _ in range(29)]
+    lights += [rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0), 0.1, (2, 2))]
+    together = rz.render(models(lights), size, shading="phong", tolerance=0).color
+    alone = sum(rz.render(models([light]), size, shading="phong", tolerance=0).color.astype(float) for light in lights)
+    assert np.abs(together - alone).max() <= 1e-5 and together.max() > 0.05
+
+
+def test_a_scene_without_a_spot_compiles_and_runs_no_spot_code():
+    """Row functions are looked up by the lights that are there."""
+    from rasterizer.engine.uniforms import row_functions_of
+    from rasterizer.pipeline.light_kinds import LIGHTS as KINDS
+
+    scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
+    used, _ = row_functions_of(rz.Renderer(scene, 8)._plan, True)
+    assert KINDS["point"].row_function in used
+    assert KINDS["spot"].row_function not in used and KINDS["directional"].row_function not in used
+
+
+def test_the_usual_fall_is_the_usual_code():
+    """A falloff of 1 is the spot light as it was; another one has a row function of its own."""
+    from rasterizer.engine.intensity_bounds import kind_of
+
+    usual, other = rz.SpotLight((0, 0, 1), (0, 0, -1)), rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=1.5)
+    assert (kind_of(usual), kind_of(other)) == ("spot", "shaped spot")
+    nearly = rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=np.nextafter(1.0, 2))
+    pictures = [
+        rz.render(rz.Scene(models(()).meshes, [light]), 40, shading="phong", tolerance=0).color
+        for light in (usual, nearly)
+    ]
+    assert np.abs(pictures[0] - pictures[1]).max() <= 1e-7
+
+
+@pytest.mark.parametrize("falloff", [0.5, 0.6, 0.75, 0.99, 1.0, 1.2, 2.0, 10.0])
+def test_the_slope_of_the_fall_is_bounded(falloff):
+    """d/dt (t²(3 - 2t))^p by differences stays below what rounding.steepness counts on."""
+    from rasterizer.engine.error_bounds import steepness
+    from rasterizer.engine.intensity_bounds import cone_cosines
+
+    light = rz.SpotLight((0, 0, 1), (0, 0, -1), inner=10, outer=40, falloff=falloff)
+    inner, outer = cone_cosines(light)
+    t = np.linspace(0, 1, 200_001)
+    slope = np.abs(np.diff((t**2 * (3 - 2 * t)) ** falloff)).max() * (len(t) - 1)
+    bound = steepness(light) * (inner - outer)
+    assert slope <= bound * (1 + 1e-6), f"{slope:.4g} > {bound:.4g}"
+    assert steepness(rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=0.49)) == np.inf

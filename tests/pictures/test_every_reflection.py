@@ -1,0 +1,402 @@
+"""Check the reflection models as physics and as pictures: energy, reciprocity, digits, and agreement with the judge."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.judge import EXACT, compare
+from helpers.pinhole import SHADINGS, octasphere, torus, unit
+from helpers.raster import COLORED, GREY
+from test_light_rows import DTYPES
+from test_reflection import UP, directions_of, polar, random_directions, reflect
+
+import rasterizer as rz
+from rasterizer.cli import main
+from rasterizer.engine import error_bounds, intensity_bounds, plan, uniforms
+from rasterizer.pipeline.reflection import BRUSH, FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, ROUGHNESS_ACROSS, SCALE
+from rasterizer.reference import light as reference_light
+from rasterizer.reference import reflection
+from rasterizer.scene.material import REFLECTIONS as NAMES
+
+SIZE = (96, 72)
+VIEW = rz.Camera.perspective((1.5, 2, 4), fov=40)
+WHITE = {"diffuse": 1.0, "specular": 1.0}  # of each term, so that each is integrated by itself
+
+
+def made(reflection, **options):
+    """A material that reflects all it can."""
+    return rz.Material(reflection=reflection, **(WHITE | options))
+
+
+MATERIALS = {
+    "lambert": made("lambert"),
+    "oren-nayar, smooth": made("oren-nayar", roughness=0.0),
+    "oren-nayar": made("oren-nayar", roughness=0.35),
+    "oren-nayar, rough": made("oren-nayar", roughness=1.0),
+    "ggx": made("cook-torrance", roughness=0.5, fresnel=1.0),
+    "ggx, rough": made("cook-torrance", roughness=1.0, fresnel=1.0),
+    "ggx, smooth": made("cook-torrance", roughness=0.15, fresnel=1.0),
+    "ggx, glass": made("cook-torrance", roughness=0.3),
+    "beckmann": made("cook-torrance", distribution="beckmann", roughness=0.5, fresnel=1.0),
+    "beckmann, rough": made("cook-torrance", distribution="beckmann", roughness=1.0, fresnel=1.0),
+    "beckmann, smooth": made("cook-torrance", distribution="beckmann", roughness=0.15, fresnel=1.0),
+    "beckmann, glass": made("cook-torrance", distribution="beckmann", roughness=0.3),
+    "phong": made("phong", shininess=20),
+    "phong, W": made("phong", shininess=20, fresnel=0.1),
+    "phong, normalised": made("phong", shininess=20, normalized=True),
+    "phong, normalised, dull": made("phong", shininess=0.7, normalized=True),
+    "phong, normalised, W": made("phong", shininess=20, normalized=True, fresnel=0.0),
+    "blinn": made("blinn", shininess=20),
+    "blinn, W": made("blinn", shininess=20, fresnel=0.1),
+    "blinn, normalised": made("blinn", shininess=20, normalized=True),
+    "blinn, normalised, dull": made("blinn", shininess=0.7, normalized=True),
+    "blinn, normalised, sharp": made("blinn", shininess=200, normalized=True),
+    "blinn, normalised, W": made("blinn", shininess=80, normalized=True, fresnel=0.3),
+    "ggx, brushed by axis": made("cook-torrance", roughness=(0.2, 0.6), fresnel=1.0, tangent=(3, 0, -1)),
+    "ggx, brushed across": made("cook-torrance", roughness=(0.7, 0.15), fresnel=0.3, tangent=(0.1, 0.8, 0.3)),
+    "ggx, brushed by u": made("cook-torrance", roughness=(0.15, 0.5), fresnel=0.5),
+    "toon": made("toon", shininess=20),
+    "toon, two levels": made("toon", shininess=5, levels=2),
+}
+# As the table in the docstring of scene/material.py says.
+RECIPROCAL = {name for name in MATERIALS if name.startswith(("lambert", "oren", "ggx", "beckmann"))}
+RECIPROCAL |= {name for name in MATERIALS if "normalised" in name and "W" not in name}
+CONSERVING = RECIPROCAL | {name for name in MATERIALS if "normalised" in name}
+SMOOTH = [name for name in MATERIALS if "toon" not in name]
+
+
+def fast(material, normal, to_light, to_viewer, has_kernels_cosines=False):
+    """D and S by the row function that the plan would choose, (2, n) float64."""
+    along, across = np.broadcast_to(material.roughness, 2)
+    numbers = {
+        ROUGHNESS: along,
+        ROUGHNESS_ACROSS: across,
+        **dict(zip(range(BRUSH, BRUSH + 3), axis_of(material), strict=True)),
+        FRESNEL: intensity_bounds.first_fresnel(material),
+        SCALE: intensity_bounds.highlight_scale(material),
+        LEVELS: material.levels,
+    }
+    model = intensity_bounds.model_of(material)
+    found = reflect(model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, numbers)
+    if not REFLECTIONS[model].has_highlight:
+        found[1] = 0.0  # nobody reads it
+    assert np.isfinite(found).all()
+    return found
+
+
+def axis_of(material):
+    """The axis that a material is brushed along; by u it is the one that `reflect` fills the rows with."""
+    return (3.0, 0.0, -1.0) if material.tangent == "u" else material.tangent
+
+
+def judged(material, *sides):
+    """D and S by the judge, (2, n), 0 where nothing is lit."""
+    corners, faces = octasphere(0)
+    scene = rz.Scene([rz.Mesh(corners, faces, uv=corners[:, :2], material=material)])
+    table = np.repeat(reference_light.read_materials(scene), len(sides[0]))
+    normal, to_light, to_viewer = (side.astype(float) for side in sides)
+    tangents = np.broadcast_to(np.array(axis_of(material), float), normal.shape)
+    found = np.stack(reflection.reflect(table, normal, to_light, to_viewer, tangents))[:, :, 0]
+    return np.where((normal * to_light).sum(axis=1) > 0, found, 0)
+
+
+def grazing_directions(seed, n, dtype):
+    """Normals, and directions that graze the surface, some of them to its other side, some opposite to each other or
+    equal."""
+    rng = np.random.default_rng(seed)
+    up = np.sin(10.0 ** rng.uniform(-4, -0.5, (2, n))) * rng.choice([1, 1, 1, -1], (2, n))
+    azimuth = rng.choice([0, np.pi, 1.0], n) + rng.choice([1e-3, 0.3], n) * rng.normal(size=n)
+    sides = [np.stack(polar(cosine, turn), axis=1) for cosine, turn in zip(up, (np.zeros(n), azimuth), strict=True)]
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    return directions_of(dtype, *(np.broadcast_to(v, (n, 3)) @ turn for v in (UP, *sides)))
+
+
+def all_directions(dtype):
+    """Directions all over, in the highlight, and grazing; the viewer, as always, before the surface or hardly behind
+    it."""
+    rng = np.random.default_rng(8)
+    anywhere, grazing = random_directions(6, 20_000, np.float64), grazing_directions(7, 20_000, np.float64)
+    normal, to_light, _ = random_directions(9, 20_000, np.float64)
+    mirrored = 2 * (normal * to_light).sum(axis=1, keepdims=True) * normal - to_light
+    spread = 10.0 ** rng.uniform(-4, -0.5, (20_000, 1))
+    shiny = [normal, to_light, unit(mirrored + spread * rng.normal(size=normal.shape))]
+    sides = [np.concatenate(parts) for parts in zip(anywhere, grazing, shiny, strict=True)]
+    is_possible = (sides[0] * sides[2]).sum(axis=1) > -0.1
+    return directions_of(dtype, *(side[is_possible] for side in sides))
+
+
+# ---------------------------------------------------------------- against the formulas
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_row_functions_compute_what_the_judge_does(name):
+    """In float64, for equal directions; the conditioning of a sharp peak and of exponents is all that may differ."""
+    material, sides = MATERIALS[name], all_directions(np.float64)
+    found, expected = fast(material, *sides), judged(material, *sides)
+    # Squared exponents leave out what is below 2^-28.
+    least = 2.0**-28 * (1 + intensity_bounds.highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
+    n_wrong = (np.abs(found - expected) > 1e-9 * (1 + expected) + least).sum()
+    assert n_wrong == 0, f"{n_wrong} of {expected.size} wrong, by up to {np.abs(found - expected).max():.3g}"
+    assert (expected[0] > 0.01).mean() > 0.1
+
+
+@pytest.mark.parametrize("name", [name for name in SMOOTH if "brushed" not in name])  # float64 always
+def test_float32_has_the_digits_that_the_plan_counts_on(name):
+    """Directions rounded to float32, as in the rows, and all that follows from them: one light of intensity 1."""
+    material, sides = MATERIALS[name], all_directions(np.float32)
+    found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
+    expected = judged(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
+    lights = (rz.DirectionalLight((0, 0, -1)),)
+    reflected = error_bounds.find_reflected((material,), lights, np.zeros(3), 1.0)
+    bound = reflected.bound
+    assert expected.max() <= bound * (1 + 1e-12), f"{expected.max():.4g} > the bound {bound:.4g}"
+    error, budget = np.abs(found - expected).max(), error_bounds.lighting_error(reflected, error_bounds.SINGLE)
+    assert error <= budget, f"{error:.3g} > {budget:.3g}"
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_closed_forms(dtype):
+    """Values by hand: all three directions equal, light and viewer equal, and the steps of toon."""
+    tiny = 20 * float(np.finfo(dtype).eps)
+    same = directions_of(dtype, UP, UP, UP)
+    for distribution in ("ggx", "beckmann"):
+        material = made("cook-torrance", distribution=distribution, roughness=0.4, fresnel=0.7)
+        assert fast(material, *same)[1, 0] == pytest.approx(0.7 / (4 * 0.4**2), rel=tiny)
+    clay = made("oren-nayar", roughness=0.5)
+    a, b = 1 - 0.5 * 0.25 / (0.25 + 0.33), 0.45 * 0.25 / (0.25 + 0.09)
+    assert fast(clay, *same)[0, 0] == pytest.approx(a, rel=tiny)
+    retro = directions_of(dtype, UP, polar(0.5), polar(0.5))
+    assert fast(clay, *retro)[0, 0] == pytest.approx(0.5 * (a + b * np.sqrt(0.75) * np.sqrt(3)), rel=tiny)
+    assert fast(made("phong", fresnel=0.2), *same)[1, 0] == pytest.approx(0.2, rel=tiny)
+    assert fast(made("phong", normalized=True, shininess=6), *same)[1, 0] == pytest.approx(4.0, rel=tiny)
+    for cosine, step in ((0.01, 0.25), (0.24, 0.25), (0.26, 0.5), (0.74, 0.75), (0.76, 1.0), (1.0, 1.0)):
+        sides = directions_of(dtype, UP, polar(cosine), UP)
+        assert fast(made("toon", levels=4), *sides)[0, 0] == step
+    for shininess in (1, 20.5):
+        edge = 0.5 ** (1 / shininess)
+        for cosine, expected in ((edge + 1e-4, 1.0), (edge - 1e-4, 0.0)):
+            sides = directions_of(dtype, UP, polar(cosine), UP)  # V = N: R·V = N·L
+            assert fast(made("toon", shininess=shininess), *sides)[1, 0] == expected
+
+
+def test_smooth_oren_nayar_is_lambert_and_one_level_is_flat():
+    sides = random_directions(3, 1000, np.float64)
+    smooth = fast(MATERIALS["oren-nayar, smooth"], *sides)
+    assert np.abs(smooth - fast(MATERIALS["lambert"], *sides)).max() < 1e-15
+    assert set(np.unique(fast(made("toon", levels=1), *sides)[0])) == {0.0, 1.0}
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("reflection", ["oren-nayar", "cook-torrance"])
+@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
+def test_the_silhouette_is_finite(reflection, distribution, dtype):
+    """N·V through 0: continuous, and no jump to infinity, at the least roughness too."""
+    up = np.concatenate([-np.geomspace(0.05, 1e-9, 50), [0.0], np.geomspace(1e-9, 0.05, 50)])
+    for roughness in (0.001, 0.05, 0.5, 1.0):
+        material = made(reflection, distribution=distribution, roughness=roughness)
+        for cosine in (1e-6, 0.01, 0.3, 1.0):
+            viewer = np.stack(polar(up, np.pi), axis=1)
+            found = fast(material, *directions_of(dtype, UP, polar(cosine), viewer), has_kernels_cosines=True)
+            assert np.isfinite(found).all() and (found >= 0).all()
+
+
+# ---------------------------------------------------------------- physics
+
+
+def hemisphere(n=160):
+    """Directions over the hemisphere (m, 3), and their weights: solid angle times cosine."""
+    # Gauss-Legendre by the polar angle; the trapezium rule round the axis, which converges as fast for a periodic
+    # function.
+    x, weight = np.polynomial.legendre.leggauss(n)
+    theta, azimuth = (x + 1) * np.pi / 4, (np.arange(2 * n) + 0.5) * np.pi / n
+    cosine, azimuth = (values.ravel() for values in np.meshgrid(np.cos(theta), azimuth, indexing="ij"))
+    solid = np.repeat(weight * np.pi / 4 * np.sin(theta) * np.cos(theta), 2 * n) * np.pi / n
+    return np.stack(polar(cosine, azimuth), axis=1), solid
+
+
+def albedos(material, degrees):
+    """The share of a light's energy that the terms D and S reflect: ∫ f(L, V) cos θv dω, with f = intensity / (π
+    N·L)."""
+    to_viewer, weight = hemisphere()
+    cosine = np.cos(np.radians(degrees))
+    found = fast(material, *directions_of(np.float64, UP, polar(cosine), to_viewer))
+    return found @ weight / (np.pi * cosine)
+
+
+ANGLES = (0.0, 15.0, 40.0, 60.0, 75.0, 85.0)
+
+
+@pytest.mark.parametrize("name", sorted(CONSERVING))
+def test_no_more_light_leaves_than_arrives(name):
+    for degrees in ANGLES:
+        shares = albedos(MATERIALS[name], degrees)
+        assert (shares <= 1 + 1e-4).all() and shares.max() > 0, f"at {degrees}°: {shares}"
+
+
+@pytest.mark.parametrize("roughness", [0.12, 0.2, 0.3, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
+def test_no_cook_torrance_reflects_more_than_all(distribution, roughness):
+    material = made("cook-torrance", distribution=distribution, roughness=roughness, fresnel=1.0)
+    shares = np.array([albedos(material, degrees)[1] for degrees in ANGLES])
+    assert (shares <= 1 + 1e-4).all() and (shares > 0.25).all(), f"{shares}"
+
+
+@pytest.mark.parametrize("shininess", [0.5, 1, 3, 10, 50, 300])
+@pytest.mark.parametrize("reflection", ["phong", "blinn"])
+def test_a_normalised_highlight_reflects_all_at_normal_incidence(reflection, shininess):
+    material = made(reflection, shininess=shininess, normalized=True)
+    shares = [albedos(material, degrees)[1] for degrees in ANGLES]
+    assert shares[0] == pytest.approx(1.0, abs=1e-4), f"{shares[0]}"
+    assert max(shares) <= 1 + 1e-4
+
+
+def test_matte_models_in_closed_form():
+    """Lambert reflects all, at any angle; the roughest clay at normal incidence A."""
+    for degrees in ANGLES:
+        assert albedos(MATERIALS["lambert"], degrees)[0] == pytest.approx(1.0, abs=1e-12)
+    assert albedos(MATERIALS["oren-nayar, rough"], 0.0)[0] == pytest.approx(1 - 0.5 / 1.33, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", sorted(set(MATERIALS) - CONSERVING))
+def test_the_others_reflect_more_than_arrives_as_the_table_says(name):
+    """Classic highlights don't shrink with N·L, so f grows without limit towards grazing light; steps are rounded
+    up."""
+    shares = [albedos(MATERIALS[name], degrees).max() for degrees in (*ANGLES, 89.0, 89.9)]
+    assert max(shares) > 1.05, f"{shares}"
+
+
+def test_the_usual_factor_of_blinn_reflects_too_much():
+    """(n + 8)/8 instead of the exact factor: why it isn't taken."""
+    material = made("blinn", shininess=10, normalized=True)
+    usual = albedos(material, 0.0)[1] * (10 + 8) / 8 / intensity_bounds.highlight_scale(material)
+    assert usual == pytest.approx(1.0748, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_reciprocity_holds_where_the_table_says_so_and_nowhere_else(name):
+    sides = random_directions(11, 4000, np.float64)
+    is_before = [(sides[0] * side).sum(axis=1) > 0.02 for side in sides[1:]]
+    normal, to_light, to_viewer = (side[is_before[0] & is_before[1]] for side in sides)
+    there = fast(MATERIALS[name], normal, to_light, to_viewer) / (normal * to_light).sum(axis=1)
+    back = fast(MATERIALS[name], normal, to_viewer, to_light) / (normal * to_viewer).sum(axis=1)
+    difference = np.abs(there - back).max()
+    if name in RECIPROCAL:
+        least = 2.0**-27 * (1 + intensity_bounds.highlight_scale(MATERIALS[name])) if "normalised" in name else 0.0
+        assert difference <= 1e-12 * max(1.0, there.max()) + least, f"{difference:.3g}"
+    else:
+        assert difference > 0.1, f"{difference:.3g}"
+
+
+# ---------------------------------------------------------------- the plan
+
+
+def planned(*materials, shading="phong", lights=GREY, **options):
+    """The plan of a scene with these materials, and its arrays."""
+    meshes = [rz.Mesh(*octasphere(0), material=material) for material in materials]
+    scene = rz.Scene(meshes, lights, VIEW)
+    made_plan = plan.make_plan(scene, rz.Options(shading=shading, **options), np.zeros((0, 3)))
+    return made_plan, uniforms.make_lighting(made_plan, VIEW.view())
+
+
+def test_every_name_has_a_row_function_and_options_choose_another():
+    assert {intensity_bounds.model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTIONS)
+    assert {intensity_bounds.model_of(material) for material in MATERIALS.values()} == set(REFLECTIONS)
+    assert intensity_bounds.model_of(rz.Material()) == "phong"
+    for name in NAMES:
+        dull = rz.Material(reflection=name, specular=0, normalized=True, fresnel=0.5)
+        assert intensity_bounds.model_of(dull) == (name if name in ("oren-nayar", "toon") else "lambert")
+
+
+def test_only_what_needs_the_viewer_pays_for_it():
+    names = ("lambert", "phong", "oren-nayar", "toon", "cook-torrance")
+    _, lighting = planned(*(rz.Material(reflection=name) for name in names))
+    assert lighting.is_shiny.tolist() == [False, True, False, True, True]
+    assert lighting.is_view_dependent.tolist() == [False, True, True, True, True]
+    assert not planned(rz.Material(reflection="lambert"))[1].needs_view
+    assert planned(rz.Material(reflection="oren-nayar"))[1].needs_view
+    # The colour of a highlight that isn't there costs no channels.
+    assert planned(rz.Material(reflection="lambert", diffuse="red"))[0].n_channel == 1
+
+
+def test_what_float32_cannot_draw_is_drawn_in_float64():
+    assert planned(rz.Material(reflection="toon"))[0].dtype == np.float64
+    assert planned(rz.Material(), rz.Material(reflection="toon"))[0].dtype == np.float64
+    assert planned(rz.Material(reflection="oren-nayar", roughness=1.0))[0].dtype == np.float32
+    assert planned(rz.Material(reflection="cook-torrance"))[0].dtype == np.float32
+    assert planned(rz.Material(reflection="cook-torrance", roughness=0.05))[0].dtype == np.float64
+
+
+# ---------------------------------------------------------------- pictures
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_pictures_agree_with_the_judge(name):
+    material = replace(MATERIALS[name], diffuse=(0.5, 0.4, 0.2), specular=(0.3, 0.2, 0.25), ambient=0.1)
+    corners, faces = torus(24, 12)
+    mesh = rz.Mesh(corners, faces, uv=corners[:, :2], material=material)
+    lights = (*COLORED, rz.PointLight((1.0, 2.0, 2.0), 0.4, (1, 0.1, 0.01)))
+    scenes = [rz.Scene([mesh], lights, VIEW)]
+    if "," not in name:
+        scenes.append(rz.Scene([replace(mesh, material=MATERIALS[name])], GREY, VIEW))
+    for scene in scenes:
+        for shading in SHADINGS:
+            for tolerance in (0.0, 1 / 4096):
+                found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
+                brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance)._plan.bound
+                budget = tolerance or max(EXACT, 2 * error_bounds.SINGLE * brightest)
+                assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
+                assert found.n_compared > 100
+
+
+def test_a_file_of_several_materials_keeps_them_apart():
+    """Three rings of different models in one picture, with and without perspective."""
+    names = ("ggx", "oren-nayar", "toon", "phong, normalised, W")
+    vertices, faces = torus(16, 8)
+    meshes = [
+        rz.Mesh(0.5 * vertices + (k - 1.5, 0.3 * k, 0.2 * k), faces, material=MATERIALS[name])
+        for k, name in enumerate(names)
+    ]
+    for camera in (VIEW, rz.Camera.orthographic((1.5, 2, 4), height=3.0)):
+        for shading in SHADINGS:
+            found = compare(rz.Scene(meshes, COLORED, camera), SIZE, shading=shading, tolerance=0.0)
+            assert found.color <= 2 * EXACT, f"{shading}: {found.color:.3g}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_command_line_knows_every_model(name, tmp_path):
+    mesh = rz.Mesh(*octasphere(2), material=rz.Material(reflection=name))
+    vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in mesh.vertices)
+    model = tmp_path / "ball.obj"
+    model.write_text(vertices + "".join(f"f {a} {b} {c}\n" for a, b, c in mesh.faces + 1))
+    out = tmp_path / "ball.npy"
+    argv = [
+        "render",
+        model,
+        "--reflection",
+        name,
+        "--array",
+        "color",
+        "-s",
+        "24",
+        "--shading",
+        "phong",
+        "-o",
+        out,
+        "-q",
+    ]
+    assert main([str(word) for word in argv]) == 0
+    scene = rz.load(model)
+    meshes = [replace(m, material=replace(m.material, reflection=name)) for m in scene.meshes]
+    expected = rz.render(replace(scene, meshes=tuple(meshes)), (24, 24), shading="phong", outputs=("color",)).color
+    assert (np.load(out) == expected).all()
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("fresnel", [None, 0.2])
+def test_one_half_vector_serves_all_points_where_light_and_viewer_are_at_infinity(shading, fresnel):
+    material = made("blinn", shininess=30, fresnel=fresnel)
+    camera = rz.Camera.orthographic((1, 2, 5), height=2.6)
+    lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -0.5, -0.3), 0.7), rz.PointLight((2, 3, 4), 0.5))
+    scene = rz.Scene([rz.Mesh(*octasphere(3), material=material, crease_angle=180)], lights, camera)
+    verdict = compare(scene, (60, 50), shading=shading, tolerance=0)
+    assert verdict.color <= EXACT, f"{verdict.color:.3g} > {EXACT:.3g}"

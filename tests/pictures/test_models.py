@@ -1,0 +1,266 @@
+"""Tests of the committed models: reproducible, small, wound outwards, closed where they should be."""
+
+import importlib.util
+import io
+import struct
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+MODELS = Path(__file__).parents[2] / "models"
+CLOSED = ("sphere", "torus", "cube", "cylinder", "cone", "gear")
+OPEN = ("teapot", "sawtooth", "floor")
+
+
+@pytest.fixture(scope="module")
+def maker():
+    """Load make_models.py by path, with its folder importable for as long as that takes."""
+    spec = importlib.util.spec_from_file_location("make_models", MODELS / "make_models.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(MODELS))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.remove(str(MODELS))
+    return module
+
+
+def read_obj(name):
+    """Read points (n, 3) and zero-based faces of a committed OBJ."""
+    lines = [line.split() for line in (MODELS / f"{name}.obj").read_text().splitlines()]
+    points = np.array([line[1:] for line in lines if line[:1] == ["v"]], dtype=float)
+    return points, [tuple(int(i.split("/")[0]) - 1 for i in line[1:]) for line in lines if line[:1] == ["f"]]
+
+
+def directed_edges(faces):
+    return Counter((face[k - 1], face[k]) for face in faces for k in range(len(face)))
+
+
+def fan(faces):
+    return np.array([(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)])
+
+
+def area_vectors(points, triangles):
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    return np.cross(b - a, c - a) / 2
+
+
+def volume(points, faces):
+    triangles = fan(faces)
+    return (points[triangles[:, 0]] * area_vectors(points, triangles)).sum() / 3
+
+
+def assert_closed(points, faces):
+    """Every edge is used once in each direction, and the faces look outwards."""
+    edges = directed_edges(faces)
+    assert set(edges.values()) == {1}
+    assert all((q, p) in edges for p, q in edges)
+    assert volume(points, faces) > 0
+
+
+def test_files_are_what_the_script_makes(maker):
+    for name, data in maker.model_files().items():
+        assert (MODELS / name).read_bytes() == data, f"{name} differs from what make_models.py makes"
+
+
+def test_no_file_is_left_over(maker):
+    suffixes = {".obj", ".mtl", ".ply", ".stl", ".glb", ".png"}
+    assert {path.name for path in MODELS.iterdir() if path.suffix in suffixes} == set(maker.model_files())
+
+
+def test_total_size():
+    assert sum(path.stat().st_size for path in MODELS.iterdir() if path.is_file()) < 3_000_000
+
+
+@pytest.mark.parametrize("name", CLOSED + OPEN)
+def test_points_and_faces_are_sound(name):
+    points, faces = read_obj(name)
+    assert {i for face in faces for i in face} == set(range(len(points))), "a point is missing or unused"
+    assert len({tuple(point) for point in points.tolist()}) == len(points), "two points are the same"
+    assert max(directed_edges(faces).values()) == 1, "neighbours are wound differently"
+    assert np.linalg.norm(area_vectors(points, fan(faces)), axis=1).min() > 1e-5
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_closed_and_wound_outwards(name):
+    assert_closed(*read_obj(name))
+
+
+@pytest.mark.parametrize(
+    ("name", "exact", "share"),
+    [("sphere", 4 / 3 * np.pi, 0.01), ("torus", 2 * np.pi**2 * 0.16, 0.01), ("cube", 8, 1e-12)]
+    + [("cylinder", 2 * np.pi, 0.01), ("cone", 2 / 3 * np.pi, 0.01)],
+)
+def test_volume(name, exact, share):
+    assert volume(*read_obj(name)) == pytest.approx(exact, rel=share)
+
+
+def test_polygons_are_written_as_polygons():
+    assert [len(face) for face in read_obj("cube")[1]] == [4] * 6
+    assert sorted(len(face) for face in read_obj("cylinder")[1])[-2:] == [64, 64]
+    assert len(read_obj("floor")[1]) == 1
+
+
+@pytest.mark.parametrize("name", CLOSED + OPEN)
+def test_fans_do_not_fold(name):
+    """All triangles of a polygon's fan face the same way, so it is convex enough for every loader."""
+    points, faces = read_obj(name)
+    for face in faces:
+        normals = area_vectors(points, fan([face]))
+        assert (normals @ normals.sum(axis=0)).min() > 0
+
+
+@pytest.mark.parametrize("in_triangles", [False, True])
+def test_sawtooth_normals_are_parallel(in_triangles):
+    points, faces = read_obj("sawtooth")
+    faces = [tuple(triangle) for triangle in fan(faces)] if in_triangles else faces
+    sums = np.zeros_like(points)
+    slopes = set()
+    for face in faces:
+        normal = area_vectors(points, np.array([face[:3]]))[0]
+        normal /= np.linalg.norm(normal)
+        slopes.add(tuple(np.round(normal, 9)))
+        sums[list(face)] += normal
+    assert slopes == {(-0.6, 0.8, 0.0), (0.6, 0.8, 0.0)}
+    inside = np.abs(points[:, 0]) < points[:, 0].max()
+    mean = sums[inside] / np.linalg.norm(sums[inside], axis=1, keepdims=True)
+    np.testing.assert_allclose(mean, np.broadcast_to((0, 1, 0), mean.shape), atol=1e-15)
+
+
+def test_teapot_is_the_teapot():
+    points, faces = read_obj("teapot")
+    np.testing.assert_allclose(points.min(axis=0), (-3, 0, -2), atol=1e-6)
+    np.testing.assert_allclose(points.max(axis=0), (3.434042, 3.15, 2), atol=1e-6)
+    assert len(faces) == 32 * 12 * 12
+    as_set = {tuple(point) for point in points.tolist()}
+    assert {(x, y, 0.0 - z) for x, y, z in as_set} == as_set, "its two halves differ"
+
+
+def test_teapot_open_edges():
+    """Open: lid 48, rim 48, both ends of handle and spout 24 each."""
+    points, faces = read_obj("teapot")
+    edges = directed_edges(faces)
+    ends = np.array([p for p, q in edges if (q, p) not in edges])
+    assert len(ends) == 192
+    radius = np.hypot(points[ends, 0], points[ends, 2])
+    on_top = points[ends, 1] == 2.4
+    assert (on_top & (radius < 1.35)).sum() == 48
+    assert (on_top & (radius > 1.35) & (radius < 1.45)).sum() == 48
+
+
+def test_teapot_faces_outwards():
+    """The wall faces away from the axis, and lid, body, handle and spout each enclose a positive volume."""
+    points, faces = read_obj("teapot")
+    triangles = fan(faces)
+    normals, middle = area_vectors(points, triangles), points[triangles].mean(axis=1)
+    is_wall = (np.abs(middle[:, 2]) > 0.7) & (middle[:, 1] > 0.3) & (middle[:, 1] < 2.3)
+    assert ((normals[:, [0, 2]] * middle[:, [0, 2]])[is_wall].sum(axis=1) > 0).all()
+    is_handle, is_spout = middle[:, 0] < -2.05, middle[:, 0] > 2.05
+    is_lid = (middle[:, 1] > 2.4) & (np.hypot(middle[:, 0], middle[:, 2]) < 1.3)
+    for part in (is_handle, is_spout, is_lid):
+        centre = middle[part].mean(axis=0)
+        assert ((middle[part] - centre) * normals[part]).sum() > 0
+
+
+def test_still_life_parts(maker):
+    for _, _, solid in maker.still_life():
+        assert_closed(*solid)
+    lines = (MODELS / "still_life.obj").read_text().splitlines()
+    used = [line.split()[1] for line in lines if line.startswith("usemtl ")]
+    assert sorted(used) == sorted(maker.MATERIALS)
+    text = (MODELS / "still_life.mtl").read_text()
+    assert "Ke 1 0.82 0.45" in text
+    assert "d 0.4" in text
+
+
+def test_table_and_glass_parts(maker):
+    """Round things and boxes are closed and stand on the floor; floors and panes are single faces."""
+    for name, materials in (("table", maker.MATERIALS), ("glass", maker.GLASS)):
+        parts = getattr(maker, name)()
+        for part, material, solid in parts:
+            assert material in materials
+            assert solid.points[:, 1].min() == pytest.approx(0, abs=1e-6), part
+            if len(solid.faces) > 1:
+                assert_closed(*solid)
+        assert [len(solid.faces) for part, _, solid in parts if part == "floor"] == [1]
+    assert [maker.GLASS[material][-1] for _, material, _ in maker.glass()] == [1, 1, 0.4, 0.4, 0.4]
+
+
+def test_panes_overlap_as_the_camera_sees_them(maker):
+    """From azimuth 35, where a scene is framed from: side by side by less than their width, each nearer than the
+    last."""
+    c, s = np.cos(np.radians(35)), np.sin(np.radians(35))
+    parts = [solid.points @ np.array([(c, s), (0, 0), (-s, c)]) for name, _, solid in maker.glass() if name != "floor"]
+    for before, behind in zip(parts[1:], parts, strict=False):
+        assert before[:, 0].min() < behind[:, 0].max() and behind[:, 0].min() < before[:, 0].max()
+        assert before[:, 1].mean() > behind[:, 1].mean() + 0.2
+
+
+def test_globe_is_closed_and_its_coordinates_are_longitude_and_latitude():
+    points, faces = read_obj("globe")
+    assert_closed(points, faces)
+    lines = [line.split() for line in (MODELS / "globe.obj").read_text().splitlines()]
+    uv = np.array([line[1:] for line in lines if line[:1] == ["vt"]], float)
+    for line in lines:
+        if line[:1] != ["f"]:
+            continue
+        v, vt = np.array([[int(i) - 1 for i in corner.split("/")] for corner in line[1:]]).T
+        longitude, latitude = (uv[vt, 0] - 0.5) * 2 * np.pi, (uv[vt, 1] - 0.5) * np.pi
+        expected = [np.cos(latitude) * np.sin(longitude), np.sin(latitude), np.cos(latitude) * np.cos(longitude)]
+        # both are written with six decimals, an angle of 1e-6 / 2 of a full turn
+        np.testing.assert_allclose(points[v], np.transpose(expected), atol=5e-6)
+        assert np.ptp(uv[vt, 0]) < 0.05, "a face reaches across the seam"
+
+
+def test_globe_picture(maker):
+    data = maker.model_files()["globe.png"]
+    with Image.open(io.BytesIO(data)) as picture:
+        picture.verify()
+    with Image.open(io.BytesIO(data)) as picture:
+        assert picture.size == (256, 128) and picture.mode == "P"
+        colors = {color for _, color in picture.convert("RGB").getcolors()}
+    assert 8 <= len(colors) <= 11
+    globe = [(MODELS / f"globe.{suffix}").stat().st_size for suffix in ("obj", "mtl", "png")]
+    assert sum(globe) <= 64_000
+
+
+def test_ply_stl_and_glb_sizes(maker):
+    """The counts in the binary headers agree with the models and the lengths of the files."""
+    knot, gear, torus = maker.knot(), maker.gear(), maker.torus()
+    assert_closed(*knot)
+    header, body = (MODELS / "knot.ply").read_bytes().split(b"end_header\n", 1)
+    assert f"element face {len(knot.faces)}".encode() in header
+    assert len(body) == 15 * len(knot.points) + 17 * len(knot.faces)
+    stl = (MODELS / "gear.stl").read_bytes()
+    assert struct.unpack_from("<I", stl, 80) == (len(fan(gear.faces)),)
+    assert len(stl) == 84 + 50 * len(fan(gear.faces))
+    glb = (MODELS / "torus.glb").read_bytes()
+    assert struct.unpack_from("<4sII", glb) == (b"glTF", 2, len(glb))
+    assert len(torus.points) < 65536
+
+
+def test_stl_normals_agree_with_the_corners():
+    record = np.dtype([("vectors", "<f4", (4, 3)), ("spare", "<u2")])
+    rows = np.frombuffer((MODELS / "gear.stl").read_bytes(), dtype=record, offset=84)["vectors"]
+    normals = np.cross(rows[:, 2] - rows[:, 1], rows[:, 3] - rows[:, 1]).astype(float)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    np.testing.assert_allclose(normals, rows[:, 0], atol=1e-4)
+
+
+def test_readme_lists_every_file_with_its_counts():
+    text = (MODELS / "README.md").read_text()
+    for name in CLOSED + OPEN:
+        points, faces = read_obj(name)
+        assert f"| `{name}.obj` | {len(points)} | {len(faces)} | {len(fan(faces))} |" in text
+    for name, beside in (
+        ("still_life", ", `.mtl`"),
+        ("table", ""),
+        ("glass", ", `.mtl`"),
+        ("globe", ", `.mtl`, `.png`"),
+    ):
+        points, faces = read_obj(name)
+        assert f"| `{name}.obj`{beside} | {len(points)} | {len(faces)} | {len(fan(faces))} |" in text

@@ -1,0 +1,322 @@
+"""Check a Renderer over many pictures: the same bytes as fresh ones, no memory, no side effects."""
+
+import hashlib
+import itertools
+import os
+import subprocess
+import sys
+import threading
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.pinhole import SHADINGS, octasphere, torus
+from helpers.raster import COLORED, GREY, ROOT, assert_runs
+
+import rasterizer as rz
+
+SIZE = (61, 47)
+ALL = ("color", "rgb", "depth", "face", "normal")
+ARRAYS = ("color", "alpha", "rgba", "depth", "face", "normal")
+AWAY = rz.Camera.perspective((0, 0, 5), (0, 0, 10))
+CARRIED = (
+    rz.AmbientLight(0.1),
+    rz.DirectionalLight((-0.4, -0.5, -0.8), 0.5, "camera"),
+    rz.PointLight((-0.5, 0.5, -1), 0.5, (1, 0, 0.01), "camera"),
+)
+
+
+def scene_of(lights=COLORED, **options):
+    """A ring round a ball, of different materials, one of them with colours."""
+    vertices, faces = octasphere(2)
+    colors = np.random.default_rng(0).random(vertices.shape)
+    shiny = rz.Material(specular=0.5, shininess=60, reflection="blinn")
+    ball = rz.Mesh(vertices * 0.5, faces, material=shiny, colors=colors if lights is COLORED else None)
+    return rz.Scene([rz.Mesh(*torus(24, 12)), ball], lights, **options)
+
+
+def walk(n):
+    """Cameras on a way round, through and away from the scene, of every kind."""
+    for k in range(n):
+        a = 2 * np.pi * k / n
+        place = (3 * np.cos(a), 2 * np.sin(3 * a), 3 * np.sin(a))
+        yield (
+            rz.Camera.perspective(place, fov=30 + 3 * (k % 10)),
+            rz.Camera.orthographic(place, height=2 + k % 3),
+            rz.Camera.perspective((0.9 * np.cos(a), 0.1, 0.9 * np.sin(a)), (0, 0, 0), fov=100),
+            rz.Camera.perspective(place, near=2.5, far=3.6),
+            AWAY,
+        )[k % 5]
+
+
+def digest(frame):
+    """A fingerprint of everything that a frame holds."""
+    content = hashlib.sha256()
+    for name in ARRAYS:
+        array = getattr(frame, name)
+        content.update(f"{name} {array.shape} {array.dtype}".encode() + array.tobytes())
+    return content.hexdigest()
+
+
+SETUPS = {
+    "default": {},
+    "exact": {"tolerance": 0},
+    "samples": {"samples": 4},
+    "culled": {"cull": "back"},
+    "threads": {"threads": 3},
+    "global": {"color_range": "global"},
+}
+
+
+@pytest.mark.parametrize("setup", SETUPS)
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_many_cameras_give_the_bytes_of_fresh_renders(shading, setup):
+    """Whatever was drawn before, from inside, outside or nothing at all, must leave no trace."""
+    options = {"size": SIZE, "shading": shading, "outputs": ALL, **SETUPS[setup]}
+    for lights in (COLORED, CARRIED):
+        scene = scene_of(lights)
+        cameras = [*walk(15)] * 2
+        with rz.Renderer(scene, **options) as renderer:
+            frames = [renderer.render(camera) for camera in cameras]
+        drawn = [digest(frame) for frame in frames]  # after all are drawn: a later one may not change them
+        fresh = [digest(rz.render(scene_of(lights, camera=camera), **options)) for camera in cameras[:15]]
+        assert drawn[:15] == fresh
+        assert drawn[15:] == fresh
+        assert len(set(drawn)) == 13, "three of the cameras see nothing, all others something else"
+
+
+@pytest.mark.parametrize("camera", [AWAY, rz.Camera.orthographic((0, 0, 5), (0, 0, 9), height=3)])
+def test_an_empty_view_between_two_pictures(camera):
+    for shading, background in itertools.product(SHADINGS, (None, (0.2, 0.1, 0.4))):
+        view = next(walk(1))
+        scene = scene_of(background=background)
+        with rz.Renderer(scene, SIZE, shading=shading, outputs=ALL, threads=2) as renderer:
+            before, empty, after = (renderer.render(given) for given in (view, camera, view))
+        assert digest(before) == digest(after) != digest(empty)
+        assert empty.stats.covered == 0 and before.stats.covered > 100
+        assert (empty.face == -1).all() and np.isinf(empty.depth).all() and not empty.normal.any()
+        assert (empty.alpha == (0 if background is None else 1)).all()
+        assert (empty.color == np.float32(background or (0, 0, 0))).all()
+
+
+def test_a_camera_that_is_given_counts_and_the_scenes_own_stays():
+    own, other = [*walk(4)][:2]
+    scene = scene_of(camera=own)
+    with rz.Renderer(scene, SIZE, outputs=ALL) as renderer:
+        frames = [
+            renderer.render(),
+            renderer.render(other),
+            renderer.render(camera=None),
+            renderer.render(own),
+        ]
+    digests = [digest(frame) for frame in frames]
+    assert digests[0] == digests[2] == digests[3] == digest(rz.render(scene, SIZE, outputs=ALL))
+    assert digests[1] == digest(rz.render(replace(scene, camera=other), SIZE, outputs=ALL)) != digests[0]
+    assert scene.camera is own
+
+
+def test_a_scene_without_a_camera_is_framed_for_the_size():
+    scene = scene_of()
+    for size in ((160, 120), (90, 240)):
+        framed = rz.Camera.framing(scene, aspect=size[0] / size[1])
+        assert digest(rz.render(scene, size, outputs=ALL)) == digest(
+            rz.render(replace(scene, camera=framed), size, outputs=ALL)
+        )
+        covered = np.argwhere(rz.render(scene, size).alpha > 0)
+        share = (np.ptp(covered, axis=0) + 1) / (size[1], size[0])
+        assert 0.88 < share.max() < 0.92, f"the scene fills {share.max():.2f} of the picture, not 0.9"
+
+
+@pytest.mark.parametrize("given", ["front", (0, 0, 5), 5])
+def test_what_is_no_camera_is_refused(given):
+    with rz.Renderer(scene_of(), SIZE) as renderer, pytest.raises(rz.SceneError, match="camera"):
+        renderer.render(given)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_outputs_do_not_change_the_picture(shading):
+    """Each output alone, and pairs, against all at once; 8 bits alone take a shorter way than colours."""
+    for samples, background in ((1, None), (4, "navy")):
+        scene = scene_of(camera=next(walk(1)), background=background)
+        options = {"size": SIZE, "shading": shading, "samples": samples}
+        whole = rz.render(scene, outputs=ALL, **options)
+        for names in [(name,) for name in ALL] + [("rgb", "depth"), ("normal", "color"), ("face", "rgb")]:
+            some = rz.render(scene, outputs=names, **options)
+            for name in names:
+                assert getattr(some, name).tobytes() == getattr(whole, name).tobytes(), f"{name} of {names}"
+            if "rgb" in names:
+                assert (some.rgba == whole.rgba).all()
+            assert not any(some.has(name) for name in ALL if name not in (*names, "rgb"))
+
+
+# ---------------------------------------------------------------- no side effects
+
+
+def test_inputs_are_never_changed():
+    """Neither values nor the right to write; not what the Mesh keeps either."""
+    vertices, faces = octasphere(2)
+    given = {
+        "vertices": vertices.astype(np.float32),
+        "faces": faces.astype(np.int64),
+        "normals": 2 * vertices,
+        "colors": np.random.default_rng(0).integers(0, 255, vertices.shape).astype(np.uint8),
+        "face_colors": np.random.default_rng(1).random((len(faces), 3)),
+    }
+    before = {name: array.copy() for name, array in given.items()}
+    mesh = rz.Mesh(**given)
+    kept = {name: getattr(mesh, name).copy() for name in given}
+    scene = rz.Scene([mesh], CARRIED)
+    lights, meshes, bounds = scene.lights, scene.meshes, scene.bounds.copy()
+    for shading in SHADINGS:
+        with rz.Renderer(scene, SIZE, shading=shading, outputs=ALL, color_range="global") as renderer:
+            for camera in walk(5):
+                renderer.render(camera)
+        rz.render((given["vertices"], given["faces"]), SIZE, shading=shading)
+    for name, array in given.items():
+        assert array.flags.writeable and (array == before[name]).all(), name
+        assert array.dtype == before[name].dtype
+        assert (getattr(mesh, name) == kept[name]).all(), f"mesh.{name}"
+    assert scene.lights is lights and scene.meshes is meshes and (scene.bounds == bounds).all()
+
+
+def test_a_caller_may_write_into_a_frame():
+    """Frames are his: another picture takes nothing from them, and leaves them alone."""
+    with rz.Renderer(scene_of(), SIZE, outputs=ALL) as renderer:
+        camera = next(walk(1))
+        first = renderer.render(camera)
+        expected = digest(first)
+        for name in ("color", "rgba", "depth", "face", "normal"):
+            getattr(first, name)[...] = 7
+        assert digest(renderer.render(camera)) == expected
+        assert (first.color == 7).all() and (first.depth == 7).all()
+
+
+def test_memory_stays_flat():
+    """Pictures that all differ, if little, with lights that move along: what Python holds must not grow."""
+    cameras, held = [*walk(30)], []
+    tracemalloc.start()
+    renderers = [rz.Renderer(scene_of(CARRIED), SIZE, shading=s, outputs=ALL, threads=1) for s in ("gouraud", "phong")]
+    for k in range(7):
+        for renderer, camera in itertools.product(renderers, cameras):
+            renderer.render(replace(camera, position=tuple(c + 1e-7 * k for c in camera.position)))
+        # Python keeps small blocks for later, as many as it likes; arrays and tables are larger.
+        held.append(sum(trace.size for trace in tracemalloc.take_snapshot().traces if trace.size >= 256))
+    tracemalloc.stop()
+    for renderer in renderers:
+        renderer.close()
+    growth = held[-1] - held[1]
+    assert growth < 20_000, f"{growth} bytes more after 300 more pictures > 20000: {held}"
+
+
+def test_the_process_does_not_grow():
+    """What kernels allocate is not Python's: ask the system, in a process of its own."""
+    pytest.importorskip("resource")  # there is none on Windows
+    assert_runs("from test_renderer import check_process; check_process()")
+
+
+def check_process():
+    """Render until every buffer has its size, then 300 times more."""
+    from resource import RUSAGE_SELF, getrusage
+
+    unit = 1 if sys.platform == "darwin" else 1024
+    cameras = [*walk(20)]
+    with rz.Renderer(scene_of(CARRIED), (160, 120), shading="phong", outputs=ALL, threads=2) as renderer:
+        for camera in cameras * 3:
+            renderer.render(camera)
+        before = getrusage(RUSAGE_SELF).ru_maxrss * unit
+        for camera in cameras * 15:
+            renderer.render(camera)
+        growth = getrusage(RUSAGE_SELF).ru_maxrss * unit - before
+    assert growth < 6e6, f"{growth / 1e6:.1f} MB more after 300 pictures > 6 MB"
+
+
+# ---------------------------------------------------------------- threads and processes
+
+
+@pytest.mark.parametrize("is_shared", [True, False])
+def test_renderers_in_threads_of_the_caller(is_shared):
+    """Each thread has a Renderer; they share kernels, and the scene if the caller likes."""
+    scenes = (
+        [scene_of(CARRIED)] * 4 if is_shared else [scene_of(lights) for lights in (CARRIED, COLORED, GREY, CARRIED)]
+    )
+    options = [
+        {"size": SIZE, "shading": shading, "outputs": ALL, "threads": threads}
+        for shading, threads in (("phong", 1), ("gouraud", 2), ("flat", 1), ("phong", 2))
+    ]
+    cameras = [*walk(10)] * 2
+    expected = [
+        [digest(rz.render(replace(scene, camera=camera), **given)) for camera in cameras[:10]]
+        for scene, given in zip(scenes, options, strict=True)
+    ]
+    found, start = [None] * 4, threading.Barrier(4)
+
+    def draw(k):
+        with rz.Renderer(scenes[k], **options[k]) as renderer:
+            start.wait()
+            found[k] = [digest(renderer.render(camera)) for camera in cameras]
+
+    threads = [threading.Thread(target=draw, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [digests * 2 for digests in expected]
+
+
+def test_close_ends_the_threads():
+    before = threading.active_count()
+    with rz.Renderer(scene_of(), SIZE, threads=4) as renderer:
+        renderer.render()
+        assert threading.active_count() > before
+    assert threading.active_count() == before
+    renderer.close()  # once more does no harm
+
+
+@pytest.mark.slow
+def test_cold_and_warm_processes_give_the_same_bytes(tmp_path):
+    """Kernels just compiled, in two threads at once, or loaded from the cache, and those of this process."""
+    program = "from test_renderer import print_digests; print_digests()"
+    environment = {
+        **os.environ,
+        "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}",
+        "NUMBA_CACHE_DIR": str(tmp_path / "kernels"),
+    }
+    told = [
+        subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    ]
+    cold, warm = (done.stdout.split() for done in told)
+    assert cold[0] == "True" and warm[0] == "False"
+    assert cold[1:] == warm[1:] == digests_of_two()
+
+
+def digests_of_two():
+    """Fingerprints of two pictures that are drawn at the same time."""
+    found = [None, None]
+
+    def draw(k, shading):
+        frame = rz.render(scene_of(GREY, camera=next(walk(1))), SIZE, shading=shading)
+        found[k] = hashlib.sha256(frame.color.tobytes() + frame.rgba.tobytes()).hexdigest()
+
+    threads = [threading.Thread(target=draw, args=given) for given in enumerate(("gouraud", "phong"))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return found
+
+
+def print_digests():
+    """Say whether the cache is cold, then what is drawn."""
+    from rasterizer.compiler.kernels import is_cache_cold
+
+    print(is_cache_cold(), *digests_of_two())
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_closed_renderer_says_so(threads):
+    with rz.Renderer(rz.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), (32, 24), threads=threads) as renderer:
+        renderer.render()
+    with pytest.raises(rz.SceneError, match="closed"):
+        renderer.render()

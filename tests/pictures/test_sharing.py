@@ -1,0 +1,265 @@
+"""Check Renderers that are shared: by threads, with forked processes, through pickle, and after pictures that failed
+half-way."""
+
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+from helpers.pinhole import octasphere
+from helpers.raster import COLORED, GREY
+
+import rasterizer as rz
+from rasterizer.engine import draw as drawing
+from rasterizer.pipeline.threads import Workers
+
+SIZE = (96, 72)
+CAMERAS = [rz.Camera.perspective((4 * np.cos(a), 1.5, 4 * np.sin(a)), fov=40) for a in np.linspace(0, 6, 8)]
+HAS_FORK = hasattr(os, "fork")
+forking = pytest.mark.skipif(not HAS_FORK, reason="this system can't fork")
+LAMPS = (
+    *GREY,
+    rz.PointLight((2, 3, 3), 0.4, attached="camera", shadow=True),
+    rz.DirectionalLight((1, -1, 0), 0.3, shadow=True),
+)
+
+
+def scene_of(kind):
+    vertices, faces = octasphere(3)
+    opacity = 0.5 if kind == "layered" else 1.0
+    ball = rz.Mesh(vertices, faces, material=rz.Material(specular=0.4, shininess=30, opacity=opacity))
+    floor = rz.Mesh([(-3, -1, -3), (3, -1, -3), (3, -1, 3), (-3, -1, 3)], [[0, 3, 2, 1]])
+    return rz.Scene([ball, floor], {"plain": GREY, "near light": COLORED}.get(kind, LAMPS), CAMERAS[0])
+
+
+def bytes_of(frame):
+    return frame.color.tobytes() + frame.rgba.tobytes()
+
+
+@pytest.mark.parametrize("kind", ["plain", "near light", "shadows", "layered"])
+@pytest.mark.parametrize("shading", ["gouraud", "phong"])
+def test_threads_that_share_a_renderer_take_turns(kind, shading):
+    """384 pictures in all, of eight cameras; each is that of a Renderer of its own."""
+    with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2) as renderer:
+        expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS]
+    wrong, order = [], sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2) as renderer:
+
+            def draw(first):
+                for k in range(first, first + 12):
+                    if bytes_of(renderer.render(CAMERAS[k % 8])) != expected[k % 8]:
+                        wrong.append(k)
+
+            threads = [threading.Thread(target=draw, args=(first,)) for first in range(4)]
+            for thread in threads:
+                thread.start()
+            for thread in threads:
+                thread.join()
+    finally:
+        sys.setswitchinterval(order)
+    assert not wrong, f"{len(wrong)} of 48 pictures differ"
+
+
+def test_close_waits_for_the_picture_that_is_being_drawn():
+    renderer, outcomes = rz.Renderer(scene_of("plain"), (400, 300), shading="phong", threads=2), []
+
+    def draw():
+        try:
+            for _ in range(1000):
+                outcomes.append(renderer.render().stats.covered)
+        except rz.SceneError as fault:
+            outcomes.append(str(fault))
+
+    threads = [threading.Thread(target=draw) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    time.sleep(0.05)
+    renderer.close()
+    for thread in threads:
+        thread.join()
+    assert sum(isinstance(outcome, str) and "closed" in outcome for outcome in outcomes) == 3, outcomes[-3:]
+    assert len({outcome for outcome in outcomes if not isinstance(outcome, str)}) <= 1
+
+
+# ── processes ───────────────────────────────────────────────────────────────────────────────────────────
+
+
+def ends_well(function) -> bool:
+    """Tell whether a function returns True in a forked process, in time."""
+    child = os.fork()
+    if child == 0:
+        signal.alarm(60)  # ends the process where something waits for ever
+        is_good = False
+        try:
+            is_good = function()
+        finally:
+            os._exit(0 if is_good else 1)
+    return os.waitpid(child, 0)[1] == 0
+
+
+@forking
+@pytest.mark.parametrize("n_thread", [1, 2, 5])
+def test_a_forked_process_draws_on(n_thread):
+    with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread) as renderer:
+        expected = bytes_of(renderer.render())
+
+        def child():
+            is_same = all(bytes_of(renderer.render()) == expected for _ in range(3))
+            grandchild = ends_well(lambda: bytes_of(renderer.render()) == expected)
+            renderer.close()
+            return is_same and grandchild
+
+        assert ends_well(child) and bytes_of(renderer.render()) == expected
+
+
+@forking
+@pytest.mark.parametrize("n_thread", [1, 2])
+def test_a_fork_while_others_draw(n_thread):
+    """The child has neither the threads nor whoever holds the lock."""
+    with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread) as renderer:
+        expected, is_over = bytes_of(renderer.render()), threading.Event()
+
+        def draw():
+            while not is_over.is_set():
+                renderer.render()
+
+        others = [threading.Thread(target=draw) for _ in range(2)]
+        for other in others:
+            other.start()
+        try:
+            for _ in range(8):
+                assert ends_well(lambda: bytes_of(renderer.render()) == expected)
+        finally:
+            is_over.set()
+            for other in others:
+                other.join()
+
+
+@forking
+def test_a_fork_while_a_kernel_is_compiled():
+    """The child would wait for ever for the compiler's lock."""
+    import numba
+
+    is_begun = threading.Event()
+
+    def compile_many():
+        for k in range(4):
+            is_begun.set()
+            numba.njit(lambda x, k=k: np.sort(x)[k])(np.arange(9.0))
+
+    other = threading.Thread(target=compile_many)
+    other.start()
+    is_begun.wait()
+    try:
+        assert ends_well(lambda: numba.njit(lambda x: x + 1)(2) == 3)
+    finally:
+        other.join()
+
+
+SHARED = {}
+
+
+def digest_of(k):
+    return bytes_of(SHARED["renderer"].render(CAMERAS[k]))
+
+
+@forking
+@pytest.mark.parametrize("n_thread", [1, 2])
+def test_a_pool_of_forked_processes(n_thread):
+    with rz.Renderer(scene_of("near light"), SIZE, threads=n_thread) as renderer:
+        expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS]
+        SHARED["renderer"] = renderer
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            assert pool.map_async(digest_of, range(8)).get(timeout=60) == expected
+        del SHARED["renderer"]
+
+
+@pytest.mark.parametrize("kind", ["plain", "layered"])
+def test_a_pickled_renderer_is_one_of_the_same_scene_and_options(kind):
+    options = {"shading": "phong", "tolerance": 0.01, "samples": 4, "cull": "back", "threads": 2, "exposure": 0.5}
+    with rz.Renderer(scene_of(kind), SIZE, outputs=("rgb", "color", "depth"), **options) as renderer:
+        expected = renderer.render()
+        with pickle.loads(pickle.dumps(renderer)) as other:
+            assert other.options == renderer.options
+            frame = other.render()
+    assert bytes_of(frame) == bytes_of(expected) and frame.depth.tobytes() == expected.depth.tobytes()
+
+
+# ── pictures that fail ──────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, MemoryError, RuntimeError])
+@pytest.mark.parametrize("stage", ["scan", "shade_interpolated", "resolve", "scan_opaque", "composite"])
+@pytest.mark.parametrize("n_thread", [1, 3])
+def test_a_picture_that_fails_leaves_nothing_in_the_next(monkeypatch, fault, stage, n_thread):
+    """A z-buffer half full would show the first picture's surfaces in the second."""
+    kind = "layered" if stage in ("scan_opaque", "composite") else "plain"
+    with rz.Renderer(scene_of(kind), (200, 150), threads=n_thread) as renderer:
+        expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS[:3]]
+        real = getattr(drawing, stage)
+        for is_done_first in (False, True):
+
+            def fail(*given, is_done_first=is_done_first):
+                if is_done_first:
+                    real(*given)
+                raise fault("on purpose")
+
+            with monkeypatch.context() as patch:
+                patch.setattr(drawing, stage, fail)
+                with pytest.raises(fault):
+                    renderer.render(CAMERAS[5])
+            assert [bytes_of(renderer.render(camera)) for camera in CAMERAS[:3]] == expected
+
+
+@pytest.mark.parametrize("n_thread", [2, 5])
+def test_nothing_runs_on_after_an_error(n_thread):
+    """Neither when an item fails nor when the caller is interrupted while it waits."""
+    workers = Workers(n_thread)
+    for fault in (ValueError, KeyboardInterrupt):
+        running, done = threading.Semaphore(0), []
+
+        def work(item, running=running, done=done, fault=fault):
+            if item == 1:
+                raise fault
+            running.release()
+            time.sleep(0.01)
+            done.append(item)
+
+        with pytest.raises(fault):
+            workers.map(work, range(200))
+        n_done = len(done)
+        assert n_done < 50, f"{n_done} items were done after the fault"
+        time.sleep(0.05)
+        assert len(done) == n_done, "items are still being done"
+    assert workers.map(abs, [-1, -2]) == [1, 2]
+    workers.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="needs signals to a process of its own")
+def test_an_interrupt_in_the_middle_of_a_picture():
+    """Ctrl-C at any time: the Renderer draws the right picture afterwards."""
+    with rz.Renderer(scene_of("shadows"), (300, 200), shading="phong", threads=2) as renderer:
+        expected, rng = bytes_of(renderer.render()), np.random.default_rng(4)
+        previous = signal.signal(signal.SIGALRM, signal.default_int_handler)
+        try:
+            n_interrupted = 0
+            for _ in range(12):
+                signal.setitimer(signal.ITIMER_REAL, float(rng.uniform(1e-4, 0.03)))
+                try:
+                    for _ in range(100):
+                        renderer.render(CAMERAS[3])
+                except KeyboardInterrupt:
+                    n_interrupted += 1
+                finally:
+                    signal.setitimer(signal.ITIMER_REAL, 0)
+                assert bytes_of(renderer.render()) == expected
+        finally:
+            signal.signal(signal.SIGALRM, previous)
+    assert n_interrupted == 12

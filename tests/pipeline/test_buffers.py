@@ -1,0 +1,137 @@
+"""Check the exact buffers: depth against rational numbers, faces, normals, and the clean-up."""
+
+import numpy as np
+import pytest
+from helpers.stages import (
+    covered,
+    exact_means,
+    perspective_weights,
+    plain_coding,
+    plain_screen,
+    random_triangles,
+    scan_alone,
+    slivers,
+)
+
+from rasterizer.pipeline.buffers import write_buffers
+from rasterizer.pipeline.records import EXACT
+from rasterizer.pipeline.scan import CLEAR
+from rasterizer.pipeline.workspace import empty_buffers
+
+SIZE = (90, 70)
+DEPTHS = (1.0, 40.0)
+ALL = ("depth", "face", "normal")
+NO_FACE = np.empty(0, np.uint32)
+
+
+def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None):
+    """Scan and write the buffers; return (buffers, working place, samples covered)."""
+    bench, *_ = scan_alone(triangles, depth, normals, plain_coding(EXACT, screen), screen, SIZE, is_inverted)
+    out = empty_buffers(SIZE, names)
+    return out, bench, write_buffers(bench.canvas, bench.records, loaded_face, 0, SIZE[1], screen, out)
+
+
+def unit_normals(rng, n):
+    normals = rng.normal(size=(n, 3, 3))
+    return normals / np.linalg.norm(normals, axis=2, keepdims=True)
+
+
+KINDS = {
+    "small": lambda rng: random_triangles(rng, 30, SIZE, 8.0),
+    "large": lambda rng: random_triangles(rng, 8, SIZE, 90.0),
+    "needle": lambda rng: slivers(rng, 400, SIZE, 2**18, 1).clip(-(2**28), 2**28),
+}
+
+
+@pytest.mark.parametrize("is_perspective", [True, False])
+@pytest.mark.parametrize("kind", KINDS)
+def test_depths_and_normals_are_exact_to_float32(kind, is_perspective):
+    """One by one; depth is rounded once, so off by half a step of float32, and within the corners' range."""
+    rng, screen = np.random.default_rng(0), plain_screen(is_perspective, DEPTHS)
+    n_sample, worst_depth, worst_normal = 0, 0.0, 0.0
+    for triangle in KINDS[kind](rng):
+        rows, columns, edges = covered(triangle, SIZE)
+        if not len(rows):
+            continue
+        depth, normals = rng.uniform(*DEPTHS, 3), unit_normals(rng, 1)
+        out, _, n_covered = write([triangle], depth[None], normals, screen)
+        assert n_covered == len(rows)
+        found = out.depth[rows, columns].astype(float)
+        low, high = np.float32(depth.min() * (1 - 1e-9)), np.float32(depth.max() * (1 + 1e-9))
+        assert (found >= low).all() and (found <= high).all()
+        some = rng.permutation(len(rows))[:30]
+        expected = exact_means(edges[:, some], depth, depth, is_perspective)
+        worst_depth = max(worst_depth, np.abs(found[some] / expected - 1).max())
+        normal = np.einsum("cn,ca->na", perspective_weights(edges, depth, is_perspective), normals[0])
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        a, b = triangle[1] - triangle[0], triangle[2] - triangle[0]
+        side = 1 if int(a[0]) * int(b[1]) - int(b[0]) * int(a[1]) < 0 else -1
+        off = np.abs(out.normal[rows, columns] - side * normal / length)[length[:, 0] > 0.01]
+        worst_normal = max(worst_normal, off.max(initial=0))
+        n_sample += len(some)
+        is_hit = np.zeros(SIZE[::-1], bool)
+        is_hit[rows, columns] = True
+        assert np.isinf(out.depth[~is_hit]).all() and (out.face[is_hit] == 0).all() and (out.face[~is_hit] == -1).all()
+        assert not out.normal[~is_hit].any()
+    assert n_sample > 50
+    assert worst_depth <= 2.0**-24 * 1.001, f"{worst_depth} > half a step of float32"
+    assert worst_normal <= 2.0**-24, f"{worst_normal} > 2^-24"
+
+
+def test_one_depth_comes_back_as_it_went():
+    for is_perspective in (True, False):
+        screen = plain_screen(is_perspective, DEPTHS)
+        for depth in (1.0, 3.7, 39.99):
+            triangle = np.array([[-500, 0], [20000, 900], [300, 15000]])
+            out, _, n_covered = write(
+                [triangle], np.full((1, 3), depth), unit_normals(np.random.default_rng(1), 1), screen
+            )
+            assert n_covered > 500 and (out.depth[np.isfinite(out.depth)] == np.float32(depth)).all()
+
+
+def test_faces_are_those_of_the_file():
+    """The nearest face at each sample; parts of a clipped face carry its number."""
+    rng, screen = np.random.default_rng(2), plain_screen(True, DEPTHS)
+    triangles, depth = (
+        random_triangles(rng, 25, SIZE, 25.0),
+        np.repeat(rng.uniform(*DEPTHS, (25, 1)), 3, axis=1),
+    )
+    nearest, expected = np.full(SIZE[::-1], np.inf), np.full(SIZE[::-1], -1)
+    for face in range(25):
+        rows, columns, _ = covered(triangles[face], SIZE)
+        wins = depth[face, 0] < nearest[rows, columns]
+        nearest[rows[wins], columns[wins]], expected[rows[wins], columns[wins]] = depth[face, 0], face
+    normals = unit_normals(rng, 25)
+    out, _, n_covered = write(triangles, depth, normals, screen)
+    assert (out.face == expected).all() and n_covered == (expected >= 0).sum() > 1000
+    loaded = (np.arange(25) // 3 + 100).astype(np.uint32)
+    out, _, _ = write(triangles, depth, normals, screen, loaded_face=loaded)
+    assert (out.face == np.where(expected >= 0, expected // 3 + 100, -1)).all()
+
+
+def test_only_what_is_wanted_is_written():
+    rng, screen = np.random.default_rng(3), plain_screen(True, DEPTHS)
+    triangles, depth, normals = (
+        random_triangles(rng, 9, SIZE, 25.0),
+        rng.uniform(*DEPTHS, (9, 3)),
+        unit_normals(rng, 9),
+    )
+    whole, _, _ = write(triangles, depth, normals, screen)
+    for names in (("depth",), ("face",), ("normal",), ("depth", "normal")):
+        out, bench, _ = write(triangles, depth, normals, screen, names)
+        for name in ALL:
+            array = getattr(out, name)
+            assert array.tobytes() == getattr(whole, name).tobytes() if name in names else len(array) == 0
+        assert (bench.canvas.words == CLEAR).all()
+        assert (bench.canvas.left == 1 << 30).all() and (bench.canvas.right == -1).all()
+
+
+def test_normals_look_to_the_viewer():
+    """By the winding, or the other way round where the file's normals contradict it; no length stays none."""
+    screen, triangle = plain_screen(True, DEPTHS), np.array([[1000, 500], [5000, 15000], [20000, 900]])
+    normals = np.full((1, 3, 3), [0.0, 0.6, 0.8])
+    for turn, is_inverted, sign in ((1, 0, 1), (1, 1, -1), (-1, 0, -1), (-1, 1, 1)):
+        out, _, _ = write([triangle[::turn]], np.full((1, 3), 2.0), normals, screen, is_inverted=[is_inverted])
+        assert np.abs(out.normal[out.face == 0] - sign * normals[0, 0]).max() <= 2.0**-24
+    out, _, n_covered = write([triangle], np.full((1, 3), 2.0), 0 * normals, screen)
+    assert n_covered > 1000 and not out.normal.any()

@@ -1,0 +1,127 @@
+"""Check which triangles the setup stage drops, against plain Python and against what they cover."""
+
+import math
+
+import numpy as np
+import pytest
+from helpers.stages import SERIAL, random_triangles, slivers
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rasterizer.pipeline.cull import BLOCK, Faces, find_visible, first_sample
+from rasterizer.pipeline.threads import MIN_PART, Workers
+from rasterizer.pipeline.transform import OUTSIDE, Vertices
+from rasterizer.reference import coverage
+
+SIZE = (37, 29)
+LIMIT = 2**28
+
+
+@settings(deadline=None)
+@given(st.one_of(st.integers(-LIMIT, LIMIT), st.integers(-3000, 3000), st.integers(-300, 300).map(lambda k: 128 * k)))
+def test_first_sample_is_the_first_at_or_beyond(coordinate):
+    sample = int(first_sample.py_func(np.int32(coordinate)))
+    assert 256 * sample + 128 >= coordinate > 256 * (sample - 1) + 128
+
+
+def soup(rng, n):
+    """Vertices of separate triangles (n, 3, 2) of all kinds; some without area, on samples, or OUTSIDE."""
+    triangles = np.concatenate([
+        random_triangles(rng, n // 4, SIZE, reach) for reach in (0.7, 5.0, 60.0, 2.0**19)
+    ]).clip(-LIMIT, LIMIT)  # fmt: skip
+    triangles = triangles[rng.permutation(len(triangles))]
+    triangles[::5] = triangles[::5] // 128 * 128
+    triangles[::7, 2] = triangles[::7, 1]
+    triangles[3::11, 1] = (triangles[3::11, 0] + triangles[3::11, 2]) // 2
+    triangles[2::13, rng.integers(0, 3), 0] = OUTSIDE
+    return triangles
+
+
+def columns(triangles):
+    """The input of the stage: Faces and Vertices, which no two triangles share."""
+    index = np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)
+    x, y = (np.ascontiguousarray(triangles[..., k].ravel().astype(np.int32)) for k in range(2))
+    return Faces(*np.ascontiguousarray(index.T)), Vertices(x, y, np.zeros(len(x)))
+
+
+def expected(triangles, size, band_rows, cull_back):
+    """(visible faces, first bands, last bands, number culled) in plain Python."""
+    found, n_culled = [], 0
+    for face, triangle in enumerate(triangles.tolist()):
+        (xa, ya), (xb, yb), (xc, yc) = triangle
+        area = (xb - xa) * (yc - ya) - (xc - xa) * (yb - ya)  # above 0: clockwise as seen, because y points down
+        if int(OUTSIDE) in (xa, xb, xc) or area == 0:
+            continue
+        if cull_back and area > 0:
+            n_culled += 1
+            continue
+        spans = []
+        for coordinates, n in (((xa, xb, xc), size[0]), ((ya, yb, yc), size[1])):
+            first, stop = (math.ceil((v - 128) / 256) for v in (min(coordinates), max(coordinates)))
+            spans.append((max(first, 0), min(stop, n)))
+        if all(first < stop for first, stop in spans):
+            found.append((face, spans[1][0] // band_rows, (spans[1][1] - 1) // band_rows))
+    return (*np.array(found).reshape(-1, 3).T.tolist(), n_culled)
+
+
+@pytest.mark.parametrize("cull_back", [False, True])
+@pytest.mark.parametrize("band_rows", [1, 8, 10, 29, 100])
+def test_finds_what_plain_python_finds(band_rows, cull_back):
+    triangles = soup(np.random.default_rng(band_rows), 2000)
+    [visible] = find_visible(*columns(triangles), *SIZE, band_rows, cull_back, SERIAL)
+    face, first, last, n_culled = expected(triangles, SIZE, band_rows, cull_back)
+    assert visible.face.tolist() == face and len(face) > 300
+    assert visible.first_band.tolist() == first and visible.last_band.tolist() == last
+    assert visible.n_culled == n_culled and (n_culled > 300) == cull_back
+    n_band = -(-SIZE[1] // band_rows)
+    histogram = np.zeros(n_band, int)
+    for a, b in zip(first, last, strict=True):
+        histogram[a : b + 1] += 1
+    assert visible.histogram.tolist() == histogram.tolist()
+
+
+def test_nothing_that_covers_a_sample_is_dropped():
+    rng = np.random.default_rng(1)
+    parts = [random_triangles(rng, 150, SIZE, reach) for reach in (0.6, 2.0, 30.0)]
+    parts += [slivers(rng, 150, SIZE, reach, 3) for reach in (1, 20, 2**18)]
+    triangles = np.concatenate(parts).clip(-LIMIT, LIMIT)
+    [visible] = find_visible(*columns(triangles), *SIZE, 4, False, SERIAL)
+    is_kept = np.isin(np.arange(len(triangles)), visible.face)
+    n_row = np.zeros(len(triangles))
+    for k, triangle in enumerate(triangles):
+        rows = np.flatnonzero(coverage(triangle, *SIZE).any(axis=1))
+        n_row[k] = len(rows)
+        if len(rows):
+            assert is_kept[k], f"{triangle.tolist()} covers samples and was dropped"
+            at = np.searchsorted(visible.face, k)
+            assert visible.first_band[at] <= rows[0] // 4 and rows[-1] // 4 <= visible.last_band[at]
+    assert 200 < (n_row > 0).sum() and (~is_kept).sum() > 50
+
+
+@pytest.mark.parametrize("n", [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
+def test_blocks_do_not_matter(n):
+    triangles = soup(np.random.default_rng(2), 4 * BLOCK)[:n]
+    [visible] = find_visible(*columns(triangles), *SIZE, 8, True, SERIAL)
+    assert visible.face.tolist() == expected(triangles, SIZE, 8, True)[0]
+
+
+def test_parts_of_threads_give_the_same_in_order():
+    triangles = soup(np.random.default_rng(3), 4 * MIN_PART)
+    given_columns = columns(triangles)
+    [serial] = find_visible(*given_columns, *SIZE, 8, True, SERIAL)
+    workers = Workers(3)
+    parts = find_visible(*given_columns, *SIZE, 8, True, workers)
+    workers.close()
+    assert len(parts) > 2
+    for name in ("face", "first_band", "last_band"):
+        assert np.concatenate([getattr(part, name) for part in parts]).tobytes() == getattr(serial, name).tobytes()
+    assert sum(part.n_culled for part in parts) == serial.n_culled
+    assert (sum(part.histogram for part in parts) == serial.histogram).all()
+
+
+def test_as_many_bands_as_there_can_be():
+    """Numbers of bands fill 16 bits."""
+    triangle = np.array([[[0, 0], [0, 256 * 65535], [256, 256 * 65535]]])
+    [visible] = find_visible(*columns(triangle), 1, 65535, 1, False, SERIAL)
+    assert visible.first_band.tolist() == [0] and visible.last_band.tolist() == [65534]
+    assert (visible.histogram == 1).all()

@@ -1,0 +1,153 @@
+"""Check F0 with a colour of its own: by channel, by wavelength, in all ways to shade, and that nobody else pays for
+it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.judge import EXACT, check
+from helpers.pinhole import SHADINGS, octasphere
+
+import rasterizer as rz
+from rasterizer.engine.intensity_bounds import has_colored_fresnel
+from rasterizer.engine.plan import make_plan
+from rasterizer.engine.uniforms import make_lighting, row_functions_of
+from rasterizer.errors import SceneError
+from rasterizer.options import Options
+from rasterizer.pipeline.light_kinds import same_again
+from rasterizer.scene.spectrum import rgb_of, samples_of
+
+GOLD = (1.0, 0.78, 0.34)
+RAMP = rz.Spectrum((400, 500, 600, 700), (0.1, 0.3, 0.9, 1.0))
+LIGHTS = (
+    rz.AmbientLight(0.1),
+    rz.DirectionalLight((-1, -0.4, -1), (0.7, 0.6, 0.5)),
+    rz.PointLight((2, 3, 3), 0.4, "1/(d+1)"),
+)
+MATERIALS = {
+    "phong": rz.Material(diffuse=0.3, specular=(0.6, 0.5, 0.4), shininess=12, fresnel=GOLD),
+    "phong, normalised": rz.Material(specular=0.3, shininess=7.5, fresnel=GOLD, normalized=True),
+    "blinn": rz.Material(diffuse=0.3, specular=0.6, reflection="blinn", fresnel=GOLD),
+    "ggx": rz.Material(diffuse=0.1, specular=0.8, reflection="cook-torrance", roughness=0.4, fresnel=GOLD),
+    "beckmann": rz.Material(
+        diffuse=0.1, specular=0.8, reflection="cook-torrance", distribution="beckmann", roughness=0.4, fresnel=GOLD
+    ),
+    "brushed": rz.Material(
+        diffuse=0.1, specular=0.1, reflection="cook-torrance", roughness=(0.2, 0.5), tangent=(0, 1, 0), fresnel=GOLD
+    ),
+    "spectrum": rz.Material(diffuse=0.3, specular=0.6, shininess=12, fresnel=RAMP),
+}
+
+
+def ball(*materials, **more):
+    """A ball for each material, beside each other."""
+    vertices, faces = octasphere(3)
+    meshes = [rz.Mesh(vertices + (2.2 * k, 0, 0), faces, material=material) for k, material in enumerate(materials)]
+    return rz.Scene(meshes, LIGHTS, **more)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("name", MATERIALS)
+def test_pictures_agree_with_the_judge(name, shading):
+    check(ball(MATERIALS[name]), (48, 40), EXACT, shading=shading, tolerance=0)
+    check(ball(MATERIALS[name]), (48, 40), 1 / 4096, shading=shading, tolerance=1 / 4096)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_materials_with_and_without_it_share_a_picture(shading):
+    scene = ball(MATERIALS["blinn"], rz.Material(fresnel=0.2), rz.Material(specular=0), MATERIALS["ggx"], rz.Material())
+    check(scene, (100, 40), EXACT, shading=shading, tolerance=0)
+
+
+@pytest.mark.parametrize("name", [name for name in MATERIALS if name != "spectrum"])
+def test_each_channel_is_that_of_a_number(name):
+    """W = F0 + (1 - F0)(1 - cos θ)^5 channel by channel: a channel of GOLD is a picture with that number for F0."""
+    material = MATERIALS[name]
+    colored = rz.render(ball(material), 40, shading="phong", tolerance=0).color
+    for channel, number in enumerate(GOLD):
+        grey = rz.render(ball(replace(material, fresnel=number)), 40, shading="phong", tolerance=0).color
+        error = np.abs(colored - grey)[..., channel].max()
+        assert error <= 2e-7, f"channel {channel}: {error:.3g} > 2e-7"
+
+
+def test_a_spectrum_is_evaluated_at_every_wavelength():
+    """One point, one light: RGB(ks·Ip·(F0 + (1 - F0)(1 - cos θ)^5)·(R·V)^n), sample by sample."""
+    light, n = rz.Spectrum.blackbody(3500), 81
+    to_light, normal = np.array((0.8, 0.0, 0.6)), np.array((0.0, 0.0, 1.0))
+    to_viewer = np.array((-0.6, 0.0, 0.8))
+    material = rz.Material(diffuse=0, ambient=0, specular=0.7, shininess=5, fresnel=RAMP)
+    found = rz.illuminate((0, 0, 0), normal, material, rz.DirectionalLight(-to_light, light), toward_viewer=to_viewer)
+    first = samples_of(RAMP, n)
+    mirrored = 2 * (normal @ to_light) * normal - to_light
+    weight = first + (1 - first) * (1 - normal @ to_light) ** 5
+    expected = rgb_of(samples_of(light, n) * 0.7 * weight * (mirrored @ to_viewer) ** 5)
+    assert np.abs(found - expected).max() < 1e-14, f"{found} instead of {expected}"
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 80.0, 89.0])
+def test_w_grows_to_white_with_the_angle_of_incidence(degrees):
+    """In the mirror direction Phong's highlight is ks·W alone: F0 at normal incidence, 1 at grazing."""
+    a = np.radians(degrees)
+    to_light, mirrored = (np.sin(a), 0, np.cos(a)), (-np.sin(a), 0, np.cos(a))
+    material = rz.Material(diffuse=0, ambient=0, specular=1.0, fresnel=GOLD)
+    light = rz.DirectionalLight(np.negative(to_light))
+    found = rz.illuminate((0, 0, 0), (0, 0, 1), material, light, toward_viewer=mirrored)
+    expected = np.array(GOLD) + (1 - np.array(GOLD)) * (1 - np.cos(a)) ** 5
+    assert np.abs(found - expected).max() < 1e-12, f"{found} instead of {expected}"
+    assert (found <= 1 + 1e-12).all()
+
+
+def test_specular_times_w_stays_below_specular():
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        first, ks = rng.uniform(size=3), rng.uniform(size=3)
+        normal, to_light, to_viewer = rng.normal(size=(3, 3))
+        material = rz.Material(diffuse=0, ambient=0, specular=ks, shininess=rng.uniform(0.5, 50), fresnel=first)
+        found = rz.illuminate((0, 0, 0), normal, material, rz.DirectionalLight(-to_light), toward_viewer=to_viewer)
+        assert (found >= 0).all() and (found <= ks * (1 + 1e-12)).all(), f"{found} beside {ks}"
+
+
+def planned(*materials, **options):
+    scene = ball(*materials)
+    return make_plan(scene, Options(**options), np.empty((0, 3)))
+
+
+def test_grey_pictures_keep_one_channel_and_compile_nothing_more():
+    for fresnel in (0.3, "white", (0.2, 0.2, 0.2), None):
+        grey = rz.Material(fresnel=fresnel)
+        plan = planned(grey)
+        assert not has_colored_fresnel(grey) and same_again not in row_functions_of(plan, True)[0]
+    neutral = rz.Scene(ball(rz.Material(fresnel=0.3)).meshes)
+    plan = make_plan(neutral, Options(), np.empty((0, 3)))
+    assert plan.n_channel == 1 and len(make_lighting(plan, neutral.camera_for((4, 3)).view()).light_function) == len(
+        plan.lights
+    )
+    # A colour that no highlight shows is none.
+    dull = replace(neutral, meshes=ball(rz.Material(specular=0, fresnel=GOLD)).meshes)
+    assert make_plan(dull, Options(), np.empty((0, 3))).n_channel == 1
+    assert planned(rz.Material(fresnel=GOLD)).n_channel == 3
+
+
+def test_float32_serves_it_as_it_serves_a_number():
+    assert planned(MATERIALS["phong"]).dtype == planned(replace(MATERIALS["phong"], fresnel=0.5)).dtype == np.float32
+
+
+def test_shadows_fall_on_both_parts():
+    """A card between light and floor: what lies in shadow has no highlight at all."""
+    shiny, black = rz.Material(fresnel=GOLD, diffuse=0), rz.Material(diffuse=0, specular=0)
+    floor = rz.Mesh([[-2, 0, -2], [-2, 0, 2], [2, 0, 2], [2, 0, -2]], [[0, 1, 2, 3]], material=shiny)
+    card = rz.Mesh([[-2, 1, -2], [-2, 1, 2], [2, 1, 2], [2, 1, -2]], [[0, 1, 2, 3]], material=black)
+    scene = rz.Scene(
+        [floor, card], rz.PointLight((0, 3, 0), shadow=True), rz.Camera.perspective((0, 0.5, 4), (0, 0, 0))
+    )
+    frame = rz.render(scene, (40, 30), shading="phong", outputs=("color", "face"))
+    assert (frame.face < 2).any() and frame.color[(frame.face >= 0) & (frame.face < 2)].max() == 0.0
+
+
+def test_forms_and_refusals():
+    assert rz.Material(fresnel="#808080").fresnel == pytest.approx(0.2158605, abs=1e-6)
+    assert rz.Material(fresnel=[0.1, 0.2, 0.3]).fresnel == (0.1, 0.2, 0.3)
+    assert rz.Material(fresnel=RAMP).fresnel is RAMP
+    for wrong in (-0.1, 1.1, (0.1, 0.2, 1.2), (0.1, 0.2), "nocolour", rz.Spectrum((400, 700), (0.5, 1.5)), True):
+        with pytest.raises(SceneError, match="fresnel"):
+            rz.Material(fresnel=wrong)

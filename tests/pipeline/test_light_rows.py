@@ -1,0 +1,220 @@
+"""Check the row functions of the lights against closed forms, in both floating-point types."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from rasterizer.compiler.kernels import row_function
+from rasterizer.pipeline import fragments as r
+from rasterizer.pipeline.light_kinds import (
+    ATTENUATION,
+    AXIS,
+    CONE_EXPONENT,
+    CONE_SCALE,
+    COS_OUTER,
+    INVERSE_RANGE,
+    LIGHTS,
+    MOST,
+    N_NUMBER,
+    VECTOR,
+)
+
+DTYPES = [np.float32, np.float64]
+WRITTEN = (r.LIGHT_X, r.LIGHT_Y, r.LIGHT_Z, r.N_DOT_L, r.STRENGTH)
+
+
+def call(function, rows, n, numbers):
+    """Call a compiled row function."""
+    compiled = row_function(function, rows.dtype)
+    number = ctypes.POINTER(ctypes.c_float if rows.dtype == np.float32 else ctypes.c_double)
+    compiled.ctypes(rows.ctypes.data_as(number), n, numbers.ctypes.data_as(number))
+
+
+def take(rows, first, n):
+    """The numbers of n points, of as many rows as `first` has."""
+    return np.stack([rows[int(row) : int(row) + n] for row in first]).astype(np.float64)
+
+
+def points(seed, n, dtype):
+    """Rows of random points; returns them, and normals and positions, (n, 3) each."""
+    rng = np.random.default_rng(seed)
+    rows = r.make_rows(dtype)
+    rows[:] = 55.0  # nothing may be taken over from before
+    vectors = rng.normal(size=(2, n, 3))
+    vectors[0] /= np.linalg.norm(vectors[0], axis=1, keepdims=True)
+    vectors[1] *= 3
+    for first, values in zip((r.NORMAL_X, r.POSITION_X), vectors, strict=True):
+        for axis in range(3):
+            rows[int(first) + r.CHUNK * axis : int(first) + r.CHUNK * axis + n] = values[:, axis]
+    return rows, *(
+        take(rows, [first + k * r.CHUNK for k in range(3)], n).T for first in map(int, (r.NORMAL_X, r.POSITION_X))
+    )
+
+
+def light(dtype, vector, attenuation=(1, 0, 0), most=1.0):
+    """A light's numbers."""
+    numbers = np.zeros(N_NUMBER, dtype)
+    numbers[VECTOR : VECTOR + 3], numbers[ATTENUATION : ATTENUATION + 3], numbers[MOST] = (
+        vector,
+        attenuation,
+        most,
+    )
+    return numbers
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("n", [0, 1, 7, r.CHUNK])
+def test_directional_light_is_the_same_everywhere(n, dtype):
+    rows, normals, _ = points(n, n, dtype)
+    before = rows.copy()
+    direction = np.array([0.6, -0.48, 0.64])
+    call(LIGHTS["directional"].row_function, rows, n, light(dtype, direction))
+    *to_light, n_dot_l, strength = take(rows, WRITTEN, n)
+    error, budget = np.abs(n_dot_l - normals @ direction).max(initial=0), 4 * np.finfo(dtype).eps
+    assert error <= budget, f"{error:.3g} > {budget:.3g}"
+    assert (np.transpose(to_light) == direction.astype(dtype)).all()
+    assert (strength == 1).all()
+    for first in WRITTEN:
+        before[int(first) : int(first) + n] = rows[int(first) : int(first) + n]
+    assert (rows == before).all(), "something else was written"
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("most", [1.0, np.inf])
+@pytest.mark.parametrize("attenuation", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0.1, 0.05), (0.01, 0, 0.3), (0.5, 0, 0)])
+def test_point_light_falls_off_in_closed_form(attenuation, most, dtype):
+    n, place = 200, np.array([1.0, -2.0, 0.5])
+    rows, normals, positions = points(1, n, dtype)
+    call(LIGHTS["point"].row_function, rows, n, light(dtype, place, attenuation, most))
+    *found, n_dot_l, strength = take(rows, WRITTEN, n)
+    to_light = place - positions
+    distance = np.linalg.norm(to_light, axis=1)
+    to_light /= distance[:, None]
+    kc, kl, kq = np.array(attenuation, dtype).astype(float)
+    expected = np.minimum(most, 1 / (kc + kl * distance + kq * distance**2))
+    eps = np.finfo(dtype).eps
+    # Half an eps for each of: the difference, 3.5 on the way to 1/distance, the product; 5.5 halves.
+    errors = {
+        "strength": (np.abs(strength / expected - 1).max(), 6 * eps),
+        "N·L": (np.abs(n_dot_l - (normals * to_light).sum(axis=1)).max(), 6 * eps),
+        "L": (np.linalg.norm(np.transpose(found) - to_light, axis=1).max(), 3 * eps),
+    }
+    for name, (error, budget) in errors.items():
+        assert error <= budget, f"{name}: {error:.3g} > {budget:.3g}"
+    assert most == np.inf or strength.max() <= 1
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("distance", [0.25, 1.0, 2.0, 1000.0])
+def test_point_light_at_a_known_distance(distance, dtype):
+    """Straight above the surface: direction, cosine and strength are right to the last bit."""
+    rows = r.make_rows(dtype)
+    rows[int(r.NORMAL_Z)] = 1
+    for attenuation, expected in (((0, 0, 1), distance**-2), ((0, 2, 0), 0.5 / distance), ((4, 0, 0), 0.25)):
+        call(LIGHTS["point"].row_function, rows, 1, light(dtype, (0, 0, distance), attenuation, np.inf))
+        assert take(rows, WRITTEN, 1)[:, 0].tolist() == [0.0, 0.0, 1.0, 1.0, dtype(expected)]
+        call(LIGHTS["point"].row_function, rows, 1, light(dtype, (0, 0, -distance), attenuation))
+        weak = min(1.0, dtype(expected))
+        assert take(rows, WRITTEN, 1)[:, 0].tolist() == [0.0, 0.0, -1.0, -1.0, weak]
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("attenuation", [(1, 0, 0), (0, 0, 1), (0, 1, 0)])
+def test_a_light_in_the_surface_point_lights_nothing(attenuation, dtype):
+    """It comes from nowhere: direction and cosine are 0, and nothing is no number."""
+    rows = points(3, 5, dtype)[0]
+    place = take(rows, [r.POSITION_X, r.POSITION_Y, r.POSITION_Z], 5)[:, 2]
+    for most in (1.0, np.inf):
+        call(LIGHTS["point"].row_function, rows, 5, light(dtype, place, attenuation, most))
+        found = take(rows, WRITTEN, 5)
+        assert (found[:4, 2] == 0).all()
+        assert not np.isnan(found).any()
+        assert found[4, 2] == min(most, np.inf if attenuation[0] == 0 else 1.0)
+
+
+def test_lights_say_whether_they_have_a_place():
+    assert {name: kind.needs_position for name, kind in LIGHTS.items()} == {
+        "directional": False,
+        "point": True,
+        "spot": True,
+        "shaped spot": True,
+    }
+
+
+def cone(numbers, axis, inner, outer, exponent):
+    """Make a spot light of a point light's numbers; angles in degrees."""
+    c_inner, c_outer = np.cos(np.radians([inner, outer]))
+    numbers[AXIS : AXIS + 3], numbers[COS_OUTER], numbers[CONE_EXPONENT] = axis, c_outer, exponent
+    numbers[CONE_SCALE] = 1 / (c_inner - c_outer) if inner < outer else np.inf
+    return numbers
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("reach", [0.5, 3.0, 100.0])
+@pytest.mark.parametrize("kind", ["point", "spot"])
+def test_the_strength_ends_at_the_range(kind, reach, dtype):
+    n, place = 200, np.array([1.0, -2.0, 0.5])
+    rows, _, positions = points(4, n, dtype)
+    numbers = cone(light(dtype, place, (0, 0, 1), np.inf), (1, 0, 0), 0, 180, 0)
+    call(LIGHTS["point"].row_function, rows, n, numbers)
+    before = take(rows, WRITTEN, n)[4]
+    numbers[INVERSE_RANGE] = 1 / reach
+    numbers[COS_OUTER], numbers[CONE_SCALE] = -2, np.inf  # a cone that holds everything
+    call(LIGHTS[kind].row_function, rows, n, numbers)
+    strength = take(rows, WRITTEN, n)[4]
+    share = np.linalg.norm(place - positions, axis=1) / reach
+    error = np.abs(strength - before * np.maximum(0, 1 - share**4)).max()
+    # The relative error of (d/r)^4 is four times that of d/r.
+    budget = (before * np.minimum(share, 1) ** 4).max() * 10 * np.finfo(dtype).eps + before.max() * np.finfo(dtype).eps
+    assert error <= budget, f"{error:.3g} > {budget:.3g}"
+    assert (strength[share > 1 + 1e-6] == 0).all() and (strength[share < 1 - 1e-6] > 0).all()
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("exponent", [0, 1, 7.5, 128])
+@pytest.mark.parametrize("angles", [(0, 90), (10, 30), (29, 30), (20, 20), (45, 45), (0, 5)])
+def test_a_spot_light_is_a_point_light_in_a_cone(angles, exponent, dtype):
+    inner, outer = angles
+    n, place, axis = r.CHUNK, np.array([0.5, 1.0, -0.25]), np.array([0.36, -0.48, 0.8])
+    rng = np.random.default_rng(outer)
+    rows, normals, _ = points(5, n, dtype)
+    # Points all over the cone, and somewhat beyond.
+    angle, turn, distance = (
+        rng.uniform(0, 1.3 * np.radians(outer), n),
+        rng.uniform(0, 2 * np.pi, n),
+        rng.uniform(0.5, 4, n),
+    )
+    side = np.cross(axis, [0, 0, 1]) / np.linalg.norm(np.cross(axis, [0, 0, 1]))
+    across = side * np.cos(turn)[:, None] + np.cross(axis, side) * np.sin(turn)[:, None]
+    ways = axis * np.cos(angle)[:, None] + across * np.sin(angle)[:, None]
+    for k in range(3):
+        first = int(r.POSITION_X) + k * r.CHUNK
+        rows[first : first + n] = (place + distance[:, None] * ways)[:, k]
+    numbers = light(dtype, place, (0, 1, 0))
+    call(LIGHTS["point"].row_function, rows, n, numbers)
+    of_point = take(rows, WRITTEN, n)
+    call(LIGHTS["spot"].row_function, rows, n, cone(numbers, axis, inner, outer, exponent))
+    found = take(rows, WRITTEN, n)
+    assert (found[:4] == of_point[:4]).all()
+    c, (c_inner, c_outer) = -(found[:3].T @ axis), np.cos(np.radians([inner, outer]))
+    t = np.clip((c - c_outer) / (c_inner - c_outer), 0, 1) if inner < outer else 1.0 * (c >= c_outer)
+    expected = of_point[4] * t**2 * (3 - 2 * t) * np.clip(c, 0, 1) ** exponent
+    # Eight roundings on the way to c, magnified by the slopes of the cone and the exponent.
+    steepness = (1.5 / (c_inner - c_outer) if inner < outer else 0) + exponent
+    budget = (8 + 8 * steepness) * np.finfo(dtype).eps
+    is_sure = np.abs(c - c_outer) > (8 * np.finfo(dtype).eps if inner == outer else -1)
+    error = np.abs(found[4] - expected)[is_sure].max()
+    assert error <= budget, f"{error:.3g} > {budget:.3g}"
+    assert is_sure.sum() > n - 5 and (expected == 0).sum() > 20 and (expected > 0).sum() > 20
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_a_spot_light_in_the_surface_point_is_no_number_nowhere(dtype):
+    rows = points(3, 5, dtype)[0]
+    place = take(rows, [r.POSITION_X, r.POSITION_Y, r.POSITION_Z], 5)[:, 2]
+    numbers = cone(light(dtype, place, (0, 0, 1), np.inf), (0, 0, 1), 10, 20, 3)
+    numbers[INVERSE_RANGE] = 0.5
+    call(LIGHTS["spot"].row_function, rows, 5, numbers)
+    found = take(rows, WRITTEN, 5)
+    assert not np.isnan(found).any() and (found[:5, 2] == 0).all()

@@ -1,0 +1,239 @@
+"""Check that no scene makes a kernel read or write outside its arrays: scenes aimed at every place where a float
+becomes an index, at words and record numbers, and at the ends of ranges.
+
+Kernels are compiled without bounds checks: so these tests are worth most with NUMBA_BOUNDSCHECK=1, as `.ci/run` runs
+them, where a wrong index is an IndexError. RASTERIZER_FUZZ_CASES is the number of random scenes.
+"""
+
+import os
+import warnings
+
+import numba
+import numpy as np
+import pytest
+from helpers.pinhole import QUAD, SHADINGS, layer, sheet_camera
+from helpers.raster import GREY
+
+import rasterizer as rz
+from rasterizer.errors import RasterizerError
+from rasterizer.pipeline import clip, texture_sampling
+from rasterizer.pipeline.cull import Faces, find_visible
+from rasterizer.pipeline.threads import Workers
+from rasterizer.pipeline.transform import Screen, Vertices
+
+N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", "1600"))
+TINY, HUGE = (1e-300, -1e-300, 5e-324), (1e300, -1e300, 1.7e308, -1.7e308, 2.0**53, 2.0**63, -(2.0**63), 2.0**64)
+NASTY = (0.0, -0.0, 1.0, -1.0, 0.5, *TINY, *HUGE)
+NUMBERS = (*NASTY, np.inf, -np.inf, np.nan, np.nextafter(1.0, 2), np.nextafter(1.0, 0), -1e-17, 1e16 + 2, 4294967296.5)
+FILTERS, WRAPS = ("nearest", "bilinear", "trilinear"), ("repeat", "clamp", "mirror")
+
+
+# ── every float that becomes an index ───────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("wrap", [texture_sampling.REPEAT, texture_sampling.CLAMP, texture_sampling.MIRROR])
+def test_places_in_a_picture_lie_within_it_whatever_the_coordinate(wrap):
+    rng = np.random.default_rng(1)
+    bits = rng.integers(0, 2**64, 20_000, dtype=np.uint64).view(np.float64)  # any float at all
+    with np.errstate(all="ignore"):
+        for x in (*NUMBERS, *bits, *rng.normal(scale=3, size=2000)):
+            place = texture_sampling.into_picture.py_func(np.float64(x), wrap)
+            assert 0.0 <= place <= 1.0, f"{x!r} with wrap {wrap} becomes {place!r}"
+
+
+@pytest.mark.parametrize("wrap", WRAPS)
+@pytest.mark.parametrize("kind", FILTERS)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (5, 3), (16, 2)])
+def test_texture_coordinates_of_any_size(kind, wrap, shape):
+    image = np.random.default_rng(2).uniform(0, 1, (*shape, 3))
+    material = rz.Material(ambient=1, diffuse=0, specular=0, texture=rz.Texture(image, kind, wrap))
+    corners = np.array(layer((16, 12), 2.0, is_perspective=False))
+    for u in NASTY:
+        for v in (0.25, -u, 3 * u if abs(u) < 1e300 else 1.0):
+            uv = np.array([(0, 0), (u, 0), (u, v), (0, v)])
+            scene = rz.Scene(
+                [rz.Mesh(corners, QUAD, uv=uv, material=material)], (rz.AmbientLight(1.0),), sheet_camera(12)
+            )
+            frame = rz.render(scene, (16, 12), shading="flat", threads=1)
+            assert np.isfinite(frame.color).all() and frame.color.max() <= image.max() + 1e-6
+
+
+@pytest.mark.parametrize("distance", [1e-3, 1.0, 5.0, 1e6])
+@pytest.mark.parametrize("share", [1e-300, 1e-100, 1e-30, 1e-16, 1e-11, 1e-6])
+def test_a_near_plane_next_to_the_eye(share, distance):
+    """1/w of the near plane leaves what float64 can tell from 0: depths and texture coordinates may be no numbers."""
+    image = np.random.default_rng(3).uniform(0, 1, (8, 8, 4))
+    vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, -0.5)]) * distance * 0.3
+    eye = (0.0, 0.0, distance)
+    camera = rz.Camera.perspective(eye, (0, 0, 0), fov=50, near=max(share * distance, 5e-324))
+    for opacity in (1.0, 0.5):
+        for kind in FILTERS:
+            look = rz.Material(texture=rz.Texture(image, kind), opacity=opacity)
+            mesh = rz.Mesh(vertices, QUAD, uv=[(0, 0), (9, 0), (9, 9), (0, 9)], material=look)
+            lamp = rz.PointLight((0, 0, distance), 0.5, shadow=True)
+            for shading in SHADINGS:
+                scene = rz.Scene([mesh], (*GREY, lamp), camera)
+                draw(scene, (16, 12), shading=shading, outputs=("rgb", "depth", "face", "normal"))
+
+
+def test_more_bands_than_sixteen_bits_can_count():
+    """A high picture whose bands are a row each."""
+    height, workers = 70_001, Workers(1)
+    y = np.array([0, 256 * height, 256 * height, 256 * 69_000, 256 * 69_100, 256 * 69_050], np.int32)
+    vertices = Vertices(np.array([0, 0, 2560, 0, 256, 2560], np.int32), y, np.zeros(6))
+    faces = Faces(*(np.array(column, np.uint32) for column in ((0, 3), (1, 4), (2, 5))))
+    (visible,) = find_visible(faces, vertices, 8, height, 1, False, workers)
+    assert visible.last_band.max() == height - 1 and len(visible.face) == 2
+    assert visible.histogram.sum() == sum(visible.last_band.astype(int) - visible.first_band + 1)
+
+
+@pytest.mark.parametrize("n", [3, 4, 6, 9, 13, 19])
+def test_a_polygon_that_zigzags_through_a_plane_finds_room(n):
+    """Slivers that rounding has bent: every corner lies on the other side than the one before."""
+    polygon, out = np.zeros((n, clip.N_COLUMN)), np.full((clip.ROOM + 1, clip.N_COLUMN), np.nan)
+    polygon[:, clip.W] = [1.0, -1.0, 1.0][:n] if n == 3 else np.where(np.arange(n) % 2, -1.0, 1.0)
+    screen = Screen(*np.eye(4)[:, :3], 1.0, 1.0, 0.0, 0.0, 0.0, np.inf, 0.0, 1.0, True)
+    n_out = clip_once(polygon, n, screen, out)
+    assert n_out <= 3 * n // 2 <= clip.ROOM and np.isnan(out[n_out:]).all() and not np.isnan(out[:n_out]).any()
+
+
+@numba.njit
+def clip_once(polygon, n, screen, out):
+    """The helper in compiled code, as the pipeline has it; at the near plane."""
+    return clip.clip_polygon(polygon, n, 0, screen, clip.GUARD, out)
+
+
+# ── random scenes, every number of which may be extreme ─────────────────────────────────────────────────
+
+
+def draw(scene, size, **options):
+    """Draw a scene; what is refused is refused by an error of ours."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        try:
+            frame = rz.render(scene, size, threads=1, **options)
+        except RasterizerError:
+            return None
+    return frame
+
+
+def extreme(rng, low=-30, high=30):
+    """A positive number of any size."""
+    return float(10.0 ** rng.uniform(low, high))
+
+
+def vertices_of(rng, unit):
+    """A soup, a fan of slivers, a floor, or points on the eye."""
+    n = 3 * int(rng.integers(1, 12))
+    points = rng.normal(size=(n, 3))
+    kind = rng.integers(4)
+    if kind == 1:
+        points = points[:1] + np.outer(np.arange(n), points[1 % n]) + 10.0 ** rng.uniform(-18, -3) * points
+    elif kind == 2:
+        points *= (10.0 ** rng.uniform(0, 7), 1e-3, 10.0 ** rng.uniform(0, 7))
+    elif kind == 3:
+        points[rng.integers(0, n, n // 3 + 1)] = (0, 0, 3)
+    return points * unit
+
+
+def material_of(rng):
+    choice = rng.choice
+    image = rng.uniform(0, 1, (int(choice((1, 2, 5, 16))), int(choice((1, 3, 8))), 4))
+    textured = rz.Texture(image, str(choice(FILTERS)), (str(choice(WRAPS)), str(choice(WRAPS))))
+    reflection = str(choice(("phong", "blinn", "cook-torrance", "toon", "oren-nayar")))
+    return rz.Material(
+        diffuse=tuple(rng.uniform(0, 1, 3)),
+        specular=float(choice((0, 0.5, 6e-10, 30))),
+        shininess=float(choice((0.05, 1, 20, 1e3, 3e8, 1e11, extreme(rng, -2, 20)))),
+        opacity=float(choice((1, 1, 1, 0.5, 1e-12, 0))),
+        emissive=float(choice((0, 0, 1e10))),
+        texture=textured if rng.random() < 0.5 else None,
+        reflection=reflection,
+    )
+
+
+def lights_of(rng, points, unit):
+    place = points[rng.integers(len(points))] + unit * float(rng.choice((0, 1e-9, 1, 1e9))) * rng.normal(size=3)
+    shadow = rz.Shadow(int(rng.choice((1, 2, 33, 64))), int(rng.choice((1, 3)))) if rng.random() < 0.4 else False
+    lights = [
+        rz.AmbientLight(0.1),
+        rz.DirectionalLight(rng.normal(size=3), float(rng.choice((0.5, 1e8))), shadow=shadow),
+        rz.PointLight(place, float(rng.choice((1, 1e-8, 1e12))), (1, 0.1, float(rng.choice((0, 1e-6)))), shadow=shadow),
+        rz.SpotLight(
+            place,
+            rng.normal(size=3),
+            1.0,
+            outer=float(rng.uniform(1e-3, 90)),
+            exponent=float(rng.choice((0, 1, 1e300))),
+        ),
+    ]
+    return [light for light in lights if rng.random() < 0.6]
+
+
+def camera_of(rng, points, unit):
+    eye = points[rng.integers(len(points))] * float(rng.choice((0, 1, 1 + 1e-9, 1, 3))) + unit * np.array(
+        (0.0, 0.0, 3.0)
+    )
+    near, far = (None if rng.random() < 0.6 else unit * extreme(rng, -40, 1)), None
+    if near is not None and rng.random() < 0.5:
+        far = near * (1 + extreme(rng, -12, 12))
+    if rng.random() < 0.3:
+        return rz.Camera.orthographic(
+            eye, points[0] + unit * np.array((0.1, 0.2, -1.0)), height=unit * extreme(rng, -12, 12), near=near, far=far
+        )
+    fov = float(rng.choice((40, 90, 1e-6, 175, 179.999999)))
+    return rz.Camera.perspective(eye, points.mean(axis=0), fov=fov, near=near, far=far)
+
+
+def scene_of(rng):
+    unit = float(rng.choice((1, 1, 1, extreme(rng), extreme(rng, -90, 90))))
+    points = vertices_of(rng, unit)
+    n_face = len(points) // 3
+    faces = (
+        rng.permutation(3 * n_face).reshape(-1, 3) if rng.random() < 0.5 else rng.integers(0, len(points), (n_face, 3))
+    )
+    uv = rng.normal(size=(len(points), 2)) * float(rng.choice((1, 1, 1e6, 1e300)))
+    uv[rng.random(uv.shape) < 0.1] = rng.choice(NASTY)
+    extras = {"uv": uv, "materials": [material_of(rng) for _ in range(2)], "face_material": rng.integers(0, 2, n_face)}
+    if rng.random() < 0.3:
+        extras["normals"] = rng.normal(size=points.shape) * rng.choice((0, 1e-200, 1, 1e100), (len(points), 1))
+    if rng.random() < 0.3:
+        extras["colors"] = rng.uniform(0, float(rng.choice((1, 1e30))), points.shape)
+    mesh = rz.Mesh(points, faces, **extras)
+    return rz.Scene([mesh], lights_of(rng, points, unit), camera_of(rng, points, unit))
+
+
+def options_of(rng):
+    width, height = (int(n) for n in rng.choice((1, 2, 7, 8, 9, 31, 64, 129), 2))
+    outputs = ("color", "rgb", "depth", "face", "normal") if rng.random() < 0.3 else ("color", "rgb")
+    return (width, height), {
+        "shading": str(rng.choice(SHADINGS)),
+        "tolerance": float(rng.choice((0, 1e-6, 1 / 4096, 0.1))),
+        "samples": int(rng.choice((1, 4, 9))),
+        "cull": str(rng.choice(("none", "back"))),
+        "color_range": str(rng.choice(("clamp", "global", "local"))),
+        "exposure": float(rng.choice((0, 0, 64, -64))),
+        "outputs": outputs,
+    }
+
+
+@pytest.mark.parametrize("part", range(8))
+def test_random_scenes_with_extreme_numbers(part):
+    """Whatever is drawn: only errors of ours come out, every pixel is written, and most scenes are drawn."""
+    n_case = -(-N_CASE // 8)
+    n_drawn = 0
+    for case in range(part * n_case, (part + 1) * n_case):
+        rng = np.random.default_rng((20_261_121, case))
+        try:
+            scene = scene_of(rng)
+        except RasterizerError:
+            continue
+        size, options = options_of(rng)
+        try:
+            frame = draw(scene, size, **options)
+        except Exception as fault:
+            raise AssertionError(f"case {case}: {type(fault).__name__}: {fault}") from fault
+        n_drawn += frame is not None
+        if frame is not None and "face" in options["outputs"]:
+            assert frame.face.min() >= -1 and frame.face.max() < scene.meshes[0].n_face, f"case {case}"
+    assert n_drawn > 0.5 * n_case, f"only {n_drawn} of {n_case} scenes are drawn"

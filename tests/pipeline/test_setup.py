@@ -1,0 +1,127 @@
+"""Check what a block of triangles holds: order, boxes, attributes and planes of depth, against plain integers and
+fractions."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from helpers.stages import random_triangles, slivers
+
+from rasterizer.compiler.kernels import kernel
+from rasterizer.pipeline import setup as b
+from rasterizer.pipeline.cull import first_sample
+from rasterizer.pipeline.transform import Vertices
+
+SIZE, ROWS = (120, 90), (16, 80)
+
+
+@kernel
+def set_up(faces, polygons, vertices, attributes, y_start, y_stop, width, block):
+    """The first half of the scan stage, for one block."""
+    b.gather_vertices(faces, polygons, vertices, block)
+    b.order_vertices(block)
+    b.gather_attributes(len(faces), attributes, block)
+    b.set_up_boxes(y_start, y_stop, width, block)
+    b.set_up_depths(block)
+
+
+def triangles(seed):
+    """A full block of triangles (64, 3, 2), both windings, equal heights among them."""
+    rng = np.random.default_rng(seed)
+    found = np.concatenate([
+        random_triangles(rng, 20, SIZE, 2.0), random_triangles(rng, 20, SIZE, 50.0), random_triangles(rng, 8, SIZE, 2.0**19),
+        slivers(rng, 16, SIZE, 500, 3),
+    ]).clip(-(2**28), 2**28)  # fmt: skip
+    found[::7, 1, 1] = found[::7, 0, 1]
+    found[::11, 2] = found[::11, 0] + (256, 0)
+    return found
+
+
+def block_of(corners, z, attributes, n_side=1):
+    """Set up triangles (n, 3, 2) with z-buffer depths (n, 3); return the rows as dictionaries, and what went in."""
+    n, n_attribute = len(corners), attributes.shape[-1]
+    index = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
+    inverted = (np.arange(n) % 3 == 0).astype(np.uint8)
+    vertices = Vertices(*(np.ascontiguousarray(corners[..., k].ravel().astype(np.int32)) for k in range(2)), z.ravel())
+    rows = np.ascontiguousarray(attributes.reshape(n_side, 3 * n, n_attribute))
+    block = b.make_block()
+    set_up(np.arange(n, dtype=np.uint32), b.Polygons(index, index, inverted), vertices, rows, *ROWS, SIZE[0], block)
+    return block, inverted
+
+
+def row(array, first, n):
+    """The first n columns of a row."""
+    return array[int(first) : int(first) + n]
+
+
+@pytest.mark.parametrize("n", [1, 17, b.BLOCK])
+@pytest.mark.parametrize("seed", range(4))
+def test_vertices_are_clockwise_and_the_topmost_is_first(seed, n):
+    """Whatever order they are listed in: the same rows, but for the side that is seen."""
+    corners = triangles(seed)[:n]
+    z, values = np.random.default_rng(seed).random((n, 3)), np.random.default_rng(seed + 9).random((2, n, 3, 2))
+    for turned in ([0, 1, 2], [1, 2, 0], [2, 1, 0]):
+        block, inverted = block_of(corners[:, turned], z[:, turned], values[:, :, turned], 2)
+        for k in range(n):
+            (ax, ay), (bx, by), (cx, cy) = (map(int, corner) for corner in corners[k])
+            cross = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+            if cross == 0:
+                continue
+            order = sorted(range(3), key=lambda i, k=k: (corners[k, i, 1], corners[k, i, 0]))[:1]
+            order += [(order[0] + step) % 3 for step in ((1, 2) if cross > 0 else (2, 1))]
+            is_front = (cross < 0) != (turned == [2, 1, 0])
+            is_flipped = is_front == bool(inverted[k])
+            found = [[block.ints[int(f) + k] for f in pair] for pair in ((b.X0, b.Y0), (b.X1, b.Y1), (b.X2, b.Y2))]
+            assert found == corners[k, order].tolist()
+            assert [block.reals[int(f) + k] for f in (b.Z0, b.Z1, b.Z2)] == z[k, order].tolist()
+            assert bool(block.ints[int(b.IS_FLIPPED) + k]) == is_flipped
+            carried = [block.reals[int(b.ATTRIBUTE0) + i * b.BLOCK + k] for i in range(6)]
+            assert carried == values[int(is_flipped), k, order].T.ravel().tolist()
+
+
+def test_boxes_hold_the_samples_of_the_band():
+    corners = triangles(7)
+    n = len(corners)
+    block, _ = block_of(corners, np.zeros((n, 3)), np.zeros((n, 3, 0)))
+    low = [[first_sample.py_func(v) for v in corners[:, :, k].min(axis=1)] for k in range(2)]
+    high = [[first_sample.py_func(v) for v in corners[:, :, k].max(axis=1)] for k in range(2)]
+    for name, first in zip((b.ANCHOR_X, b.ANCHOR_Y), low, strict=True):
+        assert row(block.ints, name, n).tolist() == np.maximum(first, 0).tolist()
+    assert row(block.ints, b.STEPS_X, n).tolist() == np.subtract(high[0], low[0]).tolist()
+    assert row(block.ints, b.STEPS_Y, n).tolist() == np.subtract(high[1], low[1]).tolist()
+    assert row(block.ints, b.LEFT, n).tolist() == np.maximum(low[0], 0).tolist()
+    assert row(block.ints, b.RIGHT, n).tolist() == np.minimum(high[0], SIZE[0]).tolist()
+    assert row(block.ints, b.TOP, n).tolist() == np.maximum(low[1], ROWS[0]).tolist()
+    assert row(block.ints, b.BOTTOM, n).tolist() == np.minimum(high[1], ROWS[1]).tolist()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_planes_of_depth_are_those_of_fractions(seed):
+    """Value and slopes are rounded to whole steps; what is too long and thin, or too steep, is said to be."""
+    corners, rng = triangles(seed), np.random.default_rng(seed)
+    n = len(corners)
+    z = rng.uniform(2.0**23, 2.0**38 - 2.0**23, (n, 3))
+    block, _ = block_of(corners, z, np.zeros((n, 3, 0)))
+    n_plane = 0
+    for k in range(n):
+        (ax, ay), (bx, by), (cx, cy) = ([int(v) for v in corner] for corner in corners[k])
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        wide, high = np.ptp(corners[k].astype(object), axis=0)
+        if area == 0:
+            continue
+        is_sliver = wide * high > b.MAX_ELONGATION * abs(area)
+        assert bool(block.ints[int(b.IS_SLIVER) + k]) == is_sliver == (not block.ints[int(b.IS_GOOD) + k])
+        if is_sliver:
+            continue
+        n_plane += 1
+        za, zb, zc = map(Fraction, z[k])
+        z_x = 256 * ((zb - za) * (cy - ay) - (zc - za) * (by - ay)) / area
+        z_y = 256 * ((zc - za) * (bx - ax) - (zb - za) * (cx - ax)) / area
+        x, y = (int(block.ints[int(f) + k]) * 256 + 128 for f in (b.ANCHOR_X, b.ANCHOR_Y))
+        value = za + (z_x * (x - ax) + z_y * (y - ay)) / 256
+        found = [int(block.longs[int(f) + k]) for f in (b.DEPTH, b.DEPTH_X, b.DEPTH_Y)]
+        # Half a step of rounding, and a few float64 roundings of numbers as large as these.
+        large = max(abs(za), abs(zb), abs(zc)) * (1 + wide * high / abs(area))
+        for number, expected in zip(found, (value, z_x, z_y), strict=True):
+            assert abs(number - expected) <= 0.5 + 16 * large * Fraction(2) ** -53
+    assert n_plane > 30

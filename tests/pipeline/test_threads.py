@@ -1,0 +1,132 @@
+"""Check that the picture is the same, byte for byte, for any number of threads and height of the bands."""
+
+import numpy as np
+import pytest
+from helpers.judge import BUFFERS
+from helpers.pinhole import SHADINGS, octasphere, torus
+from helpers.raster import COLORED, GREY
+
+import rasterizer as rz
+from rasterizer.engine import plan
+from rasterizer.pipeline.threads import MIN_PART, Workers
+
+SIZE = (203, 157)  # no multiple of anything
+CAMERA = rz.Camera.perspective((1.5, 2, 4), fov=40)
+
+
+def scene(lights):
+    """Two meshes of different materials, in perspective."""
+    vertices, faces = octasphere(3)
+    shiny = rz.Material(specular=0.5, shininess=60, reflection="blinn")
+    return rz.Scene([rz.Mesh(*torus(24, 12)), rz.Mesh(vertices * 0.6, faces, material=shiny)], lights, CAMERA)
+
+
+def assert_same(frames):
+    """Refuse frames that differ in any bit."""
+    assert frames[0].alpha.sum() > 1000
+    for other in frames[1:]:
+        for name in (*BUFFERS, "alpha", "rgba"):
+            here, there = getattr(frames[0], name), getattr(other, name)
+            assert here.tobytes() == there.tobytes(), f"{name} differs in {(here != there).sum()} values"
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("samples", [1, 4, 9])
+def test_threads_do_not_change_a_bit(shading, samples):
+    for lights in (GREY, COLORED):
+        for tolerance in (0.0, 1 / 4096):
+            assert_same(
+                [
+                    rz.render(
+                        scene(lights),
+                        SIZE,
+                        shading=shading,
+                        samples=samples,
+                        tolerance=tolerance,
+                        threads=threads,
+                        outputs=BUFFERS,
+                    )
+                    for threads in (1, 2, 4, 7)
+                ]
+            )
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_the_height_of_bands_does_not_change_a_bit(shading, monkeypatch):
+    for tolerance in (0.0, 1 / 4096):
+        frames = []
+        for words in (1, 11 * SIZE[0], 29 * SIZE[0], 2**17, 2**24):
+            monkeypatch.setattr(plan, "BAND_WORDS", words)
+            frames.append(
+                rz.render(scene(COLORED), SIZE, shading=shading, tolerance=tolerance, threads=1, outputs=BUFFERS)
+            )
+        assert_same(frames)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_a_neighbour_does_not_change_a_bit(shading):
+    """A pixel is a function of its polygon alone: what is drawn beside it must not move it."""
+    vertices, faces = octasphere(3)
+    far_left = rz.Mesh(vertices * 0.1 - (1.6, 0, 0), faces)
+    for lights in (GREY, COLORED):
+        for tolerance in (0.0, 1 / 4096):
+            alone, accompanied = (
+                rz.render(
+                    rz.Scene([rz.Mesh(vertices, faces), *others], lights, CAMERA),
+                    SIZE,
+                    shading=shading,
+                    tolerance=tolerance,
+                    outputs=("color", "face"),
+                )
+                for others in ((), (far_left,))
+            )
+            is_same = (alone.face == accompanied.face) & (alone.face >= 0)
+            assert is_same.sum() > 1000 and (accompanied.face >= len(faces)).any()
+            assert (alone.color[is_same] == accompanied.color[is_same]).all()
+
+
+def test_a_second_run_gives_the_same_bytes():
+    for shading in SHADINGS:
+        assert_same([rz.render(scene(COLORED), SIZE, shading=shading, outputs=BUFFERS) for _ in range(2)])
+
+
+def test_many_vertices_are_divided_among_threads():
+    """Enough vertices and faces that every stage has parts to divide."""
+    vertices, faces = octasphere(6)
+    assert len(vertices) > MIN_PART
+    mesh = rz.Mesh(vertices, faces)
+    for lights in (GREY, COLORED):
+        assert_same(
+            [
+                rz.render(rz.Scene([mesh], lights, CAMERA), SIZE, threads=threads, outputs=BUFFERS)
+                for threads in (1, 2, 5)
+            ]
+        )
+
+
+def test_ranges_are_whole_and_in_order():
+    for n_thread in (1, 2, 3, 8):
+        workers = Workers(n_thread)
+        for n in (0, 1, MIN_PART - 1, MIN_PART * 3 + 7, 10 * MIN_PART * n_thread):
+            ranges = workers.ranges(n)
+            assert np.concatenate([np.arange(*part) for part in ranges]).tolist() == list(range(n))
+            assert len(ranges) <= 4 * n_thread
+        workers.close()
+
+
+@pytest.mark.parametrize("n_thread", [1, 2, 5])
+def test_every_item_is_done_once_and_results_are_in_order(n_thread):
+    workers, done = Workers(n_thread), []
+    results = workers.map(lambda item: done.append(item) or 10 * item, range(100))
+    workers.close()
+    assert results == list(range(0, 1000, 10)) and sorted(done) == list(range(100))
+
+
+@pytest.mark.parametrize("n_thread", [1, 2, 5])
+def test_an_error_on_any_thread_is_raised(n_thread):
+    workers = Workers(n_thread)
+    for wrong in (0, 7, 19):
+        with pytest.raises(ZeroDivisionError):
+            workers.map(lambda item, wrong=wrong: 1 / (item - wrong), range(20))
+    assert workers.map(abs, [-1, -2]) == [1, 2]
+    workers.close()

@@ -1,0 +1,155 @@
+"""The scripts of bench/ run, and their last line is JSON with what they promise."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+import rasterizer as rz
+from bench import analytic, before_after, features, frame, margins, measure, scenes, speed_vs_error
+from rasterizer import reference
+
+QUICK = ["--frames", "3", "--seconds", "0.01"]
+MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
+
+
+def record_of(capsys, bench) -> dict:
+    """Return the JSON line that a script has printed last."""
+    record = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert set(record) == {"bench", "machine", "settings", "rows", "peak_mib"}
+    assert record["bench"] == bench and set(record["machine"]) == MACHINE
+    return record
+
+
+def test_frame(capsys):
+    shadings = ["gouraud", "phong"]
+    arguments = [
+        "cube",
+        str(ROOT / "models/torus.glb"),
+        "quads-back",
+        "--sizes",
+        "32",
+        "48x20",
+        "--threads",
+        "1",
+        "2",
+    ]
+    assert frame.main([*arguments, "--shadings", *shadings, "--channels", "rgb", "--stages", *QUICK]) == 0
+    rows = record_of(capsys, "frame")["rows"]
+    assert [row["case"] for row in rows[::4]] == ["cube", "torus", "quads-back"]
+    assert [row["shading"] for row in rows] == shadings * 6 and [row["size"] for row in rows[::2]] == [
+        "32x32",
+        "48x20",
+    ] * 3
+    for row in rows:
+        assert set(row) == {"case", "triangles", "size", "shading", "prepare_ms", "first_ms", "ms_1", "ms_2", "n_frame",
+                            "spread", "yard_ms", "yards", "gain", "ns_triangle", "ns_pixel", "coverage", "stages"}  # fmt: skip
+        assert row["ms_1"] > 0 and row["n_frame"] == 3 and set(row["stages"]) == {"1", "2"}
+        assert (row["coverage"] == 1.0) == (row["case"] == "quads-back")
+
+
+@pytest.mark.slow
+def test_features(capsys):
+    assert features.main(["--model", "cube", "--size", "40", "--seconds", "0.01", "--frames", "3"]) == 0
+    rows = record_of(capsys, "features")["rows"]
+    costs = {row["feature"]: row for row in rows if "feature" in row}
+    assert set(costs) == set(features.list_features()) and all(row["ms"] > 0 for row in costs.values())
+    assert costs["plain"]["ns_more"] is None and costs["plain"]["dtype"] == "float32"
+    assert costs["shadow, look-up"]["dtype"] == "float64"
+    maps = [row for row in rows if "light" in row]
+    assert [row["triangles"] for row in maps] == [12, 12] and all(row["ms_1"] > 0 and row["ms_2"] > 0 for row in maps)
+
+
+def test_before_after(capsys):
+    """A version compared with itself."""
+    assert before_after.main([str(ROOT), "cube", "--size", "32", "--frames", "3", "--pairs", "1"]) == 0
+    rows = record_of(capsys, "before_after")["rows"]
+    assert [(row["shading"], row["channels"]) for row in rows] == list(before_after.KINDS)
+    assert all(row["case"] == "cube" and row["ratio"] > 0 and row["ratio_of_best"] > 0 for row in rows)
+    with pytest.raises(SystemExit, match="can't draw"):
+        before_after.Version(ROOT, ("no such scene", "32", "flat", "mono", "none", 1))
+
+
+def test_frame_in_fresh_processes(capsys):
+    assert frame.main(["cube", "--sizes", "32", "--shadings", "flat", "--threads", "1", "--memory"]) == 0
+    (row,) = record_of(capsys, "frame")["rows"]
+    steps = {"import_ms", "build_ms", "prepare_ms", "first_ms", "warm_ms"}
+    assert set(row) == {"case", "triangles", "size", "shading", "threads", "peak_mib"} | steps
+    assert all(row[step] > 0 for step in steps) and row["triangles"] == 12
+
+
+def test_speed_vs_error(capsys):
+    arguments = ["cube", "torus", "--size", "40x30", "--shadings", "gouraud", "--tolerances", "0", "1/256"]
+    assert speed_vs_error.main([*arguments, "--samples", "1", "4", *QUICK]) == 0
+    rows = record_of(capsys, "speed_vs_error")["rows"]
+    assert len(rows) == 8
+    always = {"model", "shading", "samples", "tolerance", "ms", "speed", "ns_triangle", "ns_pixel", "max", "rms", "bound",
+              "of_bound", "levels", "over_1", "other", "vertices"}  # fmt: skip
+    for row in rows:
+        against_surface = {"true_max", "true_rms", "true_over_1", "silhouette"} if row["model"] == "torus" else set()
+        assert set(row) == always | against_surface
+        assert row["rms"] <= row["max"] <= row["bound"], row
+        assert 0 < row["vertices"] < 0.01, row
+
+
+@pytest.mark.parametrize("seed", [12, 21, 22])
+def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front(seed):
+    """Squares that cross each other, drawn with coarse depth: along their edges the reference may show the other
+    one."""
+    rng, size, settings = np.random.default_rng(seed), (96, 72), {"shading": "flat", "samples": 4}
+    square, meshes = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float), []
+    for _ in range(12):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        meshes.append(rz.Mesh(square @ turn, [[0, 1, 2, 3]], material=rz.Material(diffuse=rng.random(3))))
+    scene = rz.Scene(meshes, camera=rz.Camera.perspective((0, 0, 3), near=1e-4))
+    judge = reference.render(scene, size, **settings)
+    is_clear = margins.clear_pixels(scene, size, 4, lambda grid: reference.render(scene, grid, shading="flat"))
+    frame = rz.render(scene, size, tolerance=0, outputs=("color", "face"), **settings)
+    row = speed_vs_error.compare_with_reference(frame, judge, is_clear)
+    assert row["max"] <= row["bound"], f"{row['max']:.3g} > {row['bound']:.3g}"
+    assert row["other"] <= 0.05 * is_clear.size, f"{row['other']} pixels left out > 5 %"
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("name", ["sphere", "torus"])
+def test_true_surface_is_what_the_mesh_approximates(name, samples):
+    size = (48, 36)
+    scene = scenes.build(name, size)
+    assert analytic.find_surface(scene) == name and analytic.find_surface(scenes.build("cube", size)) is None
+    truth = analytic.draw(name, scene, size, samples)
+    with speed_vs_error.Renderer(scene, size, shading="phong", samples=samples, outputs=("color", "depth")) as renderer:
+        drawn = renderer.render()
+    assert np.abs(truth.alpha - drawn.alpha).mean() < 0.01
+    found = speed_vs_error.compare_with_surface(drawn, truth, samples, 0.3)
+    assert 0 < found["true_rms"] < 0.01 and found["true_rms"] < found["true_max"] < 0.2
+
+
+@pytest.mark.parametrize(
+    ("shape", "n_face"),
+    [(scenes.icosphere(2), 320), (scenes.uv_sphere(6, 9), 90), (scenes.torus(5, 7), 70)],
+)
+def test_generated_shapes_are_closed_and_wound_outwards(shape, n_face):
+    vertices, faces = shape
+    assert vertices.dtype == np.float32 and faces.dtype == np.uint32 and len(faces) == n_face
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).tolist()
+    assert len(set(map(tuple, edges))) == len(edges) and {(b, a) for a, b in edges} == set(map(tuple, edges))
+    a, b, c = vertices[faces].astype(float).transpose(1, 0, 2)
+    assert np.sum(a * np.cross(b, c)) > 0
+
+
+def test_every_quad_of_a_stack_fills_the_picture():
+    for name, nearest in (("quads-front", 0), ("quads-back", scenes.N_QUAD - 1)):
+        scene = scenes.build(name, (40, 30))
+        with speed_vs_error.Renderer(scene, (40, 30), outputs=("face",)) as renderer:
+            assert set(np.unique(renderer.render().face) // 2) == {nearest}
+
+
+def test_calls_take_turns():
+    order = []
+    calls = {name: lambda name=name: order.append(name) for name in "ab"}
+    times = measure.take_turns(calls, 0.0, 25)
+    assert order == list("ab") * measure.LEAST_ROUNDS and len(times["a"][0]) == measure.LEAST_ROUNDS

@@ -1,0 +1,133 @@
+"""Check how the judge puts layers that let light through on each other: panes by hand, in any order of the file."""
+
+import itertools
+
+import numpy as np
+import pytest
+from helpers.pinhole import QUAD, SHADINGS, at_pixel, draw, eye_camera, layer, octasphere, sheet_camera
+
+from rasterizer.reference import render
+from rasterizer.scene.camera import Camera
+from rasterizer.scene.lights import AmbientLight
+from rasterizer.scene.material import Material
+from rasterizer.scene.mesh import Mesh
+from rasterizer.scene.scene import Scene
+from rasterizer.scene.texture import Texture
+
+SIZE = (8, 8)
+RED, GREEN, BLUE = np.eye(3)
+
+
+def pane(color, opacity, depth, is_perspective=True, corners=None, **options):
+    """A sheet across the picture that shines by itself."""
+    material = Material(diffuse=0.0, specular=0.0, emissive=color, opacity=opacity, **options)
+    corners = layer(SIZE, depth, is_perspective) if corners is None else corners
+    return Mesh(np.array(corners), QUAD, material=material, uv=np.zeros((4, 2)))
+
+
+def show(meshes, shading="gouraud", background=None, camera=None, size=SIZE, **options):
+    scene = Scene(meshes, lights=AmbientLight(), camera=camera or eye_camera(), background=background)
+    return render(scene, size, shading, **options)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("is_perspective", [True, False])
+def test_two_panes_in_both_orders_of_the_file(shading, is_perspective):
+    camera = None if is_perspective else sheet_camera(SIZE[1])
+    front, behind = pane(RED, 0.25, 2.0, is_perspective), pane(GREEN, 0.5, 3.0, is_perspective)
+    for meshes, front_faces in (((front, behind), {0, 1}), ((behind, front), {2, 3})):
+        picture = show(meshes, shading, camera=camera)
+        # premultiplied 0.25 red and 0.75·0.5 green; 1 - 0.75·0.5 is covered
+        np.testing.assert_allclose(picture.alpha, 0.625, rtol=1e-15)
+        np.testing.assert_allclose(picture.color, np.broadcast_to((0.4, 0.6, 0.0), (8, 8, 3)), atol=1e-15)
+        assert set(np.unique(picture.face)) == front_faces
+        np.testing.assert_allclose(picture.depth, 2.0, rtol=1e-14)
+        assert np.allclose(picture.normal, (0, 0, 1))
+        over = show(meshes, shading, "#0000ff", camera=camera)
+        np.testing.assert_allclose(over.color, np.broadcast_to((0.25, 0.375, 0.375), (8, 8, 3)), atol=1e-15)
+        assert (over.alpha == 1).all()
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(4))))
+def test_an_opaque_layer_ends_the_sum(order):
+    panes = [pane(RED, 0.5, 2.0), pane(GREEN, 0.2, 3.0), pane(BLUE, 1.0, 4.0), pane((9, 9, 9), 0.5, 5.0)]
+    picture = show([panes[k] for k in order])
+    np.testing.assert_allclose(picture.color, np.broadcast_to((0.5, 0.1, 0.4), (8, 8, 3)), rtol=1e-14)
+    assert (picture.alpha == 1).all()
+    assert (picture.face // 2 == order.index(0)).all()
+
+
+def test_of_equally_deep_layers_the_lower_face_is_nearer():
+    for meshes, expected in (
+        ((pane(RED, 0.5, 2.0), pane(GREEN, 0.5, 2.0)), (2 / 3, 1 / 3, 0)),
+        ((pane(GREEN, 0.5, 2.0), pane(RED, 0.5, 2.0)), (1 / 3, 2 / 3, 0)),
+        ((pane(GREEN, 1.0, 2.0), pane(RED, 0.5, 2.0)), (0, 1, 0)),
+        ((pane(RED, 0.5, 2.0), pane(GREEN, 1.0, 2.0)), (0.5, 0.5, 0)),
+    ):
+        picture = show(meshes)
+        np.testing.assert_allclose(picture.color, np.broadcast_to(expected, (8, 8, 3)), atol=1e-14)
+        assert (picture.face < 2).all() and (picture.margin == 0).all()
+
+
+def test_the_least_margin_counts_as_far_as_one_sees():
+    near, middle, far = pane(RED, 0.5, 2.0), pane(GREEN, 0.5, 4.0), pane(BLUE, 1.0, 4.5)
+    behind = pane(RED, 1.0, 4.6)
+    # 0.5 at the depth 4 are as many steps of the depth buffer as 0.5·(2/4)² at the depth 2
+    np.testing.assert_allclose(show((near, middle, far, behind)).margin, 0.1 * (2 / 4.5) ** 2, rtol=1e-12)
+    np.testing.assert_allclose(show((near, middle, far)).margin, 0.5 * (2 / 4) ** 2, rtol=1e-12)
+    solid = pane(RED, 1.0, 2.0)
+    np.testing.assert_allclose(show((solid, middle, far)).margin, 2.0, rtol=1e-12)
+    flat = [pane(color, 0.5, depth, False) for color, depth in ((RED, 2.0), (GREEN, 4.0), (BLUE, 4.5))]
+    np.testing.assert_allclose(show(flat, camera=sheet_camera(SIZE[1])).margin, 0.5, rtol=1e-12)
+
+
+def test_texture_and_opacity_multiply():
+    image = np.array([[[0.2, 0.4, 0.6, 0.5]]], np.float32)
+    texture = Texture(image, "nearest")
+    material = Material(ambient=1.0, diffuse=0.0, specular=0.0, opacity=0.5, texture=texture)
+    mesh = Mesh(np.array(layer(SIZE, 2.0)), QUAD, material=material, uv=np.zeros((4, 2)))
+    picture = show([mesh])
+    np.testing.assert_allclose(picture.alpha, 0.25, rtol=1e-15)
+    np.testing.assert_allclose(picture.color, np.broadcast_to(image[0, 0, :3], (8, 8, 3)), rtol=1e-7)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_what_is_clear_is_not_there_but_in_the_buffers(shading):
+    clear = pane(RED, 0.0, 2.0)
+    picture = show([clear], shading)
+    assert (picture.alpha == 0).all() and (picture.color == 0).all() and (picture.rgb == 0).all()
+    assert (picture.face >= 0).all() and np.allclose(picture.depth, 2.0)
+    both = show([clear, pane(GREEN, 1.0, 3.0)], shading)
+    assert (both.color == GREEN).all() and (both.alpha == 1).all() and (both.face < 2).all()
+
+
+def test_samples_are_averaged_premultiplied():
+    # a pane of opacity 0.5 covers two of the four columns of samples of each pixel; behind it there is one of 0.25
+    # everywhere
+    size = (2, 2)
+    half = [at_pixel(size, *place, 2.0) for place in ((0, -9), (0.5, -9), (0.5, 9), (0, 9))]
+    everywhere = layer(size, 3.0)
+    meshes = [pane(RED, 0.5, 0, corners=half), pane(GREEN, 0.25, 0, corners=everywhere)]
+    picture = show(meshes, size=size, samples=16)
+    alpha = (0.5 * (0.5 + 0.5 * 0.25) + 0.5 * 0.25, 0.25)
+    np.testing.assert_allclose(picture.alpha, [alpha, alpha], rtol=1e-14)
+    red, green = 0.5 * 0.5, 0.5 * (0.5 * 0.25) + 0.5 * 0.25
+    np.testing.assert_allclose(picture.color[:, 0], [(red / alpha[0], green / alpha[0], 0)] * 2, rtol=1e-14)
+    np.testing.assert_allclose(picture.color[:, 1], [GREEN] * 2, rtol=1e-14)
+
+
+def test_a_glass_sphere_has_two_layers():
+    vertices, faces = octasphere(3)
+    material = Material(diffuse=0.0, specular=0.0, emissive=0.5, opacity=0.3)
+    camera = Camera.perspective((1, 2, 4), fov=40)
+    both = draw(vertices, faces, (48, 36), camera=camera, material=material)
+    front = draw(vertices, faces, (48, 36), camera=camera, material=material, cull="back")
+    solid = draw(vertices, faces, (48, 36), camera=camera, material=Material(diffuse=0.0, specular=0.0, emissive=0.5))
+    is_hit = solid.face >= 0
+    assert is_hit.sum() > 300
+    # the silhouette belongs to front and back alike: coverage is that of closed meshes
+    np.testing.assert_allclose(both.alpha, np.where(is_hit, 1 - 0.7**2, 0), atol=1e-15)
+    np.testing.assert_allclose(front.alpha, np.where(is_hit, 0.3, 0), atol=1e-15)
+    np.testing.assert_allclose(both.color[is_hit], 0.5, rtol=1e-14)
+    for name in ("face", "depth", "normal"):
+        assert (getattr(both, name) == getattr(solid, name)).all()

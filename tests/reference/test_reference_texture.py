@@ -1,0 +1,189 @@
+"""Check the judge's textures: texels by hand, a checkerboard in perspective, levels of detail in closed form."""
+
+import numpy as np
+import pytest
+from helpers.pinhole import ALBEDO, QUAD, SHADINGS, at_pixel, draw, eye_camera, sample_rays, sheet_camera
+
+from rasterizer.reference import render
+from rasterizer.reference.texture import level_of_detail, look_up
+from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
+from rasterizer.scene.material import Material
+from rasterizer.scene.mesh import Mesh
+from rasterizer.scene.scene import Scene
+from rasterizer.scene.texture import Texture
+
+UV = np.array([[0.0, 1], [1, 1], [1, 0], [0, 0]])  # of the corners of `sheet`: the picture upright, once
+ROWS = np.random.default_rng(7).random((3, 4, 3)).astype(np.float32)  # a picture of 4 x 3 texels
+STILL = np.zeros((1, 2, 2))
+
+
+def sheet(size, depth=2.0, is_perspective=True):
+    """The corners of a sheet that fills the picture exactly, from the upper left one clockwise."""
+    width, height = size
+    places = ((0, 0), (width, 0), (width, height), (0, height))
+    return [at_pixel(size, *place, depth, is_perspective) for place in places]
+
+
+def painted(image=ROWS, filter="nearest", wrap="repeat", **options):
+    """A material that shows a texture as it is under the light of `draw`."""
+    return Material(ambient=1.0, diffuse=0.0, specular=0.0, texture=Texture(image, filter, wrap), **options)
+
+
+def at(texture, u, v):
+    """Look up a single point, magnified."""
+    return look_up(texture, np.array([[u, v]], float), STILL)[0]
+
+
+# ── texels ──────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("is_perspective", [True, False])
+def test_a_sheet_shows_its_texels(shading, is_perspective):
+    camera = None if is_perspective else sheet_camera(6)
+    corners = sheet((8, 6), is_perspective=is_perspective)
+    picture = draw(corners, QUAD, (8, 6), camera=camera, material=painted(), shading=shading, uv=UV)
+    assert (picture.color == np.repeat(np.repeat(ROWS, 2, axis=0), 2, axis=1)).all() and (picture.alpha == 1).all()
+    per_corner = draw(corners, QUAD, (8, 6), camera=camera, material=painted(), shading=shading, uv=UV[QUAD])
+    assert (per_corner.color == picture.color).all()
+
+
+def test_nearest_takes_the_texel_that_a_point_lies_in():
+    texture = Texture(ROWS, "nearest")
+    for u, v, row, column in (
+        (0.01, 0.99, 0, 0),
+        (0.26, 0.99, 0, 1),
+        (0.99, 0.01, 2, 3),
+        (0.5, 0.5, 1, 2),
+        (0.6, 0.65, 1, 2),
+    ):
+        assert (at(texture, u, v)[:3] == ROWS[row, column]).all(), (u, v)
+
+
+def test_wraps():
+    line = np.arange(4.0, dtype=np.float32).reshape(1, 4)
+    outside = np.arange(-5, 9)
+    for wrap, expected in (
+        ("repeat", [3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0]),
+        ("clamp", [0, 0, 0, 0, 0, 0, 1, 2, 3, 3, 3, 3, 3, 3]),
+        ("mirror", [3, 3, 2, 1, 0, 0, 1, 2, 3, 3, 2, 1, 0, 0]),
+    ):
+        across, down = Texture(line, "nearest", (wrap, "clamp")), Texture(line.T[::-1], "nearest", ("clamp", wrap))
+        assert [at(across, (i + 0.5) / 4, 0.5)[0] for i in outside] == expected, wrap
+        assert [at(down, 0.5, (i + 0.5) / 4)[0] for i in outside] == expected, wrap
+
+
+def test_bilinear_is_the_mean_of_four():
+    texture = Texture(ROWS, "bilinear", "clamp")
+    assert np.allclose(
+        at(texture, 0.5, 0.5)[:3], (ROWS[1, 1] + ROWS[1, 2]) / 2
+    )  # between columns 1 and 2, amidst row 1
+    assert np.allclose(at(texture, 2 / 4, 2 / 3)[:3], ROWS[:2, 1:3].mean(axis=(0, 1)))
+    assert np.allclose(at(texture, 0.0, 0.0)[:3], ROWS[2, 0])
+    # an eighth of a texel right of the centre of column 3: the neighbour is column 0, 3 or 3
+    u = (3.5 + 0.125) / 4
+    for wrap, neighbour in (("repeat", 0), ("clamp", 3), ("mirror", 3)):
+        expected = 0.875 * ROWS[1, 3] + 0.125 * ROWS[1, neighbour]
+        assert np.allclose(at(Texture(ROWS, "bilinear", wrap), u, 0.5)[:3], expected), wrap
+
+
+def test_alpha_is_interpolated_by_itself():
+    image = np.array([[[1, 0, 0, 1.0], [0, 1, 0, 0.0]]], np.float32)
+    assert np.allclose(at(Texture(image, "bilinear", "clamp"), 0.5, 0.5), (0.5, 0.5, 0, 0.5))
+
+
+# ── perspective ─────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_a_checkerboard_in_perspective(shading):
+    # a floor one unit below the eye, 8 wide, from depth 1 to 9: the ray (x, y, -1) meets it at depth -1/y
+    size = (64, 48)
+    floor = np.array([(-4, -1, -1.0), (4, -1, -1), (4, -1, -9), (-4, -1, -9)])
+    uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    board = (np.indices((8, 8)).sum(axis=0) % 2).astype(np.float32)
+    options = dict(material=painted(board), uv=uv, shading=shading)
+    picture = draw(floor, [[0, 1, 2], [0, 2, 3]], size, **options)
+    is_seen = picture.face >= 0
+    x, y, _ = sample_rays(size)[is_seen].T
+    depth = -1 / y
+    east, north = x * depth + 4, depth - 1  # squares of one unit
+    safe = np.minimum(np.abs(east - np.rint(east)), np.abs(north - np.rint(north))) > 0.05 * depth
+    expected = (np.floor(east) + np.floor(8 - north)) % 2
+    assert is_seen.sum() > 900 and safe.sum() > 300
+    np.testing.assert_allclose(picture.color[is_seen][safe, 0], expected[safe], atol=1e-14)
+
+
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize(
+    "first", [1.0, -3.0]
+)  # depth where the floor begins: before the eye, or behind it, to be clipped
+def test_the_level_of_detail_of_a_slanted_plane(samples, first):
+    # the floor above with a picture whose value is its level: u = (x/8 + ½), v = (depth - 1)/8, both in perspective;
+    # depth = 1/s for the slope s below the horizon, so dv/ds = -depth²/8 and du/dx = depth/8 for each unit of the
+    # screen
+    size, per_axis = (64, 48), round(samples**0.5)
+    floor = np.array([(-4, -1, -first), (4, -1, -first), (4, -1, -9), (-4, -1, -9)])
+    uv = np.array([[0.0, (first - 1) / 8], [1, (first - 1) / 8], [1, 1], [0, 1]])
+    texture = Texture(np.zeros((64, 256), np.float32))
+    levels = tuple(np.full((*level.shape[:2], 4), (k, k, k, 1), np.float32) for k, level in enumerate(texture.pyramid))
+    object.__setattr__(texture, "pyramid", levels)
+    material = Material(ambient=1.0, diffuse=0.0, specular=0.0, texture=texture)
+    picture = draw(floor, [[0, 1, 2], [0, 2, 3]], size, material=material, uv=uv, samples=samples)
+    fine = (size[0] * per_axis, size[1] * per_axis)
+    x, y, _ = np.moveaxis(sample_rays(fine), -1, 0)
+    with np.errstate(divide="ignore"):
+        depth = -1 / y
+    step = 2 / fine[1]  # of a sample, on the screen at depth 1
+    across = depth / 8 * step * 256
+    down = np.hypot(x * depth**2 / 8 * step * 256, depth**2 / 8 * step * 64)  # x·depth moves too where depth does
+    expected = np.clip(np.log2(np.maximum(across, down)), 0, 8)
+    expected = expected.reshape(size[1], per_axis, size[0], per_axis).mean(axis=(1, 3))
+    is_whole = (picture.alpha == 1) & (picture.face >= 0)
+    assert is_whole.sum() > 700 and expected[is_whole].max() > 4 and np.ptp(picture.color[is_whole, 0]) > 2
+    # vertices are rounded to 1/256 px: where the floor is far, that moves the depth by up to 9/24/512 of itself
+    np.testing.assert_allclose(picture.color[is_whole, 0], expected[is_whole], atol=0.01)
+
+
+def test_levels_are_mixed_and_end():
+    texture = Texture(np.random.default_rng(3).random((8, 8, 3)).astype(np.float32))
+    uv = np.array([[0.3, 0.6]])
+    by_level = [look_up(Texture(level, "bilinear"), uv, STILL)[0] for level in texture.pyramid]
+    for texels, level in ((0.25, 0), (1.0, 0), (2.0, 1), (2.0**1.25, 1.25), (4.0, 2), (8.0, 3), (100.0, 3)):
+        steps = np.array([[[0, texels / 8], [0.1 * texels / 8, 0]]])
+        low, part = int(level), level % 1
+        expected = (1 - part) * by_level[low] + part * by_level[min(low + 1, 3)]
+        assert np.allclose(look_up(texture, uv, steps)[0], expected), texels
+        assert level_of_detail(texture, steps)[0] == pytest.approx(level)
+
+
+# ── light ───────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_the_texture_multiplies_the_matte_part_alone(shading):
+    coefficients = dict(ambient=0.3, diffuse=0.5, specular=0.4, shininess=3, emissive=0.1)
+    lights = (AmbientLight(0.5), DirectionalLight((0.3, 0.1, -1), (1.0, 0.9, 0.8)), PointLight((0.2, 0.3, 0.0), 0.4))
+    options = dict(lights=lights, shading=shading, uv=UV)
+    corners, colors = sheet((8, 6)), np.random.default_rng(2).random((4, 3))
+
+    def color(**changes):
+        material = Material(**(coefficients | changes))
+        return draw(corners, QUAD, (8, 6), material=material, colors=colors, **options).color
+
+    rest = color(ambient=0.0, diffuse=0.0)
+    matte = color(specular=0.0, emissive=0.0)
+    texels = np.repeat(np.repeat(ROWS, 2, axis=0), 2, axis=1)
+    assert rest.min() > 0.1 and matte.max() > 0.1
+    np.testing.assert_allclose(color(texture=Texture(ROWS, "nearest")), matte * texels + rest, atol=1e-14)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_faces_of_one_mesh_have_their_own_materials(shading):
+    # two triangles of a sheet: one textured, one plain; Gouraud's corners take the material of their face
+    material = painted(np.full((1, 1, 3), 0.25, np.float32))
+    mesh = Mesh(np.array(sheet((8, 8))), QUAD, uv=UV, materials=(material, ALBEDO), face_material=[1, 0])
+    other = Mesh(np.array(sheet((8, 8), 3.0)), QUAD, materials=(Material(), Material()), face_material=[0, 0])
+    picture = render(Scene([other, mesh], lights=AmbientLight(), camera=eye_camera()), (8, 8), shading)
+    assert set(np.unique(picture.face)) == {2, 3}
+    np.testing.assert_allclose(picture.color[..., 0], np.where(picture.face == 2, 1.0, 0.25), rtol=1e-15)

@@ -1,0 +1,111 @@
+"""Check depth cueing: against its formula by the depth buffer, against the judge, and two parallel surfaces that it
+tells apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.judge import EXACT, check
+from helpers.pinhole import SHADINGS, octasphere
+from helpers.raster import ROOT
+
+import rasterizer as rz
+from rasterizer.engine.plan import make_plan
+from rasterizer.errors import SceneError
+from rasterizer.options import Options
+
+SIZE = (48, 40)
+CUE = rz.DepthCue(0.8, 2.5, (0.1, 0.2, 0.5))
+CAMERAS = {
+    "perspective": rz.Camera.perspective((0.5, 1, 4)),
+    "orthographic": rz.Camera.orthographic((0.5, 1, 4), height=2.5),
+}
+
+
+def scene(camera=None, depth_cue=CUE, **material):
+    """A ball before a wall that reaches past the near plane."""
+    vertices, faces = octasphere(3)
+    wall = rz.Mesh([[-3, -1, -3], [3, -1, -3], [3, -0.8, 5], [-3, -0.8, 5]], [[0, 1, 2, 3]])
+    ball = rz.Mesh(vertices, faces, material=rz.Material(**material))
+    return rz.Scene([ball, wall], camera=camera, depth_cue=depth_cue)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_pictures_agree_with_the_judge(camera, shading):
+    opaque, clear = scene(CAMERAS[camera]), scene(CAMERAS[camera], opacity=0.5)
+    for tolerance in (0, 1 / 4096):
+        check(opaque, SIZE, EXACT, ignored=0.01, shading=shading, tolerance=tolerance, exposure=0.7)
+    check(clear, SIZE, EXACT, ignored=0.05, shading=shading, tolerance=0)
+    check(opaque, SIZE, EXACT, ignored=0.05, shading=shading, tolerance=0, samples=4)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_it_is_the_formula_of_the_depth_buffer(camera):
+    shown = scene(CAMERAS[camera])
+    options = {"shading": "phong", "tolerance": 0, "outputs": ("color", "depth")}
+    cued, plain = rz.render(shown, SIZE, **options), rz.render(replace(shown, depth_cue=None), SIZE, **options)
+    is_seen = np.isfinite(cued.depth)
+    share = (0.8 / (0.8 + np.maximum(cued.depth.astype(float) - 2.5, 0)))[..., None]
+    expected = share * plain.color + (1 - share) * np.array(CUE.color)
+    error = np.abs(cued.color - expected)[is_seen].max()
+    assert error < 3e-7, f"{error:.3g} > 3e-7"
+    assert (cued.color[~is_seen] == plain.color[~is_seen]).all(), "the background has faded"
+
+
+def test_a_textured_ball_fades_too():
+    vertices, faces = octasphere(3)
+    look = rz.Material(texture=np.linspace(0, 1, 64).reshape(8, 8))
+    ball = rz.Mesh(vertices, faces, uv=vertices[:, :2] / 2 + 0.5, material=look)
+    for shading in SHADINGS:
+        check(
+            rz.Scene(ball, camera=CAMERAS["perspective"], depth_cue=CUE),
+            SIZE,
+            EXACT,
+            shading=shading,
+            tolerance=0,
+            far=0.01,
+        )
+
+
+def test_two_parallel_surfaces_of_one_material_are_told_apart():
+    """A directional light gives both the same intensity, to the bit; attenuation or a cue parts them, as the formulas
+    say."""
+    flat = rz.load(ROOT / "models" / "parallel.json")
+    near, far = (15, 20), (32, 10)  # pixels (x, y) of both squares
+
+    def seen(shown):
+        frame = rz.render(shown, (40, 30), shading="phong", tolerance=0, outputs=("color", "depth"))
+        return [(frame.color[y, x, 0], frame.depth[y, x]) for x, y in (near, far)]
+
+    (a, near_depth), (b, far_depth) = seen(flat)
+    assert a == b > 0.5 and near_depth == pytest.approx(6) and far_depth == pytest.approx(8)
+    (a, _), (b, _) = seen(replace(flat, depth_cue=3))
+    assert a == pytest.approx(0.64 * 3 / 9, abs=1e-6) and b == pytest.approx(0.64 * 3 / 11, abs=1e-6)
+    # A far lamp on the axis, so that the cosine is 1 to the digits that are compared.
+    lamp = rz.PointLight((0, 0, 10_000), 10_000, "1/(d+2)", amplify=True)
+    (a, _), (b, _) = seen(replace(flat, lights=[lamp]))
+    assert a == pytest.approx(0.8 * 10_000 / 10_002, rel=1e-6) and b == pytest.approx(0.8 * 10_000 / 10_004, rel=1e-6)
+
+
+def test_grey_pictures_keep_one_channel_and_others_pay_nothing():
+    def planned(cue):
+        return make_plan(scene(depth_cue=cue), Options(), np.empty((0, 3)))
+
+    assert planned(0.5).n_channel == planned(rz.DepthCue(1, color="gray")).n_channel == 1
+    assert planned(CUE).n_channel == 3
+    assert planned(None).cue is None and planned(None).dtype == np.float32
+    assert planned(rz.DepthCue(1, color=5.0)).bound == 5.0
+    tinted = replace(scene(diffuse=(0.8, 0.4, 0.2), specular=0, depth_cue=rz.DepthCue(1, 0, (0.4, 0.2, 0.1))).meshes[0])
+    shown = rz.Scene(tinted, camera=CAMERAS["perspective"], depth_cue=rz.DepthCue(1, 0, (0.4, 0.2, 0.1)))
+    assert make_plan(shown, Options(), np.empty((0, 3))).n_channel == 1
+    check(shown, SIZE, EXACT, tolerance=0)
+
+
+def test_forms_and_refusals():
+    assert scene(depth_cue=2).depth_cue == rz.DepthCue(2.0, 0.0, 0.0)
+    for wrong in ((0,), (-1,), ("far",), (1, -1), (1, 0, "nocolour"), (np.inf,)):
+        with pytest.raises(SceneError, match="depth cue's"):
+            rz.DepthCue(*wrong)
+    with pytest.raises(SceneError, match="a DepthCue, a number"):
+        scene(depth_cue="thick")

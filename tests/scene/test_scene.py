@@ -1,0 +1,137 @@
+"""Scenes: what is taken, global face numbers, the camera for a picture."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import rasterizer.scene
+from rasterizer.engine.point_lighting import illuminate
+from rasterizer.errors import ModelError, SceneError
+from rasterizer.scene.camera import Camera
+from rasterizer.scene.lights import AmbientLight, AreaLight, PointLight, studio
+from rasterizer.scene.material import Material
+from rasterizer.scene.mesh import Mesh
+from rasterizer.scene.scene import Scene
+
+SQUARE = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+TWO = np.array([(0, 1, 2), (0, 2, 3)])
+MESH = Mesh(SQUARE, TWO)
+
+
+def test_defaults():
+    scene = Scene(MESH)
+    assert scene.meshes == (MESH,) and scene.lights == studio()
+    assert scene.camera is None and scene.background is None and scene.up == "y"
+    assert repr(scene).startswith("Scene(1 meshes, 2 faces, lights: AmbientLight, ")
+
+
+@pytest.mark.parametrize(
+    ("meshes", "n_mesh"),
+    [
+        (MESH, 1),
+        ([MESH], 1),
+        ((MESH, MESH), 2),
+        ([MESH, (SQUARE, TWO), MESH], 3),
+        ((SQUARE, TWO), 1),
+        ([SQUARE.tolist(), TWO.tolist()], 1),
+        ([(SQUARE, TWO), (SQUARE, TWO)], 2),
+        ([(SQUARE.tolist(), TWO.tolist()), (SQUARE.tolist(), TWO.tolist())], 2),
+        ([(SQUARE, TWO)], 1),
+        ((mesh for mesh in (MESH, MESH)), 2),
+    ],
+)
+def test_one_or_many_meshes(meshes, n_mesh):
+    scene = Scene(meshes)
+    assert len(scene.meshes) == n_mesh and all(isinstance(mesh, Mesh) for mesh in scene.meshes)
+
+
+def test_face_offsets_and_bounds():
+    scene = Scene([MESH, (SQUARE + 5.0, TWO[:1]), MESH])
+    assert scene.face_offsets.tolist() == [0, 2, 3, 5] and scene.face_offsets.dtype == np.int64
+    assert scene.n_face == 5
+    assert scene.bounds.tolist() == [[0, 0, 0], [6, 6, 5]]
+
+
+def test_one_or_many_lights():
+    lamp = PointLight((0, 0, 0))
+    assert Scene(MESH, lamp).lights == (lamp,)
+    assert Scene(MESH, [lamp, AmbientLight()]).lights == (lamp, AmbientLight())
+    assert Scene(MESH, []).lights == () and "lights: none" in repr(Scene(MESH, []))
+
+
+def test_background_is_linear():
+    assert Scene(MESH, background="white").background == (1.0, 1.0, 1.0)
+    assert Scene(MESH, background=0.5).background == (0.5, 0.5, 0.5)
+
+
+def test_camera_is_the_scenes_own_or_framed():
+    camera = Camera.perspective((0, 0, 5))
+    assert Scene(MESH, camera=camera).camera_for((10, 10)) is camera
+    scene = Scene([MESH, (SQUARE + (0, 0, 3), TWO)], up="z")
+    points = np.concatenate([SQUARE, SQUARE + (0, 0, 3)])
+    framed = scene.camera_for((300, 100))
+    expected = Camera.framing(points, up="z", aspect=3.0)
+    assert framed.position == pytest.approx(expected.position) and framed.fov == 30.0
+    assert scene.camera_for((600, 200)) is framed and scene.framed(3.0) is framed
+    assert scene.camera_for((100, 300)) != framed
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"meshes": []}, SceneError, "at least one mesh"),
+        ({"meshes": None}, SceneError, "meshes must be"),
+        ({"meshes": 5}, SceneError, "meshes must be"),
+        ({"meshes": "cube.obj"}, ModelError, "a mesh must be"),
+        ({"meshes": [MESH, None]}, ModelError, "a mesh must be"),
+        ({"meshes": (SQUARE, TWO + 5)}, ModelError, "face 0 refers to vertex"),
+        ({"lights": 5}, SceneError, "lights must be.*given 5 at 0"),
+        ({"lights": [AmbientLight(), "sun"]}, SceneError, "lights must be.*'sun' at 1"),
+        ({"camera": "front"}, SceneError, "camera"),
+        ({"background": "nocolour"}, SceneError, "background"),
+        ({"background": math.nan}, SceneError, "background"),
+        ({"up": "w"}, SceneError, "up must be one of"),
+    ],
+)
+def test_illegal_scenes_are_refused(changes, error, message):
+    with pytest.raises(error, match=message):
+        Scene(**({"meshes": MESH} | changes))
+
+
+def test_illegal_sizes_are_refused():
+    with pytest.raises(SceneError, match="size"):
+        Scene(MESH).camera_for((0, 5))
+    with pytest.raises(SceneError, match="aspect"):
+        Scene(MESH).framed(-1.0)
+
+
+def test_scene_modules_import_numpy_only():
+    folder = str(Path(rasterizer.scene.__file__).parent.parent)
+    names = ["color", "material", "lights", "camera", "mesh", "scene"]
+    code = (
+        "import importlib, sys, types\n"
+        "package = sys.modules['rasterizer'] = types.ModuleType('rasterizer')\n"
+        f"package.__path__ = [{folder!r}]\n"  # without what the package itself imports
+        f"for name in {names}: importlib.import_module('rasterizer.scene.' + name)\n"
+        "print(sorted({'numba', 'PIL', 'trimesh', 'scipy'} & set(sys.modules)))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
+
+
+def test_scenes_have_a_limited_number_of_lights():
+    """A small file may name many area lights of many cells; they take time one by one."""
+    area = AreaLight((0, 0, 3), (1, 0, 0), (0, 1, 0), resolution=(64, 64))
+    assert len(Scene(MESH, [area] * 4).lights) == 4
+    with pytest.raises(SceneError, match="16384 lights at most, .* one by one; given 16385"):
+        Scene(MESH, [area] * 4 + [AmbientLight(0.1)])
+    with pytest.raises(SceneError, match="16384 lights at most"):
+        illuminate((0, 0, 0), (0, 0, 1), Material(), [area] * 5, toward_viewer=(0, 0, 1))
+    dark = AreaLight((0, 0, 3), (1, 0, 0), (0, 1, 0), resolution=(64, 64), shadow=True)
+    assert len(Scene(MESH, [dark, area]).lights) == 2
+    with pytest.raises(SceneError, match="4096 lights that cast shadows at most, .*; given 4097"):
+        Scene(MESH, [dark, PointLight((0, 0, 3), shadow=True)])

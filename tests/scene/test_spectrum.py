@@ -1,0 +1,343 @@
+"""Spectra: the tables, what the eye makes of a spectrum, neutrality, lamps, and RGB colours as spectra."""
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rasterizer.errors import SceneError
+from rasterizer.scene.cie_tables import D65, MATCHING, WAVELENGTHS
+from rasterizer.scene.color import linear_rgb
+from rasterizer.scene.lights import DirectionalLight
+from rasterizer.scene.material import Material
+from rasterizer.scene.spectrum import (
+    Spectrum,
+    rgb_basis,
+    rgb_from_xyz,
+    rgb_of,
+    rgb_weights,
+    samples_of,
+    sampling,
+    xyz_weights,
+)
+
+EVERY_N = (3, 4, 5, 8, 16, 31, 80, 81, 82, 150, 401)
+
+
+def chromaticity(spectrum):
+    xyz = spectrum.at(WAVELENGTHS) @ xyz_weights(81)
+    return xyz[:2] / xyz.sum()
+
+
+def line(wavelength) -> Spectrum:
+    """A colour that is nearly of one wavelength."""
+    return Spectrum((wavelength - 5, wavelength, wavelength + 5), (0, 1, 0))
+
+
+# --- tables -------------------------------------------------------------------------------------------------
+
+
+def test_tables_have_the_published_sums_and_peaks():
+    assert np.array_equal(WAVELENGTHS, np.arange(380, 781, 5))
+    assert MATCHING.shape == (81, 3) and D65.shape == (81,)
+    # The sums over 380, 385, .. 780 nm of the published tables.
+    assert MATCHING.sum(axis=0) == pytest.approx([21.371524, 21.371327, 21.371540], abs=1e-9)
+    assert D65.sum() == pytest.approx(7092.7234, abs=1e-9)
+    assert MATCHING[:, 1].max() == MATCHING[WAVELENGTHS == 555, 1] == 1.0
+    assert D65[WAVELENGTHS == 560] == 100.0
+    with pytest.raises(ValueError, match="read-only"):
+        D65[0] = 1.0
+
+
+def test_values_of_the_tables_stand_in_their_places():
+    peak = WAVELENGTHS.tolist().index(555)
+    assert (np.diff(MATCHING[: peak + 1, 1]) > 0).all() and (np.diff(MATCHING[peak:, 1]) < 0).all()
+    assert WAVELENGTHS[MATCHING[:, 0].argmax()] == 600 and WAVELENGTHS[MATCHING[:, 2].argmax()] == 445
+    # The CIE knows D65 every 10 nm; the values between are means, with six digits.
+    assert D65[1::2] == pytest.approx((D65[:-1:2] + D65[2::2]) / 2, abs=6e-4)
+
+
+def test_chromaticities_of_d65_and_of_equal_energy():
+    # CIE 15:2004, table T.3
+    assert chromaticity(Spectrum.flat(1)) == pytest.approx([0.31272, 0.32903], abs=2e-5)
+    # The tables add up to 1/3 within 3e-6; the trapezoid rule takes half of both ends.
+    assert chromaticity(Spectrum.of_power(WAVELENGTHS, np.ones(81))) == pytest.approx([1 / 3, 1 / 3], abs=3e-5)
+    # the trapezoid rule over the single values of the tables, by hand
+    power = D65[:, None] * MATCHING
+    by_hand = power[1:-1].sum(axis=0) + (power[0] + power[-1]) / 2
+    assert xyz_weights(81).sum(axis=0) == pytest.approx(by_hand / by_hand[1], rel=1e-14)
+
+
+def test_matrix_is_that_of_srgb():
+    # IEC 61966-2-1:1999, 5.2: the inverse of a matrix that was rounded to four digits
+    standard = [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
+    assert rgb_from_xyz(xyz_weights(81).sum(axis=0)) == pytest.approx(np.array(standard), abs=4e-4)
+    x, y = 0.3127, 0.3290
+    assert rgb_from_xyz([x / y, 1.0, (1 - x - y) / y]) == pytest.approx(np.array(standard), abs=4e-4)
+
+
+# --- neutrality and sampling --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", EVERY_N)
+def test_greys_are_neutral_at_any_n(n):
+    assert rgb_weights(n).sum(axis=0) == pytest.approx([1, 1, 1], abs=1e-14)
+    for value in (0.0, 0.18, 1.0, 3.7):
+        light, surface = samples_of(Spectrum.flat(1), n), samples_of(Spectrum.flat(value), n)
+        assert (light * surface) @ rgb_weights(n) == pytest.approx([value] * 3, abs=1e-12)
+        assert np.array_equal(rgb_of(surface), [value] * 3)
+        assert np.array_equal(samples_of((value, value, value), n), surface)
+
+
+@pytest.mark.parametrize("n", EVERY_N)
+def test_white_has_luminance_1_and_few_samples_keep_its_chromaticity(n):
+    xyz = xyz_weights(n).sum(axis=0)
+    assert xyz[1] == pytest.approx(1.0, abs=1e-14)
+    if n <= 81:
+        assert xyz == pytest.approx(xyz_weights(81).sum(axis=0), rel=1e-13)
+    assert xyz[:2] / xyz.sum() == pytest.approx([0.31272, 0.32903], abs=1e-4)
+    assert (xyz_weights(n) >= 0.0).all()
+
+
+def test_sampling_is_even_and_81_is_the_table():
+    assert np.array_equal(sampling(81), WAVELENGTHS)
+    assert np.array_equal(sampling(3), [380, 580, 780])
+    assert np.array_equal(samples_of(Spectrum((380, 780), (0, 4)), 5), [0, 1, 2, 3, 4])
+
+
+@pytest.mark.parametrize(("n", "budget"), [(21, 6e-3), (41, 1e-3), (81, 5e-4), (161, 1e-4)])
+def test_smooth_spectra_converge(n, budget):
+    def wave(wavelengths):
+        return 0.5 + 0.4 * np.sin((wavelengths - 380) / 60)
+
+    error = np.abs(rgb_of(wave(sampling(n))) - rgb_of(wave(sampling(401)))).max()
+    assert error < budget, f"{error:.2g} > {budget:g}"
+
+
+@pytest.mark.parametrize("n", [3, 10, 33, 81])
+def test_curves_that_are_linear_between_samples_need_no_more_of_them(n):
+    values = np.random.default_rng(n).random(n)
+    assert rgb_of(values) == pytest.approx(rgb_of(np.interp(WAVELENGTHS, sampling(n), values)), abs=1e-13)
+
+
+def test_rgb_is_linear_in_the_samples_and_takes_many():
+    a, b = np.random.default_rng(1).random((2, 4, 7, 31))
+    assert rgb_of(2 * a + 3 * b) == pytest.approx(2 * rgb_of(a) + 3 * rgb_of(b), abs=1e-12)
+    assert rgb_of(a).shape == (4, 7, 3)
+    assert rgb_of(a) == pytest.approx(a @ rgb_weights(31), abs=1e-13)
+
+
+# --- what colours come out ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("wavelength", "signs"),
+    [(450, (1, -1, 1)), (480, (-1, 1, 1)), (520, (-1, 1, -1)), (580, (1, 1, -1)), (650, (1, -1, -1))],
+)
+def test_pure_colours_lie_outside_the_gamut(wavelength, signs):
+    assert tuple(np.sign(line(wavelength))) == signs
+
+
+def test_pure_colours_have_the_chromaticity_of_the_tables():
+    for wavelength in (450, 520, 600):
+        xyz = MATCHING[WAVELENGTHS == wavelength][0]
+        assert chromaticity(line(wavelength)) == pytest.approx(xyz[:2] / xyz.sum(), abs=1e-12)
+
+
+def test_black_bodies():
+    # D65 is the daylight nearest to a black body of 6504 K, which is a little more purple.
+    assert Spectrum.blackbody(6504) == pytest.approx((1.0, 1.0, 1.0), abs=0.05)
+    # Illuminant A: 2856 K by the temperature scale of its time (CIE 15:2004, table T.3).
+    assert chromaticity(Spectrum.blackbody(2856)) == pytest.approx([0.44757, 0.40745], abs=1e-4)
+    # Wyszecki & Stiles 1982, table 1(3.11), computed with c2 = 14388 um K
+    assert chromaticity(Spectrum.blackbody(10_000)) == pytest.approx([0.2807, 0.2884], abs=2e-4)
+    assert chromaticity(Spectrum.blackbody(2000)) == pytest.approx([0.5267, 0.4133], abs=2e-4)
+    for kelvin in (100, 1e3, 1e4, 1e300):
+        assert luminance(Spectrum.blackbody(kelvin)) == pytest.approx(1.0, abs=1e-12)
+
+
+def luminance(spectrum) -> float:
+    return spectrum.at(WAVELENGTHS) @ xyz_weights(81)[:, 1]
+
+
+def test_lamps_are_scaled_to_white_whatever_their_unit():
+    assert Spectrum.of_power(WAVELENGTHS, D65) == pytest.approx((1, 1, 1), abs=1e-12)
+    for unit in (1e-300, 1.0, 1e300):
+        assert Spectrum.of_power(WAVELENGTHS, D65 * unit).values == pytest.approx(1.0, abs=1e-12)
+    lamp = Spectrum.of_power([300, 500, 502.5, 900], [1, 2, 1, 4])
+    assert luminance(lamp) == pytest.approx(1.0, abs=1e-12)
+    assert 502.5 in lamp.wavelengths and lamp.wavelengths[0] == 380 and lamp.wavelengths[-1] == 780
+    at_500, at_555 = lamp.at([500, 555]) * D65[[24, 35]]
+    assert at_555 / at_500 == pytest.approx((1 + 3 * 52.5 / 397.5) / 2, rel=1e-12)
+
+
+# --- RGB colours as spectra ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", EVERY_N)
+def test_rgb_comes_back_at_any_n(n):
+    for rgb in [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.2, 0.7, 3.0), (-0.1, 0.5, 0.2)]:
+        assert rgb_of(samples_of(rgb, n)) == pytest.approx(rgb, abs=1e-12)
+    assert rgb_weights(n).T @ rgb_basis(n) == pytest.approx(np.eye(3), abs=1e-12)
+    assert samples_of((0.2, 0.7, 3.0), n) == pytest.approx(rgb_basis(n) @ (0.2, 0.7, 3.0), abs=1e-12)
+
+
+@pytest.mark.parametrize("n", [5, 81, 150])
+def test_no_other_curve_of_the_same_rgb_varies_less(n):
+    weights, basis = rgb_weights(n), rgb_basis(n)
+    # changes that no eye can see: rows of the weights' null space
+    unseen = np.linalg.svd(weights.T)[2][3:]
+    differences = np.diff(basis, axis=0)
+    assert np.abs(np.diff(unseen, axis=1) @ differences).max() < 1e-12
+
+
+def test_basis_curves_stay_near_0_to_1():
+    assert rgb_basis(81).min() == pytest.approx(-0.1756, abs=1e-4)
+    assert rgb_basis(81).max() == pytest.approx(1.0815, abs=1e-4)
+    for n in (81, 150, 401):
+        assert -0.18 < rgb_basis(n).min() and rgb_basis(n).max() < 1.09
+    assert rgb_basis(81).sum(axis=1) == pytest.approx(1.0, abs=1e-14)
+    red, green, blue = rgb_basis(81).T
+    assert red[WAVELENGTHS == 620] > 0.8 and green[WAVELENGTHS == 540] > 0.8 and blue[WAVELENGTHS == 440] > 0.8
+
+
+@given(st.tuples(*[st.floats(0.0, 4.0)] * 3))
+def test_of_rgb_comes_back(rgb):
+    assert Spectrum.of_rgb(rgb) == pytest.approx(rgb, abs=1e-12)
+
+
+def test_of_rgb_reads_every_way_to_write_a_colour():
+    assert Spectrum.of_rgb("orange") == pytest.approx(linear_rgb("orange"), abs=1e-12)
+    assert (Spectrum.of_rgb(0.5).values == 0.5).all()
+    seen = Spectrum.of_rgb(line(520))
+    assert seen == pytest.approx(tuple(line(520)), abs=1e-12)
+    with pytest.raises(SceneError, match="spectrum's color"):
+        Spectrum.of_rgb("nocolour")
+
+
+# --- the class ----------------------------------------------------------------------------------------------
+
+
+def test_a_spectrum_is_its_linear_rgb():
+    spectrum = Spectrum([400, 500, 600], [0.1, 0.9, 0.2])
+    assert isinstance(spectrum, tuple) and len(spectrum) == 3
+    assert all(type(component) is float for component in spectrum)
+    assert np.array_equal(np.array(spectrum), rgb_of(spectrum.at(WAVELENGTHS)))
+    red, green, blue = spectrum
+    assert green > blue > red
+    assert linear_rgb(spectrum) is spectrum
+    assert DirectionalLight((0, 0, -1), spectrum).color is spectrum
+    assert Material(diffuse=spectrum).ambient is spectrum
+
+
+def test_negative_components_pass_only_as_a_spectrum():
+    outside = line(520)
+    assert min(outside) < 0.0 and linear_rgb(outside) is outside
+    with pytest.raises(SceneError, match="must not be negative"):
+        linear_rgb(tuple(outside))
+
+
+def test_values_between_and_beyond_samples():
+    spectrum = Spectrum([400, 500], [1, 3])
+    assert np.array_equal(spectrum.at([[300, 400], [450, 900]]), [[1, 1], [2, 3]])
+    assert spectrum.at(425) == 1.5
+    assert Spectrum([550], [0.4]) == pytest.approx((0.4, 0.4, 0.4), abs=1e-15)
+    with pytest.raises(SceneError, match="wavelengths must be finite numbers; given 'red'"):
+        spectrum.at("red")
+
+
+def test_samples_are_copied_and_read_only():
+    given_values = np.array([1.0, 2.0])
+    spectrum = Spectrum([400, 500], given_values)
+    given_values[0] = 9.0
+    assert np.array_equal(spectrum.values, [1, 2]) and np.array_equal(spectrum.wavelengths, [400, 500])
+    for array in (spectrum.values, spectrum.wavelengths):
+        assert array.dtype == np.float64
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+    with pytest.raises(AttributeError):
+        spectrum.values = [1, 1]
+
+
+def test_equality_is_that_of_the_samples():
+    a, same, other = Spectrum([400, 500], [0.0, 2]), Spectrum((400.0, 500.0), (-0.0, 2.0)), Spectrum([400, 500], [1, 3])
+    assert a == same and not a != same and hash(a) == hash(same)
+    assert a != other and not a == other and len({a, same, other}) == 2
+    # the same colour under white light, but not under another one
+    metamer = Spectrum.of_rgb(a)
+    assert metamer == pytest.approx(tuple(a), abs=1e-12) and not metamer == a
+    assert a != tuple(a) and tuple(a) != a and not tuple(a) == a
+
+
+@pytest.mark.parametrize("spectrum", [Spectrum([400, 500], [1, 2]), Spectrum.of_rgb("lime"), Spectrum.blackbody(3000)])
+def test_copies_and_pickles(spectrum):
+    for twin in (copy.copy(spectrum), copy.deepcopy(spectrum), pickle.loads(pickle.dumps(spectrum))):
+        assert type(twin) is Spectrum and twin == spectrum and tuple(twin) == tuple(spectrum)
+        assert not twin.values.flags.writeable
+
+
+def test_scaled():
+    lamp = Spectrum.blackbody(3000)
+    assert np.array_equal(lamp.scaled(0.5).values, lamp.values * 0.5)
+    assert lamp.scaled(2) == pytest.approx([2 * component for component in lamp], rel=1e-12)
+    # that of a colour which leaves 0..1 as well
+    assert Spectrum.of_rgb("lime").scaled(0.25) == pytest.approx((0, 0.25, 0), abs=1e-12)
+    for wrong in (-1, math.nan, "2", None):
+        with pytest.raises(SceneError, match="the spectrum's factor"):
+            lamp.scaled(wrong)
+
+
+def test_repr_says_what_it_is():
+    assert repr(Spectrum([400, 500.5], [0.5, 0.5])) == "Spectrum(400..500.5 nm, 2 samples, RGB 0.5, 0.5, 0.5)"
+
+
+@pytest.mark.parametrize(
+    ("wavelengths", "values", "message"),
+    [
+        ([400, 500], [1, 2, 3], "as many samples of values as wavelengths; given 3 for 2"),
+        ([400, 400], [1, 2], "must increase; given"),
+        ([500, 400], [1, 2], "must increase; given"),
+        ([0.4, 0.5], [1, 2], "in nm and reach into 380..780; given 0.4..0.5"),
+        ([800, 900], [1, 2], "reach into 380..780; given 800..900"),
+        ([400, 500, 600], [1, -0.5, 2], "at least 0; given -0.5 at 500 nm"),
+        ([400, math.nan], [1, 2], "wavelengths must be finite numbers"),
+        ([400, 500], [1, math.inf], "values must be finite numbers"),
+        ([400, 500], ["1", "2"], "values must be finite numbers"),
+        ([400, 500], [True, False], "values must be finite numbers"),
+        ([400, 500], [1j, 2], "values must be finite numbers"),
+        ([400, 500], [[1, 2], 3], "values must be finite numbers"),
+        ([400, 500], [[1, 2]], "values must be a row of numbers"),
+        ([], [], "wavelengths must be a row of numbers"),
+        (400, 1, "wavelengths must be a row of numbers; given 400"),
+        (None, [1], "wavelengths must be finite numbers; given None"),
+    ],
+)
+def test_illegal_samples_are_refused(wavelengths, values, message):
+    with pytest.raises(SceneError, match=message):
+        Spectrum(wavelengths, values)
+
+
+@pytest.mark.parametrize("wrong", [-1, math.nan, "grey", None, [1], True])
+def test_illegal_greys_are_refused(wrong):
+    with pytest.raises(SceneError, match="spectrum"):
+        Spectrum.flat(wrong)
+
+
+@pytest.mark.parametrize("wrong", [0, 99.9, -5000, math.inf, "hot", None])
+def test_illegal_temperatures_are_refused(wrong):
+    with pytest.raises(SceneError, match="black body's temperature must be"):
+        Spectrum.blackbody(wrong)
+
+
+def test_illegal_lamps_are_refused():
+    with pytest.raises(SceneError, match="the lamp's power must be finite"):
+        Spectrum.of_power([400, 500], [1, math.nan])
+    with pytest.raises(SceneError, match="power of a spectrum must be at least 0; given -1 at 500 nm"):
+        Spectrum.of_power([400, 500], [1, -1])
+    for dark in ([0, 0, 0], [0, 1, 0]):  # nothing, and a line between two of the wavelengths that are seen
+        with pytest.raises(SceneError, match="lamp's power must be above 0 at some of 380, 385"):
+            Spectrum.of_power([501, 502, 503], dark)
