@@ -95,7 +95,7 @@ def test_warmup_says_where_kernels_are(capsys, monkeypatch):
 
 def test_a_cache_folder_that_cannot_be_written_breaks_nothing(folder):
     (folder / "file").write_bytes(b"")
-    code = "from rasterizer import _kernel; print(kernels.CACHE_FOLDER, kernels.is_cache_cold())"
+    code = "from rasterizer.compiler import kernels; print(kernels.CACHE_FOLDER, kernels.is_cache_cold())"
     environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "file" / "below")}
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=True)

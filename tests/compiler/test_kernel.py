@@ -14,7 +14,7 @@ from rasterizer.compiler import kernels
 DAY = 24 * 3600
 TINY = """
 import numpy as np
-from rasterizer import _kernel
+from rasterizer.compiler import kernels
 from rasterizer.scene.geometry import find_clearance
 
 corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
@@ -83,7 +83,7 @@ def test_an_asked_folder_that_cannot_be_written_is_done_without(tmp_path, kind):
 def test_whole_pictures_without_a_cache(tmp_path):
     """Row functions take a way of their own into the cache."""
     program = """
-from rasterizer import _kernel
+from rasterizer.compiler import kernels
 from rasterizer.pipeline.lights import LIGHTS
 import numpy as np
 
@@ -162,7 +162,7 @@ def test_using_kernels_keeps_them_young(tmp_path):
 
 def test_the_folder_depends_on_the_sources_of_kernels_and_on_nothing_else(tmp_path, package):
     """A helper that changed in any file must not meet kernels that were compiled with the old one."""
-    program = "from rasterizer import _kernel\nprint(kernels.CACHE_FOLDER.name)"
+    program = "from rasterizer.compiler import kernels\nprint(kernels.CACHE_FOLDER.name)"
 
     def name():
         return run(tmp_path, program, package, NUMBA_CACHE_DIR=tmp_path / "cache")

@@ -190,7 +190,7 @@ def test_a_limit_on_the_size_of_files_breaks_nothing(tmp_path, most):
 import resource
 resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))
 import numpy as np
-from rasterizer import _kernel
+from rasterizer.compiler import kernels
 from rasterizer.pipeline.lights import LIGHTS
 from rasterizer.scene.geometry import find_clearance
 
@@ -224,7 +224,7 @@ def test_damage_is_told_in_a_line_where_details_are_asked_for(tmp_path, monkeypa
 
 def test_settings_that_change_code_have_kernels_of_their_own(tmp_path):
     """Above all bounds checks: kernels without them would be loaded, and the check would check nothing."""
-    program = "from rasterizer import _kernel; print(kernels.CACHE_FOLDER.name)"
+    program = "from rasterizer.compiler import kernels; print(kernels.CACHE_FOLDER.name)"
     settings = [
         {},
         {"NUMBA_BOUNDSCHECK": 1},

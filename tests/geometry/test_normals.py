@@ -460,13 +460,13 @@ def test_polygon_indices_are_checked():
 
 def test_the_same_without_the_compiler():
     code = (
-        "import sys; sys.path[:0] = ['.', 'tests']\n"
+        "import sys; sys.path[:0] = ['geometry', '.']\n"
         "from test_normals import *\n"
         "s = split_creases(*cylinder(7), 60)\n"
         "n = vertex_normals(*cube())\n"
         "print(s.faces.tolist(), s.source.tolist(), np.round([*n, *s.normals], 12).tolist())"
     )
-    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # tests/
     texts = [
         subprocess.run(
             [sys.executable, "-W", "error", "-c", code],

@@ -1,8 +1,8 @@
 """A campaign of random scenes: what is promised about a picture, checked on scenes that nobody has chosen.
 
-    PYTHONPATH=tests python tests/helpers/campaign.py SEED INDEX          one scene, and what is wrong with it
-    PYTHONPATH=tests python tests/helpers/campaign.py SEED FIRST STOP     a range of scenes
-    PYTHONPATH=tests python tests/helpers/campaign.py SEED FIRST STOP N   N steps uphill from each of them, towards errors above their bounds
+    python -m helpers.campaign SEED INDEX          one scene, and what is wrong with it
+    python -m helpers.campaign SEED FIRST STOP     a range of scenes
+    python -m helpers.campaign SEED FIRST STOP N   N steps uphill from each of them, towards errors above their bounds
     RASTERIZER_FUZZ_CASES=20000 pytest tests/pictures/test_campaign.py
 
 Each scene is drawn with its own tolerance, with tolerance 0, and by the judge; `find_faults` says which promises don't
@@ -242,7 +242,7 @@ def report(case, outcome, command="") -> str:
     """What a person needs to see a fault again."""
     lines = "".join(f"\n    {fault}" for fault in outcome.faults)
     head = f"seed {case.seed}, scene {case.index}: {case.words}"
-    return f"{head}{lines}\n    PYTHONPATH=tests python tests/helpers/campaign.py {case.seed} {case.index}{command}"
+    return f"{head}{lines}\n    python -m helpers.campaign {case.seed} {case.index}{command}"
 
 
 def main(seed, first, stop=None, n_climb=0) -> int:

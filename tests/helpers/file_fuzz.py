@@ -1,8 +1,8 @@
 """Damaged and generated files of every format, a seed each: loaded and drawn, one after the other, under caps of time
 and memory.
 
-    PYTHONPATH=tests python tests/helpers/file_fuzz.py FIRST COUNT       the seeds FIRST, FIRST + 1, ...; one line for each that fails, and a summary
-    PYTHONPATH=tests python tests/helpers/file_fuzz.py SEED 1 --keep D   one alone; its files are left in the folder D
+    python -m helpers.file_fuzz FIRST COUNT       the seeds FIRST, FIRST + 1, ...; one line for each that fails, and a summary
+    python -m helpers.file_fuzz SEED 1 --keep D   one alone; its files are left in the folder D
 
 A case is good if it draws a picture, or if it ends in an error of the package that names the file. Warnings must be
 UserWarnings that name a file. Anything else is a fault: another exception, an internal error, a case that takes too

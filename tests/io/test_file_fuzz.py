@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from helpers.fuzz_cases import MAKERS, make_case
 
-SCRIPT = Path(__file__).parents[1] / "helpers" / "file_fuzz.py"
+TESTS = Path(__file__).parents[1]
 COUNT = 10_000  # of cases in each of two processes
 
 
 def run(*argv):
-    command = [sys.executable, str(SCRIPT), *map(str, argv)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    command = [sys.executable, "-m", "helpers.file_fuzz", *map(str, argv)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=TESTS)
 
 
 @pytest.mark.slow

@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.batches import DTYPES, UP, directions_of, polar, random_directions, reflect
 from helpers.judge import EXACT, compare
 from helpers.pinhole import SHADINGS, octasphere, torus, unit
 from helpers.raster import COLORED, GREY
-from test_light_rows import DTYPES
-from test_reflection import UP, directions_of, polar, random_directions, reflect
 
 import rasterizer as rz
 from rasterizer.cli import main

@@ -1,11 +1,9 @@
 """Check the row functions of the lights against closed forms, in both floating-point types."""
 
-import ctypes
-
 import numpy as np
 import pytest
+from helpers.batches import DTYPES, call, take
 
-from rasterizer.compiler.kernels import row_function
 from rasterizer.pipeline import fragments as r
 from rasterizer.pipeline.light_kinds import (
     ATTENUATION,
@@ -20,20 +18,7 @@ from rasterizer.pipeline.light_kinds import (
     VECTOR,
 )
 
-DTYPES = [np.float32, np.float64]
 WRITTEN = (r.LIGHT_X, r.LIGHT_Y, r.LIGHT_Z, r.N_DOT_L, r.STRENGTH)
-
-
-def call(function, rows, n, numbers):
-    """Call a compiled row function."""
-    compiled = row_function(function, rows.dtype)
-    number = ctypes.POINTER(ctypes.c_float if rows.dtype == np.float32 else ctypes.c_double)
-    compiled.ctypes(rows.ctypes.data_as(number), n, numbers.ctypes.data_as(number))
-
-
-def take(rows, first, n):
-    """The numbers of n points, of as many rows as `first` has."""
-    return np.stack([rows[int(row) : int(row) + n] for row in first]).astype(np.float64)
 
 
 def points(seed, n, dtype):
