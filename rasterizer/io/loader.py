@@ -16,11 +16,11 @@ import numpy as np
 
 from ..errors import ModelError, SceneError, one_file, shown
 from ..scene.mesh import Mesh
-from ..scene.mesh_arrays import fixed
+from ..scene.mesh_arrays import fixed, has_any_area
 from ..scene.scene import Scene
 from .files import Folder, read_named
 from .gltf import read_gltf
-from .model_file import Contents, ModelFile, Part, is_drawable, materials_of, weld
+from .model_file import Contents, ModelFile, Part, materials_of, weld
 from .obj import read_obj
 from .ply import read_ply
 from .stl_off import read_off, read_stl
@@ -293,7 +293,7 @@ def _is_worth_drawing(part: Part, _matrix, drop_bad_faces) -> bool:
     faces, n_vertex = part["faces"], len(part["vertices"])
     if faces.min() < 0 or faces.max() >= n_vertex:
         return True
-    return is_drawable(part) or not (drop_bad_faces or np.isfinite(part["vertices"]).all())
+    return has_any_area(part["vertices"], faces) or not (drop_bad_faces or np.isfinite(part["vertices"]).all())
 
 
 def _mend_normals(model, part: Part) -> Part:

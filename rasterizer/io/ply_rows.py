@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .obj_corners import numbers_in
+from .text_numbers import numbers_in
+
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",

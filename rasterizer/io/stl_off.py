@@ -6,7 +6,7 @@ import numpy as np
 
 from ..scene.material import Material
 from .model_file import WHITE, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
-from .obj_corners import numbers_in
+from .text_numbers import numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
