@@ -100,10 +100,10 @@ def _make_part(lines, points, corners: Corners, triangles) -> Part:
             colors = np.zeros((len(points), 3), np.uint8)
             colors[is_used] = bytes_of(points[is_used, 3:6])
             part |= {"colors": colors, "material": WHITE}
-    if corners.vn.max() >= 0:
+    if corners.vn is not None and corners.vn.max() >= 0:
         vn = corners.vn[triangles]
         part |= {"normals": lines.rows_of("vn")[vn, :3], "has_normals": (vn >= 0).all(axis=1)}
-    if corners.vt.max() >= 0:
+    if corners.vt is not None and corners.vt.max() >= 0:
         vt, texcoords = corners.vt[triangles], lines.rows_of("vt")[:, :2]
         is_there = (vt >= 0) & (vt < len(texcoords))
         if is_there.any():

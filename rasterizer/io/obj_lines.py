@@ -18,7 +18,7 @@ from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, re
 
 _KINDS = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
 _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
-_BLOCK = 1 << 13  # lines at a time: their arrays stay in the cache
+_BLOCK = 1 << 14  # lines at a time: their arrays stay in the cache
 _NO_COMMENT = re.compile(rb"\d\.#[A-Za-z]+\d*")  # 1.#QNAN, 1.#IND: what C libraries write for what is no number
 
 
@@ -27,21 +27,27 @@ class LineError(Exception):
 
 
 class Corners(NamedTuple):
-    """What the face lines say; indices count from 0, -1 where a corner has none."""
+    """What the face lines say; indices count from 0, -1 where a corner has none; None where the file has none."""
 
     lines: NDArray[np.int64]  # (n_face,) of the file, from 0
     counts: NDArray[np.int64]  # (n_face,) how many corners each has
     v: NDArray[np.int64]  # (n_corner,)
-    vt: NDArray[np.int64]  # (n_corner,)
-    vn: NDArray[np.int64]  # (n_corner,)
+    vt: NDArray[np.int64] | None  # (n_corner,)
+    vn: NDArray[np.int64] | None  # (n_corner,)
 
 
 class ObjLines:
     """Hold the lines of an OBJ file, given as bytes."""
 
     def __init__(self, data: bytes):
-        self._text, self._joints = _tidy(data if data.isascii() else text_of(data).encode())
-        self._letters = np.frombuffer(self._text, np.uint8)
+        text, self._joints = _tidy(data if data.isascii() else text_of(data).encode())
+        self._index(text)
+        if (self._first_letters == BLANK).any():
+            self._index(re.sub(rb"^ +", b"", text, flags=re.MULTILINE))
+
+    def _index(self, text) -> None:
+        """Find where the lines of a text begin and end."""
+        self._text, self._letters = text, np.frombuffer(text, np.uint8)
         self._ends = np.flatnonzero(self._letters == NEWLINE)
         self._starts = np.concatenate(([0], self._ends[:-1] + 1))
         self._first_letters = self._letters[self._starts]
@@ -87,7 +93,8 @@ class ObjLines:
         """
         given = {kind: self.lines_of(kind) for kind in _KINDS}
         blocks = [_read_corners(given, lines, words) for lines, words in self._words_of("f")]
-        return Corners(*map(np.concatenate, zip(*blocks, strict=True)))
+        columns = zip(*blocks, strict=True)
+        return Corners(*(None if column[0] is None else np.concatenate(column) for column in columns))
 
     def first_fault(self) -> tuple[int, str] | None:
         """Return the first line that can't be read, from 0, and why; None where all can be."""
@@ -119,9 +126,9 @@ class ObjLines:
 
 
 def _tidy(data) -> tuple[bytes, list[int]]:
-    """Return the text with a newline behind each line, no other blanks than ' ' and none before a keyword; and the
-    lines to which a backslash joined the next, ascending, each as often as it did."""
-    data, joints = data + b"\n", []
+    """Return the text with a newline behind each line and no other blanks than ' '; and the lines to which a backslash
+    joined the next, ascending, each as often as it did."""
+    data, joints = data if data.endswith(b"\n") else data + b"\n", []
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"\\" in data:
@@ -129,9 +136,6 @@ def _tidy(data) -> tuple[bytes, list[int]]:
         data, joints = b" ".join(pieces), list(accumulate(piece.count(b"\n") for piece in pieces[:-1]))
     for blank in b"\t\v\f\x1c\x1d\x1e\x1f":
         data = data.replace(bytes([blank]), b" ")
-    letters = np.frombuffer(data, np.uint8)
-    if data.startswith(b" ") or ((letters[:-1] == NEWLINE) & (letters[1:] == BLANK)).any():
-        data = re.sub(rb"^ +", b"", data, flags=re.MULTILINE)
     return data, joints
 
 
@@ -175,7 +179,7 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
             if word.startswith("/") or not is_number[place[corner]]:
                 reason = f"'{word}' is not a corner of a face (v, v/vt, v//vn or v/vt/vn)"
             faults.append((corner, k, line, reason))
-        indices.append(index)
+        indices.append(index if kind == "v" or total else None)
     if faults:
         raise LineError(*min(faults)[2:])
     return lines, counts, *indices

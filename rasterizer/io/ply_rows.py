@@ -9,7 +9,6 @@ import numpy as np
 
 from .text_numbers import numbers_in
 
-
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
     "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
@@ -88,7 +87,7 @@ class Text:
     def __init__(self, model, elements, start, n_line):
         self.model, self.elements, self.n_line = model, elements, n_line
         self.text = model.data[start:].decode("latin-1")
-        self.numbers = numbers_in(self.text, np.float64)
+        self.numbers = numbers_in(self.text)
         if self.numbers is None:
             self._name_fault()
         self.at = 0

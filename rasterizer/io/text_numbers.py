@@ -10,7 +10,6 @@ others.
 """
 
 import re
-import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,9 @@ from numpy.typing import NDArray
 LEAD = 24  # so that the eight letters before the end of a word are there, three times
 MOST_DIGITS = 18  # of a whole number within int64
 BLANK, NEWLINE = b" \n"
+_BLANKS = bytes.maketrans(b"\t\n\v\f\r", b" " * 5)  # what C's isspace calls so
+_BLOCK = 1 << 18  # letters read in one go: their arrays stay in the cache
+_SHORT = 1 << 8  # letters of a text whose words are sooner read one by one
 _DIGIT, _PLUS, _MINUS, _POINT = b"0+-."
 _NEVER = re.compile(rb"[+-]?nan\(.*\)", re.IGNORECASE)  # what C libraries write for what is no number
 _POWERS = 10 ** np.arange(MOST_DIGITS + 1)
@@ -108,6 +110,24 @@ def read_decimals(words: Words) -> tuple[NDArray[np.float64], NDArray[np.bool_]]
     return values, is_number
 
 
+def numbers_in(text: str) -> NDArray[np.float64] | None:
+    """Return the numbers of a text with blanks or newlines between them, None where it holds anything else."""
+    data, tables, start = text.encode("latin-1", "replace").translate(_BLANKS), [np.empty(0)], 0
+    if len(data) < _SHORT:
+        numbers = [_number(word) for word in data.split(b" ") if word]
+        return None if None in numbers else np.array(numbers, np.float64)
+    while start < len(data):
+        end = data.find(b" ", start + _BLOCK)
+        end = len(data) if end < 0 else end
+        letters = np.frombuffer(b" " * LEAD + data[start:end] + b" ", np.uint8)
+        values, is_number = read_decimals(split_words(letters, np.array([LEAD])))
+        if not is_number.all():
+            return None
+        tables.append(values)
+        start = end
+    return np.concatenate(tables)
+
+
 def _skip_sign(words) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Return where words begin behind their sign, and which are negative."""
     sign = words.letters.take(words.starts, mode="clip")
@@ -117,7 +137,7 @@ def _skip_sign(words) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 
 
 def _read_digits(letters, starts, ends) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Read ranges of letters as whole numbers, (n,) int64, an empty one as 0; and tell which are of up to MOST_DIGITS digits."""
+    """Read ranges of letters as whole numbers, (n,) int64, an empty one as 0; tell which are MOST_DIGITS digits or less."""
     eights = np.ndarray(len(letters) - 7, "<u8", letters, 0, (1,))  # the eight letters from each place on
     n_digit = ends - starts
     values, is_whole = np.zeros(len(starts), np.int64), n_digit <= MOST_DIGITS
@@ -140,14 +160,3 @@ def _number(word: bytes) -> float | None:
         return float(word) if b"_" not in word else None
     except ValueError:
         return float("nan") if _NEVER.fullmatch(word) else None
-
-
-def numbers_in(text: str, dtype) -> np.ndarray | None:
-    """Return the numbers of a text with blanks between them, None where it holds anything else; numpy before 2.4 only
-    warns."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)
-            return np.fromstring(text, dtype=dtype, sep=" ")
-    except (ValueError, DeprecationWarning):
-        return None
