@@ -89,7 +89,7 @@ class ObjLines:
 
         Raises
         ------
-        LineError : a word that is no corner, or refers to a vertex or normal that there is not
+        LineError : a word that is no corner, or refers to a vertex or, if drawn, a normal that there is not
         """
         given = {kind: self.lines_of(kind) for kind in _KINDS}
         blocks = [_read_corners(given, lines, words) for lines, words in self._words_of("f")]
@@ -134,7 +134,7 @@ def _tidy(data) -> tuple[bytes, list[int]]:
     if b"\\" in data:
         pieces = data.split(b"\\\n")
         data, joints = b" ".join(pieces), list(accumulate(piece.count(b"\n") for piece in pieces[:-1]))
-    for blank in b"\t\v\f\x1c\x1d\x1e\x1f":
+    for blank in b"\t\v\f":
         data = data.replace(bytes([blank]), b" ")
     return data, joints
 
@@ -167,8 +167,10 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
         if number.min(initial=0) < 0:  # it counts back from the last before the face
             so_far = np.repeat(np.searchsorted(given_lines, lines), counts)
             index = np.where(number < 0, np.maximum(so_far + number, -1), index)
-        if kind != "vt":
-            is_bad |= (index >= total) | ((index < 0) & (kind == "v"))
+        if kind == "v":
+            is_bad |= (index < 0) | (index >= total)
+        elif kind == "vn":  # those of faces that are left out are of no concern
+            is_bad |= (index >= total) & np.repeat(counts >= 3, counts)
         if is_bad.any():
             corner = int(is_bad.argmax())
             line = int(lines[np.searchsorted(words.first, corner, side="right") - 1])
