@@ -6,6 +6,7 @@ from dataclasses import fields
 
 from .._version import __version__
 from ..errors import SceneError
+from ..io import formats
 from ..options import COLOR_RANGES, CULLS, LEAST_WAVES, MOST_WAVES, OUTPUTS, SAMPLES, SHADINGS, Options
 from . import values
 from .help_texts import COMPARE, EXAMPLES
@@ -13,8 +14,6 @@ from .light_arguments import light
 from .material_arguments import REFLECTIONS, material
 from .messages import NORMAL, QUIET, VERBOSE
 
-FORMATS = ("obj", "stl", "ply", "off", "glb", "gltf", "3mf")
-SCENE_FORMATS = ("json", "toml")
 WEIGHTINGS = ("angle", "area", "uniform")
 UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
 AXES = ("x", "y", "z", "-x", "-y", "-z")
@@ -143,8 +142,8 @@ def _add_files(parser, default_name, size) -> None:
         "models",
         nargs="+",
         metavar="MODEL",
-        help=f"{', '.join(FORMATS)} files, scene files ({', '.join(SCENE_FORMATS)}), or patterns such as 'parts/*.stl'; - is "
-        "stdin",
+        help=f"{', '.join(formats.names(is_scene=False))} files, scene files ({', '.join(formats.names(is_scene=True))}), or "
+        "patterns such as 'parts/*.stl'; - is stdin",
     )
     add(
         "-o",
@@ -166,9 +165,7 @@ def _add_files(parser, default_name, size) -> None:
         action="store_true",
         help="print a line of JSON for each picture on stdout (on stderr with -o -)",
     )
-    add(
-        "--input-format", choices=FORMATS + SCENE_FORMATS, help="of the models, whatever their suffix; needed for stdin"
-    )
+    add("--input-format", choices=formats.names(), help="of the models, whatever their suffix; needed for stdin")
 
 
 def _add_array(parser) -> None:

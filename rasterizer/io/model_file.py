@@ -29,6 +29,14 @@ class Contents(NamedTuple):
     camera: object = None  # Camera or None
 
 
+class MeshSettings(NamedTuple):
+    """How meshes are made of what files hold; the fields are as `load` takes them."""
+
+    crease_angle: float | None = None
+    weighting: str | None = None
+    drop_bad_faces: bool = False
+
+
 def materials_of(part: Part) -> tuple[Material, ...]:
     """Return the materials of a part, whether it has one or several."""
     return part.get("materials") or (part["material"],)

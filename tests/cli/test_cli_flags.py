@@ -11,7 +11,6 @@ from helpers.raster import ROOT
 import rasterizer as rz
 from rasterizer.cli import arguments, render_command
 from rasterizer.geometry import creases
-from rasterizer.io import loader, scene_file
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
 from rasterizer.scene.validate import AXES
@@ -44,7 +43,6 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
     ]
     assert tuple(AXES) == arguments.AXES and arguments.REFLECTIONS == material.REFLECTIONS
     assert arguments.WEIGHTINGS == mesh.WEIGHTINGS == creases.WEIGHTINGS
-    assert tuple(loader._READERS) == arguments.FORMATS and arguments.SCENE_FORMATS == scene_file.FORMATS
     assert all(getattr(lights, name)() for name in arguments.PRESETS)
 
 
