@@ -210,19 +210,34 @@ def without_bad_vertices(
     return vertices, ~is_dropped
 
 
-def check_area(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> None:
-    """Raise ModelError where every face has zero area; the first chunk with a good face ends the search."""
-    for start in range(0, len(faces), CHUNK):
-        corners = vertices[faces[start : start + CHUNK]]
+def has_area(vertices: NDArray, faces: NDArray) -> NDArray[np.bool_]:
+    """Tell which triangles have finite corners and an area: (n_face,) bool.
+
+    Parameters
+    ----------
+    vertices : (n_vertex, 3) of a real dtype, finite or not
+    faces : (n_face, 3) integers, legal indices of vertices
+    """
+    with np.errstate(all="ignore"):
+        corners = vertices[faces].astype(np.float64, copy=False)
         edges = corners[:, 1:] - corners[:, :1]
-        # relative to the largest edge, so that the products neither over- nor underflow
-        edges /= max(float(np.abs(edges).max()), np.finfo(np.float64).tiny)
-        normal = np.cross(edges[:, 0], edges[:, 1])
+        # relative to the largest component, so that the products neither over- nor underflow
+        edges /= np.maximum(np.abs(edges).max(axis=(1, 2), keepdims=True), np.finfo(np.float64).tiny)
+        normals = np.cross(edges[:, 0], edges[:, 1])
         lengths = np.linalg.norm(edges, axis=2)
         # a cross product of parallel edges is off zero by up to 2 roundings of a product of their lengths
-        if (np.linalg.norm(normal, axis=1) > 4 * np.finfo(np.float64).eps * lengths[:, 0] * lengths[:, 1]).any():
-            return
-    raise ModelError(f"every face has zero area: {len(faces)} faces, all of them points or lines")
+        return np.linalg.norm(normals, axis=1) > 4 * np.finfo(np.float64).eps * lengths[:, 0] * lengths[:, 1]
+
+
+def has_any_area(vertices: NDArray, faces: NDArray) -> bool:
+    """Tell whether at least one triangle has an area, as `has_area` does; the first chunk that has one ends the search."""
+    return any(has_area(vertices, faces[i : i + CHUNK]).any() for i in range(0, len(faces), CHUNK))
+
+
+def check_area(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> None:
+    """Raise ModelError where every face has zero area."""
+    if not has_any_area(vertices, faces):
+        raise ModelError(f"every face has zero area: {len(faces)} faces, all of them points or lines")
 
 
 def checked_ints(values: Any, counts: set[int], what: str) -> NDArray[np.int32] | None:
