@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from ..options import Options
 from ..pipeline.fragments import make_rows
 from ..pipeline.lighting import light_points
@@ -16,7 +16,7 @@ from ..scene.arrays import plain_array
 from ..scene.camera import Camera, View
 from ..scene.lights import checked_lights
 from ..scene.material import Material
-from ..scene.validate import shown, unit3, vector3
+from ..scene.validate import unit3, vector3
 from .plan import make_plan
 from .tint import common_color
 from .uniforms import make_lighting

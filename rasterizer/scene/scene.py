@@ -5,20 +5,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb
 from .depth_cue import DepthCue, checked_cue
 from .lights import Light, checked_lights, studio
 from .mesh import Mesh, MeshLike
 from .services import service
-from .validate import choice, number, picture_size, shown
+from .validate import choice, number, picture_size
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 
@@ -58,8 +58,8 @@ class Scene:
 
         def __init__(
             self,
-            meshes: MeshLike | Iterable[MeshLike],
-            lights: Light | Iterable[Light] | None = ...,
+            meshes: MeshLike | Iterable[Any],
+            lights: Light | Iterable[Any] | None = ...,
             camera: Camera | None = ...,
             background: ColorLike | None = ...,
             *,
@@ -193,4 +193,4 @@ def _is_one_mesh(source: object) -> bool:
     return np.ndim(points) == 2
 
 
-SceneLike: TypeAlias = Scene | MeshLike | Sequence[MeshLike]  # what is drawn, as a caller may give it
+SceneLike: TypeAlias = Scene | MeshLike | Sequence[Any]  # what is drawn, as a caller may give it
