@@ -126,7 +126,10 @@ def describe_transform(way: Way) -> list[str]:
             f"  {name}   {x / SUBPIXEL:8.4f} {y / SUBPIXEL:8.4f}   {x:6d}  {y:6d}   {w:.3f}   {1 / w:.6f}   {z:15.1f}"
         )
     screen = way.render_pass.screen
-    return [*lines, f"z = a + b/w with a = {screen.z_offset:.8g}, b = {screen.z_scale:.8g}: 0 to 2^{DEPTH_BITS} = {2**DEPTH_BITS}"]
+    return [
+        *lines,
+        f"z = a + b/w with a = {screen.z_offset:.8g}, b = {screen.z_scale:.8g}: 0 to 2^{DEPTH_BITS} = {2**DEPTH_BITS}",
+    ]
 
 
 def describe_clip(way: Way) -> list[str]:
@@ -189,6 +192,15 @@ def describe_scan(way: Way) -> list[str]:
         lines.append(f"{y:3d}   {edges}   {left[0]:2d} to {right[0] - 1:2d}    {row}")
         covered = np.flatnonzero(way.entries[y] < CLEAR)
         assert covered.tolist() == list(range(left[0], right[0])), "the edges and the buffer disagree"
+    turns = [
+        k
+        for k in range(len(spans))
+        if k == 0 or spans[k][1][2:] + spans[k][2][2:] != spans[k - 1][1][2:] + spans[k - 1][2][2:]
+    ]
+    for y, left, right in (spans[k] for k in turns):
+        lines.append(
+            f"from row {y} on, each row adds: left {left[2]:+d} and {left[3]}, right {right[2]:+d} and {right[3]}"
+        )
     return [*lines, f"covered: {int((way.entries < CLEAR).sum())} samples"]
 
 
