@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from ..pipeline.light_kinds import LIGHTS
-from ..pipeline.records import CODINGS, NORMAL_PLANES, Coding
+from ..pipeline.gradients import CODINGS, NORMAL_PLANES, Coding
 from ..pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
-from .intensity_bounds import kind_of
+from .light_table import entry_of
 from .plan import Plan
 
 
@@ -28,7 +27,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         normal_limit=plan.normal_limit,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
         needs_distance=plan.coding == NORMAL_PLANES
-        and any(LIGHTS[kind_of(light)].needs_position for light in plan.lights),
+        and any(entry_of(light).function(light).needs_position for light in plan.lights),
         inv_w_offset=inv_w_offset,
         inv_w_scale=inv_w_scale,
         depth_offset=depth_offset,

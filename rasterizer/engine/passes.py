@@ -14,30 +14,18 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from ..pipeline.a_buffer import Opacity
+from ..pipeline.bands import Band
 from ..pipeline.buffers import Buffers, write_buffers
 from ..pipeline.depth_cueing import fade
+from ..pipeline.gradients import EXACT, Coding
 from ..pipeline.lighting import Lighting
-from ..pipeline.records import EXACT, Coding
 from ..pipeline.resolve import Encoding, Picture, resolve
 from ..pipeline.shade import shade_interpolated, shade_lit
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import Textures, shade_textured, take_texels
 from ..pipeline.transform import Screen
-from ..pipeline.workspace import Bench, BenchKind
+from ..pipeline.workspace import Workspace, WorkspaceKind
 from .plan import Plan
-
-
-class Band(NamedTuple):
-    """A band of rows of samples, and the triangles that meet it."""
-
-    faces: np.ndarray  # (n,) uint32, ascending
-    y_start: int
-    y_end: int
-
-    @property
-    def n_row(self) -> int:
-        """Rows of samples."""
-        return self.y_end - self.y_start
 
 
 class FaceTable(NamedTuple):
@@ -77,22 +65,22 @@ class Pass:
         """Columns and rows of samples."""
         return self.size[0] * self.factor, self.size[1] * self.factor
 
-    def workspace_kind(self, n_row) -> BenchKind:
+    def workspace_kind(self, n_row) -> WorkspaceKind:
         """The memory that a band of `n_row` rows is drawn in."""
         n_attribute = self.attributes.shape[2]
         n_group = -(-n_attribute // 3) if self.coding.kind != EXACT else 0  # the normals, or the channels; the albedo
-        return BenchKind(
+        return WorkspaceKind(
             self.n_sample[0], n_row, self.n_channel, n_attribute, n_group, self.attributes.dtype,
             self.textures is not None, self.opacity is not None,
         )  # fmt: skip
 
-    def shade(self, workspace: Bench, band: Band, n_exact: int, face_table: FaceTable) -> None:
+    def shade(self, workspace: Workspace, band: Band, n_exact: int, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
 
         `n_exact` is the number of exact records, `face_table` that of the triangles that are drawn, clipped parts included.
         """
 
-    def finish(self, workspace: Bench, band: Band, loaded_face: np.ndarray) -> int:
+    def finish(self, workspace: Workspace, band: Band, loaded_face: np.ndarray) -> int:
         """Write the band's rows of the output; return how many samples are covered.
 
         `loaded_face` is the face as loaded of each triangle, or empty where each is one.
@@ -129,25 +117,25 @@ class ColorPass(Pass):
         """Find the light that comes from the visible samples, then let what is further away fade."""
         if self.textures is not None:
             take_texels(
-                workspace.canvas, workspace.records, band.y_start, band.n_row, self.textures, face_table.material,
-                workspace.rows, workspace.texels,
+                workspace.visibility, workspace.records, band.y_start, band.n_row, self.textures, face_table.material,
+                workspace.batch, workspace.texels,
             )  # fmt: skip
         self.light(workspace, band, n_exact, face_table)
         if self.plan.cue is not None:
             fade(
-                workspace.canvas, workspace.records, band.y_start, band.n_row, self.screen.is_perspective,
+                workspace.visibility, workspace.records, band.y_start, band.n_row, self.screen.is_perspective,
                 self.plan.cue, workspace.radiance,
             )  # fmt: skip
 
-    def light(self, workspace: Bench, band: Band, n_exact: int, face_table: FaceTable) -> None:
+    def light(self, workspace: Workspace, band: Band, n_exact: int, face_table: FaceTable) -> None:
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
     def finish(self, workspace, band, loaded_face):
         """Average the samples of each pixel, and write the picture's rows."""
-        layers = workspace.layers if self.opacity is not None else None
+        a_buffer = workspace.a_buffer if self.opacity is not None else None
         return resolve(
-            workspace.canvas, workspace.radiance, layers, band.y_start // self.factor, band.y_end // self.factor,
+            workspace.visibility, workspace.radiance, a_buffer, band.y_start // self.factor, band.y_end // self.factor,
             self.factor, self.encoding, self.picture,
         )  # fmt: skip
 
@@ -161,12 +149,12 @@ class InterpolatedPass(ColorPass):
         if self.textures is None:
             level_step = self.plan.dtype.type(1.0 / self.plan.level_scale)
             shade_interpolated(
-                workspace.canvas, workspace.records, n_exact, self.coding.kind, band.y_start, band.n_row,
+                workspace.visibility, workspace.records, n_exact, self.coding.kind, band.y_start, band.n_row,
                 self.n_channel, level_step, workspace.radiance,
             )  # fmt: skip
         else:
             shade_textured(
-                workspace.canvas, workspace.records, band.y_start, band.n_row, workspace.texels, workspace.radiance
+                workspace.visibility, workspace.records, band.y_start, band.n_row, workspace.texels, workspace.radiance
             )
 
 
@@ -179,9 +167,9 @@ class LitPass(ColorPass):
     def light(self, workspace, band, n_exact, face_table):
         """Interpolate the normals and light the samples."""
         shade_lit(
-            workspace.canvas, workspace.records, n_exact, self.coding.kind, band.y_start, band.n_row, self.screen,
+            workspace.visibility, workspace.records, n_exact, self.coding.kind, band.y_start, band.n_row, self.screen,
             self.lighting, face_table.material, face_table.shape,
-            workspace.texels if self.textures is not None else None, workspace.rows, workspace.radiance,
+            workspace.texels if self.textures is not None else None, workspace.batch, workspace.radiance,
         )  # fmt: skip
 
 
@@ -195,7 +183,7 @@ class BufferPass(Pass):
     def finish(self, workspace, band, loaded_face):
         """Write depth, face and normal of what is visible."""
         return write_buffers(
-            workspace.canvas, workspace.records, loaded_face, band.y_start, band.n_row, self.screen, self.buffers
+            workspace.visibility, workspace.records, loaded_face, band, self.screen, self.buffers
         )
 
 
@@ -208,7 +196,7 @@ class ShadowMapPass(Pass):
 
     def finish(self, workspace, band, loaded_face):
         """Write the texels' depths."""
-        write_map(workspace.canvas, band.y_start, band.n_row, *self.depth, self.texels)
+        write_map(workspace.visibility, band.y_start, band.n_row, *self.depth, self.texels)
         return 0
 
 

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ..pipeline.records import EXACT, IN_PLANES, IN_WORDS, NORMAL_PLANES
+from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from .plan import Plan
 from .uniforms import row_functions_of
 
 WAYS = {
-    IN_WORDS: "one intensity in each visibility entry",
-    IN_PLANES: "planes of the three channels",
+    IN_ENTRIES: "one intensity in each visibility entry",
+    LEVEL_PLANES: "planes of the three channels",
     NORMAL_PLANES: "planes of the normals",
     EXACT: "exact records",
 }

@@ -10,12 +10,13 @@ from ..options import Options
 from ..pipeline.fragments import make_rows
 from ..pipeline.lighting import light_points
 from ..pipeline.transform import Screen
+from ..scene.arrays import plain_array
 from ..scene.camera import Camera, View
-from ..scene.lights import Light, check_number
+from ..scene.lights import checked_lights
 from ..scene.material import Material
-from ..scene.validate import plain_array, shown, unit3, vector3
-from .intensity_bounds import common_color
+from ..scene.validate import shown, unit3, vector3
 from .plan import make_plan
+from .tint import common_color
 from .uniforms import make_lighting
 
 
@@ -138,19 +139,10 @@ def _look_from(viewer, toward_viewer):
 
 def _checked_lights(lights, has_camera):
     """One light or many as a tuple, none with shadows."""
-    lights = (lights,) if isinstance(lights, Light) else lights
-    try:
-        lights = tuple(lights)
-    except TypeError:
-        lights = (None,)
+    lights = checked_lights(lights)
     for i, light in enumerate(lights):
-        if not isinstance(light, Light):
-            raise SceneError(
-                f"lights must be Ambient-, Directional-, Point-, Spot- or AreaLight; given {shown(light)} at {i}"
-            )
         if getattr(light, "attached", "world") == "camera" and not has_camera:
             raise SceneError(f"light {i} moves with the camera: the viewer must be a Camera")
-    check_number(lights)
     return tuple(
         replace(light, shadow=None) if getattr(light, "shadow", None) is not None else light for light in lights
     )

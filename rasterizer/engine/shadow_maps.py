@@ -1,10 +1,11 @@
 """Shadow maps: for every light that casts shadows, pictures of the opaque surfaces as the light sees them
 (pipeline/shadow_lookup.py).
 
-    directional   one map, parallel rays, fitted to the scene
-    spot          one map about its axis, as wide as the outer cone, if that has 63 degrees at most; else as a point light
-    point         one map, if the scene fits into a wide view from the light; else six, the faces of a cube round it
-    area          maps of its cells, as for points
+    parallel rays   one map, fitted to the scene
+    a cone          one map about its axis, as wide as the cone, if that has 63 degrees at most; else as to all sides
+    to all sides    one map, if the scene fits into a wide view from the light; else six, the faces of a cube round it
+
+Which of these a light is says its `Beam` (engine/light_table.py); an area light is many point lights.
 """
 
 import math
@@ -15,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..geometry.points import find_lifts, find_shapes
-from ..pipeline.records import IN_WORDS
+from ..geometry.surfaces import compute_normal_offsets, compute_shapes
+from ..pipeline.gradients import IN_ENTRIES
 from ..pipeline.shadow_lookup import (
     CENTER_X,
     CENTER_Y,
@@ -37,14 +38,14 @@ from ..pipeline.shadow_lookup import (
 )
 from ..pipeline.transform import make_screen
 from ..scene.camera import Projection, View
-from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from .coding import make_coding
 from .depth_range import NEAREST, fit_screen
 from .draw import draw
+from .light_table import Beam, entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
-from .uniforms import world_direction, world_position
 
-WIDEST = 2.0  # tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have
+# Tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have.
+WIDEST = 2.0
 NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # the stages of a map are not those of the picture
 MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow_lookup.py
 MOST_NUMBERS = 2**28  # of all maps of a scene: 2 GiB
@@ -89,10 +90,10 @@ class Shadows:
         """
         maps, room = [], MOST_NUMBERS
         for k, light in enumerate(self._plan.lights):
-            if light.shadow is None or self._casters is None:
+            if shadow_of(light) is None or self._casters is None:
                 maps.append(None)
                 continue
-            if k not in self._maps or light.attached == "camera":
+            if k not in self._maps or is_carried(light):
                 before = self._maps.get(k)
                 self._maps[k] = draw_shadow_map(light, view, self._casters, self._plan, scratch, workers, room, before)
             self._maps[k].move(view.eye)
@@ -104,13 +105,13 @@ class Shadows:
     def shapes(self) -> np.ndarray:
         """The planes of all triangles, and how far their points are lifted, (n_face, 5) float64."""
         out = np.empty((self._geometry.vertex.shape[1], 5))
-        find_shapes(self._geometry.positions, self._geometry.normals, self._geometry.vertex, out)
+        compute_shapes(self._geometry.positions, self._geometry.normals, self._geometry.vertex, out)
         return out
 
     @cached_property
     def lifts(self) -> np.ndarray:
         """How far the points are lifted that are lit before they are drawn, (n_point,) float64."""
-        return find_lifts(self._geometry)
+        return compute_normal_offsets(self._geometry)
 
 
 def find_casters(geometry, bounds, opacity) -> Casters | None:
@@ -145,10 +146,12 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMB
     ------
     SceneError : there is no room for the map
     """
-    direction = None if isinstance(light, PointLight) else world_direction(light, view)
-    origin = casters.corners.mean(axis=0) if isinstance(light, DirectionalLight) else world_position(light, view)
+    beam = entry_of(light).beam(light, view)
+    if beam is None:
+        raise SceneError(f"a {type(light).__name__} shines from no single place or direction, so it casts no shadows")
+    origin = casters.corners.mean(axis=0) if beam.origin is None else beam.origin
     size = light.shadow.size
-    views = _choose_views(light, origin, direction, casters.corners - origin, size)
+    views = _choose_views(beam, origin, casters.corners - origin, size)
     n_number = HEADER + len(views) * size * size
     if n_number > room:
         raise SceneError(
@@ -160,7 +163,7 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMB
     texels = block[HEADER:].reshape(len(views), size, size)
     for k, (light_view, projection) in enumerate(views):
         screen = _fit_screen(light_view, projection, casters, size)
-        coding = make_coding(plan._replace(coding=IN_WORDS, lights=()), screen, 0.0)
+        coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=()), screen, 0.0)
         nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
         draw(casters.geometry, shadow_map_pass(nothing, coding, screen, texels[k]), screen, scratch, workers, NO_CLOCK)
         row = block[MAPS + N_MAP_NUMBER * k : MAPS + N_MAP_NUMBER * (k + 1)]
@@ -174,14 +177,14 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMB
     return ShadowMap(block, origin)
 
 
-def _choose_views(light, origin, direction, corners, size) -> list[tuple[View, Projection]]:
-    """The views that a light needs of the scene; `corners` are relative to its place."""
-    if isinstance(light, DirectionalLight):
-        view = _look(origin, direction)
+def _choose_views(beam: Beam, origin, corners, size) -> list[tuple[View, Projection]]:
+    """The views that a light needs of the scene; `corners` are relative to the origin."""
+    if beam.origin is None:
+        view = _look(origin, beam.axis)
         box = _extent(corners @ view.right), _extent(corners @ view.up)
         return [(view, _fit_projection(*box, size, False))]
-    spread = math.tan(math.radians(light.outer)) if isinstance(light, SpotLight) and light.outer < 90.0 else math.inf
-    view = _look(origin, direction if spread <= WIDEST else corners.mean(axis=0))
+    spread = beam.spread
+    view = _look(origin, beam.axis if spread <= WIDEST else corners.mean(axis=0))
     depth = corners @ view.forward
     across = upward = (-math.inf, math.inf)
     if depth.min() > 0.0:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .intensity_bounds import has_colored_fresnel
+from .reflection_table import has_colored_fresnel
 
 
 class Products(NamedTuple):

@@ -4,21 +4,8 @@
 import numpy as np
 
 from ..compiler.kernels import row_function
-from ..pipeline.fresnel import SECOND_PARTS, no_second_part
-from ..pipeline.light_kinds import (
-    ATTENUATION,
-    AXIS,
-    CONE_EXPONENT,
-    CONE_FALLOFF,
-    CONE_SCALE,
-    COS_OUTER,
-    INVERSE_RANGE,
-    LIGHTS,
-    MOST,
-    N_NUMBER,
-    VECTOR,
-    same_again,
-)
+from ..pipeline.fresnel import no_second_part
+from ..pipeline.light_kinds import N_NUMBER, same_again
 from ..pipeline.lighting import (
     AMBIENT,
     DIFFUSE_COLOR,
@@ -32,27 +19,17 @@ from ..pipeline.lighting import (
 )
 from ..pipeline.reflection import (
     BRUSH,
-    DISTANT,
     FRESNEL,
     LEVELS,
-    REFLECTIONS,
     ROUGHNESS,
     ROUGHNESS_ACROSS,
     SCALE,
     SHININESS,
 )
 from ..pipeline.shadow_lookup import cast
-from ..scene.lights import DirectionalLight, SpotLight
-from .intensity_bounds import (
-    cone_cosines,
-    first_fresnel,
-    has_colored_fresnel,
-    has_highlight,
-    highlight_scale,
-    kind_of,
-    model_of,
-)
+from . import light_table, reflection_table
 from .plan import Plan
+from .reflection_table import first_fresnel, has_colored_fresnel, has_highlight
 from .spectral_products import split_fresnel
 
 LIGHTINGS = {  # by whether a light casts shadows, and whether a material needs tangents from u
@@ -73,7 +50,7 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
     light, material = _list_lights(plan, view), _list_materials(plan)
     color, n_light_channel = _color_lights(plan)
     is_shiny = np.array([has_highlight(source) for source in plan.materials], np.bool_)
-    models = [REFLECTIONS[model_of(source)] for source in plan.materials]
+    models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
     of_lights, of_materials = row_functions_of(plan, is_perspective)
     if is_parted(plan):  # each light is followed by itself
@@ -89,7 +66,8 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
         n_channel=plan.n_channel,
         n_light_channel=n_light_channel,
         needs_view=bool(is_view_dependent.any()),
-        needs_position=plan.has_shadows or any(LIGHTS[kind_of(source)].needs_position for source in plan.lights),
+        needs_position=plan.has_shadows
+        or any(light_table.entry_of(source).function(source).needs_position for source in plan.lights),
         has_albedo=plan.has_albedo,
         color=color.astype(plan.dtype),
         shadow_function=row_function(cast, plan.dtype).address if plan.has_shadows else 0,
@@ -98,26 +76,11 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
 
 
 def _list_lights(plan, view) -> np.ndarray:
-    """A row of numbers for each light; those that move with the camera are turned to the world, positions are relative
-    to the eye."""
-    light = np.zeros((len(plan.lights), N_NUMBER))
-    for row, source in zip(light, plan.lights, strict=True):
-        if isinstance(source, DirectionalLight):
-            row[VECTOR : VECTOR + 3] = world_direction(source, view) * -1.0
-            continue
-        position = _to_world(source.position, source, view)
-        row[VECTOR : VECTOR + 3] = position if source.attached == "camera" else position - view.eye
-        row[ATTENUATION : ATTENUATION + 3] = source.attenuation
-        row[MOST] = np.inf if source.amplify else 1.0
-        row[INVERSE_RANGE] = 1.0 / source.range if source.range is not None else 0.0
-        if isinstance(source, SpotLight):
-            row[AXIS : AXIS + 3] = world_direction(source, view)
-            inner, outer = cone_cosines(source)
-            row[COS_OUTER], row[CONE_EXPONENT], row[CONE_FALLOFF] = outer, source.exponent, source.falloff
-            row[CONE_SCALE] = 1.0 / (inner - outer) if inner > outer else np.inf
-            if plan.dtype == np.float32:
-                row[CONE_EXPONENT] = min(row[CONE_EXPONENT], np.finfo(np.float32).max)
-    return light
+    """The coefficients of each light, a row a light."""
+    coefficients = np.zeros((len(plan.lights), N_NUMBER))
+    for row, source in zip(coefficients, plan.lights, strict=True):
+        light_table.entry_of(source).write(row, source, view, plan.dtype)
+    return coefficients
 
 
 def _list_materials(plan) -> np.ndarray:
@@ -131,7 +94,7 @@ def _list_materials(plan) -> np.ndarray:
             row[ROUGHNESS], row[ROUGHNESS_ACROSS] = source.roughness
         if not isinstance(source.tangent, str):
             row[BRUSH : BRUSH + 3] = source.tangent
-        row[FRESNEL], row[SCALE] = first_fresnel(source), highlight_scale(source)
+        row[FRESNEL], row[SCALE] = first_fresnel(source), reflection_table.entry_of(source).highlight_scale(source)
         colors = (source.emissive, np.array(source.ambient) * plan.ambient, source.diffuse, source.specular)
         if plan.products is not None:
             colors = (plan.products.emissive[k], plan.products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
@@ -192,15 +155,17 @@ def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
 
     With two terms a light (see `is_parted`), each is followed by that of its second term.
     """
-    of_lights = [LIGHTS[kind_of(source)].row_function for source in plan.lights]
+    lights = [light_table.entry_of(source) for source in plan.lights]
+    of_lights = [entry.function(source).row_function for entry, source in zip(lights, plan.lights, strict=True)]
     of_materials = []
     for material in plan.materials:
-        usual = REFLECTIONS[model_of(material)].row_function
-        distant = usual if is_perspective else DISTANT.get(model_of(material), usual)
-        of_materials.append([distant if isinstance(source, DirectionalLight) else usual for source in plan.lights])
+        model = reflection_table.entry_of(material)
+        usual = model.function(material).row_function
+        distant = usual if is_perspective else model.distant_function(material)
+        of_materials.append([distant if entry.is_distant else usual for entry in lights])
     if not is_parted(plan):
         return of_lights, of_materials
-    seconds = [SECOND_PARTS[m.reflection] if has_colored_fresnel(m) else no_second_part for m in plan.materials]
+    seconds = [_second_function(material) for material in plan.materials]
     of_materials = [
         [part for function in functions for part in (function, second)]
         for functions, second in zip(of_materials, seconds, strict=True)
@@ -208,24 +173,11 @@ def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
     return [part for function in of_lights for part in (function, same_again)], of_materials
 
 
+def _second_function(material):
+    """The function of the second term of a material's highlight, in a scene where some material has one."""
+    return reflection_table.entry_of(material).second_function if has_colored_fresnel(material) else no_second_part
+
+
 def _addresses(functions, dtype) -> np.ndarray:
     """Compile row functions; return their addresses, int64."""
     return np.array([row_function(function, dtype).address for function in functions], np.int64)
-
-
-def world_position(light, view) -> np.ndarray:
-    """The position of a light in the world, (3,) float64, also of one that moves with the camera."""
-    position = _to_world(light.position, light, view)
-    return view.eye + position if light.attached == "camera" else position
-
-
-def world_direction(light, view) -> np.ndarray:
-    """The direction of a light in the world, (3,) float64, also of one that moves with the camera."""
-    return _to_world(light.direction, light, view)
-
-
-def _to_world(vector, light, view) -> np.ndarray:
-    """A vector along the world's axes that may be given along those of the camera."""
-    if light.attached != "camera":
-        return np.array(vector)
-    return np.array(vector) @ np.stack([view.right, view.up, -view.forward])  # rows: the camera's axes in the world

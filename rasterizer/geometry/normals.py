@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ModelError, SceneError
+from ..scene.mesh import WEIGHTINGS
 from ..scene.validate import choice, number
-from .creases import DOT_ERROR, UNSET, WEIGHTINGS, average_fans, list_corners, split_fans, sum_by_polygon
+from .creases import DOT_ERROR, UNSET, average_fans, list_corners, split_fans, sum_by_polygon
 
 # Two faces meet at the crease angle when they do so within this many degrees. Coordinates with six decimals
 # (usual in OBJ) are off by 5e-7; the walls of a 12-sided unit cylinder are 0.52 wide, so each is tilted by up

@@ -13,16 +13,16 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import ModelError, SceneError
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from ..scene.validate import shown
 from .normals import split_creases
-from .points import DEFAULT_CREASE_ANGLE
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
 _NEXT = [1, 2, 0]  # the edge that begins at corner k ends here; its midpoint is the point 3 + k
 
 
-def subdivide(mesh, times: int):
+def subdivide(mesh: Mesh, times: int) -> Mesh:
     """Return a mesh whose triangles are cut in four `times` times; see `Mesh.subdivide`."""
     times = _checked_times(times)
     n_face = mesh.n_face * 4**times
@@ -46,7 +46,7 @@ def _checked_times(times) -> int:
     return result
 
 
-def _cut_once(mesh):
+def _cut_once(mesh: Mesh) -> Mesh:
     """Cut every triangle of a mesh in four.
 
     An edge has one midpoint however many faces meet there, so the finer mesh is as closed as the given one. Where two

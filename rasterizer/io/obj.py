@@ -1,7 +1,7 @@
 """Read OBJ: vertices, polygons, normals, texture coordinates, smoothing groups, objects, materials.
 
     text ─ tidy ─┬─ rows of v, vn, vt ──┐
-                 ├─ table of corners ───┼─ triangles (geometry/polygons.py) ─ parts, one an object
+                 ├─ table of corners ───┼─ triangles (scene/triangulation.py) ─ parts, one an object
                  └─ o, usemtl, s ───────┘
 
 Each `o` line with faces begins a part, which may have several materials; groups (`g`) only name faces, so normals
@@ -22,8 +22,8 @@ from itertools import chain
 import numpy as np
 
 from ..errors import ModelError
-from ..geometry.polygons import listed
 from ..scene.material import Material
+from ..scene.triangulation import listed
 from .files import OutsideError
 from .model_file import WHITE, ModelFile, Part, bytes_of, cut_faces, text_of
 from .mtl import LONGEST_NAME, Maps, read_materials

@@ -1,19 +1,18 @@
 """Stage 7 for exact buffers: depth, face and normal of what is visible at each pixel's centre.
 
-In:  the band's z-buffer, all of its words holding record numbers, and the records (float64).
-Out: rows of the buffers. The z-buffer is left clean for the next band.
+In:  the band's visibility buffer, all of its entries indices of exact records, and the records (float64).
+Out: rows of the buffers. The visibility buffer is left clear for the next band.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, kernel
+from ..compiler.kernels import borrow, helper, index, kernel
 from .interpolate import corner_weights, corners_of, depth_of, mean, weights_of
-from .records import ATTRIBUTE, FACE, RECORD_MASK, SIDE, borrow_records
-from .resolve import clean
-from .scan import CLEAR, GROUP_SHIFT
+from .records import ATTRIBUTE, FACE, SIDE, borrow_records
 from .transform import HALF, SUBPIXEL
+from .visibility import CLEAR, RECORD_MASK, clear, strip_of
 
 
 class Buffers(NamedTuple):
@@ -24,40 +23,64 @@ class Buffers(NamedTuple):
     normal: np.ndarray  # (height, width, 3) float32, unit length, towards the viewer, world space; 0 where nothing is
 
 
-@kernel
-def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
-    """Write n_row rows of the buffers from y_start on; clean the band; return how many samples are covered.
+def empty_buffers(size, names) -> Buffers:
+    """Return buffers with nothing visible, of `size` = (width, height) pixels; those that aren't named have no rows."""
+    width, height = size
 
-    `loaded_face` is the face that each triangle is a part of, or empty where no face was clipped.
+    def n_row(name):
+        return height if name in names else 0
+
+    return Buffers(
+        np.full((n_row("depth"), width), np.inf, np.float32),
+        np.full((n_row("face"), width), -1, np.int32),
+        np.zeros((n_row("normal"), width, 3), np.float32),
+    )
+
+
+@kernel
+def write_buffers(visibility, records, loaded_faces, band, screen, out):
+    """Write a band's rows of the buffers; clear the band; return how many samples are covered.
+
+    Parameters
+    ----------
+    loaded_faces : (n_face,) uint32, the face that each triangle is a part of; empty where no face was clipped
+    band : Band
+    screen : Screen
+    out : Buffers
     """
-    words, records = borrow(canvas.words), borrow_records(records)
-    integers, numbers = records.integers, records.numbers
+    entries, records = borrow(visibility.entries), borrow_records(records)
     out_depth, out_face, out_normal = borrow(out.depth), borrow(out.face), borrow(out.normal)
     n_covered = 0
-    for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        y, sy = np.uint64(y_start + j), (y_start + j) * SUBPIXEL + HALF
-        for i in range(canvas.left[group], canvas.right[group]):
-            word = words[np.uint64(j * canvas.pitch + i)]
-            if word >= CLEAR:
+    for row in range(band.y_end - band.y_start):
+        strip = strip_of(row)
+        y, sy = index(band.y_start + row), (band.y_start + row) * SUBPIXEL + HALF
+        for i in range(visibility.left[strip], visibility.right[strip]):
+            entry = entries[index(row * visibility.pitch + i)]
+            if entry >= CLEAR:
                 continue
             n_covered += 1
-            x, record = np.uint64(i), np.uint64(word & RECORD_MASK)
+            x, record = index(i), index(entry & RECORD_MASK)
             if out_face.shape[0] > 0:
-                face = integers[record, np.uint64(FACE)]
-                out_face[y, x] = loaded_face[np.uint64(face)] if len(loaded_face) > 0 else face
+                face = records.integers[record, FACE]
+                out_face[y, x] = loaded_faces[index(face)] if len(loaded_faces) > 0 else face
             weights = weights_of(records, record)
             q0, q1, q2 = corner_weights(weights, i * SUBPIXEL + HALF, sy)
             if out_depth.shape[0] > 0:
                 out_depth[y, x] = depth_of(records, record, weights, q0, q1, q2, screen.is_perspective)
             if out_normal.shape[0] > 0:
                 total = q0 + q1 + q2
-                p0, p1, p2 = q0 / total, q1 / total, q2 / total
-                nx = mean(corners_of(numbers, record, ATTRIBUTE), p0, p1, p2)
-                ny = mean(corners_of(numbers, record, ATTRIBUTE + 3), p0, p1, p2)
-                nz = mean(corners_of(numbers, record, ATTRIBUTE + 6), p0, p1, p2)
-                length = np.sqrt(nx * nx + ny * ny + nz * nz)
-                scale = integers[record, np.uint64(SIDE)] / length if length > 0 else 0.0
-                out_normal[y, x, 0], out_normal[y, x, 1], out_normal[y, x, 2] = nx * scale, ny * scale, nz * scale
-    clean(canvas, n_row)
+                nx, ny, nz = normal_of(records, record, q0 / total, q1 / total, q2 / total)
+                out_normal[y, x, 0], out_normal[y, x, 1], out_normal[y, x, 2] = nx, ny, nz
+    clear(visibility, band.y_end - band.y_start)
     return n_covered
+
+
+@helper
+def normal_of(records, record, p0, p1, p2):
+    """Interpolate the normal of an exact record with weights p_i, Σ p_i = 1: unit length, on the side that is seen."""
+    nx = mean(corners_of(records.reals, record, ATTRIBUTE), p0, p1, p2)
+    ny = mean(corners_of(records.reals, record, ATTRIBUTE + 3), p0, p1, p2)
+    nz = mean(corners_of(records.reals, record, ATTRIBUTE + 6), p0, p1, p2)
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    scale = records.integers[record, SIDE] / length if length > 0 else 0.0
+    return nx * scale, ny * scale, nz * scale

@@ -19,9 +19,9 @@ import numpy as np
 
 from ..compiler.kernels import borrow, kernel
 from .interpolate import corner_weights, depth_of, weights_of
-from .records import RECORD_MASK, borrow_records
-from .scan import CLEAR, GROUP_SHIFT
+from .records import borrow_records
 from .transform import HALF, SUBPIXEL
+from .visibility import CLEAR, RECORD_MASK, STRIP_SHIFT
 
 
 class Cue(NamedTuple):
@@ -35,10 +35,10 @@ class Cue(NamedTuple):
 @kernel
 def fade(canvas, records, y_start, n_row, is_perspective, cue, out_radiance):
     """Fade n_row rows of samples from y_start on; those that show nothing are left alone."""
-    words, records = borrow(canvas.words), borrow_records(records)
+    words, records = borrow(canvas.entries), borrow_records(records)
     radiance, color = borrow(out_radiance), borrow(cue.color)
     for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
+        group = np.uint64(j) >> np.uint64(STRIP_SHIFT)
         sy = (y_start + j) * SUBPIXEL + HALF
         for i in range(canvas.left[group], canvas.right[group]):
             sample = np.uint64(j * canvas.pitch + i)

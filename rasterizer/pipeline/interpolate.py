@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import borrow, helper
-from .clip import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
-from .records import CUT, DEPTH, INV_W, IS_EXACT, IS_ID, LEVEL_MASK, PLACE
+from .face_planes import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
+from .records import CLIPPED_IDX, DEPTH, EDGES, INV_W
 from .transform import SUBPIXEL
+from .visibility import IS_EXACT, IS_ID, LEVEL_MASK
 
 
 class Weights(NamedTuple):
@@ -65,14 +66,14 @@ def is_exact(word):
 @helper
 def weights_of(records, record):
     """Fetch what the weights of an exact record are found from."""
-    row, column = records.integers[record], np.uint64(PLACE)
+    row, column = records.integers[record], np.uint64(EDGES)
     dx1, dy1 = np.int64(row[column + np.uint64(2)]), np.int64(row[column + np.uint64(3)])
     dx2, dy2 = np.int64(row[column + np.uint64(4)]), np.int64(row[column + np.uint64(5)])
-    w0, w1, w2 = corners_of(records.numbers, record, INV_W)
+    w0, w1, w2 = corners_of(records.reals, record, INV_W)
     inv_w = (float(w0), float(w1), float(w2))
-    cut = row[np.uint64(CUT)]
+    cut = row[np.uint64(CLIPPED_IDX)]
     if cut >= 0:
-        planes, k = borrow(records.cut), np.uint64(cut)
+        planes, k = borrow(records.clipped_planes), np.uint64(cut)
         sums = (planes[k, np.uint64(LEAST_SUM)], planes[k, np.uint64(LARGEST_SUM)])
         q, q_x, q_y = corners_of(planes, k, WEIGHT), corners_of(planes, k, WEIGHT_X), corners_of(planes, k, WEIGHT_Y)
         area = 1.0
@@ -157,7 +158,7 @@ def depth_of(records, record, weights, q0, q1, q2, is_perspective):
     if is_perspective:
         # A mean of 1/w may not leave its range by a rounding error.
         return 1.0 / min(max(total / weights.area, weights.sums[0]), weights.sums[1])
-    return float(mean(corners_of(records.numbers, record, DEPTH), q0 / total, q1 / total, q2 / total))
+    return float(mean(corners_of(records.reals, record, DEPTH), q0 / total, q1 / total, q2 / total))
 
 
 @helper

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..compiler.kernels import borrow, helper, kernel
 from .fragments import CHUNK, NEXT_CHANNEL
-from .scan import CLEAR, GROUP_SHIFT, PADDING
+from .visibility import CLEAR, STRIP_SHIFT, clear
 
 LEAST, MOST = np.float32(2.0**-13), np.float32(1 - 2.0**-24)  # below the first threshold and above the last
 BUCKET_SHIFT = np.int32(16)  # floats with the same upper 16 bits share a bucket: 128 buckets an octave
@@ -78,7 +78,7 @@ def resolve(canvas, radiance, layers, y_start, y_stop, factor, encoding, out):
     `factor` is the number of samples a pixel along each axis; the band's rows are y_start*factor .. y_stop*factor.
     `layers` is None, or takes the place of the radiance where surfaces are transparent (a_buffer.py).
     """
-    words, radiance = borrow(canvas.words), borrow(radiance)
+    words, radiance = borrow(canvas.entries), borrow(radiance)
     out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
     encoding = borrow_encoding(encoding)
     pixels, levels = np.empty(4 * CHUNK, np.float32), np.empty(3 * CHUNK, np.int32)
@@ -123,7 +123,7 @@ def resolve(canvas, radiance, layers, y_start, y_stop, factor, encoding, out):
                 )
             if out.rgba.shape[0] > 0:
                 encode_chunk(pixels, levels, n, encoding, out.rgba[np.uint64(j), np.uint64(left) :])
-    clean(canvas, (y_stop - y_start) * factor)
+    clear(canvas, (y_stop - y_start) * factor)
     return n_covered
 
 
@@ -142,7 +142,7 @@ def touched_columns(canvas, row, factor):
     one."""
     left, right = np.int64(canvas.width), np.int64(0)
     for sub in range(row, row + factor):
-        group = np.uint64(sub) >> np.uint64(GROUP_SHIFT)
+        group = np.uint64(sub) >> np.uint64(STRIP_SHIFT)
         left, right = min(left, canvas.left[group]), max(right, canvas.right[group])
     return (left // factor, (right + factor - 1) // factor) if left < right else (np.int64(0), np.int64(0))
 
@@ -368,17 +368,3 @@ def encode_picture(color, alpha, encoding, out_rgba):
         for i in range(np.uint64(color.shape[1])):
             out_rgba[j, i] = encode_pixel(color[j, i, 0], color[j, i, 1], color[j, i, 2], alpha[j, i], encoding)
 
-
-@helper
-def clean(canvas, n_row):
-    """Make the z-buffer empty again where it was touched, padding included."""
-    words = borrow(canvas.words)
-    for row in range(np.uint64(n_row)):
-        group = row >> np.uint64(GROUP_SHIFT)
-        left, right = canvas.left[group], canvas.right[group]
-        if left < right:
-            start = row * np.uint64(canvas.pitch)
-            for place in range(start + np.uint64(left), start + np.uint64(right + PADDING)):
-                words[place] = CLEAR
-    for group in range(np.uint64(len(canvas.left))):
-        canvas.left[group], canvas.right[group] = np.int64(1 << 30), np.int64(-1)

@@ -37,26 +37,13 @@ from .fragments import (
     VIEW_Y,
     VIEW_Z,
 )
+from .gradients import IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from .interpolate import corner_weights, corners_of, has_exact, is_exact, mean, run_end, weights_of
 from .lighting import BRUSHED, ShadowedLighting, light_rows, normalize_normals, view_from_direction
-from .records import (
-    ATTRIBUTE,
-    DEPTH,
-    FACE,
-    IN_PLANES,
-    IN_WORDS,
-    IS_ID,
-    LEVEL_MASK,
-    NORMAL_PLANES,
-    PLANE,
-    PLANE_FACE,
-    RECORD_MASK,
-    SIDE,
-    borrow_records,
-)
-from .scan import GROUP_SHIFT
-from .simd import GROUP, take_planes
+from .records import ATTRIBUTE, DEPTH, FACE, FIRST_PLANE, PLANES_FACE, SIDE, borrow_records
+from .simd import PLANE_GROUP, PlaneGroup, evaluate_planes
 from .transform import HALF, SUBPIXEL
+from .visibility import IS_ID, LEVEL_MASK, RECORD_MASK, STRIP_SHIFT
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
@@ -66,22 +53,22 @@ FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 @kernel
 def shade_interpolated(canvas, records, n_exact, kind, y_start, n_row, n_channel, level_step, out_radiance):
     """Turn words and records, `n_exact` of which are exact, into intensities; levels are multiples of `level_step`."""
-    words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
+    words, left, right = borrow(canvas.entries), borrow(canvas.left), borrow(canvas.right)
     radiance, records = borrow(out_radiance), borrow_records(records)
     flat = radiance.reshape(radiance.size)
     for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
+        group = np.uint64(j) >> np.uint64(STRIP_SHIFT)
         for first in range(left[group], right[group], CHUNK):
             start = np.uint64(j * canvas.pitch + first)
             n = np.uint64(min(right[group] - first, CHUNK))
             chunk = words[start : start + n]
-            if kind == IN_WORDS:
+            if kind == IN_ENTRIES:
                 take_levels(chunk, level_step, radiance[0, start : start + n])
-            elif kind == IN_PLANES:
-                take_planes(
-                    chunk, n, RECORD_MASK, records.levels, np.uint64(records.plane_shift), np.uint64(PLANE),
-                    first, y_start + j, level_step, flat, start, np.uint64(radiance.shape[1]),
-                )  # fmt: skip
+            elif kind == LEVEL_PLANES:
+                planes = PlaneGroup(
+                    records.int_planes, RECORD_MASK, np.uint64(records.plane_shift), np.uint64(FIRST_PLANE), level_step
+                )
+                evaluate_planes(chunk, planes, first, y_start + j, flat, start, np.uint64(radiance.shape[1]))
             if n_exact > 0 and has_exact(chunk):
                 interpolate_runs(chunk, records, first, y_start + j, n_channel, radiance[:, start : start + n])
 
@@ -108,9 +95,9 @@ def interpolate_runs(words, records, first, y, n_channel, out):
             # read.
             record = min(np.uint64(words[start] & RECORD_MASK), last_record)
             weights = weights_of(records, record)
-            red = corners_of(records.numbers, record, ATTRIBUTE)
-            green = corners_of(records.numbers, record, ATTRIBUTE + 3) if n_channel > 1 else red
-            blue = corners_of(records.numbers, record, ATTRIBUTE + 6) if n_channel > 1 else red
+            red = corners_of(records.reals, record, ATTRIBUTE)
+            green = corners_of(records.reals, record, ATTRIBUTE + 3) if n_channel > 1 else red
+            blue = corners_of(records.reals, record, ATTRIBUTE + 6) if n_channel > 1 else red
             for k in range(start, stop):
                 q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
@@ -148,12 +135,12 @@ def shade_lit(
     of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows;
     `texels` is None where there are no textures. `n_exact` records of the band are exact.
     """
-    words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
+    words, left, right, rows = borrow(canvas.entries), borrow(canvas.left), borrow(canvas.right), borrow(rows)
     radiance, face_material = borrow(out_radiance), borrow(face_material)
     face_shape = borrow(face_shape)
     records = borrow_records(records)
     for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
+        group = np.uint64(j) >> np.uint64(STRIP_SHIFT)
         y, first = y_start + j, left[group]
         while first < right[group]:
             start = np.uint64(j * canvas.pitch + first)
@@ -235,17 +222,15 @@ def face_of(word, records):
     record = np.uint64(word & RECORD_MASK)
     if is_exact(word):
         return np.uint64(records.integers[record, np.uint64(FACE)])
-    return np.uint64(records.levels[(record << np.uint64(records.plane_shift)) + np.uint64(PLANE_FACE)])
+    return np.uint64(records.int_planes[(record << np.uint64(records.plane_shift)) + np.uint64(PLANES_FACE)])
 
 
 @helper
 def take_attributes(words, records, group, first, y, row, rows):
     """Attributes from a group of planes, into four rows from `row` on; samples that show no planes take anything."""
-    column = np.uint64(PLANE + 3 * GROUP * group)
-    take_planes(
-        words, np.uint64(len(words)), RECORD_MASK, records.planes, np.uint64(records.plane_shift), column,
-        first, y, rows.dtype.type(1), rows, row, np.uint64(CHUNK),
-    )  # fmt: skip
+    column, one = np.uint64(FIRST_PLANE + 3 * PLANE_GROUP * group), rows.dtype.type(1)
+    planes = PlaneGroup(records.float_planes, RECORD_MASK, np.uint64(records.plane_shift), column, one)
+    evaluate_planes(words, planes, first, y, rows, row, np.uint64(CHUNK))
 
 
 @helper
@@ -269,13 +254,13 @@ def interpolate_normal_runs(words, records, first, y, has_albedo, is_perspective
             record = np.uint64(words[start] & RECORD_MASK)
             weights = weights_of(records, record)
             side = float(records.integers[record, np.uint64(SIDE)])
-            nx = corners_of(records.numbers, record, ATTRIBUTE)
-            ny = corners_of(records.numbers, record, ATTRIBUTE + 3)
-            nz = corners_of(records.numbers, record, ATTRIBUTE + 6)
-            depths = corners_of(records.numbers, record, DEPTH)
-            red = corners_of(records.numbers, record, ATTRIBUTE + 9) if has_albedo else depths
-            green = corners_of(records.numbers, record, ATTRIBUTE + 12) if has_albedo else depths
-            blue = corners_of(records.numbers, record, ATTRIBUTE + 15) if has_albedo else depths
+            nx = corners_of(records.reals, record, ATTRIBUTE)
+            ny = corners_of(records.reals, record, ATTRIBUTE + 3)
+            nz = corners_of(records.reals, record, ATTRIBUTE + 6)
+            depths = corners_of(records.reals, record, DEPTH)
+            red = corners_of(records.reals, record, ATTRIBUTE + 9) if has_albedo else depths
+            green = corners_of(records.reals, record, ATTRIBUTE + 12) if has_albedo else depths
+            blue = corners_of(records.reals, record, ATTRIBUTE + 15) if has_albedo else depths
             for k in range(start, stop):
                 q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)
@@ -308,7 +293,7 @@ def interpolate_tangent_runs(lighting, words, records, first, y, rows):
     """Interpolate the tangents of exact records, one run of samples after the other; their sign doesn't matter."""
     sy = y * SUBPIXEL + HALF
     number = rows.dtype.type
-    column = records.numbers.shape[1] - 9
+    column = records.reals.shape[1] - 9
     start = np.uint64(0)
     while start < np.uint64(len(words)):
         stop = start + np.uint64(1)
@@ -316,9 +301,9 @@ def interpolate_tangent_runs(lighting, words, records, first, y, rows):
             stop = run_end(words, start)
             record = np.uint64(words[start] & RECORD_MASK)
             weights = weights_of(records, record)
-            tx = corners_of(records.numbers, record, column)
-            ty = corners_of(records.numbers, record, column + 3)
-            tz = corners_of(records.numbers, record, column + 6)
+            tx = corners_of(records.reals, record, column)
+            ty = corners_of(records.reals, record, column + 3)
+            tz = corners_of(records.reals, record, column + 6)
             for k in range(start, stop):
                 q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
                 scale = 1.0 / (q0 + q1 + q2)

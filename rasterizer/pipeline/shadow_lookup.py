@@ -19,7 +19,7 @@ the slopes of its tangent plane, which the normal gives, times the way to the ce
 which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px,
 which tilts its polygons a little: so a point is first moved onto the plane that its polygon has in the scene. A polygon
 that stands for a piece of a curved surface may lie below it: the point is then lifted along its normal by LIFT, how far
-the polygon's corners lie from their neighbours' tangent planes (geometry/points.py); flat surfaces have no lift. So
+the polygon's corners lie from their neighbours' tangent planes (geometry/surfaces.py); flat surfaces have no lift. So
 nothing of a convex surface lies before the tangent plane of a lifted point; before the plane of its polygon neighbours
 may lie, where the polygon is turned away from the light and its normals are not yet. Where a point is lifted beyond the
 light, it is lit.
@@ -51,9 +51,7 @@ from .fragments import (
     SLOPE_Y,
     STRENGTH,
 )
-from .records import PAYLOAD_BITS
-from .resolve import clean
-from .scan import CLEAR, GROUP_SHIFT
+from .visibility import CLEAR, PAYLOAD_BITS, STRIP_SHIFT, clear
 
 # The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether
 # rays diverge; then for each map: the light's place relative to the eye, its axes (right, up, forward), scale and
@@ -188,10 +186,10 @@ def compare(row, header, texels, first, start, stop):
 @kernel
 def write_map(canvas, y_start, n_row, offset, scale, out_texels):
     """Turn a band's depths into texels: 1/w, or minus the depth, which are offset + scale·z; clean the band."""
-    words = borrow(canvas.words)
+    words = borrow(canvas.entries)
     far = out_texels.dtype.type(-np.inf)  # where nothing is, nothing is held off
     for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
+        group = np.uint64(j) >> np.uint64(STRIP_SHIFT)
         left, right = canvas.left[group], canvas.right[group]
         row = out_texels[np.uint64(y_start + j)]
         for i in range(np.uint64(len(row))):
@@ -201,4 +199,4 @@ def write_map(canvas, y_start, n_row, offset, scale, out_texels):
             for i in range(np.uint64(left), np.uint64(min(right, len(row)))):
                 word = words[start + i]
                 row[i] = offset + scale * float(word >> PAYLOAD_BITS) if word < CLEAR else far
-    clean(canvas, n_row)
+    clear(canvas, n_row)

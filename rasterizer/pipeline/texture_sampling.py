@@ -16,9 +16,9 @@ import numpy as np
 from ..compiler.kernels import borrow, helper, kernel
 from .fragments import CHUNK
 from .interpolate import corner_weights, corners_of, is_exact, mean, run_end, weight_steps, weights_of
-from .records import ATTRIBUTE, FACE, RECORD_MASK, borrow_records
-from .scan import GROUP_SHIFT
+from .records import ATTRIBUTE, FACE, borrow_records
 from .transform import HALF, SUBPIXEL
+from .visibility import RECORD_MASK, STRIP_SHIFT
 
 NEAREST, BILINEAR, TRILINEAR = 0, 1, 2  # filters
 REPEAT, CLAMP, MIRROR = 0, 1, 2  # what lies outside the picture
@@ -46,7 +46,7 @@ def take_texels(canvas, records, y_start, n_row, textures, face_material, rows, 
 
     `rows` are those of lighting, in float64, for what is computed on the way.
     """
-    words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
+    words, left, right = borrow(canvas.entries), borrow(canvas.left), borrow(canvas.right)
     records, face_material, texels = borrow_records(records), borrow(face_material), borrow(out_texels)
     rows = borrow(rows)
     textures = Textures(
@@ -55,7 +55,7 @@ def take_texels(canvas, records, y_start, n_row, textures, face_material, rows, 
     )  # fmt: skip
     one = texels.dtype.type(1)
     for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
+        group = np.uint64(j) >> np.uint64(STRIP_SHIFT)
         if left[group] >= right[group]:
             continue
         start = np.uint64(j * canvas.pitch + left[group])
@@ -107,8 +107,8 @@ def take_run(records, record, x, y, textures, number, rows, out):
 def find_places(records, record, x, y, n, wrap_u, wrap_v, rows):
     """Fill the rows of texture coordinates, as they are and within the picture, and of 1 / Σ q."""
     weights = weights_of(records, record)
-    us = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
-    vs = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
+    us = corners_of(records.reals, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
+    vs = corners_of(records.reals, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
     for k in range(n):
         q0, q1, q2 = corner_weights(weights, (x + np.int64(k)) * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
         scale = 1.0 / (q0 + q1 + q2)
@@ -122,8 +122,8 @@ def find_details(records, record, n, size, most, rows):
     """Fill the row of the mipmaps' numbers: whole ones are the levels, what lies between is a mixture of two."""
     _, width, height = size
     along_x, along_y = weight_steps(weights_of(records, record))
-    us = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
-    vs = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
+    us = corners_of(records.reals, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
+    vs = corners_of(records.reals, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
     d_x, u_x, v_x = steps(along_x, us, vs)
     d_y, u_y, v_y = steps(along_y, us, vs)
     wide, high = float(width), float(height)
@@ -228,10 +228,10 @@ def shade_textured(canvas, records, y_start, n_row, texels, out_radiance):
 
     Attributes 0-2 of the records are what a black surface gives off, 3-5 what the whole one gives off.
     """
-    words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
+    words, left, right = borrow(canvas.entries), borrow(canvas.left), borrow(canvas.right)
     records, texels, radiance = borrow_records(records), borrow(texels), borrow(out_radiance)
     for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
+        group = np.uint64(j) >> np.uint64(STRIP_SHIFT)
         if left[group] >= right[group]:
             continue
         start = np.uint64(j * canvas.pitch + left[group])
@@ -248,8 +248,8 @@ def shade_textured(canvas, records, y_start, n_row, texels, out_radiance):
                     scale = 1.0 / (q0 + q1 + q2)
                     for channel in range(np.uint64(3)):
                         column = np.uint64(ATTRIBUTE) + np.uint64(3) * channel
-                        of_rest = corners_of(records.numbers, record, column)
-                        of_whole = corners_of(records.numbers, record, column + np.uint64(9))
+                        of_rest = corners_of(records.reals, record, column)
+                        of_whole = corners_of(records.reals, record, column + np.uint64(9))
                         rest = mean(of_rest, q0 * scale, q1 * scale, q2 * scale)
                         whole = mean(of_whole, q0 * scale, q1 * scale, q2 * scale)
                         radiance[channel, start + i] = rest + (whole - rest) * texels[channel, start + i]

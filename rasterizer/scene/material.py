@@ -6,7 +6,7 @@ function:
     reflection               f(L,V) = f(V,L)    ∫ f cos <= 1, for coefficients kd + ks <= 1
     lambert                  yes                yes
     oren-nayar               yes                yes
-    cook-torrance            yes                yes, each of its two terms: the matte one is not weakened by 1 - F
+    cook-torrance            yes                yes, each of its two terms: the diffuse one is not weakened by 1 - F
     the same, anisotropic    yes                yes
     phong, blinn             no                 no: the highlight doesn't shrink with N·L
     the same, with W         no                 no
@@ -14,11 +14,12 @@ function:
     normalized, with W       no: W = W(N·L)     yes
     toon                     no                 no: steps are rounded up
 
-tests/pipeline/test_reflection.py integrates each of them. In the units of this package a matte white surface under a
-light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·L, and Lambert's BRDF is kd/π.
+tests/pipeline/test_reflection.py integrates each of them. In the units of this package a white Lambertian surface
+under a light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·L, and Lambert's BRDF is kd/π.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,10 +28,35 @@ from .color import linear_rgb
 from .texture import Texture
 from .validate import choice, number, shown, unit3
 
-REFLECTIONS = ("phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon")
 DISTRIBUTIONS = ("ggx", "beckmann")
-LEAST_ROUGHNESS = 0.001  # of Cook-Torrance: its peak is 1/(2·roughness³), and must stay a number
 MOST_LEVELS = 256
+
+
+class ReflectionModel(NamedTuple):
+    """What a material checks where it names this model.
+
+    Parameters
+    ----------
+    least_roughness : legal is `roughness` from here to 1
+    brushed : the `distribution` with which `roughness` may be two numbers; None = it is one number
+    """
+
+    least_roughness: float = 0.0
+    brushed: str | None = None
+
+
+# Every reflection model that a material may name. What the engine and the reference know of it stands in tables by the
+# same words; `rasterizer.registries` enters a model in all of them. Cook-Torrance's peak is 1/(2·roughness³), which
+# must stay a number of float32.
+REFLECTION_MODELS: dict[str, ReflectionModel] = {
+    "phong": ReflectionModel(),
+    "blinn": ReflectionModel(),
+    "lambert": ReflectionModel(),
+    "oren-nayar": ReflectionModel(),
+    "cook-torrance": ReflectionModel(least_roughness=0.001, brushed="ggx"),
+    "toon": ReflectionModel(),
+}
+REFLECTIONS = tuple(REFLECTION_MODELS)  # the built-in ones
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +148,7 @@ class Material:
         object.__setattr__(self, "opacity", opacity)
         if self.texture is not None and not isinstance(self.texture, Texture):
             object.__setattr__(self, "texture", Texture(self.texture))
-        choice(self.reflection, REFLECTIONS, "the material's reflection")
+        choice(self.reflection, tuple(REFLECTION_MODELS), "the material's reflection")
         self._check_model()
         if not isinstance(self.name, str):
             raise SceneError(f"the material's name must be text; given {shown(self.name)}")
@@ -150,13 +176,14 @@ class Material:
         """Return the roughness as a float, or as two that differ."""
         is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and getattr(self.roughness, "ndim", 1) == 1
         values = tuple(self.roughness) if is_pair else (self.roughness,)
-        if is_pair and (len(values) != 2 or (self.reflection, self.distribution) != ("cook-torrance", "ggx")):
-            what = "one number, or two (along the tangent and across it) for 'cook-torrance' with 'ggx'"
+        model = REFLECTION_MODELS[self.reflection]
+        if is_pair and (len(values) != 2 or self.distribution != model.brushed):
+            pairs = [f"{word!r} with {m.brushed!r}" for word, m in REFLECTION_MODELS.items() if m.brushed is not None]
+            what = f"one number, or two (along the tangent and across it) for {' or '.join(pairs)}"
             raise SceneError(f"the material's roughness must be {what}; given {shown(self.roughness)}")
         values = tuple(number(value, "the material's roughness") for value in values)
-        least = LEAST_ROUGHNESS if self.reflection == "cook-torrance" else 0.0
-        if not all(least <= value <= 1.0 for value in values):
-            what = f"within {least:g}..1 for {self.reflection!r}"
+        if not all(model.least_roughness <= value <= 1.0 for value in values):
+            what = f"within {model.least_roughness:g}..1 for {self.reflection!r}"
             raise SceneError(f"the material's roughness must be {what}; given {self.roughness!r}")
         return values[0] if len(set(values)) == 1 else values
 

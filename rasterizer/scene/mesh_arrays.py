@@ -11,24 +11,36 @@ there is one.
 
 import warnings
 from itertools import chain
+from typing import Any, TypeVar, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import ModelError
-from ..geometry.polygons import CROSSING, TooManyCorners, cut_polygons, listed
+from .arrays import plain_array
 from .color import linear_from_srgb_bytes
-from .validate import COORDINATE_LIMIT, plain_array, shown
+from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
+from .validate import COORDINATE_LIMIT, shown
 
 CHUNK = 1 << 16  # faces looked at in one go
 _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1
 
 
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
 class _Owned(np.ndarray):
     """Marks memory that was taken over by `fixed`."""
 
 
-def fixed(array: np.ndarray | None) -> np.ndarray | None:
+@overload
+def fixed(array: NDArray[_Scalar]) -> NDArray[_Scalar]: ...
+@overload
+def fixed(array: None) -> None: ...
+@overload
+def fixed(array: NDArray[_Scalar] | None) -> NDArray[_Scalar] | None: ...
+def fixed(array: NDArray | None) -> NDArray | None:
     """Take over an array's memory: return it contiguous, and so that it can neither be written through nor be made
     writable.
 
@@ -38,14 +50,15 @@ def fixed(array: np.ndarray | None) -> np.ndarray | None:
     """
     if array is None or is_fixed(array):
         return None if array is None else np.ascontiguousarray(array)
-    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())
+    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())  # type: ignore[arg-type]
 
 
-def is_fixed(array: np.ndarray) -> bool:
+def is_fixed(array: NDArray) -> bool:
     """Tell whether an array is one made by `fixed`, or a view of one."""
-    while type(array) is np.ndarray:
-        array = array.base
-    return type(array) is memoryview and type(array.obj) is _Owned
+    base: Any = array
+    while type(base) is np.ndarray:
+        base = base.base
+    return type(base) is memoryview and type(base.obj) is _Owned
 
 
 def kept(array: np.ndarray | None, given) -> np.ndarray | None:
@@ -80,7 +93,7 @@ def checked_vertices(vertices) -> np.ndarray:
 
 
 def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
-    """Cut polygons into triangles, as `geometry/polygons.py` says: fans where they are convex, ears where they are not.
+    """Cut polygons into triangles, as `triangulation.py` says: fans where they are convex, ears where they are not.
 
     Parameters
     ----------

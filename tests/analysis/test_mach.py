@@ -136,7 +136,7 @@ def test_subdivision_and_size_make_the_bands_smaller():
 def test_the_judges_picture_will_do():
     scene = rz.load(ROOT / "models" / "sphere.obj")
     frame = rz.render(scene, (160, 120), shading="phong", tolerance=0, outputs=("color", "face"))
-    judged = rz.mach_bands(reference.render(scene, (160, 120), "phong"), scene)
+    judged = rz.mach_bands(reference.render(scene, (160, 120), shading="phong"), scene)
     assert judged == pytest.approx(rz.mach_bands(frame, scene), abs=1e-6)
 
 

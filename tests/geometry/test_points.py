@@ -7,14 +7,9 @@ import pytest
 from helpers.pinhole import octasphere, torus, unit
 
 import rasterizer as rz
-from rasterizer.geometry.points import (
-    find_clearance,
-    flag_inverted,
-    flat_part,
-    gather_geometry,
-    polygon_centroids,
-    smooth_part,
-)
+from rasterizer.geometry.mesh_points import flat_part, polygon_centroids, smooth_part
+from rasterizer.geometry.points import gather_geometry
+from rasterizer.geometry.surfaces import find_clearance, flag_inverted
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]

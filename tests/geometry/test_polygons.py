@@ -7,7 +7,8 @@ import pytest
 
 import rasterizer as rz
 from rasterizer.geometry.ears import _exact_turn
-from rasterizer.geometry.polygons import cut_polygons, find_rings, look_at
+from rasterizer.geometry.polygons import find_rings
+from rasterizer.scene.triangulation import classify_polygons, cut_polygons
 
 ELL = [(0, 0), (8, 0), (8, 2), (2, 2), (2, 8), (0, 8)]
 KEYHOLE = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
@@ -165,7 +166,7 @@ def test_convex_polygons_are_fans_and_bent_ones_begin_at_their_least_corner():
 
 def test_corners_that_turn_all_one_way_but_twice_round_are_not_convex():
     angle = np.arange(5) * 4 * np.pi / 5
-    is_convex, is_plane = look_at(in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))[:, None])
+    is_convex, is_plane = classify_polygons(in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))[:, None])
     assert not is_convex[0] and is_plane[0]
 
 
@@ -259,7 +260,7 @@ def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path, monkeyp
         with pytest.raises(rz.ModelError, match=rf"star\.{format}.*is concave and has 30000 corners"):
             rz.load(tmp_path / f"star.{format}")
     assert rz.Mesh(in_space(star(15000, inner=1.0)), [range(30000)]).n_face == 29998
-    monkeypatch.setattr("rasterizer.geometry.polygons.MOST_STEPS", 4 * 14 * 14)
+    monkeypatch.setattr("rasterizer.scene.triangulation.MOST_STEPS", 4 * 14 * 14)
     flock = np.tile(np.arange(14), (5, 1))
     assert rz.Mesh(in_space(star(7)), flock[:4]).n_face == 48
     with pytest.raises(rz.ModelError, match="face 0 is concave and has 14 corners, and 4 more are to be cut"):

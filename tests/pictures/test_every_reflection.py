@@ -11,10 +11,11 @@ from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
 from rasterizer.cli import main
-from rasterizer.engine import error_bounds, intensity_bounds, plan, uniforms
+from rasterizer.engine import error_bounds, intensity_bounds, plan, reflection_table, uniforms
+from rasterizer.engine.rounding import SINGLE
 from rasterizer.pipeline.reflection import BRUSH, FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, ROUGHNESS_ACROSS, SCALE
-from rasterizer.reference import light as reference_light
 from rasterizer.reference import reflection
+from rasterizer.reference.materials import read_materials
 from rasterizer.scene.material import REFLECTIONS as NAMES
 
 SIZE = (96, 72)
@@ -64,6 +65,17 @@ CONSERVING = RECIPROCAL | {name for name in MATERIALS if "normalised" in name}
 SMOOTH = [name for name in MATERIALS if "toon" not in name]
 
 
+def model_of(material):
+    """The pipeline's word for the function that the plan would choose."""
+    model = reflection_table.entry_of(material).function(material)
+    return next(word for word, other in REFLECTIONS.items() if other is model)
+
+
+def highlight_scale(material):
+    """The factor of a normalised highlight, as the table has it."""
+    return reflection_table.entry_of(material).highlight_scale(material)
+
+
 def fast(material, normal, to_light, to_viewer, has_kernels_cosines=False):
     """D and S by the row function that the plan would choose, (2, n) float64."""
     along, across = np.broadcast_to(material.roughness, 2)
@@ -71,11 +83,11 @@ def fast(material, normal, to_light, to_viewer, has_kernels_cosines=False):
         ROUGHNESS: along,
         ROUGHNESS_ACROSS: across,
         **dict(zip(range(BRUSH, BRUSH + 3), axis_of(material), strict=True)),
-        FRESNEL: intensity_bounds.first_fresnel(material),
-        SCALE: intensity_bounds.highlight_scale(material),
+        FRESNEL: reflection_table.first_fresnel(material),
+        SCALE: highlight_scale(material),
         LEVELS: material.levels,
     }
-    model = intensity_bounds.model_of(material)
+    model = model_of(material)
     found = reflect(model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, numbers)
     if not REFLECTIONS[model].has_highlight:
         found[1] = 0.0  # nobody reads it
@@ -92,7 +104,7 @@ def judged(material, *sides):
     """D and S by the judge, (2, n), 0 where nothing is lit."""
     corners, faces = octasphere(0)
     scene = rz.Scene([rz.Mesh(corners, faces, uv=corners[:, :2], material=material)])
-    table = np.repeat(reference_light.read_materials(scene), len(sides[0]))
+    table = np.repeat(read_materials(scene), len(sides[0]))
     normal, to_light, to_viewer = (side.astype(float) for side in sides)
     tangents = np.broadcast_to(np.array(axis_of(material), float), normal.shape)
     found = np.stack(reflection.reflect(table, normal, to_light, to_viewer, tangents))[:, :, 0]
@@ -133,7 +145,7 @@ def test_row_functions_compute_what_the_judge_does(name):
     material, sides = MATERIALS[name], all_directions(np.float64)
     found, expected = fast(material, *sides), judged(material, *sides)
     # Squared exponents leave out what is below 2^-28.
-    least = 2.0**-28 * (1 + intensity_bounds.highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
+    least = 2.0**-28 * (1 + highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
     n_wrong = (np.abs(found - expected) > 1e-9 * (1 + expected) + least).sum()
     assert n_wrong == 0, f"{n_wrong} of {expected.size} wrong, by up to {np.abs(found - expected).max():.3g}"
     assert (expected[0] > 0.01).mean() > 0.1
@@ -146,10 +158,10 @@ def test_float32_has_the_digits_that_the_plan_counts_on(name):
     found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
     expected = judged(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
     lights = (rz.DirectionalLight((0, 0, -1)),)
-    reflected = error_bounds.find_reflected((material,), lights, np.zeros(3), 1.0)
+    reflected = intensity_bounds.compute_reflected((material,), lights, np.zeros(3), 1.0)
     bound = reflected.bound
     assert expected.max() <= bound * (1 + 1e-12), f"{expected.max():.4g} > the bound {bound:.4g}"
-    error, budget = np.abs(found - expected).max(), error_bounds.lighting_error(reflected, error_bounds.SINGLE)
+    error, budget = np.abs(found - expected).max(), error_bounds.lighting_error(reflected, SINGLE)
     assert error <= budget, f"{error:.3g} > {budget:.3g}"
 
 
@@ -267,7 +279,7 @@ def test_the_others_reflect_more_than_arrives_as_the_table_says(name):
 def test_the_usual_factor_of_blinn_reflects_too_much():
     """(n + 8)/8 instead of the exact factor: why it isn't taken."""
     material = made("blinn", shininess=10, normalized=True)
-    usual = albedos(material, 0.0)[1] * (10 + 8) / 8 / intensity_bounds.highlight_scale(material)
+    usual = albedos(material, 0.0)[1] * (10 + 8) / 8 / highlight_scale(material)
     assert usual == pytest.approx(1.0748, abs=1e-3)
 
 
@@ -280,7 +292,7 @@ def test_reciprocity_holds_where_the_table_says_so_and_nowhere_else(name):
     back = fast(MATERIALS[name], normal, to_viewer, to_light) / (normal * to_viewer).sum(axis=1)
     difference = np.abs(there - back).max()
     if name in RECIPROCAL:
-        least = 2.0**-27 * (1 + intensity_bounds.highlight_scale(MATERIALS[name])) if "normalised" in name else 0.0
+        least = 2.0**-27 * (1 + highlight_scale(MATERIALS[name])) if "normalised" in name else 0.0
         assert difference <= 1e-12 * max(1.0, there.max()) + least, f"{difference:.3g}"
     else:
         assert difference > 0.1, f"{difference:.3g}"
@@ -298,12 +310,12 @@ def planned(*materials, shading="phong", lights=GREY, **options):
 
 
 def test_every_name_has_a_row_function_and_options_choose_another():
-    assert {intensity_bounds.model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTIONS)
-    assert {intensity_bounds.model_of(material) for material in MATERIALS.values()} == set(REFLECTIONS)
-    assert intensity_bounds.model_of(rz.Material()) == "phong"
+    assert {model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTIONS)
+    assert {model_of(material) for material in MATERIALS.values()} == set(REFLECTIONS)
+    assert model_of(rz.Material()) == "phong"
     for name in NAMES:
         dull = rz.Material(reflection=name, specular=0, normalized=True, fresnel=0.5)
-        assert intensity_bounds.model_of(dull) == (name if name in ("oren-nayar", "toon") else "lambert")
+        assert model_of(dull) == (name if name in ("oren-nayar", "toon") else "lambert")
 
 
 def test_only_what_needs_the_viewer_pays_for_it():
@@ -342,7 +354,7 @@ def test_pictures_agree_with_the_judge(name):
             for tolerance in (0.0, 1 / 4096):
                 found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
                 brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance).plan.bound
-                budget = tolerance or max(EXACT, 2 * error_bounds.SINGLE * brightest)
+                budget = tolerance or max(EXACT, 2 * SINGLE * brightest)
                 assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
                 assert found.n_compared > 100
 

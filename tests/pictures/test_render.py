@@ -123,7 +123,7 @@ def test_colours_out_of_range(shading, color_range):
     for background in (None, (0.2, 4, 0.3)):
         for samples in (1, 9):
             scene = sheet(size, points, [1, 1, 1.2, 1.1], [[0, 1, 2], [0, 2, 3]], bright, background=background)
-            expected = reference.render(scene, size, shading, samples, "none", color_range)
+            expected = reference.render(scene, size, shading=shading, samples=samples, color_range=color_range)
             assert expected.color.max() > 1.5
             frame = rz.render(scene, size, shading=shading, samples=samples, color_range=color_range, tolerance=0)
             levels = np.abs(frame.rgb.astype(int) - expected.rgb)

@@ -9,8 +9,8 @@ from helpers.judge import EXACT, check
 from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
-from rasterizer.engine.intensity_bounds import has_colored_fresnel
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.reflection_table import has_colored_fresnel
 from rasterizer.engine.uniforms import make_lighting, row_functions_of
 from rasterizer.errors import SceneError
 from rasterizer.options import Options

@@ -11,7 +11,8 @@ from rasterizer.pipeline.fragments import CHUNK, make_rows
 from rasterizer.pipeline.lighting import light_points
 from rasterizer.pipeline.transform import make_screen
 from rasterizer.reference import light as reference_light
-from rasterizer.reference.light import Stage
+from rasterizer.reference.light import Lighting
+from rasterizer.reference.materials import read_materials
 
 SIZE = (64, 48)
 EYE = (1.5, 2.0, 4.0)
@@ -94,12 +95,14 @@ def judge_them(camera, lights, material, side, points, has_albedo):
     """The same (n, 3), as the judge computes it."""
     positions, normals, albedo = points
     scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=material)], lights, camera)
-    stage = Stage(camera.view(), camera.projection(SIZE), reference_light.read_materials(scene), scene.lights, "phong")
-    toward = np.sign((normals * reference_light._to_viewer(positions, stage)).sum(axis=1, keepdims=True))
+    expected_lighting = Lighting(camera.view(), camera.projection(SIZE), read_materials(scene), scene.lights, "phong")
+    toward = np.sign((normals * reference_light.to_viewer(positions, expected_lighting)).sum(axis=1, keepdims=True))
     normals = normals * (side if side else toward)
     white = albedo if has_albedo else np.ones_like(positions)
-    matte, rest = reference_light.light_points(positions, normals, np.zeros(len(positions), int), stage)
-    return white * matte + rest
+    diffuse, specular = reference_light.light_points(
+        positions, normals, np.zeros(len(positions), int), expected_lighting
+    )
+    return white * diffuse + specular
 
 
 @pytest.mark.parametrize("dtype, budget", BUDGETS)

@@ -16,8 +16,8 @@ from rasterizer.pipeline.resolve import (
     resolve,
     srgb_thresholds,
 )
-from rasterizer.pipeline.scan import CLEAR, PADDING
-from rasterizer.pipeline.workspace import BenchKind, Scratch, make_picture
+from rasterizer.pipeline.visibility import CLEAR, PADDING
+from rasterizer.pipeline.workspace import WorkspaceKind, make_picture, make_workspace
 from rasterizer.scene.color import srgb_from_linear
 
 
@@ -37,30 +37,30 @@ def encoding(policy=CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0), is_
 def fill(covered, radiance, factor=1, dtype=np.float32):
     """A working place with the intensities (n_channel, rows, columns) where `covered`, rubbish elsewhere."""
     n_row, width = covered.shape
-    bench = Scratch().take(BenchKind(width, n_row, len(radiance), 1, 0, np.dtype(dtype), False, False), 1)
-    canvas = bench.canvas
-    bench.radiance[:] = 77.0
-    bench.radiance.reshape(len(radiance), n_row, canvas.pitch)[:, :, :width] = np.where(covered, radiance, 1e9)
-    words = canvas.words.reshape(n_row, canvas.pitch)
+    workspace = make_workspace(WorkspaceKind(width, n_row, len(radiance), 1, 0, np.dtype(dtype), False, False), 1)
+    visibility = workspace.visibility
+    workspace.radiance[:] = 77.0
+    workspace.radiance.reshape(len(radiance), n_row, visibility.pitch)[:, :, :width] = np.where(covered, radiance, 1e9)
+    words = visibility.entries.reshape(n_row, visibility.pitch)
     words[:, :width][covered] = np.arange(covered.sum()) + 5
     for row, columns in enumerate(covered):
         if columns.any():
-            canvas.left[row >> 3] = min(canvas.left[row >> 3], np.argmax(columns))
-            canvas.right[row >> 3] = max(canvas.right[row >> 3], width - np.argmax(columns[::-1]))
+            visibility.left[row >> 3] = min(visibility.left[row >> 3], np.argmax(columns))
+            visibility.right[row >> 3] = max(visibility.right[row >> 3], width - np.argmax(columns[::-1]))
     # What lanes read and write back behind a row.
     words[:, width:] = CLEAR
-    return bench
+    return workspace
 
 
 def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, height=None, y_start=0):
     """Resolve one band; return (picture, bytes (h, w, 4), working place, samples covered)."""
-    bench = fill(covered, radiance, factor, dtype)
+    workspace = fill(covered, radiance, factor, dtype)
     n_row, width = covered.shape[0] // factor, covered.shape[1] // factor
     picture = make_picture((width, height or n_row), with_color)
     for array in picture:
         array.fill(0)
-    n_covered = resolve(bench.canvas, bench.radiance, None, y_start, y_start + n_row, factor, how, picture)
-    return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), bench, n_covered
+    n_covered = resolve(workspace.visibility, workspace.radiance, None, y_start, y_start + n_row, factor, how, picture)
+    return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), workspace, n_covered
 
 
 def levels(linear):
@@ -190,10 +190,10 @@ def test_every_pixel_of_the_band_is_written():
     covered = np.zeros((24, 60), bool)
     covered[3:5, 10:20] = True
     for with_color in (True, False):
-        bench, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
+        workspace, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
         for array in picture:
             array.fill(77)
-        resolve(bench.canvas, bench.radiance, None, 0, 24, 1, encoding(), picture)
+        resolve(workspace.visibility, workspace.radiance, None, 0, 24, 1, encoding(), picture)
         assert not picture.rgba[~covered].any() and (picture.rgba[covered] != 77).all()
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
 
@@ -231,20 +231,20 @@ def test_policies_bring_colors_into_range(factor):
 @pytest.mark.parametrize("factor", [1, 2, 3])
 def test_the_z_buffer_is_clean_after_it(factor):
     covered, radiance = random_band(8, 1, (18 * factor, 61 * factor), factor)
-    bench = run(covered, radiance, encoding(), factor)[2]
-    assert (bench.canvas.words == CLEAR).all()
-    assert (bench.canvas.left == 1 << 30).all() and (bench.canvas.right == -1).all()
+    workspace = run(covered, radiance, encoding(), factor)[2]
+    assert (workspace.visibility.entries == CLEAR).all()
+    assert (workspace.visibility.left == 1 << 30).all() and (workspace.visibility.right == -1).all()
 
 
 def test_what_lanes_wrote_behind_a_row_is_cleaned():
     """Lanes read and write back up to PADDING samples behind the extent that they have noted."""
     covered = np.zeros((9, 40), bool)
     covered[2, 3:10] = covered[8, 39] = True
-    bench = fill(covered, np.ones((1, 9, 40)))
-    words = bench.canvas.words.reshape(9, bench.canvas.pitch)
-    assert bench.canvas.pitch >= 40 + PADDING
+    workspace = fill(covered, np.ones((1, 9, 40)))
+    words = workspace.visibility.entries.reshape(9, workspace.visibility.pitch)
+    assert workspace.visibility.pitch >= 40 + PADDING
     words[2, 10 : 10 + PADDING] = words[8, 40 : 40 + PADDING] = 7
-    resolve(bench.canvas, bench.radiance, None, 0, 9, 1, encoding(), make_picture((40, 9), True))
+    resolve(workspace.visibility, workspace.radiance, None, 0, 9, 1, encoding(), make_picture((40, 9), True))
     assert (words == CLEAR).all()
 
 

@@ -27,7 +27,7 @@ def pane(color, opacity, depth, is_perspective=True, corners=None, **options):
 
 def show(meshes, shading="gouraud", background=None, camera=None, size=SIZE, **options):
     scene = Scene(meshes, lights=AmbientLight(), camera=camera or eye_camera(), background=background)
-    return render(scene, size, shading, **options)
+    return render(scene, size, shading=shading, **options)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)

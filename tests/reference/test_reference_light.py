@@ -228,7 +228,7 @@ def test_every_mesh_keeps_its_own_material(shading):
     materials = [Material(diffuse=d, specular=0.0, emissive=e) for d, e in ((0.2, 0.1), (0.6, 0.0))]
     meshes = [Mesh(v, QUAD, material=m) for v, m in zip((front, behind), materials, strict=True)]
     scene = Scene(meshes, lights=(DirectionalLight((0, 0, -1)),), camera=eye_camera())
-    picture = render(scene, (8, 8), shading)
+    picture = render(scene, (8, 8), shading=shading)
     assert (picture.face[:, :4] < 2).all() and (picture.face[:, 4:] >= 2).all()
     assert np.allclose(picture.color[:, :4], 0.3) and np.allclose(picture.color[:, 4:], 0.6)
 

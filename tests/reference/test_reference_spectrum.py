@@ -21,7 +21,9 @@ ONTO = DirectionalLight((0, 0, -1), LAMP)  # N.L = R.V = 1 at the middle
 
 def show(material, lights, shading="gouraud", mesh_options=None, background=None, **options):
     mesh = Mesh(np.array(layer(SIZE, 2.0)), QUAD, material=material, **(mesh_options or {}))
-    return render(Scene(mesh, lights=lights, camera=eye_camera(), background=background), SIZE, shading, **options)
+    return render(
+        Scene(mesh, lights=lights, camera=eye_camera(), background=background), SIZE, shading=shading, **options
+    )
 
 
 def matte(color, **options):
@@ -77,7 +79,7 @@ def test_all_terms_are_spectra():
     # seen along the normal by a light in the eye: N.L and R.V are 1 in the middle of the picture
     material = Material(ambient=0.0, diffuse=LEAF, specular=Spectrum.flat(0.3), emissive=LAMP)
     mesh = Mesh(np.array(layer((1, 1), 2.0)), QUAD, material=material)
-    picture = render(Scene(mesh, lights=PointLight((0, 0, 0), LAMP), camera=eye_camera()), (1, 1), "phong")
+    picture = render(Scene(mesh, lights=PointLight((0, 0, 0), LAMP), camera=eye_camera()), (1, 1), shading="phong")
     values = LAMP.at(sampling(81)) * (LEAF.at(sampling(81)) + 0.3 + 1.0)
     np.testing.assert_allclose(picture.color[0, 0], values @ rgb_weights(81), rtol=1e-12)
 

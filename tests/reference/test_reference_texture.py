@@ -5,7 +5,7 @@ import pytest
 from helpers.pinhole import ALBEDO, QUAD, SHADINGS, at_pixel, draw, eye_camera, sample_rays, sheet_camera
 
 from rasterizer.reference import render
-from rasterizer.reference.texture import level_of_detail, look_up
+from rasterizer.reference.texture import compute_mip_level, sample_texture
 from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
@@ -31,7 +31,7 @@ def painted(image=ROWS, filter="nearest", wrap="repeat", **options):
 
 def at(texture, u, v):
     """Look up a single point, magnified."""
-    return look_up(texture, np.array([[u, v]], float), STILL)[0]
+    return sample_texture(texture, np.array([[u, v]], float), STILL)[0]
 
 
 # ── texels ──────────────────────────────────────────────────────────────────────────────────────────────
@@ -118,7 +118,7 @@ def test_a_checkerboard_in_perspective(shading):
 @pytest.mark.parametrize(
     "first", [1.0, -3.0]
 )  # depth where the floor begins: before the eye, or behind it, to be clipped
-def test_the_level_of_detail_of_a_slanted_plane(samples, first):
+def test_the_mip_level_of_a_slanted_plane(samples, first):
     # the floor above with a picture whose value is its level: u = (x/8 + ½), v = (depth - 1)/8, both in perspective;
     # depth = 1/s for the slope s below the horizon, so dv/ds = -depth²/8 and du/dx = depth/8 for each unit of the
     # screen
@@ -148,13 +148,13 @@ def test_the_level_of_detail_of_a_slanted_plane(samples, first):
 def test_levels_are_mixed_and_end():
     texture = Texture(np.random.default_rng(3).random((8, 8, 3)).astype(np.float32))
     uv = np.array([[0.3, 0.6]])
-    by_level = [look_up(Texture(level, "bilinear"), uv, STILL)[0] for level in texture.pyramid]
+    by_level = [sample_texture(Texture(level, "bilinear"), uv, STILL)[0] for level in texture.pyramid]
     for texels, level in ((0.25, 0), (1.0, 0), (2.0, 1), (2.0**1.25, 1.25), (4.0, 2), (8.0, 3), (100.0, 3)):
         steps = np.array([[[0, texels / 8], [0.1 * texels / 8, 0]]])
         low, part = int(level), level % 1
         expected = (1 - part) * by_level[low] + part * by_level[min(low + 1, 3)]
-        assert np.allclose(look_up(texture, uv, steps)[0], expected), texels
-        assert level_of_detail(texture, steps)[0] == pytest.approx(level)
+        assert np.allclose(sample_texture(texture, uv, steps)[0], expected), texels
+        assert compute_mip_level(texture, steps)[0] == pytest.approx(level)
 
 
 # ── light ───────────────────────────────────────────────────────────────────────────────────────────────
@@ -184,6 +184,6 @@ def test_faces_of_one_mesh_have_their_own_materials(shading):
     material = painted(np.full((1, 1, 3), 0.25, np.float32))
     mesh = Mesh(np.array(sheet((8, 8))), QUAD, uv=UV, materials=(material, ALBEDO), face_material=[1, 0])
     other = Mesh(np.array(sheet((8, 8), 3.0)), QUAD, materials=(Material(), Material()), face_material=[0, 0])
-    picture = render(Scene([other, mesh], lights=AmbientLight(), camera=eye_camera()), (8, 8), shading)
+    picture = render(Scene([other, mesh], lights=AmbientLight(), camera=eye_camera()), (8, 8), shading=shading)
     assert set(np.unique(picture.face)) == {2, 3}
     np.testing.assert_allclose(picture.color[..., 0], np.where(picture.face == 2, 1.0, 0.25), rtol=1e-15)
