@@ -18,19 +18,20 @@ from rasterizer.engine.attributes import point_intensities
 from rasterizer.engine.coding import make_coding, make_encoding
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.draw import Drawn, choose_band_rows, cull
-from rasterizer.engine.passes import NO_TABLE, Band, InterpolatedPass
+from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.engine.view_plans import ViewPlans
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
-from rasterizer.pipeline.bands import sort_into_bands
-from rasterizer.pipeline.records import PAYLOAD_BITS
+from rasterizer.pipeline.bands import Band, sort_into_bands
+from rasterizer.pipeline.cull import first_sample
 from rasterizer.pipeline.resolve import srgb_thresholds
-from rasterizer.pipeline.scan import CLEAR, edge_crossing, scan
+from rasterizer.pipeline.scan import Triangle, advance, scan, start_edge
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
-from rasterizer.pipeline.workspace import Scratch, make_picture
+from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, PAYLOAD_BITS
+from rasterizer.pipeline.workspace import WorkspacePool, make_picture
 
 OPTIONS = Options(size=(24, 16), shading="gouraud", threads=1)
 WIDTH, HEIGHT = OPTIONS.size
@@ -71,16 +72,13 @@ def go(scene) -> Way:
     render_pass = make_pass(scene, geometry, bounds, view, screen)
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)
-    drawn = Drawn.whole(geometry, vertices, NO_TABLE)
+    drawn = Drawn.whole(geometry, vertices, render_pass)
     visible, n_band_row = cull(drawn, render_pass, SERIAL)
     bands = sort_into_bands(visible, SERIAL)
-    band = Band(bands.face, 0, HEIGHT)
-    workspace = Scratch().take(render_pass.workspace_kind(n_band_row), len(band.faces))
-    scan(
-        band.faces, drawn.polygons, drawn.vertices, render_pass.attributes, render_pass.coding, band.y_start, band.y_end,
-        workspace.block, workspace.canvas, workspace.records,
-    )  # fmt: skip
-    entries = workspace.canvas.words.reshape(HEIGHT, -1)[:, :WIDTH].copy()
+    band = Band(bands.faces, 0, HEIGHT)
+    workspace = WorkspacePool().take(render_pass.workspace_kind(n_band_row), len(band.faces))
+    scan(band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records)
+    entries = workspace.visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.shade(workspace, band, 0, NO_TABLE)
     radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.finish(workspace, band, drawn.loaded_face)
@@ -152,7 +150,7 @@ def describe_bands(way: Way) -> list[str]:
     """The band that the triangle falls into."""
     return [
         f"a band has {way.n_band_row} rows here, {choose_band_rows(1920, 1080, 1, 1)} at 1920×1080 with one thread",
-        f"band 0 lists the triangles {way.bands.face.tolist()}",
+        f"band 0 lists the triangles {way.bands.faces.tolist()}",
     ]
 
 
@@ -178,30 +176,23 @@ def describe_choice(way: Way) -> list[str]:
     ratio, spread = w.max() / w.min(), float(np.ptp(intensities))
     return [
         f"|ΔI| = {spread:.6f}, r = w_max/w_min = {ratio:.6f}",
-        f"|ΔI|·(r - 1)/4 = {spread * (ratio - 1) / 4:.3e}, at most the tolerance {OPTIONS.tolerance:.3e}: affine is good enough",
+        f"|ΔI|·(r - 1)/4 = {spread * (ratio - 1) / 4:.3e}; the tolerance is {OPTIONS.tolerance:.3e}: good enough",
     ]
 
 
 def describe_scan(way: Way) -> list[str]:
     """The two edges of every row, and the samples between them."""
     lines = ["row   left edge             right edge            span        samples"]
-    spans = list(walk_edges(way))
-    for y, left, right in spans:
-        edges = "   ".join(f"{edge[0]:2d} {edge[1]:7d}/{edge[4]:<7d}" for edge in (left, right))
+    for y, left, right in walk_edges(way):
+        edges = "   ".join(f"{edge.x:2d} {edge.rest:7d}/{edge.divisor:<7d}" for edge in (left, right))
         row = "".join("#" if entry < CLEAR else "." for entry in way.entries[y].tolist())
-        lines.append(f"{y:3d}   {edges}   {left[0]:2d} to {right[0] - 1:2d}    {row}")
-        covered = np.flatnonzero(way.entries[y] < CLEAR)
-        assert covered.tolist() == list(range(left[0], right[0])), "the edges and the buffer disagree"
-    turns = [
-        k
-        for k in range(len(spans))
-        if k == 0 or spans[k][1][2:] + spans[k][2][2:] != spans[k - 1][1][2:] + spans[k - 1][2][2:]
-    ]
-    for y, left, right in (spans[k] for k in turns):
-        lines.append(
-            f"from row {y} on, each row adds: left {left[2]:+d} and {left[3]}, right {right[2]:+d} and {right[3]}"
-        )
-    return [*lines, f"covered: {int((way.entries < CLEAR).sum())} samples"]
+        lines.append(f"{y:3d}   {edges}   {left.x:2d} to {right.x - 1:2d}    {row}")
+        covered = np.flatnonzero(way.entries[y] < CLEAR).tolist()
+        assert covered == list(range(left.x, right.x)), "the edges and the buffer disagree"
+    lines.append(f"covered: {int((way.entries < CLEAR).sum())} samples")
+    for name, edge in zip(("v0-v2", "v0-v1", "v1-v2"), edges_of(way), strict=True):
+        lines.append(f"each row adds to the edge {name}: {edge.dx:+d} to the sample, {edge.d_rest} to the rest")
+    return lines
 
 
 def describe_entry(way: Way) -> list[str]:
@@ -229,7 +220,7 @@ def describe_entry(way: Way) -> list[str]:
 def describe_shade(way: Way) -> list[str]:
     """The intensity of the sample, and what it is off the true one."""
     scale = way.render_pass.coding.level_scale
-    here, beside = (int(way.entries[ROW, COLUMN + k]) & (2 ** (PAYLOAD_BITS - 1) - 1) for k in range(2))
+    here, beside = (int(way.entries[ROW, COLUMN + k] & LEVEL_MASK) for k in range(2))
     intensities = way.render_pass.attributes[0, :, 0].astype(float)
     weights = weights_at(way)
     q = weights / (6.0 - np.array(VERTICES)[:, 2])
@@ -267,7 +258,7 @@ def of_block(rows, first, n) -> list[int]:
 
 def planes_of(way: Way) -> tuple[list[int], list[int]]:
     """The planes of z and of the level: at the anchor, d/dx, d/dy."""
-    return of_block(way.block.longs, s.DEPTH, 3), of_block(way.block.longs, s.LEVEL, 3)
+    return of_block(way.block.longs, s.PLANE_Z, 3), of_block(way.block.longs, s.LEVEL_PLANE, 3)
 
 
 def name_at(way: Way, k) -> str:
@@ -286,17 +277,31 @@ def weights_at(way: Way) -> np.ndarray:
     return np.array(edges) / sum(edges)
 
 
+def edges_of(way: Way) -> tuple:
+    """The left edge v0-v2 and the right edges v0-v1 and v1-v2, each on its first row of samples.
+
+    The middle vertex is v1: it lies on the right.
+    """
+    corners = Triangle(*of_block(way.block.ints, s.X0, 6))
+    top, middle = first_sample.py_func(corners.y0), first_sample.py_func(corners.y1)
+    start = start_edge.py_func
+    return (
+        start(corners.x0, corners.y0, corners.x2, corners.y2, top),
+        start(corners.x0, corners.y0, corners.x1, corners.y1, top),
+        start(corners.x1, corners.y1, corners.x2, corners.y2, middle),
+    )
+
+
 def walk_edges(way: Way):
-    """Each row of samples with its left and its right edge, as the scan stage walks them."""
-    x0, y0, x1, y1, x2, y2 = of_block(way.block.ints, s.X0, 6)
-    crossing = edge_crossing.py_func
+    """Each row that has samples, with its left and its right edge, as the scan stage walks them."""
+    left, right, lower = edges_of(way)
     top, bottom = of_block(way.block.ints, s.TOP, 2)
+    middle = first_sample.py_func(of_block(way.block.ints, s.Y1, 1)[0])
     for y in range(top, bottom):
-        sy = y * SUBPIXEL + SUBPIXEL // 2
-        left = crossing(x0, y0, x2, y2, sy) if sy <= y2 else crossing(x2, y2, x1, y1, sy)
-        right = crossing(x0, y0, x1, y1, sy) if sy <= y1 else crossing(x1, y1, x2, y2, sy)
-        if left[0] < right[0]:
+        right = lower if y == middle else right
+        if left.x < right.x:
             yield y, left, right
+        left, right = advance.py_func(left), advance.py_func(right)
 
 
 STAGES = {
