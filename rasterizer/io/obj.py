@@ -144,7 +144,7 @@ def _object_ranges(whole: Part, object_of_face) -> list[tuple[int, int, int]]:
 
 
 def _take_range(whole: Part, begin, end) -> Part:
-    """Return the triangles from `begin` to `end` with the vertices that they use; attributes that some lack are left out."""
+    """Return the triangles from `begin` to `end` with the vertices that they use; what some lack is left out."""
     used, faces = _compact(whole["faces"][begin:end])
     part = {key: whole[key][used] for key in ("vertices", "colors") if key in whole}
     part |= {"faces": faces, "face_material": whole["face_material"][begin:end]}
