@@ -10,9 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine import plan as planning
+from rasterizer.engine.coding import make_coding
+from rasterizer.engine.depth_range import NEAREST, fit_depth_range
+from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows
 from rasterizer.engine.error_bounds import Surroundings
-from rasterizer.engine.plan import NEAREST, choose_band_rows, fit_depth_range, fits_float32, make_coding, make_plan
+from rasterizer.engine.plan import make_plan
+from rasterizer.engine.view_plans import fits_float32
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES
@@ -374,7 +377,7 @@ def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread,
     width, height = max(1, columns // factor) * factor, max(1, lines // factor) * factor
     rows = choose_band_rows(width, height, n_thread, factor)
     assert rows % factor == 0 and factor <= rows <= height
-    assert rows * width <= max(planning.BAND_WORDS, 8 * width)
+    assert rows * width <= max(BAND_ENTRIES, 8 * width)
     if n_thread > 1:
         assert rows <= max(16, -(-height // (4 * n_thread)))
 
