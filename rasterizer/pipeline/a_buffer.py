@@ -167,8 +167,11 @@ def scan_opaque(band, drawables, coding, block, visibility, records, opacity, fa
     n_transparent = index(0)
     for first in range(0, len(faces), s.BLOCK):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
-        s.set_up(some, drawables, band, visibility.width, block)
+        s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
+        s.order_vertices(block)
         s.gather_attributes(len(some), drawables.attributes, block)
+        s.compute_boxes(band, visibility.width, block)
+        s.compute_depth_planes(block)
         for k in range(index(len(some))):
             listed, box = first + np.int64(k), box_of(k, block)
             write_exact(records, listed, k, some[k], drawables.attributes.shape[2], coding, block)
@@ -199,7 +202,10 @@ def list_fragments(band, transparent, drawables, rows, block, visibility, lists)
         n = index(min(len(transparent) - first, s.BLOCK))
         for k in range(n):
             some[k] = faces[index(transparent[index(first) + k])]
-        s.set_up(some[:n], drawables, rows, visibility.width, block)
+        s.gather_vertices(some[:n], drawables.triangles, drawables.vertices, block)
+        s.order_vertices(block)
+        s.compute_boxes(rows, visibility.width, block)
+        s.compute_depth_planes(block)
         for k in range(n):
             box = box_of(k, block)
             if box.left < box.right and box.top < box.bottom:

@@ -85,25 +85,8 @@ def make_block() -> Block:
 
 
 @helper
-def set_up(faces, drawables, rows, width, block):
-    """Set up to BLOCK triangles: vertices, boxes, slopes and planes of depth.
-
-    Parameters
-    ----------
-    faces : (n,) uint32, n <= BLOCK
-    rows : Band or Rows: y_start..y_end is drawn
-    width : of the picture, samples
-    """
-    gather_vertices(faces, drawables.triangles, drawables.vertices, block)
-    order_vertices(block)
-    compute_boxes(rows, width, block)
-    compute_slopes(block)
-    compute_depth_planes(block)
-
-
-@helper
 def gather_vertices(faces, triangles, vertices, block):
-    """Fetch the triangles' vertices in the order of the file.
+    """Fetch the vertices of up to BLOCK triangles, (n,) uint32, in the order of the file.
 
     IS_FLIPPED says for now whether the normals look against the winding.
     """
@@ -191,6 +174,11 @@ def compute_boxes(rows, width, block):
 
     Clipped at the picture's left and upper border for the anchor: from an anchor far outside, the rounding of a plane's
     steps would add up before the picture is reached. Clipped to the band for the loops over samples.
+
+    Parameters
+    ----------
+    rows : Band or Rows: y_start..y_end is drawn
+    width : of the picture, samples
     """
     ints = block.ints
     for k in range(index(BLOCK)):
@@ -205,9 +193,12 @@ def compute_boxes(rows, width, block):
 
 
 @helper
-def compute_slopes(block):
-    """Compute the slopes of planes over the triangles, and tell which of these are slivers."""
-    ints, reals = block.ints, block.reals
+def compute_depth_planes(block):
+    """Compute the slopes of planes over the triangles, and the planes of depth; HAS_PLANES begins here.
+
+    Slivers are the triangles that are too long and thin for a plane, and those whose depth is too steep for one.
+    """
+    ints, longs, reals = block.ints, block.longs, block.reals
     for k in range(index(BLOCK)):
         x0, x1, x2 = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         y0, y1, y2 = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
@@ -217,26 +208,18 @@ def compute_slopes(block):
         is_sliver = wide * high > MAX_ELONGATION * area
         # The columns of the inverse of the edges' matrix.
         scale = 0.0 if is_sliver else SUBPIXEL / area
-        ints[IS_SLIVER + k] = is_sliver
-        reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = float(dy2) * scale, -float(dy1) * scale
-        reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = -float(dx2) * scale, float(dx1) * scale
-        reals[OFFSET_X + k] = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
-        reals[OFFSET_Y + k] = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
-
-
-@helper
-def compute_depth_planes(block):
-    """Compute the planes of depth; those that are too steep for one are slivers, too. HAS_PLANES begins here."""
-    ints, longs, reals = block.ints, block.longs, block.reals
-    for k in range(index(BLOCK)):
+        slope_x1, slope_x2 = float(dy2) * scale, -float(dy1) * scale
+        slope_y1, slope_y2 = -float(dx2) * scale, float(dx1) * scale
+        offset_x = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
+        offset_y = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
         rise1, rise2 = reals[Z1 + k] - reals[Z0 + k], reals[Z2 + k] - reals[Z0 + k]
-        dx = rise1 * reals[SLOPE_X1 + k] + rise2 * reals[SLOPE_X2 + k]
-        dy = rise1 * reals[SLOPE_Y1 + k] + rise2 * reals[SLOPE_Y2 + k]
+        dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
         is_steep = abs(dx) + abs(dy) > (MAX_SLOPE if ints[CLIPPED_IDX + k] < 0 else MAX_CLIPPED_SLOPE)
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy
-        is_sliver = (ints[IS_SLIVER + k] != 0) | is_steep
-        ints[IS_SLIVER + k] = is_sliver
-        ints[HAS_PLANES + k] = not (is_sliver | (ints[CLIPPED_IDX + k] >= 0))
-        at_anchor = reals[Z0 + k] + dx * reals[OFFSET_X + k] + dy * reals[OFFSET_Y + k]
-        longs[PLANE_Z + k] = np.int64(np.rint(at_anchor))
+        ints[IS_SLIVER + k] = is_sliver | is_steep
+        ints[HAS_PLANES + k] = not (is_sliver | is_steep | (ints[CLIPPED_IDX + k] >= 0))
+        reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = slope_x1, slope_x2
+        reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = slope_y1, slope_y2
+        reals[OFFSET_X + k], reals[OFFSET_Y + k] = offset_x, offset_y
+        longs[PLANE_Z + k] = np.int64(np.rint(reals[Z0 + k] + dx * offset_x + dy * offset_y))
         longs[PLANE_Z_DX + k], longs[PLANE_Z_DY + k] = np.int64(np.rint(dx)), np.int64(np.rint(dy))
