@@ -99,7 +99,7 @@ def copy_planes(rows, source, n, planes, target):
     for attribute in range(index(n)):
         for part in range(index(3)):
             value = rows[source + attribute * s.NEXT_PLANE + part * s.NEXT]
-            planes[target + attribute + part * index(PLANE_GROUP)] = value
+            planes[target + attribute + part * index(PLANE_GROUP)] = planes.dtype.type(value)
 
 
 @helper

@@ -203,7 +203,7 @@ def compute_depth_planes(block):
         x0, x1, x2 = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         y0, y1, y2 = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
         dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
-        area = float(dx1 * dy2 - dx2 * dy1)  # rounded once: the difference is an exact integer
+        area = np.float64(dx1 * dy2 - dx2 * dy1)  # rounded once: the difference is an exact integer
         wide, high = float(max(x0, x1, x2) - min(x0, x1, x2)), float(max(y1, y2) - y0)
         is_sliver = wide * high > MAX_ELONGATION * area
         # The columns of the inverse of the edges' matrix.
