@@ -178,7 +178,7 @@ def box_of(k, block):
 @helper
 def level_of(k, block):
     """Return the plane of levels of triangle k of the block, which has one channel, as payload."""
-    longs, first = block.longs, s.LEVEL_PLANE + k
+    longs, first = block.longs, s.PLANE_LEVEL + k
     return Payload(longs[first], longs[first + s.NEXT], longs[first + s.NEXT + s.NEXT])
 
 

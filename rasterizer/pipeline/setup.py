@@ -29,31 +29,37 @@ from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
 
 BLOCK = 64  # triangles
 
+
+def _starts(first, end):
+    """Return where the rows first..end of a block begin, for the names below."""
+    return [index(BLOCK * k) for k in range(first, end)]
+
+
 # Rows of int32. The vertices are in 1/256 px, clockwise on the screen, the topmost (then leftmost) first; boxes in
 # samples.
-X0, Y0, X1, Y1, X2, Y2 = (index(BLOCK * k) for k in range(6))
-LEFT, RIGHT, TOP, BOTTOM = (index(BLOCK * k) for k in range(6, 10))  # within picture and band: left..right, top..bottom
+X0, Y0, X1, Y1, X2, Y2 = _starts(0, 6)
+LEFT, RIGHT, TOP, BOTTOM = _starts(6, 10)  # within picture and band: left..right, top..bottom
 # Where planes begin: the first sample of the box, but not beyond the picture's left or upper border.
-ANCHOR_X, ANCHOR_Y = (index(BLOCK * k) for k in range(10, 12))
-EXTENT_X, EXTENT_Y = (index(BLOCK * k) for k in range(12, 14))  # columns and rows of the whole box
-IS_FLIPPED, IS_SLIVER, HAS_PLANES = (index(BLOCK * k) for k in range(14, 17))
-CORNER0, CORNER1, CORNER2 = (index(BLOCK * k) for k in range(17, 20))  # where the vertices' attributes are
+ANCHOR_X, ANCHOR_Y = _starts(10, 12)
+EXTENT_X, EXTENT_Y = _starts(12, 14)  # columns and rows of the whole box
+IS_FLIPPED, IS_SLIVER, HAS_PLANES = _starts(14, 17)
+CORNER0, CORNER1, CORNER2 = _starts(17, 20)  # where the vertices' attributes are
 CLIPPED_IDX = index(BLOCK * 20)  # the row of the planes of the face that it is a part of; -1 for a whole face
 N_INT = 21
 # Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); planes of levels,
 # three rows each, see gradients.py.
-PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = (index(BLOCK * k) for k in range(3))
-LEVEL_PLANE, MOST_LEVEL_PLANES = index(BLOCK * 3), 3
+PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
+PLANE_LEVEL, MOST_LEVEL_PLANES = index(BLOCK * 3), 3
 N_LONG = 3 + 3 * MOST_LEVEL_PLANES
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
 # in samples; the range of z that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other;
 # planes of attributes, three rows each, see gradients.py.
-Z0, Z1, Z2 = (index(BLOCK * k) for k in range(3))
-SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = (index(BLOCK * k) for k in range(3, 7))
-OFFSET_X, OFFSET_Y = (index(BLOCK * k) for k in range(7, 9))
-LEAST_Z, LARGEST_Z = (index(BLOCK * k) for k in range(9, 11))
+Z0, Z1, Z2 = _starts(0, 3)
+SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
+OFFSET_X, OFFSET_Y = _starts(7, 9)
+LEAST_Z, LARGEST_Z = _starts(9, 11)
 ATTRIBUTE, MOST_ATTRIBUTES = index(BLOCK * 11), 11
-ATTRIBUTE_PLANE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 7
+PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 7
 N_REAL = 11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
