@@ -25,7 +25,7 @@ from .frame import Frame, Stats
 from .geometry.points import find_clearance, find_point_clearance, find_shortest_normal, gather_geometry
 from .options import Options
 from .pipeline.records import EXACT
-from .pipeline.resolve import encode_picture
+from .pipeline.encode import encode_picture
 from .pipeline.threads import Workers
 from .pipeline.transform import DEPTH_MARGIN
 from .pipeline.workspace import Scratch, empty_buffers, make_picture

@@ -30,32 +30,22 @@ from ..pipeline.buffers import write_buffers
 from ..pipeline.clip import NO_PLANES, clip
 from ..pipeline.cull import Faces, find_visible
 from ..pipeline.depth_cueing import Cue, fade
-from ..pipeline.fragments import make_rows
-from ..pipeline.lighting import light_points
+from ..pipeline.fragments import make_batch
+from ..pipeline.interpolate import ScannedBand
+from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.means import fill_means
 from ..pipeline.records import EXACT, MAX_RECORDS, Coding
 from ..pipeline.resolve import resolve
 from ..pipeline.scan import Canvas, scan
 from ..pipeline.setup import Polygons
-from ..pipeline.shade import shade_interpolated, shade_lit
+from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
 from ..pipeline.shadow_lookup import write_map
-from ..pipeline.texture_sampling import shade_textured, take_texels
+from ..pipeline.texture_sampling import sample_textures, shade_textured
 from ..pipeline.transform import transform
 from ..pipeline.workspace import BenchKind
 from .plan import choose_band_rows
 
 MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
-
-
-class FaceTable(NamedTuple):
-    """What is known of every triangle beside its corners; an array that isn't needed has no rows."""
-
-    material: np.ndarray  # (n_face,) uint32
-    shape: np.ndarray  # (n_face, 5) float64: the plane, and how far points are lifted; see pipeline/shadow_lookup.py
-
-    def of_parts(self, face):
-        """The table of triangles that are parts of the faces `face`."""
-        return FaceTable(*(rows[face] if len(rows) else rows for rows in self))
 
 
 NO_TABLE = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
@@ -164,7 +154,7 @@ def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, ben
     places, n_sample = np.empty(len(faces), np.int64), n_row * canvas.pitch
     n_place = scan_opaque(
         faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, canvas, bench.records,
-        job.opacity, table.material, places,
+        job.opacity, table.materials, places,
     )  # fmt: skip
     places = places[:n_place]
     fragments = Fragments(0, n_sample, np.empty(0, np.int64), layers.cursor, layers.start, True)
@@ -186,7 +176,7 @@ def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, ben
             job.shade(shown, len(faces), table, y_start + first_row, stop_row - first_row)
             is_more = composite(
                 canvas, bench.records, layers, fragments, first_row, stop_row - first_row, depth, bench.radiance, bench.texels,
-                job.opacity, table.material,
+                job.opacity, table.materials,
             )  # fmt: skip
             depth += 1
 
@@ -213,15 +203,15 @@ def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> n
     """
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
     starts = geometry.point_offsets[:-1]
-    normals = np.concatenate([geometry.normals, geometry.tangents]) if plan.has_tangents else geometry.normals
+    tangents = geometry.tangents if plan.has_tangents else None
+    points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, lift)
     for material, start, stop in zip(geometry.group_material.tolist(), starts, geometry.point_offsets[1:], strict=True):
         n = int(stop - start)
         for side, out in enumerate(intensities):
             sign = 0 if is_flat else 1 - 2 * side
             workers.map(
                 lambda part, material=material, start=int(start), sign=sign, out=out: light_points(
-                    geometry.points, normals, geometry.albedo, lift, start + part[0], start + part[1],
-                    screen, sign, lighting, material, make_rows(plan.dtype), out,
+                    points, start + part[0], start + part[1], screen, sign, lighting, material, make_batch(plan.dtype), out,
                 ),
                 workers.ranges(n),
             )  # fmt: skip
@@ -244,23 +234,12 @@ def interpolated_job(intensities, plan, coding, options, encoding, picture, tabl
     level_step = plan.dtype.type(1.0 / plan.level_scale)
 
     def shade(bench, n_exact, table, y_start, n_row):
+        band = ScannedBand(bench.canvas, bench.records, coding.kind, n_exact, y_start, n_row)
         if plan.textures is None:
-            shade_interpolated(
-                bench.canvas,
-                bench.records,
-                n_exact,
-                coding.kind,
-                y_start,
-                n_row,
-                plan.n_channel,
-                level_step,
-                bench.radiance,
-            )
+            shade_interpolated(band, plan.n_channel, level_step, bench.radiance)
         else:
-            take_texels(
-                bench.canvas, bench.records, y_start, n_row, plan.textures, table.material, bench.rows, bench.texels
-            )
-            shade_textured(bench.canvas, bench.records, y_start, n_row, bench.texels, bench.radiance)
+            sample_textures(band, plan.textures, table.materials, bench.batch, bench.texels)
+            shade_textured(band, bench.texels, bench.radiance)
 
     return _picture_job(intensities, coding, plan, options, encoding, picture, shade, table)
 
@@ -268,15 +247,14 @@ def interpolated_job(intensities, plan, coding, options, encoding, picture, tabl
 def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting, table) -> Job:
     """Phong's method: normals are interpolated and every visible sample is lit."""
 
+    tangent_attribute = normals.shape[2] - 3 if plan.has_tangents else None
+
     def shade(bench, n_exact, table, y_start, n_row):
+        band, texels = ScannedBand(bench.canvas, bench.records, coding.kind, n_exact, y_start, n_row), None
         if plan.textures is not None:
-            take_texels(
-                bench.canvas, bench.records, y_start, n_row, plan.textures, table.material, bench.rows, bench.texels
-            )
-        shade_lit(
-            bench.canvas, bench.records, n_exact, coding.kind, y_start, n_row, screen, lighting, table.material, table.shape,
-            bench.texels if plan.textures is not None else None, bench.rows, bench.radiance,
-        )  # fmt: skip
+            texels = bench.texels
+            sample_textures(band, plan.textures, table.materials, bench.batch, texels)
+        shade_lit(band, screen, lighting, table, tangent_attribute, texels, bench.batch, bench.radiance)
 
     return _picture_job(normals, coding, plan, options, encoding, picture, shade, table)
 
@@ -301,7 +279,8 @@ def _with_cue(job, screen):
 
     def shade(bench, n_exact, table, y_start, n_row):
         job.shade(bench, n_exact, table, y_start, n_row)
-        fade(bench.canvas, bench.records, y_start, n_row, screen.is_perspective, job.cue, bench.radiance)
+        band = ScannedBand(bench.canvas, bench.records, job.coding.kind, n_exact, y_start, n_row)
+        fade(band, screen.is_perspective, job.cue, bench.radiance)
 
     return shade
 
@@ -322,7 +301,7 @@ def shadow_job(nothing, coding, screen, texels) -> Job:
         depth = (coding.inv_w_offset, coding.inv_w_scale)
 
     def finish(bench, _loaded_face, y_start, y_stop):
-        write_map(bench.canvas, y_start, y_stop - y_start, *depth, texels)
+        write_map(bench.canvas, y_start, y_stop - y_start, depth, texels)
         return 0
 
     return Job(nothing, coding, 0, False, 1, texels.shape[::-1], _shade_nothing, finish, True)

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from ..pipeline.reflection import LEAST_COSINE, REFLECTIONS
+from ..pipeline.reflection import LEAST_COSINE, reflection_function_of
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
 
 
@@ -32,7 +32,7 @@ def model_of(material) -> str:
 
 def has_highlight(material) -> bool:
     """Tell whether a material has a highlight."""
-    return max(material.specular) > 0 and REFLECTIONS[model_of(material)].has_highlight
+    return max(material.specular) > 0 and reflection_function_of(model_of(material)).has_highlight
 
 
 def has_colored_fresnel(material) -> bool:

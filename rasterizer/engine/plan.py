@@ -18,9 +18,9 @@ from ..pipeline import texture_sampling as texturing
 from ..pipeline.a_buffer import Opacity, least_transmitted
 from ..pipeline.clip import find_nearest
 from ..pipeline.depth_cueing import Cue
-from ..pipeline.light_kinds import LIGHTS
+from ..pipeline.light_kinds import light_function_of
 from ..pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
-from ..pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
+from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding
 from ..pipeline.texture_sampling import Textures
 from ..pipeline.transform import make_screen
 from ..scene.lights import AmbientLight, AreaLight
@@ -208,8 +208,8 @@ def list_textures(materials) -> Textures:
     number = {key: k for k, key in enumerate(different)}
     levels = [level for texture in different.values() for level in texture.pyramid]
     first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
-    filters = {"nearest": texturing.NEAREST, "bilinear": texturing.BILINEAR, "trilinear": texturing.TRILINEAR}
-    wraps = {"repeat": texturing.REPEAT, "clamp": texturing.CLAMP, "mirror": texturing.MIRROR}
+    filters = {"nearest": texturing.FILTER_NEAREST, "bilinear": texturing.FILTER_BILINEAR, "trilinear": texturing.FILTER_TRILINEAR}
+    wraps = {"repeat": texturing.WRAP_REPEAT, "clamp": texturing.WRAP_CLAMP, "mirror": texturing.WRAP_MIRROR}
     return Textures(
         np.concatenate([level.ravel() for level in levels]),
         np.array(
@@ -297,7 +297,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         normal_limit=plan.normal_limit,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
         needs_distance=plan.coding == NORMAL_PLANES
-        and any(LIGHTS[kind_of(light)].needs_position for light in plan.lights),
+        and any(light_function_of(kind_of(light)).needs_position for light in plan.lights),
         inv_w_offset=inv_w_offset,
         inv_w_scale=inv_w_scale,
         depth_offset=depth_offset,
@@ -308,7 +308,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
 def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
     """Say how linear colour becomes 8 bits; `background` is a linear colour or None."""
     behind = np.array(background or (0, 0, 0), np.float32)
-    policy = {"clamp": CLAMP, "global": GLOBAL, "local": LOCAL}[color_range]
+    policy = {"clamp": RANGE_CLAMP, "global": RANGE_GLOBAL, "local": RANGE_LOCAL}[color_range]
     is_grey = plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0
     return Encoding(is_grey, plan.tint, behind, background is not None, policy, scale)
 

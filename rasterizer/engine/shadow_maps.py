@@ -26,7 +26,7 @@ from ..pipeline.shadow_lookup import (
     IS_PERSPECTIVE,
     MAPS,
     N_MAP,
-    N_MAP_NUMBER,
+    N_MAP_COLUMN,
     ORIGIN,
     RIGHT,
     ROUNDING,
@@ -61,7 +61,7 @@ class ShadowMap(NamedTuple):
     def move(self, eye) -> None:
         """Write the place relative to the eye, as the positions of surface points are."""
         for k in range(int(self.block[N_MAP])):
-            start = MAPS + N_MAP_NUMBER * k + ORIGIN
+            start = MAPS + N_MAP_COLUMN * k + ORIGIN
             self.block[start : start + 3] = self.origin - eye
 
 
@@ -162,7 +162,7 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMB
         nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
         job = shadow_job(nothing, coding, screen, texels[k])
         draw(casters.geometry, job, screen, scratch, workers, NO_CLOCK)
-        row = block[MAPS + N_MAP_NUMBER * k : MAPS + N_MAP_NUMBER * (k + 1)]
+        row = block[MAPS + N_MAP_COLUMN * k : MAPS + N_MAP_COLUMN * (k + 1)]
         row[RIGHT : RIGHT + 3], row[UP : UP + 3], row[FORWARD : FORWARD + 3] = (
             light_view.right,
             light_view.up,

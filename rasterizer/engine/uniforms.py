@@ -4,7 +4,8 @@
 import numpy as np
 
 from ..compiler.kernels import row_function
-from ..pipeline.fresnel import SECOND_PARTS, no_second_part
+from ..pipeline import material_coefficients as m
+from ..pipeline.fresnel import no_second_term
 from ..pipeline.light_kinds import (
     ATTENUATION,
     AXIS,
@@ -13,35 +14,15 @@ from ..pipeline.light_kinds import (
     CONE_SCALE,
     COS_OUTER,
     INVERSE_RANGE,
-    LIGHTS,
     MOST,
-    N_NUMBER,
+    N_LIGHT_COEFFICIENT,
     VECTOR,
-    same_again,
+    light_function_of,
+    same_light_again,
 )
-from ..pipeline.lighting import (
-    AMBIENT,
-    DIFFUSE_COLOR,
-    EMISSIVE,
-    N_MATERIAL_COLUMN,
-    SPECULAR_COLOR,
-    BrushedLighting,
-    Lighting,
-    ShadowedBrushedLighting,
-    ShadowedLighting,
-)
-from ..pipeline.reflection import (
-    BRUSH,
-    DISTANT,
-    FRESNEL,
-    LEVELS,
-    REFLECTIONS,
-    ROUGHNESS,
-    ROUGHNESS_ACROSS,
-    SCALE,
-    SHININESS,
-)
-from ..pipeline.shadow_lookup import cast
+from ..pipeline.lighting import Lighting, ShadowMaps
+from ..pipeline.reflection import reflection_function_of
+from ..pipeline.shadow_lookup import occlude
 from ..scene.lights import DirectionalLight, SpotLight
 from .intensity_bounds import (
     cone_cosines,
@@ -55,13 +36,7 @@ from .intensity_bounds import (
 from .plan import Plan
 from .spectral_products import split_fresnel
 
-LIGHTINGS = {  # by whether a light casts shadows, and whether a material needs tangents from u
-    (False, False): Lighting,
-    (True, False): ShadowedLighting,
-    (False, True): BrushedLighting,
-    (True, True): ShadowedBrushedLighting,
-}
-_COLUMNS = (EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR)
+_COLUMNS = (m.EMISSION, m.AMBIENT, m.DIFFUSE, m.SPECULAR)
 
 
 def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting:
@@ -72,35 +47,40 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
     """
     light, material = _list_lights(plan, view), _list_materials(plan)
     color, n_light_channel = _color_lights(plan)
-    is_shiny = np.array([has_highlight(source) for source in plan.materials], np.bool_)
-    models = [REFLECTIONS[model_of(source)] for source in plan.materials]
+    highlights = np.array([has_highlight(source) for source in plan.materials], np.bool_)
+    models = [reflection_function_of(model_of(source)) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
     of_lights, of_materials = row_functions_of(plan, is_perspective)
     if is_parted(plan):  # each light is followed by itself
         light = np.repeat(light, 2, axis=0)
         shadows = [part for shadow in shadows for part in (shadow, None)]
-    return LIGHTINGS[plan.has_shadows, plan.has_tangents](
-        light_function=_addresses(of_lights, plan.dtype),
-        light=light.astype(plan.dtype),
-        reflection_function=np.stack([_addresses(functions, plan.dtype) for functions in of_materials]),
-        material=material.astype(plan.dtype),
-        is_shiny=is_shiny,
+    return Lighting(
+        light_functions=_addresses(of_lights, plan.dtype),
+        lights=light.astype(plan.dtype),
+        reflection_functions=np.stack([_addresses(functions, plan.dtype) for functions in of_materials]),
+        materials=material.astype(plan.dtype),
+        has_highlight=highlights,
         is_view_dependent=is_view_dependent,
         n_channel=plan.n_channel,
         n_light_channel=n_light_channel,
         needs_view=bool(is_view_dependent.any()),
-        needs_position=plan.has_shadows or any(LIGHTS[kind_of(source)].needs_position for source in plan.lights),
+        needs_position=plan.has_shadows or any(light_function_of(kind_of(source)).needs_position for source in plan.lights),
         has_albedo=plan.has_albedo,
-        color=color.astype(plan.dtype),
-        shadow_function=row_function(cast, plan.dtype).address if plan.has_shadows else 0,
-        shadow=np.array([0 if shadow is None else shadow.block.ctypes.data for shadow in shadows], np.int64),
+        colors=color.astype(plan.dtype),
+        shadows=_list_shadows(shadows, plan.dtype) if plan.has_shadows else None,
     )
+
+
+def _list_shadows(shadows, dtype) -> ShadowMaps:
+    """The addresses of the lights' shadow maps, and of what looks them up."""
+    maps = [0 if shadow is None else shadow.block.ctypes.data for shadow in shadows]
+    return ShadowMaps(row_function(occlude, dtype).address, np.array(maps, np.int64))
 
 
 def _list_lights(plan, view) -> np.ndarray:
     """A row of numbers for each light; those that move with the camera are turned to the world, positions are relative
     to the eye."""
-    light = np.zeros((len(plan.lights), N_NUMBER))
+    light = np.zeros((len(plan.lights), N_LIGHT_COEFFICIENT))
     for row, source in zip(light, plan.lights, strict=True):
         if isinstance(source, DirectionalLight):
             row[VECTOR : VECTOR + 3] = world_direction(source, view) * -1.0
@@ -123,15 +103,15 @@ def _list_lights(plan, view) -> np.ndarray:
 def _list_materials(plan) -> np.ndarray:
     """A row of numbers for each material: those of its model, then its coefficients, as far as lights are no part of
     them."""
-    material = np.zeros((len(plan.materials), N_MATERIAL_COLUMN))
+    material = np.zeros((len(plan.materials), m.N_MATERIAL_COEFFICIENT))
     for k, (row, source) in enumerate(zip(material, plan.materials, strict=True)):
-        row[SHININESS], row[LEVELS] = source.shininess, source.levels
-        row[ROUGHNESS] = row[ROUGHNESS_ACROSS] = source.roughness if isinstance(source.roughness, float) else 0.0
+        row[m.SHININESS], row[m.TOON_LEVELS] = source.shininess, source.levels
+        row[m.ROUGHNESS] = row[m.ROUGHNESS_ACROSS] = source.roughness if isinstance(source.roughness, float) else 0.0
         if isinstance(source.roughness, tuple):
-            row[ROUGHNESS], row[ROUGHNESS_ACROSS] = source.roughness
+            row[m.ROUGHNESS], row[m.ROUGHNESS_ACROSS] = source.roughness
         if not isinstance(source.tangent, str):
-            row[BRUSH : BRUSH + 3] = source.tangent
-        row[FRESNEL], row[SCALE] = first_fresnel(source), highlight_scale(source)
+            row[m.TANGENT_AXIS : m.TANGENT_AXIS + 3] = source.tangent
+        row[m.FRESNEL], row[m.HIGHLIGHT_SCALE] = first_fresnel(source), highlight_scale(source)
         colors = (source.emissive, np.array(source.ambient) * plan.ambient, source.diffuse, source.specular)
         if plan.products is not None:
             colors = (plan.products.emissive[k], plan.products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
@@ -143,7 +123,7 @@ def _list_materials(plan) -> np.ndarray:
     if plan.dtype == np.float32:
         # An exponent that float32 has no number for raises all cosines to 0 or 1, as the nearest one that it has does.
         limits = np.finfo(np.float32)
-        np.clip(material[:, SHININESS], limits.tiny, limits.max, out=material[:, SHININESS])
+        np.clip(material[:, m.SHININESS], limits.tiny, limits.max, out=material[:, m.SHININESS])
     return material
 
 
@@ -192,20 +172,24 @@ def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
 
     With two terms a light (see `is_parted`), each is followed by that of its second term.
     """
-    of_lights = [LIGHTS[kind_of(source)].row_function for source in plan.lights]
+    of_lights = [light_function_of(kind_of(source)).evaluate for source in plan.lights]
     of_materials = []
     for material in plan.materials:
-        usual = REFLECTIONS[model_of(material)].row_function
-        distant = usual if is_perspective else DISTANT.get(model_of(material), usual)
+        model = reflection_function_of(model_of(material))
+        usual = model.evaluate
+        distant = usual if is_perspective else model.distant or usual
         of_materials.append([distant if isinstance(source, DirectionalLight) else usual for source in plan.lights])
     if not is_parted(plan):
         return of_lights, of_materials
-    seconds = [SECOND_PARTS[m.reflection] if has_colored_fresnel(m) else no_second_part for m in plan.materials]
+    seconds = [
+        reflection_function_of(model_of(source)).second_term if has_colored_fresnel(source) else no_second_term
+        for source in plan.materials
+    ]
     of_materials = [
         [part for function in functions for part in (function, second)]
         for functions, second in zip(of_materials, seconds, strict=True)
     ]
-    return [part for function in of_lights for part in (function, same_again)], of_materials
+    return [part for function in of_lights for part in (function, same_light_again)], of_materials
 
 
 def _addresses(functions, dtype) -> np.ndarray:
