@@ -18,9 +18,9 @@ from ..pipeline import texture_sampling as texturing
 from ..pipeline.a_buffer import Opacity, least_transmitted
 from ..pipeline.clip import find_nearest
 from ..pipeline.depth_cueing import Cue
+from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding
 from ..pipeline.light_kinds import light_function_of
 from ..pipeline.records import CODINGS, EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES, Coding
-from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding
 from ..pipeline.texture_sampling import Textures
 from ..pipeline.transform import make_screen
 from ..scene.lights import AmbientLight, AreaLight
@@ -208,7 +208,10 @@ def list_textures(materials) -> Textures:
     number = {key: k for k, key in enumerate(different)}
     levels = [level for texture in different.values() for level in texture.pyramid]
     first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
-    filters = {"nearest": texturing.FILTER_NEAREST, "bilinear": texturing.FILTER_BILINEAR, "trilinear": texturing.FILTER_TRILINEAR}
+    filters = {
+        "nearest": texturing.FILTER_NEAREST, "bilinear": texturing.FILTER_BILINEAR,
+        "trilinear": texturing.FILTER_TRILINEAR,
+    }  # fmt: skip
     wraps = {"repeat": texturing.WRAP_REPEAT, "clamp": texturing.WRAP_CLAMP, "mirror": texturing.WRAP_MIRROR}
     return Textures(
         np.concatenate([level.ravel() for level in levels]),

@@ -19,14 +19,14 @@ from ..geometry.vectors import add, cross, dot, length, scale, subtract
 from . import fragments as f
 from . import material_coefficients as m
 from .cook_torrance import set_reflection
-from .fragments import read_vector, get_vector, set_vector
+from .fragments import get_vector, read_vector, set_vector
 from .fresnel import schlick
 
 SHORT = 2.0**-80  # square of a projected tangent that is too short to be one: see `tangent_in_surface`
 
 
 def anisotropic_ggx(batch, n, material):
-    """Cook-Torrance with GGX whose mirrors' tilt depends on the direction TANGENT, of any length, in the surface or not.
+    """Cook-Torrance with GGX whose mirrors' tilt depends on a direction: TANGENT, of any length, in the surface or not.
 
     The plan takes float64 for this model: where the direction nearly stands upright on the surface its projection, and
     all that depends on it, has no bound in float32.
@@ -76,7 +76,7 @@ def anisotropic_mirrors(batch, k, half, roughnesses):
 
 @helper
 def tangent_in_surface(normal, tangent):
-    """Return the unit vector along the tangent's part in the surface, and whether there is one; else any in the surface.
+    """Return the unit vector along the tangent's part in the surface, and whether there is one; else any one there.
 
     With a unit tangent, T - (T·N)N errs by about 2^-52. Shorter than 2^-40 its direction errs by more than 2^-12: an
     axis that stands upright on the surface has no direction there, but rounding would make one up.

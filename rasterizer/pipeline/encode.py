@@ -17,7 +17,7 @@ BUCKET_SHIFT = np.int32(16)  # floats with the same upper 16 bits share a bucket
 FIRST_BUCKET = np.int32(LEAST.view(np.int32) >> BUCKET_SHIFT)
 REST_MASK = np.int32((1 << BUCKET_SHIFT) - 1)
 RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL = 0, 1, 2  # out-of-range policies
-# A batch of pixels is one flat array as a batch of fragments is: red from 0 on, green from NEXT on, then blue and alpha.
+# A batch of pixels is one flat array, as a batch of fragments is: red from 0 on, green from NEXT on, blue, alpha.
 ALPHA = index(3 * BATCH_SIZE)
 PIXELS_SHAPE = (4 * BATCH_SIZE,)
 

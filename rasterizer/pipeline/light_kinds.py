@@ -20,7 +20,7 @@ from ..compiler.kernels import helper, index
 from ..errors import SceneError
 from ..geometry.vectors import dot, scale, subtract
 from . import fragments as f
-from .fragments import read_vector, get_vector, set_vector
+from .fragments import get_vector, read_vector, set_vector
 from .power import grazing, power
 
 # Where a light's coefficients stand. Lengths are in scene units, VECTOR and AXIS along the world's axes.

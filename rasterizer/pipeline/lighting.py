@@ -142,7 +142,10 @@ def add_light(batch, n, sums, reflected, color, is_first):
 def combine_channel(batch, n, channel, lighting, material):
     """Combine the sums over the lights, emission and ambient light of one channel into intensities."""
     materials, zero = lighting.materials, batch.dtype.type(0)
-    emission, ambient = materials[material, index(m.EMISSION) + channel], materials[material, index(m.AMBIENT) + channel]
+    emission, ambient = (
+        materials[material, index(m.EMISSION) + channel],
+        materials[material, index(m.AMBIENT) + channel],
+    )
     kd, ks = materials[material, index(m.DIFFUSE) + channel], materials[material, index(m.SPECULAR) + channel]
     # With grey lights all channels read the sums of channel 0.
     source = channel * f.NEXT if lighting.n_light_channel > 1 else index(0)

@@ -67,12 +67,10 @@ def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, out)
         row = (j - y_start) * factor
         first, end = covered_columns(visibility, row, factor)
         fill_blank(out, j, first, end, encoding)
-        if layers is None:
-            if is_plain:
-                start, n = index(row * visibility.pitch + first), index(end - first)
-                pixels_out = out.rgba[index(j), index(first) :]
-                n_covered += encode_samples(entries[start : start + n], radiance, start, pixels_out)
-                continue
+        if layers is None and is_plain:
+            start, n = index(row * visibility.pitch + first), index(end - first)
+            n_covered += encode_samples(entries[start : start + n], radiance, start, out.rgba[index(j), index(first) :])
+            continue
         for left in range(first, end, BATCH_SIZE):
             n = index(min(end - left, BATCH_SIZE))
             if layers is not None:

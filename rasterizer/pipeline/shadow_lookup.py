@@ -12,10 +12,10 @@ shadow's edge no error is small.
 A texel shows the depth at its centre alone. So a surface's own depth is taken there, too: the value at the point plus
 the slopes of its tangent plane, which the normal gives, times the way to the centre. On one plane both agree, but for
 
-    half a texel times the slopes     neighbouring polygons that fold towards the light reach into the texel by that much;
-                                      it also covers the rounding of the map's vertices, a 512th of a texel
-    2^-32 of the map's range          rounding of its values: planes of depth err by a 2^-33rd of it (setup.py)
-    2^-40 of the distances            rounding of positions: float64, a few operations from the corners to the point
+    half a texel times the slopes   neighbouring polygons that fold towards the light reach into the texel by that much;
+                                    it also covers the rounding of the map's vertices, a 512th of a texel
+    2^-32 of the map's range        rounding of its values: planes of depth err by a 2^-33rd of it (setup.py)
+    2^-40 of the distances          rounding of positions: float64, a few operations from the corners to the point
 
 which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px,
 which tilts its polygons a little: so a point is first moved onto the plane that its polygon has in the scene. A polygon
@@ -34,7 +34,7 @@ from numba import carray
 from ..compiler.kernels import borrow, helper, index, kernel
 from ..geometry.vectors import add, dot, scale, subtract
 from . import fragments as f
-from .fragments import read_vector, get_vector, set_vector
+from .fragments import get_vector, read_vector, set_vector
 from .interpolate import row_extent
 from .records import PAYLOAD_BITS
 from .resolve import clean

@@ -152,12 +152,12 @@ def test_many_lights_add_up():
 def test_a_scene_without_a_spot_compiles_and_runs_no_spot_code():
     """Row functions are looked up by the lights that are there."""
     from rasterizer.engine.uniforms import row_functions_of
-    from rasterizer.pipeline.light_kinds import LIGHTS as KINDS
+    from rasterizer.pipeline.light_kinds import light_function_of
 
     scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
     used, _ = row_functions_of(rz.Renderer(scene, 8)._plan, True)
-    assert KINDS["point"].row_function in used
-    assert KINDS["spot"].row_function not in used and KINDS["directional"].row_function not in used
+    assert light_function_of("point").evaluate in used
+    assert light_function_of("spot").evaluate not in used and light_function_of("directional").evaluate not in used
 
 
 def test_the_usual_fall_is_the_usual_code():
