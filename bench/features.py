@@ -95,7 +95,7 @@ def measure_features(args):
                 rz.Renderer(scene, size, shading="phong", outputs=("rgb",), threads=1, **options)
             )
             renderer.render()
-            calls[name], dtypes[name] = renderer.render, str(renderer._plan.dtype)
+            calls[name], dtypes[name] = renderer.render, renderer.plan.dtype
         turns = measure.take_turns(calls, args.seconds, args.frames)
     median = {name: float(np.median(times)) for name, (times, _) in turns.items()}
     for name, (_, _, count) in features.items():

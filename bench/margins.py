@@ -5,7 +5,7 @@ There the renderer and the reference may each show the other surface, and no dif
 
 import numpy as np
 
-from rasterizer.engine.plan import fit_depth_range, fit_screen
+from rasterizer.engine.depth_range import fit_depth_range, fit_screen
 from rasterizer.geometry.points import gather_geometry
 
 UNITS = 2.0**14  # steps of the z-buffer: half a step of rounding for each sample of the largest box

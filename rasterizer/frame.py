@@ -4,11 +4,15 @@ import io
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .errors import OutputError, SceneError, shown
 from .io.files import write_and_move
+
+if TYPE_CHECKING:
+    from .engine.plan_summary import PlanSummary
 
 ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
 SAVED_ARRAYS = ("color", "rgb", "rgba", "alpha", "depth", "face", "normal")
@@ -47,6 +51,7 @@ class Stats:
     error_bound: float
     milliseconds: dict = field(default_factory=dict)
     steps: tuple = ()
+    plan: "PlanSummary | None" = None
 
     @property
     def position_bound(self) -> float:

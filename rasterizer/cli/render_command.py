@@ -107,6 +107,7 @@ def _render_model(targets, arguments, settings, messages, output) -> None:
             seconds, start = perf_counter() - start, perf_counter()
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
             messages.detail(f"{target.model}: {describe_bound(frame.stats)}")
+            messages.detail(f"{target.model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
             if arguments.json:
                 record = _record(target, frame, scene, seconds, of_model + doubts)
                 print_record(record, target.output == STDIO)

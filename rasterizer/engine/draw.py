@@ -1,10 +1,10 @@
-"""A polygon's way from the scene to the picture, one stage after the other.
+"""A triangle's way from the scene to the picture, one stage after the other.
 
-    Scene ─ geometry ─ light ─ transform ─ clip ─ setup ─ bands ─ scan ─ shade ─ resolve ─ Frame
-            normals            1/256 px          cull    by y    z-test          8 bits
+    Scene ─ geometry ─ light ─ transform ─ clip ─ cull ─ bands ─ scan ─ shade ─ resolve ─ Frame
+            normals            1/256 px          boxes   by y    z-test         8 bits
 
-Every stage hands plain arrays to the next; `draw` is the way from transform on. Flat shading and Gouraud's method light
-the points before they are drawn; Phong's method hands normals on, and lights the visible samples in the shade stage.
+Every stage hands plain arrays to the next; `draw` is the way from transform on. What is drawn, how it is shaded and what
+becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
 """
 
 from typing import NamedTuple
@@ -12,65 +12,150 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..pipeline.a_buffer import (
-    FEW,
-    Fragments,
-    Opacity,
-    composite,
-    divide_room,
-    in_order_of_depth,
-    open_layers,
-    ranges_of,
-    scan_opaque,
-    show_first,
-    take_fragments,
-)
-from ..pipeline.bands import sort_into_bands
-from ..pipeline.buffers import write_buffers
-from ..pipeline.clip import NO_PLANES, clip
-from ..pipeline.cull import Faces, find_visible
-from ..pipeline.depth_cueing import Cue, fade
-from ..pipeline.fragments import make_batch
-from ..pipeline.interpolate import ScannedBand
-from ..pipeline.lighting import SurfacePoints, light_points
-from ..pipeline.means import fill_means
-from ..pipeline.records import EXACT, MAX_RECORDS, Coding
-from ..pipeline.resolve import resolve
-from ..pipeline.scan import Canvas, scan
-from ..pipeline.setup import Polygons
-from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
-from ..pipeline.shadow_lookup import write_map
-from ..pipeline.texture_sampling import sample_textures, shade_textured
+from ..pipeline.bands import Band, sort_into_bands
+from ..pipeline.clip import clip
+from ..pipeline.cull import Grid, find_visible
+from ..pipeline.drawables import Drawables, Triangles
+from ..pipeline.face_planes import NO_PLANES
+from ..pipeline.scan import scan
 from ..pipeline.transform import transform
-from ..pipeline.workspace import BenchKind
-from .plan import choose_band_rows
+from ..pipeline.visibility import MAX_RECORDS
+from .passes import FaceTable, Pass
+from .transparency import draw_transparent_band
 
+BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
 MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 
 
-NO_TABLE = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
+def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Counts":
+    """Send every triangle of the scene through the stages.
+
+    Parameters
+    ----------
+    geometry : Geometry of the scene, world space
+    render_pass : what is drawn, and what becomes of it
+    screen : Screen of the view
+    workspaces : WorkspacePool, from which each band takes the memory that it is drawn in
+    threads : Workers
+    clock : Clock, which notes the milliseconds of each stage
+
+    Raises SceneError where the scene has more triangles than records can number.
+    """
+    vertices, n_outside = transform(geometry.positions, screen, threads)
+    clock.lap("transform")
+    drawn = Drawn.whole(geometry, vertices, render_pass)
+    if n_outside:
+        drawn = clip_outside(geometry, drawn, screen)
+        clock.lap("clip")
+    visible, n_row = cull(drawn, render_pass, threads)
+    clock.lap("setup")
+    bands = sort_into_bands(visible, threads)
+    clock.lap("bands")
+    kind = render_pass.workspace_kind(n_row)
+
+    def draw_band(band: Band) -> BandCounts:
+        workspace = workspaces.take(kind, len(band.faces))
+        workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
+        if render_pass.opacity is not None:
+            n_record = n_exact = draw_transparent_band(band, drawn, render_pass, workspace)
+        else:
+            n_record, n_exact = scan(
+                band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records
+            )
+            render_pass.shade(workspace, band, n_exact, drawn.face_table)
+        n_covered = render_pass.finish(workspace, band, drawn.loaded_face)
+        workspaces.give_back(kind, workspace)
+        return BandCounts(n_covered, len(band.faces) - n_record, n_record - n_exact, n_exact)
+
+    counts = threads.map(draw_band, busiest_first(bands, n_row, render_pass))
+    clock.lap("scan, shade, resolve")
+    return Counts.of(geometry, drawn, visible, render_pass, counts)
 
 
-class Job(NamedTuple):
-    """One way through the pipeline: what is drawn, how words are coded, and how a finished band becomes output."""
+class Drawn(NamedTuple):
+    """The triangles that the stages after clip work on, and what is known of them."""
 
-    attributes: np.ndarray  # (side, n_point, n_attribute), interpolated over the polygons
-    coding: Coding
-    n_channel: int  # of the intensities of a band
-    is_culled: bool
-    factor: int  # samples a pixel along each axis
-    size: tuple  # (width, height) in pixels
-    shade: object  # (bench, n_exact, table, y_start, n_row): fills bench.radiance for the visible samples
-    finish: object  # (bench, loaded_face, y_start, y_stop) -> samples covered: writes the rows y_start..y_stop
-    is_filled: bool  # bands without polygons are written too
-    table: FaceTable = NO_TABLE
-    is_textured: bool = False
-    opacity: Opacity | None = None  # None where all is opaque
-    cue: Cue | None = None  # None where nothing fades with depth
+    drawables: Drawables
+    loaded_face: np.ndarray  # (n_triangle,) the face as loaded that each is a part of; empty where each is one
+    face_table: FaceTable
+    clipped_planes: np.ndarray  # planes of the clipped faces, see pipeline/clip.py
+    n_clipped: int
+
+    @classmethod
+    def whole(cls, geometry, vertices, render_pass) -> "Drawn":
+        """All triangles of the scene as they are."""
+        triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted)
+        drawables = Drawables(triangles, vertices, render_pass.attributes)
+        return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, 0))
+
+
+def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
+    """Put parts in the place of the triangles that have a vertex outside."""
+    clipped = clip(geometry.positions, drawn.drawables.triangles, drawn.drawables.vertices, screen)
+    drawables = drawn.drawables._replace(triangles=clipped.triangles, vertices=clipped.vertices)
+    loaded_face = geometry.face[clipped.faces] if len(geometry.face) else clipped.faces
+    face_table = drawn.face_table.of_parts(clipped.faces)
+    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, clipped.n_clipped))
+
+
+def checked(drawn: Drawn) -> Drawn:
+    """Return the triangles if records have numbers for all of them."""
+    n = drawn.drawables.triangles.vertex_idx.shape[1]
+    if n > MOST_FACES:
+        raise SceneError(f"a scene may have {MOST_FACES} triangles; this one has {n}")
+    return drawn
+
+
+def cull(drawn: Drawn, render_pass: Pass, threads):
+    """Find the triangles that may touch a sample, and the number of rows of samples in a band.
+
+    No band may have more triangles than there are record numbers: where one would, bands are made less high.
+    """
+    factor, (width, height) = render_pass.factor, render_pass.n_sample
+    n_row = choose_band_rows(width, height, threads.n_thread, factor)
+    while True:
+        triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
+        grid = Grid(width, height, n_row)
+        visible = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads)
+        most = int(np.sum([part.histogram for part in visible], axis=0).max(initial=0))
+        if most <= MAX_RECORDS:
+            return visible, n_row
+        if n_row == factor:
+            raise SceneError(f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS}: draw a larger picture")
+        n_row = max(factor, n_row // 2 // factor * factor)
+
+
+def choose_band_rows(width, height, n_thread, factor) -> int:
+    """Choose the height of a band in rows of samples, a multiple of `factor`: its visibility buffer fits the L2 cache,
+    and there are several bands for each thread."""
+    n_row = max(8, BAND_ENTRIES // width)
+    if n_thread > 1:
+        n_row = min(n_row, max(16, -(-height // (4 * n_thread))))
+    return max(1, min(n_row, height) // factor) * factor
+
+
+def busiest_first(bands, n_row, render_pass: Pass) -> list[Band]:
+    """The bands to draw, those with most triangles first: so no thread is left with a big one at the end."""
+    n_in_band, (_, height) = np.diff(bands.starts), render_pass.n_sample
+    order = np.argsort(-n_in_band, kind="stable").tolist()
+    return [
+        Band(bands.faces[bands.starts[k] : bands.starts[k + 1]], k * n_row, min((k + 1) * n_row, height))
+        for k in order
+        if render_pass.is_filled or n_in_band[k] > 0
+    ]
+
+
+class BandCounts(NamedTuple):
+    """What was drawn in one band: samples, and triangles by the way that their attributes took (pipeline/gradients.py)."""
+
+    covered: int
+    entries: int
+    planes: int
+    exact: int
 
 
 class Counts(NamedTuple):
-    """What went the way, for Frame.stats."""
+    """What went the way, for `Stats`."""
 
     faces: int
     clipped: int
@@ -78,234 +163,15 @@ class Counts(NamedTuple):
     drawn: int
     covered: int
     samples: int
+    entries: int  # triangles, counted in each band that they meet: attributes stand in the visibility buffer's entries,
+    planes: int  # in records of planes,
+    exact: int  # or in exact records
 
-
-def draw(geometry, job, screen, scratch, workers, clock) -> Counts:
-    """Send every polygon of the scene through the pipeline."""
-    job = job if job.cue is None else job._replace(shade=_with_cue(job, screen))
-    vertices, n_outside = transform(geometry.positions, screen, workers)
-    clock.lap("transform")
-
-    polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
-    loaded_face, planes, n_clipped, table = geometry.face, NO_PLANES, 0, job.table
-    if n_outside:
-        clipped = clip(geometry.positions, *polygons[:2], vertices, screen)
-        vertices, planes, n_clipped = clipped.vertices, clipped.planes, clipped.n_clipped
-        loaded_face = geometry.face[clipped.face] if len(geometry.face) else clipped.face
-        polygons = Polygons(
-            clipped.vertex, clipped.corner, geometry.is_inverted[clipped.face], clipped.cut, clipped.ends
-        )
-        table = table.of_parts(clipped.face)
-        clock.lap("clip")
-    if polygons.vertex.shape[1] > MOST_FACES:
-        raise SceneError(f"a scene may have {MOST_FACES} triangles; this one has {polygons.vertex.shape[1]}")
-
-    width, height = job.size[0] * job.factor, job.size[1] * job.factor
-    visible, rows = set_up(polygons, vertices, width, height, job, workers)
-    clock.lap("setup")
-    bands = sort_into_bands(visible, workers)
-    clock.lap("bands")
-
-    attributes = job.attributes
-    n_attribute = attributes.shape[2]
-    n_group = -(-n_attribute // 3) if job.coding.kind != EXACT else 0  # the normals, or the three channels; the albedo
-    is_layered = job.opacity is not None
-    kind = BenchKind(width, rows, job.n_channel, n_attribute, n_group, attributes.dtype, job.is_textured, is_layered)
-
-    def draw_band(band):
-        faces = bands.face[bands.start[band] : bands.start[band + 1]]
-        y_start, y_stop = band * rows, min((band + 1) * rows, height)
-        bench = scratch.take(kind, len(faces))
-        bench = bench._replace(records=bench.records._replace(cut=planes))
-        if is_layered:
-            peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench)
-        else:
-            _, n_exact = scan(
-                faces,
-                polygons,
-                vertices,
-                attributes,
-                job.coding,
-                y_start,
-                y_stop,
-                bench.block,
-                bench.canvas,
-                bench.records,
-            )
-            job.shade(bench, n_exact, table, y_start, y_stop - y_start)
-        n_covered = job.finish(bench, loaded_face, y_start, y_stop)
-        scratch.give_back(kind, bench)
-        return n_covered
-
-    # The bands with most triangles first, so that no thread is left with a big one at the end.
-    n_in_band = np.diff(bands.start)
-    order = np.argsort(-n_in_band, kind="stable")
-    covered = workers.map(draw_band, [band for band in order.tolist() if job.is_filled or n_in_band[band] > 0])
-    clock.lap("scan, shade, resolve")
-    n_culled = sum(part.n_culled for part in visible)
-    n_drawn = sum(len(part.face) for part in visible)
-    return Counts(geometry.n_loaded, n_clipped, n_culled, n_drawn, sum(covered), width * height)
-
-
-def peel(faces, polygons, vertices, attributes, job, table, y_start, y_stop, bench) -> None:
-    """Draw a band of a scene with transparent surfaces: list what is seen through at every sample, shade one layer
-    after the other, nearest first, and sum them up."""
-    canvas, layers, n_row = bench.canvas, bench.layers, y_stop - y_start
-    places, n_sample = np.empty(len(faces), np.int64), n_row * canvas.pitch
-    n_place = scan_opaque(
-        faces, polygons, vertices, attributes, job.coding, y_start, y_stop, bench.block, canvas, bench.records,
-        job.opacity, table.materials, places,
-    )  # fmt: skip
-    places = places[:n_place]
-    fragments = Fragments(0, n_sample, np.empty(0, np.int64), layers.cursor, layers.start, True)
-    open_layers(layers)
-    take_fragments(faces, places, polygons, vertices, y_start, 0, n_row, bench.block, canvas, fragments)
-    n_fragment, n_list = divide_room(layers, n_sample)
-    if n_fragment > FEW * n_list:
-        places = in_order_of_depth(places, faces, polygons, vertices)
-
-    shown = bench._replace(canvas=Canvas(layers.words, canvas.pitch, canvas.width, layers.left, layers.right))
-    for first, last in ranges_of(layers.start[: n_sample + 1], canvas.pitch):
-        first_row, stop_row = first // canvas.pitch, -(-last // canvas.pitch)
-        words = np.empty(layers.start[last] - layers.start[first], np.int64)
-        fragments = Fragments(first, last, words, layers.cursor, layers.start, False)
-        take_fragments(faces, places, polygons, vertices, y_start, first_row, stop_row, bench.block, canvas, fragments)
-        show_first(canvas, layers, fragments, first_row, stop_row - first_row)
-        depth, is_more = 0, True
-        while is_more:
-            job.shade(shown, len(faces), table, y_start + first_row, stop_row - first_row)
-            is_more = composite(
-                canvas, bench.records, layers, fragments, first_row, stop_row - first_row, depth, bench.radiance, bench.texels,
-                job.opacity, table.materials,
-            )  # fmt: skip
-            depth += 1
-
-
-def set_up(polygons, vertices, width, height, job, workers):
-    """Find what is visible, and how many rows of samples a band has: no band may have more polygons than record
-    numbers."""
-    rows = choose_band_rows(width, height, workers.n_thread, job.factor)
-    while True:
-        visible = find_visible(Faces(*polygons.vertex), vertices, width, height, rows, job.is_culled, workers)
-        most = int(np.sum([part.histogram for part in visible], axis=0).max(initial=0))
-        if most <= MAX_RECORDS:
-            return visible, rows
-        if rows == job.factor:
-            raise SceneError(f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS}: draw a larger picture")
-        rows = max(job.factor, rows // 2 // job.factor * job.factor)
-
-
-def light(geometry, lift, plan, lighting, screen, is_flat, n_side, workers) -> np.ndarray:
-    """Evaluate the illumination equation at all points: (n_side, n_point, n_channel) intensities, with flipped normals
-    on side 1.
-
-    `lift` is (n_point,), how far points are lifted where lights cast shadows, else empty.
-    """
-    intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
-    starts = geometry.point_offsets[:-1]
-    tangents = geometry.tangents if plan.has_tangents else None
-    points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, lift)
-    for material, start, stop in zip(geometry.group_material.tolist(), starts, geometry.point_offsets[1:], strict=True):
-        n = int(stop - start)
-        for side, out in enumerate(intensities):
-            sign = 0 if is_flat else 1 - 2 * side
-            workers.map(
-                lambda part, material=material, start=int(start), sign=sign, out=out: light_points(
-                    points, start + part[0], start + part[1], screen, sign, lighting, material, make_batch(plan.dtype), out,
-                ),
-                workers.ranges(n),
-            )  # fmt: skip
-    return intensities
-
-
-def fill_centers(values, centers, workers) -> np.ndarray:
-    """Give the points that are means of others their values (side, n_point, n_value); nothing is lit there."""
-    if centers is not None:
-        for side in values:
-            workers.map(
-                lambda part, side=side: fill_means(side, centers.first, centers.offsets, centers.points, *part),
-                workers.ranges(len(centers.offsets) - 1),
-            )
-    return values
-
-
-def interpolated_job(intensities, plan, coding, options, encoding, picture, table) -> Job:
-    """Flat shading and Gouraud's method: intensities of polygons or vertices are interpolated."""
-    level_step = plan.dtype.type(1.0 / plan.level_scale)
-
-    def shade(bench, n_exact, table, y_start, n_row):
-        band = ScannedBand(bench.canvas, bench.records, coding.kind, n_exact, y_start, n_row)
-        if plan.textures is None:
-            shade_interpolated(band, plan.n_channel, level_step, bench.radiance)
-        else:
-            sample_textures(band, plan.textures, table.materials, bench.batch, bench.texels)
-            shade_textured(band, bench.texels, bench.radiance)
-
-    return _picture_job(intensities, coding, plan, options, encoding, picture, shade, table)
-
-
-def lit_job(normals, plan, coding, options, encoding, picture, screen, lighting, table) -> Job:
-    """Phong's method: normals are interpolated and every visible sample is lit."""
-
-    tangent_attribute = normals.shape[2] - 3 if plan.has_tangents else None
-
-    def shade(bench, n_exact, table, y_start, n_row):
-        band, texels = ScannedBand(bench.canvas, bench.records, coding.kind, n_exact, y_start, n_row), None
-        if plan.textures is not None:
-            texels = bench.texels
-            sample_textures(band, plan.textures, table.materials, bench.batch, texels)
-        shade_lit(band, screen, lighting, table, tangent_attribute, texels, bench.batch, bench.radiance)
-
-    return _picture_job(normals, coding, plan, options, encoding, picture, shade, table)
-
-
-def _picture_job(attributes, coding, plan, options, encoding, picture, shade, table) -> Job:
-    factor = options.factor
-
-    def finish(bench, _loaded_face, y_start, y_stop):
-        layers = bench.layers if plan.opacity is not None else None
-        return resolve(
-            bench.canvas, bench.radiance, layers, y_start // factor, y_stop // factor, factor, encoding, picture
-        )
-
-    return Job(
-        attributes, coding, plan.n_channel, options.cull == "back", factor, options.size, shade, finish, True, table,
-        plan.textures is not None, plan.opacity, plan.cue,
-    )  # fmt: skip
-
-
-def _with_cue(job, screen):
-    """Shade as the job does, then let what is further away fade."""
-
-    def shade(bench, n_exact, table, y_start, n_row):
-        job.shade(bench, n_exact, table, y_start, n_row)
-        band = ScannedBand(bench.canvas, bench.records, job.coding.kind, n_exact, y_start, n_row)
-        fade(band, screen.is_perspective, job.cue, bench.radiance)
-
-    return shade
-
-
-def buffers_job(normals, coding, options, screen, buffers) -> Job:
-    """Exact buffers: one sample a pixel, at its centre, and a record for every polygon."""
-
-    def finish(bench, loaded_face, y_start, y_stop):
-        return write_buffers(bench.canvas, bench.records, loaded_face, y_start, y_stop - y_start, screen, buffers)
-
-    return Job(normals, coding, 0, options.cull == "back", 1, options.size, _shade_nothing, finish, False)
-
-
-def shadow_job(nothing, coding, screen, texels) -> Job:
-    """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
-    depth = (-coding.depth_offset, -coding.depth_scale)
-    if screen.is_perspective:
-        depth = (coding.inv_w_offset, coding.inv_w_scale)
-
-    def finish(bench, _loaded_face, y_start, y_stop):
-        write_map(bench.canvas, y_start, y_stop - y_start, depth, texels)
-        return 0
-
-    return Job(nothing, coding, 0, False, 1, texels.shape[::-1], _shade_nothing, finish, True)
-
-
-def _shade_nothing(_bench, _n_exact, _table, _y_start, _n_row) -> None:
-    """For what is drawn without light."""
+    @classmethod
+    def of(cls, geometry, drawn: Drawn, visible, render_pass: Pass, counts) -> "Counts":
+        """Sum up the counts of the stages and bands."""
+        n_culled = sum(part.n_culled for part in visible)
+        n_drawn = sum(len(part.faces) for part in visible)
+        width, height = render_pass.n_sample
+        covered, *ways = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
+        return cls(geometry.n_loaded, drawn.n_clipped, n_culled, n_drawn, covered, width * height, *ways)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import SceneError
 from ..geometry.points import find_lifts, find_shapes
-from ..pipeline.records import IN_WORDS
+from ..pipeline.gradients import IN_ENTRIES
 from ..pipeline.shadow_lookup import (
     CENTER_X,
     CENTER_Y,
@@ -38,8 +38,10 @@ from ..pipeline.shadow_lookup import (
 from ..pipeline.transform import make_screen
 from ..scene.camera import Projection, View
 from ..scene.lights import DirectionalLight, PointLight, SpotLight
-from .draw import draw, shadow_job
-from .plan import NEAREST, fit_screen, make_coding
+from .coding import make_coding
+from .depth_range import NEAREST, fit_screen
+from .draw import draw
+from .passes import shadow_map_pass
 from .uniforms import world_direction, world_position
 
 WIDEST = 2.0  # tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have
@@ -158,10 +160,9 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMB
     texels = block[HEADER:].reshape(len(views), size, size)
     for k, (light_view, projection) in enumerate(views):
         screen = _fit_screen(light_view, projection, casters, size)
-        coding = make_coding(plan._replace(coding=IN_WORDS, lights=()), screen, 0.0)
+        coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=()), screen, 0.0)
         nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
-        job = shadow_job(nothing, coding, screen, texels[k])
-        draw(casters.geometry, job, screen, scratch, workers, NO_CLOCK)
+        draw(casters.geometry, shadow_map_pass(nothing, coding, screen, texels[k]), screen, scratch, workers, NO_CLOCK)
         row = block[MAPS + N_MAP_COLUMN * k : MAPS + N_MAP_COLUMN * (k + 1)]
         row[RIGHT : RIGHT + 3], row[UP : UP + 3], row[FORWARD : FORWARD + 3] = (
             light_view.right,

@@ -26,11 +26,11 @@ def run(*argv) -> int:
 def test_sheet_and_table(folder, capsys):
     assert run(BALL) == 0
     out, err = capsys.readouterr()
-    assert err == "" and [path.name for path in folder.iterdir()] == ["sphere-compare_command.png"]
-    image = Image.open("sphere-compare_command.png")
+    assert err == "" and [path.name for path in folder.iterdir()] == ["sphere-compare.png"]
+    image = Image.open("sphere-compare.png")
     assert image.mode == "RGB" and image.width == 4 * 48 + 5 * 8
     title, head, *rows = out.splitlines()
-    assert title == f"{BALL}: sphere-compare_command.png"
+    assert title == f"{BALL}: sphere-compare.png"
     assert head.split("  ")[-1].strip() == "slope jump" and head.split()[:2] == ["max", "rms"]
     cells = {row.split()[0]: row.split()[1:] for row in rows}
     assert list(cells) == ["flat", "gouraud", "phong", "reference"]
@@ -46,7 +46,7 @@ def test_sheet_and_table(folder, capsys):
 
 def test_the_sheet_shows_the_methods_in_order():
     assert run(BALL, "--background", "#fff") == 0
-    image = np.asarray(Image.open("sphere-compare_command.png"))
+    image = np.asarray(Image.open("sphere-compare.png"))
     scene = rz.load(BALL, background="#fff")
     for k, shading in enumerate(("flat", "gouraud", "phong", "phong")):
         frame = rz.render(scene, (48, 36), shading=shading, tolerance=0)
@@ -119,7 +119,7 @@ def test_help(capsys):
     with pytest.raises(SystemExit):
         main(["compare", "--help"])
     text = capsys.readouterr().out
-    assert "x".join(map(str, COMPARED_SIZE)) in text and "MODEL-compare_command.png" in text
+    assert "x".join(map(str, COMPARED_SIZE)) in text and "MODEL-compare.png" in text
     for flag in ("--no-reference", "--light", "--view", "--crease-angle", "--json", "--cull"):
         assert flag in text
     for flag in ("--shading", "--samples", "--array", "--tolerance"):

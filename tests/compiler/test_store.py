@@ -191,8 +191,8 @@ import resource
 resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))
 import numpy as np
 from rasterizer.compiler import kernels
-from rasterizer.pipeline.lights import LIGHTS
-from rasterizer.scene.geometry import find_clearance
+from rasterizer.pipeline.light_kinds import LIGHTS
+from rasterizer.geometry.points import find_clearance
 
 corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
 assert 97 < find_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0) < 100

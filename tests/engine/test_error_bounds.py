@@ -17,7 +17,6 @@ import rasterizer as rz
 from rasterizer import reference
 from rasterizer.cli.render_command import describe_bound
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
-from rasterizer.renderer import Renderer
 
 SMALL = (24, 18)
 FRONT = rz.Camera.perspective((0, 0, 3), fov=50)
@@ -346,23 +345,16 @@ def test_what_float32_cannot_hold_is_refused_with_the_legal_range():
 
 
 @pytest.mark.parametrize("part", range(6))
-def test_the_stated_bound_holds_in_a_campaign(part, monkeypatch):
+def test_the_stated_bound_holds_in_a_campaign(part):
     """Random scenes in all methods: tolerance 0, the default and another one, against the judge."""
-    planned, n_single, faults = Renderer._plan_for, 0, []
-
-    def watched(self, *arguments):
-        nonlocal n_single
-        found = planned(self, *arguments)
-        n_single += found[0].dtype == np.float32
-        return found
-
-    monkeypatch.setattr(Renderer, "_plan_for", watched)
+    n_single, faults = 0, []
     for seed in range(50 * part, 50 * part + 50):
         rng = np.random.default_rng(seed)
         scene, options = random_scene(rng)
         shading = SHADINGS[seed % len(SHADINGS)]
         for tolerance in (0.0, DEFAULT, float(10.0 ** rng.uniform(-6, -1))):
             frame, errors = errors_of(scene, SMALL, shading=shading, tolerance=tolerance, **options)
+            n_single += frame.stats.plan.dtype == "float32"
             if errors.max() > frame.stats.error_bound:
                 faults.append(f"{seed}, {shading}, {tolerance:.3g}: {errors.max():.3g} > {frame.stats.error_bound:.3g}")
     assert not faults, faults
@@ -372,13 +364,11 @@ def test_the_stated_bound_holds_in_a_campaign(part, monkeypatch):
 def test_amplifying_lights_at_a_distance_do_not_need_float64():
     """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them."""
     mesh = rz.Mesh(*octasphere(2), crease_angle=180)
-    for attached, dtype in (("world", np.float32), ("camera", np.float64)):
+    for attached, dtype in (("world", "float32"), ("camera", "float64")):
         light = rz.PointLight((0.5, 1.0, 3.0), 2.0, (0, 0, 1), attached, amplify=True)
         scene = rz.Scene([mesh], light, FRONT)
         for shading in SHADINGS:
-            with Renderer(scene, SMALL, shading=shading) as renderer:
-                view, screen = renderer._screen(FRONT, 1)
-                assert renderer._plan_for(view, screen)[0].dtype == dtype, f"{attached}, {shading}"
+            assert rz.render(scene, SMALL, shading=shading).stats.plan.dtype == dtype, f"{attached}, {shading}"
         assert_bounded(scene, tolerances=(0.0, DEFAULT, 0.01))
 
 

@@ -5,8 +5,14 @@ import pytest
 from helpers.pinhole import octasphere
 
 import rasterizer as rz
+from rasterizer.engine.attributes import point_intensities
+from rasterizer.engine.depth_range import screen_of
+from rasterizer.engine.plan import make_plan
+from rasterizer.engine.uniforms import make_lighting
 from rasterizer.errors import SceneError
 from rasterizer.geometry.points import gather_geometry
+from rasterizer.options import Options
+from rasterizer.pipeline.threads import Workers
 from rasterizer.reference import light as reference_light
 
 UP = (0.0, 0.0, 1.0)
@@ -98,12 +104,12 @@ def test_it_is_what_the_renderer_computes():
     """Vertices of a ball, lit by Gouraud's method in float64: the same bits."""
     corners, faces = octasphere(2)
     scene = rz.Scene(rz.Mesh(corners, faces, material=SHINY), LIGHTS, rz.Camera.perspective((1, 2, 5)))
-    with rz.Renderer(scene, 8, shading="gouraud", tolerance=0) as renderer:
-        view, screen = renderer._screen(scene.camera, 1)
-        from rasterizer.engine.uniforms import make_lighting
-
-        rendered = renderer._light_points(renderer._plan, make_lighting(renderer._plan, view), screen)[0]
+    options, view = Options(size=8, shading="gouraud", tolerance=0), scene.camera.view()
     geometry = gather_geometry(scene, False)
+    plan = make_plan(scene, options, geometry.albedo)
+    bounds = np.stack([mesh.bounds for mesh in scene.meshes])
+    screen = screen_of(scene.camera, view, options.size, 1, geometry, bounds)
+    rendered = point_intensities(geometry, plan, make_lighting(plan, view), screen, 1, np.empty(0), Workers(1))[0]
     found = rz.illuminate(geometry.points.T, geometry.normals.T, SHINY, LIGHTS, scene.camera)
     assert np.abs(found - rendered).max() <= 2e-16 * found.max()
 

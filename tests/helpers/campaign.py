@@ -74,8 +74,7 @@ def draw(case, **others):
     """Draw a case, with some other options; return the frame, and in which dtype it was lit."""
     with rz.Renderer(case.scene, case.size, **({"outputs": OUTPUTS, "threads": 1} | case.options | others)) as renderer:
         frame = renderer.render()
-        view, screen = renderer._screen(case.scene.camera_for(case.size), renderer.options.factor)
-        return frame, np.dtype(renderer._plan_for(view, screen)[0].dtype)
+        return frame, np.dtype(frame.stats.plan.dtype)
 
 
 def has_shadows(scene) -> bool:

@@ -342,7 +342,7 @@ def test_pictures_agree_with_the_judge(name):
         for shading in SHADINGS:
             for tolerance in (0.0, 1 / 4096):
                 found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
-                brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance)._plan.bound
+                brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance).plan.bound
                 budget = tolerance or max(EXACT, 2 * error_bounds.SINGLE * brightest)
                 assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
                 assert found.n_compared > 100

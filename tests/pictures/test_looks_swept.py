@@ -79,13 +79,13 @@ def test_random_looks_keep_their_bounds(seed):
         scene, shading = random_scene(rng), SHADINGS[rng.integers(len(SHADINGS))]
         judged = compare(scene, SIZE, shading=shading, tolerance=0)
         with rz.Renderer(scene, SIZE, shading=shading, tolerance=0) as renderer:
-            exact, brightest = renderer.render(), renderer._plan.bound
+            exact, brightest = renderer.render(), renderer.plan.bound
         budget = max(EXACT, 2.0**-23 * brightest)
         assert judged.color <= budget, f"against the judge: {judged.color:.3g} > {budget:.3g} in {scene}, {shading}"
         for tolerance in (1e-5, 1 / 4096, 0.01):
             with rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance) as renderer:
                 frame = renderer.render()
-                n_single += renderer._plan.dtype == np.float32
+                n_single += renderer.plan.dtype == "float32"
             error = np.abs(frame.color.astype(float) - exact.color).max()
             bound = frame.stats.error_bound + exact.stats.error_bound
             assert error <= bound, f"{error:.3g} > {bound:.3g} at tolerance {tolerance}, {shading}, {scene}"

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine import plan
+from rasterizer.engine import draw
 from rasterizer.reference import coverage
 
 SIZE = (37, 29)
@@ -104,8 +104,8 @@ def test_soup_drawn_at_once_shows_the_lowest_face_of_those_that_cover(monkeypatc
     triangles = rng.integers(-2000, 12000, (80, 3, 2))
     masks = np.array([coverage(t, *SIZE) for t in triangles])
     expected = np.where(masks.any(axis=0), masks.argmax(axis=0), -1)
-    for words in (1, 400, 2**17):
-        monkeypatch.setattr(plan, "BAND_WORDS", words)
+    for n_entry in (1, 400, 2**17):
+        monkeypatch.setattr(draw, "BAND_ENTRIES", n_entry)
         for threads in (1, 2, 5):
             assert (draw_faces(triangles, SIZE, threads=threads) == expected).all()
 

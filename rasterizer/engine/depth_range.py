@@ -1,0 +1,103 @@
+"""Depths: between which the scene lies, which are clipped, and how the z-buffer is fitted to those that are seen."""
+
+import numpy as np
+
+from ..errors import SceneError
+from ..pipeline.clip import find_nearest
+from ..pipeline.transform import Screen, make_screen
+
+# The fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there.
+NEAREST = 2.0**-20
+MOST_DEEP = 2.0**40  # what is further than so many times the nearest depth that is seen is clipped
+DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
+
+
+def screen_of(camera, view, size, factor, geometry, bounds) -> Screen:
+    """The screen of a camera with `factor` samples a pixel along each axis, its depth fitted to the scene.
+
+    Parameters
+    ----------
+    size : (width, height) of the picture in pixels
+    bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
+    """
+    samples = size[0] * factor, size[1] * factor
+    depth_range, far_clip = fit_depth_range(camera, view, bounds)
+    return fit_screen(view, camera.projection(samples), depth_range, far_clip, geometry, samples, bounds)
+
+
+def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
+    """Return ((near, far), clip distance) in scene units: the camera's own, else fitted to the scene.
+
+    Parameters
+    ----------
+    bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
+    """
+    nearest, furthest = depths_of_boxes(view, bounds)
+    if camera.is_perspective:
+        furthest = furthest if furthest > 0 else 1.0
+        # A little more room, so that rounding clips nothing. What a far plane cuts off does not push the near one away.
+        deepest = furthest if camera.far is None else min(furthest, camera.far)
+        near, far = max(nearest * (1 - NEAREST), deepest * NEAREST), furthest * (1 + NEAREST)
+    else:
+        margin = NEAREST * (furthest - nearest)
+        near, far = max(nearest - margin, 0.0), max(furthest + margin, 0.0)
+    near = near if camera.near is None else camera.near
+    if camera.far is not None:
+        return (near, camera.far), camera.far
+    return (near, max(far, near)), np.inf
+
+
+def depths_of_boxes(view, bounds) -> tuple[float, float]:
+    """The depths between which boxes lie, scene units."""
+    depth = (bounds - view.eye) * view.forward  # (n_mesh, 2, 3): an axis' share of the depth at both ends of each box
+    return float(depth.min(axis=1).sum(axis=1).min()), float(depth.max(axis=1).sum(axis=1).max())
+
+
+def fit_screen(view, projection, depth_range, far_clip, geometry, size, bounds=None):
+    """The screen of a view: what is nearer than `depth_range` is clipped, and the z-buffer is fitted to the depths that
+    are seen.
+
+    So planes that somebody gives far before or behind the scene cost no digits of depth. With perspective the
+    z-buffer's 38 bits are even in 1/w: they leave 2^-38 · w/near of the depth w, so near counts most. Where it is small
+    beside far, the nearest depth that is seen is looked for. 1/w is rounded to 2^-53 of the nearest one, twice: a
+    relative error of 2^-52 · w/near, which `Stats.error_bound` counts. What is further than MOST_DEEP times as far as
+    the nearest that is seen is clipped: depth tells nothing of it any more.
+
+    What lies between the near plane and the nearest depth that is seen needs a depth, too, for the planes of triangles
+    that reach there; the near plane is brought so near to the range that such depths leave it by no more than 2^20
+    times.
+
+    Parameters
+    ----------
+    depth_range : (near, far), scene units; `far` clips only as `far_clip`
+    size : (width, height) of the picture in samples
+    bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space; None where `depth_range` is fitted to them
+        already
+    """
+    near, far = depth_range
+    nearest, furthest = depth_range if bounds is None else depths_of_boxes(view, bounds)
+    if not projection.is_perspective:
+        margin = NEAREST * (furthest - nearest)
+        fitted = max(near, nearest - margin), min(far, furthest + margin)
+        return make_screen(view, projection, fitted if fitted[0] < fitted[1] else depth_range, near, far_clip)
+    far = min(far, furthest * (1 + NEAREST)) if near < furthest else far
+    near_clip = near
+    if near < far * DEEP:
+        screen = make_screen(view, projection, (near, far), near, far_clip)
+        seen = find_nearest(geometry.positions, geometry.vertex, screen, *size) * (1 - NEAREST)
+        near = seen if near < seen < far else near
+    if near * MOST_DEEP < far:
+        far = far_clip = near * MOST_DEEP
+    return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip)
+
+
+def check_depths(camera, view, bounds) -> None:
+    """Refuse a scene whose depths a float32 buffer can't hold."""
+    depths = np.abs((bounds - view.eye) * view.forward).max(axis=1).sum(axis=1)
+    largest = min(float(depths.max()), np.inf if camera.far is None else camera.far)
+    least, most = float(np.finfo(np.float32).tiny), float(np.finfo(np.float32).max)
+    if largest != 0.0 and not least <= largest <= most:
+        raise SceneError(
+            f"the scene's depths reach {largest:.3g} scene units; the depth buffer holds {least:.3g} to {most:.3g}: "
+            "scale the scene, or leave depth out of the outputs"
+        )

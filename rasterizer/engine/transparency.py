@@ -1,0 +1,71 @@
+"""Bands of scenes with transparent surfaces: the A-buffer takes the place of the one scan (pipeline/a_buffer.py)."""
+
+import numpy as np
+
+from ..pipeline.a_buffer import (
+    FEW,
+    FragmentLists,
+    composite,
+    divide_room,
+    list_fragments,
+    open_lists,
+    order_by_depth,
+    scan_opaque,
+    show_nearest,
+    split_samples,
+)
+from ..pipeline.bands import Band, Rows
+from .passes import Pass
+
+
+def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace) -> int:
+    """Draw the opaque triangles of a band, list the fragments of the transparent ones before them at every sample, and
+    composite what each sample shows; return the number of records, one for every triangle.
+
+    `drawn` holds the triangles (draw.py).
+    """
+    transparent = np.empty(len(band.faces), np.int64)  # where they stand in band.faces
+    n_transparent = scan_opaque(
+        band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
+        render_pass.opacity, drawn.face_table.materials, transparent,
+    )  # fmt: skip
+    transparent = count_fragments(band, drawn, workspace, transparent[:n_transparent])
+    pitch = workspace.visibility.pitch
+    for first, last in split_samples(workspace.a_buffer.starts[: band.n_row * pitch + 1], pitch):
+        composite_range(band, drawn, render_pass, workspace, transparent, (first, last))
+    return len(band.faces)
+
+
+def count_fragments(band: Band, drawn, workspace, transparent) -> np.ndarray:
+    """Count the fragments of each sample and divide the room among their lists; return the transparent triangles in the
+    order in which the lists are filled."""
+    a_buffer, n_sample = workspace.a_buffer, band.n_row * workspace.visibility.pitch
+    counting = FragmentLists(0, n_sample, np.empty(0, np.int64), a_buffer.cursors, a_buffer.starts, True)
+    rows = Rows(band.y_start, band.y_end)
+    open_lists(a_buffer)
+    list_fragments(band, transparent, drawn.drawables, rows, workspace.block, workspace.visibility, counting)
+    n_fragment, n_list = divide_room(a_buffer, n_sample)
+    if n_fragment > FEW * n_list:
+        return order_by_depth(transparent, band.faces, drawn.drawables)
+    return transparent
+
+
+def composite_range(band: Band, drawn, render_pass: Pass, workspace, transparent, samples) -> None:
+    """Fill the lists of the samples first..last of a band, then shade one layer after the other, nearest first, and sum
+    them up."""
+    visibility, a_buffer, (first, last) = workspace.visibility, workspace.a_buffer, samples
+    within = Rows(first // visibility.pitch, -(-last // visibility.pitch))  # counted from the band's first
+    rows = Rows(band.y_start + within.y_start, band.y_start + within.y_end)
+    entries = np.empty(a_buffer.starts[last] - a_buffer.starts[first], np.int64)
+    lists = FragmentLists(first, last, entries, a_buffer.cursors, a_buffer.starts, False)
+    list_fragments(band, transparent, drawn.drawables, rows, workspace.block, visibility, lists)
+    show_nearest(visibility, a_buffer, lists, within)
+    layer = workspace._replace(visibility=a_buffer.layer)
+    n_composited, is_more = 0, True
+    while is_more:
+        render_pass.shade(layer, Band(band.faces, *rows), len(band.faces), drawn.face_table)
+        is_more = composite(
+            visibility, workspace.records, a_buffer, lists, within, n_composited, workspace.radiance,
+            workspace.texels, render_pass.opacity, drawn.face_table.materials,
+        )  # fmt: skip
+        n_composited += 1

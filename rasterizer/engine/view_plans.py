@@ -1,0 +1,153 @@
+"""The plan for each view: float64 where float32 has too few digits for it, and the error bound that holds there."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.points import find_clearance, find_point_clearance, find_shortest_normal
+from ..options import Options
+from ..pipeline.gradients import EXACT
+from ..pipeline.transform import DEPTH_MARGIN
+from ..scene.lights import DirectionalLight
+from .error_bounds import DOUBLE, SINGLE, WRITTEN, Surroundings, find_most, frame_error, list_steps
+from .plan import LARGE, SMALL, Plan, make_plan
+from .uniforms import world_position
+
+
+class ViewPlan(NamedTuple):
+    """What one view needs."""
+
+    plan: Plan
+    error_bound: float  # linear intensity, see `Stats`
+    steps: tuple  # where no error is small, see `Stats`
+
+
+class ViewPlans:
+    """The plans of a scene, kept from view to view: what was found for one usually holds for the next."""
+
+    def __init__(self, scene, options: Options, geometry, bounds):
+        self._scene, self._options, self._geometry, self._bounds = scene, options, geometry, bounds
+        self._clearances: dict[tuple, float] = {}  # by position
+        self._precise_plan: Plan | None = None
+        self._last_key: tuple | None = None
+        self._last: ViewPlan | None = None
+        self.plan = make_plan(scene, options, geometry.albedo)
+        if not np.isfinite(self.plan.bound):
+            self.plan = make_plan(scene, options, geometry.albedo, clearances=self._lasting_clearances())
+        self._shortest = 1.0
+        if self.plan.is_lit_per_sample and self.plan.reflected.turned > 0.0:
+            self._shortest = find_shortest_normal(geometry.normals, geometry.corner)
+
+    @property
+    def last(self) -> Plan:
+        """The plan of the last view; before the first one that of the scene."""
+        return self.plan if self._last is None else self._last.plan
+
+    def plan_for(self, view, screen) -> ViewPlan:
+        """The plan for a view, or one with float64 where float32 has too few digits for it."""
+        reach = np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()
+        surroundings = self._surroundings(view, screen, math.sqrt(sum(side * side for side in reach))).rounded()
+        key = surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness
+        if self._last_key != key:
+            plan, tolerance = self.plan, self._options.tolerance
+            if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings):
+                plan = plan._replace(rounding=rounding_of(plan, surroundings))
+            elif plan.dtype == np.float32:
+                plan = self._precise()
+            error_bound = error_bound_of(plan, tolerance, surroundings)
+            self._last_key, self._last = key, ViewPlan(plan, error_bound, list_steps(plan, surroundings))
+        return self._last
+
+    def _precise(self) -> Plan:
+        """The scene's plan with float64."""
+        if self._precise_plan is None:
+            self._precise_plan = make_plan(self._scene, self._options, self._geometry.albedo, is_precise=True)
+        return self._precise_plan
+
+    def _lasting_clearances(self) -> np.ndarray:
+        """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
+        moves with the camera."""
+        lengths = []
+        for source in self.plan.lights:
+            if isinstance(source, DirectionalLight) or source.attached == "camera":
+                lengths.append(np.inf if isinstance(source, DirectionalLight) else 0.0)
+            else:
+                lengths.append(0.5 * self._clearance_of(source.position))
+        return np.array(lengths)
+
+    def _clearance_of(self, place) -> float:
+        """How near the lit points come to a place: surfaces in Phong's method, else vertices or centroids."""
+        if self.plan.is_lit_per_sample:
+            return find_clearance(self._geometry.positions, self._geometry.vertex, *map(float, place))
+        return find_point_clearance(self._geometry.points, *map(float, place))
+
+    def _surroundings(self, view, screen, furthest) -> Surroundings:
+        """What this view says about the places of lights and surfaces.
+
+        No lit point comes nearer to a light than its clearance: no vertex or centroid, or no sample's point.
+        A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its
+        depth.
+        """
+        lights = self.plan.lights
+        places = [None if isinstance(light, DirectionalLight) else world_position(light, view) for light in lights]
+        kept, self._clearances = self._clearances, {}
+        for place in places:
+            if place is not None and (key := tuple(place.tolist())) not in self._clearances:
+                found = kept.get(key)
+                self._clearances[key] = self._clearance_of(place) if found is None else found
+        beside = 0.0
+        if self.plan.is_lit_per_sample:
+            deepest = furthest if screen.is_perspective else 1.0
+            beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
+        distances = [np.inf if place is None else self._clearances[tuple(place.tolist())] - beside for place in places]
+        distances = np.maximum(np.array(distances, float), 0.0)
+        deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
+        return Surroundings(furthest, distances, self._shortest, self.plan.is_lit_per_sample, deepness)
+
+
+def furthest_over_nearest(screen, furthest) -> float:
+    """How many times as far as the nearest depth that a z-buffer has room for the furthest point is."""
+    if screen.z_scale == 0.0:
+        return 1.0
+    return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
+
+
+def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
+    """Tell whether float32 leaves room enough for a plan's approximations in one view, see `make_plan`.
+
+    Lengths and their squares must keep their digits, from the nearest point to a light to the furthest one from the
+    eye; a light that is further away than LARGE is found by the furthest point's clearance.
+    """
+    with_places = surroundings.clearances[np.isfinite(surroundings.clearances)]
+    lengths = [surroundings.furthest, *with_places]
+    if not all(SMALL <= length <= LARGE for length in lengths):
+        return False
+    if (find_most(plan.lights, surroundings.clearances) > plan.most).any():
+        return False
+    # Nothing is kept back here: where a normal vanishes or a light lies on a surface, float64 is right.
+    if surroundings.is_lit_per_sample and surroundings.shortest <= 0.0:
+        return False
+    return rounding_of(plan, surroundings) <= tolerance / 2
+
+
+def rounding_of(plan: Plan, surroundings: Surroundings) -> float:
+    """What rounding may add to an intensity in one view, in the plan's type, and in the float32 of the picture."""
+    u = SINGLE if plan.dtype == np.float32 else DOUBLE
+    reflected = plan.reflected.amplified(find_most(plan.lights, surroundings.kept().clearances))
+    written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bound)
+    return frame_error(reflected, surroundings, u) + written
+
+
+def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
+    """The largest error of an intensity in one view, against the exact evaluation of the same polygons; see `Stats`.
+
+    Float64 leaves the rounding alone. Float32 adds half a level where a polygon has one intensity in its words, a
+    quarter of the tolerance for the normals' planes and one for colours', or all of it for what Gouraud's method has
+    between the corners.
+    """
+    rounding, approximated = rounding_of(plan, surroundings), 0.0
+    if plan.coding != EXACT:
+        approximated = tolerance / 4 * (2 if plan.has_albedo else 1) if plan.is_lit_per_sample else tolerance - rounding
+        approximated = 0.5 / plan.level_scale if plan.is_flat else max(approximated, 0.0)
+    return float(rounding + approximated)

@@ -1,0 +1,69 @@
+"""The plan in words: what a picture needed, and how many triangles took which way."""
+
+import pickle
+
+import numpy as np
+import pytest
+from helpers.pinhole import octasphere
+
+import rasterizer as rz
+
+BALL = rz.Mesh(*octasphere(3), crease_angle=180)
+LIGHT = rz.DirectionalLight((0.2, -0.3, -1))
+CAMERA = rz.Camera.perspective((0, 0, 4), fov=40)
+SIZE = (64, 48)
+
+
+def plan_of(mesh=BALL, lights=(LIGHT,), **options):
+    frame = rz.render(rz.Scene([mesh], lights, CAMERA), SIZE, **options)
+    return frame.stats.plan
+
+
+@pytest.mark.parametrize(
+    "options, way, taken",
+    [
+        ({"shading": "gouraud"}, "one intensity in each visibility entry", "entries"),
+        ({"shading": "phong"}, "planes of the normals", "planes"),
+        ({"shading": "gouraud", "tolerance": 0}, "exact records", "exact"),
+    ],
+)
+def test_a_plan_tells_the_way_that_triangles_took(options, way, taken):
+    plan = plan_of(**options)
+    assert plan.way == way and plan.shading == options["shading"] and plan.channels == 1
+    others = {"entries", "planes", "exact"} - {taken, "exact"}
+    assert getattr(plan.ways, taken) > 20 and all(getattr(plan.ways, name) == 0 for name in others), plan
+    assert plan.dtype == ("float64" if options.get("tolerance") == 0 else "float32")
+    assert way in repr(plan) and f"{getattr(plan.ways, taken)} by" in repr(plan)
+
+
+def test_lights_of_two_colors_take_planes_of_three_channels():
+    plan = plan_of(lights=(LIGHT, rz.PointLight((2, 2, 2), (0.5, 0.2, 0.1))))
+    assert plan.channels == 3 and plan.way == "planes of the three channels"
+    assert plan.ways.entries == 0 and plan.ways.planes > 20, plan
+    assert plan.light_functions == ("directional", "point")
+
+
+def test_a_plan_names_the_functions_and_the_features_that_a_scene_uses():
+    image = np.full((2, 2, 3), 0.5)
+    material = rz.Material(reflection="cook-torrance", texture=rz.Texture(image), opacity=0.5)
+    mesh = rz.Mesh(*octasphere(2), uv=np.zeros((66, 2)), material=material)
+    lights = (rz.SpotLight((0, 0, 4), (0, 0, -1), outer=30, shadow=True), rz.AmbientLight(0.2))
+    plan = plan_of(mesh, lights, shading="phong")
+    assert plan.light_functions == ("spot",) and plan.reflection_functions == ("cook_torrance_ggx",)
+    assert plan.features == ("textures", "shadows", "transparency") and plan.dtype == "float64"
+    assert {"textures", "shadows"} <= set(plan.reasons)
+    assert "float64 because of" in repr(plan) and "textures" in repr(plan)
+
+
+def test_a_renderer_tells_its_plan_before_and_after_a_picture():
+    with rz.Renderer(rz.Scene([BALL], [LIGHT], CAMERA), SIZE) as renderer:
+        assert renderer.plan.ways is None and renderer.plan.dtype == "float32"
+        frame = renderer.render()
+        assert renderer.plan == frame.stats.plan and renderer.plan.ways is not None
+    assert pickle.loads(pickle.dumps(frame.stats.plan)) == frame.stats.plan
+
+
+def test_a_view_that_needs_float64_says_so():
+    """A light in the very surface: its clearance is 0 in every view."""
+    plan = plan_of(lights=(rz.PointLight((0, 0, 1.0), 1.0, (0, 0, 1)),), shading="phong")
+    assert plan.dtype == "float64" and plan.reasons == ("this view",), plan
