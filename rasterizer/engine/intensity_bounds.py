@@ -1,4 +1,4 @@
-"""Which row function serves a light or a material, and how bright a highlight can get; see engine/error_bounds.py for
+"""Which batch function serves a light or a material, and how bright a highlight can get; see engine/error_bounds.py for
 what that bounds."""
 
 import math
@@ -10,7 +10,7 @@ from ..scene.lights import DirectionalLight, PointLight, SpotLight
 
 
 def kind_of(light) -> str:
-    """Name of the light's row function."""
+    """Name of the light's batch function."""
     kind = {DirectionalLight: "directional", PointLight: "point", SpotLight: "spot"}[type(light)]
     return "shaped spot" if getattr(light, "falloff", 1.0) != 1.0 else kind
 
@@ -41,7 +41,7 @@ def has_colored_fresnel(material) -> bool:
 
 
 def first_fresnel(material) -> float:
-    """F0 of a material's specular reflection function W(θ), as row functions take it; with 1, W is 1: also of a
+    """F0 of a material's specular reflection function W(θ), as batch functions take it; with 1, W is 1: also of a
     coloured F0, which is part of what the sums are weighted with."""
     if material.fresnel is not None:
         return 1.0 if isinstance(material.fresnel, tuple) else material.fresnel

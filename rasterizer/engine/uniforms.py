@@ -1,9 +1,9 @@
-"""The illumination of a scene as arrays, for one view: what the row functions of lights and materials read
+"""The illumination of a scene as arrays, for one view: what the batch functions of lights and materials read
 (pipeline/lighting.py)."""
 
 import numpy as np
 
-from ..compiler.kernels import row_function
+from ..compiler.kernels import batch_function
 from ..pipeline import material_coefficients as m
 from ..pipeline.fresnel import no_second_term
 from ..pipeline.light_kinds import (
@@ -50,7 +50,7 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
     highlights = np.array([has_highlight(source) for source in plan.materials], np.bool_)
     models = [reflection_function_of(model_of(source)) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
-    of_lights, of_materials = row_functions_of(plan, is_perspective)
+    of_lights, of_materials = batch_functions_of(plan, is_perspective)
     if is_parted(plan):  # each light is followed by itself
         light = np.repeat(light, 2, axis=0)
         shadows = [part for shadow in shadows for part in (shadow, None)]
@@ -74,7 +74,7 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
 def _list_shadows(shadows, dtype) -> ShadowMaps:
     """The addresses of the lights' shadow maps, and of what looks them up."""
     maps = [0 if shadow is None else shadow.block.ctypes.data for shadow in shadows]
-    return ShadowMaps(row_function(occlude, dtype).address, np.array(maps, np.int64))
+    return ShadowMaps(batch_function(occlude, dtype).address, np.array(maps, np.int64))
 
 
 def _list_lights(plan, view) -> np.ndarray:
@@ -166,8 +166,8 @@ def _color_parts(plan) -> np.ndarray:
     return color
 
 
-def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
-    """The row functions that a scene uses; nothing else is compiled: one for each light, and for each material one a
+def batch_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
+    """The batch functions that a scene uses; nothing else is compiled: one for each light, and for each material one a
     light.
 
     With two terms a light (see `is_parted`), each is followed by that of its second term.
@@ -193,8 +193,8 @@ def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
 
 
 def _addresses(functions, dtype) -> np.ndarray:
-    """Compile row functions; return their addresses, int64."""
-    return np.array([row_function(function, dtype).address for function in functions], np.int64)
+    """Compile batch functions; return their addresses, int64."""
+    return np.array([batch_function(function, dtype).address for function in functions], np.int64)
 
 
 def world_position(light, view) -> np.ndarray:
