@@ -20,8 +20,8 @@ from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .geometry.points import gather_geometry
 from .options import Options
+from .pipeline.encode import encode_picture
 from .pipeline.records import EXACT
-from .pipeline.resolve import encode_picture
 from .pipeline.threads import Workers
 from .pipeline.workspace import Scratch, empty_buffers, make_picture
 from .scene.camera import Camera
