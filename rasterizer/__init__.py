@@ -63,6 +63,8 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .frame import Frame as Frame
     from .io.loader import load as load
     from .options import Options as Options
+    from .reference.explaining import explain as explain
+    from .reference.explanation import Explanation as Explanation
     from .renderer import Renderer as Renderer
     from .renderer import render as render
     from .scene.camera import Camera as Camera

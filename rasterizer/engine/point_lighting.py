@@ -1,18 +1,21 @@
 """The illumination equation at points, without a picture: for a notebook, a plot, or a test of one's own."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, shown
 from ..options import Options
 from ..pipeline.fragments import make_rows
 from ..pipeline.lighting import light_points
 from ..pipeline.transform import Screen
-from ..scene.arrays import plain_array
+from ..scene.arrays import VectorLike, plain_array
 from ..scene.camera import Camera, View
-from ..scene.lights import checked_lights
+from ..scene.lights import Light, checked_lights
 from ..scene.material import Material
 from ..scene.validate import unit3, vector3
 from .plan import make_plan
@@ -21,9 +24,18 @@ from .uniforms import make_lighting
 
 
 def illuminate(
-    points, normals, material, lights, viewer=None, *, toward_viewer=None, tangents=None, two_sided=False, exposure=0.0,
-    spectral=None,
-):  # fmt: skip
+    points: ArrayLike,
+    normals: ArrayLike,
+    material: Material | str,
+    lights: Light | Iterable[Any],
+    viewer: VectorLike | Camera | None = None,
+    *,
+    toward_viewer: VectorLike | None = None,
+    tangents: ArrayLike | None = None,
+    two_sided: bool = False,
+    exposure: float = 0.0,
+    spectral: int | None = None,
+) -> NDArray[np.float64]:
     """Evaluate the illumination equation at points of a surface, by the code that renders, in float64.
 
     I = ke + ka·Ia + Σ f_att f_spot Ip [kd D + ks W h], summed over the lights; see `Material` for D, W and h.
@@ -48,7 +60,7 @@ def illuminate(
 
     Returns
     -------
-    (..., 3) float64, linear RGB, not clamped; a white matte surface facing a light of intensity 1 has 1
+    (..., 3) float64, linear RGB, not clamped; a white Lambertian surface facing a light of intensity 1 has 1
 
     Raises
     ------

@@ -8,12 +8,19 @@ source ─┬─ scene file (scene_file.py), which may name models ─┬─ Sce
 """
 
 import os
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import IO, Any
 
+from ..choices import Axis, Weighting
 from ..errors import ModelError, SceneError, one_file, shown
+from ..scene.camera import Camera
+from ..scene.color import ColorLike
+from ..scene.depth_cue import DepthCue
+from ..scene.lights import Light
 from ..scene.mesh import Mesh
-from ..scene.scene import Scene
+from ..scene.scene import Scene, SceneLike
 from . import formats
 from .files import Folder
 from .model_file import MeshSettings
@@ -22,21 +29,21 @@ from .scene_file import read_scene
 
 
 def load(
-    source,
+    source: SceneLike | str | os.PathLike[str] | bytes | IO[Any],
     *,
-    format=None,
-    crease_angle=None,
-    up=None,
-    lights=None,
-    camera=None,
-    background=None,
-    depth_cue=None,
-    weighting=None,
-    drop_bad_faces=False,
-    log=None,
-    allow_outside=False,
-    files_read=None,
-):
+    format: str | None = None,
+    crease_angle: float | None = None,
+    up: Axis | None = None,
+    lights: Light | Iterable[Any] | None = None,
+    camera: Camera | None = None,
+    background: ColorLike | None = None,
+    depth_cue: DepthCue | float | None = None,
+    weighting: Weighting | None = None,
+    drop_bad_faces: bool = False,
+    log: Callable[[str], object] | None = None,
+    allow_outside: bool = False,
+    files_read: list[str] | None = None,
+) -> Scene:
     """Load a model into a scene: its meshes, with studio lights and a framed camera unless others are given, here or in
     the file.
 

@@ -7,13 +7,14 @@ In: a `Scene` and the options of a picture. Out: a `Picture` of float64 arrays. 
 Letters: n_face loaded triangles; n_piece triangles after clipping, a fan for each face that is cut.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..choices import COLOR_RANGES, CULLS, SAMPLES, SHADINGS, ColorRange, Cull, Samples, Shading
 from ..errors import SceneError
-from ..options import COLOR_RANGES, CULLS, SAMPLES, SHADINGS, Options
+from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
@@ -23,10 +24,6 @@ from .light import Lighting, make_lighting
 from .shading import light_samples
 from .surface import Surface, compute_sides, gather
 from .visibility import NOTHING, Raster, find_visible, gather_fragments
-
-ShadingName = Literal["flat", "lambert", "gouraud", "phong"]
-CullName = Literal["none", "back"]
-ColorRangeName = Literal["clamp", "global", "local"]
 
 
 class Picture(NamedTuple):
@@ -78,10 +75,10 @@ def render(
     scene: Scene,
     size: tuple[int, int] = (640, 480),
     *,
-    shading: ShadingName = "gouraud",
-    samples: Literal[1, 4, 9, 16] = 1,
-    cull: CullName = "none",
-    color_range: ColorRangeName = "clamp",
+    shading: Shading = "gouraud",
+    samples: Samples = 1,
+    cull: Cull = "none",
+    color_range: ColorRange = "clamp",
     near: float | None = None,
     far: float | None = None,
     exposure: float = 0.0,

@@ -192,7 +192,7 @@ def without_bad_vertices(
     """Return vertices that are all finite, and which faces (n_face,) bool to keep; None where that is all."""
     if not _has_bad(vertices, COORDINATE_LIMIT):
         return vertices, None
-    is_bad = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
+    is_bad: Any = ~(np.abs(vertices) <= COORDINATE_LIMIT).all(axis=1)
     n_bad, first = int(is_bad.sum()), int(is_bad.argmax())
     fault = (
         f"{n_bad} of {len(vertices)} vertices have coordinates that are not finite or beyond "

@@ -25,6 +25,7 @@ each, their sum, and the normal's own rounding). What is straight within that co
 it as plane.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -56,7 +57,7 @@ class TooManyCorners(Exception):
     fault : text that follows the polygon's place in a message
     """
 
-    def __init__(self, polygon: int, fault: str):
+    def __init__(self, polygon: int, fault: str) -> None:
         super().__init__(f"polygon {polygon} {fault}")
         self.polygon, self.fault = polygon, fault
 
@@ -98,7 +99,7 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     triangles, polygons = fan_corners(counts)
     starts = np.cumsum(counts) - counts
     first_triangle = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
-    concave = []
+    found = []
     for k in np.unique(counts[counts > 3]).tolist():
         of_size = np.flatnonzero(counts == k)
         step = max(1, CHUNK // k)
@@ -107,12 +108,12 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
             loops = starts[some, None] + np.arange(k)
             points = vertices[corners[loops.T]]
             is_convex, is_plane = classify_polygons(points)
-            concave.append(some[~is_convex])
+            found.append(some[~is_convex])
             if (is_bent := is_convex & ~is_plane).any():
                 turned = rotate_to_first(loops[is_bent], points[:, is_bent])
                 rows = first_triangle[some[is_bent], None] + np.arange(k - 2)
                 triangles[rows] = turned[:, _fan(k)]
-    concave = np.sort(np.concatenate(concave)) if concave else np.empty(0, np.int64)
+    concave = np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
     is_crossing = np.zeros(len(concave), np.bool_)
     if len(concave):
         _check_steps(concave, counts)
@@ -138,7 +139,7 @@ def _check_steps(concave: NDArray, counts: NDArray) -> None:
     )
 
 
-def listed(numbers: ArrayLike) -> str:
+def listed(numbers: Sequence[int] | NDArray) -> str:
     """Return up to five numbers as text, and how many there are where they are more."""
     text = ", ".join(map(str, list(numbers)[:5]))
     return text if len(numbers) <= 5 else f"{text} … ({len(numbers)} in all)"
@@ -183,11 +184,11 @@ def classify_polygons(points: NDArray) -> tuple[NDArray[np.bool_], NDArray[np.bo
     return is_convex | ~is_finite, is_plane | ~is_finite
 
 
-def _dot(a, b):
+def _dot(a: Sequence[NDArray], b: Sequence[NDArray]) -> NDArray:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _cross(a, b):
+def _cross(a: Sequence[NDArray], b: Sequence[NDArray]) -> tuple[NDArray, NDArray, NDArray]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
