@@ -84,7 +84,7 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .scene.texture import Texture as Texture
 else:
 
-    def __getattr__(name):
+    def __getattr__(name: str) -> object:
         """Import a public name from its home on first use (PEP 562)."""
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

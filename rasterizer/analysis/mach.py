@@ -5,8 +5,9 @@
 The eye overdraws a jump of the slope into a bright or dark line (Mach 1865), so the jump tells what an error map
 doesn't: whether the polygons show. Six pixels in a row or column, three in each of two faces, give it:
 
-    intensity  i0  i1  i2 ┊ i3  i4  i5       a parabola through three pixels of a face gives value and slope at the edge ┊,
-    face        A   A   A ┊  B   B   B       so that a surface's own curvature doesn't count; across the edge the slope is i3 - i2
+    intensity  i0  i1  i2 ┊ i3  i4  i5       a parabola through three pixels of a face gives value and slope at the
+    face        A   A   A ┊  B   B   B       edge ┊, so that a surface's own curvature doesn't count; across the edge
+                                             the slope is i3 - i2
 
 """
 

@@ -67,7 +67,7 @@ class Outputs:
         self._check(output)
         place = os.path.realpath(output)
         if os.path.isfile(place) and any(Path(place).is_relative_to(folder) for folder in self._later[number]):
-            self._store = self._store or tempfile.SpooledTemporaryFile(_IN_MEMORY)
+            self._store = self._store or tempfile.SpooledTemporaryFile(_IN_MEMORY)  # noqa: SIM115  lives with the run
             self._waiting.append((output, self._store.seek(0, os.SEEK_END), len(content)))
             self._store.write(content)
         else:

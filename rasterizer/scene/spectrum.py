@@ -60,7 +60,7 @@ class Spectrum(tuple[float, float, float]):
     _wavelengths: NDArray[np.float64]
     _values: NDArray[np.float64]
 
-    def __new__(cls, wavelengths: ArrayLike, values: ArrayLike) -> "Spectrum":
+    def __new__(cls, wavelengths: ArrayLike, values: ArrayLike) -> "Spectrum":  # noqa: D102
         wavelengths = _row(wavelengths, "the spectrum's wavelengths")
         values = _row(values, "the spectrum's values")
         _check_samples(wavelengths, values, "values")

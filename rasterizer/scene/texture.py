@@ -41,8 +41,8 @@ _NOWHERE = logging.NullHandler()  # without any handler, Pillow's errors would g
 _STRIP = 2**16  # texels that are converted at a time
 # What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
 PICTURE_FAULTS = (
-    OSError, ValueError, SyntaxError, EOFError, LookupError, struct.error, MemoryError, ArithmeticError, RuntimeError, TypeError,
-    AttributeError, AssertionError, zlib.error,
+    OSError, ValueError, SyntaxError, EOFError, LookupError, struct.error, MemoryError, ArithmeticError, RuntimeError,
+    TypeError, AttributeError, AssertionError, zlib.error,
 )  # fmt: skip
 
 
