@@ -20,6 +20,7 @@ _HOMES = {
     "Comparison": "analysis.comparison",
     "DepthCue": "scene.depth_cue",
     "DirectionalLight": "scene.lights",
+    "Explanation": "reference.explanation",
     "Frame": "frame",
     "MachBands": "analysis.mach",
     "Material": "scene.material",
@@ -37,6 +38,7 @@ _HOMES = {
     "Spectrum": "scene.spectrum",
     "Texture": "scene.texture",
     "compare": "analysis.comparison",
+    "explain": "reference.explaining",
     "headlight": "scene.lights",
     "illuminate": "engine.point_lighting",
     "load": "io.loader",
@@ -61,6 +63,8 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .frame import Frame as Frame
     from .io.loader import load as load
     from .options import Options as Options
+    from .reference.explaining import explain as explain
+    from .reference.explanation import Explanation as Explanation
     from .renderer import Renderer as Renderer
     from .renderer import render as render
     from .scene.camera import Camera as Camera
@@ -80,7 +84,7 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .scene.texture import Texture as Texture
 else:
 
-    def __getattr__(name):
+    def __getattr__(name: str) -> object:
         """Import a public name from its home on first use (PEP 562)."""
         if name not in _HOMES:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -53,11 +53,3 @@ ATTACHMENTS: tuple[str, ...] = get_args(Attachment)
 PRESETS: tuple[str, ...] = get_args(Preset)
 REFLECTIONS: tuple[str, ...] = get_args(Reflection)  # built-in
 LIGHT_KINDS: tuple[str, ...] = get_args(LightKind)  # built-in
-
-# --- files ------------------------------------------------------------------------------------------------
-
-ModelFormat = Literal["obj", "stl", "ply", "off", "glb", "gltf", "3mf"]
-SceneFormat = Literal["json", "toml"]
-
-MODEL_FORMATS: tuple[str, ...] = get_args(ModelFormat)  # built-in; io.loader knows all
-SCENE_FORMATS: tuple[str, ...] = get_args(SceneFormat)

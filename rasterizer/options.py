@@ -102,9 +102,8 @@ class Options:
             width = height = None
         most = MOST_PIXELS // self.factor
         if not (is_whole(width, 1, most) and is_whole(height, 1, most)):
-            raise SceneError(
-                f"size must be (width, height), each 1 to {most} px with {self.samples} samples; given {shown(self.size)}"
-            )
+            legal = f"(width, height), each 1 to {most} px with {self.samples} samples"
+            raise SceneError(f"size must be {legal}; given {shown(self.size)}")
         return int(width), int(height)
 
     @property

@@ -43,7 +43,7 @@ class Registration:
     SceneError : the word isn't made of small letters, digits and hyphens, or some table has it
     """
 
-    def __init__(self, word: str, entries: list[tuple[dict[str, Any], Any]], what: str):
+    def __init__(self, word: str, entries: list[tuple[dict[str, Any], Any]], what: str) -> None:
         if not isinstance(word, str) or not re.fullmatch(r"[a-z][a-z0-9-]*", word):
             raise SceneError(f"the word for {what} must be small letters, digits and hyphens; given {shown(word)}")
         for table, _ in entries:

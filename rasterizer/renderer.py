@@ -268,8 +268,8 @@ def _remake(scene, options) -> Renderer:
 class Clock:
     """Milliseconds of each stage, in order."""
 
-    def __init__(self):
-        self.milliseconds = {}
+    def __init__(self) -> None:
+        self.milliseconds: dict[str, float] = {}
         self._last = perf_counter()
 
     def lap(self, stage: str) -> None:

@@ -5,19 +5,25 @@
 The eye overdraws a jump of the slope into a bright or dark line (Mach 1865), so the jump tells what an error map
 doesn't: whether the polygons show. Six pixels in a row or column, three in each of two faces, give it:
 
-    intensity  i0  i1  i2 ┊ i3  i4  i5       a parabola through three pixels of a face gives value and slope at the edge ┊,
-    face        A   A   A ┊  B   B   B       so that a surface's own curvature doesn't count; across the edge the slope is i3 - i2
+    intensity  i0  i1  i2 ┊ i3  i4  i5       a parabola through three pixels of a face gives value and slope at the
+    face        A   A   A ┊  B   B   B       edge ┊, so that a surface's own curvature doesn't count; across the edge
+                                             the slope is i3 - i2
 
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..engine.light_table import entry_of
 from ..errors import SceneError, shown
 from ..frame import Frame
 from ..geometry.mesh_points import smooth_part
+from ..scene.camera import Camera, View
+from ..scene.mesh import Mesh
+from ..scene.scene import Scene
 
 # Luminance of linear RGB with the sRGB primaries. Source: ITU-R BT.709-6, section 3.
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -51,12 +57,12 @@ class MachBands(NamedTuple):
 class _Surface(NamedTuple):
     """A scene's faces, and the edges across which they are smooth."""
 
-    pairs: np.ndarray  # (n,) uint64, ascending: lower face << 32 | higher face
-    corners: np.ndarray  # (n_face, 3, 3) float64, world
-    normals: np.ndarray  # (n_face, 3, 3) float64, unit shading normals of the corners
+    pairs: NDArray[np.uint64]  # (n,) ascending: lower face << 32 | higher face
+    corners: NDArray[np.float64]  # (n_face, 3, 3) world
+    normals: NDArray[np.float64]  # (n_face, 3, 3) unit shading normals of the corners
 
 
-def mach_bands(picture, scene, camera=None) -> MachBands:
+def mach_bands(picture: Any, scene: Scene, camera: Camera | None = None) -> MachBands:
     """Measure the largest jumps of intensity, and of its slope, across the polygon edges of a picture.
 
     Only edges count across which the surface is smooth: two faces of one mesh share them, with the same shading normals
@@ -96,7 +102,7 @@ def mach_bands(picture, scene, camera=None) -> MachBands:
     return MachBands(float(value.max(initial=0.0)), float(slope.max(initial=0.0)), len(value))
 
 
-def _buffers(picture, scene):
+def _buffers(picture: Any, scene: Scene) -> tuple[NDArray, NDArray]:
     """Return the linear colours and the faces of a picture, checked."""
     if isinstance(picture, Frame) and picture.stats.samples != picture.size[0] * picture.size[1]:
         raise SceneError("Mach bands are measured in pictures of one sample a pixel: averages hide them")
@@ -114,7 +120,7 @@ def _buffers(picture, scene):
     return color, face
 
 
-def _gather(scene) -> _Surface:
+def _gather(scene: Scene) -> _Surface:
     """Lay out the faces of all meshes, and find the edges across which their shading normals and colours are
     continuous."""
     pairs, corners, normals = [], [], []
@@ -123,11 +129,11 @@ def _gather(scene) -> _Surface:
         corners.append(part.positions[part.corner])
         normals.append(part.normals[part.corner])
         values = part.normals if part.albedo is None else np.concatenate([part.normals, part.albedo], axis=1)
-        pairs.append(_mesh_pairs(_by_place(mesh), values[part.corner]) + np.uint64(offset) * np.uint64(2**32 + 1))
+        pairs.append(_mesh_pairs(_by_position(mesh), values[part.corner]) + np.uint64(offset) * np.uint64(2**32 + 1))
     return _Surface(np.sort(np.concatenate(pairs)), np.concatenate(corners), np.concatenate(normals))
 
 
-def _by_place(mesh) -> np.ndarray:
+def _by_position(mesh: Mesh) -> NDArray[np.uint32]:
     """Return the faces (n_face, 3) with one index for all vertices at one place.
 
     Files cut surfaces at the seams of their textures, and give both sides the same normals. Normals that are averaged
@@ -139,7 +145,7 @@ def _by_place(mesh) -> np.ndarray:
     return index.ravel().astype(np.uint32)[mesh.faces]
 
 
-def _mesh_pairs(faces, values) -> np.ndarray:
+def _mesh_pairs(faces: NDArray[np.uint32], values: NDArray) -> NDArray[np.uint64]:
     """Return the pairs of faces that share an edge and the `values` (n_face, 3, k) of the corners at its ends.
 
     An edge with more than two faces has a pair for each two that follow one another by index.
@@ -157,7 +163,7 @@ def _mesh_pairs(faces, values) -> np.ndarray:
     return np.minimum(a, b).astype(np.uint64) << np.uint64(32) | np.maximum(a, b).astype(np.uint64)
 
 
-def _face_keys(surface: _Surface, view, is_perspective, lights) -> np.ndarray:
+def _face_keys(surface: _Surface, view: View, is_perspective: bool, lights: Sequence[Any]) -> NDArray[np.int64]:
     """Return a number (n_face,) that is equal for faces seen and lit alike; -1 for those that are not looked at.
 
     Bit 0 tells which side the viewer sees, the others which side each light sees. A face that a light's terminator
@@ -178,15 +184,17 @@ def _face_keys(surface: _Surface, view, is_perspective, lights) -> np.ndarray:
     return np.where(is_good, key, -1)
 
 
-def _to_light(light, points, view):
+def _to_light(light: Any, points: NDArray, view: View) -> NDArray | None:
     """Return the way from points (..., 3) to a light, of any length; None for light that comes from no single place."""
     beam = entry_of(light).beam(light, view)
     if beam is None:
         return None
-    return np.broadcast_to(-beam.axis, points.shape) if beam.origin is None else beam.origin - points
+    if beam.origin is not None:
+        return beam.origin - points
+    return None if beam.axis is None else np.broadcast_to(-beam.axis, points.shape)
 
 
-def _jumps(luminance, face, pairs, key) -> tuple[np.ndarray, np.ndarray]:
+def _jumps(luminance: NDArray, face: NDArray, pairs: NDArray, key: NDArray) -> tuple[NDArray, NDArray]:
     """Return the jumps of the value and of the slope, (n,) each, along the rows of a picture."""
     n = max(face.shape[1] - 5, 0)
     f0, f1, f2, f3, f4, f5 = (face[:, k : n + k] for k in range(6))
@@ -203,7 +211,7 @@ def _jumps(luminance, face, pairs, key) -> tuple[np.ndarray, np.ndarray]:
     return np.abs(value_b - value_a), np.ptp(slopes, axis=0)
 
 
-def _at_edge(far, middle, near):
+def _at_edge(far: NDArray, middle: NDArray, near: NDArray) -> tuple[NDArray, NDArray]:
     """Return slope, towards the edge, and value half a pixel beyond the last of three pixels, by the parabola through
     them.
 
@@ -214,7 +222,7 @@ def _at_edge(far, middle, near):
     return d + c, near + 0.5 * d + 0.375 * c
 
 
-def _is_in(keys, table) -> np.ndarray:
+def _is_in(keys: NDArray[np.uint64], table: NDArray[np.uint64]) -> NDArray[np.bool_]:
     """Tell which keys are in an ascending table."""
     if not len(table):
         return np.zeros(len(keys), bool)

@@ -93,7 +93,7 @@ def _guarded(argv, interrupts) -> int:
     except RasterizerError as error:
         messages.error(error)
         return exit_code(error)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001  whatever it is ends in one line
         if interrupts:
             return _interrupted()
         from ..errors import internal_error

@@ -6,6 +6,7 @@ from dataclasses import fields
 
 from .. import choices
 from ..errors import SceneError
+from ..io import formats
 from ..options import LEAST_WAVES, MOST_WAVES, Options
 from ..version import __version__
 from . import values
@@ -134,20 +135,20 @@ def _make_parsers() -> tuple[_Parser, dict[str, _Parser]]:
 def _add_files(parser, default_name, size) -> None:
     parser.set_defaults(default_name=default_name, default_size=size)
     add = parser.add_argument
+    models, scenes = (", ".join(formats.names(is_scene=is_scene)) for is_scene in (False, True))
     add(
         "models",
         nargs="+",
         metavar="MODEL",
-        help=f"{', '.join(choices.MODEL_FORMATS)} files, scene files ({', '.join(choices.SCENE_FORMATS)}), or patterns such as 'parts/*.stl'; - is "
-        "stdin",
+        help=f"{models} files, scene files ({scenes}), or patterns such as 'parts/*.stl'; - is stdin",
     )
     add(
         "-o",
         "--output",
         metavar="OUT",
-        help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}.png in the current folder, -VIEW before "
-        ".png for several views), a folder, a template with {stem} {ext} {view}, or - for stdout; the suffix chooses the "
-        "format",
+        help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}.png in the current folder, "
+        "-VIEW before .png for several views), a folder, a template with {stem} {ext} {view}, or - for stdout; "
+        "the suffix chooses the format",
     )
     add(
         "-s",
@@ -161,11 +162,7 @@ def _add_files(parser, default_name, size) -> None:
         action="store_true",
         help="print a line of JSON for each picture on stdout (on stderr with -o -)",
     )
-    add(
-        "--input-format",
-        choices=choices.MODEL_FORMATS + choices.SCENE_FORMATS,
-        help="of the models, whatever their suffix; needed for stdin",
-    )
+    add("--input-format", choices=formats.names(), help="of the models, whatever their suffix; needed for stdin")
 
 
 def _add_array(parser) -> None:
@@ -192,8 +189,8 @@ def _add_reference(parser) -> None:
 def _add_camera(parser) -> None:
     group = parser.add_argument_group(
         "camera",
-        "Unless --eye is given, the model fills the picture. A camera that a file brings along is used where none of these but "
-        "--zoom is given.",
+        "Unless --eye is given, the model fills the picture. A camera that a file brings along is used where none of "
+        "these but --zoom is given.",
     )
     add = group.add_argument
     add(
@@ -270,7 +267,8 @@ def _add_look(group) -> None:
         type=material,
         default=[],
         metavar="[NAME,]KEY=VALUE,...",
-        help="replace this in every material of the model; NAME is one of the classic table: gold, jade, red plastic ...",
+        help="replace this in every material of the model; "
+        "NAME is one of the classic table: gold, jade, red plastic ...",
     )
     models = ",".join(choices.REFLECTIONS)
     add("--reflection", metavar=f"{{{models}}}", help="short for --material reflection=...")
@@ -311,8 +309,8 @@ def _add_range(group) -> None:
         type=values.depth_cue,
         default=UNSAID,
         metavar="D[,start=S][,color=C]",
-        help="let what is further away fade to the colour C (default black): d units behind S (default 0), D/(D+d) is left; "
-        "none = not even as the scene file says",
+        help="let what is further away fade to the colour C (default black): d units behind S (default 0), D/(D+d) is "
+        "left; none = not even as the scene file says",
     )
     add(
         "--color-range",
@@ -330,8 +328,8 @@ def _add_range(group) -> None:
         "--spectral",
         type=int,
         metavar="N",
-        help=f"compute with N samples of the spectrum, {LEAST_WAVES} to {MOST_WAVES} (default: 81 where a light or material "
-        "has one, else three colours)",
+        help=f"compute with N samples of the spectrum, {LEAST_WAVES} to {MOST_WAVES} (default: 81 where a light or "
+        "material has one, else three colours)",
     )
     add(
         "--cull",

@@ -15,16 +15,18 @@ lights, in scene units, colours #f80, orange, 0.5 (linear grey) or 1/0.9/0.8 (li
   ambient:COLOR
   directional:X,Y,Z[,color=COLOR][,attached=camera][,shadow=yes]          the way the light goes
   point:X,Y,Z[,color=COLOR][,attenuation=KC/KL/KQ][,range=R][,amplify=yes][,attached=camera][,shadow=yes]
-  spot:X,Y,Z,direction=X/Y/Z[,inner=A][,outer=A][,exponent=E][,falloff=P][, and as for point]     angles in degrees from the axis
+  spot:X,Y,Z,direction=X/Y/Z[,inner=A][,outer=A][,exponent=E][,falloff=P][, and as for point]     angles in degrees
   area:X,Y,Z,edge_u=X/Y/Z,edge_v=X/Y/Z[,resolution=M/N][, and as for point]           corner and two edges
 attenuation is 1/(KC + KL d + KQ d^2), never above 1 without amplify; 1, 1/d, 1/(d+3) and 1/d^2 may be written as such
 shadow is yes, no, SIZE or SIZE/FILTER: texels along its map, and along the square that softens its edge
 
-materials: ambient diffuse specular emissive fresnel (colours) shininess opacity levels (numbers) roughness (a number, or two,
-A/B, along the tangent and across) tangent (u or X/Y/Z) texture (a picture) reflection distribution (words) normalized (yes or no);
-without ambient= the ambient follows diffuse. A name first, as in gold,shininess=80, takes the rest from the classic table
+materials: ambient diffuse specular emissive fresnel (colours) shininess opacity levels (numbers) roughness (a number,
+or two, A/B, along the tangent and across) tangent (u or X/Y/Z) texture (a picture) reflection distribution (words)
+normalized (yes or no); without ambient= the ambient follows diffuse. A name first, as in gold,shininess=80, takes the
+rest from the classic table
 
-a scene file (.json or .toml) holds models, materials, lights, camera, background, depth cue and options; flags come first
+a scene file (.json or .toml) holds models, materials, lights, camera, background, depth cue and options; flags come
+first
 
 exit codes: 0 done, 1 some models failed and the rest was done, or the fault is the program's own, 2 usage,
 3 a model can't be read or is empty, 4 an output can't be written, 130 interrupted

@@ -56,7 +56,7 @@ def draw_models(arguments, messages, draw) -> tuple[list, int]:
                 draw(targets, arguments, settings, messages, outputs.of_model(number))
             except BrokenPipeError:
                 raise
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001  one model that fails does not stop the rest
                 failures.append(_failure(error, targets[0], arguments, messages))
                 messages.error(failures[-1])
                 if getattr(failures[-1], "is_internal", False):

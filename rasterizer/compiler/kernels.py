@@ -110,9 +110,7 @@ class _Kept(NullCache):
             return None
         try:
             return compiler.CompileResult._rebuild(target_context, *pickle.loads(code))
-        except (
-            Exception
-        ) as fault:  # unpickling raises anything: here what numba of this very version doesn't know any more
+        except Exception as fault:  # noqa: BLE001  unpickling raises anything: what numba doesn't know any more
             _log.info("kernel %s can't be loaded and is compiled again (%s)", self._title, fault)
             return None
 

@@ -285,7 +285,7 @@ def to_world(vector: Sequence[float], light: Any, view: View) -> NDArray[np.floa
     those of the camera."""
     if not is_carried(light):
         return np.array(vector)
-    return np.array(vector) @ np.stack([view.right, view.up, -view.forward])  # rows: the camera's axes in the world
+    return np.array(vector) @ view.world_from_camera.T
 
 
 def cone_cosines(light: Any) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """The illumination equation at points, without a picture: for a notebook, a plot, or a test of one's own."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -7,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from ..options import Options
 from ..pipeline.fragments import make_batch
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.transform import Screen
-from ..scene.arrays import plain_array
+from ..scene.arrays import VectorLike, plain_array
 from ..scene.camera import Camera, View
-from ..scene.lights import checked_lights
+from ..scene.lights import Light, checked_lights
 from ..scene.material import Material
-from ..scene.validate import shown, unit3, vector3
+from ..scene.validate import unit3, vector3
 from .plan import make_plan
 from .tint import common_color
 from .uniforms import make_lighting
@@ -26,10 +27,10 @@ def illuminate(
     points: ArrayLike,
     normals: ArrayLike,
     material: Material | str,
-    lights: Any,
-    viewer: ArrayLike | Camera | None = None,
+    lights: Light | Iterable[Any],
+    viewer: VectorLike | Camera | None = None,
     *,
-    toward_viewer: ArrayLike | None = None,
+    toward_viewer: VectorLike | None = None,
     tangents: ArrayLike | None = None,
     two_sided: bool = False,
     exposure: float = 0.0,

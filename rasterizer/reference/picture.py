@@ -7,26 +7,23 @@ In: a `Scene` and the options of a picture. Out: a `Picture` of float64 arrays. 
 Letters: n_face loaded triangles; n_piece triangles after clipping, a fan for each face that is cut.
 """
 
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..choices import COLOR_RANGES, CULLS, SAMPLES, SHADINGS, ColorRange, Cull, Samples, Shading
 from ..errors import SceneError
-from ..options import COLOR_RANGES, CULLS, SAMPLES, SHADINGS, Options
+from ..options import Options
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .clip import choose_range, clip_to_view, furthest_depth, snap, to_eye
-from .cover import doubled_area
+from .cover import Window, doubled_area
 from .light import Lighting, make_lighting
 from .shading import light_samples
 from .surface import Surface, compute_sides, gather
 from .visibility import NOTHING, Raster, find_visible, gather_fragments
-
-ShadingName = Literal["flat", "lambert", "gouraud", "phong"]
-CullName = Literal["none", "back"]
-ColorRangeName = Literal["clamp", "global", "local"]
 
 
 class Picture(NamedTuple):
@@ -78,10 +75,10 @@ def render(
     scene: Scene,
     size: tuple[int, int] = (640, 480),
     *,
-    shading: ShadingName = "gouraud",
-    samples: Literal[1, 4, 9, 16] = 1,
-    cull: CullName = "none",
-    color_range: ColorRangeName = "clamp",
+    shading: Shading = "gouraud",
+    samples: Samples = 1,
+    cull: Cull = "none",
+    color_range: ColorRange = "clamp",
     near: float | None = None,
     far: float | None = None,
     exposure: float = 0.0,
@@ -152,7 +149,7 @@ def place_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if look.cull == "back" else facing != 0
     side = compute_sides(surface, pieces.face, facing)
-    return Raster(pieces, screen, side, is_drawn, grid, projection), lighting
+    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
 
 
 def _check_options(shading, samples, cull, color_range) -> None:
@@ -175,7 +172,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
     "Interactive order-independent transparency", for a picture of the next layer behind the one before.
     """
     raster, lighting = place_samples(look, per_axis)
-    surface, shape = look.surface, (raster.grid[1], raster.grid[0])
+    surface, shape = look.surface, raster.window.shape
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
     alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = find_visible(raster)

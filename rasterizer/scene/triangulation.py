@@ -9,14 +9,14 @@ A polygon is looked at along Newell's normal, the sum of its triangles' area vec
 plane: a fan round the corner with the smallest x, then y, then z, so that its surface doesn't depend on where its list
 begins.
 
-*Everything else* goes to geometry/ears.py: ears are cut off until a triangle is left, always the one of the best shape. Which
-triangles come out depends on the places of the corners alone: not on which is first, nor on the direction, which is
-that of the triangles in turn. Holes are drawn where the polygon reaches them by a bridge, an edge that is walked both
-ways. Corners that repeat or lie on a straight line give triangles without area. A polygon that crosses itself can't be
-cut into triangles of its corners: ears are cut as long as there are any, then the corner of the best shape that turns
-the right way, whatever lies in it; so some of it may be covered twice, and some that lies outside be covered. It is
-warned of. Ears take time that grows with the square of a polygon's corners, so the sum of these squares is limited,
-MOST_STEPS for one call; convex ones have no limit.
+*Everything else* goes to geometry/ears.py: ears are cut off until a triangle is left, always the one of the best shape.
+Which triangles come out depends on the places of the corners alone: not on which is first, nor on the direction, which
+is that of the triangles in turn. Holes are drawn where the polygon reaches them by a bridge, an edge that is walked
+both ways. Corners that repeat or lie on a straight line give triangles without area. A polygon that crosses itself
+can't be cut into triangles of its corners: ears are cut as long as there are any, then the corner of the best shape
+that turns the right way, whatever lies in it; so some of it may be covered twice, and some that lies outside be
+covered. It is warned of. Ears take time that grows with the square of a polygon's corners, so the sum of these squares
+is limited, MOST_STEPS for one call; convex ones have no limit.
 
 Rounding. A corner with coordinates up to M is known to M 2^-53 along each axis, as it was rounded when stored. That
 turns a corner between the edges a and b by at most 4 M 2^-53 (|a| + |b|) (each edge moves by up to 2 sqrt(3) M 2^-53,
@@ -25,12 +25,13 @@ each, their sum, and the normal's own rounding). What is straight within that co
 it as plane.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .algorithms import algorithm
+from .services import service
 
 # The squares of the corners of polygons that are cut by ears may sum up to this: one polygon of 23170, or 53687 of 100.
 MOST_STEPS = 1 << 29
@@ -56,7 +57,7 @@ class TooManyCorners(Exception):
     fault : text that follows the polygon's place in a message
     """
 
-    def __init__(self, polygon: int, fault: str):
+    def __init__(self, polygon: int, fault: str) -> None:
         super().__init__(f"polygon {polygon} {fault}")
         self.polygon, self.fault = polygon, fault
 
@@ -98,7 +99,7 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     triangles, polygons = fan_corners(counts)
     starts = np.cumsum(counts) - counts
     first_triangle = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
-    concave = []
+    found = []
     for k in np.unique(counts[counts > 3]).tolist():
         of_size = np.flatnonzero(counts == k)
         step = max(1, CHUNK // k)
@@ -107,18 +108,18 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
             loops = starts[some, None] + np.arange(k)
             points = vertices[corners[loops.T]]
             is_convex, is_plane = classify_polygons(points)
-            concave.append(some[~is_convex])
+            found.append(some[~is_convex])
             if (is_bent := is_convex & ~is_plane).any():
                 turned = rotate_to_first(loops[is_bent], points[:, is_bent])
                 rows = first_triangle[some[is_bent], None] + np.arange(k - 2)
                 triangles[rows] = turned[:, _fan(k)]
-    concave = np.sort(np.concatenate(concave)) if concave else np.empty(0, np.int64)
+    concave = np.sort(np.concatenate(found)) if found else np.empty(0, np.int64)
     is_crossing = np.zeros(len(concave), np.bool_)
     if len(concave):
         _check_steps(concave, counts)
         points, loops = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(corners, np.int64)
         spans = starts[concave], counts[concave], first_triangle[concave], int(counts[concave].max())
-        algorithm("cut_ears")(points, loops, *spans, triangles, is_crossing)
+        service("cut_ears")(points, loops, *spans, triangles, is_crossing)
     return Cut(triangles, polygons.astype(np.int32), concave[is_crossing])
 
 
@@ -132,12 +133,13 @@ def _check_steps(concave: NDArray, counts: NDArray) -> None:
     others = f", and {len(concave) - 1} more are" if len(concave) > 1 else ""
     raise TooManyCorners(
         largest,
-        f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of corners may "
-        f"sum up to {MOST_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a modelling program",
+        f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of "
+        f"corners may sum up to {MOST_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a "
+        "modelling program",
     )
 
 
-def listed(numbers: ArrayLike) -> str:
+def listed(numbers: Sequence[int] | NDArray) -> str:
     """Return up to five numbers as text, and how many there are where they are more."""
     text = ", ".join(map(str, list(numbers)[:5]))
     return text if len(numbers) <= 5 else f"{text} … ({len(numbers)} in all)"
@@ -182,11 +184,11 @@ def classify_polygons(points: NDArray) -> tuple[NDArray[np.bool_], NDArray[np.bo
     return is_convex | ~is_finite, is_plane | ~is_finite
 
 
-def _dot(a, b):
+def _dot(a: Sequence[NDArray], b: Sequence[NDArray]) -> NDArray:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _cross(a, b):
+def _cross(a: Sequence[NDArray], b: Sequence[NDArray]) -> tuple[NDArray, NDArray, NDArray]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 

@@ -234,7 +234,9 @@ def given(monkeypatch):
         def render(self, camera=None):
             found.append(SimpleNamespace(scene=self.scene, options=self.options, camera=camera or self.scene.camera))
             width, height = self.options["size"]
-            stats = SimpleNamespace(coverage=1.0, faces=1, culled=0, error_bound=0.0, steps=(), milliseconds={})
+            stats = SimpleNamespace(
+                coverage=1.0, faces=1, culled=0, error_bound=0.0, steps=(), milliseconds={}, plan=None
+            )
             rgba = np.full((height, width, 4), 255, np.uint8)
             arrays = {"color": rgba[..., :3] / np.float32(255), "face": np.zeros((height, width), np.int32)}
             return rz.Frame(rgba, arrays | {"depth": arrays["color"][..., 0]}, stats, (width, height))

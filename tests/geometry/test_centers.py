@@ -93,8 +93,8 @@ def test_the_judge_agrees_about_polygons(shading):
         points = np.array([(-2, -1, -1), (2, -1, -1), (2, -1, 4), (-2, -1, 4), (0, -1, 0), (0, 2, -2.0)])
         floor = rz.Mesh(
             points, [(0, 1, 2, 3), (0, 4, 1, 5), (1, 2, 5)],
-            materials=(rz.Material(diffuse=(1, 0.5, 0.2)), rz.Material(diffuse=0.4, specular=0.5)), face_material=[0, 1, 0],
-            face_colors=rng.uniform(size=(3, 3)),
+            materials=(rz.Material(diffuse=(1, 0.5, 0.2)), rz.Material(diffuse=0.4, specular=0.5)),
+            face_material=[0, 1, 0], face_colors=rng.uniform(size=(3, 3)),
         )  # fmt: skip
         scene = rz.Scene([*scene.meshes, floor], scene.lights, scene.camera)
         judge.check(scene, SIZE, judge.EXACT, shading=shading, tolerance=0, ignored=0.06, far=0.005)
