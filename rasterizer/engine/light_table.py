@@ -61,8 +61,8 @@ class LightEntry:
 
         Parameters
         ----------
-        coefficients : (light_kinds.N_LIGHT_COEFFICIENT,) float64, zeros; positions go there relative to the eye, directions along
-            the axes of the world
+        coefficients : (light_kinds.N_LIGHT_COEFFICIENT,) float64, zeros; positions go there relative to the eye,
+            directions along the axes of the world
         view : what a light that is attached to the camera moves with
         dtype : float32 or float64, what they will be converted to
         """

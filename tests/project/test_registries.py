@@ -12,6 +12,7 @@ import pytest
 from helpers.command import CUBE, one_error, run
 from helpers.judge import check, compare
 from helpers.pinhole import QUAD, SHADINGS, octasphere
+from helpers.raster import ROOT
 from helpers.toy_kinds import (
     INVERSE_WIDTH,
     OFFSET,
@@ -33,6 +34,7 @@ from rasterizer.compiler.kernels import CACHE_FOLDER
 from rasterizer.engine import light_table, reflection_table
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.uniforms import make_lighting
+from rasterizer.io.formats import Format
 from rasterizer.io.scene_file import read_scene
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.light_kinds import VECTOR
@@ -367,6 +369,19 @@ def test_a_kind_can_be_registered_once(toys):
     with pytest.raises(rz.SceneError, match="SlabLight is the class of another kind"):
         registries.add_light("slab2", SlabLight, **entries)
     assert kind_of(slab_light()) == "slab"
+
+
+def test_a_format_is_read_while_it_is_registered(tmp_path):
+    file = tmp_path / "cube.box"
+    file.write_bytes((ROOT / "models" / "cube.obj").read_bytes())
+    entry = Format(name="box", reader="rasterizer.io.obj:read_obj")
+    with registries.add_format(entry):
+        assert rz.load(file).n_face == rz.load(CUBE).n_face
+        for taken in (entry, replace(entry, name="obj"), replace(entry, name="other", suffixes=("stl",))):
+            with pytest.raises(rz.SceneError, match="is taken by"):
+                registries.add_format(taken)
+    with pytest.raises(rz.ModelError, match="unknown format 'box'; readable are obj, stl"):
+        rz.load(file)
 
 
 def test_what_can_not_be_a_light_is_refused():
