@@ -20,10 +20,11 @@ from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .geometry.points import gather_geometry
 from .options import Options
+from .pipeline.buffers import empty_buffers
 from .pipeline.encode import encode_picture
-from .pipeline.records import EXACT
+from .pipeline.gradients import EXACT
 from .pipeline.threads import Workers
-from .pipeline.workspace import Scratch, empty_buffers, make_picture
+from .pipeline.workspace import WorkspacePool, make_picture
 from .scene.camera import Camera
 from .scene.scene import Scene, SceneLike
 
@@ -129,7 +130,7 @@ class Renderer:
             self._shadows = Shadows(self._geometry, self._bounds, self._view_plans.plan)
         self._summary = summarize(self._view_plans.plan, is_perspective=True)
         self._threads = Workers(self.options.n_thread)
-        self._workspaces = Scratch()
+        self._workspaces = WorkspacePool()
         self._is_closed = False
 
     @property

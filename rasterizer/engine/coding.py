@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding
-from ..pipeline.records import CODINGS, NORMAL_PLANES, Coding
+from ..pipeline.gradients import CODINGS, NORMAL_PLANES, Coding
 from .light_table import any_needs_position
 from .plan import Plan
 

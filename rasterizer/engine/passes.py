@@ -9,38 +9,25 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from ..pipeline.a_buffer import Opacity
+from ..pipeline.bands import Band
 from ..pipeline.buffers import Buffers, write_buffers
 from ..pipeline.depth_cueing import fade
 from ..pipeline.encode import Encoding
+from ..pipeline.gradients import EXACT, Coding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
-from ..pipeline.records import EXACT, Coding
 from ..pipeline.resolve import Picture, resolve
 from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
 from ..pipeline.transform import Screen
-from ..pipeline.workspace import Bench, BenchKind
+from ..pipeline.workspace import Workspace, WorkspaceKind
 from .plan import Plan
-
-
-class Band(NamedTuple):
-    """A band of rows of samples, and the triangles that meet it."""
-
-    faces: np.ndarray  # (n,) uint32, ascending
-    y_start: int
-    y_end: int
-
-    @property
-    def n_row(self) -> int:
-        """Rows of samples."""
-        return self.y_end - self.y_start
-
 
 NO_TABLE = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
 
@@ -66,22 +53,22 @@ class Pass:
         """Columns and rows of samples."""
         return self.size[0] * self.factor, self.size[1] * self.factor
 
-    def workspace_kind(self, n_row) -> BenchKind:
+    def workspace_kind(self, n_row) -> WorkspaceKind:
         """The memory that a band of `n_row` rows is drawn in."""
         n_attribute = self.attributes.shape[2]
         n_group = -(-n_attribute // 3) if self.coding.kind != EXACT else 0  # the normals, or the channels; the albedo
-        return BenchKind(
+        return WorkspaceKind(
             self.n_sample[0], n_row, self.n_channel, n_attribute, n_group, self.attributes.dtype,
             self.textures is not None, self.opacity is not None,
         )  # fmt: skip
 
-    def shade(self, workspace: Bench, band: Band, n_exact: int, face_table: FaceTable) -> None:
+    def shade(self, workspace: Workspace, band: Band, n_exact: int, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
 
         `n_exact` is the number of exact records, `face_table` that of the triangles that are drawn, clipped parts included.
         """
 
-    def finish(self, workspace: Bench, band: Band, loaded_face: np.ndarray) -> int:
+    def finish(self, workspace: Workspace, band: Band, loaded_face: np.ndarray) -> int:
         """Write the band's rows of the output; return how many samples are covered.
 
         `loaded_face` is the face as loaded of each triangle, or empty where each is one.
@@ -116,22 +103,24 @@ class ColorPass(Pass):
 
     def shade(self, workspace, band, n_exact, face_table):
         """Find the light that comes from the visible samples, then let what is further away fade."""
-        scanned = ScannedBand(workspace.canvas, workspace.records, self.coding.kind, n_exact, band.y_start, band.n_row)
+        scanned = ScannedBand(
+            workspace.visibility, workspace.records, self.coding.kind, n_exact, band.y_start, band.n_row
+        )
         if self.textures is not None:
             sample_textures(scanned, self.textures, face_table.materials, workspace.batch, workspace.texels)
         self.light(workspace, scanned, face_table)
         if self.plan.cue is not None:
             fade(scanned, self.screen.is_perspective, self.plan.cue, workspace.radiance)
 
-    def light(self, workspace: Bench, scanned: ScannedBand, face_table: FaceTable) -> None:
+    def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable) -> None:
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
     def finish(self, workspace, band, loaded_face):
         """Average the samples of each pixel, and write the picture's rows."""
-        layers = workspace.layers if self.opacity is not None else None
+        a_buffer = workspace.a_buffer if self.opacity is not None else None
         return resolve(
-            workspace.canvas, workspace.radiance, layers, band.y_start // self.factor, band.y_end // self.factor,
+            workspace.visibility, workspace.radiance, a_buffer, band.y_start // self.factor, band.y_end // self.factor,
             self.factor, self.encoding, self.picture,
         )  # fmt: skip
 
@@ -140,13 +129,13 @@ class ColorPass(Pass):
 class InterpolatedPass(ColorPass):
     """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
 
-    def light(self, workspace, scanned, face_table):
+    def light(self, workspace, band, face_table):
         """Interpolate the intensities, with textures those of the parts that these weaken and don't weaken."""
         if self.textures is None:
             level_step = self.plan.dtype.type(1.0 / self.plan.level_scale)
-            shade_interpolated(scanned, self.n_channel, level_step, workspace.radiance)
+            shade_interpolated(band, self.n_channel, level_step, workspace.radiance)
         else:
-            shade_textured(scanned, workspace.texels, workspace.radiance)
+            shade_textured(band, workspace.texels, workspace.radiance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,14 +144,13 @@ class LitPass(ColorPass):
 
     lighting: Lighting
 
-    def light(self, workspace, scanned, face_table):
+    def light(self, workspace, band, face_table):
         """Interpolate the normals and light the samples."""
         texels = workspace.texels if self.textures is not None else None
-        tangent_attribute = self.attributes.shape[2] - 3 if self.plan.has_tangents else None
+        tangents = self.attributes.shape[2] - 3 if self.plan.has_tangents else None  # the last three attributes
         shade_lit(
-            scanned, self.screen, self.lighting, face_table, tangent_attribute, texels, workspace.batch,
-            workspace.radiance,
-        )  # fmt: skip
+            band, self.screen, self.lighting, face_table, tangents, texels, workspace.batch, workspace.radiance
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,7 +163,7 @@ class BufferPass(Pass):
     def finish(self, workspace, band, loaded_face):
         """Write depth, face and normal of what is visible."""
         return write_buffers(
-            workspace.canvas, workspace.records, loaded_face, band.y_start, band.n_row, self.screen, self.buffers
+            workspace.visibility, workspace.records, loaded_face, band, self.screen, self.buffers
         )
 
 
@@ -188,7 +176,7 @@ class ShadowMapPass(Pass):
 
     def finish(self, workspace, band, loaded_face):
         """Write the texels' depths."""
-        write_map(workspace.canvas, band.y_start, band.n_row, self.depth, self.texels)
+        write_map(workspace.visibility, band.y_start, band.n_row, self.depth, self.texels)
         return 0
 
 

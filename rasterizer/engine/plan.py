@@ -13,10 +13,11 @@ import numpy as np
 from ..errors import SceneError
 from ..geometry.points import number_materials
 from ..options import Options
-from ..pipeline.a_buffer import Opacity, least_transmitted
+from ..pipeline.a_buffer import Opacity, least_transmittance
 from ..pipeline.depth_cueing import Cue
-from ..pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES
+from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from ..pipeline.texture_sampling import Textures
+from ..pipeline.visibility import LEVEL_MASK
 from . import light_table, reflection_table
 from .error_bounds import WRITTEN, lighting_error
 from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
@@ -111,7 +112,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
     reasons = reasons_for_float64(sources, brightness, options, scene.depth_cue, is_precise)
     coding, normal_limit = choose_coding(sources, brightness, options, tint, not reasons)
     most_level, n_channel = brightness.bound + brightness.rounding, 3 if tint is None else 1
-    least = least_transmitted(options.tolerance, brightness.bound, not reasons)
+    least = least_transmittance(options.tolerance, brightness.bound, not reasons)
     materials = sources.materials
     return Plan(
         n_channel=n_channel,
@@ -235,4 +236,4 @@ def choose_coding(sources: Sources, brightness: Brightness, options, tint, is_si
         return (NORMAL_PLANES if normal_limit > 3.0 else EXACT), normal_limit
     if not np.isfinite(brightness.bound):
         return EXACT, 0.0
-    return (IN_WORDS if tint is not None else IN_PLANES), 0.0
+    return (IN_ENTRIES if tint is not None else LEVEL_PLANES), 0.0

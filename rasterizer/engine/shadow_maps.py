@@ -21,10 +21,10 @@ from ..geometry.points import Geometry
 from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
-from ..pipeline.records import IN_WORDS
+from ..pipeline.gradients import IN_ENTRIES
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
-from ..pipeline.workspace import Scratch
+from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
 from .coding import make_coding
 from .depth_range import NEAREST, fit_screen
@@ -70,7 +70,7 @@ class Shadows:
         self._geometry, self._plan = geometry, plan
         self._maps: dict[int, ShadowMap] = {}  # by the index of the light
 
-    def draw(self, view: View, workspaces: Scratch, threads: Workers) -> list[ShadowMap | None]:
+    def draw(self, view: View, workspaces: WorkspacePool, threads: Workers) -> list[ShadowMap | None]:
         """Return the maps of all lights, None for those that cast no shadows; those of lights that stay where they are,
         are kept.
 
@@ -124,7 +124,7 @@ def gather_casters(geometry: Geometry, bounds: NDArray[np.float64], opacity: Opa
 
 
 def draw_shadow_map(
-    light: Any, view: View, casters: Casters, plan: Plan, workspaces: Scratch, threads: Workers,
+    light: Any, view: View, casters: Casters, plan: Plan, workspaces: WorkspacePool, threads: Workers,
     room: int = MOST_NUMBERS, before: ShadowMap | None = None,
 ) -> ShadowMap:  # fmt: skip
     """Draw what a light sees; one that is attached to the camera is where `view` puts it.
@@ -152,7 +152,7 @@ def draw_shadow_map(
     nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
     for k, (row, (light_view, projection)) in enumerate(zip(_map_rows(block), views, strict=True)):
         screen = _fit_screen(light_view, projection, casters, size)
-        coding = make_coding(plan._replace(coding=IN_WORDS, lights=()), screen, 0.0)
+        coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=()), screen, 0.0)
         render_pass = shadow_map_pass(nothing, coding, screen, texels[k])
         draw(casters.geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
         _write_view(row, light_view, projection, MAP_ROUNDING * _value_range(screen, coding))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import row_function
+from ..compiler.kernels import batch_function
 from ..pipeline import material_coefficients as m
 from ..pipeline.fresnel import no_second_term
 from ..pipeline.light_kinds import N_LIGHT_COEFFICIENT, same_light_again
@@ -42,7 +42,7 @@ def make_lighting(
     colors, n_light_channel = _light_colors(plan)
     functions = [reflection_table.entry_of(material).function(material) for material in plan.materials]
     is_view_dependent = np.array([function.needs_view for function in functions], np.bool_)
-    of_lights, of_materials = functions_of(plan, is_perspective)
+    of_lights, of_materials = batch_functions_of(plan, is_perspective)
     if has_two_terms(plan):  # each light is followed by itself
         lights = np.repeat(lights, 2, axis=0)
         shadows = [part for shadow in shadows for part in (shadow, None)]
@@ -66,7 +66,7 @@ def make_lighting(
 def _shadow_addresses(shadows, dtype) -> ShadowMaps:
     """The addresses of the lights' shadow maps, and of what looks them up."""
     maps = [0 if shadow is None else shadow.block.ctypes.data for shadow in shadows]
-    return ShadowMaps(row_function(occlude, dtype).address, np.array(maps, np.int64))
+    return ShadowMaps(batch_function(occlude, dtype).address, np.array(maps, np.int64))
 
 
 def _light_coefficients(plan, view) -> NDArray[np.float64]:
@@ -136,7 +136,7 @@ def _term_colors(plan) -> NDArray[np.float64]:
     return colors
 
 
-def functions_of(plan: Plan, is_perspective: bool) -> tuple[list[Callable], list[list[Callable]]]:
+def batch_functions_of(plan: Plan, is_perspective: bool) -> tuple[list[Callable], list[list[Callable]]]:
     """List the functions that a scene uses; nothing else is compiled.
 
     Returns
@@ -167,4 +167,4 @@ def _second_term(material) -> Callable:
 
 def _addresses(functions, dtype) -> NDArray[np.int64]:
     """Compile functions for batches; return their addresses."""
-    return np.array([row_function(function, dtype).address for function in functions], np.int64)
+    return np.array([batch_function(function, dtype).address for function in functions], np.int64)

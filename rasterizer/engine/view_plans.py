@@ -7,7 +7,7 @@ import numpy as np
 
 from ..geometry.surfaces import find_clearance, find_point_clearance, find_shortest_normal
 from ..options import Options
-from ..pipeline.records import EXACT
+from ..pipeline.gradients import EXACT
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of

@@ -19,8 +19,7 @@ import numpy as np
 
 from ..compiler.kernels import borrow, index, kernel
 from .interpolate import borrow_band, corner_weights, depth_at, exact_triangle, row_extent
-from .records import RECORD_MASK
-from .scan import CLEAR
+from .visibility import CLEAR, RECORD_MASK
 
 
 class Cue(NamedTuple):
@@ -47,7 +46,7 @@ def fade(band, is_perspective, cue, out_radiance):
         left, right = row_extent(visibility, j)
         for i in range(left, right):
             sample = index(j * visibility.pitch + i)
-            entry = visibility.words[sample]
+            entry = visibility.entries[sample]
             if entry >= CLEAR:
                 continue
             record = index(entry & RECORD_MASK)

@@ -17,18 +17,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import borrow, helper, index
-from .clip import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
-from .records import CUT, DEPTH, INV_W, IS_EXACT, IS_ID, LEVEL_MASK, PLACE, Records, borrow_records
-from .scan import GROUP_SHIFT, Canvas
+from .face_planes import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
+from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records, borrow_records
 from .transform import HALF, SUBPIXEL
+from .visibility import IS_EXACT, IS_ID, LEVEL_MASK, VisibilityBuffer, borrow_visibility, strip_of
 
 
 class ScannedBand(NamedTuple):
     """What the scan stage leaves of a band, for the stages behind it."""
 
-    visibility: Canvas
+    visibility: VisibilityBuffer
     records: Records
-    kind: int  # of coding: EXACT, IN_WORDS, IN_PLANES or NORMAL_PLANES, see records.py
+    kind: int  # of coding: EXACT, IN_ENTRIES, LEVEL_PLANES or NORMAL_PLANES, see gradients.py
     n_exact: int  # how many records are exact
     y_start: int  # the band's first row in the picture, samples
     n_row: int
@@ -58,21 +58,17 @@ class ExactTriangle(NamedTuple):
 @helper
 def borrow_band(band):
     """The band with arrays that count no references."""
-    visibility = band.visibility
     return ScannedBand(
-        Canvas(
-            borrow(visibility.words), visibility.pitch, visibility.width, borrow(visibility.left),
-            borrow(visibility.right),
-        ),
-        borrow_records(band.records), band.kind, band.n_exact, band.y_start, band.n_row,
+        borrow_visibility(band.visibility), borrow_records(band.records), band.kind, band.n_exact, band.y_start,
+        band.n_row,
     )  # fmt: skip
 
 
 @helper
 def row_extent(visibility, j):
     """Return the columns left..right of row j of the band that may show something; left >= right where none do."""
-    group = index(j) >> index(GROUP_SHIFT)
-    return visibility.left[group], visibility.right[group]
+    strip = strip_of(j)
+    return visibility.left[strip], visibility.right[strip]
 
 
 @helper
@@ -122,14 +118,14 @@ def next_exact_run(entries, start):
 @helper
 def exact_triangle(records, record):
     """Read what the weights of an exact record are computed from."""
-    row, first = records.integers[record], index(PLACE)
+    row, first = records.integers[record], index(EDGES)
     dx1, dy1 = np.int64(row[first + index(2)]), np.int64(row[first + index(3)])
     dx2, dy2 = np.int64(row[first + index(4)]), np.int64(row[first + index(5)])
-    w0, w1, w2 = corner_values(records.numbers, record, INV_W)
+    w0, w1, w2 = corner_values(records.reals, record, INV_W)
     inv_w = (float(w0), float(w1), float(w2))
-    clipped = row[index(CUT)]
+    clipped = row[index(CLIPPED_IDX)]
     if clipped >= 0:
-        planes, k = borrow(records.cut), index(clipped)
+        planes, k = borrow(records.clipped_planes), index(clipped)
         sums = (planes[k, index(LEAST_SUM)], planes[k, index(LARGEST_SUM)])
         q, q_x = corner_values(planes, k, WEIGHT), corner_values(planes, k, WEIGHT_X)
         q_y = corner_values(planes, k, WEIGHT_Y)
@@ -147,6 +143,17 @@ def corner_values(reals, record, column):
     """Return three neighbouring numbers of an exact record: what it holds for its three corners."""
     column = index(column)
     return reals[record, column], reals[record, column + index(1)], reals[record, column + index(2)]
+
+
+@helper
+def corner_vectors(records, record, attribute):
+    """Return three neighbouring attributes of an exact record, each at the three corners."""
+    column = ATTRIBUTE + 3 * attribute
+    return (
+        corner_values(records.reals, record, column),
+        corner_values(records.reals, record, column + 3),
+        corner_values(records.reals, record, column + 6),
+    )
 
 
 @helper
@@ -215,6 +222,12 @@ def mean(corners, p):
 
 
 @helper
+def mean_vector(corners, p):
+    """Return the weighted means of three attributes, see `mean`."""
+    return mean(corners[0], p), mean(corners[1], p), mean(corners[2], p)
+
+
+@helper
 def rounded(p, real):
     """Return three weights in the type of what they weight: float32 arithmetic stays float32."""
     return real(p[0]), real(p[1]), real(p[2])
@@ -227,4 +240,4 @@ def depth_at(records, record, triangle, q, is_perspective):
     if is_perspective:
         # A mean of 1/w may not leave its range by a rounding error.
         return 1.0 / min(max(total / triangle.area, triangle.sums[0]), triangle.sums[1])
-    return float(mean(corner_values(records.numbers, record, DEPTH), (q[0] / total, q[1] / total, q[2] / total)))
+    return float(mean(corner_values(records.reals, record, DEPTH), (q[0] / total, q[1] / total, q[2] / total)))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, call_row, helper, index, kernel
+from ..compiler.kernels import borrow, call_batch_function, helper, index, kernel
 from ..geometry.vectors import dot, scale, subtract
 from . import fragments as f
 from . import material_coefficients as m
@@ -111,9 +111,9 @@ def sum_lights(batch, n, lighting, material):
         for k in range(index(n)):
             batch[f.DIFFUSE_SUM + k] = batch[f.SPECULAR_SUM + k] = zero
     for light in range(index(len(lighting.light_functions))):
-        call_row(lighting.light_functions[light], batch.ctypes.data, n, lighting.lights[light].ctypes.data)
+        call_batch_function(lighting.light_functions[light], batch.ctypes.data, n, lighting.lights[light].ctypes.data)
         cast_shadow(batch, n, lighting.shadows, light)
-        call_row(lighting.reflection_functions[material, light], batch.ctypes.data, n, coefficients.ctypes.data)
+        call_batch_function(lighting.reflection_functions[material, light], batch.ctypes.data, n, coefficients.ctypes.data)
         for channel in range(index(lighting.n_light_channel)):
             diffuse = lighting.colors[color_set, light, channel]
             add_light(batch, n, f.DIFFUSE_SUM + channel * f.NEXT, f.DIFFUSE, diffuse, light == 0)
@@ -126,7 +126,7 @@ def sum_lights(batch, n, lighting, material):
 def cast_shadow(batch, n, shadows, light):
     """Multiply STRENGTH by the part of a light that arrives, if it has a shadow map."""
     if shadows is not None and shadows.maps[light] != 0:
-        call_row(shadows.function, batch.ctypes.data, n, shadows.maps[light])
+        call_batch_function(shadows.function, batch.ctypes.data, n, shadows.maps[light])
 
 
 @helper

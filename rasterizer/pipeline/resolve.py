@@ -2,7 +2,7 @@
 
 In:  the band's visibility entries (what is covered) and radiance (linear intensities).
 Out: all of the band's rows of the picture: linear colour float32, and, by the encode stage, 8 bits a channel. The
-     z-buffer is left clean for the next band.
+     visibility buffer is left clear for the next band.
 
 Samples are averaged over each pixel (box filter, linear light) where there are several; a pixel's colour is the mean of
 its covered samples, its alpha the covered fraction.
@@ -24,7 +24,7 @@ from .encode import (
     pack_bytes,
 )
 from .fragments import BATCH_SIZE, NEXT
-from .scan import CLEAR, GROUP_SHIFT, PADDING
+from .visibility import CLEAR, clear, strip_of
 
 
 class Picture(NamedTuple):
@@ -37,13 +37,13 @@ class Picture(NamedTuple):
 
 @kernel
 def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, out):
-    """Write rows of the picture from a band; clean the band.
+    """Write rows of the picture from a band; clear the band.
 
     Parameters
     ----------
-    visibility : the band's z-buffer
+    visibility : of the band
     radiance : (n_channel, n_row * pitch) float32 or float64, linear
-    layers : Layers, which take the place of the radiance where surfaces are transparent (a_buffer.py), or None
+    layers : ABuffer, which takes the place of the radiance where surfaces are transparent (a_buffer.py), or None
     y_start, y_end : the rows of pixels; the band's rows are y_start*factor .. y_end*factor
     factor : samples a pixel along each axis
     encoding : Encoding
@@ -53,7 +53,7 @@ def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, out)
     -------
     how many samples are covered
     """
-    entries, radiance = borrow(visibility.words), borrow(radiance)
+    entries, radiance = borrow(visibility.entries), borrow(radiance)
     out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
     encoding, n_covered = borrow_encoding(encoding), 0
     pixels, levels = np.empty(PIXELS_SHAPE, np.float32), np.empty(PIXELS_SHAPE, np.int32)
@@ -88,7 +88,7 @@ def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, out)
                 write_colors(pixels, n, out.color[index(j), index(left) :], out.alpha[index(j), index(left) :])
             if out.rgba.shape[0] > 0:
                 encode_batch(pixels, levels, n, encoding, out.rgba[index(j), index(left) :])
-    clean(visibility, (y_end - y_start) * factor)
+    clear(visibility, (y_end - y_start) * factor)
     return n_covered
 
 
@@ -98,8 +98,8 @@ def covered_columns(visibility, row, factor):
     0."""
     left, right = np.int64(visibility.width), np.int64(0)
     for sub in range(row, row + factor):
-        group = index(sub) >> index(GROUP_SHIFT)
-        left, right = min(left, visibility.left[group]), max(right, visibility.right[group])
+        strip = strip_of(sub)
+        left, right = min(left, visibility.left[strip]), max(right, visibility.right[strip])
     return (left // factor, (right + factor - 1) // factor) if left < right else (np.int64(0), np.int64(0))
 
 
@@ -279,18 +279,3 @@ def write_colors(pixels, n, color, alpha):
         color[i, 1] = pixels[NEXT + i]
         color[i, 2] = pixels[NEXT + NEXT + i]
         alpha[i] = pixels[ALPHA + i]
-
-
-@helper
-def clean(visibility, n_row):
-    """Make the z-buffer empty again where it was touched, padding included."""
-    entries = borrow(visibility.words)
-    for row in range(index(n_row)):
-        group = row >> index(GROUP_SHIFT)
-        left, right = visibility.left[group], visibility.right[group]
-        if left < right:
-            start = row * index(visibility.pitch)
-            for k in range(start + index(left), start + index(right + PADDING)):
-                entries[k] = CLEAR
-    for group in range(index(len(visibility.left))):
-        visibility.left[group], visibility.right[group] = np.int64(1 << 30), np.int64(-1)

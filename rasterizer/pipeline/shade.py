@@ -20,35 +20,26 @@ from ..compiler.kernels import borrow, helper, index, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import BATCH_SIZE, read_vector, set_vector
+from .gradients import IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from .interpolate import (
     borrow_band,
     corner_values,
+    corner_vectors,
     corner_weights,
     exact_triangle,
     has_exact,
     inverse_sum,
     is_exact,
     mean,
+    mean_vector,
     next_exact_run,
     rounded,
     row_extent,
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
-from .records import (
-    ATTRIBUTE,
-    DEPTH,
-    FACE,
-    IN_PLANES,
-    IN_WORDS,
-    IS_ID,
-    LEVEL_MASK,
-    NORMAL_PLANES,
-    PLANE,
-    PLANE_FACE,
-    RECORD_MASK,
-    SIDE,
-)
-from .simd import GROUP, take_planes
+from .records import ATTRIBUTE, DEPTH, FACE, FIRST_PLANE, PLANES_FACE, SIDE
+from .simd import PLANE_GROUP, PlaneGroup, evaluate_planes
+from .visibility import IS_ID, LEVEL_MASK, RECORD_MASK
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
@@ -85,14 +76,12 @@ def shade_interpolated(band, n_channel, level_step, out_radiance):
         left, right = row_extent(visibility, j)
         for first in range(left, right, BATCH_SIZE):
             start, n = index(j * visibility.pitch + first), index(min(right - first, BATCH_SIZE))
-            entries = visibility.words[start : start + n]
-            if band.kind == IN_WORDS:
+            entries = visibility.entries[start : start + n]
+            if band.kind == IN_ENTRIES:
                 decode_levels(entries, level_step, radiance[0, start : start + n])
-            elif band.kind == IN_PLANES:
-                take_planes(
-                    entries, n, RECORD_MASK, records.levels, index(records.plane_shift), index(PLANE),
-                    first, band.y_start + j, level_step, flat, start, index(radiance.shape[1]),
-                )  # fmt: skip
+            elif band.kind == LEVEL_PLANES:
+                group = plane_group(records, records.int_planes, 0, level_step)
+                evaluate_planes(entries, group, first, band.y_start + j, flat, start, index(radiance.shape[1]))
             if band.n_exact > 0 and has_exact(entries):
                 out = radiance[:, start : start + n]
                 interpolate_intensities(entries, records, (first, band.y_start + j), n_channel, out)
@@ -115,9 +104,9 @@ def interpolate_intensities(entries, records, first, n_channel, out):
         # read.
         record = min(index(entries[start] & RECORD_MASK), last_record)
         triangle = exact_triangle(records, record)
-        red = corner_values(records.numbers, record, ATTRIBUTE)
-        green = corner_values(records.numbers, record, ATTRIBUTE + 3) if n_channel > 1 else red
-        blue = corner_values(records.numbers, record, ATTRIBUTE + 6) if n_channel > 1 else red
+        red = corner_values(records.reals, record, ATTRIBUTE)
+        green = corner_values(records.reals, record, ATTRIBUTE + 3) if n_channel > 1 else red
+        blue = corner_values(records.reals, record, ATTRIBUTE + 6) if n_channel > 1 else red
         for k in range(start, end):
             q = corner_weights(triangle, first[0] + np.int64(k), first[1])
             p = rounded(scale(q, inverse_sum(q)), real)
@@ -152,7 +141,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, batch, o
         y, (first, right) = band.y_start + j, row_extent(visibility, j)
         while first < right:
             start = index(j * visibility.pitch + first)
-            entries = visibility.words[start : start + index(min(right - first, BATCH_SIZE))]
+            entries = visibility.entries[start : start + index(min(right - first, BATCH_SIZE))]
             n, material = run_of_material(entries, band.records, faces.materials)
             entries = entries[: index(n)]
             gather_fragments(entries, band, (first, y), lighting.has_albedo, screen, lighting.needs_position, batch)
@@ -195,17 +184,23 @@ def face_of(entry, records):
     record = index(entry & RECORD_MASK)
     if is_exact(entry):
         return index(records.integers[record, index(FACE)])
-    return index(records.levels[(record << index(records.plane_shift)) + index(PLANE_FACE)])
+    return index(records.int_planes[(record << index(records.plane_shift)) + index(PLANES_FACE)])
 
 
 @helper
 def gather_fragments(entries, band, first, has_albedo, screen, needs_position, batch):
-    """Fill normals, distances and albedo of the samples; `first` is the sample (x, y) of the first entry."""
+    """Fill normals, distances and albedo of the samples; `first` is the sample (x, y) of the first entry.
+
+    Samples that show nothing get anything.
+    """
     records = band.records
     if band.kind == NORMAL_PLANES:
-        evaluate_planes(entries, records, 0, first, f.NORMAL, batch)
+        (x, y), one = first, batch.dtype.type(1)
+        group = plane_group(records, records.float_planes, 0, one)
+        evaluate_planes(entries, group, x, y, batch, f.NORMAL, f.NEXT)
         if has_albedo:
-            evaluate_planes(entries, records, 1, first, f.ALBEDO, batch)
+            group = plane_group(records, records.float_planes, 1, one)
+            evaluate_planes(entries, group, x, y, batch, f.ALBEDO, f.NEXT)
         if needs_position and screen.is_perspective:
             invert_distances(batch, len(entries))
     if band.n_exact > 0 and has_exact(entries):
@@ -213,15 +208,10 @@ def gather_fragments(entries, band, first, has_albedo, screen, needs_position, b
 
 
 @helper
-def evaluate_planes(entries, records, plane_group, first, quantity, batch):
-    """Evaluate four attributes of records with planes, into four quantities of the batch from `quantity` on.
-
-    Samples that show no planes get anything.
-    """
-    take_planes(
-        entries, index(len(entries)), RECORD_MASK, records.planes, index(records.plane_shift),
-        index(PLANE + 3 * GROUP * plane_group), first[0], first[1], batch.dtype.type(1), batch, quantity, f.NEXT,
-    )  # fmt: skip
+def plane_group(records, planes, number, scale):
+    """Return group `number` of four planes of the records; `planes` are their numbers, of int32 or of float32."""
+    column = index(FIRST_PLANE + 3 * PLANE_GROUP * number)
+    return PlaneGroup(planes, RECORD_MASK, index(records.plane_shift), column, scale)
 
 
 @helper
@@ -241,7 +231,7 @@ def interpolate_fragments(entries, records, first, has_albedo, is_perspective, b
         record = index(entries[start] & RECORD_MASK)
         triangle, side = exact_triangle(records, record), real(records.integers[record, index(SIDE)])
         normals = corner_vectors(records, record, 0)
-        depths = corner_values(records.numbers, record, DEPTH)
+        depths = corner_values(records.reals, record, DEPTH)
         colors = corner_vectors(records, record, 3) if has_albedo else normals
         for k in range(start, end):
             q = corner_weights(triangle, first[0] + np.int64(k), first[1])
@@ -270,23 +260,6 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
                 p = rounded(scale(q, inverse_sum(q)), real)
                 set_vector(batch, f.TANGENT, k, mean_vector(tangents, p))
             start, end = next_exact_run(entries, end)
-
-
-@helper
-def corner_vectors(records, record, attribute):
-    """Return three neighbouring attributes of an exact record, each at the three corners."""
-    column = ATTRIBUTE + 3 * attribute
-    return (
-        corner_values(records.numbers, record, column),
-        corner_values(records.numbers, record, column + 3),
-        corner_values(records.numbers, record, column + 6),
-    )
-
-
-@helper
-def mean_vector(corners, p):
-    """Return the weighted means of three attributes, see `mean`."""
-    return mean(corners[0], p), mean(corners[1], p), mean(corners[2], p)
 
 
 @helper

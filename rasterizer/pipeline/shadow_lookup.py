@@ -36,9 +36,7 @@ from ..geometry.vectors import add, dot, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
 from .interpolate import row_extent
-from .records import PAYLOAD_BITS
-from .resolve import clean
-from .scan import CLEAR
+from .visibility import CLEAR, PAYLOAD_BITS, clear
 
 # The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether
 # rays diverge; then a block of N_MAP_COLUMN numbers for each map.
@@ -198,11 +196,11 @@ def write_map(visibility, y_start, n_row, depth_line, out_texels):
 
     Parameters
     ----------
-    visibility : the band's z-buffer
+    visibility : of the band
     depth_line : (offset, slope), float64: the texels are offset + slope·z, 1/w or minus the depth
     out_texels : (size, size) float64, row y_start.. of it; -inf where nothing is
     """
-    entries, (offset, slope) = borrow(visibility.words), depth_line
+    entries, (offset, slope) = borrow(visibility.entries), depth_line
     nothing = out_texels.dtype.type(-np.inf)
     for j in range(n_row):
         left, right = row_extent(visibility, j)
@@ -214,4 +212,4 @@ def write_map(visibility, y_start, n_row, depth_line, out_texels):
             for i in range(index(left), index(min(right, len(row)))):
                 entry = entries[start + i]
                 row[i] = offset + slope * float(entry >> PAYLOAD_BITS) if entry < CLEAR else nothing
-    clean(visibility, n_row)
+    clear(visibility, n_row)

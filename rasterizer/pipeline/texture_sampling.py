@@ -31,7 +31,8 @@ from .interpolate import (
     run_end,
     weight_steps,
 )
-from .records import ATTRIBUTE, FACE, RECORD_MASK
+from .records import ATTRIBUTE, FACE
+from .visibility import RECORD_MASK
 
 FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR = 0, 1, 2
 WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR = 0, 1, 2  # what lies outside the picture
@@ -72,7 +73,7 @@ def sample_textures(band, textures, face_materials, batch, out_texels):
         if left >= right:
             continue
         start, n = index(j * visibility.pitch + left), index(right - left)
-        entries, k = visibility.words[start : start + n], index(0)
+        entries, k = visibility.entries[start : start + n], index(0)
         while k < n:
             end, texture, record = run_end(entries, k), np.int64(-1), index(0)
             if is_exact(entries[k]):
@@ -175,7 +176,7 @@ def fill_mip_levels(records, record, n, size, coarsest, batch):
 def corner_texcoords(records, record):
     """Return u and v of an exact record, each at the three corners."""
     column = ATTRIBUTE + 3 * LIGHT_COLUMNS
-    return corner_values(records.numbers, record, column), corner_values(records.numbers, record, column + 3)
+    return corner_values(records.reals, record, column), corner_values(records.reals, record, column + 3)
 
 
 @helper
@@ -282,7 +283,7 @@ def shade_textured(band, texels, out_radiance):
         if left >= right:
             continue
         first = index(j * visibility.pitch + left)
-        entries = visibility.words[first : first + index(right - left)]
+        entries = visibility.entries[first : first + index(right - left)]
         start, end = next_exact_run(entries, index(0))
         while start < end:
             record = index(entries[start] & RECORD_MASK)
@@ -292,8 +293,8 @@ def shade_textured(band, texels, out_radiance):
                 p = scale(q, inverse_sum(q))
                 for channel in range(index(3)):
                     column = index(ATTRIBUTE) + index(3) * channel
-                    of_rest = corner_values(records.numbers, record, column)
-                    of_whole = corner_values(records.numbers, record, column + index(9))
+                    of_rest = corner_values(records.reals, record, column)
+                    of_whole = corner_values(records.reals, record, column + index(9))
                     rest, whole = mean(of_rest, p), mean(of_whole, p)
                     radiance[channel, first + k] = rest + (whole - rest) * texels[channel, first + k]
             start, end = next_exact_run(entries, end)

@@ -18,8 +18,9 @@ from rasterizer.engine.plan import make_plan
 from rasterizer.engine.view_plans import fits_float32
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import DEFAULT_TOLERANCE, Options
-from rasterizer.pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES
+from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
+from rasterizer.pipeline.visibility import LEVEL_MASK
 
 BALL = octasphere(1)
 CLAY = (0.8, 0.4, 0.2)
@@ -156,12 +157,12 @@ MIRROR = rz.Material(specular=0.5, shininess=20_000)
 DULL = rz.Material(specular=0.5, shininess=0.5)
 BRIGHT = (rz.DirectionalLight((0, 0, -1), 500),)
 PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated, coding when lit a sample)
-    "default": (GREY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
-    "three channels": (GLOSSY_CLAY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_PLANES, NORMAL_PLANES),
+    "default": (GREY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, NORMAL_PLANES),
+    "three channels": (GLOSSY_CLAY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, LEVEL_PLANES, NORMAL_PLANES),
     "exact": (GREY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
     "exact, three channels": (GLOSSY_CLAY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
     "nearly exact": (GREY, GREY_LIGHTS, 1e-7, np.float64, EXACT, EXACT),
-    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, NORMAL_PLANES),
     "a mirror": (MIRROR, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "too dull": (DULL, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "shiny, and generous": (
@@ -169,14 +170,14 @@ PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated
         (rz.DirectionalLight((0, 0, -1), 1.0),),
         1e-2,
         np.float32,
-        IN_WORDS,
+        IN_ENTRIES,
         NORMAL_PLANES,
     ),
     "too bright": (GREY, BRIGHT, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
-    "bright, and generous": (GREY, BRIGHT, 0.1, np.float32, IN_WORDS, NORMAL_PLANES),
-    "amplified ten times": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "bright, and generous": (GREY, BRIGHT, 0.1, np.float32, IN_ENTRIES, NORMAL_PLANES),
+    "amplified ten times": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, NORMAL_PLANES),
     "without bound": (GREY, INVERSE_SQUARE, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
-    "dark": (GREY, (), DEFAULT_TOLERANCE, np.float32, IN_WORDS, NORMAL_PLANES),
+    "dark": (GREY, (), DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, NORMAL_PLANES),
 }
 
 
@@ -222,7 +223,7 @@ def test_a_light_on_a_surface_needs_float64():
     assert precise.dtype == np.float64 and precise.coding == EXACT
 
 
-def test_words_accept_what_is_left_of_the_tolerance():
+def test_entries_accept_what_is_left_of_the_tolerance():
     """The rounding of the lighting and that of the levels have to share."""
     camera = rz.Camera.perspective((0, 0, 5))
     screen = screen_for(camera, (1.0, 9.0))
@@ -295,7 +296,7 @@ positions = st.tuples(*[st.floats(-20, 20)] * 3)
 
 @settings(max_examples=200, deadline=None)
 @given(positions, positions, st.booleans(), st.floats(-6, 6))
-def test_depths_in_the_range_fit_the_words(eye, target, is_perspective, exponent):
+def test_depths_in_the_range_fit_the_entries(eye, target, is_perspective, exponent):
     """Every vertex beyond the near plane gets a z within the bits for it, at any scale, with some room."""
     if np.linalg.norm(np.subtract(eye, target)) < 1e-3:
         return

@@ -9,7 +9,7 @@ from helpers.pinhole import SHADINGS, octasphere, unit
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.uniforms import functions_of, make_lighting
+from rasterizer.engine.uniforms import batch_functions_of, make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.light_kinds import (
@@ -81,15 +81,15 @@ def test_numbers_of_positional_lights():
     assert rows[2, CONE_SCALE] == pytest.approx(1 / (c_inner - c_outer), rel=1e-14) and rows[3, CONE_SCALE] == np.inf
 
 
-def test_row_functions_are_those_of_the_lights_and_then_of_the_materials():
+def test_batch_functions_are_those_of_the_lights_and_then_of_the_materials():
     area = rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 1, 0), resolution=(2, 1))
     lights = (rz.AmbientLight(), rz.SpotLight((1, 2, 3), (0, 0, -1)), area, rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, rz.Material(specular=0), rz.Material(reflection="blinn"))
-    of_lights, of_materials = functions_of(plan, True)
+    of_lights, of_materials = batch_functions_of(plan, True)
     assert of_lights == [spot, point, point, directional] and of_materials == [[lambert] * 4, [blinn] * 4]
     assert len(lighting.light_functions) == 4 and lighting.reflection_functions.shape == (2, 4)
     # The half vector is constant where light and viewer are at infinity.
-    assert functions_of(plan, False)[1] == [[lambert] * 4, [blinn] * 3 + [distant_blinn]]
+    assert batch_functions_of(plan, False)[1] == [[lambert] * 4, [blinn] * 3 + [distant_blinn]]
     assert len(set(lighting.light_functions.tolist())) == 3 and lighting.needs_position and lighting.needs_view
     assert not lighting_of((rz.DirectionalLight((0, 0, -1)),), rz.Material(specular=0))[0].needs_view
 

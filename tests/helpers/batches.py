@@ -4,7 +4,7 @@ import ctypes
 
 import numpy as np
 
-from rasterizer.compiler.kernels import row_function
+from rasterizer.compiler.kernels import batch_function
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.reflection import reflection_function_of
@@ -23,7 +23,7 @@ COEFFICIENTS = {
 
 def call(function, batch, n, coefficients):
     """Call a compiled light or reflection function."""
-    compiled = row_function(function, batch.dtype)
+    compiled = batch_function(function, batch.dtype)
     real = ctypes.POINTER(ctypes.c_float if batch.dtype == np.float32 else ctypes.c_double)
     compiled.ctypes(batch.ctypes.data_as(real), n, coefficients.ctypes.data_as(real))
 

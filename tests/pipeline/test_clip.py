@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.pipeline import clip as stage
-from rasterizer.pipeline.clip import MOST_CORNERS, N_COLUMN, clip, find_nearest
+from rasterizer.pipeline.clip import MOST_CORNERS, N_CORNER_COLUMN, clip, find_nearest
+from rasterizer.pipeline.drawables import Triangles
+from rasterizer.pipeline.face_planes import compute_face_planes
 from rasterizer.pipeline.transform import DEPTH_MARGIN, LIMIT_PX, OUTSIDE, transform
 
 NEAR, FAR = 1.0, 10.0
@@ -21,20 +23,21 @@ def clip_mesh(points, faces, screen, corner=None):
     vertex = np.ascontiguousarray(np.asarray(faces, np.uint32).reshape(-1, 3).T)
     with np.errstate(all="ignore"):
         vertices, _ = transform(positions, screen, SERIAL)
-        return clip(positions, vertex, vertex if corner is None else corner, vertices, screen), vertices
+        triangles = Triangles(vertex, vertex if corner is None else corner, np.zeros(vertex.shape[1], np.uint8))
+        return clip(positions, triangles, vertices, screen), vertices
 
 
 def clip_shares(points, screen, faces=((0, 1, 2),)):
     """The parts of triangles before they are rounded: shares (n_part, 3, 3) of their vertices in the parts' corners,
     and the triangle of each part. `points` are those of a camera at the origin that looks down -z."""
     points, faces = np.asarray(points, float), np.asarray(faces, np.uint32)
-    parts, cut = np.empty((7 * len(faces), 3, N_COLUMN)), np.empty(7 * len(faces), np.uint32)
+    parts, owners = np.empty((7 * len(faces), 3, N_CORNER_COLUMN)), np.empty(7 * len(faces), np.uint32)
     numbers = np.arange(len(faces), dtype=np.uint32)
     columns = np.ascontiguousarray(points.T), np.ascontiguousarray(faces.T)
-    n = stage.clip_faces(*columns, numbers, screen, parts, cut)
-    parts, cut = parts[:n], cut[:n]
+    n = stage.clip_faces(*columns, numbers, screen, parts, owners)
+    parts, owners = parts[:n], owners[:n]
     of_eye = points[faces] * (1, 1, -1)  # across, upward, depth
-    return np.linalg.solve(of_eye.swapaxes(1, 2)[cut], parts[:, :, [1, 2, 0]].swapaxes(1, 2)).swapaxes(1, 2), cut
+    return np.linalg.solve(of_eye.swapaxes(1, 2)[owners], parts[:, :, [1, 2, 0]].swapaxes(1, 2)).swapaxes(1, 2), owners
 
 
 def share_of_area(triangles):
@@ -83,15 +86,15 @@ def test_new_vertices_stand_where_their_points_are_seen():
         faces = np.arange(300).reshape(-1, 3)
         clipped, before = clip_mesh(points, faces, screen)
         crossing = np.flatnonzero((before.x[faces] == OUTSIDE).any(axis=1))
-        shares, cut = clip_shares(points, screen, faces[crossing])
-        spots = np.einsum("pkc,pcx->pkx", shares, points[faces[crossing[cut]]]).reshape(-1, 3)
+        shares, owners = clip_shares(points, screen, faces[crossing])
+        spots = np.einsum("pkc,pcx->pkx", shares, points[faces[crossing[owners]]]).reshape(-1, 3)
         w = -spots[:, 2] if is_perspective else 1.0
         x, y = 256 * (15.5 + 20 * spots[:, 0] / w), 256 * (9.25 - 20 * spots[:, 1] / w)
         new = clipped.vertices.x[300:], clipped.vertices.y[300:], clipped.vertices.z[300:]
         off = np.maximum(np.abs(new[0] - x), np.abs(new[1] - y)).max()
         assert len(spots) > 50 and off <= 0.5 + 1e-8, f"{off} sub-pixels > 0.5"
         # On a face all of whose vertices are seen, rounding moves the plane; else it is that of the points themselves.
-        corners = points[faces[crossing[cut]]]
+        corners = points[faces[crossing[owners]]]
         is_behind = np.repeat((corners[:, :, 2] >= 0).any(axis=1), 3) if is_perspective else np.zeros(len(spots), bool)
         normal = np.repeat(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), 3, axis=0)
         ray = np.stack([(new[0] / 256 - 15.5) / 20, (9.25 - new[1] / 256) / 20, -np.ones(len(spots))], axis=1)
@@ -119,20 +122,21 @@ def test_both_faces_of_an_edge_get_the_same_new_vertices(corners, is_perspective
     """Bit for bit, through all planes, however the two faces are wound and listed: no gap can open."""
     screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR)
     faces = np.array([np.array([0, 1, 2])[turn_a], np.array([1, 0, 3])[turn_b]])
-    parts, cut = np.empty((14, 3, N_COLUMN)), np.empty(14, np.uint32)
+    parts, owners = np.empty((14, 3, N_CORNER_COLUMN)), np.empty(14, np.uint32)
     columns = np.ascontiguousarray(np.array(corners).T), np.ascontiguousarray(faces.T.astype(np.uint32))
     with np.errstate(all="ignore"):
         vertices, _ = transform(columns[0], screen, SERIAL)
-        n = stage.clip_faces(*columns, np.arange(2, dtype=np.uint32), screen, parts, cut)
-        x, y, _ = stage.place(parts[:n].reshape(-1, N_COLUMN), screen)
-    if not ((vertices.x[faces] == OUTSIDE).any(axis=1).all() and {0, 1} <= set(cut[:n])):
+        n = stage.clip_faces(*columns, np.arange(2, dtype=np.uint32), screen, parts, owners)
+        flat, ranges = np.zeros((2, 3)), np.zeros((2, 2))
+        (x, y, _), _ = stage.snap_corners(parts[:n], np.repeat(owners[:n], 3), flat, ranges, screen)
+    if not ((vertices.x[faces] == OUTSIDE).any(axis=1).all() and {0, 1} <= set(owners[:n])):
         return
     # The corners that lie on the edge between the points 0 and 1: those that both faces have.
     edge = np.array(corners)[:2] * (1, 1, -1)
     on_edge = []
     for face in range(2):
-        rows = np.concatenate([parts[:n].reshape(-1, N_COLUMN), x[:, None], y[:, None]], axis=1)[
-            np.repeat(cut[:n] == face, 3)
+        rows = np.concatenate([parts[:n].reshape(-1, N_CORNER_COLUMN), x[:, None], y[:, None]], axis=1)[
+            np.repeat(owners[:n] == face, 3)
         ]
         along = edge[1] - edge[0]
         off = np.cross(rows[:, [1, 2, 0]] - edge[0], along)
@@ -209,10 +213,13 @@ def test_what_is_not_finite_draws_nothing_and_disturbs_nothing(bad, is_perspecti
         screen = screen._replace(**{name: getattr(screen, name) @ turn for name in ("right", "up", "forward")})
         with np.errstate(all="ignore"):
             clipped, _ = clip_mesh(np.concatenate([good @ turn, [bad]]), faces, screen)
-        x, y = clipped.vertices.x[clipped.vertex].astype(int), clipped.vertices.y[clipped.vertex].astype(int)
+        x, y = (
+            clipped.vertices.x[clipped.triangles.vertex_idx].astype(int),
+            clipped.vertices.y[clipped.triangles.vertex_idx].astype(int),
+        )
         assert (x != OUTSIDE).all()
         area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
-        drawn = set(clipped.face[area != 0].tolist())
+        drawn = set(clipped.faces[area != 0].tolist())
         if np.isfinite(bad).all():
             assert {0, 2} <= drawn  # very far away is not an error
         else:
@@ -227,13 +234,13 @@ def test_faces_keep_their_order_and_their_points():
     corner = np.ascontiguousarray(rng.integers(0, 500, (3, 200)).astype(np.uint32))
     clipped, before = clip_mesh(points, faces, screen, corner)
     is_whole = (before.x[faces] != OUTSIDE).all(axis=1)
-    assert (np.diff(clipped.face.astype(int)) >= 0).all()
+    assert (np.diff(clipped.faces.astype(int)) >= 0).all()
     assert clipped.n_clipped == (~is_whole).sum() > 20 and is_whole.sum() > 20
-    assert set(np.flatnonzero(is_whole)) <= set(clipped.face)
-    kept = is_whole[clipped.face]
-    assert (clipped.vertex[:, kept] == faces[clipped.face[kept]].T).all()
-    assert (clipped.vertex[:, ~kept] >= 60).all() and ((clipped.cut < 0) == kept).all()
-    assert (clipped.corner == corner[:, clipped.face]).all()
+    assert set(np.flatnonzero(is_whole)) <= set(clipped.faces)
+    kept = is_whole[clipped.faces]
+    assert (clipped.triangles.vertex_idx[:, kept] == faces[clipped.faces[kept]].T).all()
+    assert (clipped.triangles.vertex_idx[:, ~kept] >= 60).all() and ((clipped.triangles.clipped_idx < 0) == kept).all()
+    assert (clipped.triangles.corner_idx == corner[:, clipped.faces]).all()
     assert [a[:60].tobytes() for a in clipped.vertices] == [a.tobytes() for a in before]
 
 
@@ -245,7 +252,7 @@ def test_parts_keep_the_winding_of_their_face():
         points = rng.uniform(-4, 4, (3, 3)) - (0, 0, 4)
         clipped, _ = clip_mesh(points, [[0, 1, 2]], screen)
         facing = np.linalg.det(points)  # whether the eye, at the origin, sees the face counter-clockwise
-        x, y = (a[clipped.vertex].astype(np.int64) for a in clipped.vertices[:2])
+        x, y = (a[clipped.triangles.vertex_idx].astype(np.int64) for a in clipped.vertices[:2])
         area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
         large = area[np.abs(area) > 2**18]
         assert (np.sign(large) == np.sign(facing)).all()
@@ -262,7 +269,7 @@ def test_weights_are_those_of_the_whole_face(is_perspective):
     faces = np.arange(300).reshape(-1, 3)
     behind = points[faces][:, :, 2].max(axis=1) >= 0  # others are rounded
     vertex = np.ascontiguousarray(faces[behind].T.astype(np.uint32))
-    planes, z = stage.find_whole_planes(np.ascontiguousarray(points.T), vertex, screen)
+    planes, z = compute_face_planes(np.ascontiguousarray(points.T), vertex, screen)
     shares = rng.dirichlet((1, 1, 1), (len(planes), 40))
     spots = shares @ points[faces[behind]]
     is_seen = spots[..., 2] < -0.2
@@ -282,9 +289,11 @@ def test_weights_are_those_of_the_whole_face(is_perspective):
 def test_clipping_nothing_changes_nothing():
     points = [(0, 0, -2), (1, 0, -2), (0, 1, -2)]
     clipped, before = clip_mesh(points, [[0, 1, 2]], plain_screen())
-    assert clipped.n_clipped == 0 and (clipped.vertex == [[0], [1], [2]]).all() and len(clipped.planes) == 0
+    assert (
+        clipped.n_clipped == 0 and (clipped.triangles.vertex_idx == [[0], [1], [2]]).all() and len(clipped.planes) == 0
+    )
     behind, _ = clip_mesh(-np.array(points), [[0, 1, 2]], plain_screen())
-    assert behind.n_clipped == 1 and behind.vertex.shape == (3, 0) and behind.face.shape == (0,)
+    assert behind.n_clipped == 1 and behind.triangles.vertex_idx.shape == (3, 0) and behind.faces.shape == (0,)
 
 
 # ---------------------------------------------------------------- in pictures
@@ -404,7 +413,7 @@ def test_without_the_compiler_the_same_comes_out(monkeypatch):
     faces, screen = np.arange(30, dtype=np.uint32), plain_screen(True, (NEAR, FAR), far_clip=FAR)
 
     def run():
-        triangles, owner = np.zeros((30 * 7, 3, N_COLUMN)), np.zeros(30 * 7, np.uint32)
+        triangles, owner = np.zeros((30 * 7, 3, N_CORNER_COLUMN)), np.zeros(30 * 7, np.uint32)
         n = int(stage.clip_faces(positions, vertex, faces, screen, triangles, owner))
         nearest = float(stage.find_nearest(positions, vertex, screen, 40, 30))
         return n, triangles.tobytes(), owner.tobytes(), nearest

@@ -11,7 +11,7 @@ from helpers.pinhole import SHADINGS, octasphere
 import rasterizer as rz
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.reflection_table import has_colored_fresnel
-from rasterizer.engine.uniforms import functions_of, make_lighting
+from rasterizer.engine.uniforms import batch_functions_of, make_lighting
 from rasterizer.errors import SceneError
 from rasterizer.options import Options
 from rasterizer.pipeline.light_kinds import same_light_again
@@ -116,7 +116,7 @@ def test_grey_pictures_keep_one_channel_and_compile_nothing_more():
     for fresnel in (0.3, "white", (0.2, 0.2, 0.2), None):
         grey = rz.Material(fresnel=fresnel)
         plan = planned(grey)
-        assert not has_colored_fresnel(grey) and same_light_again not in functions_of(plan, True)[0]
+        assert not has_colored_fresnel(grey) and same_light_again not in batch_functions_of(plan, True)[0]
     neutral = rz.Scene(ball(rz.Material(fresnel=0.3)).meshes)
     plan = make_plan(neutral, Options(), np.empty((0, 3)))
     assert plan.n_channel == 1 and len(make_lighting(plan, neutral.camera_for((4, 3)).view()).light_functions) == len(

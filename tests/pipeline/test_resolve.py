@@ -7,7 +7,7 @@ from helpers.bands import encoding, fill, levels, run
 from rasterizer.pipeline.encode import RANGE_GLOBAL, RANGE_LOCAL, encode_picture
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.resolve import resolve
-from rasterizer.pipeline.scan import CLEAR, PADDING
+from rasterizer.pipeline.visibility import CLEAR, PADDING
 from rasterizer.pipeline.workspace import make_picture
 from rasterizer.scene.color import srgb_from_linear
 
@@ -83,10 +83,10 @@ def test_every_pixel_of_the_band_is_written():
     covered = np.zeros((24, 60), bool)
     covered[3:5, 10:20] = True
     for with_color in (True, False):
-        bench, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
+        workspace, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
         for array in picture:
             array.fill(77)
-        resolve(bench.canvas, bench.radiance, None, 0, 24, 1, encoding(), picture)
+        resolve(workspace.visibility, workspace.radiance, None, 0, 24, 1, encoding(), picture)
         assert not picture.rgba[~covered].any() and (picture.rgba[covered] != 77).all()
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
 
@@ -124,21 +124,21 @@ def test_policies_bring_colors_into_range(factor):
 @pytest.mark.parametrize("factor", [1, 2, 3])
 def test_the_z_buffer_is_clean_after_it(factor):
     covered, radiance = random_band(8, 1, (18 * factor, 61 * factor), factor)
-    bench = run(covered, radiance, encoding(), factor)[2]
-    assert (bench.canvas.words == CLEAR).all()
-    assert (bench.canvas.left == 1 << 30).all() and (bench.canvas.right == -1).all()
+    workspace = run(covered, radiance, encoding(), factor)[2]
+    assert (workspace.visibility.entries == CLEAR).all()
+    assert (workspace.visibility.left == 1 << 30).all() and (workspace.visibility.right == -1).all()
 
 
 def test_what_lanes_wrote_behind_a_row_is_cleaned():
     """Lanes read and write back up to PADDING samples behind the extent that they have noted."""
     covered = np.zeros((9, 40), bool)
     covered[2, 3:10] = covered[8, 39] = True
-    bench = fill(covered, np.ones((1, 9, 40)))
-    words = bench.canvas.words.reshape(9, bench.canvas.pitch)
-    assert bench.canvas.pitch >= 40 + PADDING
-    words[2, 10 : 10 + PADDING] = words[8, 40 : 40 + PADDING] = 7
-    resolve(bench.canvas, bench.radiance, None, 0, 9, 1, encoding(), make_picture((40, 9), True))
-    assert (words == CLEAR).all()
+    workspace = fill(covered, np.ones((1, 9, 40)))
+    entries = workspace.visibility.entries.reshape(9, workspace.visibility.pitch)
+    assert workspace.visibility.pitch >= 40 + PADDING
+    entries[2, 10 : 10 + PADDING] = entries[8, 40 : 40 + PADDING] = 7
+    resolve(workspace.visibility, workspace.radiance, None, 0, 9, 1, encoding(), make_picture((40, 9), True))
+    assert (entries == CLEAR).all()
 
 
 def test_other_rows_and_columns_of_the_picture_are_left_alone():
