@@ -316,7 +316,7 @@ LIGHT_KINDS: dict[str, type] = {
 
 
 def kind_of(light: Any) -> str:
-    """Return the word for a light's kind: that of its very class, because a subclass may shine in another way.
+    """Return the word for a light's kind: that of its very class, as a subclass may shed another light.
 
     Raises
     ------
