@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..choices import ColorRange, Cull, Shading
 from ..errors import SceneError, shown
 from ..options import DEFAULT_TOLERANCE, Options
 from ..scene.camera import Camera
@@ -18,7 +19,7 @@ from .clip import SUBPIXELS
 from .cover import Window
 from .explanation import Explanation, Layer, LightShare, Sample, Vector
 from .light import Lighting, RayOrigins, ambient_light, as_rgb, contributions
-from .picture import ColorRangeName, CullName, Look, ShadingName, encode, look_at, place_samples, render, resolve
+from .picture import Look, encode, look_at, place_samples, render, resolve
 from .shading import (
     Fragments,
     Points,
@@ -42,12 +43,12 @@ def explain(
     size: tuple[int, int] = (640, 480),
     *,
     camera: Camera | None = None,
-    shading: ShadingName = "gouraud",
+    shading: Shading = "gouraud",
     tolerance: float = DEFAULT_TOLERANCE,
     samples: int = 1,
     outputs: str | tuple[str, ...] = ("color",),
-    cull: CullName = "none",
-    color_range: ColorRangeName = "clamp",
+    cull: Cull = "none",
+    color_range: ColorRange = "clamp",
     exposure: float = 0.0,
     spectral: int | None = None,
     threads: int | None = None,
