@@ -1,8 +1,9 @@
-"""Lights and reflection models of one's own: one call enters a kind in every table that must know it.
+"""Lights, reflection models and file formats of one's own: one call enters a kind in every table that must know it.
 
     scene       what may be written            the command line and scene files read and write it
     engine      what is drawn, and the bounds  plan, uniforms, error bounds, shadow maps, Mach bands ask it
     reference   the same, slowly               tests and reports compare with it
+    io          what files are read by         loading, the command line and every message ask it
 
     from rasterizer import registries
 
@@ -22,6 +23,7 @@ from typing import Any
 from .engine.light_table import LIGHT_TABLE, LightEntry
 from .engine.reflection_table import REFLECTION_TABLE, ReflectionEntry
 from .errors import SceneError, shown
+from .io.formats import FORMATS, Format, register
 from .reference.lamp import LAMP_KINDS, LampKind
 from .reference.reflection import REFLECTION_KINDS, ReflectionKind
 from .scene.fields import describe_fields
@@ -30,29 +32,17 @@ from .scene.material import REFLECTION_MODELS, ReflectionModel
 
 
 class Registration:
-    """Hold what one call entered, and undo it.
+    """Hold where a word was entered, and take it back.
 
     Parameters
     ----------
     word : text, the key in all tables
-    entries : pairs of a table (dict) and what is entered there; all are entered, or none
-    what : text for messages, such as "a light"
-
-    Raises
-    ------
-    SceneError : the word isn't made of small letters, digits and hyphens, or some table has it
+    tables : those that have it now
     """
 
-    def __init__(self, word: str, entries: list[tuple[dict[str, Any], Any]], what: str) -> None:
-        if not isinstance(word, str) or not re.fullmatch(r"[a-z][a-z0-9-]*", word):
-            raise SceneError(f"the word for {what} must be small letters, digits and hyphens; given {shown(word)}")
-        for table, _ in entries:
-            if word in table:
-                raise SceneError(f"there is {what} {word!r} already; taken are {', '.join(table)}")
+    def __init__(self, word: str, tables: list[dict[str, Any]]) -> None:
         self.word = word
-        self._tables = [table for table, _ in entries]
-        for table, entry in entries:
-            table[word] = entry
+        self._tables = tables
 
     def remove(self) -> None:
         """Take the word out of all tables; scenes that still use it are refused. To do so twice changes nothing."""
@@ -101,7 +91,7 @@ def add_light(word: str, cls: type, *, drawn: LightEntry, reference: LampKind) -
     is_alone = type(drawn).expand is LightEntry.expand  # no other lights stand for it
     if "shadow" in described and is_alone and type(drawn).beam is LightEntry.beam:
         raise SceneError(f"{cls.__name__} has a shadow, so its entry in the engine needs a beam")
-    return Registration(word, [(LIGHT_KINDS, cls), (LIGHT_TABLE, drawn), (LAMP_KINDS, reference)], "a light")
+    return _enter(word, [(LIGHT_KINDS, cls), (LIGHT_TABLE, drawn), (LAMP_KINDS, reference)], "a light")
 
 
 def add_reflection(
@@ -129,7 +119,39 @@ def add_reflection(
     model = ReflectionModel() if model is None else model
     _check_type(model, ReflectionModel, "model")
     entries = [(REFLECTION_MODELS, model), (REFLECTION_TABLE, drawn), (REFLECTION_KINDS, reference)]
-    return Registration(word, entries, "a reflection model")
+    return _enter(word, entries, "a reflection model")
+
+
+def add_format(entry: Format) -> Registration:
+    """Enter a file format.
+
+    Parameters
+    ----------
+    entry : its name, suffixes and reader, see `Format`
+
+    Returns
+    -------
+    Registration
+
+    Raises
+    ------
+    SceneError : a name or suffix that is taken
+    """
+    _check_type(entry, Format, "entry")
+    register(entry)
+    return Registration(entry.name, [FORMATS])
+
+
+def _enter(word: str, entries: list[tuple[dict[str, Any], Any]], what: str) -> Registration:
+    """Enter a word in all tables, or in none. SceneError where it is no word, or some table has it."""
+    if not isinstance(word, str) or not re.fullmatch(r"[a-z][a-z0-9-]*", word):
+        raise SceneError(f"the word for {what} must be small letters, digits and hyphens; given {shown(word)}")
+    for table, _ in entries:
+        if word in table:
+            raise SceneError(f"there is {what} {word!r} already; taken are {', '.join(table)}")
+    for table, entry in entries:
+        table[word] = entry
+    return Registration(word, [table for table, _ in entries])
 
 
 def _check_type(value: Any, cls: type, name: str) -> None:

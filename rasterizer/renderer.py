@@ -20,8 +20,8 @@ from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .geometry.points import gather_geometry
 from .options import Options
+from .pipeline.encode import encode_picture
 from .pipeline.records import EXACT
-from .pipeline.resolve import encode_picture
 from .pipeline.threads import Workers
 from .pipeline.workspace import Scratch, empty_buffers, make_picture
 from .scene.camera import Camera
@@ -232,7 +232,7 @@ class Renderer:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self._geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
-        normal_offsets = np.empty(0) if self._shadows is None else self._shadows.lifts
+        normal_offsets = np.empty(0) if self._shadows is None else self._shadows.normal_offsets
         return point_intensities(self._geometry, plan, lighting, screen, n_side, normal_offsets, self._threads)
 
     def _shadow_shapes(self) -> np.ndarray:

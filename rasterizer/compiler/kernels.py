@@ -39,6 +39,9 @@ _CODE_SETTINGS = (
     "LOOP_VECTORIZE", "NRT_STATS", "OPT", "SLP_VECTORIZE", "USING_SVML",
 )  # fmt: skip
 
+# The type of indices in hot loops: a signed index makes numba add code for negative ones, which count from the end.
+index = numpy.uint64
+
 _log = logging.getLogger("rasterizer")
 
 

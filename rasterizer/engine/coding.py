@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding
 from ..pipeline.records import CODINGS, NORMAL_PLANES, Coding
-from ..pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
-from .light_table import entry_of
+from .light_table import any_needs_position
 from .plan import Plan
 
 
@@ -26,8 +26,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         level_tolerance=max(0.0, tolerance - plan.rounding) * plan.level_scale,
         normal_limit=plan.normal_limit,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
-        needs_distance=plan.coding == NORMAL_PLANES
-        and any(entry_of(light).function(light).needs_position for light in plan.lights),
+        needs_distance=plan.coding == NORMAL_PLANES and any_needs_position(plan.lights),
         inv_w_offset=inv_w_offset,
         inv_w_scale=inv_w_scale,
         depth_offset=depth_offset,
@@ -38,6 +37,6 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
 def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
     """Say how linear colour becomes 8 bits; `background` is a linear colour or None."""
     behind = np.array(background or (0, 0, 0), np.float32)
-    policy = {"clamp": CLAMP, "global": GLOBAL, "local": LOCAL}[color_range]
+    policy = {"clamp": RANGE_CLAMP, "global": RANGE_GLOBAL, "local": RANGE_LOCAL}[color_range]
     is_grey = plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0
     return Encoding(is_grey, plan.tint, behind, background is not None, policy, scale)

@@ -133,7 +133,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
         materials=materials,
         has_albedo=len(albedo) > 0,
         has_shadows=sources.has_shadows,
-        has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
+        has_tangents=any(reflection_table.entry_of(m).function(m).needs_tangent for m in materials),
         textures=list_textures(materials) if sources.is_textured else None,
         opacity=None if sources.is_opaque else list_opacities(materials, least),
         products=sources.products,

@@ -28,7 +28,7 @@ def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace) -> in
     n_transparent = scan_opaque(
         band.faces, drawn.polygons, drawn.vertices, render_pass.attributes, render_pass.coding, band.y_start,
         band.y_end, workspace.block, workspace.canvas, workspace.records, render_pass.opacity,
-        drawn.face_table.material, transparent,
+        drawn.face_table.materials, transparent,
     )  # fmt: skip
     transparent = count_fragments(band, drawn, workspace, transparent[:n_transparent])
     lengths = workspace.layers.start[: band.n_row * workspace.canvas.pitch + 1]
@@ -73,6 +73,6 @@ def composite_range(band: Band, drawn, render_pass: Pass, workspace, transparent
         render_pass.shade(shown, rows, len(band.faces), drawn.face_table)
         is_more = composite(
             canvas, workspace.records, layers, fragments, first_row, n_row, n_composited, workspace.radiance,
-            workspace.texels, render_pass.opacity, drawn.face_table.material,
+            workspace.texels, render_pass.opacity, drawn.face_table.materials,
         )  # fmt: skip
         n_composited += 1

@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import borrow, kernel
-from .interpolate import corner_weights, corners_of, depth_of, mean, weights_of
+from .interpolate import corner_values, corner_weights, depth_at, exact_triangle, mean
 from .records import ATTRIBUTE, FACE, RECORD_MASK, SIDE, borrow_records
 from .resolve import clean
 from .scan import CLEAR, GROUP_SHIFT
-from .transform import HALF, SUBPIXEL
 
 
 class Buffers(NamedTuple):
@@ -36,7 +35,7 @@ def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
     n_covered = 0
     for j in range(n_row):
         group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        y, sy = np.uint64(y_start + j), (y_start + j) * SUBPIXEL + HALF
+        y = np.uint64(y_start + j)
         for i in range(canvas.left[group], canvas.right[group]):
             word = words[np.uint64(j * canvas.pitch + i)]
             if word >= CLEAR:
@@ -46,16 +45,16 @@ def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
             if out_face.shape[0] > 0:
                 face = integers[record, np.uint64(FACE)]
                 out_face[y, x] = loaded_face[np.uint64(face)] if len(loaded_face) > 0 else face
-            weights = weights_of(records, record)
-            q0, q1, q2 = corner_weights(weights, i * SUBPIXEL + HALF, sy)
+            triangle = exact_triangle(records, record)
+            q = corner_weights(triangle, i, y_start + j)
             if out_depth.shape[0] > 0:
-                out_depth[y, x] = depth_of(records, record, weights, q0, q1, q2, screen.is_perspective)
+                out_depth[y, x] = depth_at(records, record, triangle, q, screen.is_perspective)
             if out_normal.shape[0] > 0:
-                total = q0 + q1 + q2
-                p0, p1, p2 = q0 / total, q1 / total, q2 / total
-                nx = mean(corners_of(numbers, record, ATTRIBUTE), p0, p1, p2)
-                ny = mean(corners_of(numbers, record, ATTRIBUTE + 3), p0, p1, p2)
-                nz = mean(corners_of(numbers, record, ATTRIBUTE + 6), p0, p1, p2)
+                total = q[0] + q[1] + q[2]
+                p = (q[0] / total, q[1] / total, q[2] / total)
+                nx = mean(corner_values(numbers, record, ATTRIBUTE), p)
+                ny = mean(corner_values(numbers, record, ATTRIBUTE + 3), p)
+                nz = mean(corner_values(numbers, record, ATTRIBUTE + 6), p)
                 length = np.sqrt(nx * nx + ny * ny + nz * nz)
                 scale = integers[record, np.uint64(SIDE)] / length if length > 0 else 0.0
                 out_normal[y, x, 0], out_normal[y, x, 1], out_normal[y, x, 2] = nx * scale, ny * scale, nz * scale

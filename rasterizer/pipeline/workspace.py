@@ -7,7 +7,7 @@ import numpy as np
 from .a_buffer import Layers, make_layers
 from .buffers import Buffers
 from .clip import NO_PLANES
-from .fragments import make_rows
+from .fragments import make_batch
 from .records import ATTRIBUTE, N_INTEGER, PLANE, Records
 from .resolve import Picture
 from .scan import CLEAR, GROUP_SHIFT, PADDING, Canvas
@@ -22,7 +22,7 @@ class Bench(NamedTuple):
     records: Records
     block: Block  # the scan stage's rows
     radiance: np.ndarray  # (n_channel, rows * pitch)
-    rows: np.ndarray  # lighting's rows
+    batch: np.ndarray  # see fragments.py
     texels: np.ndarray  # (4, rows * pitch), no planes where the scene has no textures
     layers: Layers  # with room only where the scene has transparent surfaces
 
@@ -78,7 +78,7 @@ def _make_bench(kind) -> Bench:
     n_layered = n_sample if kind.is_layered else 0
     texels = np.zeros((4 if kind.is_textured else 0, n_sample), kind.dtype)
     layers = make_layers(n_layered, n_group, kind.n_channel)
-    return Bench(canvas, records, make_block(), radiance, make_rows(kind.dtype), texels, layers)
+    return Bench(canvas, records, make_block(), radiance, make_batch(kind.dtype), texels, layers)
 
 
 def _make_records(n, n_attribute, n_group, dtype) -> Records:

@@ -161,7 +161,7 @@ def test_the_usual_fall_is_the_usual_code():
     from rasterizer.pipeline.light_kinds import shaped_spot, spot
 
     usual, other = rz.SpotLight((0, 0, 1), (0, 0, -1)), rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=1.5)
-    functions = [entry_of(light).function(light).row_function for light in (usual, other)]
+    functions = [entry_of(light).function(light).evaluate for light in (usual, other)]
     assert functions == [spot, shaped_spot]
     nearly = rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=np.nextafter(1.0, 2))
     pictures = [
