@@ -4,7 +4,6 @@ It goes the way of picture.py, with the same functions, for the samples of one p
 the illumination equation is evaluated at the same points, and its terms are kept one by one.
 """
 
-import operator
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from ..errors import SceneError, shown
 from ..options import DEFAULT_TOLERANCE, Options
 from ..scene.camera import Camera
 from ..scene.scene import Scene
+from ..scene.validate import is_whole
 from .clip import SUBPIXELS
 from .cover import Window
 from .explanation import Explanation, Layer, LightShare, Sample, Vector
@@ -112,14 +112,10 @@ def _sum_up(look: Look, x: int, y: int, samples: list[Sample], options: Options)
 
 def _checked_index(value: object, name: str, limit: int, what: str) -> int:
     """Return a whole number within 0..limit - 1."""
-    try:
-        index = -1 if isinstance(value, bool | np.bool_) else operator.index(value)
-    except TypeError:
-        index = -1
-    if not 0 <= index < limit:
+    if not is_whole(value, 0, limit - 1):
         legal = f"a whole number within 0..{limit - 1}, as the picture has {limit} {what}"
         raise SceneError(f"{name} must be {legal}; given {shown(value)}")
-    return index
+    return int(value)
 
 
 def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:

@@ -85,7 +85,7 @@ class Material:
     texture : Texture, or anything that its class takes as an image, or None: multiplies `diffuse` and `ambient`,
         and its alpha the opacity; the mesh needs `uv`
     reflection : "phong" (1975, mirrored ray against viewer), "blinn" (1977, half vector against normal),
-        "lambert" (1760, matte), "oren-nayar" (1994, matte and rough, as clay or the moon), "cook-torrance"
+        "lambert" (1760, diffuse), "oren-nayar" (1994, diffuse and rough, as clay or the moon), "cook-torrance"
         (1981, metals and plastics made of microscopic mirrors) or "toon" (few levels, as in a drawing)
     roughness : number within 0..1. "oren-nayar": standard deviation of the facets' slope angle, radians; 0 is
         Lambert. "cook-torrance": Beckmann's m or GGX' alpha, at least 0.001: root mean square slope, or its
