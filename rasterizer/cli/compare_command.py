@@ -86,23 +86,23 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
         doubts = [f"{target.model}: {text}" for text in find_doubts(frame, loaded, arguments, scene.camera)]
         for text in doubts:
             messages.warn(text)
-        judge = "phong"
+        against = "phong"
         if arguments.has_reference:
-            judge = "reference"
+            against = "reference"
             if scene.n_face + arguments.size[0] * arguments.size[1] / 60 > _SLOW:
                 messages.notice(
                     f"{target.model}: drawing the reference, which takes a while; --no-reference leaves it out"
                 )
-            drawn[judge] = _draw_reference(scene, arguments)
-        figures = {method: _measure(picture, drawn[judge], scene) for method, picture in drawn.items()}
-        figures[judge] = figures[judge]._replace(max=None, rms=None, over_one=None)
-        image, scale = _lay_out(drawn, judge, figures, scene.background)
+            drawn[against] = _draw_reference(scene, arguments)
+        figures = {method: _measure(picture, drawn[against], scene) for method, picture in drawn.items()}
+        figures[against] = figures[against]._replace(max=None, rms=None, over_one=None)
+        image, scale = _lay_out(drawn, against, figures, scene.background)
         output.write(encode_picture(_framed(image), target.output), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         messages.detail(f"{target.model}: {target.output}, {scene.n_face} faces, {seconds:.2f} s in all")
         if arguments.json:
             record = _record(target, arguments.size, scene, seconds, of_model + doubts)
-            record |= {"against": judge, "scale": scale, "methods": {m: f._asdict() for m, f in figures.items()}}
+            record |= {"against": against, "scale": scale, "methods": {m: f._asdict() for m, f in figures.items()}}
             print_record(record, target.output == STDIO)
         elif arguments.level > QUIET:
             print_text(_table(target, figures), target.output == STDIO)
@@ -126,10 +126,10 @@ def _draw_reference(scene, arguments) -> Drawn:
     return Drawn(np.dstack([picture.rgb, alpha]), picture.color, picture.face)
 
 
-def _measure(picture, judge, scene) -> Figures:
-    """Measure a picture's errors, and its Mach bands."""
-    error, bands = compare(picture.color, judge.color), mach_bands(picture, scene)
-    over_one = compare(picture.rgba[..., :3], judge.rgba[..., :3]).over_one
+def _measure(picture, expected, scene) -> Figures:
+    """Measure a picture's errors against the one that is expected, and its Mach bands."""
+    error, bands = compare(picture.color, expected.color), mach_bands(picture, scene)
+    over_one = compare(picture.rgba[..., :3], expected.rgba[..., :3]).over_one
     jumps = (bands.value_jump, bands.slope_jump) if bands.n_place else (None, None)
     return Figures(error.max, error.rms, over_one, *jumps)
 
@@ -137,11 +137,13 @@ def _measure(picture, judge, scene) -> Figures:
 # --- the sheet ----------------------------------------------------------------------------------------------
 
 
-def _lay_out(drawn, judge, figures, background):
+def _lay_out(drawn, against, figures, background):
     """Lay pictures and error maps on a sheet; return it, and the error from which on the maps are white."""
-    shape = drawn[judge].face.shape
-    errors = {m: np.abs(drawn[m].color.astype(float) - drawn[judge].color).max(axis=2) for m in METHODS if m != judge}
-    is_covered = drawn[judge].face >= 0
+    shape = drawn[against].face.shape
+    errors = {
+        m: np.abs(drawn[m].color.astype(float) - drawn[against].color).max(axis=2) for m in METHODS if m != against
+    }
+    is_covered = drawn[against].face >= 0
     # The largest error is often that of a few pixels at an outline; the rest would be black on its scale.
     most_of_all = max(np.quantile(error[is_covered], _SHARE) for error in errors.values()) if is_covered.any() else 0.0
     scale = _rounded_up(most_of_all)

@@ -7,13 +7,13 @@ out: the same surface in 4 triangles a face,           ╱ ╲          face f b
                                                     0───3───1
 """
 
-import operator
 from dataclasses import replace
 
 import numpy as np
 
 from ..errors import ModelError, SceneError, shown
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
+from ..scene.validate import is_whole
 from .normals import split_creases
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
@@ -36,13 +36,9 @@ def subdivide(mesh: Mesh, times: int) -> Mesh:
 
 def _checked_times(times) -> int:
     """Return a whole number from 0 to 15: the sixteenth time makes 2^32 faces of one."""
-    try:
-        result = -1 if isinstance(times, (bool, np.bool_)) else operator.index(times)
-    except TypeError:
-        result = -1
-    if not 0 <= result <= 15:
+    if not is_whole(times, 0, 15):
         raise SceneError(f"a mesh can be subdivided 0 to 15 times, a whole number; given {shown(times)}")
-    return result
+    return int(times)
 
 
 def _cut_once(mesh: Mesh) -> Mesh:

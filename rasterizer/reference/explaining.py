@@ -4,21 +4,22 @@ It goes the way of picture.py, with the same functions, for the samples of one p
 the illumination equation is evaluated at the same points, and its terms are kept one by one.
 """
 
-import operator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..choices import ColorRange, Cull, Shading
 from ..errors import SceneError, shown
 from ..options import DEFAULT_TOLERANCE, Options
 from ..scene.camera import Camera
 from ..scene.scene import Scene
+from ..scene.validate import is_whole
 from .clip import SUBPIXELS
 from .cover import Window
 from .explanation import Explanation, Layer, LightShare, Sample, Vector
 from .light import Lighting, RayOrigins, ambient_light, as_rgb, contributions
-from .picture import ColorRangeName, CullName, Look, ShadingName, encode, look_at, place_samples, render, resolve
+from .picture import Look, encode, look_at, place_samples, render, resolve
 from .shading import (
     Fragments,
     Points,
@@ -42,12 +43,12 @@ def explain(
     size: tuple[int, int] = (640, 480),
     *,
     camera: Camera | None = None,
-    shading: ShadingName = "gouraud",
+    shading: Shading = "gouraud",
     tolerance: float = DEFAULT_TOLERANCE,
     samples: int = 1,
     outputs: str | tuple[str, ...] = ("color",),
-    cull: CullName = "none",
-    color_range: ColorRangeName = "clamp",
+    cull: Cull = "none",
+    color_range: ColorRange = "clamp",
     exposure: float = 0.0,
     spectral: int | None = None,
     threads: int | None = None,
@@ -111,14 +112,10 @@ def _sum_up(look: Look, x: int, y: int, samples: list[Sample], options: Options)
 
 def _checked_index(value: object, name: str, limit: int, what: str) -> int:
     """Return a whole number within 0..limit - 1."""
-    try:
-        index = -1 if isinstance(value, bool | np.bool_) else operator.index(value)
-    except TypeError:
-        index = -1
-    if not 0 <= index < limit:
+    if not is_whole(value, 0, limit - 1):
         legal = f"a whole number within 0..{limit - 1}, as the picture has {limit} {what}"
         raise SceneError(f"{name} must be {legal}; given {shown(value)}")
-    return index
+    return int(value)
 
 
 def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:

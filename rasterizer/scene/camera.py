@@ -25,8 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..choices import AXES, Axis
 from ..errors import SceneError, shown
 from . import framing
-from .arrays import VectorLike, plain_array
-from .validate import choice, number, picture_size, place3, unit3
+from .arrays import VectorLike
+from .calibration import read_calibration
+from .validate import choice, number, picture_size, position3, unit3
 
 MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km
@@ -114,8 +115,8 @@ class Camera:
         ) -> None: ...
 
     def __post_init__(self) -> None:
-        self._set("position", place3(self.position, "the camera's position"))
-        self._set("target", place3(self.target, "the camera's target"))
+        self._set("position", position3(self.position, "the camera's position"))
+        self._set("target", position3(self.target, "the camera's target"))
         up = AXES[choice(self.up, tuple(AXES), "the camera's up")] if isinstance(self.up, str) else self.up
         self._set("up", unit3(up, "the camera's up"))
         if self.position == self.target:
@@ -294,14 +295,8 @@ class Camera:
         ------
         SceneError : shapes, values that are not finite, skew, a matrix R that is no rotation
         """
-        K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
-        t = _checked_matrix(np.ravel(t) if _is_column(t) else t, (3,), "t")
+        (fx, fy, cx, cy), R, t = read_calibration(K, R, t)
         size = picture_size(size)
-        fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
-        ideal = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-        if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
-            raise SceneError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew; given {shown(K.tolist())}")
-        R = _nearest_rotation(R)
         eye = -R.T @ t
         # a target about as far away as the eye is from the origin keeps every digit of the direction
         target = eye + R[2] * max(1.0, float(np.abs(eye).max()))
@@ -368,37 +363,3 @@ def _checked_fov(fov: object) -> float:
             f"the camera's fov must be between 0 and 180 degrees, {LEAST_FOV:g} at least; given {shown(fov)}"
         )
     return value
-
-
-def _is_column(value: Any) -> bool:
-    """Tell whether a value is (3, 1), as OpenCV writes vectors."""
-    try:
-        return [len(each) for each in value] == [1, 1, 1]
-    except TypeError:
-        return False
-
-
-def _checked_matrix(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """Return a finite float64 array of the given shape."""
-    try:
-        matrix = plain_array(value)
-        matrix = matrix.astype(np.float64) if matrix.dtype.kind in "fiu" else np.empty(0)
-    except (TypeError, ValueError):
-        matrix = np.empty(0)
-    if matrix.shape != shape or not np.isfinite(matrix).all():
-        raise SceneError(f"{what} must be finite numbers of the shape {shape}; given {shown(value)}")
-    return matrix
-
-
-def _nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the rotation nearest to a matrix that is one up to a few digits.
-
-    Source: Schönemann 1966, Psychometrika 31, 1-10: U Vᵀ of the singular value decomposition.
-    """
-    u, stretch, vt = np.linalg.svd(matrix)
-    rotation = u @ vt
-    if np.abs(stretch - 1.0).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
-        raise SceneError(
-            f"R must be a rotation (perpendicular unit rows, determinant 1); given {shown(matrix.tolist())}"
-        )
-    return rotation

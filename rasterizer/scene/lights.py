@@ -21,7 +21,7 @@ from ..errors import SceneError, shown
 from .color import linear_rgb
 from .fields import Attenuation, Cells, Color, Vector
 from .shadow import Shadow, checked_shadow
-from .validate import choice, is_whole, number, place3, unit3, vector3
+from .validate import choice, is_whole, number, position3, unit3, vector3
 
 MOST_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 MOST_SHADOWED = 4096  # of them cast shadows: each is a picture or six
@@ -107,7 +107,7 @@ class PointLight:
     shadow: Shadow | bool | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", place3(self.position, "the point light's position"))
+        object.__setattr__(self, "position", position3(self.position, "the point light's position"))
         _check_positional(self, "the point light's")
 
 
@@ -155,7 +155,7 @@ class SpotLight:
     falloff: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", place3(self.position, "the spot light's position"))
+        object.__setattr__(self, "position", position3(self.position, "the spot light's position"))
         object.__setattr__(self, "direction", unit3(self.direction, "the spot light's direction"))
         outer = number(self.outer, "the spot light's outer angle")
         if not 0.0 < outer <= 90.0:
@@ -210,10 +210,10 @@ class AreaLight:
 
     def __post_init__(self) -> None:
         for field in ("corner", "edge_u", "edge_v"):
-            object.__setattr__(self, field, place3(getattr(self, field), f"the area light's {field}"))
+            object.__setattr__(self, field, position3(getattr(self, field), f"the area light's {field}"))
         for ends in ((0, 1), (1, 0), (1, 1)):
             end = [c + ends[0] * u + ends[1] * v for c, u, v in zip(self.corner, self.edge_u, self.edge_v, strict=True)]
-            place3(end, "each corner of the area light")
+            position3(end, "each corner of the area light")
         u, v = (
             unit3(edge, f"the area light's {name}") for edge, name in ((self.edge_u, "edge_u"), (self.edge_v, "edge_v"))
         )
@@ -316,7 +316,7 @@ LIGHT_KINDS: dict[str, type] = {
 
 
 def kind_of(light: Any) -> str:
-    """Return the word for a light's kind: that of its very class, as a subclass may shed another light.
+    """Return the word for a light's kind: that of its very class, because a subclass may give another light.
 
     Raises
     ------

@@ -61,7 +61,7 @@ def vector3(value: object, what: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def place3(value: object, what: str) -> tuple[float, float, float]:
+def position3(value: object, what: str) -> tuple[float, float, float]:
     """Return `value` as a point: three floats within ±COORDINATE_LIMIT; SceneError where it is anything else."""
     place = vector3(value, what)
     if max(map(abs, place)) > COORDINATE_LIMIT:

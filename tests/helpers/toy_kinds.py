@@ -27,7 +27,7 @@ from rasterizer.reference.reflection import ReflectionKind
 from rasterizer.scene.color import linear_rgb
 from rasterizer.scene.fields import Color, Vector
 from rasterizer.scene.shadow import Shadow, checked_shadow
-from rasterizer.scene.validate import choice, number, place3, unit3
+from rasterizer.scene.validate import choice, number, position3, unit3
 
 # ---------------------------------------------------------------- the light
 
@@ -49,7 +49,7 @@ class SlabLight:
         choice(self.attached, ("world", "camera"), "the slab light's attached")
         for name, value in (
             ("direction", unit3(self.direction, "the slab light's direction")),
-            ("position", place3(self.position, "the slab light's position")),
+            ("position", position3(self.position, "the slab light's position")),
             ("width", number(self.width, "the slab light's width")),
             ("color", linear_rgb(self.color, "the slab light's color")),
             ("shadow", checked_shadow(self.shadow, "the slab light's")),

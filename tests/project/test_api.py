@@ -134,7 +134,7 @@ def test_one_tree_of_errors(error):
 # --- typed --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CALLABLES)
+@pytest.mark.parametrize("name", [name for name in CALLABLES if not name.endswith("Error")])
 def test_each_parameter_and_result_is_annotated(name):
     value = CALLABLES[name]
     signature = inspect.signature(value)
