@@ -34,8 +34,8 @@ def globe(folder):
 @pytest.mark.parametrize(
     "argv",
     [
-        [], ["-o", "globe.png"], ["-o", "./globe.png"], ["-o", "{stem}.png"], ["-o", "."], ["--json"], ["-o", "soft.png"],
-        ["-o", "hard.png"], ["--view", "iso", "-o", "globe.png"], ["-o", "again/globe.png"],
+        [], ["-o", "globe.png"], ["-o", "./globe.png"], ["-o", "{stem}.png"], ["-o", "."], ["--json"],
+        ["-o", "soft.png"], ["-o", "hard.png"], ["--view", "iso", "-o", "globe.png"], ["-o", "again/globe.png"],
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("command", ["render", "compare"])
@@ -60,7 +60,7 @@ def test_models_libraries_arrays_scenes_and_buffers_are_not_replaced(folder, cap
     (folder / "scene.json").write_text(json.dumps({"meshes": [{"file": "part.obj"}]}))
     (folder / "part.obj").symlink_to("part.png")
     assert run("-q", "scene.json", "-o", "part.png") == 4 and "which is read" in one_error(capsys)
-    assert (folder / "part.png").read_bytes() == open(CUBE, "rb").read()
+    assert (folder / "part.png").read_bytes() == Path(CUBE).read_bytes()
     Image.new("RGB", (2, 2)).save(folder / "t.png")
     shutil.copy(ROOT / "models" / "globe.obj", folder / "g.obj")
     assert run(
@@ -178,8 +178,8 @@ def test_an_interrupt_at_any_time_shows_no_traceback(folder):
 
 
 @pytest.mark.parametrize(
-    "template", ["{stem:>99999999999}.png", "{stem:{view}}.png", "{stem!r}.png", "{0}.png", "{}.png", "{stem.a}.png", "{stem[0]}.png",
-                 "{frame:03}.png", "}.png", "{stem:_>9999}.png", "{stem:e}.png"]
+    "template", ["{stem:>99999999999}.png", "{stem:{view}}.png", "{stem!r}.png", "{0}.png", "{}.png", "{stem.a}.png",
+                 "{stem[0]}.png", "{frame:03}.png", "}.png", "{stem:_>9999}.png", "{stem:e}.png"]
 )  # fmt: skip
 def test_templates_that_are_refused(template, capsys):
     assert run(CUBE, "-o", template) == 2 and "-o may hold {stem}, {ext}, {view}" in one_error(capsys)
