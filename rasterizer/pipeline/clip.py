@@ -27,7 +27,7 @@ import numpy as np
 from ..compiler.kernels import helper, index, kernel
 from .drawables import Triangles
 from .face_planes import LARGEST_SUM, LEAST_SUM, compute_face_planes
-from .transform import LIMIT, LIMIT_PX, OUTSIDE, Vertices, compute_z, project, project_vertex
+from .transform import LIMIT, LIMIT_PX, OUTSIDE, Vertices, compute_z, project
 
 NEAR, FAR, LEFT, RIGHT, TOP, BOTTOM = range(6)  # the clip planes
 N_CLIP_PLANE = 6
@@ -219,7 +219,7 @@ def find_topmost(polygon, n, screen):
     topmost, least_x, least_y = index(0), np.inf, np.inf
     for k in range(index(n)):
         w = polygon[k, W] if screen.is_perspective else 1.0
-        x, y = project_vertex(polygon[k, ACROSS], polygon[k, UPWARD], w, screen)
+        x, y = project(polygon[k, ACROSS], polygon[k, UPWARD], w, screen)
         x, y = np.rint(x), np.rint(y)
         if y < least_y or (y == least_y and x < least_x):
             topmost, least_x, least_y = k, x, y

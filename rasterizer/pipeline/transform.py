@@ -19,8 +19,9 @@ sample; how much that is in a colour depends on how fast the colour changes ther
 from typing import NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 
-from ..compiler.kernels import helper, kernel
+from ..compiler.kernels import kernel
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
 HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner
@@ -124,17 +125,18 @@ def transform_range(positions, start, end, screen, out):
         w = depth if screen.is_perspective else 1.0
         across = rx * right_x + ry * right_y + rz * right_z
         upward = rx * up_x + ry * up_y + rz * up_z
-        x, y = project_vertex(across, upward, w, screen)
+        x, y = project(across, upward, w, screen)
         is_inside = (depth >= screen.near) & (depth <= screen.far) & (abs(x) <= LIMIT) & (abs(y) <= LIMIT)
         n_outside += not is_inside
         out_x[k] = np.int32(np.rint(x)) if is_inside else OUTSIDE
         out_y[k] = np.int32(np.rint(y)) if is_inside else np.int32(0)
-        out_z[k] = z_at(depth, screen)
+        out_z[k] = compute_z(depth, screen)
     return n_outside
 
 
+@register_jitable
 def project(across, upward, w, screen):
-    """Project view space to the screen: (x, y) in 1/256 px, not rounded. Numbers or float64 arrays of one shape.
+    """Project view space to the screen: (x, y) in 1/256 px, not rounded; numbers in kernels, or float64 arrays.
 
     Parameters
     ----------
@@ -146,10 +148,7 @@ def project(across, upward, w, screen):
     return x, y
 
 
+@register_jitable
 def compute_z(depth, screen):
-    """Turn distances along the viewing axis, scene units, into units of the z-buffer. Numbers or float64 arrays."""
+    """Turn distances along the viewing axis, scene units, into units of the z-buffer; numbers or float64 arrays."""
     return screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
-
-
-# The same for kernels.
-project_vertex, z_at = helper(project), helper(compute_z)
