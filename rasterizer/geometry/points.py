@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..scene.material import Material
 from ..scene.mesh import Mesh
@@ -112,8 +112,8 @@ def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Pa
     none."""
     if all(mesh.polygons is None for mesh in meshes):
         return geometry
-    rings = [find_rings(part.corner, mesh.polygons, part.points) for mesh, part in zip(meshes, parts, strict=True)]
-    rings = join_rings(rings, np.cumsum([0] + [mesh.n_face for mesh in meshes]), _first_points(parts))
+    found = [find_rings(part.corner, mesh.polygons, part.points) for mesh, part in zip(meshes, parts, strict=True)]
+    rings = join_rings(found, np.cumsum([0] + [mesh.n_face for mesh in meshes]), _first_points(parts))
     if len(rings.start) == 0:
         return geometry
     vertex, face, centers = split_rings(geometry.vertex, geometry.points.shape[1], rings)
@@ -131,7 +131,7 @@ def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Pa
 
 def number_materials(meshes: Sequence[Mesh]) -> tuple[tuple[Material, ...], list[NDArray[np.int64]]]:
     """Return the different materials of a scene, and for each mesh the numbers, int64, of those in its palette."""
-    number = {}
+    number: dict[Material, int] = {}
     numbers = [np.array([number.setdefault(material, len(number)) for material in mesh.palette]) for mesh in meshes]
     return tuple(number), numbers
 
@@ -144,7 +144,7 @@ def group_points(n_points: ArrayLike, material: ArrayLike) -> tuple[NDArray[np.i
     return np.append(0, ends[is_last]), material[is_last]
 
 
-def _columns(arrays: Sequence[NDArray], dtype: DTypeLike, offsets: NDArray | None = None) -> NDArray:
+def _columns(arrays: Sequence[NDArray], dtype: type[np.generic], offsets: NDArray | None = None) -> NDArray:
     """Stack (n, 3) arrays as (3, n), one contiguous column an axis; indices move behind the parts before them."""
     out = np.empty((3, sum(len(array) for array in arrays)), dtype)
     start = 0

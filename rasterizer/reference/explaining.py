@@ -5,6 +5,7 @@ the illumination equation is evaluated at the same points, and its terms are kep
 """
 
 from dataclasses import replace
+from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from ..scene.validate import is_whole
 from .clip import SUBPIXELS
 from .cover import Window
 from .explanation import Explanation, Layer, LightShare, Sample, Vector
-from .light import Lighting, RayOrigins, ambient_light, as_rgb, contributions
+from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions
 from .picture import Look, encode, look_at, place_samples, render, resolve
 from .shading import (
     Fragments,
@@ -110,7 +111,7 @@ def _sum_up(look: Look, x: int, y: int, samples: list[Sample], options: Options)
     return Explanation(x, y, options.size, look.shading, tuple(samples), background, linear, opaque, (red, green, blue))
 
 
-def _checked_index(value: object, name: str, limit: int, what: str) -> int:
+def _checked_index(value: SupportsIndex, name: str, limit: int, what: str) -> int:
     """Return a whole number within 0..limit - 1."""
     if not is_whole(value, 0, limit - 1):
         legal = f"a whole number within 0..{limit - 1}, as the picture has {limit} {what}"
@@ -123,12 +124,12 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:
     raster, lighting = place_samples(look, per_axis)
     window = Window(x * per_axis, y * per_axis, per_axis, per_axis)
     raster = raster._replace(window=window, is_drawn=raster.is_drawn & _reach(raster.screen, window))
-    layers = [[[] for _ in range(per_axis)] for _ in range(per_axis)]
+    layers: list[list[list[Layer]]] = [[[] for _ in range(per_axis)] for _ in range(per_axis)]
     through = np.ones(window.shape)
     visible = find_visible(raster)
     while len((fragments := gather_fragments(visible, raster)).face):
         for k in range(len(fragments.face)):
-            one = Fragments(*(None if column is None else column[k : k + 1] for column in fragments))
+            one = fragments.part(slice(k, k + 1))
             at = one.rows[0] - window.top, one.columns[0] - window.left
             layer = _explain_layer(look, one, lighting, float(through[at]))
             layers[at[0]][at[1]].append(layer)
@@ -212,10 +213,16 @@ def _evaluation_points(
 
 def _join(a: Points, b: Points) -> Points:
     """Return the points of two lists, one behind the other."""
-    origins = RayOrigins(*map(np.concatenate, zip(a.origins, b.origins, strict=True)))
-    tangents = None if a.tangents is None else np.concatenate([a.tangents, b.tangents])
-    columns = (np.concatenate(pair) for pair in zip(a[:4], b[:4], strict=True))
-    return Points(*columns, origins, tangents)
+    return Points(
+        np.concatenate([a.positions, b.positions]),
+        np.concatenate([a.normals, b.normals]),
+        np.concatenate([a.material, b.material]),
+        np.concatenate([a.albedo, b.albedo]),
+        RayOrigins(
+            np.concatenate([a.origins.points, b.origins.points]), np.concatenate([a.origins.owner, b.origins.owner])
+        ),
+        None if a.tangents is None or b.tangents is None else np.concatenate([a.tangents, b.tangents]),
+    )
 
 
 def _explain_lights(
@@ -223,7 +230,7 @@ def _explain_lights(
 ) -> tuple[LightShare, ...]:
     """Return what each light adds; `diffuse_gain` (3,) and `gain` are what both parts of its light are multiplied
     by."""
-    found = {}
+    found: dict[int, list[Contribution]] = {}
     arguments = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
     for each in contributions(*arguments):
         found.setdefault(each.lamp.index, []).append(each)

@@ -34,9 +34,15 @@ class Fragments(NamedTuple):
     side: NDArray[np.int64]  # (n_sample,) +1 or -1, see surface.py
     weights: NDArray[np.float64]  # (n_sample, 3) perspective-correct, on the corners of the face
     depth: NDArray[np.float64]  # (n_sample,)
-    steps: NDArray[np.float64] | None = (
-        None  # (n_sample, 2, 3) change of the weights by one sample to the right, and down
-    )
+    steps: NDArray[np.float64] | None = None  # (n_sample, 2, 3) what a step to the right, and down, adds to the weights
+
+    def part(self, some: slice) -> "Fragments":
+        """Return some of the samples."""
+        steps = None if self.steps is None else self.steps[some]
+        return Fragments(
+            self.rows[some], self.columns[some], self.face[some], self.side[some], self.weights[some], self.depth[some],
+            steps,
+        )  # fmt: skip
 
 
 class Points(NamedTuple):
@@ -74,7 +80,7 @@ def light_samples(
     methods = {"flat": _light_flat, "gouraud": _light_gouraud, "phong": _light_phong}
     step = CHUNK * 3 // (lighting.n_wave or 3)
     for start in range(0, len(fragments.face), step):
-        part = Fragments(*(None if column is None else column[start : start + step] for column in fragments))
+        part = fragments.part(slice(start, start + step))
         at = part.rows, part.columns
         diffuse, specular, normal[at] = methods[lighting.shading](surface, part, lighting)
         texels = sample_textures(surface, part, lighting)

@@ -28,9 +28,7 @@ class Surface(NamedTuple):
     polygon: NDArray[np.int64]  # (n_face,) polygon that the triangle came from
     material: NDArray[np.int64]  # (n_face,) row of the table of materials
     uv: NDArray[np.float64] | None = None  # (n_face, 3, 2) texture coordinates; None where no material needs them
-    tangents: NDArray[np.float64] | None = (
-        None  # (n_face, 3, 3) of the corners; None where no material is brushed along u
-    )
+    tangents: NDArray[np.float64] | None = None  # (n_face, 3, 3) of the corners; None where nothing is brushed along u
     loaded: NDArray[np.int64] | None = None  # (n_face,) the face as loaded; None = the same
     rings: Rings | None = None  # polygons drawn about their centres; None = none
 
