@@ -66,6 +66,7 @@ def assert_near_exact(scene, size, tolerances, shadings=SHADINGS):
     """Refuse pictures that are further from that of tolerance 0 than both say they may be."""
     for shading in shadings:
         exact = rz.render(scene, size, shading=shading, tolerance=0)
+        assert exact.color.max() > 0.1, f"{shading}: black pictures keep any bound"
         for tolerance in tolerances:
             frame = rz.render(scene, size, shading=shading, tolerance=tolerance)
             error, bound = np.abs(frame.color - exact.color).max(), frame.stats.error_bound + exact.stats.error_bound
@@ -137,6 +138,7 @@ def test_a_light_parallel_to_a_wall_gives_one_answer_at_every_angle(model):
             for tolerance in (0.0, DEFAULT):
                 frame = rz.render(scene, SMALL, shading=shading, tolerance=tolerance, threads=1)
                 assert frame.color.max() < 1e-6, f"{degrees} degrees, {shading}, {tolerance}: {frame.color.max()}"
+                assert frame.alpha.max() == 1.0, f"{degrees} degrees: the wall isn't seen"
             if degrees % 9 == 0:
                 assert reference.render(scene, SMALL, shading=shading).color.max() < 1e-15
     assert rz.render(scene, SMALL).stats.steps[0].near < 1e-5
@@ -169,7 +171,7 @@ def test_exponents_of_any_size(shininess):
             frame = rz.render(scene, (96, 72), shading=shading, tolerance=tolerance)
             exact = rz.render(scene, (96, 72), shading=shading, tolerance=0)
             error, bound = np.abs(frame.color - exact.color).max(), frame.stats.error_bound + exact.stats.error_bound
-            assert np.isfinite(frame.color).all() and frame.color.min() >= 0
+            assert np.isfinite(frame.color).all() and frame.color.min() >= 0 and exact.color.max() > 0.1
             assert error <= bound, f"{specular}, {shading}: {error:.3g} > {bound:.3g}"
 
 
@@ -241,6 +243,7 @@ def test_lights_far_away(distance):
                 for light in (rz.PointLight(distance * way, 0.8), rz.DirectionalLight(-way, 0.8))
             ]
             error = np.abs(pictures[0] - pictures[1]).max()
+            assert pictures[1].max() > 0.5, "both lights may have gone out"
             assert error <= 5 / distance + max(2 * tolerance, 1e-7), f"{shading}, {tolerance}: {error:.3g}"
 
 

@@ -50,6 +50,7 @@ def draw_both(meshes, light, camera, size, shading="phong", **options):
 def n_different(*arguments, **options):
     """How many pixels a light's shadows change."""
     frame, bare = draw_both(*arguments, **options)
+    assert bare.color.max() > AMBIENT / 4, "shadows change nothing in a black picture"
     return int((frame.color != bare.color).any(axis=-1).sum())
 
 

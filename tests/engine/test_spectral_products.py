@@ -153,6 +153,7 @@ def test_exposure_multiplies_by_powers_of_2_exactly(stops, shading, material):
     scene = lit_scene(**material)
     plain = rz.render(scene, SIZE, shading=shading, tolerance=0)
     frame = rz.render(scene, SIZE, shading=shading, tolerance=0, exposure=stops)
+    assert plain.color.max() > 0.01
     assert np.array_equal(frame.color, plain.color * np.float32(2.0**stops)) and np.array_equal(
         frame.alpha, plain.alpha
     )
@@ -173,6 +174,7 @@ def test_exposure_and_spectra_together(shading):
     material = rz.Material(diffuse=GREENISH, specular=0.0, emissive=REDDISH.scaled(0.1))
     lights = (rz.DirectionalLight(DIRECTION, LAMP), rz.AmbientLight(0.1))
     plain = show(material, lights, shading, background=(0.5, 0.5, 0.5))
+    assert plain.color.max() > 0.05
     for stops in (-4, 1, 3):
         frame = show(material, lights, shading, exposure=stops, background=(0.5, 0.5, 0.5))
         assert np.array_equal(frame.color, plain.color * np.float32(2.0**stops))
@@ -186,6 +188,7 @@ def test_exposure_of_pictures_within_the_tolerance():
         for stops in (-6, 3):
             exact = rz.render(lit_scene(), SIZE, shading=shading, tolerance=0, exposure=stops)
             frame = rz.render(lit_scene(), SIZE, shading=shading, exposure=stops)
+            assert exact.color.max() > 0.1 * 2.0**stops
             assert np.abs(frame.color - exact.color).max() <= 1 / 4096
 
 

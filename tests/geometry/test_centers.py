@@ -53,6 +53,8 @@ def polygon_scene(rng, k, steps=0, is_reversed=False, shading="gouraud", is_bent
     if is_bent:
         points[:, 2] = rng.uniform(-0.1, 0.1, k)
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    while abs(axes[2, 2]) < 0.4:  # else hardly anything of it is seen
+        axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     facing = axes[:, 2] if axes[2, 2] >= 0 else -axes[:, 2]
     points = points @ axes.T * 0.8
     normals = rng.normal(size=(k, 3)) * 0.6 + facing
@@ -75,6 +77,9 @@ def test_no_corner_is_preferred(shading, is_bent):
         for steps, is_reversed in ((0, False), (1, False), (k // 2, False), (k - 1, False), (1, True)):
             scene = polygon_scene(np.random.default_rng(seed), k, steps, is_reversed, is_bent=is_bent)
             frames.append(rz.render(scene, SIZE, shading=shading, tolerance=0, outputs=("color", "depth", "normal")))
+        assert frames[0].color.max() > 0.05 and np.isfinite(frames[0].depth).sum() > 40, (
+            f"seed {seed}: black pictures are the same, too"
+        )
         for frame in frames[1:]:
             is_seen = np.isfinite(frames[0].depth)
             assert (np.isfinite(frame.depth) == is_seen).all(), f"seed {seed}: other samples are covered"
@@ -124,6 +129,7 @@ def test_the_default_tolerance_holds_for_polygons(shading):
                         colors=scene.meshes[0].colors, normals=scene.meshes[0].normals)  # fmt: skip
         scene = rz.Scene(plain, scene.lights, scene.camera)
         exact, cheap = (rz.render(scene, SIZE, shading=shading, tolerance=t, outputs=("color",)) for t in (0, 1 / 4096))
+        assert exact.color.max() > 0.05, f"seed {seed}: black pictures are within any tolerance"
         worst = max(worst, float(np.abs(exact.color - cheap.color).max()))
     assert worst <= 1 / 4096, f"{worst:.3g} > {1 / 4096:.3g}"
 
