@@ -8,10 +8,15 @@ source ─┬─ scene file (scene_file.py), which may name models ─┬─ Sce
 """
 
 import os
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, Literal
 
 from ..errors import ModelError, SceneError, one_file, shown
+from ..scene.camera import Camera
+from ..scene.depth_cue import DepthCue
+from ..scene.lights import Light
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from . import formats
@@ -22,21 +27,21 @@ from .scene_file import read_scene
 
 
 def load(
-    source,
+    source: Any,
     *,
-    format=None,
-    crease_angle=None,
-    up=None,
-    lights=None,
-    camera=None,
-    background=None,
-    depth_cue=None,
-    weighting=None,
-    drop_bad_faces=False,
-    log=None,
-    allow_outside=False,
-    files_read=None,
-):
+    format: str | None = None,
+    crease_angle: float | None = None,
+    up: str | None = None,
+    lights: Iterable[Light] | None = None,
+    camera: Camera | None = None,
+    background: str | Sequence[float] | None = None,
+    depth_cue: DepthCue | float | None = None,
+    weighting: Literal["angle", "area", "uniform"] | None = None,
+    drop_bad_faces: bool = False,
+    log: Callable[[str], None] | None = None,
+    allow_outside: bool = False,
+    files_read: list[str] | None = None,
+) -> Scene:
     """Load a model into a scene: its meshes, with studio lights and a framed camera unless others are given, here or in
     the file.
 
