@@ -133,7 +133,8 @@ def _tidy(data) -> tuple[bytes, list[int]]:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"\\" in data:
         pieces = data.split(b"\\\n")
-        data, joints = b" ".join(pieces), list(accumulate(piece.count(b"\n") for piece in pieces[:-1]))
+        data = b" ".join(pieces) + b"\n"  # the last line may have been one that is joined
+        joints = list(accumulate(piece.count(b"\n") for piece in pieces[:-1]))
     for blank in b"\t\v\f":
         data = data.replace(bytes([blank]), b" ")
     return data, joints

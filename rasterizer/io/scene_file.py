@@ -222,10 +222,10 @@ def _refuse(word):
 def _toml(name):
     """The parser of TOML: Python's own from 3.11 on, else its elder copy."""
     try:
-        import tomllib
+        import tomllib  # new in Python 3.11
     except ImportError:
         try:
-            import tomli as tomllib
+            import tomli as tomllib  # an optional package
         except ImportError:
             raise ModelError(
                 f"{name}: TOML needs Python 3.11, or tomli: pip install tomli; JSON needs neither"

@@ -120,6 +120,11 @@ def test_lines_that_are_no_list_of_corners(line):
         corners_of(line)
 
 
+@pytest.mark.parametrize("end", ["", "\n", "\\", "\\\n", "\\\r\n", " \\\n\\\n", "\r", " # end", "#"])
+def test_the_last_line_counts_however_it_ends(end):
+    assert ObjLines(f"{GIVEN}f 1 2 3{end}".encode()).corners().v.tolist() == [0, 1, 2]
+
+
 def test_lines_of_a_keyword_are_those_where_a_blank_follows_it():
     lines = ObjLines(b"o\no a\n  o  b c \nob\n\to\td\\\ne\n#o f\no #g")
     assert lines.names_of("o")[1] == ["a", "b c", "d e", "#g"]
