@@ -19,7 +19,12 @@ ColorRange = Literal["clamp", "global", "local"]
 Samples = Literal[1, 4, 9, 16]
 
 SHADINGS: tuple[str, ...] = get_args(Shading)
-OUTPUTS: tuple[str, ...] = get_args(Output)
+OUTPUTS: tuple[str, ...] = get_args(Output)  # built-in
+BUFFERS: dict[str, str] = {  # all exact buffers, also those of registries.add_buffer: what they hold
+    "depth": "in scene units",
+    "face": "the face's index or -1",
+    "normal": "in world space",
+}
 SAVED_ARRAYS: tuple[str, ...] = get_args(SavedArray)
 CULLS: tuple[str, ...] = get_args(Cull)
 COLOR_RANGES: tuple[str, ...] = get_args(ColorRange)
@@ -53,11 +58,3 @@ ATTACHMENTS: tuple[str, ...] = get_args(Attachment)
 PRESETS: tuple[str, ...] = get_args(Preset)
 REFLECTIONS: tuple[str, ...] = get_args(Reflection)  # built-in
 LIGHT_KINDS: tuple[str, ...] = get_args(LightKind)  # built-in
-
-# --- files ------------------------------------------------------------------------------------------------
-
-ModelFormat = Literal["obj", "stl", "ply", "off", "glb", "gltf", "3mf"]
-SceneFormat = Literal["json", "toml"]
-
-MODEL_FORMATS: tuple[str, ...] = get_args(ModelFormat)  # built-in; io.loader knows all
-SCENE_FORMATS: tuple[str, ...] = get_args(SceneFormat)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from .choices import SAVED_ARRAYS, SavedArray
+from .choices import BUFFERS, SAVED_ARRAYS, SavedArray
 from .errors import OutputError, SceneError, shown
 from .io.files import write_and_move
 
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from PIL import Image
 
     from .engine.plan_summary import PlanSummary
-
-ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,7 @@ class Frame:
 
     def __repr__(self) -> str:
         width, height = self.size
-        names = [name for name in ("rgb", *ARRAYS) if self.has(name)]
+        names = [name for name in ("rgb", *self._arrays) if name != "alpha" and self.has(name)]
         total = sum(self.stats.milliseconds.values())
         return (
             f"<Frame {width}x{height} {'+'.join(names)}, {self.stats.faces} faces, "
@@ -107,12 +105,21 @@ class Frame:
         )
 
     def has(self, name: str) -> bool:
-        """Tell whether the frame has `name`: "rgb" (a picture), "color", "depth", "face" or "normal"."""
+        """Tell whether the frame has `name`: "rgb" (a picture), "color", or a buffer: "depth", "face", "normal" …"""
         if not isinstance(name, str):
             raise SceneError(f"a frame has arrays by name; given {shown(name)}")
         return self._rgba is not None if name == "rgb" else name in self._arrays
 
-    def _get(self, name: str) -> NDArray:
+    def array(self, name: str) -> NDArray:
+        """Return an array by name: those of the attributes, and buffers that were added (registries.py).
+
+        Raises SceneError for an array that the frame doesn't have.
+        """
+        if not isinstance(name, str) or not (name in SAVED_ARRAYS or name in BUFFERS):
+            legal = dict.fromkeys((*SAVED_ARRAYS, *BUFFERS))
+            raise SceneError(f"array must be one of {', '.join(legal)}; given {shown(name)}")
+        if name in ("rgb", "rgba", "alpha"):
+            return getattr(self, name)
         if name in self._arrays:
             return self._arrays[name]
         raise SceneError(f"this frame has no {name}: ask for it with outputs=({name!r}, ...)")
@@ -139,22 +146,22 @@ class Frame:
     @property
     def color(self) -> NDArray[np.float32]:
         """(height, width, 3) float32, linear."""
-        return self._get("color")
+        return self.array("color")
 
     @property
     def depth(self) -> NDArray[np.float32]:
         """(height, width) float32, scene units along the viewing axis; inf where nothing is."""
-        return self._get("depth")
+        return self.array("depth")
 
     @property
     def face(self) -> NDArray[np.int32]:
         """(height, width) int32, face index as loaded; -1 where nothing is."""
-        return self._get("face")
+        return self.array("face")
 
     @property
     def normal(self) -> NDArray[np.float32]:
         """(height, width, 3) float32, unit, world space; 0 where nothing is."""
-        return self._get("normal")
+        return self.array("normal")
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray:
         """The picture as (height, width, 4) uint8."""
@@ -216,10 +223,8 @@ class Frame:
 
     def encode_array(self, array: SavedArray = "color") -> bytes:
         """Return one of the frame's arrays, by name, as the bytes of a .npy file."""
-        if not isinstance(array, str) or array not in SAVED_ARRAYS:
-            raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {shown(array)}")
         stream = io.BytesIO()
-        np.save(stream, getattr(self, array))
+        np.save(stream, self.array(array))
         return stream.getvalue()
 
     def encode(self, format: str = "PNG", **options: Any) -> bytes:

@@ -6,7 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from .choices import COLOR_RANGES, CULLS, OUTPUTS, SAMPLES, SHADINGS, ColorRange, Cull, Output, Samples, Shading
+from .choices import (
+    BUFFERS,
+    COLOR_RANGES,
+    CULLS,
+    OUTPUTS,
+    SAMPLES,
+    SHADINGS,
+    ColorRange,
+    Cull,
+    Output,
+    Samples,
+    Shading,
+)
 from .errors import SceneError, shown
 from .scene.validate import is_whole, number
 
@@ -133,14 +145,15 @@ def _check_choice(name: str, value: object, legal: tuple) -> None:
 
 def _checked_outputs(outputs: object) -> tuple:
     """Return the names of outputs as a tuple; a name alone is one."""
+    legal = (*OUTPUTS, *(name for name in BUFFERS if name not in OUTPUTS))
     try:
         names = (outputs,) if isinstance(outputs, str) else tuple(outputs)  # type: ignore[arg-type]
     except TypeError:
-        raise SceneError(f"outputs must be one or several of {', '.join(OUTPUTS)}; given {shown(outputs)}") from None
+        raise SceneError(f"outputs must be one or several of {', '.join(legal)}; given {shown(outputs)}") from None
     if not names:
-        raise SceneError(f"outputs must name at least one of {', '.join(OUTPUTS)}; given none")
+        raise SceneError(f"outputs must name at least one of {', '.join(legal)}; given none")
     for name in names:
-        _check_choice("outputs", name, OUTPUTS)
+        _check_choice("outputs", name, legal)
     return names
 
 

@@ -19,7 +19,9 @@ import re
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from .choices import BUFFERS, SAVED_ARRAYS
 from .engine.light_table import LIGHT_TABLE, LightEntry
+from .engine.output_buffers import BUFFER_TABLE, OutputBuffer
 from .engine.reflection_table import REFLECTION_TABLE, ReflectionEntry
 from .errors import SceneError, shown
 from .reference.lamp import LAMP_KINDS, LampKind
@@ -130,6 +132,29 @@ def add_reflection(
     _check_type(model, ReflectionModel, "model")
     entries = [(REFLECTION_MODELS, model), (REFLECTION_TABLE, drawn), (REFLECTION_KINDS, reference)]
     return Registration(word, entries, "a reflection model")
+
+
+def add_buffer(name: str, holds: str, *, drawn: OutputBuffer) -> Registration:
+    """Enter an output buffer.
+
+    Parameters
+    ----------
+    name : small letters, digits and hyphens: a name for `Options.outputs`, `Frame.array` and `--array`
+    holds : what its numbers are, for the help text
+    drawn : how it is written
+
+    Returns
+    -------
+    Registration
+
+    Raises
+    ------
+    SceneError : a name that is taken
+    """
+    _check_type(drawn, OutputBuffer, "drawn")
+    if name in SAVED_ARRAYS:
+        raise SceneError(f"every frame has an array {name!r}; taken are {', '.join((*SAVED_ARRAYS, *BUFFERS))}")
+    return Registration(name, [(BUFFERS, holds), (BUFFER_TABLE, drawn)], "an output buffer")
 
 
 def _check_type(value: Any, cls: type, name: str) -> None:

@@ -11,6 +11,7 @@ from .engine.attributes import NormalAttributes, point_intensities
 from .engine.coding import make_coding, make_encoding
 from .engine.depth_range import check_depths, screen_of
 from .engine.draw import Counts, draw
+from .engine.output_buffers import BUFFER_TABLE
 from .engine.passes import BufferPass, FaceTable, InterpolatedPass, LitPass
 from .engine.plan_summary import PlanSummary, Ways, summarize
 from .engine.shadow_maps import Shadows
@@ -20,7 +21,6 @@ from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .geometry.points import gather_geometry
 from .options import Options
-from .pipeline.buffers import empty_buffers
 from .pipeline.gradients import EXACT
 from .pipeline.resolve import encode_picture
 from .pipeline.threads import Workers
@@ -178,10 +178,10 @@ class Renderer:
             if "color" in outputs:
                 arrays.update(color=picture.color, alpha=picture.alpha)
         if wanted := [name for name in outputs if name not in ("color", "rgb")]:
-            buffers = empty_buffers(size, wanted)
+            buffers = {name: BUFFER_TABLE[name].make(size) for name in wanted}
             counts_of_buffers = self._draw_buffers(camera, buffers, clock)
             counts = counts or counts_of_buffers
-            arrays.update({name: getattr(buffers, name) for name in wanted})
+            arrays.update(buffers)
         stats = Stats(
             *counts[:6],
             threads=self._threads.n_thread,
@@ -233,7 +233,7 @@ class Renderer:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self._geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
-        normal_offsets = np.empty(0) if self._shadows is None else self._shadows.lifts
+        normal_offsets = np.empty(0) if self._shadows is None else self._shadows.normal_offsets
         return point_intensities(self._geometry, plan, lighting, screen, n_side, normal_offsets, self._threads)
 
     def _shadow_shapes(self) -> np.ndarray:
@@ -245,10 +245,10 @@ class Renderer:
         them."""
         options, view = self.options, camera.view()
         screen = screen_of(camera, view, options.size, 1, self._geometry, self._bounds)
-        if len(buffers.depth):
+        if "depth" in buffers:
             check_depths(camera, view, self._bounds)
         normals = self._normals.none()
-        if len(buffers.normal):
+        if any(BUFFER_TABLE[name].needs_normals for name in buffers):
             normals = self._normals.of_faces(view, screen) if options.is_flat else self._normals.of(np.float64)
         render_pass = BufferPass(
             attributes=normals,

@@ -6,6 +6,7 @@ from dataclasses import fields
 
 from .. import choices
 from ..errors import SceneError
+from ..io import formats
 from ..options import LEAST_WAVES, MOST_WAVES, Options
 from ..version import __version__
 from . import values
@@ -138,8 +139,8 @@ def _add_files(parser, default_name, size) -> None:
         "models",
         nargs="+",
         metavar="MODEL",
-        help=f"{', '.join(choices.MODEL_FORMATS)} files, scene files ({', '.join(choices.SCENE_FORMATS)}), or patterns such as 'parts/*.stl'; - is "
-        "stdin",
+        help=f"{', '.join(formats.names(is_scene=False))} files, scene files ({', '.join(formats.names(is_scene=True))}), or "
+        "patterns such as 'parts/*.stl'; - is stdin",
     )
     add(
         "-o",
@@ -161,21 +162,17 @@ def _add_files(parser, default_name, size) -> None:
         action="store_true",
         help="print a line of JSON for each picture on stdout (on stderr with -o -)",
     )
-    add(
-        "--input-format",
-        choices=choices.MODEL_FORMATS + choices.SCENE_FORMATS,
-        help="of the models, whatever their suffix; needed for stdin",
-    )
+    add("--input-format", choices=formats.names(), help="of the models, whatever their suffix; needed for stdin")
 
 
 def _add_array(parser) -> None:
     parser.add_argument(
         "--array",
         dest="outputs",
-        choices=choices.OUTPUTS,
-        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb "
-        "uint8, depth in scene units, face the face's index or -1, normal in world space; one sample a pixel, but "
-        "for color and rgb with --samples",
+        choices=tuple(dict.fromkeys((*choices.OUTPUTS, *choices.BUFFERS))),
+        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb uint8, "
+        + "".join(f"{name} {text}, " for name, text in choices.BUFFERS.items()).rstrip(", ")
+        + "; one sample a pixel, but for color and rgb with --samples",
     )
 
 

@@ -8,9 +8,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ..choices import SCENE_FORMATS
 from ..errors import ModelError, SceneError
+from ..io import formats
 from ..io.loader import load
+from ..io.model_file import MeshSettings
 from ..io.scene_file import SceneFile, read_scene
 from ..options import Options
 from ..scene.color import linear_rgb
@@ -140,11 +141,17 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
 def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     """Read a model; what it has no say in is left to the defaults."""
     source = _read_stdin() if model == STDIO else _checked_path(model, input_format)
-    format = (input_format or Path(model).suffix).lower().lstrip(".")
-    if format not in SCENE_FORMATS:
+    entry = formats.find(input_format or Path(model).suffix)
+    if entry is None or not entry.is_scene:
         return SceneFile(load(source, format=input_format, log=messages.detail, files_read=files_read, **settings.load))
-    own = {key: settings.load[key] for key in ("crease_angle", "weighting", "drop_bad_faces", "allow_outside")}
-    read = read_scene(source, log=messages.detail, format=format, files_read=files_read, **own)
+    read = read_scene(
+        source,
+        log=messages.detail,
+        format=entry.name,
+        mesh_settings=MeshSettings(*(settings.load[key] for key in MeshSettings._fields)),
+        allow_outside=settings.load["allow_outside"],
+        files_read=files_read,
+    )
     changes = {key: settings.load[key] for key in ("lights", "background", "up") if settings.load[key] is not None}
     unshadowed = () if "lights" in changes else read.unshadowed
     return read._replace(scene=replace(read.scene, **changes), unshadowed=unshadowed)

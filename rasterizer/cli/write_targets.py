@@ -15,11 +15,11 @@ from pathlib import Path
 
 from ..errors import OutputError
 from ..frame import write_whole
+from ..io import formats
 from ..io.files import identity_of
 from .messages import write_stdout
 from .targets import STDIO
 
-_NAMING = ("obj", "glb", "gltf", "json", "toml")  # formats whose files may name others
 _IN_MEMORY = 2**26  # bytes that wait in memory; more go into a file without a name
 _TERMINATED = 128 + 15  # exit code of a process that SIGTERM has ended
 
@@ -43,8 +43,8 @@ class Outputs:
         for targets in reversed(plan):
             self._later.insert(0, list(below))
             model = targets[0].model
-            format = (arguments.input_format or Path(model).suffix).lower().removeprefix(".")
-            if format in _NAMING:
+            format = formats.find(arguments.input_format or Path(model).suffix)
+            if format is not None and format.companions:  # its files may name others
                 folder = os.path.realpath("." if model == STDIO else os.path.dirname(model) or ".")
                 below.append(os.sep if arguments.allow_outside else folder)
 

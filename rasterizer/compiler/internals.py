@@ -50,7 +50,8 @@ SEEN = (0, 61), (0, 68)  # the first and the last version of numba; each brings 
 # Settings of numba that change the code that it makes; each is also an environment variable, NUMBA_...
 CODE_SETTINGS = (
     "BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO_DEFAULT", "DEBUG_NRT", "DISABLE_INTEL_SVML", "ENABLE_AVX",
-    "ENABLE_PROFILING", "ENABLE_SYS_MONITORING", "EXTEND_VARIABLE_LIFETIMES", "LLVM_REFPRUNE_FLAGS", "LLVM_REFPRUNE_PASS",
+    "ENABLE_PROFILING", "ENABLE_SYS_MONITORING", "EXTEND_VARIABLE_LIFETIMES", "LLVM_REFPRUNE_FLAGS",
+    "LLVM_REFPRUNE_PASS",
     "LOOP_VECTORIZE", "NRT_STATS", "OPT", "SLP_VECTORIZE", "USING_SVML",
 )  # fmt: skip
 
@@ -72,7 +73,7 @@ if IS_SEEN:
     from numba.core.ccallback import CFunc
     from numba.core.compiler_lock import global_compiler_lock
 else:
-    NullCache = object
+    NullCache, cgutils = object, None
     _log.warning(
         "numba %s is not among the versions that rasterizer was tried with, %d.%d to %d.%d: "
         "compiled kernels are not kept on disk, so that every run begins with compiling",

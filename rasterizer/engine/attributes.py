@@ -86,7 +86,7 @@ class NormalAttributes:
         return self._kept[key]
 
     def of_faces(self, view, screen) -> np.ndarray:
-        """Normals of flat faces, towards the viewer, (2, n_point, 3): side 1 is reversed, because `write_buffers` flips
+        """Normals of flat faces, towards the viewer, (2, n_point, 3): side 1 is reversed, because `write_normal` flips
         it."""
         normals = self._geometry.normals.T
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward

@@ -117,12 +117,15 @@ class DirectionalEntry(LightEntry):
     is_distant = True
 
     def function(self, light: Any) -> pipeline.LightKind:
+        """Return the function of parallel rays."""
         return pipeline.LIGHTS["directional"]
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
+        """Write the unit direction to the light."""
         coefficients[pipeline.VECTOR : pipeline.VECTOR + 3] = world_direction(light, view) * -1.0
 
     def beam(self, light: Any, view: View) -> Beam | None:
+        """Return parallel rays."""
         return Beam(None, world_direction(light, view), 0.0)
 
 
@@ -130,9 +133,11 @@ class PointEntry(LightEntry):
     """Light from one point to all sides."""
 
     def function(self, light: Any) -> pipeline.LightKind:
+        """Return the function of a light that shines alike to all sides."""
         return pipeline.LIGHTS["point"]
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
+        """Write the position relative to the eye, and what weakens the light with the distance."""
         # Never brought to the world and back: that would cost digits far from the origin.
         position = to_world(light.position, light, view)
         relative = position if light.attached == "camera" else position - view.eye
@@ -142,12 +147,15 @@ class PointEntry(LightEntry):
         coefficients[pipeline.INVERSE_RANGE] = 1.0 / light.range if light.range is not None else 0.0
 
     def beam(self, light: Any, view: View) -> Beam | None:
+        """Return a beam to all sides."""
         return Beam(world_position(light, view), None, math.inf)
 
     def clearance(self, light: Any, view: View, distance: Distance) -> float:
+        """Return the distance of the nearest lit point."""
         return distance(world_position(light, view))
 
     def lasting_clearance(self, light: Any, distance: Distance) -> float:
+        """Return half of that; 0 for a light that moves with the camera."""
         return 0.0 if light.attached == "camera" else 0.5 * distance(light.position)
 
     def amplification(self, light: Any, clearance: float) -> float:
@@ -163,6 +171,7 @@ class PointEntry(LightEntry):
         return 4.0 if light.range is not None else 0.0
 
     def lengths(self, light: Any) -> tuple[float, ...]:
+        """Return the coefficients of the attenuation, and the range."""
         reach = () if light.range is None else (light.range,)
         return tuple(coefficient for coefficient in light.attenuation if coefficient > 0.0) + reach
 
@@ -171,9 +180,11 @@ class SpotEntry(PointEntry):
     """Light from one point into a cone."""
 
     def function(self, light: Any) -> pipeline.LightKind:
+        """Return the function of the cone, another one where its fall is raised to a power."""
         return pipeline.LIGHTS["shaped spot" if light.falloff != 1.0 else "spot"]
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
+        """Write what a point light has, and the cone."""
         super().write(coefficients, light, view, dtype)
         inner, outer = cone_cosines(light)
         coefficients[pipeline.AXIS : pipeline.AXIS + 3] = world_direction(light, view)
@@ -184,6 +195,7 @@ class SpotEntry(PointEntry):
         coefficients[pipeline.CONE_FALLOFF] = light.falloff
 
     def beam(self, light: Any, view: View) -> Beam | None:
+        """Return the outer cone."""
         spread = math.tan(math.radians(light.outer)) if light.outer < 90.0 else math.inf
         return Beam(world_position(light, view), world_direction(light, view), spread)
 
@@ -205,6 +217,7 @@ class SpotEntry(PointEntry):
         return total + exponent
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
+        """A sharp cone has an edge."""
         if light.inner < light.outer:
             return ()
         return (Step("the edge of a sharp spot light", step_cosine(u), "cosine of an angle"),)
@@ -214,6 +227,7 @@ class AreaEntry(LightEntry):
     """Light from a parallelogram: a point light in each of its cells stands for it."""
 
     def expand(self, light: Any) -> tuple[Any, ...]:
+        """Return a point light for each cell."""
         return light.cells()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.bands import Band
-from ..pipeline.buffers import Buffers, write_buffers
+from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
 from ..pipeline.gradients import EXACT, Coding
 from ..pipeline.lighting import Lighting
@@ -25,6 +25,7 @@ from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import Textures, shade_textured, take_texels
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import Workspace, WorkspaceKind
+from .output_buffers import BUFFER_TABLE
 from .plan import Plan
 
 
@@ -178,13 +179,14 @@ class BufferPass(Pass):
     """Exact buffers: one sample a pixel, at its centre, and an exact record for every triangle."""
 
     screen: Screen
-    buffers: Buffers
+    buffers: dict[str, np.ndarray]  # by name, see output_buffers.py; written
 
     def finish(self, workspace, band, loaded_face):
-        """Write depth, face and normal of what is visible."""
-        return write_buffers(
-            workspace.visibility, workspace.records, loaded_face, band, self.screen, self.buffers
-        )
+        """Write what is visible into each buffer."""
+        surfaces = VisibleSurfaces(workspace.visibility, workspace.records, loaded_face, self.screen)
+        for name, buffer in self.buffers.items():
+            BUFFER_TABLE[name].write(surfaces, band, buffer)
+        return clear_band(workspace.visibility, band.n_row)
 
 
 @dataclass(frozen=True, kw_only=True)

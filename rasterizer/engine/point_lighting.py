@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from ..options import Options
 from ..pipeline.fragments import make_rows
 from ..pipeline.lighting import light_points
@@ -14,16 +16,25 @@ from ..scene.arrays import plain_array
 from ..scene.camera import Camera, View
 from ..scene.lights import checked_lights
 from ..scene.material import Material
-from ..scene.validate import shown, unit3, vector3
+from ..scene.validate import unit3, vector3
 from .plan import make_plan
 from .tint import common_color
 from .uniforms import make_lighting
 
 
 def illuminate(
-    points, normals, material, lights, viewer=None, *, toward_viewer=None, tangents=None, two_sided=False, exposure=0.0,
-    spectral=None,
-):  # fmt: skip
+    points: ArrayLike,
+    normals: ArrayLike,
+    material: Material | str,
+    lights: Any,
+    viewer: ArrayLike | Camera | None = None,
+    *,
+    toward_viewer: ArrayLike | None = None,
+    tangents: ArrayLike | None = None,
+    two_sided: bool = False,
+    exposure: float = 0.0,
+    spectral: int | None = None,
+) -> NDArray[np.float64]:
     """Evaluate the illumination equation at points of a surface, by the code that renders, in float64.
 
     I = ke + ka·Ia + Σ f_att f_spot Ip [kd D + ks W h], summed over the lights; see `Material` for D, W and h.
@@ -35,7 +46,7 @@ def illuminate(
     material : Material, or the name of one (see `Material.named`); without a texture
     lights : one light or a sequence of them; area lights as in a picture; shadows have no part, as nothing is there to
         cast them
-    viewer : three numbers, the eye's place in the world; or a Camera, without perspective at infinity
+    viewer : three numbers, the eye's position in the world; or a Camera, without perspective at infinity
     toward_viewer : three numbers in place of `viewer`: the direction from the surface to an eye at infinity, of any
         length
     tangents : (..., 3) numbers, world space, the direction in which u grows; needed by materials that are brushed along
@@ -48,18 +59,14 @@ def illuminate(
 
     Returns
     -------
-    (..., 3) float64, linear RGB, not clamped; a white matte surface facing a light of intensity 1 has 1
+    (..., 3) float64, linear RGB, not clamped; a white Lambertian surface facing a light of intensity 1 has 1
 
     Raises
     ------
     SceneError : shapes that don't fit, values that are not finite, normals without length, no viewer or two, lights
         that move with a camera where the viewer is none, a texture
     """
-    material = Material.named(material) if isinstance(material, str) else material
-    if not isinstance(material, Material):
-        raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
-    if material.texture is not None:
-        raise SceneError("the material must have no texture: points have no texture coordinates")
+    material = _checked_material(material)
     if not isinstance(two_sided, (bool, np.bool_, int)):
         raise SceneError(f"two_sided must be True or False; given {shown(two_sided)}")
     if points is None or normals is None:
@@ -67,9 +74,8 @@ def illuminate(
     points, normals, tangents, shape = _checked_points(points, normals, tangents, material)
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
-    scene = SimpleNamespace(
-        background=None, lights=lights, meshes=[SimpleNamespace(palette=(material,))], depth_cue=None
-    )
+    meshes = [SimpleNamespace(palette=(material,))]
+    scene = SimpleNamespace(background=None, lights=lights, meshes=meshes, depth_cue=None)
     plan = make_plan(scene, Options(tolerance=0.0, exposure=exposure, spectral=spectral), np.empty((0, 3)))
     lighting = make_lighting(plan, view, (), is_perspective)
     # Of a screen lighting reads the eye and the axis along which it looks.
@@ -84,6 +90,16 @@ def illuminate(
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
         found = found * common_color(plan.materials, plan.lights, plan.ambient)
     return found.reshape(shape)
+
+
+def _checked_material(material: object) -> Material:
+    """A material, or the one of this name; without a texture."""
+    material = Material.named(material) if isinstance(material, str) else material
+    if not isinstance(material, Material):
+        raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
+    if material.texture is not None:
+        raise SceneError("the material must have no texture: points have no texture coordinates")
+    return material
 
 
 def _checked_points(points, normals, tangents, material):

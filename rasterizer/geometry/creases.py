@@ -13,8 +13,10 @@ already have. Lengths may lie anywhere between 1e-60 and 1e60.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, kernel
 from .vectors import cross, divide, dot, length, subtract, vector_of_row
@@ -39,6 +41,15 @@ _FLAT = 2.0**-50
 # A sum of weighted normals that is shorter than this part of the weights has cancelled: its direction shows
 # how the coordinates were rounded (single precision: 2^-24), not the surface.
 _CANCELLED = 2.0**-20
+
+
+class Fans(NamedTuple):
+    """The corners of a mesh, sorted by vertex; made by `list_corners`."""
+
+    corner_vertices: NDArray[np.uint32]  # (n_corner,) the vertex at each corner
+    first: NDArray[np.uint32]  # (n_vertex + 2,) where each vertex's corners begin; the last entry is working space
+    corners: NDArray[np.uint32]  # (n_corner,) those of vertex v are corners[first[v] : first[v + 1]]
+    valence: int  # the most that one vertex has
 
 
 @kernel
@@ -85,12 +96,12 @@ def list_corners(corner_vertices, out_first, out_corners):
 
 
 @kernel
-def average_fans(vertices, corner_vertices, first, corners, valence, weighting, out_normals):
+def average_fans(vertices, fans, weighting, out_normals):
     """Average each fan as one group.
 
-    vertices (n_vertex, 3) f64; corner_vertices, first, corners, valence as at `list_corners`; weighting 0 to
-    2; out_normals (n_vertex, 3) f64 comes in as zero.
+    vertices (n_vertex, 3) f64; fans: Fans; weighting 0 to 2; out_normals (n_vertex, 3) f64 comes in as zero.
     """
+    corner_vertices, first, corners, valence = fans
     fan, keys = np.empty((valence, 4)), np.empty(2 * valence, dtype=np.int64)
     members = np.empty(valence, dtype=np.uint32)
     for vertex in range(len(vertices)):
@@ -108,13 +119,13 @@ def average_fans(vertices, corner_vertices, first, corners, valence, weighting, 
 
 
 @kernel
-def split_fans(vertices, corner_vertices, smoothing, first, corners, valence, cos_crease, weighting, out_faces):
+def split_fans(vertices, fans, smoothing, cos_crease, weighting, out_faces):
     """Join the corners of each fan into groups, and write split vertices for each; return (source, normals).
 
-    vertices (n_vertex, 3) f64; corner_vertices, first, corners, valence as at `list_corners`; smoothing
-    (n_face,) i32 or empty; weighting 0 to 2; out_faces (n_corner,) u32 comes in as UNSET. source (n_split,)
-    u32, normals (n_split, 3) f64.
+    vertices (n_vertex, 3) f64; fans: Fans; smoothing (n_face,) i32 or empty; weighting 0 to 2; out_faces (n_corner,)
+    u32 comes in as UNSET. source (n_split,) u32, normals (n_split, 3) f64.
     """
+    corner_vertices, first, corners, valence = fans
     # What is known of one fan: unit normal and weight, edges, corner, the walk, groups at their roots.
     fan, keys = np.empty((valence, 4)), np.empty(2 * valence, dtype=np.int64)
     members = np.empty(valence, dtype=np.uint32)

@@ -104,8 +104,8 @@ def split_points(part: Part, mesh: Mesh, is_textured: bool) -> Part:
 
 
 def _triangle_colors(mesh: Mesh) -> NDArray[np.float64]:
-    """Return the colours (n_face, 3) of triangles, the means of their corners; in a convex polygon the mean of all its corners, so
-    that it doesn't matter which is first."""
+    """Return the colours (n_face, 3) of triangles, the means of their corners; in a convex polygon the mean of all its
+    corners, so that it doesn't matter which is first."""
     colors = sum(mesh.colors[mesh.faces[:, k], :3] for k in range(3)) / 3.0
     rings = find_rings(mesh.faces, mesh.polygons, mesh.vertices)
     for k in range(3 if len(rings.start) else 0):

@@ -72,7 +72,8 @@ def gather_geometry(scene: Scene, is_flat: bool) -> Geometry:
 
 
 def _join_parts(parts: Sequence[Part], is_flat: bool, is_textured: bool) -> Geometry:
-    """Stack the arrays of meshes; indices move behind the meshes before them. What belongs to materials is left empty."""
+    """Stack the arrays of meshes; indices move behind the meshes before them. What belongs to materials is left
+    empty."""
     first_vertex = np.cumsum([0] + [len(part.positions) for part in parts])
     positions = _columns([part.positions for part in parts], np.float64)
     vertex = _columns([part.vertex for part in parts], np.uint32, first_vertex)
@@ -123,7 +124,8 @@ def about_centers(geometry: Geometry, meshes: Sequence[Mesh], parts: Sequence[Pa
         positions=positions, vertex=vertex, corner=vertex, points=positions, normals=normals,
         albedo=with_means(geometry.albedo, centers), is_inverted=np.zeros(vertex.shape[1], np.uint8),
         face_material=geometry.face_material[face] if len(geometry.face_material) else geometry.face_material,
-        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents.T, centers).T, face=face, centers=centers,
+        uv=with_means(geometry.uv, centers), tangents=with_means(geometry.tangents.T, centers).T,
+        face=face, centers=centers,
     )  # fmt: skip
 
 

@@ -1,4 +1,5 @@
-"""Polygons with more than three corners, found again among the triangles that they were cut into (scene/triangulation.py).
+"""Polygons with more than three corners, found again among the triangles that they were cut into
+(scene/triangulation.py).
 
 in:  triangles, and which polygon each came from      out: `Rings`, the corners of each convex polygon in turn
 """
@@ -97,7 +98,8 @@ def _fan_loops(groups: NDArray) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def _following(groups: NDArray, middle: NDArray, steps: int) -> NDArray[np.int64]:
-    """Return the corner `steps` after the `middle` (m,) in each triangle of the groups (m, n, 3), -1 where it isn't there."""
+    """Return the corner `steps` after the `middle` (m,) in each triangle of the groups (m, n, 3), -1 where it isn't
+    there."""
     is_middle = groups == middle[:, None, None]
     corner = (is_middle.argmax(axis=2)[..., None] + steps) % 3
     following = np.take_along_axis(groups, corner, axis=2)[..., 0].astype(np.int64)

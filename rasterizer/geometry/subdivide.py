@@ -12,9 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import ModelError, SceneError
+from ..errors import ModelError, SceneError, shown
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
-from ..scene.validate import shown
 from .normals import split_creases
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit

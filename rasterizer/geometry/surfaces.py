@@ -1,9 +1,10 @@
-"""Questions about the triangles of a scene that are asked once, before anything is drawn: kernels over faces and points.
+"""Questions about the triangles of a scene that are asked once, before anything is drawn: kernels over faces and
+points.
 
     flag_inverted           do a triangle's normals look against its winding?
     find_clearance          how near does the surface come to a point, as a light or the eye is?
     find_shortest_normal    how short can an interpolated normal become?
-    compute_shapes          which plane is a triangle in, and how far does the curved surface that it stands for leave it?
+    compute_shapes          which plane is a triangle in, and how far from it is the curved surface that it stands for?
     compute_normal_offsets  how far are points moved along their normals, so that their own faces don't shadow them?
 
 Columns: positions, normals and points are (3, n), one contiguous column an axis; vertex and corner are (3, n_face).
@@ -92,7 +93,8 @@ def find_shortest_normal(normals, corner):
     for face in range(np.uint64(corner.shape[1])):
         i, j, k = corner[0, face], corner[1, face], corner[2, face]
         a, b, c = vector_of_column(normals, i), vector_of_column(normals, j), vector_of_column(normals, k)
-        # A cheap test first: with the least cosine c > 0 nothing is shorter than √((1 + 2 c)/3), see pipeline/records.py.
+        # A cheap test first: with the least cosine c > 0 nothing is shorter than √((1 + 2 c)/3), see
+        # pipeline/records.py.
         cosine = min(dot(a, b), dot(b, c), dot(c, a))
         if cosine > 0.0 and (1.0 + 2.0 * cosine) / 3.0 >= least * least:
             continue

@@ -28,7 +28,8 @@ def add_tangents(part: Part, mesh: Mesh, is_flat: bool) -> Part:
 
 
 def compute_tangents(corners: NDArray, uv: NDArray, point: NDArray, n_point: int) -> NDArray[np.float64]:
-    """Compute the directions in which u grows, at points of a surface: the mean of those of the triangles that meet there.
+    """Compute the directions in which u grows, at points of a surface: the mean of those of the triangles that meet
+    there.
 
     A triangle's positions are affine in (u, v): with edges e1, e2 that are (a1, b1), (a2, b2) in texture coordinates,
     dP/du = (e1 b2 - e2 b1) / (a1 b2 - a2 b1). Triangles count by their area, as far as their u grows anywhere.

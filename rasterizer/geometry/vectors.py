@@ -1,7 +1,8 @@
-"""Vector algebra on tuples of three numbers, for compiled code: a formula reads as the book has it, and costs what its products cost.
+"""Vector algebra on tuples of three numbers, for compiled code: a formula reads as the book has it, and costs what its
+products cost.
 
-Every function is inlined. It does the same operations in the same order as the components written out, so it changes no bit.
-Without the compiler (NUMBA_DISABLE_JIT) these are plain functions.
+Every function is inlined. It does the same operations in the same order as the components written out, so it changes no
+bit. Without the compiler (NUMBA_DISABLE_JIT) these are plain functions.
 """
 
 import math

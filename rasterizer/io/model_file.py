@@ -3,7 +3,6 @@
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """
 
-import math
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -28,6 +27,14 @@ class Contents(NamedTuple):
     parts: list
     lights: tuple | None = None  # of rasterizer.scene.lights; None = the file has none
     camera: object = None  # Camera or None
+
+
+class MeshSettings(NamedTuple):
+    """How meshes are made of what files hold; the fields are as `load` takes them."""
+
+    crease_angle: float | None = None
+    weighting: str | None = None
+    drop_bad_faces: bool = False
 
 
 def materials_of(part: Part) -> tuple[Material, ...]:
@@ -168,13 +175,3 @@ def check_indices(model, corners, counts, n_vertex, place_of) -> None:
     raise ModelError(
         f"{model.name}{place_of(polygon)} refers to vertex {corners[bad]}; the file has {n_vertex}, legal is 0..{n_vertex - 1}"
     )
-
-
-def is_drawable(part: Part) -> bool:
-    """Tell whether at least one face has finite corners and an area."""
-    with np.errstate(all="ignore"):
-        corners = part["vertices"][part["faces"]].astype(np.float64)
-        scale = np.abs(corners).max(where=np.isfinite(corners), initial=0.0)
-        edges = (corners[:, 1:] - corners[:, :1]) / (scale or math.inf)
-        area = np.cross(edges[:, 0], edges[:, 1])
-    return bool((np.isfinite(area).all(axis=1) & (area != 0.0).any(axis=1)).any())

@@ -1,45 +1,32 @@
 """Read OBJ: vertices, polygons, normals, texture coordinates, smoothing groups, objects, materials.
 
-    text ─ tidy ─┬─ rows of v, vn, vt ──┐
-                 ├─ table of corners ───┼─ triangles (scene/triangulation.py) ─ parts, one an object
-                 └─ o, usemtl, s ───────┘
+    lines (obj_lines.py) ─ triangles (scene/triangulation.py) with their attributes ─ parts, one an object
 
-Each `o` line with faces begins a part, which may have several materials; groups (`g`) only name faces, so normals
-go across their borders. Faces keep the order of the file; those with fewer than three corners, points and lines are
-left out.
+Each `o` line with faces begins a part, which may have several materials; groups (`g`) only name faces, so normals go
+across their borders. Faces keep the order of the file. Points, lines, and faces with fewer than three corners are left
+out.
 
-Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name; a `v` of four or five
-numbers is a place, of six or more a place and its colour (0..1, or 0..255 where one is above 1), used where all `v`
-lines have one; a `vt` after the last is none; `1.#QNAN` and the like are not a number. Format: Wavefront, Advanced
+Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name. A `v` of four or five
+numbers is a position, of six or more a position and its colour (0..1, or 0..255 where one is above 1), used where all
+`v` lines have one. A `vt` after the last is none. `1.#QNAN` and the like are not a number. Format: Wavefront, Advanced
 Visualizer manual, appendix B1, 1995.
 """
 
-import re
 import warnings
 from dataclasses import replace
 from itertools import chain
 
 import numpy as np
 
-from ..errors import ModelError
 from ..scene.material import Material
+from ..scene.mesh_arrays import has_area
 from ..scene.triangulation import listed
 from .files import OutsideError
-from .model_file import WHITE, ModelFile, Part, bytes_of, cut_faces, text_of
+from .model_file import WHITE, ModelFile, Part, bytes_of, cut_faces
 from .mtl import LONGEST_NAME, Maps, read_materials
-from .obj_corners import (
-    Corners,
-    MisreadError,
-    in_force,
-    read_corners,
-    read_texture_coordinates,
-    read_vectors,
-    without_signs,
-)
-from .obj_fault import find_fault, line_of_face
+from .obj_lines import Corners, LineError, ObjLines
 
 MOST_LIBRARIES = 256  # material files that an OBJ file may name
-_UNNAMED = -1  # material number of faces before the first usemtl
 
 
 def read_obj(model: ModelFile) -> list[Part]:
@@ -51,211 +38,145 @@ def read_obj(model: ModelFile) -> list[Part]:
 
     Raises
     ------
-    ModelError : naming the line where one is at fault
+    ModelError : naming the first line that is at fault
 
     Warns
     -----
     UserWarning : materials, textures or texture coordinates that are missing
     """
+    lines = ObjLines(model.data)
     try:
-        parts = _read(model)
-    except (MisreadError, ModelError) as fault:
-        found = find_fault(model.data)
-        if found is None and isinstance(fault, ModelError):
-            raise
-        line, reason = found or (None, f"not a readable OBJ file ({fault})")
-        raise model.error(reason, line) from fault
-    if not parts and (found := find_fault(model.data)):
-        line, reason = found
-        raise model.error(reason, line)
+        parts = _read_parts(model, lines)
+    except LineError:
+        parts = []
+    if not parts and (fault := lines.first_fault()):
+        line, reason = fault
+        raise model.error(reason, lines.number_of(line))
     return parts
 
 
-def _read(model):
-    text = _tidy(model.data)
-    n_line = text.count("\nf ")
-    if n_line == 0:
+def _read_parts(model, lines) -> list[Part]:
+    """Read the triangles of the file, and divide them into objects."""
+    corners = lines.corners()
+    if corners.counts.max(initial=0) < 3:
         return []
-    corners = read_corners(text)
-    if corners.n_corner.max(initial=0) < 3:
-        return []
-    part, polygons = _make_part(model, corners, text)
-    object_of_line, objects = _named(text, "o", n_line)
-    material_of_line, names = _named(text, "usemtl", n_line)
-    materials = _find_materials(model, text, names)
-    default = replace(part.pop("material"), name="")
-    palette = [materials.get(name, replace(default, name=name)) for name in names] + [default]
-    part["face_material"] = material_of_line[polygons]
+    points = lines.rows_of("v")
+
+    def place(face):
+        return f":{lines.number_of(corners.lines[face])}: the face"
+
+    cut = cut_faces(model, points[:, :3], corners.v, corners.counts, place)
+    whole = _make_part(lines, points, corners, cut.corners)
+    face_lines = corners.lines[cut.polygons]
+    material_of_face, names = _in_force(lines, "usemtl", face_lines)
+    object_of_face, objects = _in_force(lines, "o", face_lines)
+    # A material has one number, however often its name stands there; an object is another each time.
+    numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
+    whole["face_material"] = np.array([numbers[name] for name in names] + [-1])[material_of_face]
+    materials = _find_materials(model, lines, list(numbers))
+    default = replace(whole["material"], name="")
+    palette = [materials.get(name, replace(default, name=name)) for name in numbers] + [default]
+    groups = set(lines.names_of("g")[1])
+    objects.append(groups.pop() if len(groups) == 1 else "")  # the only group names what stands before the first object
+    if corners.counts.max() > 3:
+        whole["polygons"] = cut.polygons
+    group_of_face, groups = _in_force(lines, "s", face_lines)
+    if groups:
+        whole["smoothing"] = np.array([*map(_smoothing_group, groups), 0], np.int32)[group_of_face]
     return [
-        _with_materials(model, piece, palette, objects[number] if number >= 0 else _only_group(text))
-        for number, piece in _objects(part, object_of_line[polygons])
+        _with_materials(model, _take_range(whole, begin, end), palette, objects[number])
+        for number, begin, end in _object_ranges(whole, object_of_face)
     ]
 
 
-def _named(text, keyword, n_line) -> tuple[np.ndarray, list[str]]:
-    """Return the number of the name in force at each face line, -1 = none yet, and the names.
-
-    Equal materials have one number; every `o` line begins an object, whatever it is called.
-    """
-    names = {}
-
-    def number(name):
-        return names.setdefault(name if keyword == "usemtl" else (len(names), name), len(names))
-
-    numbers = in_force(text, keyword, number, _UNNAMED, n_line)
-    return numbers, [name if keyword == "usemtl" else name[1] for name in names]
-
-
-def _only_group(text) -> str:
-    """Return the name of the group where the file has just one, to name faces that belong to no object."""
-    groups = {name.strip() for name in re.findall(r"\ng (.*)", text)}
-    return groups.pop() if len(groups) == 1 else ""
-
-
-# --- text ---------------------------------------------------------------------------------------------------
-
-
-def _tidy(data: bytes) -> str:
-    """Return the text with \\n at the end of each line, nothing before a keyword, and a blank after it."""
-    text = without_signs("\n" + text_of(data) + "\n")
-    if "\r" in text:
-        text = text.replace("\r\n", "\n").replace("\r", "\n")
-    if "\\" in text:
-        text = text.replace("\\\n", " ")
-    if "\t" in text:
-        text = text.replace("\t", " ")
-    if "\n " in text:
-        text = re.sub(r"\n +", "\n", text)
-    if any(text[mark.start() - 1] != "\n" or "usemtl" in mark[0] for mark in re.finditer("#.*", text)):
-        text = re.sub(r"\n((?:v|vn|vt|f|s) [^#\n]*|)#.*", r"\n\1", text)
-    return text
-
-
-# --- triangles ----------------------------------------------------------------------------------------------
-
-
-def _make_part(model, corners: Corners, text) -> tuple[Part, np.ndarray]:
-    """Put all triangles of the file in one part; return it, and which face line each triangle came from."""
-    points = read_vectors(text, "v", 3)
-    if corners.v.max() >= len(points):
-        raise MisreadError("a face refers to a vertex after the last")
-
-    def place(face):
-        return f":{line_of_face(model.data, face)}: the face"
-
-    cut = cut_faces(model, points[:, :3], corners.v, corners.n_corner, place)
-    v = corners.v[cut.corners]
-    n_used, faces = _compact(v)
-    used = np.zeros(n_used, np.int64)
-    used[faces] = v
-    points = points[used]
-    part = {"vertices": np.ascontiguousarray(points[:, :3]), "faces": faces, "name": "", "material": Material()}
-    if points.shape[1] >= 6 and np.isfinite(points[:, 3:6]).all():
-        part |= {"colors": bytes_of(points[:, 3:6]), "material": WHITE}
-    normal_idx = corners.vn[cut.corners]
-    if normal_idx.max() >= 0:
-        normals = read_vectors(text, "vn", 3)
-        if normal_idx.max() >= len(normals):
-            raise MisreadError("a face refers to a normal after the last")
-        part["normals"] = normals[normal_idx, :3]
-        part["has_normals"] = (normal_idx >= 0).all(axis=1)
-    uv_idx = corners.vt[cut.corners]
-    if uv_idx.max() >= 0:
-        coordinates = read_texture_coordinates(text)
-        is_there = (uv_idx >= 0) & (uv_idx < len(coordinates))
+def _make_part(lines, points, corners: Corners, triangles) -> Part:
+    """Put all triangles of the file, (n, 3) places in the list of corners, in one part."""
+    faces = corners.v[triangles]
+    part = {"vertices": points[:, :3], "faces": faces, "material": Material()}
+    if points.shape[1] >= 6:
+        is_used = np.zeros(len(points), bool)
+        is_used[faces] = True
+        if np.isfinite(points[is_used, 3:6]).all():
+            colors = np.zeros((len(points), 3), np.uint8)
+            colors[is_used] = bytes_of(points[is_used, 3:6])
+            part |= {"colors": colors, "material": WHITE}
+    if corners.vn is not None and corners.vn.max() >= 0:
+        vn = corners.vn[triangles]
+        part |= {"normals": lines.rows_of("vn")[vn, :3], "has_normals": (vn >= 0).all(axis=1)}
+    if corners.vt is not None and corners.vt.max() >= 0:
+        vt, texcoords = corners.vt[triangles], lines.rows_of("vt")[:, :2]
+        is_there = (vt >= 0) & (vt < len(texcoords))
         if is_there.any():
-            part["uv"] = np.where(is_there[..., None], coordinates[np.where(is_there, uv_idx, 0)], 0.0)
+            part["uv"] = np.where(is_there[..., None], texcoords[np.where(is_there, vt, 0)], 0.0)
             part["has_uv"] = is_there.all(axis=1)
-    if corners.n_corner.max() > 3:
-        part["polygons"] = cut.polygons
-    smoothing = corners.smoothing[cut.polygons]
-    if smoothing.any():
-        part["smoothing"] = smoothing.astype(np.int32)
-    return part, cut.polygons
+    return part
 
 
-def _compact(v) -> tuple[int, np.ndarray]:
-    """Number the vertices in use from 0, in their order; return how many they are, and the faces in new numbers."""
-    first, span = int(v.min()), int(np.ptp(v)) + 1
-    if span > 8 * v.size:  # few faces, far apart: sorting them is less than looking at all between
-        used, faces = np.unique(v, return_inverse=True)
-        return len(used), faces.reshape(v.shape)
-    is_used = np.zeros(span, bool)
-    is_used[v - first] = True
-    return int(is_used.sum()), (np.cumsum(is_used) - 1)[v - first]
+def _in_force(lines, keyword, face_lines) -> tuple[np.ndarray, list[str]]:
+    """Return for each triangle which line of a keyword was the last before it, -1 where none was; and their names."""
+    places, names = lines.names_of(keyword)
+    return np.searchsorted(places, face_lines) - 1, names
 
 
-def _per_vertex(of_corner, faces, n_vertex) -> np.ndarray | None:
-    """Return what corners hold as values of their vertices; None where corners of one vertex differ."""
-    values = np.empty((n_vertex, of_corner.shape[2]), of_corner.dtype)
-    values[faces] = of_corner
-    is_real = of_corner.dtype.kind == "f"
-    return values if np.array_equal(values[faces], of_corner, equal_nan=is_real) else None
+def _smoothing_group(name: str) -> int:
+    """Return the number of a smoothing group: `off` and anything unknown are 0, `on` is 1."""
+    name = name.partition("#")[0].strip()
+    is_number = name.isascii() and name.isdigit() and len(name) < 10  # within int32
+    return int(name) if is_number else int(name == "on")
 
 
-# --- objects ------------------------------------------------------------------------------------------------
+# --- objects --------------------------------------------------------------------------------------------------------
 
 
-def _objects(part: Part, number) -> list[tuple[int, Part]]:
-    """Cut a part where the number (n_triangle,) of the object changes.
+def _object_ranges(whole: Part, object_of_face) -> list[tuple[int, int, int]]:
+    """Return for each object its number, and where its triangles begin and end.
 
     Objects without a face that has an area go with their neighbour, so that the faces keep their numbers: a mesh must
     have such a face.
     """
-    starts = np.flatnonzero(np.diff(number, prepend=number[0] - 1))
-    if len(starts) > 1:
-        n_drawable = np.add.reduceat(_has_area(part), starts, dtype=np.int64)
-        is_kept = n_drawable > 0
-        is_kept[int(is_kept.argmax()) if is_kept.any() else 0] = True
-        kept = starts[is_kept]
-    else:
-        kept = starts
-    numbers = number[kept]
-    ends = [*kept[1:].tolist(), len(number)]
-    begins = [0, *kept[1:].tolist()]
-    return [(int(n), _cut(part, a, b)) for n, a, b in zip(numbers, begins, ends, strict=True)]
+    begins = np.flatnonzero(np.diff(object_of_face, prepend=object_of_face[0] - 1))
+    if len(begins) > 1:
+        is_kept = np.logical_or.reduceat(has_area(whole["vertices"], whole["faces"]), begins)
+        is_kept[is_kept.argmax()] = True
+        begins = begins[is_kept]
+    edges = [0, *begins[1:].tolist(), len(object_of_face)]
+    return list(zip(object_of_face[begins].tolist(), edges[:-1], edges[1:], strict=True))
 
 
-def _has_area(part: Part) -> np.ndarray:
-    """Tell which triangles have finite corners and an area; the limit is that of `Mesh`."""
-    with np.errstate(all="ignore"):
-        corners = part["vertices"][part["faces"]].astype(np.float64)
-        edges = corners[:, 1:] - corners[:, :1]
-        edges /= np.maximum(np.abs(edges).max(axis=(1, 2), keepdims=True), np.finfo(np.float64).tiny)
-        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-        lengths = np.linalg.norm(edges, axis=2)
-        return area > 4 * np.finfo(np.float64).eps * lengths[:, 0] * lengths[:, 1]
-
-
-def _cut(part: Part, begin, end) -> Part:
-    """Return the triangles from `begin` to `end` with what belongs to them; attributes that some lack are left out."""
-    faces = part["faces"][begin:end]
-    n_used, compact = _compact(faces)
-    piece = {"faces": compact, "name": "", "face_material": part["face_material"][begin:end]}
-    if n_used == len(part["vertices"]):
-        piece |= {key: part[key] for key in ("vertices", "colors") if key in part}
-    else:
-        used = np.zeros(n_used, np.int64)
-        used[compact] = faces
-        piece |= {key: part[key][used] for key in ("vertices", "colors") if key in part}
-    if "normals" in part and part["has_normals"][begin:end].all():
-        piece["normals"] = part["normals"][begin:end]
-    if "uv" in part and part["has_uv"][begin:end].any():
-        uv = part["uv"][begin:end]
-        per_vertex = _per_vertex(uv, compact, n_used)
-        piece["uv"] = uv if per_vertex is None else per_vertex
-        piece["has_uv"] = part["has_uv"][begin:end]
-    if "polygons" in part:
-        polygons = part["polygons"][begin:end] - part["polygons"][begin]
-        polygons = np.cumsum(np.diff(polygons, prepend=0) > 0)  # lines of fewer than 3 corners leave gaps
+def _take_range(whole: Part, begin, end) -> Part:
+    """Return the triangles from `begin` to `end` with the vertices that they use; attributes that some lack are left out."""
+    used, faces = _compact(whole["faces"][begin:end])
+    part = {key: whole[key][used] for key in ("vertices", "colors") if key in whole}
+    part |= {"faces": faces, "face_material": whole["face_material"][begin:end]}
+    if "normals" in whole and whole["has_normals"][begin:end].all():
+        part["normals"] = whole["normals"][begin:end]
+    if "uv" in whole and whole["has_uv"][begin:end].any():
+        uv = whole["uv"][begin:end]
+        of_vertex = np.empty((len(used), 2))
+        of_vertex[faces] = uv
+        is_same = np.array_equal(of_vertex[faces], uv, equal_nan=True)  # wherever faces share a vertex
+        part |= {"uv": of_vertex if is_same else uv, "has_uv": whole["has_uv"][begin:end]}
+    if "polygons" in whole:
+        polygons = np.cumsum(np.diff(whole["polygons"][begin:end], prepend=whole["polygons"][begin]) > 0)
         if polygons[-1] + 1 < len(polygons):
-            piece["polygons"] = polygons.astype(np.int32)
-    if "smoothing" in part and part["smoothing"][begin:end].any():
-        piece["smoothing"] = part["smoothing"][begin:end]
-    return piece
+            part["polygons"] = polygons.astype(np.int32)
+    if "smoothing" in whole and whole["smoothing"][begin:end].any():
+        part["smoothing"] = whole["smoothing"][begin:end]
+    return part
 
 
-# --- materials ----------------------------------------------------------------------------------------------
+def _compact(faces) -> tuple[np.ndarray, np.ndarray]:
+    """Return which vertices faces use, ascending, and the faces with their numbers among these."""
+    first, span = int(faces.min()), int(np.ptp(faces)) + 1
+    if span > 8 * faces.size:  # few faces, far apart: sorting them is less than looking at all between
+        used, faces_of_used = np.unique(faces, return_inverse=True)
+        return used, faces_of_used.reshape(faces.shape)
+    is_used = np.zeros(span, bool)
+    is_used[faces - first] = True
+    return np.flatnonzero(is_used) + first, (np.cumsum(is_used) - 1)[faces - first]
+
+
+# --- materials ------------------------------------------------------------------------------------------------------
 
 
 def _with_materials(model, part: Part, palette, name) -> Part:
@@ -287,16 +208,15 @@ def _with_materials(model, part: Part, palette, name) -> Part:
     return part | {"materials": tuple(palette[used[k]] for k in order), "face_material": rank[inverse]}
 
 
-def _find_materials(model, text, names) -> dict[str, Material]:
+def _find_materials(model, lines, names) -> dict[str, Material]:
     """Read the MTL files that the OBJ names; warn of what is missing."""
     if not names:
         return {}
     materials, missing, maps = {}, [], Maps(model.log)
-    lines = dict.fromkeys(line.strip() for line in re.findall(r"\nmtllib (.*)", text))
+    wanted = list(dict.fromkeys(lines.names_of("mtllib")[1]))[:MOST_LIBRARIES]
     # Names with blanks are written like several names; what was read to find out is not read again.
-    found = {line: _library(model, line) for line in list(lines)[:MOST_LIBRARIES] if len(line) < 256}
-    named = [[line] if found.get(line) else line.split() for line in list(lines)[:MOST_LIBRARIES]]
-    named = list(dict.fromkeys(chain.from_iterable(named)))
+    found = {name: _library(model, name) for name in wanted if len(name) < 256}
+    named = list(dict.fromkeys(chain(*([name] if found.get(name) else name.split() for name in wanted))))
     if len(named) > MOST_LIBRARIES:
         warnings.warn(
             f"{model.name}: names {len(named)} material files; the first {MOST_LIBRARIES} are looked for", stacklevel=2

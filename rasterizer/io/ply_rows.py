@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .obj_corners import numbers_in
+from .text_numbers import numbers_in
 
 _TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
@@ -87,7 +87,7 @@ class Text:
     def __init__(self, model, elements, start, n_line):
         self.model, self.elements, self.n_line = model, elements, n_line
         self.text = model.data[start:].decode("latin-1")
-        self.numbers = numbers_in(self.text, np.float64)
+        self.numbers = numbers_in(self.text)
         if self.numbers is None:
             self._name_fault()
         self.at = 0

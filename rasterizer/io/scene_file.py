@@ -22,16 +22,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import ModelError, one_file
+from ..errors import ModelError, one_file, shown
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from ..scene.validate import picture_size, shown
+from ..scene.validate import picture_size
+from . import formats
 from .files import Folder, read_named
+from .model_file import MeshSettings
+from .models import keep_quiet
 from .scene_file_entry import Entry
 from .scene_file_meshes import read_meshes
 from .scene_file_parts import Context, read_camera, read_color, read_depth_cue, read_lights, read_material
 
-FORMATS = ("json", "toml")
+_OWN_SETTINGS = MeshSettings()  # of the file, that is
 MOST_JSON, MOST_TOML = 2**26, 2**23  # bytes, which take some 2 GB, or 5 seconds
 MOST_DOTS = (
     100  # between two of the characters that may stand round a name of TOML; the parser's time grows with their square
@@ -70,25 +73,15 @@ class SceneFile(NamedTuple):
         return replace(self.scene, camera=camera)
 
 
-def is_scene_file(source, format=None) -> bool:
-    """Tell whether a source, as `load` takes it, is a scene file, by its format or suffix."""
-    name = source if isinstance(source, (str, os.PathLike)) else getattr(source, "name", None)
-    if format is None and isinstance(name, (str, os.PathLike)):
-        format = Path(os.fsdecode(name)).suffix
-    return isinstance(format, str) and format.lower().removeprefix(".") in FORMATS
-
-
 def read_scene(
     source,
     folder=None,
     log=None,
     *,
-    format=None,
-    crease_angle=None,
-    weighting=None,
-    drop_bad_faces=False,
-    allow_outside=False,
-    files_read=None,
+    format: str | None = None,
+    mesh_settings: MeshSettings = _OWN_SETTINGS,
+    allow_outside: bool = False,
+    files_read: list | None = None,
 ) -> SceneFile:
     """Read a scene file.
 
@@ -98,10 +91,8 @@ def read_scene(
     folder : path to which the names of files are relative; None = that of the path, for bytes the current one
     log : function of one text, called with facts about the files; None = nobody wants them
     format : "json" or "toml"; None = by the suffix of the path, for bytes JSON
-    crease_angle : degrees within 0..180, of all meshes in place of their own; None = as the file says
-    weighting : text, of all meshes in place of their own, see `Mesh`; None = as the file says
-    drop_bad_faces : bool, leave out faces whose coordinates are NaN or infinite
-    allow_outside : bool, read also files outside the folder; see `_files`
+    mesh_settings : those of all meshes; where they are not None they are taken in place of the file's
+    allow_outside : bool, read also files outside the folder; see `files.py`
     files_read : list that gets the paths of all files that are read
 
     Returns
@@ -115,10 +106,11 @@ def read_scene(
     """
     name, data, own_folder = _read(source)
     files = Folder(own_folder if folder is None else folder, None, allow_outside, files_read)
-    context = Context(files, log or (lambda _text: None), crease_angle, drop_bad_faces, weighting)
-    format = (format or Path(name).suffix or "json").lower().removeprefix(".")
+    own = mesh_settings
+    context = Context(files, log or keep_quiet, own.crease_angle, own.drop_bad_faces, own.weighting)
     with one_file(name):
-        return _read_tables(Entry(_parse(data, format, name), name), context)
+        entry = formats.format_of(name, format or Path(name).suffix or "json", is_scene=True)
+        return _read_tables(Entry(_parse(data, entry.name, name), name), context)
 
 
 def _read_tables(root, context) -> SceneFile:
@@ -186,8 +178,6 @@ def _parse(data, format, name):
     """Parse the text of a scene file."""
     if not data.strip():
         raise ModelError(f"{name}: the file is empty")
-    if format not in FORMATS:
-        raise ModelError(f"{name}: unknown format {format!r} of a scene file; readable are {', '.join(FORMATS)}")
     most = MOST_TOML if format == "toml" else MOST_JSON
     if len(data) > most:
         raise ModelError(
@@ -197,7 +187,6 @@ def _parse(data, format, name):
         text = data.decode("utf-8-sig")
         if format == "toml":
             _check_names(text, name)
-        if format == "toml":
             return _toml(name).loads(text.replace("\r\n", "\n"))
         return json.loads(text, object_pairs_hook=_without_duplicates, parse_constant=_refuse)
     except UnicodeDecodeError as fault:

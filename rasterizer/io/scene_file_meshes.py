@@ -3,14 +3,17 @@ placed."""
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, shown
 from ..scene.mesh import Mesh
-from ..scene.validate import number, shown, unit3, vector3
+from ..scene.validate import number, unit3, vector3
+from . import formats
 from .gltf import MOST_COPIES
-from .loader import load_file
+from .model_file import MeshSettings
+from .models import load_model
 from .scene_file_parts import array_of, index_of, keeping_normals, read_material
 
 # In the order of Mesh; all but the first two may be left out.
@@ -56,7 +59,7 @@ def _read_model(entry, context) -> tuple[list[Mesh], str]:
     """Read a model file; its meshes get the transform, name and materials asked for. Its camera and lights aren't
     used."""
     table = entry.table(("file", *_PLACING, "material", "materials"), ("file",))
-    if table["file"].text().lower().endswith((".json", ".toml")):
+    if (format := formats.find(Path(table["file"].text()).suffix)) and format.is_scene:
         raise table["file"].fault(f"must be a model, no scene file; given {shown(table['file'].value)}")
     path = context.path(table["file"])
     scene = _load_once(path, table["file"], _crease_angle(table, context), _weighting(table, context), context)
@@ -89,9 +92,9 @@ def _load_once(path, entry, crease_angle, weighting, context):
             )
         return scene
     context.files.read.append(str(path))
-    settings = {"drop_bad_faces": context.drop_bad_faces, "log": context.log, "files": context.files.below(path.parent)}
-    settings |= {"crease_angle": crease_angle, "weighting": weighting}
-    context.models[key] = entry.call(load_file, path, **settings)
+    settings = MeshSettings(crease_angle, weighting, context.drop_bad_faces)
+    files = context.files.below(path.parent)
+    context.models[key] = entry.call(load_model, path, settings, log=context.log, files=files)
     return context.models[key]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, shown
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.depth_cue import DepthCue, checked_cue
@@ -18,7 +18,6 @@ from ..scene.named_materials import NAMED_MATERIALS
 from ..scene.shadow import Shadow
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
-from ..scene.validate import shown
 from .files import Folder
 from .scene_file_arrays import Arrays
 from .scene_file_entry import Entry

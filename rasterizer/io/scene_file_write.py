@@ -15,14 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import OutputError, SceneError
+from ..errors import OutputError, SceneError, shown
 from ..scene.color import LINEAR_OF_BYTE
 from ..scene.fields import describe_fields
 from ..scene.lights import kind_of
 from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
-from ..scene.validate import shown
 from .files import write_and_move
 from .scene_file_meshes import ARRAYS
 from .scene_file_parts import COLORS

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..scene.material import Material
 from .model_file import WHITE, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
-from .obj_corners import numbers_in
+from .text_numbers import numbers_in
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -60,7 +60,7 @@ def _read_ascii_stl(model) -> list[Part]:
     for end in re.finditer(r"endsolid[^\n]*", lower):
         solid = lower[begin : end.start()]
         rows = re.findall(r"\bvertex ([^\n]*)", solid.replace("\t", " "))
-        numbers = numbers_in(" ".join(rows), np.float64) if rows else np.empty(0)
+        numbers = numbers_in(" ".join(rows)) if rows else np.empty(0)
         if numbers is None or len(numbers) != 3 * len(rows) or len(rows) % 3 or len(rows) != 3 * solid.count("endloop"):
             raise _stl_fault(model, lower, begin, end.start())
         first = text[begin : begin + len(solid)].lstrip().split("\n", 1)[0].split(None, 1)
@@ -78,7 +78,7 @@ def _stl_fault(model, text, begin, end):
         words = row.split()
         if words[:1] == ["vertex"]:
             n_in_loop += 1
-            if len(words) != 4 or numbers_in(" ".join(words[1:]), np.float64) is None:
+            if len(words) != 4 or numbers_in(" ".join(words[1:])) is None:
                 return model.error(f"'{row.strip()[:60]}' is not a vertex of three numbers", line)
         elif words[:1] == ["endloop"]:
             if n_in_loop != 3:
@@ -179,7 +179,7 @@ def _off_counts(model, lines) -> tuple[int, int]:
 def _off_vertices(model, rows, width, alpha_at) -> np.ndarray:
     """Return the numbers of the vertices, (n, width), without a colour's fourth, its alpha, which stands at
     `alpha_at`."""
-    numbers = numbers_in(" ".join(line for _, line in rows), np.float64) if rows else np.empty(0)
+    numbers = numbers_in(" ".join(line for _, line in rows)) if rows else np.empty(0)
     if numbers is not None and len(numbers) == width * len(rows) and len(rows) and len(rows[0][1].split()) == width:
         lengths = {len(line.split()) for _, line in rows}
         if lengths == {width}:
@@ -189,7 +189,7 @@ def _off_vertices(model, rows, width, alpha_at) -> np.ndarray:
         words = line.split()
         if alpha_at is not None and len(words) == width + 1:
             del words[alpha_at]
-        found = numbers_in(" ".join(words[:width]), np.float64)
+        found = numbers_in(" ".join(words[:width]))
         if found is None or len(found) < width:
             raise model.error(f"'{line.strip()[:60]}' is not a vertex of {width} numbers", number)
         table[k] = found
@@ -200,11 +200,11 @@ def _off_faces(model, rows):
     """Return all corners, how many each face has, and colours (n, 3) where every face has three or four numbers
     more."""
     sizes = np.array([len(line.split()) for _, line in rows], np.int64)
-    numbers = numbers_in(" ".join(line for _, line in rows), np.float64) if rows else np.empty(0)
+    numbers = numbers_in(" ".join(line for _, line in rows)) if rows else np.empty(0)
     starts = np.cumsum(sizes) - sizes
     if numbers is None or len(numbers) != sizes.sum():
         for number, line in rows:
-            if numbers_in(line, np.float64) is None:
+            if numbers_in(line) is None:
                 raise model.error(f"'{line.strip()[:60]}' holds something that is no number", number)
         raise model.error("not a readable OFF file: a face line holds something that is no number")
     counts = numbers[starts]

@@ -1,7 +1,7 @@
-"""Stage 7 for exact buffers: depth, face and normal of what is visible at each pixel's centre.
+"""Stage 7 for exact buffers: what is visible at each pixel's centre, one kernel a kind of buffer.
 
 In:  the band's visibility buffer, all of its entries indices of exact records, and the records (float64).
-Out: rows of the buffers. The visibility buffer is left clear for the next band.
+Out: the band's rows of a buffer. `clear_band` comes last: it leaves the visibility buffer clear for the next band.
 """
 
 from typing import NamedTuple
@@ -10,69 +10,73 @@ import numpy as np
 
 from ..compiler.kernels import borrow, helper, index, kernel
 from .interpolate import corner_weights, corners_of, depth_of, mean, weights_of
-from .records import ATTRIBUTE, FACE, SIDE, borrow_records
-from .transform import HALF, SUBPIXEL
-from .visibility import CLEAR, RECORD_MASK, clear, strip_of
+from .records import ATTRIBUTE, FACE, SIDE, Records, borrow_records
+from .transform import HALF, SUBPIXEL, Screen
+from .visibility import CLEAR, RECORD_MASK, VisibilityBuffer, clear, strip_of
 
 
-class Buffers(NamedTuple):
-    """What is written; an array that isn't wanted has no rows."""
+class VisibleSurfaces(NamedTuple):
+    """What is visible in a band, one sample a pixel."""
 
-    depth: np.ndarray  # (height, width) float32, distance along the viewing axis, scene units; inf where nothing is
-    face: np.ndarray  # (height, width) int32; -1 where nothing is
-    normal: np.ndarray  # (height, width, 3) float32, unit length, towards the viewer, world space; 0 where nothing is
-
-
-def empty_buffers(size, names) -> Buffers:
-    """Return buffers with nothing visible, of `size` = (width, height) pixels; those that aren't named have no rows."""
-    width, height = size
-
-    def n_row(name):
-        return height if name in names else 0
-
-    return Buffers(
-        np.full((n_row("depth"), width), np.inf, np.float32),
-        np.full((n_row("face"), width), -1, np.int32),
-        np.zeros((n_row("normal"), width, 3), np.float32),
-    )
+    visibility: VisibilityBuffer
+    records: Records  # exact ones
+    loaded_faces: np.ndarray  # (n_face,) the face that each triangle is a part of; empty where no face was clipped
+    screen: Screen
 
 
 @kernel
-def write_buffers(visibility, records, loaded_faces, band, screen, out):
-    """Write a band's rows of the buffers; clear the band; return how many samples are covered.
-
-    Parameters
-    ----------
-    loaded_faces : (n_face,) uint32, the face that each triangle is a part of; empty where no face was clipped
-    band : Band
-    screen : Screen
-    out : Buffers
-    """
-    entries, records = borrow(visibility.entries), borrow_records(records)
-    out_depth, out_face, out_normal = borrow(out.depth), borrow(out.face), borrow(out.normal)
-    n_covered = 0
+def write_depth(surfaces, band, out):
+    """Write the distance along the viewing axis where something is visible: out is (height, width) float32."""
+    visibility, records, is_perspective = (
+        surfaces.visibility,
+        borrow_records(surfaces.records),
+        surfaces.screen.is_perspective,
+    )
+    entries = borrow(visibility.entries)
     for row in range(band.y_end - band.y_start):
-        strip = strip_of(row)
-        y, sy = index(band.y_start + row), (band.y_start + row) * SUBPIXEL + HALF
-        for i in range(visibility.left[strip], visibility.right[strip]):
-            entry = entries[index(row * visibility.pitch + i)]
-            if entry >= CLEAR:
-                continue
-            n_covered += 1
-            x, record = index(i), index(entry & RECORD_MASK)
-            if out_face.shape[0] > 0:
-                face = records.integers[record, FACE]
-                out_face[y, x] = loaded_faces[index(face)] if len(loaded_faces) > 0 else face
-            weights = weights_of(records, record)
-            q0, q1, q2 = corner_weights(weights, i * SUBPIXEL + HALF, sy)
-            if out_depth.shape[0] > 0:
-                out_depth[y, x] = depth_of(records, record, weights, q0, q1, q2, screen.is_perspective)
-            if out_normal.shape[0] > 0:
+        strip, y = strip_of(row), band.y_start + row
+        for x in range(visibility.left[strip], visibility.right[strip]):
+            entry = entries[index(row * visibility.pitch + x)]
+            if entry < CLEAR:
+                record = index(entry & RECORD_MASK)
+                weights = weights_of(records, record)
+                q0, q1, q2 = corner_weights(weights, x * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
+                out[index(y), index(x)] = depth_of(records, record, weights, q0, q1, q2, is_perspective)
+
+
+@kernel
+def write_face(surfaces, band, out):
+    """Write the index of the visible face as loaded: out is (height, width) int32."""
+    visibility, records = surfaces.visibility, borrow_records(surfaces.records)
+    entries, loaded_faces = borrow(visibility.entries), borrow(surfaces.loaded_faces)
+    for row in range(band.y_end - band.y_start):
+        strip, y = strip_of(row), band.y_start + row
+        for x in range(visibility.left[strip], visibility.right[strip]):
+            entry = entries[index(row * visibility.pitch + x)]
+            if entry < CLEAR:
+                face = records.integers[index(entry & RECORD_MASK), FACE]
+                out[index(y), index(x)] = loaded_faces[index(face)] if len(loaded_faces) > 0 else face
+
+
+@kernel
+def write_normal(surfaces, band, out):
+    """Write the unit normal in the world, towards the viewer: out is (height, width, 3) float32.
+
+    Attributes 0-2 of the records are the normals.
+    """
+    visibility, records = surfaces.visibility, borrow_records(surfaces.records)
+    entries = borrow(visibility.entries)
+    for row in range(band.y_end - band.y_start):
+        strip, y = strip_of(row), band.y_start + row
+        for x in range(visibility.left[strip], visibility.right[strip]):
+            entry = entries[index(row * visibility.pitch + x)]
+            if entry < CLEAR:
+                record = index(entry & RECORD_MASK)
+                q0, q1, q2 = corner_weights(weights_of(records, record), x * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
                 total = q0 + q1 + q2
                 nx, ny, nz = normal_of(records, record, q0 / total, q1 / total, q2 / total)
-                out_normal[y, x, 0], out_normal[y, x, 1], out_normal[y, x, 2] = nx, ny, nz
-    clear(visibility, band.y_end - band.y_start)
-    return n_covered
+                pixel = out[index(y), index(x)]
+                pixel[0], pixel[1], pixel[2] = nx, ny, nz
 
 
 @helper
@@ -84,3 +88,15 @@ def normal_of(records, record, p0, p1, p2):
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
     scale = records.integers[record, SIDE] / length if length > 0 else 0.0
     return nx * scale, ny * scale, nz * scale
+
+
+@kernel
+def clear_band(visibility, n_row):
+    """Clear the first `n_row` rows of the visibility buffer; return how many samples are covered."""
+    entries, n_covered = borrow(visibility.entries), 0
+    for row in range(n_row):
+        strip = strip_of(row)
+        for x in range(visibility.left[strip], visibility.right[strip]):
+            n_covered += entries[index(row * visibility.pitch + x)] < CLEAR
+    clear(visibility, n_row)
+    return n_covered

@@ -367,4 +367,3 @@ def encode_picture(color, alpha, encoding, out_rgba):
     for j in range(np.uint64(color.shape[0])):
         for i in range(np.uint64(color.shape[1])):
             out_rgba[j, i] = encode_pixel(color[j, i, 0], color[j, i, 1], color[j, i, 2], alpha[j, i], encoding)
-

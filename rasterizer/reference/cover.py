@@ -8,11 +8,27 @@ Screen coordinates are integers in 1/256 px, x to the right, y down; row 0 is th
       ▼ y     c                 a→b is a top edge (dy = 0, dx > 0), c→a is a left edge (dy < 0)
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from .clip import SNAP_LIMIT, SUBPIXELS
+
+
+class Window(NamedTuple):
+    """A part of a grid of samples that is looked at."""
+
+    left: int  # column of its first sample
+    top: int  # row of its first sample
+    width: int
+    height: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.height, self.width
 
 
 def coverage(triangle: ArrayLike, width: int, height: int) -> NDArray[np.bool_]:
@@ -35,17 +51,18 @@ def coverage(triangle: ArrayLike, width: int, height: int) -> NDArray[np.bool_]:
     if np.abs(triangle).max() > SNAP_LIMIT:
         raise SceneError(f"a vertex lies at {np.abs(triangle).max()}/256 px, legal is up to {SNAP_LIMIT}/256")
     mask = np.zeros((height, width), bool)
-    rows, columns, _ = cover(triangle, width, height)
+    rows, columns, _ = cover(triangle, Window(0, 0, width, height))
     mask[rows, columns] = True
     return mask
 
 
-def cover(triangle: NDArray, width: int, height: int) -> tuple[NDArray, NDArray, NDArray]:
-    """Return rows and columns (n,) of the samples that a triangle covers, and their affine weights (n, 3).
+def cover(triangle: NDArray, window: Window) -> tuple[NDArray, NDArray, NDArray]:
+    """Return rows and columns (n,) of the samples of a window that a triangle covers, and their affine weights (n, 3).
 
     Sources: Pineda 1988, Computer Graphics 22(4), 17-20; fill rule: Direct3D 11 functional specification.
     """
-    rows, columns = _sample_range(triangle[:, 1], height), _sample_range(triangle[:, 0], width)
+    rows = _sample_range(triangle[:, 1], window.top, window.height)
+    columns = _sample_range(triangle[:, 0], window.left, window.width)
     y, x = (SUBPIXELS * lines + SUBPIXELS // 2 for lines in (rows[:, None], columns[None, :]))
     area = doubled_area(triangle)
     clockwise = np.sign(area)  # turns the edges of a triangle that is wound the other way
@@ -61,11 +78,11 @@ def cover(triangle: NDArray, width: int, height: int) -> tuple[NDArray, NDArray,
     return rows[row_idx], columns[column_idx], edges[:, row_idx, column_idx].T / max(abs(area), 1)
 
 
-def _sample_range(coordinates: NDArray, limit: int) -> NDArray[np.int64]:
-    """Return the i of 0..limit-1 whose samples 256 i + 128 lie within the coordinates."""
+def _sample_range(coordinates: NDArray, start: int, count: int) -> NDArray[np.int64]:
+    """Return the i of start..start + count - 1 whose samples 256 i + 128 lie within the coordinates."""
     first = -((SUBPIXELS // 2 - int(coordinates.min())) // SUBPIXELS)
     last = (int(coordinates.max()) - SUBPIXELS // 2) // SUBPIXELS
-    return np.arange(max(first, 0), min(last + 1, limit))
+    return np.arange(max(first, start), min(last + 1, start + count))
 
 
 def doubled_area(triangles: NDArray) -> NDArray[np.int64]:

@@ -1,13 +1,12 @@
-"""The normals of corners, averaged over the faces round a vertex up to the creases, in plain numpy float64 and Python
-integers.
+"""Normals of corners, averaged over the faces round a vertex up to the creases: numpy float64 and Python integers.
 
 In: vertices and triangles. Out: one unit normal for each corner of each triangle. Everything is computed from the
 definition:
 
-      after            A *corner* is one vertex of one face, numbered 3·face + k. Two corners at a vertex have an edge in common
-      /  \\             where both faces go from that vertex to the same other one. They are wound alike where one of them leaves
-     / A  \\            the vertex along the edge (here → after) and the other comes back along it (before → here).
- before - here
+      after            A *corner* is one vertex of one face, numbered 3·face + k. Two corners at a vertex have an edge
+      /  \\             in common where both faces go from that vertex to the same other one. They are wound alike where
+     / A  \\            one of them leaves the vertex along the edge (here → after) and the other comes back along it
+ before - here         (before → here).
 
 Two corners with a common edge are joined where their faces meet at no more than the crease angle. Joined corners form
 groups. The corners of a group share the mean of their normals. Where faces are wound against each other, one of the

@@ -18,7 +18,7 @@ from ..scene.camera import Camera
 from ..scene.color import linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .clip import choose_range, clip_to_view, furthest_depth, snap, to_eye
-from .cover import doubled_area
+from .cover import Window, doubled_area
 from .light import Lighting, make_lighting
 from .shading import light_samples
 from .surface import Surface, compute_sides, gather
@@ -152,7 +152,7 @@ def place_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     facing = -np.sign(doubled_area(screen))  # counter-clockwise is a negative area where y grows downwards
     is_drawn = facing > 0 if look.cull == "back" else facing != 0
     side = compute_sides(surface, pieces.face, facing)
-    return Raster(pieces, screen, side, is_drawn, grid, projection), lighting
+    return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
 
 
 def _check_options(shading, samples, cull, color_range) -> None:
@@ -175,7 +175,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
     "Interactive order-independent transparency", for a picture of the next layer behind the one before.
     """
     raster, lighting = place_samples(look, per_axis)
-    surface, shape = look.surface, (raster.grid[1], raster.grid[0])
+    surface, shape = look.surface, raster.window.shape
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
     alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = find_visible(raster)

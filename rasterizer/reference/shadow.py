@@ -1,10 +1,11 @@
 """Shadows: rays from lit points to lights, against every face that light does not go through, in float64.
 
-          light q          A ray is blocked where a face lies strictly between its ends: they lie on different sides of the
-             ·             face's plane, and the line p→q passes the three edges of the face on the same side.
+          light q          A ray is blocked where a face lies strictly between its ends: they lie on different sides
+             ·             of the face's plane, and the line p→q passes the three edges of the face on the same side.
          ───·──── face
-           ·               Edges, as seen along d = q - p: d·(A × B) for A = a - p, B = b - p. The same edge of the face beside
-          p lit            it gives the same number with the other sign, bit by bit: no ray slips through between them.
+           ·               Edges, as seen along d = q - p: d·(A × B) for A = a - p, B = b - p. The same edge of the
+          p lit            face beside it gives the same number with the other sign, bit by bit: no ray slips through
+                           between them.
 
 Every face casts shadows, whether it is culled or out of the picture, but for those whose material isn't opaque.
 Source: Segura & Feito 2001, "Algorithms to test ray-triangle intersection", Proc. WSCG, for the test by signed volumes.

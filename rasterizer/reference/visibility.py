@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..scene.camera import Projection
 from .clip import SUBPIXELS, Pieces, rays
-from .cover import cover, doubled_area
+from .cover import Window, cover, doubled_area
 from .shading import Fragments
 from .vectors import dot
 
@@ -36,7 +36,7 @@ class Raster(NamedTuple):
     screen: NDArray[np.int64]  # (n_piece, 3, 2) in 1/256 px
     side: NDArray[np.int64]  # (n_piece,) +1 or -1, see surface.py
     is_drawn: NDArray[np.bool_]  # (n_piece,)
-    grid: tuple[int, int]  # columns, rows
+    window: Window  # the samples that are looked at
     projection: Projection
 
 
@@ -45,12 +45,12 @@ def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> Visi
 
     Of the pieces `before`, and whatever lies in front of them, nothing is seen any more.
     """
-    shape = raster.grid[1], raster.grid[0]
+    shape, left, top = raster.window.shape, raster.window.left, raster.window.top
     key_first, key_second = np.full((2, *shape), NOTHING)
     depth_first, depth_second = np.full((2, *shape), np.inf)
     winner, weights = np.full(shape, -1), np.zeros((*shape, 3))
     for piece_idx in np.flatnonzero(raster.is_drawn):
-        rows, columns, affine = cover(raster.screen[piece_idx], *raster.grid)
+        rows, columns, affine = cover(raster.screen[piece_idx], raster.window)
         if raster.pieces.is_cut[piece_idx]:
             depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, raster)
         else:
@@ -58,6 +58,7 @@ def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> Visi
                 affine, raster.pieces.position[piece_idx, :, 2], raster.projection.is_perspective
             )
         key = _keys(depth, raster)
+        rows, columns = rows - top, columns - left
         is_behind = np.ones(len(key), bool)
         if before is not None:
             last = before.key[rows, columns]
@@ -154,6 +155,7 @@ def gather_fragments(visible: VisibilityBuffer, raster: Raster) -> Fragments:
     rows, columns = at = np.nonzero(visible.piece >= 0)
     piece, weights = visible.piece[at], visible.weights[at]
     steps = _weight_steps(piece, weights, visible.depth[at], raster)
+    rows, columns = rows + raster.window.top, columns + raster.window.left
     return Fragments(rows, columns, raster.pieces.face[piece], raster.side[piece], weights, visible.depth[at], steps)
 
 

@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES, Axis
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from . import framing
 from .arrays import VectorLike, plain_array
-from .validate import choice, number, picture_size, place3, shown, unit3
+from .validate import choice, number, picture_size, place3, unit3
 
 MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km

@@ -14,8 +14,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
-from .validate import number, shown, vector3
+from ..errors import SceneError, shown
+from .validate import number, vector3
 
 RGB: TypeAlias = tuple[float, float, float]  # linear
 # A colour as a caller may give it: a grey, three linear numbers, hex or CSS text, or a Spectrum (which is a tuple).
@@ -44,7 +44,7 @@ def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
     if isinstance(color, str):
         return _rgb_of_text(color, what)
     if isinstance(color, tuple) and hasattr(color, "wavelengths"):
-        return color  # type: ignore[return-value]  # a Spectrum: its module imports this one
+        return color  # a Spectrum: its module imports this one
     is_sequence = hasattr(color, "__len__") and getattr(color, "ndim", 1) > 0
     if is_sequence:
         rgb = vector3(color, what)

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from .color import ColorLike, linear_rgb
-from .validate import number, shown
+from .validate import number
 
 
 @dataclass(frozen=True)

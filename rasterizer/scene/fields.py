@@ -5,14 +5,19 @@ there, if its fields are annotated with the types listed at `describe_fields`.
 """
 
 import types
+from collections.abc import Sequence
 from dataclasses import MISSING, fields, is_dataclass
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, Union, get_args, get_origin, get_type_hints
 
-# What a class stores; it may be given anything that its checks accept.
-Vector = Annotated[tuple[float, float, float], "vector"]
-Cells = Annotated[tuple[int, int], "cells"]  # numbers of cells along two edges
-Color = Annotated[Any, "color"]  # what `rasterizer.scene.color.linear_rgb` reads: a linear RGB triple or a Spectrum
-Attenuation = Annotated[tuple[float, float, float], "attenuation"]  # (kc, kl, kq)
+from .arrays import VectorLike
+from .color import ColorLike
+
+# What a class may be given. Once checked it is stored as three floats, as two ints, as linear RGB or a Spectrum, and as
+# three floats (kc, kl, kq).
+Vector: TypeAlias = Annotated[VectorLike, "vector"]
+Cells: TypeAlias = Annotated[Sequence[int], "cells"]  # numbers of cells along two edges
+Color: TypeAlias = Annotated[ColorLike, "color"]
+Attenuation: TypeAlias = Annotated[str | VectorLike, "attenuation"]
 
 _PLAIN = {float: "number", int: "whole", bool: "flag", str: "text"}
 
@@ -30,7 +35,7 @@ def describe_fields(cls: type) -> dict[str, Field]:
 
     What a field holds is said by its annotation: float ("number"), int ("whole"), bool ("flag"), str ("text"), a
     Literal of words ("word"), `Vector`, `Cells`, `Color`, `Attenuation`, or a dataclass such as `Shadow` (its name in
-    small letters). `T | None` holds what T does.
+    small letters). `T | None` holds what T does; so does `Shadow | bool | None`.
 
     Parameters
     ----------
@@ -64,6 +69,7 @@ def _without_none(annotation: Any) -> Any:
     """Return T of T | None, else the annotation itself."""
     if get_origin(annotation) in (Union, types.UnionType):
         others = [member for member in get_args(annotation) if member is not type(None)]
+        others = [member for member in others if member is not bool] or others
         return others[0] if len(others) == 1 else annotation
     return annotation
 

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES
-from ..errors import SceneError
-from .validate import number, shown
+from ..errors import SceneError, shown
+from .validate import number
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -156,7 +156,7 @@ class _Cloud:
         resolve
     """
 
-    def __init__(self, subject: Any, axes: Array):
+    def __init__(self, subject: Any, axes: Array) -> None:
         self._sets, self._axes = _point_sets(subject), axes
         self._origin = self._sets[0][0].astype(np.float64)
         self.extremes = self.farthest(np.concatenate([np.eye(3), -np.eye(3)]))

@@ -9,22 +9,20 @@ negative.
 """
 
 import math
-import operator
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..errors import SceneError
+from ..choices import ATTACHMENTS, Attachment
+from ..errors import SceneError, shown
 from .color import linear_rgb
 from .fields import Attenuation, Cells, Color, Vector
 from .shadow import Shadow, checked_shadow
-from .validate import choice, number, place3, shown, unit3, vector3
+from .validate import choice, is_whole, number, place3, unit3, vector3
 
-Attachment = Literal["world", "camera"]
-ATTACHMENTS = get_args(Attachment)
 MOST_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 MOST_SHADOWED = 4096  # of them cast shadows: each is a picture or six
 
@@ -44,7 +42,7 @@ class AmbientLight:
 
     color: Color = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "color", linear_rgb(self.color, "the ambient light's color"))
 
 
@@ -67,9 +65,9 @@ class DirectionalLight:
     direction: Vector
     color: Color = 1.0
     attached: Attachment = "world"
-    shadow: Shadow | None = None
+    shadow: Shadow | bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "direction", unit3(self.direction, "the directional light's direction"))
         object.__setattr__(self, "color", linear_rgb(self.color, "the directional light's color"))
         choice(self.attached, ATTACHMENTS, "the directional light's attached")
@@ -106,9 +104,9 @@ class PointLight:
     attached: Attachment = "world"
     amplify: bool = False
     range: float | None = None
-    shadow: Shadow | None = None
+    shadow: Shadow | bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "position", place3(self.position, "the point light's position"))
         _check_positional(self, "the point light's")
 
@@ -153,10 +151,10 @@ class SpotLight:
     attached: Attachment = "world"
     amplify: bool = False
     range: float | None = None
-    shadow: Shadow | None = None
+    shadow: Shadow | bool | None = None
     falloff: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "position", place3(self.position, "the spot light's position"))
         object.__setattr__(self, "direction", unit3(self.direction, "the spot light's direction"))
         outer = number(self.outer, "the spot light's outer angle")
@@ -208,9 +206,9 @@ class AreaLight:
     attached: Attachment = "world"
     amplify: bool = False
     range: float | None = None
-    shadow: Shadow | None = None
+    shadow: Shadow | bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in ("corner", "edge_u", "edge_v"):
             object.__setattr__(self, field, place3(getattr(self, field), f"the area light's {field}"))
         for ends in ((0, 1), (1, 0), (1, 1)):
@@ -237,10 +235,12 @@ class AreaLight:
         """Return the point lights that this light is made of, row after row."""
         m, n = self.resolution
         share = 1.0 / (m * n)
-        is_spectrum = hasattr(self.color, "scaled")
-        color = self.color.scaled(share) if is_spectrum else tuple(component * share for component in self.color)
+        stored: Any = self.color
+        color = stored.scaled(share) if hasattr(stored, "scaled") else tuple(component * share for component in stored)
         # Where the edges of many shadows are averaged, half of the texels are enough for each.
-        shadow = self.shadow and replace(self.shadow, size=max(16, self.shadow.size // 2))
+        shadow = self.shadow
+        if isinstance(shadow, Shadow):
+            shadow = replace(shadow, size=max(16, shadow.size // 2))
         steps = [((i + 0.5) / m, (j + 0.5) / n) for j in range(n) for i in range(m)]
         return tuple(
             PointLight(
@@ -254,20 +254,20 @@ class AreaLight:
 MOST_CELLS = 64  # of an area light, along each edge
 
 
-def _cells(resolution) -> tuple[int, int]:
+def _cells(resolution: Any) -> tuple[int, int]:
     """The numbers of cells along both edges of an area light."""
     try:
-        m, n = (0 if isinstance(count, bool) else operator.index(count) for count in resolution)
+        m, n = resolution
     except (TypeError, ValueError):
-        m = n = 0
-    if not (1 <= m <= MOST_CELLS and 1 <= n <= MOST_CELLS):
+        m = n = None
+    if not (is_whole(m, 1, MOST_CELLS) and is_whole(n, 1, MOST_CELLS)):
         raise SceneError(
             f"the area light's resolution must be two whole numbers from 1 to {MOST_CELLS}; given {shown(resolution)}"
         )
-    return m, n
+    return int(m), int(n)
 
 
-def _check_positional(light, whose: str) -> None:
+def _check_positional(light: Any, whose: str) -> None:
     """Check and set what all lights with a place have: colour, attenuation, attachment, range."""
     object.__setattr__(light, "color", linear_rgb(light.color, f"{whose} color"))
     object.__setattr__(light, "attenuation", _attenuation(light.attenuation, whose))
@@ -283,24 +283,25 @@ def _check_positional(light, whose: str) -> None:
     object.__setattr__(light, "shadow", checked_shadow(light.shadow, whose))
 
 
-def _attenuation(value, whose: str) -> tuple[float, float, float]:
+def _attenuation(value: Any, whose: str) -> tuple[float, float, float]:
     """The coefficients of an attenuation, which may be written as text."""
     what = f"{whose} attenuation (kc, kl, kq)"
     if isinstance(value, str):
         text = value.replace(" ", "").replace("²", "^2").replace("**", "^")
-        shifted = re.fullmatch(r"1/\(d\+([\d.eE+-]+)\)", text)
+        shifted: Any = re.fullmatch(r"1/\(d\+([\d.eE+-]+)\)", text)
         try:
-            coefficients = {"1": (1, 0, 0), "1/d": (0, 1, 0), "1/d^2": (0, 0, 1)}.get(text) or (float(shifted[1]), 1, 0)
+            known = {"1": (1.0, 0.0, 0.0), "1/d": (0.0, 1.0, 0.0), "1/d^2": (0.0, 0.0, 1.0)}
+            coefficients = known.get(text) or (float(shifted[1]), 1.0, 0.0)
         except (TypeError, ValueError):
             raise SceneError(f'{what} as text must be "1", "1/d", "1/(d+D)" or "1/d^2"; given {shown(value)}') from None
     else:
         coefficients = vector3(value, what)
     if not all(math.isfinite(c) and c >= 0.0 for c in coefficients) or max(coefficients) == 0.0:
         raise SceneError(f"{what} must be at least 0 and not all 0; given {shown(value)}")
-    return tuple(map(float, coefficients))
+    return coefficients
 
 
-Light = AmbientLight | DirectionalLight | PointLight | SpotLight | AreaLight  # the built-in ones
+Light: TypeAlias = AmbientLight | DirectionalLight | PointLight | SpotLight | AreaLight  # the built-in ones
 
 # Every kind of light that a scene may have, by the word for it in scene files and on the command line. What the engine,
 # the reference and the Mach bands know of it stands in tables by the same words; `rasterizer.registries` enters a kind

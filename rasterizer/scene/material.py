@@ -18,17 +18,20 @@ tests/pipeline/test_reflection.py integrates each of them. In the units of this 
 under a light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·L, and Lambert's BRDF is kd/π.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import SceneError
-from .color import linear_rgb
-from .texture import Texture
-from .validate import choice, number, shown, unit3
+from ..choices import DISTRIBUTIONS, Distribution
+from ..errors import SceneError, shown
+from .arrays import VectorLike
+from .color import ColorLike, linear_rgb
+from .named_materials import fields_of
+from .texture import Texture, TextureLike
+from .validate import choice, number, unit3
 
-DISTRIBUTIONS = ("ggx", "beckmann")
 MOST_LEVELS = 256
 
 
@@ -118,23 +121,23 @@ class Material:
     SceneError : a value that is not legal; the message names the field
     """
 
-    ambient: object = None
-    diffuse: object = 0.72
-    specular: object = 0.18
+    ambient: ColorLike | None = None
+    diffuse: ColorLike = 0.72
+    specular: ColorLike = 0.18
     shininess: float = 32.0
-    emissive: object = 0.0
+    emissive: ColorLike = 0.0
     opacity: float = 1.0
-    texture: Texture | None = None
+    texture: TextureLike | None = None
     reflection: str = "phong"
-    roughness: object = 0.5
-    distribution: str = "ggx"
-    fresnel: object = None
+    roughness: float | Sequence[float] = 0.5
+    distribution: Distribution = "ggx"
+    fresnel: ColorLike | None = None
     normalized: bool = False
     levels: int = 3
-    tangent: object = "u"
+    tangent: str | VectorLike = "u"
     name: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in ("diffuse", "specular", "emissive", "ambient"):
             value = self.diffuse if field == "ambient" and self.ambient is None else getattr(self, field)
             object.__setattr__(self, field, linear_rgb(value, f"the material's {field}"))
@@ -172,10 +175,11 @@ class Material:
             raise SceneError(f"the material's levels must be whole, within 1..{MOST_LEVELS}; given {self.levels!r}")
         object.__setattr__(self, "levels", int(levels))
 
-    def _checked_roughness(self):
+    def _checked_roughness(self) -> float | tuple[float, ...]:
         """Return the roughness as a float, or as two that differ."""
         is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and getattr(self.roughness, "ndim", 1) == 1
-        values = tuple(self.roughness) if is_pair else (self.roughness,)
+        given: Any = self.roughness if is_pair else (self.roughness,)
+        values = tuple(given)
         model = REFLECTION_MODELS[self.reflection]
         if is_pair and (len(values) != 2 or self.distribution != model.brushed):
             pairs = [f"{word!r} with {m.brushed!r}" for word, m in REFLECTION_MODELS.items() if m.brushed is not None]
@@ -190,7 +194,8 @@ class Material:
     @property
     def is_anisotropic(self) -> bool:
         """Whether the highlight depends on a direction in the surface, `tangent`."""
-        return isinstance(self.roughness, tuple) and max(self.specular) > 0.0
+        specular: Any = self.specular
+        return isinstance(self.roughness, tuple) and max(specular) > 0.0
 
     @property
     def needs_uv(self) -> bool:
@@ -198,7 +203,7 @@ class Material:
         return self.texture is not None or (self.is_anisotropic and self.tangent == "u")
 
     @classmethod
-    def named(cls, name, /, **changes) -> "Material":
+    def named(cls, name: str, /, **changes: Any) -> "Material":
         """Return one of the materials of the classic table: "gold", "jade", "red plastic", ...
 
         Parameters
@@ -211,17 +216,15 @@ class Material:
         ------
         SceneError : an unknown name, or a value that is not legal
         """
-        from .named_materials import fields_of  # a table that few scenes need
-
         return cls(**{"name": name} | fields_of(name) | changes)
 
     @property
     def is_opaque(self) -> bool:
         """Whether nothing is seen through the surface."""
-        return self.opacity == 1.0 and (self.texture is None or not self.texture.has_alpha)
+        return self.opacity == 1.0 and not (isinstance(self.texture, Texture) and self.texture.has_alpha)
 
 
-def _checked_fresnel(value):
+def _checked_fresnel(value: ColorLike | None) -> ColorLike | None:
     """Return F0 as a float, as a colour where it isn't grey, or None."""
     if value is None:
         return None

@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import WEIGHTINGS, Weighting
-from ..errors import ModelError, SceneError
+from ..errors import ModelError, SceneError, shown
 from . import mesh_arrays
-from .algorithms import algorithm
 from .arrays import plain_array
 from .material import Material
-from .validate import choice, number, shown
+from .services import service
+from .validate import COORDINATE_LIMIT, choice, number
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
 
@@ -152,13 +152,15 @@ class Mesh(mesh_arrays.KeepsArrays):
         if keep is not None:
             polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons
             faces, polygons = faces[keep], polygons[keep]
-            attributes |= {key: a[keep] for key, a in attributes.items() if _is_per_face(key, a)}
+            attributes |= {key: a[keep] for key, a in attributes.items() if a is not None and _is_per_face(key, a)}
         mesh_arrays.check_area(vertices, faces)
         attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
         for key, array in attributes.items():
             store(key, mesh_arrays.kept(array, given[key]))
 
-    def _checked_attributes(self, n_vertex: int, faces, cut_from) -> dict[str, np.ndarray | None]:
+    def _checked_attributes(
+        self, n_vertex: int, faces: NDArray[np.uint32], cut_from: NDArray[np.int32] | None
+    ) -> dict[str, NDArray | None]:
         """Return what belongs to vertices, corners and faces, checked.
 
         cut_from : (n_face,) int32 polygon that each triangle was cut from; None where none was cut
@@ -166,7 +168,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         n_face, n_given = len(faces), len(self.faces if hasattr(self.faces, "__len__") else np.asarray(self.faces))
         n_corner_face = n_face if cut_from is None else None
 
-        def per_vertex_or_corner(key: str, width: int):
+        def per_vertex_or_corner(key: str, width: int) -> NDArray[np.float64] | None:
             array = mesh_arrays.checked_floats(getattr(self, key), n_vertex, n_corner_face, width, key)
             return mesh_arrays.finite(array, self.drop_bad_faces, key)
 
@@ -182,7 +184,7 @@ class Mesh(mesh_arrays.KeepsArrays):
             "smoothing": per_triangle(mesh_arrays.checked_ints(self.smoothing, {n_face, n_given}, "smoothing")),
         }
 
-    def _checked_face_material(self, n_face, n_given) -> np.ndarray | None:
+    def _checked_face_material(self, n_face: int, n_given: int) -> NDArray[np.int32] | None:
         """Return the indices of materials, checked against their number."""
         indices = mesh_arrays.checked_ints(self.face_material, {n_face, n_given}, "face_material")
         n_material = len(self.palette)
@@ -199,7 +201,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         return f"Mesh({name}{self.n_vertex} vertices, {self.n_face} faces{given})"
 
     @classmethod
-    def from_any(cls, source: "MeshLike | Any") -> "Mesh":
+    def from_any(cls, source: "MeshLike") -> "Mesh":
         """Make a mesh of a `trimesh.Trimesh` or its like, or of (vertices, faces); a Mesh stays what it is.
 
         Of a Trimesh the vertex or face colours and texture coordinates are taken, and its vertex normals only
@@ -211,7 +213,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         """
         if isinstance(source, cls):
             return source
-        if hasattr(source, "vertices") and hasattr(source, "faces"):
+        if not isinstance(source, tuple) and hasattr(source, "vertices") and hasattr(source, "faces"):
             return cls(source.vertices, source.faces, **_trimesh_extras(source))
         if isinstance(source, (tuple, list)) and len(source) == 2:
             return cls(source[0], source[1])
@@ -303,7 +305,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        return algorithm("subdivide")(self, times)
+        return service("subdivide")(self, times)
 
 
 def _checked_crease_angle(angle: object) -> float | None:
@@ -316,7 +318,7 @@ def _checked_crease_angle(angle: object) -> float | None:
     return value
 
 
-def _checked_materials(material, materials) -> tuple[Material, ...] | None:
+def _checked_materials(material: object, materials: Any) -> tuple[Material, ...] | None:
     """Return the materials of a mesh whose faces differ, or None where it has one; the two must not contradict each
     other."""
     if not isinstance(material, Material):
@@ -334,7 +336,7 @@ def _checked_materials(material, materials) -> tuple[Material, ...] | None:
     return materials
 
 
-def _check_polygon_materials(polygons, face_material) -> None:
+def _check_polygon_materials(polygons: NDArray[np.int32] | None, face_material: NDArray[np.int32] | None) -> None:
     """Refuse polygons whose triangles have different materials: flat shading lights a polygon once."""
     if polygons is None or face_material is None:
         return
@@ -355,15 +357,15 @@ def _checked_affine(matrix: ArrayLike) -> NDArray[np.float64]:
     except (TypeError, ValueError):
         result = np.empty(0)
     # Within the limit of coordinates no product of three numbers overflows.
-    is_fine = result.shape == (4, 4) and (np.abs(result) <= mesh_arrays.COORDINATE_LIMIT).all()
+    is_fine = result.shape == (4, 4) and (np.abs(result) <= COORDINATE_LIMIT).all()
     if not is_fine or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise SceneError(f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}")
     return result
 
 
-def _is_per_face(key: str, array: np.ndarray | None) -> bool:
+def _is_per_face(key: str, array: NDArray) -> bool:
     """Tell whether an attribute has one entry a face: those of faces, and those of corners."""
-    return array is not None and (key in ("face_colors", "smoothing", "face_material") or array.ndim == 3)
+    return key in ("face_colors", "smoothing", "face_material") or array.ndim == 3
 
 
 def _trimesh_extras(source: Any) -> dict[str, Any]:

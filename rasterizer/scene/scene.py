@@ -5,19 +5,20 @@ from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from .camera import Camera
 from .color import RGB, ColorLike, linear_rgb
 from .depth_cue import DepthCue, checked_cue
 from .lights import Light, checked_lights, studio
 from .mesh import Mesh, MeshLike
-from .validate import choice, number, picture_size, shown
+from .services import service
+from .validate import choice, number, picture_size
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 
@@ -57,8 +58,8 @@ class Scene:
 
         def __init__(
             self,
-            meshes: MeshLike | Iterable[MeshLike],
-            lights: Light | Iterable[Light] | None = ...,
+            meshes: MeshLike | Iterable[Any],
+            lights: Light | Iterable[Any] | None = ...,
             camera: Camera | None = ...,
             background: ColorLike | None = ...,
             *,
@@ -100,9 +101,7 @@ class Scene:
         SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
             legal
         """
-        from ..io.scene_file import read_scene  # which loads models into scenes
-
-        return read_scene(path).framed_scene()
+        return service("read_scene")(path).framed_scene()
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth
@@ -124,9 +123,7 @@ class Scene:
         SceneError : another suffix
         OutputError : a file can't be written
         """
-        from ..io.scene_file_write import write_scene
-
-        return write_scene(self, path)
+        return service("write_scene")(self, path)
 
     @property
     def n_face(self) -> int:
@@ -196,4 +193,4 @@ def _is_one_mesh(source: object) -> bool:
     return np.ndim(points) == 2
 
 
-SceneLike: TypeAlias = Scene | MeshLike | Sequence[MeshLike]  # what is drawn, as a caller may give it
+SceneLike: TypeAlias = Scene | MeshLike | Sequence[Any]  # what is drawn, as a caller may give it

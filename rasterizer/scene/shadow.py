@@ -1,11 +1,10 @@
 """How a light casts shadows: the size and the filter of its shadow maps."""
 
-import operator
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import SceneError
-from .validate import shown
+from ..errors import SceneError, shown
+from .validate import is_whole
 
 MOST_TEXELS = 8192  # along a side of a shadow map
 MOST_TAPS = 9  # along a side of its filter
@@ -31,19 +30,17 @@ class Shadow:
     size: int = 1024
     filter: int = 1
 
-    def __post_init__(self):
-        for field, low, high, step in (("size", 16, MOST_TEXELS, 1), ("filter", 1, MOST_TAPS, 2)):
+    def __post_init__(self) -> None:
+        for field, kind, low, high, step in (
+            ("size", "a whole", 16, MOST_TEXELS, 1),
+            ("filter", "an odd", 1, MOST_TAPS, 2),
+        ):
             value = getattr(self, field)
-            try:
-                count = -1 if isinstance(value, bool) else operator.index(value)
-            except TypeError:
-                count = -1
-            if not (low <= count <= high and (count - low) % step == 0):
-                what = "an odd" if step == 2 else "a whole"
+            if not (is_whole(value, low, high) and (value - low) % step == 0):
                 raise SceneError(
-                    f"the shadow's {field} must be {what} number within {low}..{high}; given {shown(value)}"
+                    f"the shadow's {field} must be {kind} number within {low}..{high}; given {shown(value)}"
                 )
-            object.__setattr__(self, field, count)
+            object.__setattr__(self, field, int(value))
 
 
 def checked_shadow(shadow: Any, whose: str) -> Shadow | None:

@@ -22,11 +22,11 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from .arrays import plain_array
 from .cie_tables import D65, MATCHING, WAVELENGTHS
 from .color import ColorLike, linear_rgb
-from .validate import number, shown
+from .validate import number
 
 N_TABLE = len(WAVELENGTHS)
 SHORTEST, LONGEST = float(WAVELENGTHS[0]), float(WAVELENGTHS[-1])
@@ -365,7 +365,7 @@ def rgb_basis(n: int) -> NDArray[np.float64]:
     system[:n, :n] = differences.T @ differences
     system[:n, n:] = rgb_weights(n)
     system[n:, :n] = rgb_weights(n).T
-    basis = np.linalg.solve(system, np.eye(n + 3)[:, n:])[:n]
+    basis = np.linalg.solve(system, np.eye(n + 3)[:, n:])[:n].astype(np.float64, copy=False)
     basis[:, 2] = 1.0 - basis[:, 0] - basis[:, 1]  # the same but for rounding
     basis.flags.writeable = False
     return basis

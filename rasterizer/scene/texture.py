@@ -14,20 +14,21 @@ import os
 import struct
 import warnings
 import zlib
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
-from ..errors import ModelError, SceneError
+from ..errors import ModelError, SceneError, shown
 from .arrays import plain_array
 from .color import linear_from_srgb_bytes
 from .mesh_arrays import KeepsArrays, fixed
-from .validate import choice, shown
+from .validate import choice
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -43,6 +44,20 @@ PICTURE_FAULTS = (
     OSError, ValueError, SyntaxError, EOFError, LookupError, struct.error, MemoryError, ArithmeticError, RuntimeError, TypeError,
     AttributeError, AssertionError, zlib.error,
 )  # fmt: skip
+
+
+class HasPixels(Protocol):
+    """What is taken for a picture: `PIL.Image.Image` and its like."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height), pixels."""
+
+    def convert(self, mode: str) -> Any:
+        """Return the picture in another mode of Pillow's."""
+
+
+ImageLike: TypeAlias = ArrayLike | str | os.PathLike[str] | HasPixels  # what a texture is made of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,7 +89,7 @@ class Texture(KeepsArrays):
 
         def __init__(
             self,
-            image: "ArrayLike | str | os.PathLike[str] | Image.Image",
+            image: ImageLike,
             filter: Filter = ...,
             wrap: Wrap | tuple[Wrap, Wrap] = ...,
             name: str = ...,
@@ -127,6 +142,9 @@ class Texture(KeepsArrays):
         while self.filter == "trilinear" and max(levels[-1].shape[:2]) > 1:
             levels.append(_halve(levels[-1]))
         return tuple(levels)
+
+
+TextureLike: TypeAlias = Texture | ImageLike  # what a material takes for one
 
 
 def most_texels() -> int:
@@ -182,7 +200,7 @@ def read_picture(
     ------
     ModelError : a file that can't be read as a picture, is of another format than `FORMATS`, or too large
     """
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     logging.getLogger("PIL").addHandler(_NOWHERE)
     try:
@@ -194,7 +212,7 @@ def read_picture(
                     return _pixels_of(picture)
     except (ModelError, SceneError):
         raise
-    except Image.UnidentifiedImageError as fault:
+    except UnidentifiedImageError as fault:
         raise ModelError(f"{name}: can't be read as a picture: is none of {', '.join(FORMATS)}") from fault
     except Image.DecompressionBombError as fault:
         raise ModelError(
@@ -205,7 +223,7 @@ def read_picture(
 
 
 @contextmanager
-def _silenced():
+def _silenced() -> Iterator[None]:
     """Let nothing be written to the process's stderr: libtiff has no other way to say what it thinks of a file."""
     try:
         kept = os.dup(2)

@@ -9,14 +9,14 @@ A polygon is looked at along Newell's normal, the sum of its triangles' area vec
 plane: a fan round the corner with the smallest x, then y, then z, so that its surface doesn't depend on where its list
 begins.
 
-*Everything else* goes to geometry/ears.py: ears are cut off until a triangle is left, always the one of the best shape. Which
-triangles come out depends on the places of the corners alone: not on which is first, nor on the direction, which is
-that of the triangles in turn. Holes are drawn where the polygon reaches them by a bridge, an edge that is walked both
-ways. Corners that repeat or lie on a straight line give triangles without area. A polygon that crosses itself can't be
-cut into triangles of its corners: ears are cut as long as there are any, then the corner of the best shape that turns
-the right way, whatever lies in it; so some of it may be covered twice, and some that lies outside be covered. It is
-warned of. Ears take time that grows with the square of a polygon's corners, so the sum of these squares is limited,
-MOST_STEPS for one call; convex ones have no limit.
+*Everything else* goes to geometry/ears.py: ears are cut off until a triangle is left, always the one of the best shape.
+Which triangles come out depends on the places of the corners alone: not on which is first, nor on the direction, which
+is that of the triangles in turn. Holes are drawn where the polygon reaches them by a bridge, an edge that is walked
+both ways. Corners that repeat or lie on a straight line give triangles without area. A polygon that crosses itself
+can't be cut into triangles of its corners: ears are cut as long as there are any, then the corner of the best shape
+that turns the right way, whatever lies in it; so some of it may be covered twice, and some that lies outside be
+covered. It is warned of. Ears take time that grows with the square of a polygon's corners, so the sum of these squares
+is limited, MOST_STEPS for one call; convex ones have no limit.
 
 Rounding. A corner with coordinates up to M is known to M 2^-53 along each axis, as it was rounded when stored. That
 turns a corner between the edges a and b by at most 4 M 2^-53 (|a| + |b|) (each edge moves by up to 2 sqrt(3) M 2^-53,
@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .algorithms import algorithm
+from .services import service
 
 # The squares of the corners of polygons that are cut by ears may sum up to this: one polygon of 23170, or 53687 of 100.
 MOST_STEPS = 1 << 29
@@ -118,7 +118,7 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
         _check_steps(concave, counts)
         points, loops = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(corners, np.int64)
         spans = starts[concave], counts[concave], first_triangle[concave], int(counts[concave].max())
-        algorithm("cut_ears")(points, loops, *spans, triangles, is_crossing)
+        service("cut_ears")(points, loops, *spans, triangles, is_crossing)
     return Cut(triangles, polygons.astype(np.int32), concave[is_crossing])
 
 
@@ -132,8 +132,9 @@ def _check_steps(concave: NDArray, counts: NDArray) -> None:
     others = f", and {len(concave) - 1} more are" if len(concave) > 1 else ""
     raise TooManyCorners(
         largest,
-        f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of corners may "
-        f"sum up to {MOST_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a modelling program",
+        f"is concave and has {counts[largest]} corners{others} to be cut into triangles: the squares of the numbers of "
+        f"corners may sum up to {MOST_STEPS} at most, not {steps:.0f}; divide such polygons, or triangulate them in a "
+        "modelling program",
     )
 
 

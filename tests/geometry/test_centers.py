@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import judge
+from helpers.against_reference import EXACT, assert_matches_reference
 
 import rasterizer as rz
 from rasterizer.geometry.centers import Centers, with_means
@@ -85,7 +85,7 @@ def test_no_corner_is_preferred(shading, is_bent):
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
-def test_the_judge_agrees_about_polygons(shading):
+def test_the_reference_agrees_about_polygons(shading):
     """Polygons, triangles and concave ones, with textures, several materials, in front of and behind the near plane."""
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -93,15 +93,15 @@ def test_the_judge_agrees_about_polygons(shading):
         points = np.array([(-2, -1, -1), (2, -1, -1), (2, -1, 4), (-2, -1, 4), (0, -1, 0), (0, 2, -2.0)])
         floor = rz.Mesh(
             points, [(0, 1, 2, 3), (0, 4, 1, 5), (1, 2, 5)],
-            materials=(rz.Material(diffuse=(1, 0.5, 0.2)), rz.Material(diffuse=0.4, specular=0.5)), face_material=[0, 1, 0],
-            face_colors=rng.uniform(size=(3, 3)),
+            materials=(rz.Material(diffuse=(1, 0.5, 0.2)), rz.Material(diffuse=0.4, specular=0.5)),
+            face_material=[0, 1, 0], face_colors=rng.uniform(size=(3, 3)),
         )  # fmt: skip
         scene = rz.Scene([*scene.meshes, floor], scene.lights, scene.camera)
-        judge.check(scene, SIZE, judge.EXACT, shading=shading, tolerance=0, ignored=0.06, far=0.005)
+        assert_matches_reference(scene, SIZE, EXACT, shading=shading, tolerance=0, ignored=0.06, far=0.005)
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
-def test_the_judge_agrees_about_transparent_polygons(shading):
+def test_the_reference_agrees_about_transparent_polygons(shading):
     for seed in range(4):
         rng = np.random.default_rng(seed)
         corners = (
@@ -112,7 +112,7 @@ def test_the_judge_agrees_about_transparent_polygons(shading):
             for points in corners
         ]
         scene = rz.Scene(meshes, [rz.PointLight((1, 2, 3), 1.0)], rz.Camera.perspective((0.3, 0.2, 5), (0, 0, 0)))
-        judge.check(scene, SIZE, judge.EXACT, shading=shading, tolerance=0, ignored=0.02)
+        assert_matches_reference(scene, SIZE, EXACT, shading=shading, tolerance=0, ignored=0.02)
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
@@ -135,7 +135,7 @@ def test_flat_colours_do_not_depend_on_the_first_corner():
             scene = straight_on(rz.Mesh(shape, [turned(range(k), first)], colors=grey(np.arange(k) % 2), material=GLOW))
             color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",)).color[4, 4, 0]
             assert abs(color - (np.arange(k) % 2).mean()) < 1e-6, f"first corner {first}: {color}"
-            judge.check(scene, (8, 8), judge.EXACT, shading="flat", tolerance=0)
+            assert_matches_reference(scene, (8, 8), EXACT, shading="flat", tolerance=0)
 
 
 def test_flat_shading_needs_no_centres():

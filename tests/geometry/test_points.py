@@ -188,7 +188,7 @@ def test_faces_whose_normals_contradict_their_winding_are_flagged():
     assert (inside.is_inverted == ~flipped).all()
     assert not gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]), True).is_inverted.any()
     nothing = np.ones(len(faces), np.uint8)
-    flag_inverted.py_func(geometry.positions, 0 * geometry.normals, geometry.vertex, nothing)
+    flag_inverted(geometry.positions, 0 * geometry.normals, geometry.vertex, nothing)
     assert not nothing.any(), "no normal is no contradiction"
 
 

@@ -40,11 +40,13 @@ SHAPES = {
     "outward spike": [(0, 0), (2, 0), (5, 0), (2, 0), (2, 2), (1, 1), (0, 2)],
     "inward spike": [(0, 0), (4, 0), (4, 4), (2, 4), (2, 1), (2, 4), (0, 4)],
     "slit": [(0, 0), (4, 0), (4, 2), (1, 2), (4, 2), (4, 4), (0, 4)],
-    "two holes": [(0, 0), (9, 0), (7, 1), (5, 1), (7, 3), (7, 1), (9, 0), (9, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (1, 1)],
+    "two holes": [
+        (0, 0), (9, 0), (7, 1), (5, 1), (7, 3), (7, 1), (9, 0), (9, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (1, 1),
+    ],
 }  # fmt: skip
 
 
-def in_space(shape, axes=np.eye(3), unit=1.0, place=(0.0, 0.0, 0.0)):
+def in_space(shape, axes=((1, 0, 0), (0, 1, 0), (0, 0, 1)), unit=1.0, place=(0.0, 0.0, 0.0)):
     flat = np.asarray(shape, float)
     return (np.c_[flat, np.zeros(len(flat))] @ np.asarray(axes).T) * unit + np.asarray(place)
 
@@ -213,7 +215,7 @@ def test_turns_are_exact():
             c = a + (b - a) * int(rng.integers(-3, 4)) + (0, int(rng.integers(-1, 2)))
         (ax, ay), (bx, by), (cx, cy) = ([int(value) for value in point] for point in (a, b, c))
         expected = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
-        scaled = [float(value) * 2.0**-54 for value in (ax, ay, bx, by, cx, cy)]
+        scaled = [tuple(float(value) * 2.0**-54 for value in point) for point in ((ax, ay), (bx, by), (cx, cy))]
         assert _exact_turn(*scaled) == (expected > 0) - (expected < 0)
 
 
@@ -247,7 +249,8 @@ def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path, monkeyp
     with pytest.raises(rz.ModelError, match=r"star\.obj:30003: the face is concave and has 30000 corners"):
         rz.load(tmp_path / "star.obj")
     loop = "30000 " + " ".join(map(str, range(30000)))
-    head = "ply\nformat ascii 1.0\nelement vertex 30000\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\nelement vertex 30000\n{axes}element face 1\n"
     bodies = {
         "ply": head
         + "property list int int vertex_indices\nend_header\n"

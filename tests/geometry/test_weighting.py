@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, check
+from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.pinhole import SHADINGS
 from helpers.raster import ROOT
 
@@ -52,7 +52,7 @@ def test_areas_and_numbers_of_triangles_by_hand(weighting):
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("weighting", ["angle", "area", "uniform"])
 def test_pictures_agree_with_the_judge(weighting, shading):
-    check(rz.Scene(box(weighting)), (48, 40), EXACT, shading=shading, tolerance=0)
+    assert_matches_reference(rz.Scene(box(weighting)), (48, 40), EXACT, shading=shading, tolerance=0)
 
 
 def test_pictures_differ_where_normals_are_averaged_and_only_there():

@@ -21,6 +21,7 @@ SIZE = (32, 24)
 BUFFERS = ("color", "rgb", "alpha", "depth", "face", "normal")
 SHADINGS = ("flat", "gouraud", "phong")
 SUN = rz.DirectionalLight((-0.4, -0.7, -0.6), (0.7, 0.6, 0.5))
+DAYLIGHT = (rz.AmbientLight(0.1), SUN)
 LAMP = rz.PointLight((2.0, 2.5, 2.0), (0.6, 0.7, 0.9), (1.0, 0.1, 0.05), range=9.0)
 SPOT = rz.SpotLight((0.5, 3.0, 2.0), (-0.2, -0.9, -0.6), 0.9, inner=15, outer=35, exponent=2.0)
 
@@ -49,7 +50,7 @@ def checks() -> np.ndarray:
     return image
 
 
-def scene_of(*meshes, lights=(rz.AmbientLight(0.1), SUN), **options) -> rz.Scene:
+def scene_of(*meshes, lights=DAYLIGHT, **options) -> rz.Scene:
     """Meshes seen from above, from the front and the right."""
     options.setdefault("camera", rz.Camera.perspective((2.5, 2.0, 3.5), (0.0, -0.2, 0.0), fov=50))
     return rz.Scene(list(meshes), lights=lights, **options)

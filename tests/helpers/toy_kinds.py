@@ -1,8 +1,8 @@
 """A light and a reflection model that the package doesn't have, said in every layer: help for the test of registries.
 
-    slab        parallel rays that are strongest in a plane across them: strength 1/(1 + (s/width)²), s the distance
-                from the plane through `position`
-    minnaert    D = (N·L)² N·V, Minnaert 1941 with k = 2, as of the moon near full; and a highlight N·L N·V
+slab        parallel rays that are strongest in a plane across them: strength 1/(1 + (s/width)²), s the distance
+            from the plane through `position`
+minnaert    D = (N·L)² N·V, Minnaert 1941 with k = 2, as of the moon near full; and a highlight N·L N·V
 """
 
 import math

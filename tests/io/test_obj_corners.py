@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from rasterizer.io.obj_corners import MisreadError, in_force, read_corners, read_texture_coordinates, read_vectors
 
 

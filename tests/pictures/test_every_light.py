@@ -1,4 +1,4 @@
-"""Check every kind of light in whole pictures: against closed forms on a lit plane, and against the judge on models."""
+"""Check every kind of light in whole pictures: against closed forms on a plane, and against the reference on models."""
 
 import numpy as np
 import pytest
@@ -125,14 +125,14 @@ def models(lights):
 
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("name", SCENES)
-def test_models_are_those_of_the_judge(name, shading):
+def test_models_are_those_of_the_reference(name, shading):
     """Exact at tolerance 0, within the tolerance by default; but for pixels on the very edge of a sharp cone."""
     scene, size = models(SCENES[name]), (120, 90)
-    judge = reference.render(scene, size, shading=shading).color
-    assert np.ptp(judge) > 0.2
+    expected = reference.render(scene, size, shading=shading).color
+    assert np.ptp(expected) > 0.2
     for tolerance, budget in ((0.0, 1e-6), (DEFAULT_TOLERANCE, DEFAULT_TOLERANCE)):
         frame = rz.render(scene, size, shading=shading, tolerance=tolerance)
-        off = np.sort(np.abs(frame.color - judge).max(axis=2), axis=None)
+        off = np.sort(np.abs(frame.color - expected).max(axis=2), axis=None)
         worst = off[-3] if "sharp" in name else off[-1]
         assert worst <= budget, f"{worst:.3g} > {budget:.3g}"
 

@@ -1,11 +1,11 @@
-"""Check the reflection models as physics and as pictures: energy, reciprocity, digits, and agreement with the judge."""
+"""Check the reflection models as physics and as pictures: energy, reciprocity, digits, and what the reference says."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.against_reference import EXACT, compare_with_reference
 from helpers.batches import DTYPES, UP, directions_of, polar, random_directions, reflect
-from helpers.judge import EXACT, compare
 from helpers.pinhole import SHADINGS, octasphere, torus, unit
 from helpers.raster import COLORED, GREY
 
@@ -100,8 +100,8 @@ def axis_of(material):
     return (3.0, 0.0, -1.0) if material.tangent == "u" else material.tangent
 
 
-def judged(material, *sides):
-    """D and S by the judge, (2, n), 0 where nothing is lit."""
+def of_reference(material, *sides):
+    """D and S by the reference, (2, n), 0 where nothing is lit."""
     corners, faces = octasphere(0)
     scene = rz.Scene([rz.Mesh(corners, faces, uv=corners[:, :2], material=material)])
     table = np.repeat(read_materials(scene), len(sides[0]))
@@ -140,10 +140,10 @@ def all_directions(dtype):
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_row_functions_compute_what_the_judge_does(name):
+def test_row_functions_compute_what_the_reference_does(name):
     """In float64, for equal directions; the conditioning of a sharp peak and of exponents is all that may differ."""
     material, sides = MATERIALS[name], all_directions(np.float64)
-    found, expected = fast(material, *sides), judged(material, *sides)
+    found, expected = fast(material, *sides), of_reference(material, *sides)
     # Squared exponents leave out what is below 2^-28.
     least = 2.0**-28 * (1 + highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
     n_wrong = (np.abs(found - expected) > 1e-9 * (1 + expected) + least).sum()
@@ -156,7 +156,7 @@ def test_float32_has_the_digits_that_the_plan_counts_on(name):
     """Directions rounded to float32, as in the rows, and all that follows from them: one light of intensity 1."""
     material, sides = MATERIALS[name], all_directions(np.float32)
     found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
-    expected = judged(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
+    expected = of_reference(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
     lights = (rz.DirectionalLight((0, 0, -1)),)
     reflected = intensity_bounds.compute_reflected((material,), lights, np.zeros(3), 1.0)
     bound = reflected.bound
@@ -341,7 +341,7 @@ def test_what_float32_cannot_draw_is_drawn_in_float64():
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_pictures_agree_with_the_judge(name):
+def test_pictures_agree_with_the_reference(name):
     material = replace(MATERIALS[name], diffuse=(0.5, 0.4, 0.2), specular=(0.3, 0.2, 0.25), ambient=0.1)
     corners, faces = torus(24, 12)
     mesh = rz.Mesh(corners, faces, uv=corners[:, :2], material=material)
@@ -352,7 +352,7 @@ def test_pictures_agree_with_the_judge(name):
     for scene in scenes:
         for shading in SHADINGS:
             for tolerance in (0.0, 1 / 4096):
-                found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
+                found = compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance)
                 brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance).plan.bound
                 budget = tolerance or max(EXACT, 2 * SINGLE * brightest)
                 assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
@@ -369,7 +369,7 @@ def test_a_file_of_several_materials_keeps_them_apart():
     ]
     for camera in (VIEW, rz.Camera.orthographic((1.5, 2, 4), height=3.0)):
         for shading in SHADINGS:
-            found = compare(rz.Scene(meshes, COLORED, camera), SIZE, shading=shading, tolerance=0.0)
+            found = compare_with_reference(rz.Scene(meshes, COLORED, camera), SIZE, shading=shading, tolerance=0.0)
             assert found.color <= 2 * EXACT, f"{shading}: {found.color:.3g}"
 
 
@@ -409,5 +409,5 @@ def test_one_half_vector_serves_all_points_where_light_and_viewer_are_at_infinit
     camera = rz.Camera.orthographic((1, 2, 5), height=2.6)
     lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -0.5, -0.3), 0.7), rz.PointLight((2, 3, 4), 0.5))
     scene = rz.Scene([rz.Mesh(*octasphere(3), material=material, crease_angle=180)], lights, camera)
-    verdict = compare(scene, (60, 50), shading=shading, tolerance=0)
+    verdict = compare_with_reference(scene, (60, 50), shading=shading, tolerance=0)
     assert verdict.color <= EXACT, f"{verdict.color:.3g} > {EXACT:.3g}"

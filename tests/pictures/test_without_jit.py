@@ -38,7 +38,9 @@ def test_a_picture_without_the_jit_is_the_compiled_one(plain_pictures, name, sha
     assert (expected["face"] >= 0).sum() > 50, "the scene shows too little"
     assert np.ptp(expected["color"][expected["face"] >= 0]) > 0.05, "the scene is all alike"
     for buffer in ("face", "depth"):
-        assert found[buffer].tobytes() == expected[buffer].tobytes(), f"{buffer} differs in {differing(found, expected, buffer)} px"
+        assert found[buffer].tobytes() == expected[buffer].tobytes(), (
+            f"{buffer} differs in {differing(found, expected, buffer)} px"
+        )
     for buffer in ("alpha", "color", "normal"):
         worst = np.abs(found[buffer] - expected[buffer]).max()
         assert worst <= COLOR, f"{buffer}: {worst:.3g} > {COLOR:.3g}"
@@ -53,7 +55,9 @@ def differing(found, expected, buffer) -> int:
 
 def test_the_example_of_the_manual_runs(tmp_path):
     """The whole way from a file to a file."""
-    program = f"import rasterizer as rz; rz.render(rz.load({str(ROOT / 'models' / 'cube.obj')!r}), {SIZE}).save('cube.png')"
+    program = (
+        f"import rasterizer as rz; rz.render(rz.load({str(ROOT / 'models' / 'cube.obj')!r}), {SIZE}).save('cube.png')"
+    )
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment, cwd=tmp_path, capture_output=True, text=True, check=False

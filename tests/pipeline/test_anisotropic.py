@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, check
+from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
@@ -49,7 +49,7 @@ def directions(seed, n):
 @pytest.mark.parametrize("material", [BRUSHED, BY_AXIS], ids=["u", "axis"])
 def test_pictures_agree_with_the_judge(material, shading):
     for camera in (None, rz.Camera.orthographic((2, 1, 4), height=3)):
-        check(ball(material, camera=camera), (48, 40), EXACT, shading=shading, tolerance=0)
+        assert_matches_reference(ball(material, camera=camera), (48, 40), EXACT, shading=shading, tolerance=0)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
@@ -62,7 +62,7 @@ def test_pictures_with_all_else_agree_with_the_judge(shading):
     colored = replace(plain, face_colors=colors, material=BRUSHED)
     colored = colored.transformed([[1, 0, 0, 1.2], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     other = rz.Mesh([[-2, -1, -2], [2, -1, -2], [0, 2, -2]], [[0, 1, 2]], material=rz.Material(fresnel=(0.9, 0.5, 0.2)))
-    check(
+    assert_matches_reference(
         replace(scene, meshes=[*scene.meshes, colored, other]), (40, 30), EXACT, shading=shading, tolerance=0, far=0.01
     )
 

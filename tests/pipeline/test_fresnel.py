@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, check
+from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
@@ -49,14 +49,14 @@ def ball(*materials, **more):
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("name", MATERIALS)
 def test_pictures_agree_with_the_judge(name, shading):
-    check(ball(MATERIALS[name]), (48, 40), EXACT, shading=shading, tolerance=0)
-    check(ball(MATERIALS[name]), (48, 40), 1 / 4096, shading=shading, tolerance=1 / 4096)
+    assert_matches_reference(ball(MATERIALS[name]), (48, 40), EXACT, shading=shading, tolerance=0)
+    assert_matches_reference(ball(MATERIALS[name]), (48, 40), 1 / 4096, shading=shading, tolerance=1 / 4096)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_materials_with_and_without_it_share_a_picture(shading):
     scene = ball(MATERIALS["blinn"], rz.Material(fresnel=0.2), rz.Material(specular=0), MATERIALS["ggx"], rz.Material())
-    check(scene, (100, 40), EXACT, shading=shading, tolerance=0)
+    assert_matches_reference(scene, (100, 40), EXACT, shading=shading, tolerance=0)
 
 
 @pytest.mark.parametrize("name", [name for name in MATERIALS if name != "spectrum"])

@@ -1,12 +1,11 @@
 """Check which samples the scan stage covers, against integer edges, and what shows at equal depth."""
 
 import itertools
-import math
 
 import numpy as np
 import pytest
 from helpers.pinhole import octasphere, torus
-from helpers.pixels import project
+from helpers.pixels import needle, project
 from helpers.raster import draw_faces, sheet
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -80,21 +79,10 @@ def test_slivers_are_covered_exactly(width):
     assert n_covered > 10
 
 
-def needle(rng, bits, size=SIZE):
-    """A triangle round one sample of the picture, of doubled area 3: no thinner one can hold a sample."""
-    a, b = 0, 0
-    while math.gcd(a, b) != 1 or b < 2:
-        a, b = (int(v) for v in rng.integers(2 ** (bits - 1), 2**bits, 2))
-    d = pow(a, -1, b)
-    c = (a * d - 1) // b
-    sample = 256 * rng.integers(0, size) + 128
-    return np.array([sample + (a, b), sample + (c, d), sample - (a + c, b + d)])
-
-
 @pytest.mark.parametrize("bits", [4, 10, 16, 22, 26])
 def test_the_thinnest_triangles_are_covered_exactly(bits):
     rng = np.random.default_rng(bits)
-    triangles = [needle(rng, bits) for _ in range(20)]
+    triangles = [needle(rng, bits, SIZE) for _ in range(20)]
     assert assert_covered_exactly(triangles) >= 20
 
 
@@ -233,7 +221,7 @@ def test_the_first_of_equal_slivers_is_shown():
     n_covered = 0
     for bits in (12, 18, 24):
         for _ in range(10):
-            triangle, depth = needle(rng, bits), rng.random(3)
+            triangle, depth = needle(rng, bits, SIZE), rng.random(3)
             for order in ORDERS:
                 order = list(order)
                 face = draw_faces([triangle, triangle[order]], SIZE, [depth, depth[order]])

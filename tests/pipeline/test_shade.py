@@ -161,7 +161,9 @@ def shade_floor(n_front, kind, is_perspective, draw):
     coding = plain_coding(kind, screen, LEVELS, 1e9, 1e30, needs_distance=kind == NORMAL_PLANES)
     workspace, *_ = scan_alone(triangles, depth, values, coding, screen, WIDE, n_group=2, n_channel=3)
     entries = entries_of(workspace, WIDE).copy()
-    assert not (entries[entries < CLEAR] & IS_ID & ((entries[entries < CLEAR] & IS_EXACT) << 1)).any(), "a record is exact"
+    assert not (entries[entries < CLEAR] & IS_ID & ((entries[entries < CLEAR] & IS_EXACT) << 1)).any(), (
+        "a record is exact"
+    )
     return entries, draw(workspace, screen)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.judge import BUFFERS
+from helpers.against_reference import BUFFERS
 from helpers.pinhole import SHADINGS, octasphere, torus
 from helpers.raster import COLORED, GREY
 

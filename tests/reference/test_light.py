@@ -62,7 +62,12 @@ def test_normals_of_a_file_that_contradict_its_winding(shading):
 def test_culling_a_closed_mesh_changes_nothing():
     vertices, faces = octasphere(2)
     for shading in SHADINGS:
-        options = dict(lights=None, material=Material(), camera=Camera.perspective((1, 2, 4), fov=40), shading=shading)
+        options = {
+            "lights": None,
+            "material": Material(),
+            "camera": Camera.perspective((1, 2, 4), fov=40),
+            "shading": shading,
+        }
         all_faces = draw(vertices, faces, (50, 40), **options)
         culled = draw(vertices, faces, (50, 40), cull="back", **options)
         assert (all_faces.face == culled.face).all() and (all_faces.color == culled.color).all()
@@ -328,7 +333,12 @@ def test_alpha_and_background():
 @pytest.mark.parametrize("samples", [4, 9, 16])
 def test_supersampling_averages_a_larger_picture(samples):
     vertices, faces = octasphere(1)
-    options = dict(camera=Camera.perspective((1, 2, 4), fov=40), lights=None, material=Material(), shading="phong")
+    options = {
+        "camera": Camera.perspective((1, 2, 4), fov=40),
+        "lights": None,
+        "material": Material(),
+        "shading": "phong",
+    }
     per_axis = round(samples**0.5)
     fine = draw(vertices, faces, (20 * per_axis, 15 * per_axis), **options)
     picture, plain = (draw(vertices, faces, (20, 15), samples=n, **options) for n in (samples, 1))

@@ -342,7 +342,7 @@ def test_a_fault_of_ours_in_a_reader_is_one_line_and_the_next_model(monkeypatch,
     def fail(_model):
         raise IndexError("too far")
 
-    monkeypatch.setitem(sys.modules["rasterizer.io.loader"]._READERS, "obj", fail)
+    monkeypatch.setattr("rasterizer.io.obj.read_obj", fail)
     assert run(CUBE, GEAR, "--json") == 1 and os.listdir(folder) == ["gear.png"]
     out, err = capsys.readouterr()
     assert err.count("internal error: IndexError: too far") == 1 and err.count("\n") == 1

@@ -102,7 +102,7 @@ def test_a_checkerboard_in_perspective(shading):
     floor = np.array([(-4, -1, -1.0), (4, -1, -1), (4, -1, -9), (-4, -1, -9)])
     uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
     board = (np.indices((8, 8)).sum(axis=0) % 2).astype(np.float32)
-    options = dict(material=painted(board), uv=uv, shading=shading)
+    options = {"material": painted(board), "uv": uv, "shading": shading}
     picture = draw(floor, [[0, 1, 2], [0, 2, 3]], size, **options)
     is_seen = picture.face >= 0
     x, y, _ = sample_rays(size)[is_seen].T
@@ -162,9 +162,9 @@ def test_levels_are_mixed_and_end():
 
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_the_texture_multiplies_the_matte_part_alone(shading):
-    coefficients = dict(ambient=0.3, diffuse=0.5, specular=0.4, shininess=3, emissive=0.1)
+    coefficients = {"ambient": 0.3, "diffuse": 0.5, "specular": 0.4, "shininess": 3, "emissive": 0.1}
     lights = (AmbientLight(0.5), DirectionalLight((0.3, 0.1, -1), (1.0, 0.9, 0.8)), PointLight((0.2, 0.3, 0.0), 0.4))
-    options = dict(lights=lights, shading=shading, uv=UV)
+    options = {"lights": lights, "shading": shading, "uv": UV}
     corners, colors = sheet((8, 6)), np.random.default_rng(2).random((4, 3))
 
     def color(**changes):

@@ -95,7 +95,7 @@ def test_an_area_light_shares_its_spectrum_out():
 def test_vertex_colors_and_textures_multiply_the_rgb_of_the_matte_part(shading):
     texel = np.array([0.25, 0.5, 0.75], np.float32)
     colors = np.tile([0.5, 0.2, 1.0], (4, 1))
-    coefficients = dict(diffuse=LEAF, specular=0.0, emissive=0.1)
+    coefficients = {"diffuse": LEAF, "specular": 0.0, "emissive": 0.1}
     plain = show(Material(**coefficients), ONTO, shading).color
     picture = show(
         Material(**coefficients, texture=Texture(texel.reshape(1, 1, 3))),

@@ -13,7 +13,6 @@ from helpers.raster import ROOT
 import rasterizer as rz
 from rasterizer import choices
 from rasterizer.cli import arguments, help_texts, render_command
-from rasterizer.io import loader, scene_file
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
 from rasterizer.scene.fields import Cells, Color, Vector, describe_fields
@@ -48,7 +47,6 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
     assert choices.REFLECTIONS == tuple(material.REFLECTION_MODELS)
     assert choices.LIGHT_KINDS == tuple(lights.LIGHT_KINDS) and choices.PRESETS == tuple(lights.PRESETS)
     assert choices.WEIGHTINGS == mesh.WEIGHTINGS
-    assert choices.MODEL_FORMATS == tuple(loader._READERS) and choices.SCENE_FORMATS == scene_file.FORMATS
 
 
 def test_the_help_names_every_field_of_every_light():

@@ -1,0 +1,230 @@
+"""Load model files: the bytes of a file to the meshes of a scene.
+
+source ─ ModelFile ─ reader of the format ─ parts ─ Mesh ─ Scene
+path     name        by the table of        plain   checked
+bytes    bytes       formats.py             arrays
+"""
+
+import os
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import ModelError, SceneError, one_file
+from ..scene.mesh import Mesh
+from ..scene.mesh_arrays import fixed, has_any_area
+from ..scene.scene import Scene
+from . import formats
+from .files import Folder, read_named
+from .model_file import Contents, MeshSettings, ModelFile, Part, materials_of, weld
+
+
+def load_model(
+    source,
+    mesh_settings: MeshSettings,
+    *,
+    format: str | None = None,
+    log: Callable[[str], None] | None = None,
+    files: Folder | None = None,
+    settings: dict | None = None,
+) -> Scene:
+    """Load a model file, no scene file.
+
+    Parameters
+    ----------
+    source, format, log : as `load` takes them
+    mesh_settings : how its meshes are made
+    files : which other files may be read; None = by the rules of `files.py`
+    settings : arguments of Scene
+
+    Returns and raises what `load` does.
+    """
+    with one_file(name_of(source)):
+        entry = formats.format_of(name_of(source), format, is_scene=False)
+        model = _open(source, entry, log or keep_quiet)._replace(files=files)
+        contents = entry.read()(model)
+        contents = contents if isinstance(contents, Contents) else Contents(contents)
+        own = {"up": entry.up, "lights": contents.lights, "camera": contents.camera}
+        settings = {key: value for key, value in own.items() if value is not None} | (settings or {})
+        scene = Scene(_make_meshes(model, contents, mesh_settings), **settings)
+        return with_changes(scene, {}, weighting=mesh_settings.weighting)
+
+
+def name_of(source) -> str:
+    """Return what messages call a file."""
+    label = getattr(source, "name", "model") if hasattr(source, "read") else source
+    return os.fsdecode(label) if isinstance(label, (str, os.PathLike)) and label else "model"
+
+
+def keep_quiet(_text: str) -> None:
+    """Take a fact that nobody wants."""
+
+
+def with_changes(scene: Scene, settings: dict, *, crease_angle=None, weighting=None) -> Scene:
+    """Return a scene with other settings of its own and, where they are not None, of its meshes."""
+    own = {"crease_angle": crease_angle, "weighting": weighting}
+    own = {key: value for key, value in own.items() if value is not None}
+    if own:
+        settings = settings | {"meshes": tuple(replace(mesh, **own) for mesh in scene.meshes)}
+    return replace(scene, **settings) if settings else scene
+
+
+# --- where the bytes come from ----------------------------------------------------------------------------------------
+
+
+def _open(source, entry, log) -> ModelFile:
+    """Read all bytes of a file."""
+    if isinstance(source, (bytes, bytearray, memoryview)):
+        name, folder, data = "model", None, bytes(source)
+    elif hasattr(source, "read"):
+        name, folder, data = _read_stream(source, entry)
+    else:
+        path = Path(os.fsdecode(source))
+        name, folder, data = str(path), path.parent, _read_path(path)
+    model = ModelFile(name, entry.name, data, folder, log)
+    if not data.strip():
+        raise model.error("the file is empty")
+    return model
+
+
+def _read_stream(stream, entry) -> tuple[str, Path | None, bytes]:
+    """Return name, folder and bytes of an open file, binary or text."""
+    name = getattr(stream, "name", None)
+    path = Path(name) if isinstance(name, (str, os.PathLike)) and name else None
+    label = str(path) if path else "model"
+    try:
+        data = stream.read()
+    except (OSError, ValueError) as fault:
+        raise ModelError(f"{label}: can't be read ({fault})") from fault
+    if isinstance(data, str):
+        if entry.is_binary:
+            raise ModelError(f"{label}: {entry.name} is no text; open the file with mode 'rb'")
+        data = data.encode("utf-8", "surrogateescape")
+    if not isinstance(data, (bytes, bytearray)):
+        raise ModelError(f"{label}: reading the file object gives {type(data).__name__}, not bytes or text")
+    return label, path.parent if path and os.path.isfile(path) else None, bytes(data)
+
+
+def _read_path(path) -> bytes:
+    """Return the bytes of a file."""
+    try:
+        return read_named(path)
+    except FileNotFoundError:
+        raise ModelError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise ModelError(f"{path}: is a folder, not a model file") from None
+    except (OSError, ValueError) as fault:
+        raise ModelError(f"{path}: can't be read ({getattr(fault, 'strerror', None) or fault})") from fault
+
+
+# --- meshes -----------------------------------------------------------------------------------------------------------
+
+
+def _make_meshes(model, contents, settings) -> list[Mesh]:
+    """Check the parts of a file, and place them."""
+    placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in contents.parts]
+    if not placed:
+        raise model.error("no faces")
+    for part, _ in placed:
+        if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
+            raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
+    _report(model, contents, [part for part, _ in placed], settings.crease_angle)
+    if len(placed) > 1:
+        placed = [pair for pair in placed if _is_worth_drawing(pair[0], settings.drop_bad_faces)] or placed[:1]
+    return [_place(model, _prepare(model, part, settings), matrix, settings) for part, matrix in placed]
+
+
+def _prepare(model, part, settings) -> Part:
+    """Join copied vertices if normals are to be averaged across them; mend the file's own normals."""
+    repeats = formats.FORMATS[model.format].repeats_vertices
+    is_split = repeats == "always" or (repeats == "with uv" and "uv" in part)
+    if is_split and (settings.crease_angle is not None or "normals" not in part):
+        part = weld(part)
+    return _mend_normals(model, _without_useless_textures(model, part))
+
+
+def _without_useless_textures(model, part: Part) -> Part:
+    """Take the textures off the materials of a part that has no texture coordinates."""
+    useless = [material.name for material in materials_of(part) if material.texture is not None]
+    if "uv" in part or not useless:
+        return part
+    names = ", ".join(f"'{name}'" for name in useless)
+    what = f"{model.name}: mesh '{part['name']}' has no texture coordinates"
+    warnings.warn(f"{what}; it is drawn without the texture of its material {names}", stacklevel=2)
+    if "materials" in part:
+        return {**part, "materials": tuple(replace(material, texture=None) for material in part["materials"])}
+    return {**part, "material": replace(part["material"], texture=None)}
+
+
+def _place(model, part, matrix, settings) -> Mesh:
+    """Make the mesh of a part, and move it to where its node is."""
+    label = f"mesh '{part['name']}': " if part["name"] else ""
+    try:
+        # The reader's own arrays, which nobody else has: the mesh needs no copies.
+        part = {key: fixed(value) if isinstance(value, np.ndarray) else value for key, value in part.items()}
+        mesh = Mesh(**part, crease_angle=settings.crease_angle, drop_bad_faces=settings.drop_bad_faces)
+    except ModelError as fault:
+        raise model.error(f"{label}{fault}") from fault
+    if matrix is None or np.array_equal(matrix, np.eye(4)):
+        return mesh
+    try:
+        return mesh.transformed(matrix)
+    except (ModelError, SceneError) as fault:
+        raise model.error(f"{label}the transform of its node: {fault}") from fault
+
+
+def _is_worth_drawing(part: Part, drop_bad_faces) -> bool:
+    """Tell whether one part of several is kept: it has a face with an area, or a fault that must be seen."""
+    faces, n_vertex = part["faces"], len(part["vertices"])
+    if faces.min() < 0 or faces.max() >= n_vertex:
+        return True
+    return has_any_area(part["vertices"], faces) or not (drop_bad_faces or np.isfinite(part["vertices"]).all())
+
+
+def _mend_normals(model, part: Part) -> Part:
+    """Give corners whose normal is zero or not finite the normal of their triangle."""
+    normals = part.get("normals")
+    if normals is None or part["faces"].max() >= len(part["vertices"]) or part["faces"].min() < 0:
+        return part
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(normals, axis=-1)
+        is_bad = ~((length > 0.0) & np.isfinite(length))
+        if not is_bad.any():
+            return part
+        corners = part["vertices"][part["faces"]]
+        of_face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        of_face = np.nan_to_num(of_face / np.linalg.norm(of_face, axis=1, keepdims=True))
+    model.log(f"{model.name}: {int(is_bad.sum())} file normals are zero or not finite; the triangles' own are used")
+    if normals.ndim == 2:
+        normals, is_bad = normals[part["faces"]], is_bad[part["faces"]]
+    return {**part, "normals": np.where(is_bad[..., None], of_face[:, None], normals)}
+
+
+def _report(model, contents, parts, crease_angle):
+    """Say in one line what the file had and what is used of it."""
+    n_face = sum(len(part["faces"]) for part in parts)
+    materials = [material for part in parts for material in materials_of(part)]
+    n_material = len({material.name for material in materials} - {""})
+    n_texture = len({id(material.texture) for material in materials} - {id(None)})
+    n_light = len(contents.lights or ())
+    facts = [f"{n_face} faces"]
+    facts += [f"{len(parts)} meshes"] if len(parts) > 1 else []
+    facts += [f"{n_material} material" + "s" * (n_material > 1)] if n_material else []
+    facts += [f"{n_texture} texture" + "s" * (n_texture > 1)] if n_texture else []
+    facts += [f"{n_light} light" + "s" * (n_light > 1)] if n_light else []
+    facts += ["a camera"] if contents.camera is not None else []
+    has = {key for part in parts for key in part}
+    facts += ["polygons with more than 3 corners"] if "polygons" in has else []
+    facts += ["vertex colours"] if "colors" in has else []
+    facts += ["face colours"] if "face_colors" in has else []
+    verdict = "used" if crease_angle is None else f"not used: crease angle {crease_angle} asked for"
+    if "normals" in has:
+        facts.append(f"file normals {verdict}")
+    elif "smoothing" in has:
+        facts.append(f"smoothing groups {verdict}")
+    else:
+        facts.append("no file normals")
+    model.log(f"{model.name}: {', '.join(facts)}")
