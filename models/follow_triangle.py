@@ -228,7 +228,7 @@ def describe_shade(way: Way) -> list[str]:
     return [
         f"level {here} / {scale:.2f} = {way.radiance[ROW, COLUMN]:.6f}",
         f"one sample to the right: ΔI·Δv = {(beside - here) / scale:+.6f}, so {way.radiance[ROW, COLUMN + 1]:.6f}",
-        "weights of A, B, C: " + " ".join(f"{weight:.6f}" for weight in weights),
+        "weights of A, B, C on the screen: " + " ".join(f"{weight:.6f}" for weight in weights),
         f"their mean of the intensities: {float(weights @ intensities):.6f}; with perspective: {exact:.6f}",
         f"error of the entry: {abs(here / scale - exact):.1e}",
     ]
@@ -246,6 +246,12 @@ def describe_resolve(way: Way) -> list[str]:
         f"level {level} holds the intensities from {thresholds[level - 1]:.6f} to {thresholds[level]:.6f}",
         f"bytes of the pixel: {way.rgba[ROW, COLUMN].tolist()}; rz.render draws the same picture: {same}",
     ]
+
+
+def describe_explanation(_way: Way) -> list[str]:
+    """What the reference says of the same pixel."""
+    explanation = rz.explain(make_scene(), COLUMN, ROW, size=OPTIONS.size, shading=OPTIONS.shading)
+    return str(explanation).splitlines()
 
 
 # ---------------------------------------------------------------- reading the block
@@ -316,6 +322,7 @@ STAGES = {
     "entry": describe_entry,
     "shade": describe_shade,
     "resolve": describe_resolve,
+    "explanation": describe_explanation,
 }
 
 
