@@ -264,7 +264,7 @@ def of_block(rows, first, n) -> list[int]:
 
 def planes_of(way: Way) -> tuple[list[int], list[int]]:
     """The planes of z and of the level: at the anchor, d/dx, d/dy."""
-    return of_block(way.block.longs, s.PLANE_Z, 3), of_block(way.block.longs, s.LEVEL_PLANE, 3)
+    return of_block(way.block.longs, s.PLANE_Z, 3), of_block(way.block.longs, s.PLANE_LEVEL, 3)
 
 
 def name_at(way: Way, k) -> str:

@@ -5,6 +5,7 @@ import numpy as np
 from ..pipeline.a_buffer import (
     FEW,
     FragmentLists,
+    Opacity,
     composite,
     divide_room,
     list_fragments,
@@ -27,7 +28,7 @@ def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace) -> in
     transparent = np.empty(len(band.faces), np.int64)  # where they stand in band.faces
     n_transparent = scan_opaque(
         band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
-        render_pass.opacity, drawn.face_table.material, transparent,
+        opacity_of(drawn, render_pass), transparent,
     )  # fmt: skip
     transparent = count_fragments(band, drawn, workspace, transparent[:n_transparent])
     pitch = workspace.visibility.pitch
@@ -40,7 +41,7 @@ def count_fragments(band: Band, drawn, workspace, transparent) -> np.ndarray:
     """Count the fragments of each sample and divide the room among their lists; return the transparent triangles in the
     order in which the lists are filled."""
     a_buffer, n_sample = workspace.a_buffer, band.n_row * workspace.visibility.pitch
-    counting = FragmentLists(0, n_sample, np.empty(0, np.int64), a_buffer.cursors, a_buffer.starts, True)
+    counting = FragmentLists(0, n_sample, 0, band.n_row, np.empty(0, np.int64), a_buffer.cursors, a_buffer.starts, True)
     rows = Rows(band.y_start, band.y_end)
     open_lists(a_buffer)
     list_fragments(band, transparent, drawn.drawables, rows, workspace.block, workspace.visibility, counting)
@@ -54,18 +55,23 @@ def composite_range(band: Band, drawn, render_pass: Pass, workspace, transparent
     """Fill the lists of the samples first..last of a band, then shade one layer after the other, nearest first, and sum
     them up."""
     visibility, a_buffer, (first, last) = workspace.visibility, workspace.a_buffer, samples
-    within = Rows(first // visibility.pitch, -(-last // visibility.pitch))  # counted from the band's first
-    rows = Rows(band.y_start + within.y_start, band.y_start + within.y_end)
+    first_row, end_row = first // visibility.pitch, -(-last // visibility.pitch)
+    rows = Rows(band.y_start + first_row, band.y_start + end_row)
     entries = np.empty(a_buffer.starts[last] - a_buffer.starts[first], np.int64)
-    lists = FragmentLists(first, last, entries, a_buffer.cursors, a_buffer.starts, False)
+    lists = FragmentLists(first, last, first_row, end_row, entries, a_buffer.cursors, a_buffer.starts, False)
     list_fragments(band, transparent, drawn.drawables, rows, workspace.block, visibility, lists)
-    show_nearest(visibility, a_buffer, lists, within)
+    show_nearest(visibility, a_buffer, lists)
     layer = workspace._replace(visibility=a_buffer.layer)
     n_composited, is_more = 0, True
     while is_more:
         render_pass.shade(layer, Band(band.faces, *rows), len(band.faces), drawn.face_table)
         is_more = composite(
-            visibility, workspace.records, a_buffer, lists, within, n_composited, workspace.radiance,
-            workspace.texels, render_pass.opacity, drawn.face_table.material,
+            visibility, workspace.records, a_buffer, lists, n_composited, workspace.radiance, workspace.texels,
+            opacity_of(drawn, render_pass),
         )  # fmt: skip
         n_composited += 1
+
+
+def opacity_of(drawn, render_pass: Pass) -> Opacity:
+    """How transparent the triangles are that are drawn, clipped parts included."""
+    return render_pass.opacity._replace(face_materials=drawn.face_table.material)

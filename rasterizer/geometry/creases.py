@@ -81,17 +81,17 @@ def list_corners(corner_vertices, out_first, out_corners):
     out_corners[out_first[v] : out_first[v + 1]]; out_first (n_vertex + 2,) u32 comes in as zero, its last
     entry is working space.
     """
-    # Count two places further on: one for the running sum, one because filling moves each start to its end.
+    # Count two entries further on: one for the running sum, one because filling moves each start to its end.
     for corner in range(len(corner_vertices)):
         out_first[corner_vertices[corner] + 2] += np.uint32(1)
     valence = 0
-    for place in range(2, len(out_first)):
-        valence = max(valence, np.int64(out_first[place]))
-        out_first[place] += out_first[place - 1]
+    for slot in range(2, len(out_first)):
+        valence = max(valence, np.int64(out_first[slot]))
+        out_first[slot] += out_first[slot - 1]
     for corner in range(len(corner_vertices)):
-        place = corner_vertices[corner] + 1
-        out_corners[out_first[place]] = corner
-        out_first[place] += np.uint32(1)
+        slot = corner_vertices[corner] + 1
+        out_corners[out_first[slot]] = corner
+        out_first[slot] += np.uint32(1)
     return valence
 
 
@@ -187,7 +187,7 @@ def _grow(source, normals, n_split, valence):
 
 @helper
 def _gather_fan(vertices, corner_vertices, around, weighting, out_fan, out_members, out_keys):
-    """Measure the corners with an area; list their edges as far vertex << 32 | place in fan << 1 | leaves."""
+    """Measure the corners with an area; list their edges as far vertex << 32 | index in fan << 1 | leaves."""
     n_fan = 0
     for corner in around:
         k = corner % 3
@@ -217,11 +217,11 @@ def _sort(keys):
         gap = 3 * gap + 1
     while gap > 0:
         for i in range(gap, len(keys)):
-            key, place = keys[i], i
-            while place >= gap and keys[place - gap] > key:
-                keys[place] = keys[place - gap]
-                place -= gap
-            keys[place] = key
+            key, slot = keys[i], i
+            while slot >= gap and keys[slot - gap] > key:
+                keys[slot] = keys[slot - gap]
+                slot -= gap
+            keys[slot] = key
         gap //= 3
 
 

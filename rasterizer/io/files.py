@@ -5,12 +5,14 @@ What a
 *file* names is found by these rules, whatever its format: material libraries (MTL) and textures of OBJ files, textures
 of MTL files, buffers and images of glTF files, models, arrays and textures of scene files:
 
-    where      at or below the folder of the file that the person named; links are followed first, so that none leads out of it
+    where      at or below the folder of the file that the person named; links are followed first, so that none leads
+               out of it
     refused    absolute paths, `..` that leave that folder, schemes such as http: or file: (but data: in glTF)
     what       regular files only; a pipe, device or folder is never opened
     how much   as many bytes as the format says (a glTF buffer's byteLength), else the whole file
     capitals   need not agree where no other file has the name; a backslash counts as a slash (OBJ and MTL)
-    paths      of the author's machine (OBJ and MTL): where nothing is, or may be read, the last part is looked for in the folder
+    paths      of the author's machine (OBJ and MTL): where nothing is, or may be read, the last part is looked for in
+               the folder
 
 `allow_outside=True` of `load`, or `--allow-outside`, lifts the first two for local files. What a refused file holds is
 in no message.
@@ -20,6 +22,7 @@ writing is refused, though its folder may be written; one that is replaced keeps
 allowed.
 """
 
+import contextlib
 import os
 import secrets
 import stat
@@ -76,9 +79,9 @@ class Folder:
         if self.path is None:
             raise OutsideError("was named by a file that was given without a folder")
         head = name.partition(":")[0]
-        if ":" in name and len(head) >= _SCHEME_LENGTH and head.replace("+", "").replace("-", "").isalnum():
-            if not (self.path / name).is_file():
-                raise OutsideError(f"is no file, but has the scheme {head[:20]}:")
+        has_scheme = ":" in name and len(head) >= _SCHEME_LENGTH and head.replace("+", "").replace("-", "").isalnum()
+        if has_scheme and not (self.path / name).is_file():
+            raise OutsideError(f"is no file, but has the scheme {head[:20]}:")
         if not self.allow_outside and os.path.isabs(name):
             raise OutsideError("is an absolute path; --allow-outside, or allow_outside=True, reads it")
         return self.check(self.path / name)
@@ -192,8 +195,6 @@ def _write_new(temporary, place, content) -> None:
         if old is not None:
             new = os.fstat(stream.fileno())
             if hasattr(os, "fchown") and (old.st_uid, old.st_gid) != (new.st_uid, new.st_gid):
-                try:
+                with contextlib.suppress(PermissionError):  # only the superuser gives files away
                     os.fchown(stream.fileno(), old.st_uid, old.st_gid)
-                except PermissionError:
-                    pass  # only the superuser gives files away
             os.chmod(temporary, stat.S_IMODE(old.st_mode))

@@ -1,6 +1,7 @@
 """Buffers, views and accessors of a glTF file: bytes to arrays, each number of the tree checked before it is followed.
 
-    buffer      the binary chunk of a GLB file, a data: URI, or a file beside the model, of which byteLength bytes are read
+    buffer      the binary chunk of a GLB file, a data: URI, or a file beside the model, of which byteLength bytes are
+                read
     bufferView  a range of a buffer
     accessor    rows of numbers in a view, byteStride bytes from one to the next
 

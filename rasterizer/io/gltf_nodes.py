@@ -2,9 +2,11 @@
 
 A node's matrix is that of its parents times its own; a light shines and a camera looks down -z of its node, with +y up.
 
-    KHR_lights_punctual   color · intensity is the intensity here, a plain number: candela (point, spot) and lux (directional) are
-                          not converted; a white matte surface under 1 lux of directional light has the value 1
-    point, spot           get weaker with 1/d², also nearer than 1 (`amplify`), and end at `range` where the file has one
+    KHR_lights_punctual   color · intensity is the intensity here, a plain number: candela (point, spot) and lux
+                          (directional) are not converted; a white diffuse surface under 1 lux of directional light has
+                          the value 1
+    point, spot           get weaker with 1/d², also nearer than 1 (`amplify`), and end at `range` where the file has
+                          one
     spot                  innerConeAngle and outerConeAngle in radians, half angles
     camera                perspective: yfov (radians, vertical), znear, zfar; orthographic: the picture is 2·ymag high;
                           aspectRatio and xmag are those of the picture that is asked for

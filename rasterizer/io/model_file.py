@@ -172,6 +172,5 @@ def check_indices(model, corners, counts, n_vertex, place_of) -> None:
         return
     bad = int(np.argmax((corners < 0) | (corners >= n_vertex)))
     polygon = int(np.searchsorted(np.cumsum(counts), bad, side="right"))
-    raise ModelError(
-        f"{model.name}{place_of(polygon)} refers to vertex {corners[bad]}; the file has {n_vertex}, legal is 0..{n_vertex - 1}"
-    )
+    legal = f"the file has {n_vertex}, legal is 0..{n_vertex - 1}"
+    raise ModelError(f"{model.name}{place_of(polygon)} refers to vertex {corners[bad]}; {legal}")

@@ -5,8 +5,8 @@ warned of, with file and line; a line that can't be read (no number, not finite,
 (w).
 
     Kd       diffuse; missing: the default grey
-    Ka       ambient, as the file says, also the 0 0 0 that exporters write unasked; missing: as Kd. So is 1 1 1 beside another
-             Kd: Blender writes it for every material, and would bleach all that is coloured (reported)
+    Ka       ambient, as the file says, also the 0 0 0 that exporters write unasked; missing: as Kd. So is 1 1 1 beside
+             another Kd: Blender writes it for every material, and would bleach all that is coloured (reported)
     Ks       specular; missing: none
     Ke       emissive; missing: none
     above 1  Ka Kd Ks in whole numbers up to 255 are bytes: divided by 255 (w); else divided by their largest component
@@ -14,10 +14,11 @@ warned of, with file and line; a line that can't be read (no number, not finite,
              no surface reflects more than it gets. Ke may be as bright as it likes
     xyz      CIE XYZ, brought to linear RGB, negative components 0; `spectral` files are not read: as if missing (w)
     two      numbers of a colour: the blue is that of the first, as the format says (w)
-    Ns       shininess; missing: the default. Below 1, also the 0 of matte surfaces: no highlight (w, if Ks is not 0), since
-             (R·V)^0 is 1 all over the lit side and burns it out. Above 10^6: 10^6 (w, likewise)
+    Ns       shininess; missing: the default. Below 1, also the 0 of diffuse surfaces: no highlight (w, if Ks is not
+             0), since (R·V)^0 is 1 all over the lit side and burns it out. Above 10^6: 10^6 (w, likewise)
     d        opacity, within 0..1 (w); d 0 is invisible (w)
-    Tr       without d: 1 - Tr by the format's later custom; but exporters disagree, so the file's own evidence counts first:
+    Tr       without d: 1 - Tr by the format's later custom; but exporters disagree, so the file's own evidence counts
+             first:
              1. materials with both d and Tr show whether Tr is d or 1 - d;
              2. else, if a comment names MeshLab, or some Tr is 1 and none is 0, Tr is the opacity: MeshLab writes it
                 so, `Tr 1` for what is opaque, and nobody exports what can't be seen;
@@ -26,13 +27,14 @@ warned of, with file and line; a line that can't be read (no number, not finite,
     illum 0  the plain colour Kd (+ Ke), not lit at all: it becomes emissive, and everything else 0
     illum 1  no specular; all other models, 2 to 10: the equation as usual; any other number: as 2 (w)
     illum 4, 6, 7, 9 (glass) ask for rays; without d or Tr such a material is opaque
-    map_Kd   texture, sRGB: it multiplies Kd and Ka; a missing Kd is 1 then. The alpha of the picture, if it has any, multiplies d
-    map_d    another picture than that of map_Kd: its grey (8 bits / 255, not decoded) becomes the texture's alpha; the same
-             picture: its own alpha
+    map_Kd   texture, sRGB: it multiplies Kd and Ka; a missing Kd is 1 then. The alpha of the picture, if it has any,
+             multiplies d
+    map_d    another picture than that of map_Kd: its grey (8 bits / 255, not decoded) becomes the texture's alpha; the
+             same picture: its own alpha
     -clamp   on: "clamp", else "repeat"; the other options and maps are not applied: reported
 
 A picture that is missing or unreadable is warned of, and the material keeps its plain colour. Names of files are
-relative to the MTL file; which of them are read is said in `_files`. With illum 0 a texture needs light all the same.
+relative to the MTL file; which of them are read is said in `files.py`. With illum 0 a texture needs light all the same.
 
 Format: Wavefront, MTL specification 4.2, 1995.
 """

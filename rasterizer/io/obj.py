@@ -14,19 +14,15 @@ Visualizer manual, appendix B1, 1995.
 
 import warnings
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
 from ..scene.triangulation import listed
-from .files import OutsideError
+from .material_libraries import find_materials
 from .model_file import WHITE, ModelFile, Part, bytes_of, cut_faces
-from .mtl import LONGEST_NAME, Maps, read_materials
 from .obj_lines import Corners, LineError, ObjLines
-
-MOST_LIBRARIES = 256  # material files that an OBJ file may name
 
 
 def read_obj(model: ModelFile) -> list[Part]:
@@ -73,7 +69,7 @@ def _read_parts(model, lines) -> list[Part]:
     # A material has one number, however often its name stands there; an object is another each time.
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
     whole["face_material"] = np.array([numbers[name] for name in names] + [-1])[material_of_face]
-    materials = _find_materials(model, lines, list(numbers))
+    materials = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
     default = replace(whole["material"], name="")
     palette = [materials.get(name, replace(default, name=name)) for name in numbers] + [default]
     groups = set(lines.names_of("g")[1])
@@ -144,7 +140,7 @@ def _object_ranges(whole: Part, object_of_face) -> list[tuple[int, int, int]]:
 
 
 def _take_range(whole: Part, begin, end) -> Part:
-    """Return the triangles from `begin` to `end` with the vertices that they use; attributes that some lack are left out."""
+    """Return the triangles from `begin` to `end` with the vertices that they use; what some lack is left out."""
     used, faces = _compact(whole["faces"][begin:end])
     part = {key: whole[key][used] for key in ("vertices", "colors") if key in whole}
     part |= {"faces": faces, "face_material": whole["face_material"][begin:end]}
@@ -206,48 +202,3 @@ def _with_materials(model, part: Part, palette, name) -> Part:
         return part | {"material": palette[used[0]]}
     rank = np.argsort(order).astype(np.int32)
     return part | {"materials": tuple(palette[used[k]] for k in order), "face_material": rank[inverse]}
-
-
-def _find_materials(model, lines, names) -> dict[str, Material]:
-    """Read the MTL files that the OBJ names; warn of what is missing."""
-    if not names:
-        return {}
-    materials, missing, maps = {}, [], Maps(model.log)
-    wanted = list(dict.fromkeys(lines.names_of("mtllib")[1]))[:MOST_LIBRARIES]
-    # Names with blanks are written like several names; what was read to find out is not read again.
-    found = {name: _library(model, name) for name in wanted if len(name) < 256}
-    named = list(dict.fromkeys(chain(*([name] if found.get(name) else name.split() for name in wanted))))
-    if len(named) > MOST_LIBRARIES:
-        warnings.warn(
-            f"{model.name}: names {len(named)} material files; the first {MOST_LIBRARIES} are looked for", stacklevel=2
-        )
-    for name in named[:MOST_LIBRARIES]:
-        library = found[name] if name in found else _library(model, name)
-        if library is None:
-            missing.append(name)
-        else:
-            materials |= read_materials(library, set(names), maps)
-    unknown = [name for name in names if name not in materials]
-    if missing:
-        files = listed([f"'{name[:80]}'" for name in missing])
-        warnings.warn(f"{model.name}: material file {files} not found; the default material is used", stacklevel=2)
-    elif unknown:
-        unknown = listed([f"'{name[:80]}'" for name in unknown])
-        warnings.warn(f"{model.name}: no definition of material {unknown}; the default is used", stacklevel=2)
-    return materials
-
-
-def _library(model, name) -> ModelFile | None:
-    """Return an MTL file beside the model, or None."""
-    if len(name) > LONGEST_NAME:
-        return None
-    try:
-        path = model.beside.find_alike(name)
-        data = model.beside.read_bytes(path)
-    except OutsideError as fault:
-        if model.folder is not None:
-            warnings.warn(f"{model.name}: material file '{name}' {fault}", stacklevel=2)
-        return None
-    except (OSError, ValueError):
-        return None
-    return ModelFile(str(path), "mtl", data, path.parent, model.log, model.beside.below(path.parent))

@@ -160,10 +160,14 @@ def _read_corners(given, lines, words) -> tuple[NDArray[np.int64], ...]:
     numbers, is_number = read_integers(pieces)
     counts, indices, faults = np.diff(words.first), [], []
     for k, (kind, given_lines) in enumerate(given.items()):
+        total = len(given_lines)
+        if k > 0 and len(numbers) == len(words.starts):  # no corner has a slash
+            indices.append(np.full(len(numbers), -1) if total else None)
+            continue
         place = pieces.first[:-1] + k
         place = np.where(place < pieces.first[1:], place, -1)
         number, is_bad = np.append(numbers, 0)[place], np.append(~is_number, False)[place]
-        index, total = number - 1, len(given_lines)
+        index = number - 1
         if number.min(initial=0) < 0:  # it counts back from the last before the face
             so_far = np.repeat(np.searchsorted(given_lines, lines), counts)
             index = np.where(number < 0, np.maximum(so_far + number, -1), index)

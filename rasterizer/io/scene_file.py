@@ -1,18 +1,19 @@
 """A whole scene in one file: JSON or TOML.
 
     file ─ text ─ tables, duplicate keys refused ─ meshes, materials, lights, camera ─ Scene
-           utf-8  json, tomllib                    file_meshes, file_parts
+           utf-8  json, tomllib                    scene_file_meshes, scene_file_parts
 
-    meshes      list: {file = "part.obj", transform, material, ...}, {vertices, faces, ...} or {arrays = "x.npz", mesh = 0, ...}
+    meshes      list: {file = "part.obj", transform, material, ...}, {vertices, faces, ...} or
+                {arrays = "x.npz", mesh = 0, ...}
     materials   table of named materials that meshes refer to
     lights      "studio", "headlight", or a list of these and of {kind = "point", position, ...}
     camera      the fields of Camera, or {azimuth, elevation, fov, orthographic, margin} to have the scene framed
     background  colour      up  axis      options  those of a picture, as `Options` names them
     depth_cue   a number, or {scale, start, color}
 
-Names of files are relative to the folder of the scene file; which are read is said in `_files`. `file_write` writes
-what is read here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files beside
-it.
+Names of files are relative to the folder of the scene file; which are read is said in `files.py`. `scene_file_write`
+writes what is read here. Text may be MOST_JSON or MOST_TOML bytes long: the arrays of large meshes go into .npz files
+beside it.
 """
 
 import json

@@ -137,7 +137,7 @@ def _skip_sign(words) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
 
 
 def _read_digits(letters, starts, ends) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Read ranges of letters as whole numbers, (n,) int64, an empty one as 0; tell which are MOST_DIGITS digits or less."""
+    """Read ranges of letters as whole numbers, (n,) int64, an empty one as 0; and tell which are such numbers."""
     eights = np.ndarray(len(letters) - 7, "<u8", letters, 0, (1,))  # the eight letters from each place on
     n_digit = ends - starts
     values, is_whole = np.zeros(len(starts), np.int64), n_digit <= MOST_DIGITS

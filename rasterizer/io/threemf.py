@@ -1,6 +1,7 @@
 """Read 3MF: a zip file with a model in XML.
 
-    3D/3dmodel.model     resources: objects, each a mesh or a list of components (other objects, placed); build: objects, placed
+    3D/3dmodel.model     resources: objects, each a mesh or a list of components (other objects, placed)
+                         build: objects, placed
     the part of a path   a component may name an object of another .model part of the file (production extension)
 
 Matrices have 12 numbers, the columns of the affine one: the first three are where x goes. Colours etc. aren't read.

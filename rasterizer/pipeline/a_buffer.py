@@ -77,6 +77,8 @@ class FragmentLists(NamedTuple):
 
     first: int  # samples first..last of the band
     last: int
+    first_row: int  # the rows of the band that they reach, half-open, counted from its first
+    end_row: int
     entries: np.ndarray  # (n_fragment,) int64, one list behind the other
     cursors: np.ndarray  # see ABuffer
     starts: np.ndarray
@@ -89,6 +91,7 @@ class Opacity(NamedTuple):
     opacity: np.ndarray  # (n_material,) float64
     is_opaque: np.ndarray  # (n_material,) bool: also the texture is
     least: float  # when no more is transmitted, what lies behind is left out
+    face_materials: np.ndarray = np.empty(0, np.uint32)  # (n_face,) of the triangles drawn; empty where there is one
 
 
 def make_a_buffer(visibility, n_channel, is_used) -> ABuffer:
@@ -148,14 +151,13 @@ def split_samples(starts, pitch):
 
 
 @kernel
-def scan_opaque(band, drawables, coding, block, visibility, records, opacity, face_materials, out_transparent):
+def scan_opaque(band, drawables, coding, block, visibility, records, opacity, out_transparent):
     """Write an exact record for every triangle of a band, in the order of its list; draw those that are opaque.
 
     Parameters
     ----------
     band, drawables, coding, block, visibility, records : as in `scan`
     opacity : Opacity
-    face_materials : (n_face,) uint32, or empty where there is one material
     out_transparent : (n,) int64, where in the band's list those are that are neither opaque nor invisible
 
     Returns
@@ -167,12 +169,15 @@ def scan_opaque(band, drawables, coding, block, visibility, records, opacity, fa
     n_transparent = index(0)
     for first in range(0, len(faces), s.BLOCK):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
-        s.set_up(some, drawables, band, visibility.width, block)
+        s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
+        s.order_vertices(block)
         s.gather_attributes(len(some), drawables.attributes, block)
+        s.compute_boxes(band, visibility.width, block)
+        s.compute_depth_planes(block)
         for k in range(index(len(some))):
             listed, box = first + np.int64(k), box_of(k, block)
             write_exact(records, listed, k, some[k], drawables.attributes.shape[2], coding, block)
-            material = material_of(some[k], face_materials)
+            material = material_of(some[k], opacity)
             out_transparent[n_transparent] = listed
             n_transparent += index(not opacity.is_opaque[material] and opacity.opacity[material] > 0.0)
             if box.left < box.right and box.top < box.bottom and opacity.is_opaque[material]:
@@ -199,7 +204,10 @@ def list_fragments(band, transparent, drawables, rows, block, visibility, lists)
         n = index(min(len(transparent) - first, s.BLOCK))
         for k in range(n):
             some[k] = faces[index(transparent[index(first) + k])]
-        s.set_up(some[:n], drawables, rows, visibility.width, block)
+        s.gather_vertices(some[:n], drawables.triangles, drawables.vertices, block)
+        s.order_vertices(block)
+        s.compute_boxes(rows, visibility.width, block)
+        s.compute_depth_planes(block)
         for k in range(n):
             box = box_of(k, block)
             if box.left < box.right and box.top < box.bottom:
@@ -213,8 +221,9 @@ def list_fragments(band, transparent, drawables, rows, block, visibility, lists)
 def borrow_lists(lists):
     """Return the lists with arrays that count no references."""
     return FragmentLists(
-        lists.first, lists.last, borrow(lists.entries), borrow(lists.cursors), borrow(lists.starts), lists.is_counting
-    )
+        lists.first, lists.last, lists.first_row, lists.end_row, borrow(lists.entries), borrow(lists.cursors),
+        borrow(lists.starts), lists.is_counting,
+    )  # fmt: skip
 
 
 @helper
@@ -224,9 +233,9 @@ def exact_payload(record):
 
 
 @helper
-def material_of(face, face_materials):
-    """Return the material of a triangle; `face_materials` is empty where there is one."""
-    return face_materials[face] if len(face_materials) > 0 else np.uint32(0)
+def material_of(face, opacity):
+    """Return the material of a triangle."""
+    return opacity.face_materials[face] if len(opacity.face_materials) > 0 else np.uint32(0)
 
 
 @kernel
@@ -255,13 +264,13 @@ def divide_room(a_buffer, n_sample):
 
 
 @kernel
-def show_nearest(visibility, a_buffer, lists, rows):
+def show_nearest(visibility, a_buffer, lists):
     """Sort the lists of a range of samples; make the nearest fragments the layer that is shaded.
 
     Parameters
     ----------
     visibility : VisibilityBuffer, the opaque surfaces
-    rows : Rows of the band, counted from its first, that the range of samples reaches
+    lists : FragmentLists
     """
     layer = a_buffer.layer
     opaque, entries = borrow(visibility.entries), borrow(layer.entries)
@@ -269,12 +278,12 @@ def show_nearest(visibility, a_buffer, lists, rows):
     base = starts[index(lists.first)]
     for strip in range(index(len(layer.left))):
         layer.left[strip], layer.right[strip] = NO_START, NO_END
-    for row in range(rows.y_start, rows.y_end):
-        strip, band_strip = strip_of(row - rows.y_start), strip_of(row)
+    for row in range(lists.first_row, lists.end_row):
+        strip, band_strip = strip_of(row - lists.first_row), strip_of(row)
         layer.left[strip] = min(layer.left[strip], visibility.left[band_strip])
         layer.right[strip] = max(layer.right[strip], visibility.right[band_strip])
-    for row in range(rows.y_start, rows.y_end):
-        strip, start = strip_of(row - rows.y_start), (row - rows.y_start) * visibility.pitch
+    for row in range(lists.first_row, lists.end_row):
+        strip, start = strip_of(row - lists.first_row), (row - lists.first_row) * visibility.pitch
         for x in range(layer.left[strip], layer.right[strip]):
             sample = row * visibility.pitch + x
             k, entry = index(sample), CLEAR
@@ -287,31 +296,31 @@ def show_nearest(visibility, a_buffer, lists, rows):
 
 
 @kernel
-def composite(visibility, records, a_buffer, lists, rows, depth, radiance, texels, opacity, face_materials):
+def composite(visibility, records, a_buffer, lists, depth, radiance, texels, opacity):
     """Put layer number `depth`, which is shaded, behind those before; show the next one; return whether there is any.
 
     Parameters
     ----------
-    rows : Rows of the band, counted from its first, that the range of samples reaches
-    radiance : (n_channel, n_row * pitch) of the layer · texels : (4 or 0, n_row * pitch), of which the last is alpha
-    face_materials : (n_face,) uint32, or empty where there is one material
+    visibility : VisibilityBuffer, the opaque surfaces
+    lists : FragmentLists
+    radiance : (n_channel, n_row * pitch) of the layer
+    texels : (4, n_row * pitch), of which the last is alpha; (0, n_row * pitch) where the scene has no textures
     """
     layer = a_buffer.layer
     opaque, entries = borrow(visibility.entries), borrow(layer.entries)
     fragments, starts = borrow(lists.entries), borrow(lists.starts)
-    records, face_materials = borrow_records(records), borrow(face_materials)
-    radiance, texels = borrow(radiance), borrow(texels)
+    records, radiance, texels = borrow_records(records), borrow(radiance), borrow(texels)
     transmittance, opacities, color = borrow(a_buffer.transmittance), borrow(a_buffer.opacity), borrow(a_buffer.color)
     base = starts[index(lists.first)]
     is_more, last_record, last_alpha = False, index(RECORD_MASK + 1), 0.0  # neighbours often show the same triangle
-    n_row = rows.y_end - rows.y_start
+    n_row = lists.end_row - lists.first_row
     for first in range(0, n_row, 1 << STRIP_SHIFT):
         strip = strip_of(first)
         left, right = layer.left[strip], layer.right[strip]
         next_left, next_right = NO_START, NO_END
         for row in range(first, min(first + (1 << STRIP_SHIFT), n_row)):
             for x in range(left, right):
-                k, sample = index(row * visibility.pitch + x), index((rows.y_start + row) * visibility.pitch + x)
+                k, sample = index(row * visibility.pitch + x), index((lists.first_row + row) * visibility.pitch + x)
                 entry = entries[k]
                 if entry >= CLEAR:
                     continue
@@ -320,7 +329,7 @@ def composite(visibility, records, a_buffer, lists, rows, depth, radiance, texel
                     record = index(entry & RECORD_MASK)
                     if record != last_record:
                         face = index(records.integers[record, FACE])
-                        last_record, last_alpha = record, opacity.opacity[material_of(face, face_materials)]
+                        last_record, last_alpha = record, opacity.opacity[material_of(face, opacity)]
                     alpha = last_alpha
                     if texels.shape[0] > 0:
                         alpha *= texels[3, k]
@@ -362,20 +371,20 @@ def sort(entries):
     for k in range(n // 2 - 1, -1, -1):
         sift(entries, k, n)
     for k in range(n - 1, 0, -1):
-        entries[index(0)], entries[index(k)] = entries[index(k)], entries[index(0)]
+        entries[0], entries[k] = entries[k], entries[0]
         sift(entries, np.int64(0), k)
 
 
 @helper
 def sift(entries, k, n):
     """Let an entry sink until both below it in the heap of n entries are smaller."""
-    entry = entries[index(k)]
+    entry = entries[k]
     while 2 * k + 1 < n:
         child = 2 * k + 1
-        if child + 1 < n and entries[index(child + 1)] > entries[index(child)]:
+        if child + 1 < n and entries[child + 1] > entries[child]:
             child += 1
-        if entries[index(child)] <= entry:
+        if entries[child] <= entry:
             break
-        entries[index(k)] = entries[index(child)]
+        entries[k] = entries[child]
         k = child
-    entries[index(k)] = entry
+    entries[k] = entry

@@ -4,8 +4,8 @@ In:  `Visible` of the cull stage: triangles, each with the first and the last ba
 Out: `Bands`: a list of triangles for every band.
 
 A counting sort by band: the classic bucket-sorted edge table with bands instead of scanlines. A band is the unit of
-parallel work, and so small that its z-buffer stays in the L2 cache. The order within a band is the order of the faces,
-whatever the number of threads, so the picture can't depend on it.
+parallel work, and so small that its visibility buffer stays in the L2 cache. The order within a band is the order of
+the faces, whatever the number of threads, so the picture can't depend on it.
 """
 
 from typing import NamedTuple

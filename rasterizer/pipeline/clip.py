@@ -204,7 +204,7 @@ def clip_faces(positions, vertex_idx, faces, screen, out_parts, out_owners):
             polygon, scratch = scratch, polygon
         first = find_topmost(polygon, n, screen)
         for k in range(index(2), index(min(max(n, 2), MOST_CORNERS))):
-            for column in range(index(N_CORNER_COLUMN)):
+            for column in range(N_CORNER_COLUMN):
                 out_parts[n_out, 0, column] = polygon[first, column]
                 out_parts[n_out, 1, column] = polygon[(first + k - index(1)) % index(n), column]
                 out_parts[n_out, 2, column] = polygon[(first + k) % index(n), column]
@@ -257,7 +257,7 @@ def find_nearest(positions, vertex_idx, screen, width, height):
 @helper
 def gather_corners(positions, vertex_idx, face, screen, out):
     """Write the corners of a triangle in eye space to the first three rows of `out`."""
-    for k in range(index(3)):
+    for k in range(3):
         i = vertex_idx[k, face]
         rx, ry, rz = positions[0, i] - screen.eye[0], positions[1, i] - screen.eye[1], positions[2, i] - screen.eye[2]
         out[k, W] = rx * screen.forward[0] + ry * screen.forward[1] + rz * screen.forward[2]
@@ -276,7 +276,7 @@ def clip_polygon(polygon, n, plane, screen, window, out):
         here, after = polygon[k], polygon[index(0) if k + index(1) == index(n) else k + index(1)]
         d_here, d_after = signed_distance(here, plane, screen, window), signed_distance(after, plane, screen, window)
         if d_here >= 0.0:
-            for column in range(index(N_CORNER_COLUMN)):
+            for column in range(N_CORNER_COLUMN):
                 out[n_out, column] = here[column]
             n_out += index(1)
         if d_here >= 0.0 and d_after < 0.0:
@@ -291,7 +291,7 @@ def clip_polygon(polygon, n, plane, screen, window, out):
 @helper
 def intersect(inside, outside, t, out):
     """Write the point that is the share t of the way from the inside corner to the outside one."""
-    for column in range(index(N_CORNER_COLUMN)):
+    for column in range(N_CORNER_COLUMN):
         out[column] = inside[column] + t * (outside[column] - inside[column])
 
 

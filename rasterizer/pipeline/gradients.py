@@ -1,7 +1,7 @@
 """Gradients: the planes of what is interpolated over a block of triangles, and whether they are good enough.
 
 In:  a `Block` of setup.py: vertices, slopes, attributes.
-Out: planes (value at the anchor, d/dx, d/dy) in its rows LEVEL_PLANE and ATTRIBUTE_PLANE; HAS_PLANES stays 1 for the
+Out: planes (value at the anchor, d/dx, d/dy) in its rows PLANE_LEVEL and PLANE_ATTRIBUTE; HAS_PLANES stays 1 for the
      triangles whose planes err by no more than the tolerance.
 
 There are three ways for a triangle's attributes to reach its samples; each triangle takes the cheapest that is good
@@ -120,7 +120,7 @@ def compute_level_plane(channel, coding, block):
     """
     ints, longs, reals = block.ints, block.longs, block.reals
     scale, most = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
-    out = s.LEVEL_PLANE + channel * s.NEXT_PLANE
+    out = s.PLANE_LEVEL + channel * s.NEXT_PLANE
     for k in range(index(s.BLOCK)):
         i0, i1, i2 = values_at(s.ATTRIBUTE + channel * s.NEXT_PLANE + k, block)
         level0, level1, level2 = clamp(i0 * scale, most), clamp(i1 * scale, most), clamp(i2 * scale, most)
@@ -248,7 +248,7 @@ def compute_plane(k, plane, a0, a1, a2, block):
     rise1, rise2 = a1 - a0, a2 - a0
     dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
     dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
-    out = s.ATTRIBUTE_PLANE + plane * s.NEXT_PLANE + k
+    out = s.PLANE_ATTRIBUTE + plane * s.NEXT_PLANE + k
     reals[out] = a0 + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
     reals[out + s.NEXT], reals[out + s.NEXT + s.NEXT] = dx, dy
     return abs(dx) * float(ints[s.EXTENT_X + k] + 1) + abs(dy) * float(ints[s.EXTENT_Y + k] + 1)

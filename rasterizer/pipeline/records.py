@@ -81,15 +81,15 @@ def write_planes(records, n_record, k, face, n_attribute, coding, block):
     if coding.kind == LEVEL_PLANES:
         # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right
         # again.
-        copy_planes(block.longs, s.LEVEL_PLANE + k, 3, planes, first)
+        copy_planes(block.longs, s.PLANE_LEVEL + k, 3, planes, first)
         return
     planes = records.float_planes
-    copy_planes(block.reals, s.ATTRIBUTE_PLANE + k, 3, planes, first)
+    copy_planes(block.reals, s.PLANE_ATTRIBUTE + k, 3, planes, first)
     if coding.needs_distance:
-        source = s.ATTRIBUTE_PLANE + index(DISTANCE_PLANE) * s.NEXT_PLANE + k
+        source = s.PLANE_ATTRIBUTE + index(DISTANCE_PLANE) * s.NEXT_PLANE + k
         copy_planes(block.reals, source, 1, planes, first + index(DISTANCE))
     if n_attribute > 3:
-        source = s.ATTRIBUTE_PLANE + index(3) * s.NEXT_PLANE + k
+        source = s.PLANE_ATTRIBUTE + index(3) * s.NEXT_PLANE + k
         copy_planes(block.reals, source, 3, planes, first + index(3 * PLANE_GROUP))
 
 
@@ -99,7 +99,7 @@ def copy_planes(rows, source, n, planes, target):
     for attribute in range(index(n)):
         for part in range(index(3)):
             value = rows[source + attribute * s.NEXT_PLANE + part * s.NEXT]
-            planes[target + attribute + part * index(PLANE_GROUP)] = value
+            planes[target + attribute + part * index(PLANE_GROUP)] = planes.dtype.type(value)
 
 
 @helper

@@ -121,8 +121,11 @@ def scan(band, drawables, coding, block, visibility, records):
     for first in range(0, len(faces), s.BLOCK):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
         # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.
-        s.set_up(some, drawables, band, visibility.width, block)
+        s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
+        s.order_vertices(block)
         s.gather_attributes(len(some), drawables.attributes, block)
+        s.compute_boxes(band, visibility.width, block)
+        s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
         for k in range(index(len(some))):
@@ -175,7 +178,7 @@ def box_of(k, block):
 @helper
 def level_of(k, block):
     """Return the plane of levels of triangle k of the block, which has one channel, as payload."""
-    longs, first = block.longs, s.LEVEL_PLANE + k
+    longs, first = block.longs, s.PLANE_LEVEL + k
     return Payload(longs[first], longs[first + s.NEXT], longs[first + s.NEXT + s.NEXT])
 
 
@@ -270,17 +273,19 @@ def fill_spans(visibility, band, box, surface, lists):
 @helper
 def left_edge(triangle, half, y):
     """Start the left chain on row y of the upper (0) or lower (1) half, which begins at the middle vertex."""
-    if half == 1 and triangle.y2 < triangle.y1:
-        return start_edge(triangle.x2, triangle.y2, triangle.x1, triangle.y1, y)
-    return start_edge(triangle.x0, triangle.y0, triangle.x2, triangle.y2, y)
+    x0, y0, x1, y1, x2, y2 = triangle
+    is_second = half == 1 and y2 < y1
+    xa, ya, xb, yb = (x2, y2, x1, y1) if is_second else (x0, y0, x2, y2)
+    return start_edge(xa, ya, xb, yb, y)
 
 
 @helper
 def right_edge(triangle, half, y):
     """Start the right chain on row y of the upper (0) or lower (1) half, which begins at the middle vertex."""
-    if half == 1 and triangle.y1 < triangle.y2:
-        return start_edge(triangle.x1, triangle.y1, triangle.x2, triangle.y2, y)
-    return start_edge(triangle.x0, triangle.y0, triangle.x1, triangle.y1, y)
+    x0, y0, x1, y1, x2, y2 = triangle
+    is_second = half == 1 and y1 < y2
+    xa, ya, xb, yb = (x1, y1, x2, y2) if is_second else (x0, y0, x1, y1)
+    return start_edge(xa, ya, xb, yb, y)
 
 
 @helper

@@ -29,31 +29,37 @@ from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
 
 BLOCK = 64  # triangles
 
+
+def _starts(first, end):
+    """Return where the rows first..end of a block begin, for the names below."""
+    return [index(BLOCK * k) for k in range(first, end)]
+
+
 # Rows of int32. The vertices are in 1/256 px, clockwise on the screen, the topmost (then leftmost) first; boxes in
 # samples.
-X0, Y0, X1, Y1, X2, Y2 = (index(BLOCK * k) for k in range(6))
-LEFT, RIGHT, TOP, BOTTOM = (index(BLOCK * k) for k in range(6, 10))  # within picture and band: left..right, top..bottom
+X0, Y0, X1, Y1, X2, Y2 = _starts(0, 6)
+LEFT, RIGHT, TOP, BOTTOM = _starts(6, 10)  # within picture and band: left..right, top..bottom
 # Where planes begin: the first sample of the box, but not beyond the picture's left or upper border.
-ANCHOR_X, ANCHOR_Y = (index(BLOCK * k) for k in range(10, 12))
-EXTENT_X, EXTENT_Y = (index(BLOCK * k) for k in range(12, 14))  # columns and rows of the whole box
-IS_FLIPPED, IS_SLIVER, HAS_PLANES = (index(BLOCK * k) for k in range(14, 17))
-CORNER0, CORNER1, CORNER2 = (index(BLOCK * k) for k in range(17, 20))  # where the vertices' attributes are
+ANCHOR_X, ANCHOR_Y = _starts(10, 12)
+EXTENT_X, EXTENT_Y = _starts(12, 14)  # columns and rows of the whole box
+IS_FLIPPED, IS_SLIVER, HAS_PLANES = _starts(14, 17)
+CORNER0, CORNER1, CORNER2 = _starts(17, 20)  # where the vertices' attributes are
 CLIPPED_IDX = index(BLOCK * 20)  # the row of the planes of the face that it is a part of; -1 for a whole face
 N_INT = 21
 # Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); planes of levels,
 # three rows each, see gradients.py.
-PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = (index(BLOCK * k) for k in range(3))
-LEVEL_PLANE, MOST_LEVEL_PLANES = index(BLOCK * 3), 3
+PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
+PLANE_LEVEL, MOST_LEVEL_PLANES = index(BLOCK * 3), 3
 N_LONG = 3 + 3 * MOST_LEVEL_PLANES
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
 # in samples; the range of z that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other;
 # planes of attributes, three rows each, see gradients.py.
-Z0, Z1, Z2 = (index(BLOCK * k) for k in range(3))
-SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = (index(BLOCK * k) for k in range(3, 7))
-OFFSET_X, OFFSET_Y = (index(BLOCK * k) for k in range(7, 9))
-LEAST_Z, LARGEST_Z = (index(BLOCK * k) for k in range(9, 11))
+Z0, Z1, Z2 = _starts(0, 3)
+SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
+OFFSET_X, OFFSET_Y = _starts(7, 9)
+LEAST_Z, LARGEST_Z = _starts(9, 11)
 ATTRIBUTE, MOST_ATTRIBUTES = index(BLOCK * 11), 11
-ATTRIBUTE_PLANE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 7
+PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 7
 N_REAL = 11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
@@ -85,25 +91,8 @@ def make_block() -> Block:
 
 
 @helper
-def set_up(faces, drawables, rows, width, block):
-    """Set up to BLOCK triangles: vertices, boxes, slopes and planes of depth.
-
-    Parameters
-    ----------
-    faces : (n,) uint32, n <= BLOCK
-    rows : Band or Rows: y_start..y_end is drawn
-    width : of the picture, samples
-    """
-    gather_vertices(faces, drawables.triangles, drawables.vertices, block)
-    order_vertices(block)
-    compute_boxes(rows, width, block)
-    compute_slopes(block)
-    compute_depth_planes(block)
-
-
-@helper
 def gather_vertices(faces, triangles, vertices, block):
-    """Fetch the triangles' vertices in the order of the file.
+    """Fetch the vertices of up to BLOCK triangles, (n,) uint32, in the order of the file.
 
     IS_FLIPPED says for now whether the normals look against the winding.
     """
@@ -191,6 +180,11 @@ def compute_boxes(rows, width, block):
 
     Clipped at the picture's left and upper border for the anchor: from an anchor far outside, the rounding of a plane's
     steps would add up before the picture is reached. Clipped to the band for the loops over samples.
+
+    Parameters
+    ----------
+    rows : Band or Rows: y_start..y_end is drawn
+    width : of the picture, samples
     """
     ints = block.ints
     for k in range(index(BLOCK)):
@@ -205,38 +199,33 @@ def compute_boxes(rows, width, block):
 
 
 @helper
-def compute_slopes(block):
-    """Compute the slopes of planes over the triangles, and tell which of these are slivers."""
-    ints, reals = block.ints, block.reals
+def compute_depth_planes(block):
+    """Compute the slopes of planes over the triangles, and the planes of depth; HAS_PLANES begins here.
+
+    Slivers are the triangles that are too long and thin for a plane, and those whose depth is too steep for one.
+    """
+    ints, longs, reals = block.ints, block.longs, block.reals
     for k in range(index(BLOCK)):
         x0, x1, x2 = np.int64(ints[X0 + k]), np.int64(ints[X1 + k]), np.int64(ints[X2 + k])
         y0, y1, y2 = np.int64(ints[Y0 + k]), np.int64(ints[Y1 + k]), np.int64(ints[Y2 + k])
         dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
-        area = float(dx1 * dy2 - dx2 * dy1)  # rounded once: the difference is an exact integer
+        area = np.float64(dx1 * dy2 - dx2 * dy1)  # rounded once: the difference is an exact integer
         wide, high = float(max(x0, x1, x2) - min(x0, x1, x2)), float(max(y1, y2) - y0)
         is_sliver = wide * high > MAX_ELONGATION * area
         # The columns of the inverse of the edges' matrix.
         scale = 0.0 if is_sliver else SUBPIXEL / area
-        ints[IS_SLIVER + k] = is_sliver
-        reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = float(dy2) * scale, -float(dy1) * scale
-        reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = -float(dx2) * scale, float(dx1) * scale
-        reals[OFFSET_X + k] = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
-        reals[OFFSET_Y + k] = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
-
-
-@helper
-def compute_depth_planes(block):
-    """Compute the planes of depth; those that are too steep for one are slivers, too. HAS_PLANES begins here."""
-    ints, longs, reals = block.ints, block.longs, block.reals
-    for k in range(index(BLOCK)):
+        slope_x1, slope_x2 = float(dy2) * scale, -float(dy1) * scale
+        slope_y1, slope_y2 = -float(dx2) * scale, float(dx1) * scale
+        offset_x = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
+        offset_y = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
         rise1, rise2 = reals[Z1 + k] - reals[Z0 + k], reals[Z2 + k] - reals[Z0 + k]
-        dx = rise1 * reals[SLOPE_X1 + k] + rise2 * reals[SLOPE_X2 + k]
-        dy = rise1 * reals[SLOPE_Y1 + k] + rise2 * reals[SLOPE_Y2 + k]
+        dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
         is_steep = abs(dx) + abs(dy) > (MAX_SLOPE if ints[CLIPPED_IDX + k] < 0 else MAX_CLIPPED_SLOPE)
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy
-        is_sliver = (ints[IS_SLIVER + k] != 0) | is_steep
-        ints[IS_SLIVER + k] = is_sliver
-        ints[HAS_PLANES + k] = not (is_sliver | (ints[CLIPPED_IDX + k] >= 0))
-        at_anchor = reals[Z0 + k] + dx * reals[OFFSET_X + k] + dy * reals[OFFSET_Y + k]
-        longs[PLANE_Z + k] = np.int64(np.rint(at_anchor))
+        ints[IS_SLIVER + k] = is_sliver | is_steep
+        ints[HAS_PLANES + k] = not (is_sliver | is_steep | (ints[CLIPPED_IDX + k] >= 0))
+        reals[SLOPE_X1 + k], reals[SLOPE_X2 + k] = slope_x1, slope_x2
+        reals[SLOPE_Y1 + k], reals[SLOPE_Y2 + k] = slope_y1, slope_y2
+        reals[OFFSET_X + k], reals[OFFSET_Y + k] = offset_x, offset_y
+        longs[PLANE_Z + k] = np.int64(np.rint(reals[Z0 + k] + dx * offset_x + dy * offset_y))
         longs[PLANE_Z_DX + k], longs[PLANE_Z_DY + k] = np.int64(np.rint(dx)), np.int64(np.rint(dy))

@@ -230,7 +230,7 @@ def has_area(vertices: NDArray, faces: NDArray) -> NDArray[np.bool_]:
 
 
 def has_any_area(vertices: NDArray, faces: NDArray) -> bool:
-    """Tell whether at least one triangle has an area, as `has_area` does; the first chunk that has one ends the search."""
+    """Tell whether a triangle has an area, as `has_area` does; the first chunk with one ends the search."""
     return any(has_area(vertices, faces[i : i + CHUNK]).any() for i in range(0, len(faces), CHUNK))
 
 

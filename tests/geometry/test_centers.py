@@ -1,4 +1,4 @@
-"""Polygons about their centres: no corner is preferred, and the judge agrees."""
+"""Polygons about their centres: no corner is preferred, and the reference agrees."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline.means import fill_means
 
 SIZE = (48, 36)
-GLOW = rz.Material(ambient=1, diffuse=0, specular=0)
+AMBIENT_ALONE = rz.Material(ambient=1, diffuse=0, specular=0)
 QUAD = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
 
 
@@ -34,7 +34,7 @@ def straight_on(meshes, **lights):
 def test_the_middle_of_a_quad_is_the_mean_of_its_corners(shading, tolerance):
     """0, 1, 0, 1: a fan shows 0 or 1 in the middle, as its list begins."""
     for first in range(4):
-        scene = straight_on(rz.Mesh(QUAD, [turned(range(4), first)], colors=grey([0, 1, 0, 1]), material=GLOW))
+        scene = straight_on(rz.Mesh(QUAD, [turned(range(4), first)], colors=grey([0, 1, 0, 1]), material=AMBIENT_ALONE))
         frame = rz.render(scene, 64, shading=shading, tolerance=tolerance, outputs=("color",))
         middle = frame.color[31:33, 31:33, 0].mean()
         assert abs(middle - 0.5) < 1e-6, f"first corner {first}: {middle} instead of 0.5"
@@ -132,7 +132,9 @@ def test_flat_colours_do_not_depend_on_the_first_corner():
     for shape in (QUAD, np.concatenate([QUAD, [(-2.0, 0, 0)]])):
         k = len(shape)
         for first in range(k):
-            scene = straight_on(rz.Mesh(shape, [turned(range(k), first)], colors=grey(np.arange(k) % 2), material=GLOW))
+            scene = straight_on(
+                rz.Mesh(shape, [turned(range(k), first)], colors=grey(np.arange(k) % 2), material=AMBIENT_ALONE)
+            )
             color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",)).color[4, 4, 0]
             assert abs(color - (np.arange(k) % 2).mean()) < 1e-6, f"first corner {first}: {color}"
             assert_matches_reference(scene, (8, 8), EXACT, shading="flat", tolerance=0)

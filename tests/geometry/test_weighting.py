@@ -1,4 +1,4 @@
-"""Check what faces count by where normals are averaged: by hand on a box, on load, in pictures, and by the judge."""
+"""Check what faces count by where normals are averaged: by hand on a box, on load, in pictures, by the reference."""
 
 from dataclasses import replace
 
@@ -51,7 +51,7 @@ def test_areas_and_numbers_of_triangles_by_hand(weighting):
 
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("weighting", ["angle", "area", "uniform"])
-def test_pictures_agree_with_the_judge(weighting, shading):
+def test_pictures_agree_with_the_reference(weighting, shading):
     assert_matches_reference(rz.Scene(box(weighting)), (48, 40), EXACT, shading=shading, tolerance=0)
 
 

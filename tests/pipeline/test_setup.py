@@ -18,8 +18,11 @@ SIZE, ROWS = (120, 90), (16, 80)
 @kernel
 def set_up(band, drawables, width, block):
     """The first part of the scan stage, for one block."""
-    s.set_up(band.faces, drawables, band, width, block)
+    s.gather_vertices(band.faces, drawables.triangles, drawables.vertices, block)
+    s.order_vertices(block)
     s.gather_attributes(len(band.faces), drawables.attributes, block)
+    s.compute_boxes(band, width, block)
+    s.compute_depth_planes(block)
 
 
 def triangles(seed):

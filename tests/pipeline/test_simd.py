@@ -141,6 +141,7 @@ def plane_group(numbers, record_mask, shift, column, scale):
     return PlaneGroup(numbers, np.int64(record_mask), np.uint64(shift), np.uint64(column), scale)
 
 
+@pytest.mark.parametrize("way", EVALUATIONS, ids=["vectors", "plain", "compiled"])
 @pytest.mark.parametrize("column", [4, 16])
 @pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
 @pytest.mark.parametrize("out_dtype", [np.float32, np.float64])

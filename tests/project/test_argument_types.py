@@ -36,7 +36,7 @@ def calls(folder):
         (rz.Material, {}), (rz.Mesh, {"vertices": MESH.vertices, "faces": MESH.faces}), (rz.Options, {}),
         (rz.Scene, {"meshes": MESH}),
         (rz.Shadow, {}), (rz.Spectrum, SPAN | {"values": [1, 1]}), (rz.Texture, {"image": PIXELS}),
-        (rz.compare, {"a": frame, "b": frame}),
+        (rz.compare, {"a": frame, "b": frame}), (rz.explain, {"scene": SCENE, "x": 4, "y": 4, "size": 8}),
         (rz.load, {"source": MESH}), (rz.mach_bands, {"picture": frame, "scene": SCENE}),
         (rz.render, {"scene": SCENE, "size": 8}),
         (rz.Renderer, {"scene": SCENE, "size": 8}), (rz.sheet, {"frames": [frame]}),
@@ -97,7 +97,7 @@ def test_wrong_arguments_raise_errors_of_the_package(tmp_path, monkeypatch):
 def test_the_sweep_calls_all_that_is_public(tmp_path):
     called = {function.__qualname__ for function, _ in calls(tmp_path)}
     public = {name for name in rz.__all__ if not name.startswith("__") and not name.endswith("Error")}
-    made_by_us = {"Comparison", "Frame", "MachBands"}
+    made_by_us = {"Comparison", "Explanation", "Frame", "MachBands"}
     missing = [
         name for name in public - made_by_us if name not in called and inspect.signature(getattr(rz, name)).parameters
     ]

@@ -1,4 +1,4 @@
-"""Check how the judge puts layers that let light through on each other: panes by hand, in any order of the file."""
+"""Check how the reference puts layers that let light through on each other: panes by hand, in any order of the file."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Check the judge's shadows: edges at places found by hand, what casts none, and rays against triangles."""
+"""Check the reference's shadows: edges at places found by hand, what casts none, and rays against triangles."""
 
 import time
 

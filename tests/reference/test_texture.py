@@ -1,4 +1,4 @@
-"""Check the judge's textures: texels by hand, a checkerboard in perspective, levels of detail in closed form."""
+"""Check the reference's textures: texels by hand, a checkerboard in perspective, levels of detail in closed form."""
 
 import numpy as np
 import pytest
@@ -161,7 +161,7 @@ def test_levels_are_mixed_and_end():
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
-def test_the_texture_multiplies_the_matte_part_alone(shading):
+def test_the_texture_multiplies_the_diffuse_part_alone(shading):
     coefficients = {"ambient": 0.3, "diffuse": 0.5, "specular": 0.4, "shininess": 3, "emissive": 0.1}
     lights = (AmbientLight(0.5), DirectionalLight((0.3, 0.1, -1), (1.0, 0.9, 0.8)), PointLight((0.2, 0.3, 0.0), 0.4))
     options = {"lights": lights, "shading": shading, "uv": UV}
@@ -171,11 +171,11 @@ def test_the_texture_multiplies_the_matte_part_alone(shading):
         material = Material(**(coefficients | changes))
         return draw(corners, QUAD, (8, 6), material=material, colors=colors, **options).color
 
-    rest = color(ambient=0.0, diffuse=0.0)
-    matte = color(specular=0.0, emissive=0.0)
+    specular = color(ambient=0.0, diffuse=0.0)
+    diffuse = color(specular=0.0, emissive=0.0)
     texels = np.repeat(np.repeat(ROWS, 2, axis=0), 2, axis=1)
-    assert rest.min() > 0.1 and matte.max() > 0.1
-    np.testing.assert_allclose(color(texture=Texture(ROWS, "nearest")), matte * texels + rest, atol=1e-14)
+    assert specular.min() > 0.1 and diffuse.max() > 0.1
+    np.testing.assert_allclose(color(texture=Texture(ROWS, "nearest")), diffuse * texels + specular, atol=1e-14)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)

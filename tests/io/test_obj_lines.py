@@ -1,0 +1,175 @@
+"""Tests of the lines of OBJ files as arrays: rows of numbers, corners of every form, faults; against a plain reader."""
+
+import random
+
+import numpy as np
+import pytest
+from helpers import plain_obj
+
+from rasterizer.errors import ModelError
+from rasterizer.io.loader import load
+from rasterizer.io.obj_lines import LineError, ObjLines
+
+N_FILE = 400  # of random files, half of them damaged
+
+
+# --- against the plain reader ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("is_damaged", [False, True])
+def test_random_files_are_read_as_the_plain_reader_does(is_damaged):
+    n_fault = 0
+    for seed in range(N_FILE // 2):
+        data = plain_obj.make_file(random.Random(2 * seed + is_damaged), is_damaged)
+        expected, lines = plain_obj.read(data), ObjLines(data)
+        fault = lines.first_fault()
+        fault = fault and (lines.number_of(fault[0]), fault[1])
+        assert fault == expected.fault, f"seed {seed}"
+        n_fault += fault is not None
+        if fault is None:
+            assert_same(lines, expected, f"seed {seed}")
+    # A comment that is continued swallows a vertex now and then, which some face names.
+    least, most = (N_FILE // 10, N_FILE // 2) if is_damaged else (0, N_FILE // 20)
+    assert least <= n_fault < most, f"{n_fault} files at fault, not {least}..{most}"
+
+
+def assert_same(lines, expected, label):
+    for kind, rows in expected.rows.items():
+        if rows:
+            np.testing.assert_array_equal(lines.rows_of(kind), rows, err_msg=f"{label}, {kind}")
+    corners = lines.corners()
+    assert [lines.number_of(line) for line in corners.lines] == [line for line, _ in expected.faces], label
+    assert corners.counts.tolist() == [len(face) for _, face in expected.faces], label
+    flat = [corner for _, face in expected.faces for corner in face]
+    for place, column in enumerate((corners.v, corners.vt, corners.vn)):
+        indices = [corner[place] for corner in flat]
+        if column is None:  # the file has none
+            assert not expected.rows[["v", "vt", "vn"][place]], label
+        else:
+            assert column.tolist() == indices, label
+
+
+def test_loading_random_files_names_the_line_that_the_plain_reader_names():
+    n_fault = 0
+    for seed in range(N_FILE // 2):
+        data = plain_obj.make_file(random.Random(seed), True)
+        expected = plain_obj.read(data)
+        faulty_faces = [line for line, face in expected.faces if any(isinstance(corner, str) for corner in face)]
+        if faulty_faces:  # faults of normals and texture coordinates that no face uses don't matter
+            n_fault += 1
+            with pytest.raises(ModelError) as caught:
+                load(data, format="obj")
+            assert str(caught.value) == f"model:{expected.fault[0]}: {expected.fault[1]}", f"seed {seed}"
+    assert n_fault > N_FILE // 20, f"{n_fault} files at fault"
+
+
+def test_blocks_of_lines_are_read_as_one():
+    """More lines than are read in one go, the last ones shorter, with faces that count back across the border."""
+    n = 40_000
+    text = "".join(f"v {k} {k / 8} {-k} 1\nvn 0 0 {k}\n" for k in range(n)) + "v 1 2 3\nvn 4 5 6\n"
+    text += "".join(f"f -1//-{k + 1} {-n - 1}//1 {k + 1}//1\n" for k in range(n))
+    lines = ObjLines(text.encode())
+    points, normals, corners = lines.rows_of("v"), lines.rows_of("vn"), lines.corners()
+    assert points.shape == normals.shape == (n + 1, 3)
+    assert points[n - 1].tolist() == [n - 1, (n - 1) / 8, 1 - n] and normals[-1].tolist() == [4, 5, 6]
+    k = np.arange(n)
+    np.testing.assert_array_equal(corners.v.reshape(-1, 3), np.stack([np.full(n, n), 0 * k, k], axis=1))
+    np.testing.assert_array_equal(corners.vn.reshape(-1, 3), np.stack([n - k, 0 * k, 0 * k], axis=1))
+    assert corners.vt is None and lines.number_of(corners.lines[-1]) == 3 * n + 2
+    broken = ObjLines((text + "f 1 2 x\n").encode())
+    assert broken.first_fault() == (3 * n + 2, plain_obj.NO_CORNER.format("x"))
+
+
+# --- corners --------------------------------------------------------------------------------------------------------
+
+GIVEN = "v 0 0 0\n" * 3 + "vt 0 0\n" * 3 + "vn 0 0 1\n" * 3
+
+
+def corners_of(line, given=GIVEN):
+    corners = ObjLines(f"{given}f {line}\n".encode()).corners()
+    return corners.v.tolist(), corners.vt.tolist(), corners.vn.tolist()
+
+
+@pytest.mark.parametrize(
+    ("line", "v", "vt", "vn"),
+    [
+        ("1 2 3", [0, 1, 2], [-1] * 3, [-1] * 3),
+        ("1/3 2/2 3/1", [0, 1, 2], [2, 1, 0], [-1] * 3),
+        ("1//3 2//2 3//1", [0, 1, 2], [-1] * 3, [2, 1, 0]),
+        ("1/1/3 2/1/2 3/2/1", [0, 1, 2], [0, 0, 1], [2, 1, 0]),
+        ("1/2 2 3//1", [0, 1, 2], [1, -1, -1], [-1, -1, 0]),
+        ("1// 2// 3//", [0, 1, 2], [-1] * 3, [-1] * 3),
+        ("1/ 2/ 3/", [0, 1, 2], [-1] * 3, [-1] * 3),
+        ("1/2/ 2/2/ 3/1/", [0, 1, 2], [1, 1, 0], [-1] * 3),
+        ("1/2/ 2//3 3", [0, 1, 2], [1, -1, -1], [-1, 2, -1]),
+        ("1/2/3/x 2/2/2/ +3/-9/-9", [0, 1, 2], [1, 1, -1], [2, 1, -1]),
+    ],
+)
+def test_forms_of_a_corner(line, v, vt, vn):
+    assert corners_of(line) == (v, vt, vn)
+
+
+def test_numbers_below_0_count_back_from_their_line():
+    lines = ObjLines(b"v 1\nv 2\nvt 1\nf -1/-1 -2/-1 1/-1\nv 3\nvt 2\nf -1/-1 -2/-2 -3/1\n")
+    assert lines.corners().v.tolist() == [1, 0, 0, 2, 1, 0] and lines.corners().vt.tolist() == [0, 0, 0, 1, 0, 0]
+
+
+@pytest.mark.parametrize("line", ["1/2/3 4/5 6/7/8/9 a", "1 2 x/", "0 1 2", "1 2 /1", "1 2 -", "1_0 2 3", "1 2 1.0"])
+def test_lines_that_are_no_list_of_corners(line):
+    with pytest.raises(LineError):
+        corners_of(line)
+
+
+def test_lines_of_a_keyword_are_those_where_a_blank_follows_it():
+    lines = ObjLines(b"o\no a\n  o  b c \nob\n\to\td\\\ne\n#o f\no #g")
+    assert lines.names_of("o")[1] == ["a", "b c", "d e", "#g"]
+    assert [lines.number_of(line) for line in lines.lines_of("o")] == [2, 3, 5, 8]
+
+
+# --- rows of numbers ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        (["0.5 0.25", "1 2"], [(0.5, 0.25), (1, 2)]),
+        (["0.5 0.25 9", "1 2 8"], [(0.5, 0.25, 9), (1, 2, 8)]),
+        (["0.5", "1"], [(0.5, 0), (1, 0)]),
+        (["0.5", "1 2", "3 4 5"], [(0.5, 0), (1, 2), (3, 4)]),
+        (["1 2 3", "4 5", "6"], [(1, 2), (4, 5), (6, 0)]),
+        ([], np.zeros((0, 2))),
+    ],
+)
+def test_texture_coordinates(rows, expected):
+    text = "".join(f"vt {row}\n" for row in rows)
+    np.testing.assert_array_equal(ObjLines(text.encode()).rows_of("vt"), expected)
+
+
+@pytest.mark.parametrize("text", ["vt x 1\n", "vt 1 2\nvt \n"])
+def test_texture_coordinates_that_are_none(text):
+    with pytest.raises(LineError):
+        ObjLines(text.encode()).rows_of("vt")
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        (["1 2 3", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),
+        (["1 2 3 9", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),
+        (["1 2 3", "4 5 6 7 8", "7 8 9 1"], [(1, 2, 3), (4, 5, 6), (7, 8, 9)]),
+        (["1 2 3 4 5", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),  # eight numbers, as two lines of four have
+        (["1 2 3 4", "5 6 7 8"], [(1, 2, 3, 4), (5, 6, 7, 8)]),
+        (["1 2 3", "4 5 6 x"], [(1, 2, 3), (4, 5, 6)]),  # what not all lines have is not looked at
+        (["1 nan -nan(snan)", "+1e-3 inf nan(ind)"], [(1, np.nan, np.nan), (1e-3, np.inf, np.nan)]),
+        (["1.#QNAN -1.#IND 2 # 3", "4 5 6#"], [(np.nan, np.nan, 2), (4, 5, 6)]),
+    ],
+)
+def test_rows_of_numbers(lines, expected):
+    text = "".join(f"vn {line}\nv 0 0 0\n" for line in lines)
+    np.testing.assert_array_equal(ObjLines(text.encode()).rows_of("vn"), expected)
+
+
+@pytest.mark.parametrize("line", ["1 2", "1 2 x", "1,5 2 3", "1 2 0x", "\u00a0", "1 2 3_0", "1 2 3/4", "1 2 \u0663"])
+def test_rows_that_are_no_numbers(line):
+    with pytest.raises(LineError):
+        ObjLines(f"v 1 2 3\nv {line}\n".encode()).rows_of("v")
