@@ -21,8 +21,8 @@ from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .geometry.points import gather_geometry
 from .options import Options
+from .pipeline.encode import encode_picture
 from .pipeline.gradients import EXACT
-from .pipeline.resolve import encode_picture
 from .pipeline.threads import Workers
 from .pipeline.workspace import WorkspacePool, make_picture
 from .scene.camera import Camera

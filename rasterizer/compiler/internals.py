@@ -25,7 +25,7 @@ used everywhere: njit, cfunc, carray, from_dtype, types, config.DISABLE_JIT, and
 `overload` and `register_jitable`.
 
 With the JIT switched off (NUMBA_DISABLE_JIT=1) nothing here compiles anything: see `lowered_by` and
-kernels.PlainRowFunction.
+kernels.PlainBatchFunction.
 """
 
 import contextlib
@@ -227,8 +227,8 @@ def build_borrow(typing_context, array):
     return array(array), generate
 
 
-def build_call(typing_context, address, rows, n, params):
-    """Build `kernels.call_row`: a call through a pointer to a function."""
+def build_call(typing_context, address, batch, n, coefficients):
+    """Build `kernels.call_batch_function`: a call through a pointer to a function."""
     signature = numba.types.void(numba.types.intp, numba.types.intp, numba.types.intp, numba.types.intp)
 
     def generate(context, builder, _signature, arguments):

@@ -1,7 +1,7 @@
 """The decorators of every compiled function, and where compiled code is kept.
 
 `kernel` is for loops over arrays: it releases the GIL, so that bands run on threads, and its machine code is kept on
-disk. `helper` is for scalar functions that kernels call: the compiler inlines them. `row_function` is for functions
+disk. `helper` is for scalar functions that kernels call: the compiler inlines them. `batch_function` is for functions
 that kernels call by their address.
 
 The code is kept in files of our own (store.py). Numba's would be stamped with one file's time and size only, so a
@@ -122,10 +122,10 @@ def borrow(array):
 # ---------------------------------------------------------------- functions that are called by their address
 
 
-class PlainRowFunction:
-    """What `row_function` returns with the JIT switched off: the function itself, as it stands in its source.
+class PlainBatchFunction:
+    """What `batch_function` returns with the JIT switched off: the function itself, as it stands in its source.
 
-    `address` is that of this object (CPython's `id`), which `call_row` turns back into it.
+    `address` is that of this object (CPython's `id`), which `call_batch_function` turns back into it.
     """
 
     def __init__(self, function: Callable, dtype):
@@ -133,21 +133,21 @@ class PlainRowFunction:
         self._pointer = ctypes.POINTER(np.ctypeslib.as_ctypes_type(dtype))
         self.address = id(self)
 
-    def __call__(self, rows: int, n: int, params: int) -> None:
+    def __call__(self, batch: int, n: int, coefficients: int) -> None:
         """Call the function with typed pointers, which `numba.carray` takes in Python as well."""
-        self._function(ctypes.cast(rows, self._pointer), n, ctypes.cast(params, self._pointer))
+        self._function(ctypes.cast(batch, self._pointer), n, ctypes.cast(coefficients, self._pointer))
 
 
 @functools.cache
-def row_function(function: Callable, dtype):
-    """Compile `function(rows, n, params)`, where rows and params point to `dtype`; return a numba CFunc.
+def batch_function(function: Callable, dtype):
+    """Compile `function(batch, n, coefficients)`, where both are addresses of arrays of `dtype`; return a numba CFunc.
 
-    A kernel calls it through its `address` with `call_row`. So one kernel serves every kind of light and every
-    reflection model, and only those that a scene uses are ever compiled. Keep the CFunc as long as the address is in
-    use.
+    A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every kind of light and
+    every reflection model, and only those that a scene uses are ever compiled. Keep the CFunc as long as the address is
+    in use.
     """
     if not IS_COMPILING:
-        return PlainRowFunction(function, dtype)
+        return PlainBatchFunction(function, dtype)
     pointer = numba.types.CPointer(numba.from_dtype(np.dtype(dtype)))
     signature = numba.types.void(pointer, numba.types.intp, pointer)
     # The folder's name tells of this package's sources alone, not of those of a light that somebody registered.
@@ -156,6 +156,6 @@ def row_function(function: Callable, dtype):
 
 
 @lowered_by(build_call, is_documented=True)
-def call_row(address, rows, n, params):
-    """Call the row function at `address` with the addresses of two arrays and a count (inside kernels only)."""
-    ctypes.cast(int(address), ctypes.py_object).value(int(rows), int(n), int(params))
+def call_batch_function(address, batch, n, coefficients):
+    """Call the batch function at `address` with the addresses of two arrays and a count (inside kernels only)."""
+    ctypes.cast(int(address), ctypes.py_object).value(int(batch), int(n), int(coefficients))

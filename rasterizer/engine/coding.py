@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding
 from ..pipeline.gradients import CODINGS, NORMAL_PLANES, Coding
-from ..pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
 from .light_table import entry_of
 from .plan import Plan
 
@@ -38,6 +38,6 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
 def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
     """Say how linear colour becomes 8 bits; `background` is a linear colour or None."""
     behind = np.array(background or (0, 0, 0), np.float32)
-    policy = {"clamp": CLAMP, "global": GLOBAL, "local": LOCAL}[color_range]
+    policy = {"clamp": RANGE_CLAMP, "global": RANGE_GLOBAL, "local": RANGE_LOCAL}[color_range]
     is_grey = plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0
     return Encoding(is_grey, plan.tint, behind, background is not None, policy, scale)

@@ -52,7 +52,7 @@ class LightEntry:
         """Return the lights, of kinds that have a `function`, that stand for this one."""
         return (light,)
 
-    def function(self, light: Any) -> pipeline.LightKind:
+    def function(self, light: Any) -> pipeline.LightFunction:
         """Return the pipeline's function for the light, and what it needs."""
         raise NotImplementedError(f"{type(self).__name__} has no function: `expand` stands other lights for it")
 
@@ -61,7 +61,7 @@ class LightEntry:
 
         Parameters
         ----------
-        coefficients : (light_kinds.N_NUMBER,) float64, zeros; positions go there relative to the eye, directions along
+        coefficients : (light_kinds.N_LIGHT_COEFFICIENT,) float64, zeros; positions go there relative to the eye, directions along
             the axes of the world
         view : what a light that is attached to the camera moves with
         dtype : float32 or float64, what they will be converted to
@@ -116,9 +116,9 @@ class DirectionalEntry(LightEntry):
 
     is_distant = True
 
-    def function(self, light: Any) -> pipeline.LightKind:
+    def function(self, light: Any) -> pipeline.LightFunction:
         """Return the function of parallel rays."""
-        return pipeline.LIGHTS["directional"]
+        return pipeline.light_function_of("directional")
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write the unit direction to the light."""
@@ -132,9 +132,9 @@ class DirectionalEntry(LightEntry):
 class PointEntry(LightEntry):
     """Light from one point to all sides."""
 
-    def function(self, light: Any) -> pipeline.LightKind:
+    def function(self, light: Any) -> pipeline.LightFunction:
         """Return the function of a light that shines alike to all sides."""
-        return pipeline.LIGHTS["point"]
+        return pipeline.light_function_of("point")
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write the position relative to the eye, and what weakens the light with the distance."""
@@ -179,9 +179,9 @@ class PointEntry(LightEntry):
 class SpotEntry(PointEntry):
     """Light from one point into a cone."""
 
-    def function(self, light: Any) -> pipeline.LightKind:
+    def function(self, light: Any) -> pipeline.LightFunction:
         """Return the function of the cone, another one where its fall is raised to a power."""
-        return pipeline.LIGHTS["shaped spot" if light.falloff != 1.0 else "spot"]
+        return pipeline.light_function_of("shaped spot" if light.falloff != 1.0 else "spot")
 
     def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
         """Write what a point light has, and the cone."""

@@ -9,7 +9,7 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,30 +17,18 @@ from ..pipeline.a_buffer import Opacity
 from ..pipeline.bands import Band
 from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
+from ..pipeline.encode import Encoding
 from ..pipeline.gradients import EXACT, Coding
+from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
-from ..pipeline.resolve import Encoding, Picture, resolve
-from ..pipeline.shade import shade_interpolated, shade_lit
+from ..pipeline.resolve import Picture, resolve
+from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
 from ..pipeline.shadow_lookup import write_map
-from ..pipeline.texture_sampling import Textures, shade_textured, take_texels
+from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import Workspace, WorkspaceKind
 from .output_buffers import BUFFER_TABLE
 from .plan import Plan
-
-
-class FaceTable(NamedTuple):
-    """What is known of every triangle beside its corners; an array that isn't needed has no rows."""
-
-    material: np.ndarray  # (n_face,) uint32
-    shape: (
-        np.ndarray
-    )  # (n_face, 5) float64: its plane, and the normal offset of its points; see pipeline/shadow_lookup.py
-
-    def of_parts(self, face) -> "FaceTable":
-        """The table of triangles that are parts of the faces `face`."""
-        return FaceTable(*(rows[face] if len(rows) else rows for rows in self))
-
 
 NO_TABLE = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
 
@@ -116,19 +104,16 @@ class ColorPass(Pass):
 
     def shade(self, workspace, band, n_exact, face_table):
         """Find the light that comes from the visible samples, then let what is further away fade."""
+        scanned = ScannedBand(
+            workspace.visibility, workspace.records, self.coding.kind, n_exact, band.y_start, band.n_row
+        )
         if self.textures is not None:
-            take_texels(
-                workspace.visibility, workspace.records, band.y_start, band.n_row, self.textures, face_table.material,
-                workspace.batch, workspace.texels,
-            )  # fmt: skip
-        self.light(workspace, band, n_exact, face_table)
+            sample_textures(scanned, self.textures, face_table.materials, workspace.batch, workspace.texels)
+        self.light(workspace, scanned, face_table)
         if self.plan.cue is not None:
-            fade(
-                workspace.visibility, workspace.records, band.y_start, band.n_row, self.screen.is_perspective,
-                self.plan.cue, workspace.radiance,
-            )  # fmt: skip
+            fade(scanned, self.screen.is_perspective, self.plan.cue, workspace.radiance)
 
-    def light(self, workspace: Workspace, band: Band, n_exact: int, face_table: FaceTable) -> None:
+    def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable) -> None:
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
@@ -145,18 +130,13 @@ class ColorPass(Pass):
 class InterpolatedPass(ColorPass):
     """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
 
-    def light(self, workspace, band, n_exact, face_table):
+    def light(self, workspace, band, face_table):
         """Interpolate the intensities, with textures those of the parts that these weaken and don't weaken."""
         if self.textures is None:
             level_step = self.plan.dtype.type(1.0 / self.plan.level_scale)
-            shade_interpolated(
-                workspace.visibility, workspace.records, n_exact, self.coding.kind, band.y_start, band.n_row,
-                self.n_channel, level_step, workspace.radiance,
-            )  # fmt: skip
+            shade_interpolated(band, self.n_channel, level_step, workspace.radiance)
         else:
-            shade_textured(
-                workspace.visibility, workspace.records, band.y_start, band.n_row, workspace.texels, workspace.radiance
-            )
+            shade_textured(band, workspace.texels, workspace.radiance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,13 +145,11 @@ class LitPass(ColorPass):
 
     lighting: Lighting
 
-    def light(self, workspace, band, n_exact, face_table):
+    def light(self, workspace, band, face_table):
         """Interpolate the normals and light the samples."""
-        shade_lit(
-            workspace.visibility, workspace.records, n_exact, self.coding.kind, band.y_start, band.n_row, self.screen,
-            self.lighting, face_table.material, face_table.shape,
-            workspace.texels if self.textures is not None else None, workspace.batch, workspace.radiance,
-        )  # fmt: skip
+        texels = workspace.texels if self.textures is not None else None
+        tangents = self.attributes.shape[2] - 3 if self.plan.has_tangents else None  # the last three attributes
+        shade_lit(band, self.screen, self.lighting, face_table, tangents, texels, workspace.batch, workspace.radiance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,7 +176,7 @@ class ShadowMapPass(Pass):
 
     def finish(self, workspace, band, loaded_face):
         """Write the texels' depths."""
-        write_map(workspace.visibility, band.y_start, band.n_row, *self.depth, self.texels)
+        write_map(workspace.visibility, band.y_start, band.n_row, self.depth, self.texels)
         return 0
 
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from .plan import Plan
-from .uniforms import row_functions_of
+from .uniforms import batch_functions_of
 
 WAYS = {
     IN_ENTRIES: "one intensity in each visibility entry",
@@ -73,7 +73,7 @@ _WAY_NAMES = ("entries", "planes", "exact records")
 
 def summarize(plan: Plan, is_perspective: bool, ways: Ways | None = None) -> PlanSummary:
     """Put a plan into words."""
-    of_lights, of_materials = row_functions_of(plan, is_perspective)
+    of_lights, of_materials = batch_functions_of(plan, is_perspective)
     features = {
         "textures": plan.textures is not None,
         "shadows": plan.has_shadows,

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, shown
 from ..options import Options
-from ..pipeline.fragments import make_rows
-from ..pipeline.lighting import light_points
+from ..pipeline.fragments import make_batch
+from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.transform import Screen
 from ..scene.arrays import plain_array
 from ..scene.camera import Camera, View
@@ -80,13 +80,13 @@ def illuminate(
     lighting = make_lighting(plan, view, (), is_perspective)
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, *[1.0] * 8, is_perspective)
-    columns = np.concatenate([normals, tangents], axis=1).T if plan.has_tangents else normals.T
-    n = len(points)
-    found = np.empty((n, plan.n_channel))
-    light_points(
-        np.ascontiguousarray(points.T), np.ascontiguousarray(columns), np.empty((0, 3)), np.empty(0), 0, n, screen,
-        0 if two_sided else 1, lighting, 0, make_rows(plan.dtype), found,
+    surface = SurfacePoints(
+        np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T),
+        np.ascontiguousarray(tangents.T) if plan.has_tangents else None, np.empty((0, 3)), np.empty(0),
     )  # fmt: skip
+    n, side = len(points), 0 if two_sided else 1
+    found = np.empty((n, plan.n_channel))
+    light_points(surface, 0, n, screen, side, lighting, 0, make_batch(plan.dtype), found)
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
         found = found * common_color(plan.materials, plan.lights, plan.ambient)
     return found.reshape(shape)

@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
-from ..pipeline import fresnel as second_terms
 from ..pipeline import reflection as pipeline
 from .rounding import DOUBLE, SINGLE, Step, step_cosine, times
 
@@ -49,15 +48,10 @@ class ReflectionEntry:
 
     is_lambert_when_dull = False  # with a black `specular` it reflects as Lambert's model does
     default_fresnel = 1.0  # F0 of a material that gives none
-    second_function: Any = None  # the pipeline's, of the second term of a highlight whose F0 has a colour
 
-    def function(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the pipeline's function for the material, and what it needs."""
         raise NotImplementedError(f"{type(self).__name__} has no function")
-
-    def distant_function(self, material: Any) -> Any:
-        """Return the pipeline's function where light and viewer are at infinity."""
-        return self.function(material).row_function
 
     def has_highlight(self, material: Any) -> bool:
         """Tell whether the material has a highlight."""
@@ -111,17 +105,17 @@ class LambertEntry(ReflectionEntry):
 
     is_lambert_when_dull = True
 
-    def function(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return Lambert's function."""
-        return pipeline.REFLECTIONS["lambert"]
+        return pipeline.reflection_function_of("lambert")
 
 
 class OrenNayarEntry(ReflectionEntry):
     """Oren's and Nayar's model of rough surfaces."""
 
-    def function(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return Oren's and Nayar's function."""
-        return pipeline.REFLECTIONS["oren-nayar"]
+        return pipeline.reflection_function_of("oren-nayar")
 
     def diffuse_slope(self, material: Any) -> float:
         """Return that of tan β, which is cut off at LEAST_COSINE."""
@@ -133,7 +127,6 @@ class PowerEntry(ReflectionEntry):
     """Lambert's diffuse term, and a highlight that is a power h^n: Phong's and Blinn's models."""
 
     is_lambert_when_dull = True
-    second_function = staticmethod(second_terms.grazing_part)
     turns = 1.0  # how many times as far as the normal the direction turns whose cosine h is
 
     def highlight_error(self, u: float) -> float:
@@ -145,9 +138,9 @@ class PowerEntry(ReflectionEntry):
         is_weighted = material.normalized or isinstance(material.fresnel, float)
         return f"weighted {material.reflection}" if is_weighted else material.reflection
 
-    def function(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the power, with its weights where it has some."""
-        return pipeline.REFLECTIONS[self.name(material)]
+        return pipeline.reflection_function_of(self.name(material))
 
     def reason_for_float64(self, material: Any) -> str:
         """h^n with n < 1 is steep without limit at h = 0."""
@@ -204,10 +197,6 @@ class PhongEntry(PowerEntry):
 class BlinnEntry(PowerEntry):
     """Blinn's highlight: h = N·H."""
 
-    def distant_function(self, material: Any) -> Any:
-        """Return the function that finds the half vector once for all points."""
-        return pipeline.DISTANT[self.name(material)]
-
     def highlight_error(self, u: float) -> float:
         """Return the error of N - H where |L + V| is LEAST_SUM."""
         return (13.0 + 20.0 / LEAST_SUM[u]) * u
@@ -228,13 +217,14 @@ class CookTorranceEntry(ReflectionEntry):
 
     is_lambert_when_dull = True
     default_fresnel = 0.04
-    second_function = staticmethod(second_terms.grazing_part_of_mirrors)
 
-    def function(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the distribution, and of the direction along which the surface is brushed."""
         if material.is_anisotropic:
-            return pipeline.REFLECTIONS["anisotropic ggx" if material.tangent == "u" else "anisotropic ggx by axis"]
-        return pipeline.REFLECTIONS[material.distribution]
+            return pipeline.reflection_function_of(
+                "anisotropic ggx" if material.tangent == "u" else "anisotropic ggx by axis"
+            )
+        return pipeline.reflection_function_of(material.distribution)
 
     def reason_for_float64(self, material: Any) -> str:
         """Where the tangent nearly stands upright on the surface its projection has no bound."""
@@ -276,9 +266,9 @@ class CookTorranceEntry(ReflectionEntry):
 class ToonEntry(ReflectionEntry):
     """Few levels: between the steps nothing moves."""
 
-    def function(self, material: Any) -> pipeline.Reflection:
+    def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the levels."""
-        return pipeline.REFLECTIONS["toon"]
+        return pipeline.reflection_function_of("toon")
 
     def reason_for_float64(self, material: Any) -> str:
         """Next to a step no error is small."""
@@ -331,7 +321,7 @@ def has_highlight(material: Any) -> bool:
 def has_colored_fresnel(material: Any) -> bool:
     """Tell whether a material's F0 is a colour: then its highlight is two sums, see pipeline/fresnel.py."""
     is_colored = isinstance(material.fresnel, tuple) and has_highlight(material)
-    return is_colored and entry_of(material).second_function is not None
+    return is_colored and entry_of(material).function(material).second_term is not None
 
 
 def first_fresnel(material: Any) -> float:

@@ -171,8 +171,8 @@ def _take_block(n_number, room, before) -> NDArray[np.float64]:
 
 def _map_rows(block) -> list[NDArray[np.float64]]:
     """The rows of a header, views: one for each of the light's maps."""
-    starts = (lookup.MAPS + lookup.N_MAP_NUMBER * k for k in range(int(block[lookup.N_MAP])))
-    return [block[start : start + lookup.N_MAP_NUMBER] for start in starts]
+    starts = (lookup.MAPS + lookup.N_MAP_COLUMN * k for k in range(int(block[lookup.N_MAP])))
+    return [block[start : start + lookup.N_MAP_COLUMN] for start in starts]
 
 
 def _write_view(row, view, projection, rounding) -> None:

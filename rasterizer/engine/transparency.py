@@ -74,4 +74,4 @@ def composite_range(band: Band, drawn, render_pass: Pass, workspace, transparent
 
 def opacity_of(drawn, render_pass: Pass) -> Opacity:
     """How transparent the triangles are that are drawn, clipped parts included."""
-    return render_pass.opacity._replace(face_materials=drawn.face_table.material)
+    return render_pass.opacity._replace(face_materials=drawn.face_table.materials)

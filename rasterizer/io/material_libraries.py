@@ -3,7 +3,7 @@
 import warnings
 from itertools import chain
 
-from ..geometry.polygons import listed
+from ..scene.triangulation import listed
 from ..scene.material import Material
 from .files import OutsideError
 from .model_file import ModelFile

@@ -19,7 +19,6 @@ import numpy as np
 
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
-from ..scene.triangulation import listed
 from .material_libraries import find_materials
 from .model_file import WHITE, ModelFile, Part, bytes_of, cut_faces
 from .obj_lines import Corners, LineError, ObjLines

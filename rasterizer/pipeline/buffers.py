@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import borrow, helper, index, kernel
-from .interpolate import corner_weights, corners_of, depth_of, mean, weights_of
-from .records import ATTRIBUTE, FACE, SIDE, Records, borrow_records
-from .transform import HALF, SUBPIXEL, Screen
+from ..geometry.vectors import length, scale
+from .interpolate import corner_vectors, corner_weights, depth_at, exact_triangle, mean_vector
+from .records import FACE, SIDE, Records, borrow_records
+from .transform import Screen
 from .visibility import CLEAR, RECORD_MASK, VisibilityBuffer, clear, strip_of
 
 
@@ -39,9 +40,9 @@ def write_depth(surfaces, band, out):
             entry = entries[index(row * visibility.pitch + x)]
             if entry < CLEAR:
                 record = index(entry & RECORD_MASK)
-                weights = weights_of(records, record)
-                q0, q1, q2 = corner_weights(weights, x * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
-                out[index(y), index(x)] = depth_of(records, record, weights, q0, q1, q2, is_perspective)
+                triangle = exact_triangle(records, record)
+                q = corner_weights(triangle, x, y)
+                out[index(y), index(x)] = depth_at(records, record, triangle, q, is_perspective)
 
 
 @kernel
@@ -72,22 +73,18 @@ def write_normal(surfaces, band, out):
             entry = entries[index(row * visibility.pitch + x)]
             if entry < CLEAR:
                 record = index(entry & RECORD_MASK)
-                q0, q1, q2 = corner_weights(weights_of(records, record), x * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
-                total = q0 + q1 + q2
-                nx, ny, nz = normal_of(records, record, q0 / total, q1 / total, q2 / total)
+                q = corner_weights(exact_triangle(records, record), x, y)
+                total = q[0] + q[1] + q[2]
                 pixel = out[index(y), index(x)]
-                pixel[0], pixel[1], pixel[2] = nx, ny, nz
+                pixel[0], pixel[1], pixel[2] = normal_of(records, record, (q[0] / total, q[1] / total, q[2] / total))
 
 
 @helper
-def normal_of(records, record, p0, p1, p2):
+def normal_of(records, record, p):
     """Interpolate the normal of an exact record with weights p_i, Σ p_i = 1: unit length, on the side that is seen."""
-    nx = mean(corners_of(records.reals, record, ATTRIBUTE), p0, p1, p2)
-    ny = mean(corners_of(records.reals, record, ATTRIBUTE + 3), p0, p1, p2)
-    nz = mean(corners_of(records.reals, record, ATTRIBUTE + 6), p0, p1, p2)
-    length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    scale = records.integers[record, SIDE] / length if length > 0 else 0.0
-    return nx * scale, ny * scale, nz * scale
+    normal = mean_vector(corner_vectors(records, record, 0), p)
+    norm = length(normal)
+    return scale(normal, records.integers[record, SIDE] / norm if norm > 0 else 0.0)
 
 
 @kernel

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .a_buffer import ABuffer, make_a_buffer
-from .fragments import make_rows
+from .fragments import make_batch
 from .records import Records, make_records
 from .resolve import Picture
 from .setup import Block, make_block
@@ -72,7 +72,7 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
         make_records(max(n_record, 1), kind.n_attribute, kind.n_plane_group, kind.dtype),
         make_block(),
         np.zeros((kind.n_channel, n_sample), kind.dtype),
-        make_rows(kind.dtype),
+        make_batch(kind.dtype),
         np.zeros((4 if kind.is_textured else 0, n_sample), kind.dtype),
         make_a_buffer(visibility, kind.n_channel, kind.is_transparent),
     )

@@ -24,7 +24,7 @@ def halves(x):
 
 
 def doubles(rows, n, params):
-    """A row function."""
+    """A batch function."""
     values = numba.carray(rows, (8,))
     for k in range(n):
         values[k] *= params[0]
@@ -193,8 +193,8 @@ def through_borrow(values, n):
 
 @numba.njit
 def through_address(address, values, n, params):
-    """Call a row function."""
-    kernels.call_row(address, values.ctypes.data, n, params.ctypes.data)
+    """Call a batch function."""
+    kernels.call_batch_function(address, values.ctypes.data, n, params.ctypes.data)
 
 
 def test_helpers_are_inlined_and_have_no_entry_for_python():
@@ -221,42 +221,42 @@ def test_a_borrowed_array_is_the_array_and_counts_no_references():
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_row_function_is_called_by_its_address(dtype):
+def test_a_batch_function_is_called_by_its_address(dtype):
     values, factor = np.arange(8, dtype=dtype), np.array([2], dtype)
-    through_address(kernels.row_function(doubles, dtype).address, values, 3, factor)
+    through_address(kernels.batch_function(doubles, dtype).address, values, 3, factor)
     assert values.tolist() == [0, 2, 4, 3, 4, 5, 6, 7]
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_row_function_is_called_by_its_address_without_the_jit(monkeypatch, dtype):
+def test_a_batch_function_is_called_by_its_address_without_the_jit(monkeypatch, dtype):
     monkeypatch.setattr(kernels, "IS_COMPILING", False)
-    function = kernels.row_function.__wrapped__(doubles, dtype)
-    assert isinstance(function, kernels.PlainRowFunction)
+    function = kernels.batch_function.__wrapped__(doubles, dtype)
+    assert isinstance(function, kernels.PlainBatchFunction)
     values, factor = np.arange(8, dtype=dtype), np.array([2], dtype)
-    call, addresses = call_row_without_the_jit(monkeypatch), np.array([function.address], np.int64)
+    call, addresses = call_batch_function_without_the_jit(monkeypatch), np.array([function.address], np.int64)
     call(addresses[0], values.ctypes.data, np.uint64(3), factor.ctypes.data)
     assert values.tolist() == [0, 2, 4, 3, 4, 5, 6, 7]
 
 
-def call_row_without_the_jit(monkeypatch):
-    """`call_row` as it is where nothing is compiled."""
+def call_batch_function_without_the_jit(monkeypatch):
+    """`call_batch_function` as it is where nothing is compiled."""
     monkeypatch.setattr(internals, "IS_COMPILING", False)
     spec = importlib.util.spec_from_file_location("rasterizer.compiler.kernels_again", kernels.__file__)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.call_row
+    return module.call_batch_function
 
 
-def test_a_fault_in_a_row_function_is_raised_without_the_jit(monkeypatch):
+def test_a_fault_in_a_batch_function_is_raised_without_the_jit(monkeypatch):
     """A ctypes callback would only print it."""
 
     def fails(rows, n, params):
-        raise ValueError("in the row function")
+        raise ValueError("in the batch function")
 
     monkeypatch.setattr(kernels, "IS_COMPILING", False)
-    function = kernels.row_function.__wrapped__(fails, np.float32)
-    call = call_row_without_the_jit(monkeypatch)
-    with pytest.raises(ValueError, match="in the row function"):
+    function = kernels.batch_function.__wrapped__(fails, np.float32)
+    call = call_batch_function_without_the_jit(monkeypatch)
+    with pytest.raises(ValueError, match="in the batch function"):
         call(function.address, 0, 1, 0)
 
 

@@ -35,7 +35,7 @@ def test_every_kind_of_light_has_an_entry_and_stands_for_lights_with_a_function(
         parts = entry.expand(light)
         assert len(parts) == {"ambient": 0, "area": 16}.get(kind, 1) and entry.is_ambient == (kind == "ambient")
         for part in parts:
-            assert callable(entry_of(part).function(part).row_function)
+            assert callable(entry_of(part).function(part).evaluate)
 
 
 @pytest.mark.parametrize("attached", ["world", "camera"])

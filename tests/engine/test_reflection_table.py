@@ -63,7 +63,7 @@ def test_every_model_has_an_entry():
     for word in REFLECTION_MODELS:
         material = made(word)
         assert entry_of(material) is REFLECTION_TABLE[word]
-        assert callable(entry_of(material).function(material).row_function)
+        assert callable(entry_of(material).function(material).evaluate)
         dull = made(word, specular=0)
         assert entry_of(dull) is (REFLECTION_TABLE[word] if word in ("oren-nayar", "toon") else LAMBERT)
         assert not has_highlight(dull)

@@ -150,18 +150,18 @@ def test_many_lights_add_up():
 
 
 def test_a_scene_without_a_spot_compiles_and_runs_no_spot_code():
-    """Row functions are looked up by the lights that are there."""
+    """Batch functions are looked up by the lights that are there."""
     scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
     assert rz.Renderer(scene, 8).plan.light_functions == ("point",)
 
 
 def test_the_usual_fall_is_the_usual_code():
-    """A falloff of 1 is the spot light as it was; another one has a row function of its own."""
+    """A falloff of 1 is the spot light as it was; another one has a light function of its own."""
     from rasterizer.engine.light_table import entry_of
     from rasterizer.pipeline.light_kinds import shaped_spot, spot
 
     usual, other = rz.SpotLight((0, 0, 1), (0, 0, -1)), rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=1.5)
-    functions = [entry_of(light).function(light).row_function for light in (usual, other)]
+    functions = [entry_of(light).function(light).evaluate for light in (usual, other)]
     assert functions == [spot, shaped_spot]
     nearly = rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=np.nextafter(1.0, 2))
     pictures = [

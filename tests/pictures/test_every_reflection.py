@@ -13,7 +13,8 @@ import rasterizer as rz
 from rasterizer.cli import main
 from rasterizer.engine import error_bounds, intensity_bounds, plan, reflection_table, uniforms
 from rasterizer.engine.rounding import SINGLE
-from rasterizer.pipeline.reflection import BRUSH, FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, ROUGHNESS_ACROSS, SCALE
+from rasterizer.pipeline import material_coefficients as m
+from rasterizer.pipeline.reflection import REFLECTION_FUNCTIONS
 from rasterizer.reference import reflection
 from rasterizer.reference.materials import read_materials
 from rasterizer.scene.material import REFLECTIONS as NAMES
@@ -68,7 +69,7 @@ SMOOTH = [name for name in MATERIALS if "toon" not in name]
 def model_of(material):
     """The pipeline's word for the function that the plan would choose."""
     model = reflection_table.entry_of(material).function(material)
-    return next(word for word, other in REFLECTIONS.items() if other is model)
+    return next(word for word, other in REFLECTION_FUNCTIONS.items() if other is model)
 
 
 def highlight_scale(material):
@@ -77,19 +78,19 @@ def highlight_scale(material):
 
 
 def fast(material, normal, to_light, to_viewer, has_kernels_cosines=False):
-    """D and S by the row function that the plan would choose, (2, n) float64."""
+    """D and S by the reflection function that the plan would choose, (2, n) float64."""
     along, across = np.broadcast_to(material.roughness, 2)
-    numbers = {
-        ROUGHNESS: along,
-        ROUGHNESS_ACROSS: across,
-        **dict(zip(range(BRUSH, BRUSH + 3), axis_of(material), strict=True)),
-        FRESNEL: reflection_table.first_fresnel(material),
-        SCALE: highlight_scale(material),
-        LEVELS: material.levels,
+    coefficients = {
+        m.ROUGHNESS: along,
+        m.ROUGHNESS_ACROSS: across,
+        **dict(zip(range(m.TANGENT_AXIS, m.TANGENT_AXIS + 3), axis_of(material), strict=True)),
+        m.FRESNEL: reflection_table.first_fresnel(material),
+        m.HIGHLIGHT_SCALE: highlight_scale(material),
+        m.TOON_LEVELS: material.levels,
     }
     model = model_of(material)
-    found = reflect(model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, numbers)
-    if not REFLECTIONS[model].has_highlight:
+    found = reflect(model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, coefficients)
+    if not REFLECTION_FUNCTIONS[model].has_highlight:
         found[1] = 0.0  # nobody reads it
     assert np.isfinite(found).all()
     return found
@@ -140,7 +141,7 @@ def all_directions(dtype):
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_row_functions_compute_what_the_reference_does(name):
+def test_reflection_functions_compute_what_the_reference_does(name):
     """In float64, for equal directions; the conditioning of a sharp peak and of exponents is all that may differ."""
     material, sides = MATERIALS[name], all_directions(np.float64)
     found, expected = fast(material, *sides), of_reference(material, *sides)
@@ -309,9 +310,9 @@ def planned(*materials, shading="phong", lights=GREY, **options):
     return made_plan, uniforms.make_lighting(made_plan, VIEW.view())
 
 
-def test_every_name_has_a_row_function_and_options_choose_another():
-    assert {model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTIONS)
-    assert {model_of(material) for material in MATERIALS.values()} == set(REFLECTIONS)
+def test_every_name_has_a_reflection_function_and_options_choose_another():
+    assert {model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTION_FUNCTIONS)
+    assert {model_of(material) for material in MATERIALS.values()} == set(REFLECTION_FUNCTIONS)
     assert model_of(rz.Material()) == "phong"
     for name in NAMES:
         dull = rz.Material(reflection=name, specular=0, normalized=True, fresnel=0.5)
@@ -321,7 +322,7 @@ def test_every_name_has_a_row_function_and_options_choose_another():
 def test_only_what_needs_the_viewer_pays_for_it():
     names = ("lambert", "phong", "oren-nayar", "toon", "cook-torrance")
     _, lighting = planned(*(rz.Material(reflection=name) for name in names))
-    assert lighting.is_shiny.tolist() == [False, True, False, True, True]
+    assert lighting.has_highlight.tolist() == [False, True, False, True, True]
     assert lighting.is_view_dependent.tolist() == [False, True, True, True, True]
     assert not planned(rz.Material(reflection="lambert"))[1].needs_view
     assert planned(rz.Material(reflection="oren-nayar"))[1].needs_view

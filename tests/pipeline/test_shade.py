@@ -1,4 +1,4 @@
-"""Check the shade stage: exact interpolation, light, and that chunks and neighbours don't change a bit."""
+"""Check the shade stage: exact interpolation, light, and that batches and neighbours don't change a bit."""
 
 import numpy as np
 import pytest
@@ -16,40 +16,42 @@ from helpers.stages import (
 )
 
 import rasterizer as rz
-from rasterizer.pipeline.fragments import CHUNK
+from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
-from rasterizer.pipeline.shade import shade_interpolated, shade_lit
+from rasterizer.pipeline.interpolate import ScannedBand
+from rasterizer.pipeline.shade import FaceTable, shade_interpolated, shade_lit
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK
 from rasterizer.reference import light as reference_light
 from rasterizer.reference.light import Lighting
 from rasterizer.reference.materials import read_materials
 from rasterizer.scene.camera import Projection, View
 
-SIZE, WIDE = (120, 90), (3 * CHUNK + 50, 12)
+SIZE, WIDE = (120, 90), (3 * BATCH_SIZE + 50, 12)
 LEVELS = float(LEVEL_MASK - 1)
 DEPTHS = (1.0, 4.0)
 DTYPES = [np.float32, np.float64]
-NO_MATERIAL = np.empty(0, np.uint32)
-NO_SHAPE = np.empty((0, 5))
+ONE_MATERIAL = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
 MAYBE_EXACT = 1  # how many records are exact: the shade stage looks for them unless it is told that there are none
 
 
 def shade(workspace, kind, size, n_channel):
     """Intensities (n_channel, rows, columns) of a band of entries, planes or exact records."""
-    number = workspace.radiance.dtype.type
+    real = workspace.radiance.dtype.type
     workspace.radiance[:] = np.nan
-    shade_interpolated(
-        workspace.visibility,
-        workspace.records,
-        MAYBE_EXACT,
-        kind,
-        0,
-        size[1],
-        n_channel,
-        number(1 / LEVELS),
-        workspace.radiance,
-    )
+    shade_interpolated(band_of(workspace, kind, size), n_channel, real(1 / LEVELS), workspace.radiance)
     return workspace.radiance.reshape(n_channel, size[1], -1)[:, :, : size[0]]
+
+
+def shade_by_phong(workspace, kind, size, screen, lighting, faces=ONE_MATERIAL):
+    """Intensities (3, rows, columns) of a band, every sample of which is lit."""
+    workspace.radiance[:] = np.nan
+    shade_lit(band_of(workspace, kind, size), screen, lighting, faces, None, None, workspace.batch, workspace.radiance)
+    return workspace.radiance.reshape(3, size[1], -1)[:, :, : size[0]]
+
+
+def band_of(workspace, kind, size):
+    """The whole picture as one band."""
+    return ScannedBand(workspace.visibility, workspace.records, kind, MAYBE_EXACT, 0, size[1])
 
 
 SHAPES = {
@@ -98,7 +100,7 @@ def test_constants_stay_constant(shape, dtype):
         assert (shade(workspace, EXACT, SIZE, 1)[0, rows, columns] == values[0]).all()
 
 
-def test_levels_in_words_become_intensities():
+def test_levels_in_entries_become_intensities():
     screen, triangle = (
         plain_screen(True, DEPTHS),
         np.array([[-9000, -500], [2000 * 256, 900], [300, 256 * 20]]),
@@ -116,10 +118,10 @@ def test_levels_in_words_become_intensities():
     rows, columns, _ = covered(triangle, WIDE)
     levels = entries_of(workspace, WIDE)[rows, columns] & LEVEL_MASK
     found = shade(workspace, IN_ENTRIES, WIDE, 1)[0, rows, columns]
-    assert (found == levels.astype(np.float32) * np.float32(1 / LEVELS)).all() and len(rows) > 2 * CHUNK
+    assert (found == levels.astype(np.float32) * np.float32(1 / LEVELS)).all() and len(rows) > 2 * BATCH_SIZE
 
 
-# ---------------------------------------------------------------- one triangle over a chunk, and many
+# ---------------------------------------------------------------- one triangle over a batch, and many
 
 FLOOR = np.array([[-9000, -500], [256 * 2 * WIDE[0], -700], [300, 256 * 40]])
 COLORED = (
@@ -174,32 +176,16 @@ def draw_levels(workspace, _):
 def draw_lit(workspace, screen):
     lighting, _ = lighting_of(COLORED, [SHINY], view_of(screen), np.float32, np.ones((1, 3)))
     assert lighting.needs_position and lighting.has_albedo and lighting.n_channel == 3
-    workspace.radiance[:] = np.nan
-    shade_lit(
-        workspace.visibility,
-        workspace.records,
-        MAYBE_EXACT,
-        NORMAL_PLANES,
-        0,
-        WIDE[1],
-        screen,
-        lighting,
-        NO_MATERIAL,
-        NO_SHAPE,
-        None,
-        workspace.batch,
-        workspace.radiance,
-    )
-    return workspace.radiance.reshape(3, WIDE[1], -1)[:, :, : WIDE[0]]
+    return shade_by_phong(workspace, NORMAL_PLANES, WIDE, screen, lighting)
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
 @pytest.mark.parametrize("kind, draw", [(LEVEL_PLANES, draw_levels), (NORMAL_PLANES, draw_lit)])
-def test_one_triangle_over_a_chunk_and_many_give_the_same_bits(kind, draw, is_perspective):
-    """Alone, a triangle's planes are fetched once for a chunk; among others, sample by sample."""
+def test_one_triangle_over_a_batch_and_many_give_the_same_bits(kind, draw, is_perspective):
+    """Alone, a triangle's planes are fetched once for a batch; among others, sample by sample."""
     alone, expected = shade_floor(0, kind, is_perspective, draw)
     is_whole = (alone < CLEAR).all(axis=1)
-    assert is_whole.sum() > 5, "chunks of one triangle"
+    assert is_whole.sum() > 5, "batches of one triangle"
     assert np.isfinite(expected[:, alone < CLEAR]).all() and np.ptp(expected[:, alone < CLEAR], axis=1).min() > 0.001
     for n_front in (1, 3, 60):
         entries, found = shade_floor(n_front, kind, is_perspective, draw)
@@ -262,33 +248,18 @@ def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspe
             [normals / np.linalg.norm(normals, axis=1, keepdims=True), rng.random((3, 3))], axis=1
         ).astype(dtype)
         workspace, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, SIZE, n_group=2, n_channel=3)
-        workspace.radiance[:] = np.nan
-        shade_lit(
-            workspace.visibility,
-            workspace.records,
-            MAYBE_EXACT,
-            kind,
-            0,
-            SIZE[1],
-            screen,
-            lighting,
-            NO_MATERIAL,
-            NO_SHAPE,
-            None,
-            workspace.batch,
-            workspace.radiance,
-        )
+        picture = shade_by_phong(workspace, kind, SIZE, screen, lighting)
         rows, columns, expected = expected_light(
             screen, SIZE, triangle, depth, values[:, :3], values[:, 3:], COLORED, material
         )
-        found = workspace.radiance.reshape(3, SIZE[1], -1)[:, rows, columns].T
+        found = picture[:, rows, columns].T
         worst, n_sample = max(worst, np.abs(found - expected).max(initial=0)), n_sample + len(rows)
     assert n_sample > 3000 and worst <= budget, f"{worst:.3g} > {budget:.3g}"
 
 
 @pytest.mark.parametrize("kind", [EXACT, NORMAL_PLANES])
 def test_each_sample_takes_the_material_of_its_own_face(kind):
-    """Two materials in one chunk, by turns: as if each face were drawn with its material alone."""
+    """Two materials in one batch, by turns: as if each face were drawn with its material alone."""
     rng = np.random.default_rng(6)
     triangles, depth = over_floor(40, rng)
     normals = np.abs(rng.normal(size=(41, 3, 3)))
@@ -301,22 +272,8 @@ def test_each_sample_takes_the_material_of_its_own_face(kind):
     for material in (face_material, np.zeros(41, np.uint32), np.ones(41, np.uint32)):
         workspace, *_ = scan_alone(triangles, depth, normals, coding, screen, WIDE, n_group=2, n_channel=3)
         entries = entries_of(workspace, WIDE).copy()
-        shade_lit(
-            workspace.visibility,
-            workspace.records,
-            MAYBE_EXACT,
-            kind,
-            0,
-            WIDE[1],
-            screen,
-            lighting,
-            material,
-            NO_SHAPE,
-            None,
-            workspace.batch,
-            workspace.radiance,
-        )
-        pictures.append(workspace.radiance.reshape(3, WIDE[1], -1)[:, :, : WIDE[0]].copy())
+        faces = ONE_MATERIAL._replace(materials=material)
+        pictures.append(shade_by_phong(workspace, kind, WIDE, screen, lighting, faces).copy())
     # Every triangle has a record of its number: none is dropped.
     of_sample = (entries & (IS_EXACT - 1)) % 2
     mixed, *alone = pictures

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from helpers.against_reference import assert_matches_reference, compare
 from helpers.command import CUBE, one_error, run
-from helpers.judge import check, compare
 from helpers.pinhole import QUAD, SHADINGS, octasphere
 from helpers.toy_kinds import (
     INVERSE_WIDTH,
@@ -113,8 +113,8 @@ def test_the_picture_is_the_references_within_the_stated_bound(toys, shading, to
 def test_colours_spectra_and_exposure_reach_it(toys):
     lights = rz.AmbientLight(0.1), slab_light(color=(0.9, 0.5, 0.2)), slab_light(color=rz.Spectrum.flat(0.4))
     material = moon(emissive=(0.0, 0.1, 0.0))
-    check(scene_of(material, *lights), SIZE, 1e-5, shading="phong", exposure=0.5)
-    check(scene_of(material, *lights[:2]), SIZE, 1e-6, shading="gouraud", tolerance=0, exposure=-1)
+    assert_matches_reference(scene_of(material, *lights), SIZE, 1e-5, shading="phong", exposure=0.5)
+    assert_matches_reference(scene_of(material, *lights[:2]), SIZE, 1e-6, shading="gouraud", tolerance=0, exposure=-1)
 
 
 def test_the_plan_knows_it(toys):
@@ -161,7 +161,7 @@ def test_it_casts_shadows(toys, shading):
     )
     frame = rz.render(scene, SIZE, shading=shading, tolerance=0)
     assert shading != "phong" or (frame.color < lit.color - 0.1).sum() > 100, "no shadow of the ball on the floor"
-    check(scene, SIZE, 1e-5, shading=shading, tolerance=0, far=0.06)  # pixels at the shadow's edge
+    assert_matches_reference(scene, SIZE, 1e-5, shading=shading, tolerance=0, far=0.06)  # pixels at the shadow's edge
 
 
 def test_mach_bands_leave_out_faces_that_its_terminator_crosses(toys):
