@@ -26,7 +26,7 @@ from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.bands import Band, sort_into_bands
 from rasterizer.pipeline.cull import first_sample
-from rasterizer.pipeline.resolve import srgb_thresholds
+from rasterizer.pipeline.encode import srgb_thresholds
 from rasterizer.pipeline.scan import Triangle, advance, scan, start_edge
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
