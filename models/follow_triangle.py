@@ -26,7 +26,7 @@ from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.bands import Band, sort_into_bands
 from rasterizer.pipeline.cull import first_sample
-from rasterizer.pipeline.resolve import srgb_thresholds
+from rasterizer.pipeline.encode import srgb_thresholds
 from rasterizer.pipeline.scan import Triangle, advance, scan, start_edge
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
@@ -228,7 +228,7 @@ def describe_shade(way: Way) -> list[str]:
     return [
         f"level {here} / {scale:.2f} = {way.radiance[ROW, COLUMN]:.6f}",
         f"one sample to the right: ΔI·Δv = {(beside - here) / scale:+.6f}, so {way.radiance[ROW, COLUMN + 1]:.6f}",
-        "weights of A, B, C: " + " ".join(f"{weight:.6f}" for weight in weights),
+        "weights of A, B, C on the screen: " + " ".join(f"{weight:.6f}" for weight in weights),
         f"their mean of the intensities: {float(weights @ intensities):.6f}; with perspective: {exact:.6f}",
         f"error of the entry: {abs(here / scale - exact):.1e}",
     ]
@@ -248,6 +248,12 @@ def describe_resolve(way: Way) -> list[str]:
     ]
 
 
+def describe_explanation(_way: Way) -> list[str]:
+    """What the reference says of the same pixel."""
+    explanation = rz.explain(make_scene(), COLUMN, ROW, size=OPTIONS.size, shading=OPTIONS.shading)
+    return str(explanation).splitlines()
+
+
 # ---------------------------------------------------------------- reading the block
 
 
@@ -258,7 +264,7 @@ def of_block(rows, first, n) -> list[int]:
 
 def planes_of(way: Way) -> tuple[list[int], list[int]]:
     """The planes of z and of the level: at the anchor, d/dx, d/dy."""
-    return of_block(way.block.longs, s.PLANE_Z, 3), of_block(way.block.longs, s.LEVEL_PLANE, 3)
+    return of_block(way.block.longs, s.PLANE_Z, 3), of_block(way.block.longs, s.PLANE_LEVEL, 3)
 
 
 def name_at(way: Way, k) -> str:
@@ -316,6 +322,7 @@ STAGES = {
     "entry": describe_entry,
     "shade": describe_shade,
     "resolve": describe_resolve,
+    "explanation": describe_explanation,
 }
 
 

@@ -1,8 +1,10 @@
 """The pages: their examples run, their commands make their pictures, their links and file names lead somewhere."""
 
+import argparse
 import shlex
 import sys
 from pathlib import Path, PurePosixPath
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -41,8 +43,11 @@ def checkout(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("example", EXAMPLES)
-def test_an_example_runs(example, checkout):
-    exec(compile(example, "page", "exec"), {})
+def test_an_example_runs(example, checkout, monkeypatch):
+    """As a module of its own, because dataclasses and readers are looked up by the name of theirs."""
+    module = ModuleType("example_of_a_page")
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    exec(compile(example, "page", "exec"), vars(module))
 
 
 def test_every_picture_of_the_gallery_has_a_command_and_is_shown():
@@ -80,13 +85,12 @@ def test_the_scripts_take_the_arguments_that_the_page_gives_them(monkeypatch):
     class Read(Exception):
         """The arguments were understood."""
 
+    parse = argparse.ArgumentParser.parse_args
+
     def stop(parser, argv=None, namespace=None):
         parse(parser, argv, namespace)
         raise Read
 
-    import argparse
-
-    parse = argparse.ArgumentParser.parse_args
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
     found = [line.split("&& ")[-1] for line in text_of("bench/README.md").splitlines() if "python bench/" in line]
     found = [line[line.index("python bench/") :].partition("`")[0].partition("   ")[0] for line in found]
@@ -119,6 +123,12 @@ def test_every_file_that_is_named_exists(page):
     bases += [path for path in (ROOT / "rasterizer").iterdir() if path.is_dir()]
     for name in named_files(page):
         assert name in WRITTEN or any((base / name).exists() for base in bases), f"{page} names {name}"
+
+
+def test_the_page_about_tests_lists_every_helper():
+    there = {path.name for path in (ROOT / "tests" / "helpers").glob("*.py")} - {"__init__.py"}
+    listed = {PurePosixPath(name).name for name in named_files("tests/README.md")}
+    assert there <= listed, f"add to tests/README.md: {sorted(there - listed)}"
 
 
 @pytest.mark.parametrize("page", PAGES)

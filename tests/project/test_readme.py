@@ -1,9 +1,11 @@
 """The front page: short, opening with the two commands of `.ci/run`, and with figures that bench/README.md has."""
 
+import configparser
 import re
 
 import pytest
 from helpers.pages import PAGES, blocks, links, pictures, text_of
+from helpers.raster import ROOT
 
 README = "README.md"
 LONGEST = 120  # lines
@@ -42,6 +44,16 @@ def test_it_shows_an_example_a_command_and_pictures():
 def test_it_leads_to_every_other_page():
     missing = set(PAGES) - {README} - set(links(README))
     assert not missing
+
+
+def test_it_is_the_description_of_the_package_and_reads_without_its_pictures():
+    """A package index shows it without the files that it links to: each picture says in words what it shows."""
+    setup = configparser.ConfigParser()
+    setup.read(ROOT / "setup.cfg")
+    assert setup["metadata"]["long_description"] == f"file: {README}"
+    assert setup["metadata"]["long_description_content_type"] == "text/markdown"
+    said = re.findall(r"!\[([^]]*)\]", text_of(README))
+    assert all(len(words.split()) >= 4 for words in said), said
 
 
 @pytest.mark.parametrize("title", SCENES)
