@@ -1,4 +1,4 @@
-"""The true picture of a sphere or torus: rays against the surface itself, lit by the judge's equation.
+"""The true picture of a sphere or torus: rays against the surface itself, lit by the reference's equation.
 
 In: a scene whose one mesh approximates a surface known here. Out: what an endlessly fine mesh would show.
 """
@@ -7,7 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterizer.reference.light import Seen, Stage, Surface, light_samples, read_materials
+from rasterizer.reference.light import Lighting
+from rasterizer.reference.materials import read_materials
+from rasterizer.reference.shading import Fragments, light_samples
+from rasterizer.reference.surface import Surface
 
 RING, TUBE = 1.0, 0.4  # radii of the torus of models/make_models.py, about the y axis
 ON_SURFACE = 1e-5  # how far the vertices may be off: files hold six decimals
@@ -54,8 +57,8 @@ def draw(surface: str, scene, size, samples: int) -> Truth:
     depth = _first_hit(surface, *np.broadcast_arrays(origins, directions), view.forward)
     hit = np.flatnonzero(np.isfinite(depth))
     points = (np.broadcast_to(origins, across.shape) + depth[:, None] * directions)[hit]
-    stage = Stage(view, projection, read_materials(scene), scene.lights, "phong")
-    color = _light(points, _normals(surface, points), hit, depth[hit], (height, width), stage)
+    lighting = Lighting(view, projection, read_materials(scene), scene.lights, "phong")
+    color = _light(points, _normals(surface, points), hit, depth[hit], (height, width), lighting)
     return _mean(color, depth.reshape(height, width), factor)
 
 
@@ -103,14 +106,14 @@ def _normals(surface: str, points) -> np.ndarray:
     return np.stack([x * (1 - RING / radius), y, z * (1 - RING / radius)], axis=1) / TUBE
 
 
-def _light(points, normals, sample, depth, shape, stage) -> np.ndarray:
-    """Light points (n, 3): to the judge each of them is a face of its own, seen in its first corner."""
+def _light(points, normals, sample, depth, shape, lighting) -> np.ndarray:
+    """Light points (n, 3): to the reference each of them is a face of its own, seen in its first corner."""
     n = len(points)
     corners = np.broadcast_to(points[:, None], (n, 3, 3)), np.broadcast_to(normals[:, None], (n, 3, 3))
     faces = Surface(*corners, np.ones((n, 3, 3)), np.arange(n), np.zeros(n, np.int64))
     weights = np.broadcast_to(np.array([1.0, 0.0, 0.0]), (n, 3))
-    seen = Seen(*np.divmod(sample, shape[1]), np.arange(n), np.ones(n, np.int64), weights, depth)
-    return light_samples(faces, seen, shape, stage)[0]
+    fragments = Fragments(*np.divmod(sample, shape[1]), np.arange(n), np.ones(n, np.int64), weights, depth)
+    return light_samples(faces, fragments, shape, lighting)[0]
 
 
 def _mean(color, depth, factor: int) -> Truth:

@@ -87,7 +87,7 @@ def measure_features(args):
     """Frames of all features in turns, with one thread."""
     size = scenes.size_of(args.size)
     table = measure.Table([("feature               ", "feature", ""), ("    ms", "ms", ".2f"), ("more ns/px", "ns_more", ".2f"),
-                           ("number   ", "dtype", "")])  # fmt: skip
+                           ("dtype    ", "dtype", "")])  # fmt: skip
     with ExitStack() as stack:
         calls, dtypes, features = {}, {}, list_features()
         for name, (scene, options, _) in features.items():

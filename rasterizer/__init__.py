@@ -8,11 +8,10 @@
 Names are imported when they are first used, so that the command line can print its help without loading the compiler.
 """
 
-import sys
 from importlib import import_module
-from types import ModuleType
+from typing import TYPE_CHECKING
 
-from ._version import __version__
+from .version import __version__ as __version__
 
 _HOMES = {
     "AmbientLight": "scene.lights",
@@ -21,6 +20,7 @@ _HOMES = {
     "Comparison": "analysis.comparison",
     "DepthCue": "scene.depth_cue",
     "DirectionalLight": "scene.lights",
+    "Explanation": "reference.explanation",
     "Frame": "frame",
     "MachBands": "analysis.mach",
     "Material": "scene.material",
@@ -33,11 +33,12 @@ _HOMES = {
     "Renderer": "renderer",
     "Scene": "scene.scene",
     "SceneError": "errors",
-    "Shadow": "scene.lights",
+    "Shadow": "scene.shadow",
     "SpotLight": "scene.lights",
     "Spectrum": "scene.spectrum",
     "Texture": "scene.texture",
     "compare": "analysis.comparison",
+    "explain": "reference.explaining",
     "headlight": "scene.lights",
     "illuminate": "engine.point_lighting",
     "load": "io.loader",
@@ -48,27 +49,48 @@ _HOMES = {
 }
 __all__ = sorted([*_HOMES, "__version__"])
 
+if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are the names of _HOMES
+    from .analysis.comparison import Comparison as Comparison
+    from .analysis.comparison import compare as compare
+    from .analysis.contact_sheet import sheet as sheet
+    from .analysis.mach import MachBands as MachBands
+    from .analysis.mach import mach_bands as mach_bands
+    from .engine.point_lighting import illuminate as illuminate
+    from .errors import ModelError as ModelError
+    from .errors import OutputError as OutputError
+    from .errors import RasterizerError as RasterizerError
+    from .errors import SceneError as SceneError
+    from .frame import Frame as Frame
+    from .io.loader import load as load
+    from .options import Options as Options
+    from .renderer import Renderer as Renderer
+    from .renderer import render as render
+    from .scene.camera import Camera as Camera
+    from .scene.depth_cue import DepthCue as DepthCue
+    from .scene.lights import AmbientLight as AmbientLight
+    from .scene.lights import AreaLight as AreaLight
+    from .scene.lights import DirectionalLight as DirectionalLight
+    from .scene.lights import PointLight as PointLight
+    from .scene.lights import SpotLight as SpotLight
+    from .scene.lights import headlight as headlight
+    from .scene.lights import studio as studio
+    from .scene.material import Material as Material
+    from .scene.mesh import Mesh as Mesh
+    from .scene.scene import Scene as Scene
+    from .scene.shadow import Shadow as Shadow
+    from .scene.spectrum import Spectrum as Spectrum
+    from .scene.texture import Texture as Texture
+else:
 
-class _Package(ModuleType):
-    """Keep `compare`, `illuminate` and `sheet` functions, though importing the module of that name would bind it
-    here."""
-
-    def __setattr__(self, name, value):
-        if not (name in _HOMES and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
+    def __getattr__(name):
+        """Import a public name from its home on first use (PEP 562)."""
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+        globals()[name] = value
+        return value
 
 
-def __getattr__(name):
-    """Import a public name from its home on first use (PEP 562)."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__():
+def __dir__() -> list[str]:
+    """List the public names alone."""
     return sorted(__all__)

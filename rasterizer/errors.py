@@ -7,6 +7,7 @@ RasterizerError
 """
 
 import reprlib
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 
@@ -23,7 +24,7 @@ class ModelError(RasterizerError, ValueError):
     is_internal : bool, whether the fault is this package's, not the model's
     """
 
-    is_internal = False
+    is_internal: bool = False
 
 
 class SceneError(RasterizerError, ValueError):
@@ -45,7 +46,7 @@ def internal_error(name: str, fault: Exception) -> ModelError:
 
 
 @contextmanager
-def one_file(name):
+def one_file(name: str) -> Iterator[None]:
     """Turn what gets out of reading one file, and is no error of ours, into a ModelError that names the file."""
     try:
         yield
@@ -59,7 +60,7 @@ def one_file(name):
         raise internal_error(name, fault) from fault
 
 
-def shown(value) -> str:
+def shown(value: object) -> str:
     """Return `repr(value)`, cut to a length that fits a message; of something large only the beginning is looked at."""
     try:
         text = _SHORT.repr(value)

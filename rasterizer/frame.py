@@ -4,18 +4,19 @@ import io
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
+from .choices import BUFFERS, SAVED_ARRAYS, SavedArray
 from .errors import OutputError, SceneError, shown
 from .io.files import write_and_move
 
 if TYPE_CHECKING:
-    from .engine.plan_summary import PlanSummary
+    from PIL import Image
 
-ARRAYS = ("color", "depth", "face", "normal")  # those asked for by name
-SAVED_ARRAYS = ("color", "rgb", "rgba", "alpha", "depth", "face", "normal")
+    from .engine.plan_summary import PlanSummary
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Stats:
     milliseconds : dict of stage to time
     steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how
         near to that the bound doesn't hold. Empty where it holds everywhere
+    plan : PlanSummary, what the picture needed
     """
 
     faces: int
@@ -85,7 +87,9 @@ class Frame:
     An array that was not asked for raises SceneError, which says what to ask for.
     """
 
-    def __init__(self, rgba, arrays: dict, stats: Stats, size: tuple[int, int]):
+    def __init__(
+        self, rgba: NDArray[np.uint8] | None, arrays: dict[str, NDArray], stats: Stats, size: tuple[int, int]
+    ) -> None:
         self._rgba = rgba  # (height, width, 4) uint8 or None
         self._arrays = arrays
         self.stats = stats
@@ -93,7 +97,7 @@ class Frame:
 
     def __repr__(self) -> str:
         width, height = self.size
-        names = [name for name in ("rgb", *ARRAYS) if self.has(name)]
+        names = [name for name in ("rgb", *self._arrays) if name != "alpha" and self.has(name)]
         total = sum(self.stats.milliseconds.values())
         return (
             f"<Frame {width}x{height} {'+'.join(names)}, {self.stats.faces} faces, "
@@ -101,60 +105,69 @@ class Frame:
         )
 
     def has(self, name: str) -> bool:
-        """Tell whether the frame has `name`: "rgb" (a picture), "color", "depth", "face" or "normal"."""
+        """Tell whether the frame has `name`: "rgb" (a picture), "color", or a buffer: "depth", "face", "normal" …"""
         if not isinstance(name, str):
             raise SceneError(f"a frame has arrays by name; given {shown(name)}")
         return self._rgba is not None if name == "rgb" else name in self._arrays
 
-    def _get(self, name) -> np.ndarray:
+    def array(self, name: str) -> NDArray:
+        """Return an array by name: those of the attributes, and buffers that were added (registries.py).
+
+        Raises SceneError for an array that the frame doesn't have.
+        """
+        if not isinstance(name, str) or not (name in SAVED_ARRAYS or name in BUFFERS):
+            legal = dict.fromkeys((*SAVED_ARRAYS, *BUFFERS))
+            raise SceneError(f"array must be one of {', '.join(legal)}; given {shown(name)}")
+        if name in ("rgb", "rgba", "alpha"):
+            return getattr(self, name)
         if name in self._arrays:
             return self._arrays[name]
         raise SceneError(f"this frame has no {name}: ask for it with outputs=({name!r}, ...)")
 
     @property
-    def rgba(self) -> np.ndarray:
+    def rgba(self) -> NDArray[np.uint8]:
         """(height, width, 4) uint8: sRGB and alpha, not premultiplied."""
         if self._rgba is None:
             raise SceneError("this frame has no picture: ask for it with outputs=('color', ...) or ('rgb', ...)")
         return self._rgba
 
     @property
-    def rgb(self) -> np.ndarray:
+    def rgb(self) -> NDArray[np.uint8]:
         """(height, width, 3) uint8, sRGB."""
         return self.rgba[..., :3]
 
     @property
-    def alpha(self) -> np.ndarray:
+    def alpha(self) -> NDArray[Any]:
         """(height, width) float32, covered share of each pixel."""
         if "alpha" in self._arrays:
             return self._arrays["alpha"]
         return self.rgba[..., 3] / np.float32(255)
 
     @property
-    def color(self) -> np.ndarray:
+    def color(self) -> NDArray[np.float32]:
         """(height, width, 3) float32, linear."""
-        return self._get("color")
+        return self.array("color")
 
     @property
-    def depth(self) -> np.ndarray:
+    def depth(self) -> NDArray[np.float32]:
         """(height, width) float32, scene units along the viewing axis; inf where nothing is."""
-        return self._get("depth")
+        return self.array("depth")
 
     @property
-    def face(self) -> np.ndarray:
+    def face(self) -> NDArray[np.int32]:
         """(height, width) int32, face index as loaded; -1 where nothing is."""
-        return self._get("face")
+        return self.array("face")
 
     @property
-    def normal(self) -> np.ndarray:
+    def normal(self) -> NDArray[np.float32]:
         """(height, width, 3) float32, unit, world space; 0 where nothing is."""
-        return self._get("normal")
+        return self.array("normal")
 
-    def __array__(self, dtype=None, copy=None) -> np.ndarray:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray:
         """The picture as (height, width, 4) uint8."""
         return np.array(self.rgba, dtype=dtype, copy=copy)
 
-    def to_pil(self):
+    def to_pil(self) -> "Image.Image":
         """Return the picture as a `PIL.Image`: RGB where every pixel is opaque, else RGBA."""
         from PIL import Image
 
@@ -165,7 +178,14 @@ class Frame:
         """What a notebook shows: the picture, if there is one."""
         return None if self._rgba is None else self.encode("PNG")
 
-    def save(self, path, *, array: str | None = None, format: str | None = None, **options) -> Path:
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        array: SavedArray | None = None,
+        format: str | None = None,
+        **options: Any,
+    ) -> Path:
         """Write the picture, or an array; the file appears whole or not at all.
 
         Parameters
@@ -201,15 +221,13 @@ class Frame:
         write_whole(path, content)
         return path
 
-    def encode_array(self, array: str = "color") -> bytes:
+    def encode_array(self, array: SavedArray = "color") -> bytes:
         """Return one of the frame's arrays, by name, as the bytes of a .npy file."""
-        if not isinstance(array, str) or array not in SAVED_ARRAYS:
-            raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {shown(array)}")
         stream = io.BytesIO()
-        np.save(stream, getattr(self, array))
+        np.save(stream, self.array(array))
         return stream.getvalue()
 
-    def encode(self, format: str = "PNG", **options) -> bytes:
+    def encode(self, format: str = "PNG", **options: Any) -> bytes:
         """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix.
 
         Transparency is laid on white where the format has none; `options` are passed to Pillow.
@@ -242,14 +260,14 @@ def picture_format(name: str) -> str:
     raise OutputError(f"no format to write: {given}; legal are npy, {common} and others that Pillow writes")
 
 
-def _encoded(image, name, options) -> bytes:
+def _encoded(image: "Image.Image", name: str, options: dict[str, Any]) -> bytes:
     """A `PIL.Image` as the bytes of a file."""
     stream = io.BytesIO()
     image.save(stream, name, **options)
     return stream.getvalue()
 
 
-def _on_white(image):
+def _on_white(image: "Image.Image") -> "Image.Image":
     """An RGBA picture laid on white, as RGB."""
     from PIL import Image
 
@@ -258,7 +276,7 @@ def _on_white(image):
     return paper.convert("RGB")
 
 
-def write_whole(path, content: bytes) -> None:
+def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file beside its place and move it there, so that nobody ever sees half of it.
 
     A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is

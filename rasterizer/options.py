@@ -1,19 +1,31 @@
 """What a caller may choose about a picture; every default stands here, once."""
 
-import operator
+import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
+from .choices import (
+    BUFFERS,
+    COLOR_RANGES,
+    CULLS,
+    OUTPUTS,
+    SAMPLES,
+    SHADINGS,
+    ColorRange,
+    Cull,
+    Output,
+    Samples,
+    Shading,
+)
 from .errors import SceneError, shown
+from .scene.validate import is_whole, number
 
-SHADINGS = ("flat", "lambert", "gouraud", "phong")
-OUTPUTS = ("color", "rgb", "depth", "face", "normal")
-CULLS = ("none", "back")
-COLOR_RANGES = ("clamp", "global", "local")
-SAMPLES = (1, 4, 9, 16)
 MOST_PIXELS = 16_384  # along an axis, samples included: edge functions of the screen stay far below 2^53
 LEAST_WAVES, MOST_WAVES = 3, 401  # samples of the spectrum: one a nanometre is the most that the tables can tell
 MOST_STOPS = 64
+MOST_THREADS = 1024
 
 # One level of 8-bit sRGB is 1/3295 where the curve is steepest; an error below that moves a value by one level at most.
 DEFAULT_TOLERANCE = 1 / 4096
@@ -25,22 +37,23 @@ class Options:
 
     Parameters
     ----------
-    size : (width, height) in pixels
+    size : (width, height) in pixels, or one number for a square; stored as a pair
     shading : "flat" (once a polygon; "lambert" is another word for it), "gouraud" (once a vertex), "phong" (once a
         sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64. The default keeps every
         8-bit value within one level of the picture with tolerance 0, but next to steps of the illumination
         (`Stats.steps`)
     samples : samples a pixel, on a square grid: 1, 4, 9 or 16
-    outputs : names out of "color" (float32 linear, and 8 bits), "rgb" (8 bits only: the fastest), "depth", "face",
-        "normal"; buffers are those of the pixels' centres, never averaged
+    outputs : one name or several out of "color" (float32 linear, and 8 bits), "rgb" (8 bits only: the fastest),
+        "depth", "face", "normal"; buffers are those of the pixels' centres, never averaged; stored as a tuple
     cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
     color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" (divide by the picture's largest) or
         "local" (divide a pixel by its own largest component)
-    exposure : stops by which the light of the scene is multiplied, 2^exposure; the background stays what it is
+    exposure : stops by which the light of the scene is multiplied, 2^exposure, within -64..64; the background stays
+        what it is
     spectral : number of samples of 380..780 nm, 3 to 401, with which light and colours are multiplied; None = 81 (every
         5 nm) where a light or material has a Spectrum, else red, green and blue alone
-    threads : how many; None = as many as the process may use
+    threads : how many, 1 to 1024; None = as many as the process may use
 
     Raises
     ------
@@ -48,69 +61,59 @@ class Options:
     """
 
     size: tuple[int, int] = (640, 480)
-    shading: str = "gouraud"
+    shading: Shading = "gouraud"
     tolerance: float = DEFAULT_TOLERANCE
-    samples: int = 1
-    outputs: tuple[str, ...] = ("color",)
-    cull: str = "none"
-    color_range: str = "clamp"
+    samples: Samples = 1
+    outputs: tuple[Output, ...] = ("color",)
+    cull: Cull = "none"
+    color_range: ColorRange = "clamp"
     exposure: float = 0.0
     spectral: int | None = None
     threads: int | None = None
 
-    def __post_init__(self):
-        _choose("shading", self.shading, SHADINGS)
-        _choose("cull", self.cull, CULLS)
-        _choose("color_range", self.color_range, COLOR_RANGES)
-        _choose("samples", self.samples, SAMPLES)
-        try:
-            outputs = (self.outputs,) if isinstance(self.outputs, str) else tuple(self.outputs)
-        except TypeError:
-            raise SceneError(
-                f"outputs must be one or several of {', '.join(OUTPUTS)}; given {shown(self.outputs)}"
-            ) from None
-        if not outputs:
-            raise SceneError(f"outputs must name at least one of {', '.join(OUTPUTS)}; given none")
-        for name in outputs:
-            _choose("outputs", name, OUTPUTS)
-        object.__setattr__(self, "outputs", outputs)
+    if TYPE_CHECKING:  # more may be given than is stored
+
+        def __init__(
+            self,
+            *,
+            size: int | Sequence[int] = ...,
+            shading: Shading = ...,
+            tolerance: float = ...,
+            samples: Samples = ...,
+            outputs: Output | Sequence[Output] = ...,
+            cull: Cull = ...,
+            color_range: ColorRange = ...,
+            exposure: float = ...,
+            spectral: int | None = ...,
+            threads: int | None = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
+        _check_choice("shading", self.shading, SHADINGS)
+        _check_choice("cull", self.cull, CULLS)
+        _check_choice("color_range", self.color_range, COLOR_RANGES)
+        _check_choice("samples", self.samples, SAMPLES)
+        object.__setattr__(self, "samples", int(self.samples))
+        object.__setattr__(self, "outputs", _checked_outputs(self.outputs))
         object.__setattr__(self, "size", self._checked_size())
-        try:
-            tolerance = _as_float(self.tolerance)
-        except (TypeError, ValueError, OverflowError):
-            tolerance = -1.0
-        if not 0.0 <= tolerance < float("inf"):
-            raise SceneError(f"tolerance must be a number from 0 upwards; given {shown(self.tolerance)}")
-        object.__setattr__(self, "tolerance", tolerance)
-        object.__setattr__(self, "exposure", self._checked_exposure())
-        if self.spectral is not None and not (_is_int(self.spectral) and LEAST_WAVES <= self.spectral <= MOST_WAVES):
+        object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
+        object.__setattr__(self, "exposure", _checked_exposure(self.exposure))
+        if self.spectral is not None and not is_whole(self.spectral, LEAST_WAVES, MOST_WAVES):
             raise SceneError(
                 f"spectral must be {LEAST_WAVES} to {MOST_WAVES} samples, or None; given {shown(self.spectral)}"
             )
-        if self.threads is not None and not (_is_int(self.threads) and 1 <= self.threads <= 1024):
-            raise SceneError(f"threads must be 1 to 1024, or None; given {shown(self.threads)}")
-
-    def _checked_exposure(self) -> float:
-        """Return the exposure as a number; beyond 64 stops nothing is told apart."""
-        try:
-            exposure = _as_float(self.exposure)
-        except (TypeError, ValueError, OverflowError):
-            exposure = float("nan")
-        if not -MOST_STOPS <= exposure <= MOST_STOPS:
-            raise SceneError(
-                f"exposure must be a number within -{MOST_STOPS}..{MOST_STOPS} stops; given {shown(self.exposure)}"
-            )
-        return exposure
+        if self.threads is not None and not is_whole(self.threads, 1, MOST_THREADS):
+            raise SceneError(f"threads must be 1 to {MOST_THREADS}, or None; given {shown(self.threads)}")
 
     def _checked_size(self) -> tuple[int, int]:
         """Return the size as two ints; a number alone makes a square."""
-        size = (self.size, self.size) if _is_int(self.size) else self.size
+        size: Any = (self.size, self.size) if is_whole(self.size) else self.size
         try:
             width, height = size
         except (TypeError, ValueError):
             width = height = None
         most = MOST_PIXELS // self.factor
-        if not (_is_int(width) and _is_int(height) and 1 <= width <= most and 1 <= height <= most):
+        if not (is_whole(width, 1, most) and is_whole(height, 1, most)):
             raise SceneError(
                 f"size must be (width, height), each 1 to {most} px with {self.samples} samples; given {shown(self.size)}"
             )
@@ -119,7 +122,7 @@ class Options:
     @property
     def factor(self) -> int:
         """Samples a pixel along each axis."""
-        return {1: 1, 4: 2, 9: 3, 16: 4}[self.samples]
+        return math.isqrt(self.samples)
 
     @property
     def is_flat(self) -> bool:
@@ -134,21 +137,37 @@ class Options:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _as_float(value) -> float:
-    """Return `float(value)`, which for numpy's masked constant would warn."""
-    return float("nan") if getattr(value, "mask", False) else float(value)
-
-
-def _is_int(value) -> bool:
-    """Tell whether a value is an integer, numpy's included, and no bool."""
-    try:
-        operator.index(value)
-    except TypeError:
-        return False
-    return not isinstance(value, bool)
-
-
-def _choose(name, value, legal) -> None:
-    """Refuse a value that isn't one of the legal ones."""
+def _check_choice(name: str, value: object, legal: tuple) -> None:
+    """Refuse a value that isn't one of the legal words or numbers."""
     if not isinstance(value, (str, int, float)) or value not in legal:
         raise SceneError(f"{name} must be one of {', '.join(map(str, legal))}; given {shown(value)}")
+
+
+def _checked_outputs(outputs: object) -> tuple:
+    """Return the names of outputs as a tuple; a name alone is one."""
+    legal = (*OUTPUTS, *(name for name in BUFFERS if name not in OUTPUTS))
+    try:
+        names = (outputs,) if isinstance(outputs, str) else tuple(outputs)  # type: ignore[arg-type]
+    except TypeError:
+        raise SceneError(f"outputs must be one or several of {', '.join(legal)}; given {shown(outputs)}") from None
+    if not names:
+        raise SceneError(f"outputs must name at least one of {', '.join(legal)}; given none")
+    for name in names:
+        _check_choice("outputs", name, legal)
+    return names
+
+
+def _checked_tolerance(tolerance: object) -> float:
+    """Return the tolerance as a float of at least 0."""
+    value = number(tolerance, "tolerance")
+    if value < 0.0:
+        raise SceneError(f"tolerance must be a number from 0 upwards; given {shown(tolerance)}")
+    return value
+
+
+def _checked_exposure(exposure: object) -> float:
+    """Return the exposure as a float; beyond 64 stops nothing is told apart."""
+    value = number(exposure, "exposure")
+    if not -MOST_STOPS <= value <= MOST_STOPS:
+        raise SceneError(f"exposure must be a number within -{MOST_STOPS}..{MOST_STOPS} stops; given {shown(exposure)}")
+    return value

@@ -1,14 +1,17 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
+from collections.abc import Sequence
 from dataclasses import fields
 from time import perf_counter
 
 import numpy as np
 
+from .choices import ColorRange, Cull, Output, Samples, Shading
 from .engine.attributes import NormalAttributes, point_intensities
 from .engine.coding import make_coding, make_encoding
 from .engine.depth_range import check_depths, screen_of
 from .engine.draw import Counts, draw
+from .engine.output_buffers import BUFFER_TABLE
 from .engine.passes import BufferPass, FaceTable, InterpolatedPass, LitPass
 from .engine.plan_summary import PlanSummary, Ways, summarize
 from .engine.shadow_maps import Shadows
@@ -18,26 +21,66 @@ from .errors import SceneError, shown
 from .frame import Frame, Stats
 from .geometry.points import gather_geometry
 from .options import Options
-from .pipeline.records import EXACT
-from .pipeline.resolve import encode_picture
+from .pipeline.encode import encode_picture
+from .pipeline.gradients import EXACT
 from .pipeline.threads import Workers
-from .pipeline.workspace import Scratch, empty_buffers, make_picture
+from .pipeline.workspace import WorkspacePool, make_picture
 from .scene.camera import Camera
-from .scene.scene import Scene
+from .scene.scene import Scene, SceneLike
 
 
-def render(scene, size=(640, 480), **options) -> Frame:
-    """Render a scene.
+def render(
+    scene: SceneLike,
+    size: int | Sequence[int] = Options.size,
+    *,
+    shading: Shading = Options.shading,
+    tolerance: float = Options.tolerance,
+    samples: Samples = Options.samples,
+    outputs: Output | Sequence[Output] = Options.outputs,
+    cull: Cull = Options.cull,
+    color_range: ColorRange = Options.color_range,
+    exposure: float = Options.exposure,
+    spectral: int | None = Options.spectral,
+    threads: int | None = Options.threads,
+) -> Frame:
+    """Render a scene; what each option does is said at `Options`, where the defaults stand.
 
     Parameters
     ----------
     scene : Scene, or anything that a Scene takes as its meshes
     size : (width, height) in pixels, or one number for a square
-    options : those of `Options`: shading, tolerance, samples, outputs, cull, color_range, exposure, spectral, threads
+    shading : "flat" or "lambert" (once a polygon), "gouraud" (once a vertex), "phong" (once a sample)
+    tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64
+    samples : samples a pixel: 1, 4, 9 or 16
+    outputs : one name or several out of "color", "rgb", "depth", "face", "normal"
+    cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
+    color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" or "local"
+    exposure : stops by which the light of the scene is multiplied
+    spectral : number of samples of the spectrum, 3 to 401; None = 81 where something has a Spectrum, else three colours
+    threads : how many; None = as many as the process may use
 
-    Raises SceneError for an option that is not legal, ModelError for a mesh that is not.
+    Returns
+    -------
+    Frame
+
+    Raises
+    ------
+    SceneError : an option or a part of the scene that is not legal
+    ModelError : a mesh that is not legal
     """
-    with Renderer(scene, size, **options) as renderer:
+    with Renderer(
+        scene,
+        size,
+        shading=shading,
+        tolerance=tolerance,
+        samples=samples,
+        outputs=outputs,
+        cull=cull,
+        color_range=color_range,
+        exposure=exposure,
+        spectral=spectral,
+        threads=threads,
+    ) as renderer:
         return renderer.render()
 
 
@@ -50,9 +93,34 @@ class Renderer:
     options.
     """
 
-    def __init__(self, scene, size=(640, 480), **options):
+    def __init__(
+        self,
+        scene: SceneLike,
+        size: int | Sequence[int] = Options.size,
+        *,
+        shading: Shading = Options.shading,
+        tolerance: float = Options.tolerance,
+        samples: Samples = Options.samples,
+        outputs: Output | Sequence[Output] = Options.outputs,
+        cull: Cull = Options.cull,
+        color_range: ColorRange = Options.color_range,
+        exposure: float = Options.exposure,
+        spectral: int | None = Options.spectral,
+        threads: int | None = Options.threads,
+    ) -> None:
         self.scene = scene if isinstance(scene, Scene) else Scene(scene)
-        self.options = Options(size=size, **options)
+        self.options = Options(
+            size=size,
+            shading=shading,
+            tolerance=tolerance,
+            samples=samples,
+            outputs=outputs,
+            cull=cull,
+            color_range=color_range,
+            exposure=exposure,
+            spectral=spectral,
+            threads=threads,
+        )
         self._bounds = np.stack([mesh.bounds for mesh in self.scene.meshes])
         self._geometry = gather_geometry(self.scene, self.options.is_flat)
         self._view_plans = ViewPlans(self.scene, self.options, self._geometry, self._bounds)
@@ -62,7 +130,7 @@ class Renderer:
             self._shadows = Shadows(self._geometry, self._bounds, self._view_plans.plan)
         self._summary = summarize(self._view_plans.plan, is_perspective=True)
         self._threads = Workers(self.options.n_thread)
-        self._workspaces = Scratch()
+        self._workspaces = WorkspacePool()
         self._is_closed = False
 
     @property
@@ -70,13 +138,13 @@ class Renderer:
         """What the last picture needed; before the first one, what the scene says of it."""
         return self._summary
 
-    def __enter__(self):
+    def __enter__(self) -> "Renderer":
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple:
         return _remake, (self.scene, {field.name: getattr(self.options, field.name) for field in fields(self.options)})
 
     def close(self) -> None:
@@ -110,10 +178,10 @@ class Renderer:
             if "color" in outputs:
                 arrays.update(color=picture.color, alpha=picture.alpha)
         if wanted := [name for name in outputs if name not in ("color", "rgb")]:
-            buffers = empty_buffers(size, wanted)
+            buffers = {name: BUFFER_TABLE[name].make(size) for name in wanted}
             counts_of_buffers = self._draw_buffers(camera, buffers, clock)
             counts = counts or counts_of_buffers
-            arrays.update({name: getattr(buffers, name) for name in wanted})
+            arrays.update(buffers)
         stats = Stats(
             *counts[:6],
             threads=self._threads.n_thread,
@@ -165,7 +233,7 @@ class Renderer:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self._geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
-        normal_offsets = np.empty(0) if self._shadows is None else self._shadows.lifts
+        normal_offsets = np.empty(0) if self._shadows is None else self._shadows.normal_offsets
         return point_intensities(self._geometry, plan, lighting, screen, n_side, normal_offsets, self._threads)
 
     def _shadow_shapes(self) -> np.ndarray:
@@ -177,10 +245,10 @@ class Renderer:
         them."""
         options, view = self.options, camera.view()
         screen = screen_of(camera, view, options.size, 1, self._geometry, self._bounds)
-        if len(buffers.depth):
+        if "depth" in buffers:
             check_depths(camera, view, self._bounds)
         normals = self._normals.none()
-        if len(buffers.normal):
+        if any(BUFFER_TABLE[name].needs_normals for name in buffers):
             normals = self._normals.of_faces(view, screen) if options.is_flat else self._normals.of(np.float64)
         render_pass = BufferPass(
             attributes=normals,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..frame import Frame
@@ -45,12 +46,12 @@ class Comparison:
 class _Picture(NamedTuple):
     """A picture as it is compared."""
 
-    linear: np.ndarray | None  # (height, width, channels) floating point
-    levels: np.ndarray  # (height, width, channels) uint8, sRGB
-    alpha: np.ndarray | None  # (height, width)
+    linear: NDArray | None  # (height, width, channels) floating point
+    levels: NDArray[np.uint8]  # (height, width, channels), sRGB
+    alpha: NDArray | None  # (height, width), covered share
 
 
-def compare(a, b) -> Comparison:
+def compare(a: Frame | ArrayLike, b: Frame | ArrayLike) -> Comparison:
     """Compare two pictures of one size.
 
     Parameters
@@ -67,32 +68,32 @@ def compare(a, b) -> Comparison:
     ------
     SceneError : not a picture, a frame without one, values that are not finite, or two sizes
     """
-    a, b = _picture(a), _picture(b)
-    if a.levels.shape != b.levels.shape:
-        raise SceneError(f"pictures must have one size to be compared; given {_shape(a)} and {_shape(b)}")
-    steps = np.abs(a.levels.astype(np.int16) - b.levels.astype(np.int16))
-    if a.linear is None or b.linear is None:
+    first, second = _picture(a), _picture(b)
+    if first.levels.shape != second.levels.shape:
+        raise SceneError(f"pictures must have one size to be compared; given {_shape(first)} and {_shape(second)}")
+    steps = np.abs(first.levels.astype(np.int16) - second.levels.astype(np.int16))
+    if first.linear is None or second.linear is None:
         difference = steps / 255.0
     else:
-        difference = np.abs(a.linear.astype(np.float64) - b.linear)
+        difference = np.abs(first.linear.astype(np.float64) - second.linear)
     rms = float(np.sqrt(np.mean(difference**2)))
-    has_alpha = a.alpha is not None and b.alpha is not None
+    has_alpha = first.alpha is not None and second.alpha is not None
     return Comparison(
         max=float(difference.max()),
         rms=rms,
         psnr=-20.0 * math.log10(rms) if rms > 0.0 else math.inf,
         levels=int(steps.max()),
         over_one=int(np.count_nonzero(steps > 1)),
-        coverage=int(np.count_nonzero(a.alpha != b.alpha)) if has_alpha else 0,
+        coverage=int(np.count_nonzero(first.alpha != second.alpha)) if has_alpha else 0,
     )
 
 
-def _shape(picture) -> str:
+def _shape(picture: _Picture) -> str:
     height, width, n_channel = picture.levels.shape
     return f"{width}x{height} with {n_channel} channels"
 
 
-def _picture(source) -> _Picture:
+def _picture(source: Frame | ArrayLike) -> _Picture:
     """Take a frame or an array apart."""
     if isinstance(source, Frame):
         linear = source.color if source.has("color") else None
@@ -117,12 +118,12 @@ def _picture(source) -> _Picture:
     return _Picture(array, levels, alpha)
 
 
-def _share(alpha):
+def _share(alpha: NDArray | None) -> NDArray | None:
     """8-bit alpha as the covered share of a pixel, float32 as in a Frame."""
     return None if alpha is None else alpha / np.float32(255)
 
 
-def _described(source, array) -> str:
+def _described(source: object, array: NDArray) -> str:
     if array.ndim == 0:
         return type(source).__name__
     return f"{array.dtype} of the shape {array.shape}"

@@ -1,19 +1,31 @@
 """Several pictures in one: a sheet of rows and columns, for a notebook cell or one file."""
 
 import math
-import operator
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SceneError, shown
 from ..frame import Frame
-from ..scene.color import linear_from_srgb_bytes, linear_rgb, srgb_from_linear
+from ..scene.color import ColorLike, linear_from_srgb_bytes, linear_rgb, srgb_from_linear
+from ..scene.validate import whole
+
+if TYPE_CHECKING:
+    from PIL import Image, ImageFont
 
 _MOST_PIXELS = 1 << 28  # a sheet of 1 GB is a mistake
 _LABEL_GREY = (128, 128, 128, 255)  # read on white and on black paper
 
 
-def sheet(frames, columns: int | None = None, gap: int = 8, background=None, labels=None):
+def sheet(
+    frames: "Sequence[Frame | Image.Image | NDArray[np.uint8]]",
+    columns: int | None = None,
+    gap: int = 8,
+    background: ColorLike | None = None,
+    labels: Sequence[str] | None = None,
+) -> "Image.Image":
     """Lay several pictures on one sheet, from left to right and from top to bottom.
 
     Parameters
@@ -41,9 +53,9 @@ def sheet(frames, columns: int | None = None, gap: int = 8, background=None, lab
     labels = None if labels is None else [str(label) for label in _listed(labels, "labels")]
     if labels is not None and len(labels) != len(pictures):
         raise SceneError(f"a sheet needs one label a picture; given {len(labels)} for {len(pictures)} pictures")
-    columns = _whole(columns, "columns", 1) if columns is not None else math.ceil(math.sqrt(len(pictures)))
+    columns = whole(columns, "columns", 1) if columns is not None else math.ceil(math.sqrt(len(pictures)))
     columns = min(columns, len(pictures))
-    gap = _whole(gap, "gap", 0)
+    gap = whole(gap, "gap", 0)
     cell_width = max(picture.shape[1] for picture in pictures)
     cell_height = max(picture.shape[0] for picture in pictures)
     step_x, step_y = cell_width + gap, cell_height + gap + (_label_height() if labels else 0)
@@ -62,7 +74,7 @@ def sheet(frames, columns: int | None = None, gap: int = 8, background=None, lab
     return image
 
 
-def _listed(items, what) -> list:
+def _listed(items: Any, what: str) -> list:
     """A sequence as a list; one picture or one text alone is a mistake that would give a strange sheet."""
     if isinstance(items, (Frame, str)) or not hasattr(items, "__iter__"):
         raise SceneError(f"{what} must be a sequence; given {type(items).__name__}")
@@ -72,18 +84,7 @@ def _listed(items, what) -> list:
         raise SceneError(f"{what} must be a sequence; given {shown(items)}") from None
 
 
-def _whole(value, what, least) -> int:
-    """A whole number from `least` upwards."""
-    try:
-        number = least - 1 if isinstance(value, bool) else operator.index(value)
-    except TypeError:
-        number = least - 1
-    if number < least:
-        raise SceneError(f"{what} must be a whole number from {least} upwards; given {shown(value)}")
-    return number
-
-
-def _rgba(source) -> np.ndarray:
+def _rgba(source: Any) -> NDArray[np.uint8]:
     """A picture as (height, width, 4) uint8."""
     if hasattr(source, "convert") and hasattr(source, "mode"):
         return np.asarray(source.convert("RGBA"))
@@ -96,7 +97,7 @@ def _rgba(source) -> np.ndarray:
     return np.concatenate([array, np.full((*array.shape[:2], 1), 255, np.uint8)], axis=2)
 
 
-def _laid_on(paper, background) -> np.ndarray:
+def _laid_on(paper: NDArray[np.uint8], background: tuple[float, float, float]) -> NDArray[np.uint8]:
     """Blend the sheet with a linear background colour, as the renderer does: in linear light."""
     out = np.empty((*paper.shape[:2], 3), np.uint8)
     for row, line in zip(out, paper, strict=True):
@@ -112,13 +113,13 @@ def _label_height() -> int:
     return math.ceil(bottom) + 4
 
 
-def _font():
+def _font() -> "ImageFont.FreeTypeFont | ImageFont.ImageFont":
     from PIL import ImageFont
 
     return ImageFont.load_default()
 
 
-def _write(image, label, middle, top) -> None:
+def _write(image: "Image.Image", label: str, middle: float, top: float) -> None:
     """Write a line of text, centred."""
     from PIL import ImageDraw
 

@@ -14,9 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..engine.light_table import entry_of
 from ..errors import SceneError, shown
 from ..frame import Frame
-from ..geometry.points import smooth_part
+from ..geometry.mesh_points import smooth_part
 
 # Luminance of linear RGB with the sRGB primaries. Source: ITU-R BT.709-6, section 3.
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
@@ -179,13 +180,10 @@ def _face_keys(surface: _Surface, view, is_perspective, lights) -> np.ndarray:
 
 def _to_light(light, points, view):
     """Return the way from points (..., 3) to a light, of any length; None for light that comes from no single place."""
-    is_carried = getattr(light, "attached", "world") == "camera"
-    axes = np.stack([view.right, view.up, -view.forward]) if is_carried else np.eye(3)
-    if hasattr(light, "position"):
-        return np.array(light.position) @ axes + (view.eye if is_carried else 0.0) - points
-    if hasattr(light, "direction"):
-        return np.broadcast_to(-(np.array(light.direction) @ axes), points.shape)
-    return None
+    beam = entry_of(light).beam(light, view)
+    if beam is None:
+        return None
+    return np.broadcast_to(-beam.axis, points.shape) if beam.origin is None else beam.origin - points
 
 
 def _jumps(luminance, face, pairs, key) -> tuple[np.ndarray, np.ndarray]:

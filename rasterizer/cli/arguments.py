@@ -4,20 +4,17 @@ import argparse
 import re
 from dataclasses import fields
 
-from .._version import __version__
+from .. import choices
 from ..errors import SceneError
 from ..io import formats
-from ..options import COLOR_RANGES, CULLS, LEAST_WAVES, MOST_WAVES, OUTPUTS, SAMPLES, SHADINGS, Options
+from ..options import LEAST_WAVES, MOST_WAVES, Options
+from ..version import __version__
 from . import values
 from .help_texts import COMPARE, EXAMPLES
-from .light_arguments import light
-from .material_arguments import REFLECTIONS, material
+from .material_arguments import material
 from .messages import NORMAL, QUIET, VERBOSE
 
-WEIGHTINGS = ("angle", "area", "uniform")
 UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
-AXES = ("x", "y", "z", "-x", "-y", "-z")
-PRESETS = ("studio", "headlight")
 AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # those of Camera.framing; a test holds that
 COMPARED_SIZE = (320, 240)  # four pictures beside each other, one of them by the reference, which is slow
 PICTURE_SAMPLES = 4  # a picture is to look good; an array is to be exact, with Options' one sample
@@ -172,10 +169,10 @@ def _add_array(parser) -> None:
     parser.add_argument(
         "--array",
         dest="outputs",
-        choices=OUTPUTS,
-        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb "
-        "uint8, depth in scene units, face the face's index or -1, normal in world space; one sample a pixel, but "
-        "for color and rgb with --samples",
+        choices=tuple(dict.fromkeys((*choices.OUTPUTS, *choices.BUFFERS))),
+        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb uint8, "
+        + "".join(f"{name} {text}, " for name, text in choices.BUFFERS.items()).rstrip(", ")
+        + "; one sample a pixel, but for color and rgb with --samples",
     )
 
 
@@ -223,7 +220,7 @@ def _add_camera(parser) -> None:
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
     add(
         "--up",
-        choices=("auto", *AXES),
+        choices=("auto", *choices.AXES),
         help="up axis (default auto: z for stl and 3mf, y for other models, that of a scene file)",
     )
 
@@ -232,13 +229,13 @@ def _add_method(group) -> None:
     add = group.add_argument
     add(
         "--shading",
-        choices=SHADINGS,
+        choices=choices.SHADINGS,
         help=f"light polygons (flat or lambert), vertices (gouraud) or samples (phong) (default {Options.shading})",
     )
     add(
         "--samples",
         type=int,
-        choices=SAMPLES,
+        choices=choices.SAMPLES,
         help=f"samples a pixel (default {PICTURE_SAMPLES}, {Options.samples} for arrays)",
     )
 
@@ -253,7 +250,7 @@ def _add_look(group) -> None:
     )
     add(
         "--weighting",
-        choices=WEIGHTINGS,
+        choices=choices.WEIGHTINGS,
         help="what faces count by where normals are averaged (default: as a scene file says, else angle)",
     )
     add(
@@ -272,7 +269,8 @@ def _add_look(group) -> None:
         metavar="[NAME,]KEY=VALUE,...",
         help="replace this in every material of the model; NAME is one of the classic table: gold, jade, red plastic ...",
     )
-    add("--reflection", choices=REFLECTIONS, help="short for --material reflection=...")
+    models = ",".join(choices.REFLECTIONS)
+    add("--reflection", metavar=f"{{{models}}}", help="short for --material reflection=...")
     _add_lights(group)
     _add_range(group)
 
@@ -281,14 +279,13 @@ def _add_lights(group) -> None:
     add = group.add_argument
     add(
         "--preset",
-        choices=PRESETS,
+        choices=choices.PRESETS,
         help="ready-made lights (default: the file's own, else studio, or none beside --light)",
     )
     add(
         "--light",
         dest="lights",
         action="append",
-        type=light,
         default=[],
         metavar="KIND:...",
         help="add a light",
@@ -316,7 +313,7 @@ def _add_range(group) -> None:
     )
     add(
         "--color-range",
-        choices=COLOR_RANGES,
+        choices=choices.COLOR_RANGES,
         help="what becomes of colours too bright: cut off, the picture darkened, or the pixel darkened "
         f"(default {Options.color_range})",
     )
@@ -335,7 +332,7 @@ def _add_range(group) -> None:
     )
     add(
         "--cull",
-        choices=CULLS,
+        choices=choices.CULLS,
         help=f"leave out faces seen from behind (default {Options.cull})",
     )
 

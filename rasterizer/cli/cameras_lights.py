@@ -8,18 +8,12 @@ import numpy as np
 from ..errors import SceneError
 from ..scene import lights
 from ..scene.camera import Camera
+from ..scene.shadow import Shadow
 from .arguments import AZIMUTH, ELEVATION, FOV, VIEWS
-
-_LIGHTS = {
-    "ambient": lights.AmbientLight,
-    "directional": lights.DirectionalLight,
-    "point": lights.PointLight,
-    "spot": lights.SpotLight,
-    "area": lights.AreaLight,
-}
+from .light_arguments import make_light
 
 
-def make_shadow(arguments) -> lights.Shadow | None:
+def make_shadow(arguments) -> Shadow | None:
     """Make the shadow of lights that don't say themselves; None without --shadows."""
     given = {"size": arguments.shadow_size, "filter": arguments.shadow_filter}
     given = {name: value for name, value in given.items() if value is not None}
@@ -27,28 +21,17 @@ def make_shadow(arguments) -> lights.Shadow | None:
         for name in given:
             raise SceneError(f"--shadow-{name} needs --shadows")
         return None
-    return lights.Shadow(**given)
+    return Shadow(**given)
 
 
 def make_lights(arguments) -> tuple | None:
     """Make the lights: those of a preset and those given, with shadows if asked for; None where neither is, so that a
     file's own, or else the studio's, are used."""
     shadow = make_shadow(arguments)
-    given = tuple(_make_light(light, shadow) for light in arguments.lights)
+    given = tuple(make_light(text, shadow) for text in arguments.lights)
     if arguments.preset is None:
         return given or None
-    return cast_shadows(getattr(lights, arguments.preset)(), shadow) + given
-
-
-def _make_light(light, shadow):
-    """Make a light; one that doesn't speak of shadows casts the one of --shadows."""
-    settings = dict(light.settings)
-    own = settings.get("shadow", shadow)
-    if own is True:
-        own = shadow or lights.Shadow()
-    if light.kind != "ambient":
-        settings["shadow"] = lights.Shadow(*own) if isinstance(own, tuple) else own
-    return _LIGHTS[light.kind](**settings)
+    return cast_shadows(lights.PRESETS[arguments.preset](), shadow) + given
 
 
 def cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:

@@ -121,7 +121,7 @@ def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], Frame]:
 
 def _draw_reference(scene, arguments) -> Drawn:
     options = {name: getattr(arguments, name) for name in _OPTIONS if name != "threads"}
-    picture = reference.render(scene, arguments.size, "phong", **options)
+    picture = reference.render(scene, arguments.size, shading="phong", **options)
     alpha = np.rint(255.0 * picture.alpha).astype(np.uint8)
     return Drawn(np.dstack([picture.rgb, alpha]), picture.color, picture.face)
 

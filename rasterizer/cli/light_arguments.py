@@ -1,75 +1,110 @@
-"""`--light KIND:...`: a light as written, which is made only once its class may be imported."""
+"""`--light KIND:...`: a light as it is written becomes one of the scene's.
+
+    point:1,2,3,color=#f80,shadow=512/3
+    kind  first names and values, as each field of the kind's class is written
+          field
+
+The kinds and their fields are those of the scene's table, so one that is added there can be written here at once.
+"""
 
 import argparse
 import re
-from typing import NamedTuple
+from typing import Any
 
+from ..errors import SceneError
+from ..scene.fields import Field, describe_fields
+from ..scene.lights import LIGHT_KINDS
+from ..scene.shadow import Shadow
 from . import values
 
-_FALLING = ("attenuation", "range", "amplify", "attached", "shadow")  # what lights with a place take
 
-LIGHTS = {  # kind: (numbers it is given, names it takes besides)
-    "ambient": (None, ()),
-    "directional": ("direction", ("color", "attached", "shadow")),
-    "point": ("position", ("color", *_FALLING)),
-    "spot": ("position", ("direction", "color", "inner", "outer", "exponent", "falloff", *_FALLING)),
-    "area": ("corner", ("edge_u", "edge_v", "color", "resolution", *_FALLING)),
-}
-_NEEDED = {"spot": ("direction",), "area": ("edge_u", "edge_v")}  # without them there is no such light
+def make_light(text: str, shadow: Shadow | None) -> Any:
+    """Make a light of what follows --light.
 
+    Parameters
+    ----------
+    text : KIND:VALUE,NAME=VALUE,...; the first value is that of the class' first field
+    shadow : that of a light which doesn't speak of shadows, and of one that says shadow=yes; None = the former casts
+        none, the latter the default one
 
-class LightArgument(NamedTuple):
-    """A light as written: its kind, and the arguments of its class.
+    Returns
+    -------
+    an object of the kind's class
 
-    Colours are not read yet, and a shadow is True, False or (size, filter).
+    Raises
+    ------
+    SceneError : an unknown kind or name, or a value that is not legal; the message lists what is
     """
-
-    kind: str
-    settings: dict
-
-
-def light(text) -> LightArgument:
-    """KIND:numbers,name=value,..."""
     kind, _, rest = text.partition(":")
-    if kind not in LIGHTS:
-        legal = ", ".join(f"{name}:..." for name in LIGHTS)
-        raise argparse.ArgumentTypeError(f"a light is one of {legal}; given {text!r}")
-    numbers, names = LIGHTS[kind]
-    if numbers is None:
-        return LightArgument(kind, {"color": values.color(rest.removeprefix("color=") or "1")})
-    parts = rest.split(",")
-    settings = {numbers: values.vector(",".join(parts[:3]))}
-    for part in parts[3:]:
-        name, _, value = part.partition("=")
-        if name not in names or not value:
-            legal = ", ".join(f"{name}=..." for name in names)
+    if kind not in LIGHT_KINDS:
+        legal = ", ".join(f"{word}:..." for word in LIGHT_KINDS)
+        raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}")
+    described = describe_fields(LIGHT_KINDS[kind])
+    try:
+        settings = _read_settings(kind, rest, described)
+    except argparse.ArgumentTypeError as fault:
+        raise SceneError(f"argument --light: {fault}") from None
+    for name, field in described.items():
+        if field.is_needed and name not in settings:
+            raise SceneError(
+                f"argument --light: a {kind} light needs {name}={_FORMS.get(field.holds, 'VALUE')}; given {text!r}"
+            )
+    if "shadow" in described:
+        settings["shadow"] = _chosen_shadow(settings.get("shadow", shadow is not None), shadow)
+    return LIGHT_KINDS[kind](**settings)
+
+
+def _read_settings(kind: str, rest: str, described: dict[str, Field]) -> dict[str, Any]:
+    """Read the values behind the kind, by the names of the class' fields."""
+    first = next(iter(described))
+    head, *parts = re.split(r",(?=\s*\w+=)", rest)  # a comma that no NAME= follows belongs to the value
+    settings = {}
+    if "=" in head:
+        parts.insert(0, head)
+    elif head or described[first].is_needed:
+        is_vector = described[first].holds == "vector"  # written with commas, as for --eye
+        settings[first] = values.vector(head) if is_vector else _read(first, head, described[first])
+    for part in parts:
+        name, _, value = part.strip().partition("=")
+        if name not in described or not value:
+            legal = ", ".join(f"{name}=..." for name in described)
             raise argparse.ArgumentTypeError(f"a {kind} light takes {legal}; given {part!r}")
-        try:
-            settings[name] = _READERS.get(name, str)(value)
-        except argparse.ArgumentTypeError as fault:
-            raise argparse.ArgumentTypeError(f"{name}: {fault}") from None
-    for name in _NEEDED.get(kind, ()):
-        if name not in settings:
-            raise argparse.ArgumentTypeError(f"a {kind} light needs {name}=X/Y/Z; given {text!r}")
-    return LightArgument(kind, settings)
+        settings[name] = _read(name, value, described[name])
+    return settings
 
 
-def _slashed(text) -> tuple[float, ...]:
+def _read(name: str, text: str, field: Field) -> Any:
+    """Read a field's value; a fault names the field."""
+    try:
+        return _READERS.get(field.holds, str)(text)
+    except argparse.ArgumentTypeError as fault:
+        raise argparse.ArgumentTypeError(f"{name}: {fault}") from None
+
+
+def _chosen_shadow(own: bool | tuple[int, int], shadow: Shadow | None) -> Shadow | None:
+    """Return the shadow of a light that says yes, no or (size, filter)."""
+    if isinstance(own, tuple):
+        return Shadow(*own)
+    return (shadow or Shadow()) if own else None
+
+
+def _vector(text: str) -> tuple[float, ...]:
     return values.vector(text, "/")
 
 
-def _attenuation(text):
+def _attenuation(text: str) -> str | tuple[float, ...]:
     """KC/KL/KQ as numbers; what else there is stays text, as the classes of lights read it."""
-    return text if text.startswith("1/(") or "d" in text or "/" not in text else _slashed(text)
+    return text if text.startswith("1/(") or "d" in text or "/" not in text else _vector(text)
 
 
-def _resolution(text) -> tuple[int, ...]:
+def _cells(text: str) -> tuple[int, ...]:
+    """M/N, two whole numbers."""
     if not re.fullmatch(r"\d{1,9}/\d{1,9}", text):
         raise argparse.ArgumentTypeError(f"M/N is needed, two whole numbers; given {text!r}")
     return tuple(map(int, text.split("/")))
 
 
-def _shadow(text):
+def _shadow(text: str) -> bool | tuple[int, int]:
     """True, False, or (size, filter)."""
     if text in ("yes", "no"):
         return text == "yes"
@@ -79,18 +114,15 @@ def _shadow(text):
     return int(match[1]), int(match[2] or 1)
 
 
+# By what a field holds, see `describe_fields`; words and text are checked by the class.
 _READERS = {
+    "number": values.number,
+    "whole": values.whole,
+    "flag": values.yes_or_no,
+    "vector": _vector,
+    "cells": _cells,
     "color": values.color,
-    "direction": _slashed,
-    "edge_u": _slashed,
-    "edge_v": _slashed,
     "attenuation": _attenuation,
-    "inner": values.number,
-    "outer": values.number,
-    "exponent": values.number,
-    "falloff": values.number,
-    "range": values.number,
-    "resolution": _resolution,
-    "amplify": values.yes_or_no,
     "shadow": _shadow,
 }
+_FORMS = {"vector": "X/Y/Z", "cells": "M/N", "flag": "yes", "color": "COLOR", "attenuation": "KC/KL/KQ"}

@@ -16,9 +16,9 @@ from ..io.scene_file import SceneFile, read_scene
 from ..options import Options
 from ..scene.color import linear_rgb
 from ..scene.depth_cue import DepthCue
-from ..scene.lights import Shadow
-from ..scene.material import Material
+from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.scene import Scene
+from ..scene.shadow import Shadow
 from ..scene.texture import Texture
 from .arguments import UNSAID
 from .cameras_lights import cast_shadows, make_lights, make_shadow
@@ -93,9 +93,13 @@ def _checked_angle(angle):
 def _make_material(arguments) -> dict:
     """The fields of --reflection and --material, the last of a name; checked on a material that stands in for the
     model's."""
-    settings = {} if arguments.reflection is None else {"reflection": arguments.reflection}
+    settings = {}
+    if arguments.reflection is not None:
+        settings["reflection"] = _checked_model(arguments.reflection, "--reflection")
     for given in arguments.materials:
         settings |= given
+    if "reflection" in settings:
+        _checked_model(settings["reflection"], "--material: reflection")
     if settings.get("texture") is not None:
         try:
             settings["texture"] = Texture(settings["texture"])
@@ -106,6 +110,13 @@ def _make_material(arguments) -> dict:
     except SceneError as fault:
         raise SceneError(f"--material: {fault}") from fault
     return settings
+
+
+def _checked_model(word: str, flag: str) -> str:
+    """Return the word for a reflection model; SceneError where the scene's table has none of that name."""
+    if word not in REFLECTION_MODELS:
+        raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}")
+    return word
 
 
 def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:

@@ -3,12 +3,10 @@
 import argparse
 import re
 
+from ..choices import DISTRIBUTIONS
 from ..errors import SceneError
 from ..scene.named_materials import fields_of
 from . import values
-
-REFLECTIONS = ("phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon")
-DISTRIBUTIONS = ("ggx", "beckmann")
 
 
 def _or_none(read):
@@ -36,7 +34,7 @@ FIELDS = {  # all of a Material but its name: how each is read
     "emissive": values.color,
     "opacity": values.number,
     "texture": _or_none(str),
-    "reflection": values.word_of(REFLECTIONS),
+    "reflection": str,  # which models there are is known once the scene is imported
     "roughness": _roughness,
     "tangent": _tangent,
     "distribution": values.word_of(DISTRIBUTIONS),

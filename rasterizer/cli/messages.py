@@ -131,26 +131,18 @@ def compiling_announced(messages):
 
     Yields a list, empty until then.
     """
-    from numba.core import event
-
-    from ..compiler import kernels
+    from ..compiler import internals, kernels
 
     announced = []
     for reason in kernels.CACHE_REASONS:
         messages.detail(f"no kernels are kept in {reason}")
 
-    class Announcer(event.Listener):
-        def on_start(self, _event):
-            if not announced:
-                is_kept = kernels.CACHE_FOLDER is not None
-                announced.append(_ONCE if is_kept else _ALWAYS)
-                messages.notice(announced[0])
+    def announce():
+        if not announced:
+            announced.append(_ONCE if kernels.CACHE_FOLDER is not None else _ALWAYS)
+            messages.notice(announced[0])
 
-        def on_end(self, _event):
-            pass
-
-    # Passes of the compiler run only where machine code wasn't found on disk.
-    with event.install_listener("numba:run_pass", Announcer()), _details_told(messages):
+    with internals.watch_compiling(announce), _details_told(messages):
         yield announced
 
 

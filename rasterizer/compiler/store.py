@@ -2,9 +2,9 @@
 
 A kernel on disk is code that every later run executes. So it is read only from a folder that nobody else can write to:
 
-    folder, and every folder above it    belongs to the user who runs the program, or to root, and others can't write to it; above
-                                         the folder itself, a sticky one like /tmp will do: there nobody can move what
-                                         isn't his
+    folder, and every folder above it    belongs to the user who runs the program, or to root, and others can't write to
+                                         it; above the folder itself, a sticky one like /tmp will do: there nobody can
+                                         move what isn't his
     file                                 a regular one, not a link, of the same owners, that others can't write to
 
 Writing by a group counts as writing by others, unless the group is the user's own: of his name, with no other member.

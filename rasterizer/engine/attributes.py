@@ -6,8 +6,8 @@ them what else a sample needs: colours, texture coordinates, tangents.
 
 import numpy as np
 
-from ..pipeline.fragments import make_rows
-from ..pipeline.lighting import light_points
+from ..pipeline.fragments import make_batch
+from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.means import fill_means
 
 
@@ -39,17 +39,16 @@ def point_intensities(geometry, plan, lighting, screen, n_side, normal_offsets, 
 def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads) -> np.ndarray:
     """Light all points but the centres of polygons: (n_side, n_point, n_channel); see `point_intensities`."""
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
-    normals = np.concatenate([geometry.normals, geometry.tangents]) if plan.has_tangents else geometry.normals
+    tangents = geometry.tangents if plan.has_tangents else None
+    points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     starts, ends = geometry.point_offsets[:-1].tolist(), geometry.point_offsets[1:].tolist()
     for material, start, end in zip(geometry.group_material.tolist(), starts, ends, strict=True):
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
 
             def light_part(part, material=material, start=start, sign=sign, out=out):
-                light_points(
-                    geometry.points, normals, geometry.albedo, normal_offsets, start + part[0], start + part[1],
-                    screen, sign, lighting, material, make_rows(plan.dtype), out,
-                )  # fmt: skip
+                batch = make_batch(plan.dtype)
+                light_points(points, start + part[0], start + part[1], screen, sign, lighting, material, batch, out)
 
             threads.map(light_part, threads.ranges(end - start))
     return intensities
@@ -86,7 +85,7 @@ class NormalAttributes:
         return self._kept[key]
 
     def of_faces(self, view, screen) -> np.ndarray:
-        """Normals of flat faces, towards the viewer, (2, n_point, 3): side 1 is reversed, because `write_buffers` flips
+        """Normals of flat faces, towards the viewer, (2, n_point, 3): side 1 is reversed, because `write_normal` flips
         it."""
         normals = self._geometry.normals.T
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from ..pipeline.light_kinds import LIGHTS
-from ..pipeline.records import CODINGS, NORMAL_PLANES, Coding
-from ..pipeline.resolve import CLAMP, GLOBAL, LOCAL, Encoding
-from .intensity_bounds import kind_of
+from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding
+from ..pipeline.gradients import CODINGS, NORMAL_PLANES, Coding
+from .light_table import entry_of
 from .plan import Plan
 
 
@@ -28,7 +27,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         normal_limit=plan.normal_limit,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
         needs_distance=plan.coding == NORMAL_PLANES
-        and any(LIGHTS[kind_of(light)].needs_position for light in plan.lights),
+        and any(entry_of(light).function(light).needs_position for light in plan.lights),
         inv_w_offset=inv_w_offset,
         inv_w_scale=inv_w_scale,
         depth_offset=depth_offset,
@@ -39,6 +38,6 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
 def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
     """Say how linear colour becomes 8 bits; `background` is a linear colour or None."""
     behind = np.array(background or (0, 0, 0), np.float32)
-    policy = {"clamp": CLAMP, "global": GLOBAL, "local": LOCAL}[color_range]
+    policy = {"clamp": RANGE_CLAMP, "global": RANGE_GLOBAL, "local": RANGE_LOCAL}[color_range]
     is_grey = plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0
     return Encoding(is_grey, plan.tint, behind, background is not None, policy, scale)

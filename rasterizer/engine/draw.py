@@ -12,14 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..pipeline.bands import sort_into_bands
-from ..pipeline.clip import NO_PLANES, clip
-from ..pipeline.cull import Faces, find_visible
-from ..pipeline.records import MAX_RECORDS
+from ..pipeline.bands import Band, sort_into_bands
+from ..pipeline.clip import clip
+from ..pipeline.cull import Grid, find_visible
+from ..pipeline.drawables import Drawables, Triangles
+from ..pipeline.face_planes import NO_PLANES
 from ..pipeline.scan import scan
-from ..pipeline.setup import Polygons
-from ..pipeline.transform import Vertices, transform
-from .passes import Band, FaceTable, Pass
+from ..pipeline.transform import transform
+from ..pipeline.visibility import MAX_RECORDS
+from .passes import FaceTable, Pass
 from .transparency import draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
@@ -34,7 +35,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
     geometry : Geometry of the scene, world space
     render_pass : what is drawn, and what becomes of it
     screen : Screen of the view
-    workspaces : Scratch, from which each band takes the memory that it is drawn in
+    workspaces : WorkspacePool, from which each band takes the memory that it is drawn in
     threads : Workers
     clock : Clock, which notes the milliseconds of each stage
 
@@ -42,7 +43,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
     """
     vertices, n_outside = transform(geometry.positions, screen, threads)
     clock.lap("transform")
-    drawn = Drawn.whole(geometry, vertices, render_pass.face_table)
+    drawn = Drawn.whole(geometry, vertices, render_pass)
     if n_outside:
         drawn = clip_outside(geometry, drawn, screen)
         clock.lap("clip")
@@ -54,14 +55,13 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
 
     def draw_band(band: Band) -> BandCounts:
         workspace = workspaces.take(kind, len(band.faces))
-        workspace = workspace._replace(records=workspace.records._replace(cut=drawn.clip_planes))
+        workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
         if render_pass.opacity is not None:
             n_record = n_exact = draw_transparent_band(band, drawn, render_pass, workspace)
         else:
             n_record, n_exact = scan(
-                band.faces, drawn.polygons, drawn.vertices, render_pass.attributes, render_pass.coding, band.y_start,
-                band.y_end, workspace.block, workspace.canvas, workspace.records,
-            )  # fmt: skip
+                band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records
+            )
             render_pass.shade(workspace, band, n_exact, drawn.face_table)
         n_covered = render_pass.finish(workspace, band, drawn.loaded_face)
         workspaces.give_back(kind, workspace)
@@ -75,32 +75,32 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
 class Drawn(NamedTuple):
     """The triangles that the stages after clip work on, and what is known of them."""
 
-    polygons: Polygons
-    vertices: Vertices
+    drawables: Drawables
     loaded_face: np.ndarray  # (n_triangle,) the face as loaded that each is a part of; empty where each is one
     face_table: FaceTable
-    clip_planes: np.ndarray  # planes of the clipped faces, see pipeline/clip.py
+    clipped_planes: np.ndarray  # planes of the clipped faces, see pipeline/clip.py
     n_clipped: int
 
     @classmethod
-    def whole(cls, geometry, vertices, face_table) -> "Drawn":
+    def whole(cls, geometry, vertices, render_pass) -> "Drawn":
         """All triangles of the scene as they are."""
-        polygons = Polygons(geometry.vertex, geometry.corner, geometry.is_inverted)
-        return checked(cls(polygons, vertices, geometry.face, face_table, NO_PLANES, 0))
+        triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted)
+        drawables = Drawables(triangles, vertices, render_pass.attributes)
+        return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, 0))
 
 
 def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
     """Put parts in the place of the triangles that have a vertex outside."""
-    clipped = clip(geometry.positions, geometry.vertex, geometry.corner, drawn.vertices, screen)
-    polygons = Polygons(clipped.vertex, clipped.corner, geometry.is_inverted[clipped.face], clipped.cut, clipped.ends)
-    loaded_face = geometry.face[clipped.face] if len(geometry.face) else clipped.face
-    face_table = drawn.face_table.of_parts(clipped.face)
-    return checked(Drawn(polygons, clipped.vertices, loaded_face, face_table, clipped.planes, clipped.n_clipped))
+    clipped = clip(geometry.positions, drawn.drawables.triangles, drawn.drawables.vertices, screen)
+    drawables = drawn.drawables._replace(triangles=clipped.triangles, vertices=clipped.vertices)
+    loaded_face = geometry.face[clipped.faces] if len(geometry.face) else clipped.faces
+    face_table = drawn.face_table.of_parts(clipped.faces)
+    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, clipped.n_clipped))
 
 
 def checked(drawn: Drawn) -> Drawn:
     """Return the triangles if records have numbers for all of them."""
-    n = drawn.polygons.vertex.shape[1]
+    n = drawn.drawables.triangles.vertex_idx.shape[1]
     if n > MOST_FACES:
         raise SceneError(f"a scene may have {MOST_FACES} triangles; this one has {n}")
     return drawn
@@ -114,9 +114,9 @@ def cull(drawn: Drawn, render_pass: Pass, threads):
     factor, (width, height) = render_pass.factor, render_pass.n_sample
     n_row = choose_band_rows(width, height, threads.n_thread, factor)
     while True:
-        visible = find_visible(
-            Faces(*drawn.polygons.vertex), drawn.vertices, width, height, n_row, render_pass.is_culled, threads
-        )
+        triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
+        grid = Grid(width, height, n_row)
+        visible = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads)
         most = int(np.sum([part.histogram for part in visible], axis=0).max(initial=0))
         if most <= MAX_RECORDS:
             return visible, n_row
@@ -136,17 +136,17 @@ def choose_band_rows(width, height, n_thread, factor) -> int:
 
 def busiest_first(bands, n_row, render_pass: Pass) -> list[Band]:
     """The bands to draw, those with most triangles first: so no thread is left with a big one at the end."""
-    n_in_band, (_, height) = np.diff(bands.start), render_pass.n_sample
+    n_in_band, (_, height) = np.diff(bands.starts), render_pass.n_sample
     order = np.argsort(-n_in_band, kind="stable").tolist()
     return [
-        Band(bands.face[bands.start[k] : bands.start[k + 1]], k * n_row, min((k + 1) * n_row, height))
+        Band(bands.faces[bands.starts[k] : bands.starts[k + 1]], k * n_row, min((k + 1) * n_row, height))
         for k in order
         if render_pass.is_filled or n_in_band[k] > 0
     ]
 
 
 class BandCounts(NamedTuple):
-    """What was drawn in one band: samples, and triangles by the way that their attributes took (pipeline/records.py)."""
+    """What was drawn in one band: samples, and triangles by the way that their attributes took (pipeline/gradients.py)."""
 
     covered: int
     entries: int
@@ -171,7 +171,7 @@ class Counts(NamedTuple):
     def of(cls, geometry, drawn: Drawn, visible, render_pass: Pass, counts) -> "Counts":
         """Sum up the counts of the stages and bands."""
         n_culled = sum(part.n_culled for part in visible)
-        n_drawn = sum(len(part.face) for part in visible)
+        n_drawn = sum(len(part.faces) for part in visible)
         width, height = render_pass.n_sample
         covered, *ways = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
         return cls(geometry.n_loaded, drawn.n_clipped, n_culled, n_drawn, covered, width * height, *ways)

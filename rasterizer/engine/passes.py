@@ -9,49 +9,26 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from ..pipeline.a_buffer import Opacity
-from ..pipeline.buffers import Buffers, write_buffers
+from ..pipeline.bands import Band
+from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
+from ..pipeline.encode import Encoding
+from ..pipeline.gradients import EXACT, Coding
+from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
-from ..pipeline.records import EXACT, Coding
-from ..pipeline.resolve import Encoding, Picture, resolve
-from ..pipeline.shade import shade_interpolated, shade_lit
+from ..pipeline.resolve import Picture, resolve
+from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
 from ..pipeline.shadow_lookup import write_map
-from ..pipeline.texture_sampling import Textures, shade_textured, take_texels
+from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
 from ..pipeline.transform import Screen
-from ..pipeline.workspace import Bench, BenchKind
+from ..pipeline.workspace import Workspace, WorkspaceKind
+from .output_buffers import BUFFER_TABLE
 from .plan import Plan
-
-
-class Band(NamedTuple):
-    """A band of rows of samples, and the triangles that meet it."""
-
-    faces: np.ndarray  # (n,) uint32, ascending
-    y_start: int
-    y_end: int
-
-    @property
-    def n_row(self) -> int:
-        """Rows of samples."""
-        return self.y_end - self.y_start
-
-
-class FaceTable(NamedTuple):
-    """What is known of every triangle beside its corners; an array that isn't needed has no rows."""
-
-    material: np.ndarray  # (n_face,) uint32
-    shape: (
-        np.ndarray
-    )  # (n_face, 5) float64: its plane, and the normal offset of its points; see pipeline/shadow_lookup.py
-
-    def of_parts(self, face) -> "FaceTable":
-        """The table of triangles that are parts of the faces `face`."""
-        return FaceTable(*(rows[face] if len(rows) else rows for rows in self))
-
 
 NO_TABLE = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
 
@@ -77,22 +54,22 @@ class Pass:
         """Columns and rows of samples."""
         return self.size[0] * self.factor, self.size[1] * self.factor
 
-    def workspace_kind(self, n_row) -> BenchKind:
+    def workspace_kind(self, n_row) -> WorkspaceKind:
         """The memory that a band of `n_row` rows is drawn in."""
         n_attribute = self.attributes.shape[2]
         n_group = -(-n_attribute // 3) if self.coding.kind != EXACT else 0  # the normals, or the channels; the albedo
-        return BenchKind(
+        return WorkspaceKind(
             self.n_sample[0], n_row, self.n_channel, n_attribute, n_group, self.attributes.dtype,
             self.textures is not None, self.opacity is not None,
         )  # fmt: skip
 
-    def shade(self, workspace: Bench, band: Band, n_exact: int, face_table: FaceTable) -> None:
+    def shade(self, workspace: Workspace, band: Band, n_exact: int, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
 
         `n_exact` is the number of exact records, `face_table` that of the triangles that are drawn, clipped parts included.
         """
 
-    def finish(self, workspace: Bench, band: Band, loaded_face: np.ndarray) -> int:
+    def finish(self, workspace: Workspace, band: Band, loaded_face: np.ndarray) -> int:
         """Write the band's rows of the output; return how many samples are covered.
 
         `loaded_face` is the face as loaded of each triangle, or empty where each is one.
@@ -127,27 +104,24 @@ class ColorPass(Pass):
 
     def shade(self, workspace, band, n_exact, face_table):
         """Find the light that comes from the visible samples, then let what is further away fade."""
+        scanned = ScannedBand(
+            workspace.visibility, workspace.records, self.coding.kind, n_exact, band.y_start, band.n_row
+        )
         if self.textures is not None:
-            take_texels(
-                workspace.canvas, workspace.records, band.y_start, band.n_row, self.textures, face_table.material,
-                workspace.rows, workspace.texels,
-            )  # fmt: skip
-        self.light(workspace, band, n_exact, face_table)
+            sample_textures(scanned, self.textures, face_table.materials, workspace.batch, workspace.texels)
+        self.light(workspace, scanned, face_table)
         if self.plan.cue is not None:
-            fade(
-                workspace.canvas, workspace.records, band.y_start, band.n_row, self.screen.is_perspective,
-                self.plan.cue, workspace.radiance,
-            )  # fmt: skip
+            fade(scanned, self.screen.is_perspective, self.plan.cue, workspace.radiance)
 
-    def light(self, workspace: Bench, band: Band, n_exact: int, face_table: FaceTable) -> None:
+    def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable) -> None:
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
     def finish(self, workspace, band, loaded_face):
         """Average the samples of each pixel, and write the picture's rows."""
-        layers = workspace.layers if self.opacity is not None else None
+        a_buffer = workspace.a_buffer if self.opacity is not None else None
         return resolve(
-            workspace.canvas, workspace.radiance, layers, band.y_start // self.factor, band.y_end // self.factor,
+            workspace.visibility, workspace.radiance, a_buffer, band.y_start // self.factor, band.y_end // self.factor,
             self.factor, self.encoding, self.picture,
         )  # fmt: skip
 
@@ -156,18 +130,13 @@ class ColorPass(Pass):
 class InterpolatedPass(ColorPass):
     """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
 
-    def light(self, workspace, band, n_exact, face_table):
+    def light(self, workspace, band, face_table):
         """Interpolate the intensities, with textures those of the parts that these weaken and don't weaken."""
         if self.textures is None:
             level_step = self.plan.dtype.type(1.0 / self.plan.level_scale)
-            shade_interpolated(
-                workspace.canvas, workspace.records, n_exact, self.coding.kind, band.y_start, band.n_row,
-                self.n_channel, level_step, workspace.radiance,
-            )  # fmt: skip
+            shade_interpolated(band, self.n_channel, level_step, workspace.radiance)
         else:
-            shade_textured(
-                workspace.canvas, workspace.records, band.y_start, band.n_row, workspace.texels, workspace.radiance
-            )
+            shade_textured(band, workspace.texels, workspace.radiance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,13 +145,11 @@ class LitPass(ColorPass):
 
     lighting: Lighting
 
-    def light(self, workspace, band, n_exact, face_table):
+    def light(self, workspace, band, face_table):
         """Interpolate the normals and light the samples."""
-        shade_lit(
-            workspace.canvas, workspace.records, n_exact, self.coding.kind, band.y_start, band.n_row, self.screen,
-            self.lighting, face_table.material, face_table.shape,
-            workspace.texels if self.textures is not None else None, workspace.rows, workspace.radiance,
-        )  # fmt: skip
+        texels = workspace.texels if self.textures is not None else None
+        tangents = self.attributes.shape[2] - 3 if self.plan.has_tangents else None  # the last three attributes
+        shade_lit(band, self.screen, self.lighting, face_table, tangents, texels, workspace.batch, workspace.radiance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,13 +157,14 @@ class BufferPass(Pass):
     """Exact buffers: one sample a pixel, at its centre, and an exact record for every triangle."""
 
     screen: Screen
-    buffers: Buffers
+    buffers: dict[str, np.ndarray]  # by name, see output_buffers.py; written
 
     def finish(self, workspace, band, loaded_face):
-        """Write depth, face and normal of what is visible."""
-        return write_buffers(
-            workspace.canvas, workspace.records, loaded_face, band.y_start, band.n_row, self.screen, self.buffers
-        )
+        """Write what is visible into each buffer."""
+        surfaces = VisibleSurfaces(workspace.visibility, workspace.records, loaded_face, self.screen)
+        for name, buffer in self.buffers.items():
+            BUFFER_TABLE[name].write(surfaces, band, buffer)
+        return clear_band(workspace.visibility, band.n_row)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,7 +176,7 @@ class ShadowMapPass(Pass):
 
     def finish(self, workspace, band, loaded_face):
         """Write the texels' depths."""
-        write_map(workspace.canvas, band.y_start, band.n_row, *self.depth, self.texels)
+        write_map(workspace.visibility, band.y_start, band.n_row, self.depth, self.texels)
         return 0
 
 

@@ -13,23 +13,18 @@ import numpy as np
 from ..errors import SceneError
 from ..geometry.points import number_materials
 from ..options import Options
-from ..pipeline.a_buffer import Opacity, least_transmitted
+from ..pipeline.a_buffer import Opacity, least_transmittance
 from ..pipeline.depth_cueing import Cue
-from ..pipeline.records import EXACT, IN_PLANES, IN_WORDS, LEVEL_MASK, NORMAL_PLANES
+from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from ..pipeline.texture_sampling import Textures
-from ..scene.lights import AmbientLight, AreaLight
-from .error_bounds import (
-    EXPONENTS,
-    SINGLE,
-    WRITTEN,
-    Reflected,
-    find_most,
-    find_reflected,
-    lighting_error,
-)
-from .intensity_bounds import common_color, common_tint, has_highlight, model_of
+from ..pipeline.visibility import LEVEL_MASK
+from . import light_table, reflection_table
+from .error_bounds import WRITTEN, lighting_error
+from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
+from .rounding import SINGLE
 from .spectral_products import Products, multiply_spectra
 from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
+from .tint import common_color, common_tint
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
@@ -75,7 +70,7 @@ class Sources(NamedTuple):
     @property
     def has_shadows(self) -> bool:
         """Some light casts shadows."""
-        return any(light.shadow is not None for light in self.lights)
+        return any(light_table.shadow_of(light) is not None for light in self.lights)
 
     @property
     def is_textured(self) -> bool:
@@ -117,7 +112,7 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
     reasons = reasons_for_float64(sources, brightness, options, scene.depth_cue, is_precise)
     coding, normal_limit = choose_coding(sources, brightness, options, tint, not reasons)
     most_level, n_channel = brightness.bound + brightness.rounding, 3 if tint is None else 1
-    least = least_transmitted(options.tolerance, brightness.bound, not reasons)
+    least = least_transmittance(options.tolerance, brightness.bound, not reasons)
     materials = sources.materials
     return Plan(
         n_channel=n_channel,
@@ -149,9 +144,8 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
 
 def gather_sources(scene, options: Options) -> Sources:
     """List lights and materials, those of an area light one by one; the exposure is included."""
-    ambient_lights = tuple(light for light in scene.lights if isinstance(light, AmbientLight))
-    others = [light for light in scene.lights if not isinstance(light, AmbientLight)]
-    lights = tuple(part for light in others for part in (light.cells() if isinstance(light, AreaLight) else (light,)))
+    ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
+    lights = tuple(part for light in scene.lights for part in light_table.entry_of(light).expand(light))
     materials = number_materials(scene.meshes)[0]
     products = multiply_spectra(materials, lights, ambient_lights, options)
     if products is None and options.exposure != 0.0:
@@ -187,9 +181,9 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     fades_to = max(scene.depth_cue.color) if scene.depth_cue is not None else 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         most_albedo = albedo.max(initial=1.0) * brightest_texel(sources.materials)
-        reflected = find_reflected(sources.materials, sources.lights, sources.ambient, most_albedo, sources.products)
+        reflected = compute_reflected(sources.materials, sources.lights, sources.ambient, most_albedo, sources.products)
     check_brightness(max(reflected.bound, fades_to))
-    most = find_most(sources.lights, clearances)
+    most = compute_amplifications(sources.lights, clearances)
     greatest = reflected.amplified(most)
     bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
     rounding = lighting_error(greatest, SINGLE) + WRITTEN * SINGLE * (behind + bound)
@@ -211,33 +205,25 @@ def reasons_for_float64(sources: Sources, brightness: Brightness, options, cue, 
     Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners; or
     the rest on intensities between them.
     """
-    materials = sources.materials
     reasons = {
         "tolerance 0": options.tolerance == 0,
         "rounding beyond half of the tolerance": not brightness.rounding <= options.tolerance / 2,
         "numbers of lights beyond float32": not are_single(sources.lights),
         "this view": is_precise,
-        # Next to a step no error is small: the levels of a toon, the edges of shadows and of texels.
+        # Next to a step no error is small: the edges of shadows and of texels.
         "shadows": sources.has_shadows,
         "textures": sources.is_textured,
-        "toon levels": any(material.reflection == "toon" for material in materials),
-        # None has a bound where a tangent nearly stands upright on the surface.
-        "brushed materials": any(material.is_anisotropic for material in materials),
-        # Depth cueing reads depths from exact records.
-        "depth cueing": cue is not None,
-        "an exponent below 1": any(
-            m.shininess < 1.0 and has_highlight(m) and model_of(m) in EXPONENTS for m in materials
-        ),
-        "spectra": bool(sources.products),
     }
-    return tuple(reason for reason, holds in reasons.items() if holds)
+    reasons |= {reflection_table.entry_of(m).reason_for_float64(m): True for m in sources.materials}
+    # Depth cueing reads depths from exact records.
+    reasons |= {"depth cueing": cue is not None, "spectra": bool(sources.products)}
+    return tuple(reason for reason, holds in reasons.items() if reason and holds)
 
 
 def are_single(lights) -> bool:
-    """Tell whether the numbers of lights have a place in float32, and their products with squares of lengths, too."""
-    numbers = [number for light in lights for number in getattr(light, "attenuation", ()) if number > 0.0]
-    numbers += [light.range for light in lights if getattr(light, "range", None) is not None]
-    return all(SMALL <= number <= LARGE for number in numbers)
+    """Tell whether the coefficients of lights keep their digits in float32, and their products with squares of lengths,
+    too."""
+    return all(SMALL <= length <= LARGE for light in lights for length in light_table.entry_of(light).lengths(light))
 
 
 def choose_coding(sources: Sources, brightness: Brightness, options, tint, is_single) -> tuple[int, float]:
@@ -245,9 +231,9 @@ def choose_coding(sources: Sources, brightness: Brightness, options, tint, is_si
     if not is_single or not sources.is_opaque:
         return EXACT, 0.0
     if options.shading == "phong":
-        turned = max(brightness.greatest.turned, 1e-30)
+        turned = max(brightness.greatest.turn_slope, 1e-30)
         normal_limit = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * turned)
         return (NORMAL_PLANES if normal_limit > 3.0 else EXACT), normal_limit
     if not np.isfinite(brightness.bound):
         return EXACT, 0.0
-    return (IN_WORDS if tint is not None else IN_PLANES), 0.0
+    return (IN_ENTRIES if tint is not None else LEVEL_PLANES), 0.0

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ..pipeline.records import EXACT, IN_PLANES, IN_WORDS, NORMAL_PLANES
+from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from .plan import Plan
-from .uniforms import row_functions_of
+from .uniforms import batch_functions_of
 
 WAYS = {
-    IN_WORDS: "one intensity in each visibility entry",
-    IN_PLANES: "planes of the three channels",
+    IN_ENTRIES: "one intensity in each visibility entry",
+    LEVEL_PLANES: "planes of the three channels",
     NORMAL_PLANES: "planes of the normals",
     EXACT: "exact records",
 }
@@ -73,7 +73,7 @@ _WAY_NAMES = ("entries", "planes", "exact records")
 
 def summarize(plan: Plan, is_perspective: bool, ways: Ways | None = None) -> PlanSummary:
     """Put a plan into words."""
-    of_lights, of_materials = row_functions_of(plan, is_perspective)
+    of_lights, of_materials = batch_functions_of(plan, is_perspective)
     features = {
         "textures": plan.textures is not None,
         "shadows": plan.has_shadows,

@@ -2,27 +2,39 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from ..options import Options
-from ..pipeline.fragments import make_rows
-from ..pipeline.lighting import light_points
+from ..pipeline.fragments import make_batch
+from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.transform import Screen
+from ..scene.arrays import plain_array
 from ..scene.camera import Camera, View
-from ..scene.lights import Light, check_number
+from ..scene.lights import checked_lights
 from ..scene.material import Material
-from ..scene.validate import plain_array, shown, unit3, vector3
-from .intensity_bounds import common_color
+from ..scene.validate import unit3, vector3
 from .plan import make_plan
+from .tint import common_color
 from .uniforms import make_lighting
 
 
 def illuminate(
-    points, normals, material, lights, viewer=None, *, toward_viewer=None, tangents=None, two_sided=False, exposure=0.0,
-    spectral=None,
-):  # fmt: skip
+    points: ArrayLike,
+    normals: ArrayLike,
+    material: Material | str,
+    lights: Any,
+    viewer: ArrayLike | Camera | None = None,
+    *,
+    toward_viewer: ArrayLike | None = None,
+    tangents: ArrayLike | None = None,
+    two_sided: bool = False,
+    exposure: float = 0.0,
+    spectral: int | None = None,
+) -> NDArray[np.float64]:
     """Evaluate the illumination equation at points of a surface, by the code that renders, in float64.
 
     I = ke + ka·Ia + Σ f_att f_spot Ip [kd D + ks W h], summed over the lights; see `Material` for D, W and h.
@@ -34,7 +46,7 @@ def illuminate(
     material : Material, or the name of one (see `Material.named`); without a texture
     lights : one light or a sequence of them; area lights as in a picture; shadows have no part, as nothing is there to
         cast them
-    viewer : three numbers, the eye's place in the world; or a Camera, without perspective at infinity
+    viewer : three numbers, the eye's position in the world; or a Camera, without perspective at infinity
     toward_viewer : three numbers in place of `viewer`: the direction from the surface to an eye at infinity, of any
         length
     tangents : (..., 3) numbers, world space, the direction in which u grows; needed by materials that are brushed along
@@ -47,18 +59,14 @@ def illuminate(
 
     Returns
     -------
-    (..., 3) float64, linear RGB, not clamped; a white matte surface facing a light of intensity 1 has 1
+    (..., 3) float64, linear RGB, not clamped; a white Lambertian surface facing a light of intensity 1 has 1
 
     Raises
     ------
     SceneError : shapes that don't fit, values that are not finite, normals without length, no viewer or two, lights
         that move with a camera where the viewer is none, a texture
     """
-    material = Material.named(material) if isinstance(material, str) else material
-    if not isinstance(material, Material):
-        raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
-    if material.texture is not None:
-        raise SceneError("the material must have no texture: points have no texture coordinates")
+    material = _checked_material(material)
     if not isinstance(two_sided, (bool, np.bool_, int)):
         raise SceneError(f"two_sided must be True or False; given {shown(two_sided)}")
     if points is None or normals is None:
@@ -66,23 +74,32 @@ def illuminate(
     points, normals, tangents, shape = _checked_points(points, normals, tangents, material)
     view, is_perspective = _look_from(viewer, toward_viewer)
     lights = _checked_lights(lights, isinstance(viewer, Camera))
-    scene = SimpleNamespace(
-        background=None, lights=lights, meshes=[SimpleNamespace(palette=(material,))], depth_cue=None
-    )
+    meshes = [SimpleNamespace(palette=(material,))]
+    scene = SimpleNamespace(background=None, lights=lights, meshes=meshes, depth_cue=None)
     plan = make_plan(scene, Options(tolerance=0.0, exposure=exposure, spectral=spectral), np.empty((0, 3)))
     lighting = make_lighting(plan, view, (), is_perspective)
     # Of a screen lighting reads the eye and the axis along which it looks.
     screen = Screen(view.eye, view.right, view.up, view.forward, *[1.0] * 8, is_perspective)
-    columns = np.concatenate([normals, tangents], axis=1).T if plan.has_tangents else normals.T
-    n = len(points)
-    found = np.empty((n, plan.n_channel))
-    light_points(
-        np.ascontiguousarray(points.T), np.ascontiguousarray(columns), np.empty((0, 3)), np.empty(0), 0, n, screen,
-        0 if two_sided else 1, lighting, 0, make_rows(plan.dtype), found,
+    surface = SurfacePoints(
+        np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T),
+        np.ascontiguousarray(tangents.T) if plan.has_tangents else None, np.empty((0, 3)), np.empty(0),
     )  # fmt: skip
+    n, side = len(points), 0 if two_sided else 1
+    found = np.empty((n, plan.n_channel))
+    light_points(surface, 0, n, screen, side, lighting, 0, make_batch(plan.dtype), found)
     if plan.n_channel == 1:  # the plan's tint is float32, as a picture needs no more
         found = found * common_color(plan.materials, plan.lights, plan.ambient)
     return found.reshape(shape)
+
+
+def _checked_material(material: object) -> Material:
+    """A material, or the one of this name; without a texture."""
+    material = Material.named(material) if isinstance(material, str) else material
+    if not isinstance(material, Material):
+        raise SceneError(f"the material must be a Material, or the name of one; given {shown(material)}")
+    if material.texture is not None:
+        raise SceneError("the material must have no texture: points have no texture coordinates")
+    return material
 
 
 def _checked_points(points, normals, tangents, material):
@@ -138,19 +155,10 @@ def _look_from(viewer, toward_viewer):
 
 def _checked_lights(lights, has_camera):
     """One light or many as a tuple, none with shadows."""
-    lights = (lights,) if isinstance(lights, Light) else lights
-    try:
-        lights = tuple(lights)
-    except TypeError:
-        lights = (None,)
+    lights = checked_lights(lights)
     for i, light in enumerate(lights):
-        if not isinstance(light, Light):
-            raise SceneError(
-                f"lights must be Ambient-, Directional-, Point-, Spot- or AreaLight; given {shown(light)} at {i}"
-            )
         if getattr(light, "attached", "world") == "camera" and not has_camera:
             raise SceneError(f"light {i} moves with the camera: the viewer must be a Camera")
-    check_number(lights)
     return tuple(
         replace(light, shadow=None) if getattr(light, "shadow", None) is not None else light for light in lights
     )

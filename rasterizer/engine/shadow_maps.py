@@ -1,125 +1,117 @@
 """Shadow maps: for every light that casts shadows, pictures of the opaque surfaces as the light sees them
 (pipeline/shadow_lookup.py).
 
-    directional   one map, parallel rays, fitted to the scene
-    spot          one map about its axis, as wide as the outer cone, if that has 63 degrees at most; else as a point light
-    point         one map, if the scene fits into a wide view from the light; else six, the faces of a cube round it
-    area          maps of its cells, as for points
+    parallel rays   one map, fitted to the scene
+    a cone          one map about its axis, as wide as the cone, if that has 63 degrees at most; else as to all sides
+    to all sides    one map, if the scene fits into a wide view from the light; else six, the faces of a cube round it
+
+Which of these a light is says its `Beam` (engine/light_table.py); an area light is many point lights.
 """
 
 import math
 from functools import cached_property
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SceneError
-from ..geometry.points import find_lifts, find_shapes
-from ..pipeline.records import IN_WORDS
-from ..pipeline.shadow_lookup import (
-    CENTER_X,
-    CENTER_Y,
-    FILTER,
-    FORWARD,
-    HEADER,
-    IS_PERSPECTIVE,
-    MAPS,
-    N_MAP,
-    N_MAP_NUMBER,
-    ORIGIN,
-    RIGHT,
-    ROUNDING,
-    SCALE_X,
-    SCALE_Y,
-    SIZE,
-    UP,
-)
+from ..geometry.points import Geometry
+from ..geometry.surfaces import compute_normal_offsets, compute_shapes
+from ..pipeline import shadow_lookup as lookup
+from ..pipeline.a_buffer import Opacity
+from ..pipeline.gradients import IN_ENTRIES
+from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
+from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
-from ..scene.lights import DirectionalLight, PointLight, SpotLight
 from .coding import make_coding
 from .depth_range import NEAREST, fit_screen
 from .draw import draw
+from .light_table import Beam, entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
-from .uniforms import world_direction, world_position
+from .plan import Plan
 
-WIDEST = 2.0  # tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have
+# Tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have.
+WIDEST = 2.0
 NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # the stages of a map are not those of the picture
 MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow_lookup.py
 MOST_NUMBERS = 2**28  # of all maps of a scene: 2 GiB
 MARGIN = 1.0  # texels that stay free at the borders of a fitted map
-CUBE = np.array(
-    [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float
-)  # the order of shadow.cube_face
+# The directions of the faces of a cube, in the order in which a lookup counts them.
+CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
 
 
 class ShadowMap(NamedTuple):
     """The maps of one light."""
 
-    block: np.ndarray  # float64: the header, then the texels
-    origin: np.ndarray  # (3,) world space: the place that the maps' coordinates are relative to
+    block: NDArray[np.float64]  # the header, then the texels
+    origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
 
-    def move(self, eye) -> None:
-        """Write the place relative to the eye, as the positions of surface points are."""
-        for k in range(int(self.block[N_MAP])):
-            start = MAPS + N_MAP_NUMBER * k + ORIGIN
-            self.block[start : start + 3] = self.origin - eye
+    def move(self, eye: NDArray[np.float64]) -> None:
+        """Write the origin relative to the eye, as the positions of surface points are."""
+        for row in _map_rows(self.block):
+            row[lookup.ORIGIN : lookup.ORIGIN + 3] = self.origin - eye
 
 
 class Casters(NamedTuple):
     """What casts shadows."""
 
-    geometry: object  # Geometry of the opaque faces
-    corners: np.ndarray  # (n, 3) float64, corners of boxes round them, world space
+    geometry: Geometry  # of the opaque faces
+    corners: NDArray[np.float64]  # (n, 3) of boxes round them, world space
 
 
 class Shadows:
     """The shadow maps of a scene, kept from picture to picture, and what looking them up needs of the surfaces."""
 
-    def __init__(self, geometry, bounds, plan):
-        self._casters = find_casters(geometry, bounds, plan.opacity)
-        self._geometry, self._plan, self._maps = geometry, plan, {}
+    def __init__(self, geometry: Geometry, bounds: NDArray[np.float64], plan: Plan):
+        self._casters = gather_casters(geometry, bounds, plan.opacity)
+        self._geometry, self._plan = geometry, plan
+        self._maps: dict[int, ShadowMap] = {}  # by the index of the light
 
-    def draw(self, view, scratch, workers) -> list:
-        """The maps of all lights, None for those that cast no shadows; those of lights that stay where they are, are
-        kept.
+    def draw(self, view: View, workspaces: WorkspacePool, threads: Workers) -> list[ShadowMap | None]:
+        """Return the maps of all lights, None for those that cast no shadows; those of lights that stay where they are,
+        are kept.
 
         Raises SceneError where they would have more than MOST_NUMBERS numbers.
         """
-        maps, room = [], MOST_NUMBERS
+        maps: list[ShadowMap | None] = []
+        room = MOST_NUMBERS
         for k, light in enumerate(self._plan.lights):
-            if light.shadow is None or self._casters is None:
+            if shadow_of(light) is None or self._casters is None:
                 maps.append(None)
                 continue
-            if k not in self._maps or light.attached == "camera":
+            if k not in self._maps or is_carried(light):
                 before = self._maps.get(k)
-                self._maps[k] = draw_shadow_map(light, view, self._casters, self._plan, scratch, workers, room, before)
+                self._maps[k] = draw_shadow_map(
+                    light, view, self._casters, self._plan, workspaces, threads, room, before
+                )
             self._maps[k].move(view.eye)
             room -= len(self._maps[k].block)
             maps.append(self._maps[k])
         return maps
 
     @cached_property
-    def shapes(self) -> np.ndarray:
-        """The planes of all triangles, and how far their points are lifted, (n_face, 5) float64."""
+    def shapes(self) -> NDArray[np.float64]:
+        """The planes of all triangles, and the normal offsets of their points, (n_face, 5)."""
         out = np.empty((self._geometry.vertex.shape[1], 5))
-        find_shapes(self._geometry.positions, self._geometry.normals, self._geometry.vertex, out)
+        compute_shapes(self._geometry.positions, self._geometry.normals, self._geometry.vertex, out)
         return out
 
     @cached_property
-    def lifts(self) -> np.ndarray:
-        """How far the points are lifted that are lit before they are drawn, (n_point,) float64."""
-        return find_lifts(self._geometry)
+    def normal_offsets(self) -> NDArray[np.float64]:
+        """The normal offsets of the points that are lit before they are drawn, (n_point,)."""
+        return compute_normal_offsets(self._geometry)
 
 
-def find_casters(geometry, bounds, opacity) -> Casters | None:
-    """The opaque faces of a scene; None if there are none.
+def gather_casters(geometry: Geometry, bounds: NDArray[np.float64], opacity: Opacity | None) -> Casters | None:
+    """Return the opaque faces of a scene; None if there are none.
 
     Parameters
     ----------
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes
-    opacity : Opacity, or None where all is opaque
+    opacity : None where all is opaque
     """
     if opacity is not None:
         faces = np.flatnonzero(opacity.is_opaque[geometry.face_material] if len(geometry.face_material) else [])
@@ -127,13 +119,14 @@ def find_casters(geometry, bounds, opacity) -> Casters | None:
             return None
         vertex = np.ascontiguousarray(geometry.vertex[:, faces])
         geometry = geometry._replace(vertex=vertex, is_inverted=geometry.is_inverted[faces])
-    corners = np.stack([bounds[:, [(k >> axis) & 1 for axis in range(3)], range(3)] for k in range(8)], axis=1).reshape(
-        -1, 3
-    )
-    return Casters(geometry._replace(corner=geometry.vertex), corners)
+    corners = np.stack([bounds[:, [(k >> axis) & 1 for axis in range(3)], range(3)] for k in range(8)], axis=1)
+    return Casters(geometry._replace(corner=geometry.vertex), corners.reshape(-1, 3))
 
 
-def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMBERS, before=None) -> ShadowMap:
+def draw_shadow_map(
+    light: Any, view: View, casters: Casters, plan: Plan, workspaces: WorkspacePool, threads: Workers,
+    room: int = MOST_NUMBERS, before: ShadowMap | None = None,
+) -> ShadowMap:  # fmt: skip
     """Draw what a light sees; one that is attached to the camera is where `view` puts it.
 
     Parameters
@@ -143,45 +136,62 @@ def draw_shadow_map(light, view, casters, plan, scratch, workers, room=MOST_NUMB
 
     Raises
     ------
-    SceneError : there is no room for the map
+    SceneError : there is no room for the map, or the light has no beam
     """
-    direction = None if isinstance(light, PointLight) else world_direction(light, view)
-    origin = casters.corners.mean(axis=0) if isinstance(light, DirectionalLight) else world_position(light, view)
+    beam = entry_of(light).beam(light, view)
+    if beam is None:
+        raise SceneError(f"a {type(light).__name__} shines from no single place or direction, so it casts no shadows")
+    origin = casters.corners.mean(axis=0) if beam.origin is None else beam.origin
     size = light.shadow.size
-    views = _choose_views(light, origin, direction, casters.corners - origin, size)
-    n_number = HEADER + len(views) * size * size
+    views = _choose_views(beam, origin, casters.corners - origin, size)
+    block = _take_block(lookup.HEADER + len(views) * size * size, room, before)
+    is_perspective = views[0][1].is_perspective
+    header = [lookup.N_MAP, lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE]
+    block[header] = len(views), size, light.shadow.filter, is_perspective
+    texels = block[lookup.HEADER :].reshape(len(views), size, size)
+    nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
+    for k, (row, (light_view, projection)) in enumerate(zip(_map_rows(block), views, strict=True)):
+        screen = _fit_screen(light_view, projection, casters, size)
+        coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=()), screen, 0.0)
+        render_pass = shadow_map_pass(nothing, coding, screen, texels[k])
+        draw(casters.geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
+        _write_view(row, light_view, projection, MAP_ROUNDING * _value_range(screen, coding))
+    return ShadowMap(block, origin)
+
+
+def _take_block(n_number, room, before) -> NDArray[np.float64]:
+    """The memory of a map: that of the one before where it has the same size. SceneError where there is no room."""
     if n_number > room:
         raise SceneError(
             f"the shadow maps of all lights may have {MOST_NUMBERS // 2**17} MiB; this scene needs more: "
             "choose a smaller shadow size, or fewer cells of area lights"
         )
-    block = before.block if before is not None and len(before.block) == n_number else np.empty(n_number)
-    block[[N_MAP, SIZE, FILTER, IS_PERSPECTIVE]] = len(views), size, light.shadow.filter, views[0][1].is_perspective
-    texels = block[HEADER:].reshape(len(views), size, size)
-    for k, (light_view, projection) in enumerate(views):
-        screen = _fit_screen(light_view, projection, casters, size)
-        coding = make_coding(plan._replace(coding=IN_WORDS, lights=()), screen, 0.0)
-        nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
-        draw(casters.geometry, shadow_map_pass(nothing, coding, screen, texels[k]), screen, scratch, workers, NO_CLOCK)
-        row = block[MAPS + N_MAP_NUMBER * k : MAPS + N_MAP_NUMBER * (k + 1)]
-        row[RIGHT : RIGHT + 3], row[UP : UP + 3], row[FORWARD : FORWARD + 3] = (
-            light_view.right,
-            light_view.up,
-            light_view.forward,
-        )
-        row[[SCALE_X, SCALE_Y, CENTER_X, CENTER_Y]] = projection[:4]
-        row[ROUNDING] = MAP_ROUNDING * _value_range(screen, coding)
-    return ShadowMap(block, origin)
+    return before.block if before is not None and len(before.block) == n_number else np.empty(n_number)
 
 
-def _choose_views(light, origin, direction, corners, size) -> list[tuple[View, Projection]]:
-    """The views that a light needs of the scene; `corners` are relative to its place."""
-    if isinstance(light, DirectionalLight):
-        view = _look(origin, direction)
+def _map_rows(block) -> list[NDArray[np.float64]]:
+    """The rows of a header, views: one for each of the light's maps."""
+    starts = (lookup.MAPS + lookup.N_MAP_COLUMN * k for k in range(int(block[lookup.N_MAP])))
+    return [block[start : start + lookup.N_MAP_COLUMN] for start in starts]
+
+
+def _write_view(row, view, projection, rounding) -> None:
+    """Write where a map was drawn from, so that a lookup can find a point's texel."""
+    axes = (lookup.RIGHT, view.right), (lookup.UP, view.up), (lookup.FORWARD, view.forward)
+    for start, axis in axes:
+        row[start : start + 3] = axis
+    row[[lookup.SCALE_X, lookup.SCALE_Y, lookup.CENTER_X, lookup.CENTER_Y]] = projection[:4]
+    row[lookup.ROUNDING] = rounding
+
+
+def _choose_views(beam: Beam, origin, corners, size) -> list[tuple[View, Projection]]:
+    """The views that a light needs of the scene; `corners` are relative to the origin."""
+    if beam.origin is None:
+        view = _look(origin, beam.axis)
         box = _extent(corners @ view.right), _extent(corners @ view.up)
         return [(view, _fit_projection(*box, size, False))]
-    spread = math.tan(math.radians(light.outer)) if isinstance(light, SpotLight) and light.outer < 90.0 else math.inf
-    view = _look(origin, direction if spread <= WIDEST else corners.mean(axis=0))
+    spread = beam.spread
+    view = _look(origin, beam.axis if spread <= WIDEST else corners.mean(axis=0))
     depth = corners @ view.forward
     across = upward = (-math.inf, math.inf)
     if depth.min() > 0.0:

@@ -13,24 +13,30 @@ channels. A specular reflection function with a spectrum F0 is no such product, 
 times s with the second.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .intensity_bounds import has_colored_fresnel
+from ..options import Options
+from ..scene.spectrum import N_TABLE, rgb_weights, samples_of
+from .reflection_table import has_colored_fresnel
 
 
 class Products(NamedTuple):
     """Products of the spectra of materials and lights, as linear RGB; components may be negative."""
 
-    emissive: np.ndarray  # (n_material, 3)
-    ambient: np.ndarray  # (n_material, 3): ka·Ia
-    diffuse: np.ndarray  # (n_material, n_light, 3): kd·Ip
-    specular: np.ndarray  # (n_material, n_light, 3): ks·Ip; with a coloured F0 ks·Ip·F0
-    grazing: np.ndarray  # (n_material, n_light, 3): ks·Ip·(1 - F0); 0 where F0 has no colour
+    emissive: NDArray[np.float64]  # (n_material, 3)
+    ambient: NDArray[np.float64]  # (n_material, 3): ka·Ia
+    diffuse: NDArray[np.float64]  # (n_material, n_light, 3): kd·Ip
+    specular: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip; with a coloured F0 ks·Ip·F0
+    grazing: NDArray[np.float64]  # (n_material, n_light, 3): ks·Ip·(1 - F0); 0 where F0 has no colour
 
 
-def multiply_spectra(materials, lights, ambient_lights, options) -> Products | None:
+def multiply_spectra(
+    materials: Sequence[Any], lights: Sequence[Any], ambient_lights: Sequence[Any], options: Options
+) -> Products | None:
     """Multiply what materials reflect by what lights give; None where no colour is a spectrum and no samples are asked
     for."""
     fields = ("emissive", "ambient", "diffuse", "specular")
@@ -38,8 +44,6 @@ def multiply_spectra(materials, lights, ambient_lights, options) -> Products | N
     colors += [light.color for light in (*lights, *ambient_lights)]
     if options.spectral is None and not any(hasattr(color, "wavelengths") for color in colors):
         return None
-    from ..scene.spectrum import N_TABLE, rgb_weights, samples_of
-
     n = options.spectral or N_TABLE  # samples: every 5 nm, as the tables have them
     weights = rgb_weights(n) * 2.0**options.exposure
     emissive, ambient, diffuse, specular = (
@@ -57,7 +61,7 @@ def multiply_spectra(materials, lights, ambient_lights, options) -> Products | N
     )
 
 
-def split_fresnel(materials, n=None) -> tuple[np.ndarray, np.ndarray]:
+def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return F0 and 1 - F0 of materials whose F0 is a colour, 1 and 0 of the others.
 
     Parameters
@@ -68,8 +72,6 @@ def split_fresnel(materials, n=None) -> tuple[np.ndarray, np.ndarray]:
     -------
     two (n_material, n or 3) float64
     """
-    if n is not None:
-        from ..scene.spectrum import samples_of
     first = np.ones((len(materials), n or 3))
     for row, material in zip(first, materials, strict=True):
         if has_colored_fresnel(material):

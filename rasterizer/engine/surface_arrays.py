@@ -23,8 +23,12 @@ def list_textures(materials) -> Textures:
     number = {key: k for k, key in enumerate(different)}
     levels = [level for texture in different.values() for level in texture.pyramid]
     first = np.cumsum([0] + [level.shape[0] * level.shape[1] for level in levels])
-    filters = {"nearest": texturing.NEAREST, "bilinear": texturing.BILINEAR, "trilinear": texturing.TRILINEAR}
-    wraps = {"repeat": texturing.REPEAT, "clamp": texturing.CLAMP, "mirror": texturing.MIRROR}
+    filters = {
+        "nearest": texturing.FILTER_NEAREST,
+        "bilinear": texturing.FILTER_BILINEAR,
+        "trilinear": texturing.FILTER_TRILINEAR,
+    }
+    wraps = {"repeat": texturing.WRAP_REPEAT, "clamp": texturing.WRAP_CLAMP, "mirror": texturing.WRAP_MIRROR}
     return Textures(
         np.concatenate([level.ravel() for level in levels]),
         np.array(

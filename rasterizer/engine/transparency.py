@@ -4,18 +4,19 @@ import numpy as np
 
 from ..pipeline.a_buffer import (
     FEW,
-    Fragments,
+    FragmentLists,
+    Opacity,
     composite,
     divide_room,
-    in_order_of_depth,
-    open_layers,
-    ranges_of,
+    list_fragments,
+    open_lists,
+    order_by_depth,
     scan_opaque,
-    show_first,
-    take_fragments,
+    show_nearest,
+    split_samples,
 )
-from ..pipeline.scan import Canvas
-from .passes import Band, Pass
+from ..pipeline.bands import Band, Rows
+from .passes import Pass
 
 
 def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace) -> int:
@@ -26,13 +27,12 @@ def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace) -> in
     """
     transparent = np.empty(len(band.faces), np.int64)  # where they stand in band.faces
     n_transparent = scan_opaque(
-        band.faces, drawn.polygons, drawn.vertices, render_pass.attributes, render_pass.coding, band.y_start,
-        band.y_end, workspace.block, workspace.canvas, workspace.records, render_pass.opacity,
-        drawn.face_table.material, transparent,
+        band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
+        opacity_of(drawn, render_pass), transparent,
     )  # fmt: skip
     transparent = count_fragments(band, drawn, workspace, transparent[:n_transparent])
-    lengths = workspace.layers.start[: band.n_row * workspace.canvas.pitch + 1]
-    for first, last in ranges_of(lengths, workspace.canvas.pitch):
+    pitch = workspace.visibility.pitch
+    for first, last in split_samples(workspace.a_buffer.starts[: band.n_row * pitch + 1], pitch):
         composite_range(band, drawn, render_pass, workspace, transparent, (first, last))
     return len(band.faces)
 
@@ -40,39 +40,38 @@ def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace) -> in
 def count_fragments(band: Band, drawn, workspace, transparent) -> np.ndarray:
     """Count the fragments of each sample and divide the room among their lists; return the transparent triangles in the
     order in which the lists are filled."""
-    layers, n_sample = workspace.layers, band.n_row * workspace.canvas.pitch
-    counting = Fragments(0, n_sample, np.empty(0, np.int64), layers.cursor, layers.start, True)
-    open_layers(layers)
-    take_fragments(
-        band.faces, transparent, drawn.polygons, drawn.vertices, band.y_start, 0, band.n_row, workspace.block,
-        workspace.canvas, counting,
-    )  # fmt: skip
-    n_fragment, n_list = divide_room(layers, n_sample)
+    a_buffer, n_sample = workspace.a_buffer, band.n_row * workspace.visibility.pitch
+    counting = FragmentLists(0, n_sample, 0, band.n_row, np.empty(0, np.int64), a_buffer.cursors, a_buffer.starts, True)
+    rows = Rows(band.y_start, band.y_end)
+    open_lists(a_buffer)
+    list_fragments(band, transparent, drawn.drawables, rows, workspace.block, workspace.visibility, counting)
+    n_fragment, n_list = divide_room(a_buffer, n_sample)
     if n_fragment > FEW * n_list:
-        return in_order_of_depth(transparent, band.faces, drawn.polygons, drawn.vertices)
+        return order_by_depth(transparent, band.faces, drawn.drawables)
     return transparent
 
 
 def composite_range(band: Band, drawn, render_pass: Pass, workspace, transparent, samples) -> None:
     """Fill the lists of the samples first..last of a band, then shade one layer after the other, nearest first, and sum
     them up."""
-    canvas, layers, (first, last) = workspace.canvas, workspace.layers, samples
-    first_row, end_row = first // canvas.pitch, -(-last // canvas.pitch)
-    n_row = end_row - first_row
-    words = np.empty(layers.start[last] - layers.start[first], np.int64)
-    fragments = Fragments(first, last, words, layers.cursor, layers.start, False)
-    take_fragments(
-        band.faces, transparent, drawn.polygons, drawn.vertices, band.y_start, first_row, end_row, workspace.block,
-        canvas, fragments,
-    )  # fmt: skip
-    show_first(canvas, layers, fragments, first_row, n_row)
-    shown = workspace._replace(canvas=Canvas(layers.words, canvas.pitch, canvas.width, layers.left, layers.right))
-    rows = Band(band.faces, band.y_start + first_row, band.y_start + end_row)
+    visibility, a_buffer, (first, last) = workspace.visibility, workspace.a_buffer, samples
+    first_row, end_row = first // visibility.pitch, -(-last // visibility.pitch)
+    rows = Rows(band.y_start + first_row, band.y_start + end_row)
+    entries = np.empty(a_buffer.starts[last] - a_buffer.starts[first], np.int64)
+    lists = FragmentLists(first, last, first_row, end_row, entries, a_buffer.cursors, a_buffer.starts, False)
+    list_fragments(band, transparent, drawn.drawables, rows, workspace.block, visibility, lists)
+    show_nearest(visibility, a_buffer, lists)
+    layer = workspace._replace(visibility=a_buffer.layer)
     n_composited, is_more = 0, True
     while is_more:
-        render_pass.shade(shown, rows, len(band.faces), drawn.face_table)
+        render_pass.shade(layer, Band(band.faces, *rows), len(band.faces), drawn.face_table)
         is_more = composite(
-            canvas, workspace.records, layers, fragments, first_row, n_row, n_composited, workspace.radiance,
-            workspace.texels, render_pass.opacity, drawn.face_table.material,
+            visibility, workspace.records, a_buffer, lists, n_composited, workspace.radiance, workspace.texels,
+            opacity_of(drawn, render_pass),
         )  # fmt: skip
         n_composited += 1
+
+
+def opacity_of(drawn, render_pass: Pass) -> Opacity:
+    """How transparent the triangles are that are drawn, clipped parts included."""
+    return render_pass.opacity._replace(face_materials=drawn.face_table.materials)

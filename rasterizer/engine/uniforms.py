@@ -1,67 +1,20 @@
-"""The illumination of a scene as arrays, for one view: what the row functions of lights and materials read
+"""The illumination of a scene as arrays, for one view: what the batch functions of lights and materials read
 (pipeline/lighting.py)."""
 
 import numpy as np
 
-from ..compiler.kernels import row_function
-from ..pipeline.fresnel import SECOND_PARTS, no_second_part
-from ..pipeline.light_kinds import (
-    ATTENUATION,
-    AXIS,
-    CONE_EXPONENT,
-    CONE_FALLOFF,
-    CONE_SCALE,
-    COS_OUTER,
-    INVERSE_RANGE,
-    LIGHTS,
-    MOST,
-    N_NUMBER,
-    VECTOR,
-    same_again,
-)
-from ..pipeline.lighting import (
-    AMBIENT,
-    DIFFUSE_COLOR,
-    EMISSIVE,
-    N_MATERIAL_COLUMN,
-    SPECULAR_COLOR,
-    BrushedLighting,
-    Lighting,
-    ShadowedBrushedLighting,
-    ShadowedLighting,
-)
-from ..pipeline.reflection import (
-    BRUSH,
-    DISTANT,
-    FRESNEL,
-    LEVELS,
-    REFLECTIONS,
-    ROUGHNESS,
-    ROUGHNESS_ACROSS,
-    SCALE,
-    SHININESS,
-)
-from ..pipeline.shadow_lookup import cast
-from ..scene.lights import DirectionalLight, SpotLight
-from .intensity_bounds import (
-    cone_cosines,
-    first_fresnel,
-    has_colored_fresnel,
-    has_highlight,
-    highlight_scale,
-    kind_of,
-    model_of,
-)
+from ..compiler.kernels import batch_function
+from ..pipeline import material_coefficients as m
+from ..pipeline.fresnel import no_second_term
+from ..pipeline.light_kinds import N_LIGHT_COEFFICIENT, same_light_again
+from ..pipeline.lighting import Lighting, ShadowMaps
+from ..pipeline.shadow_lookup import occlude
+from . import light_table, reflection_table
 from .plan import Plan
+from .reflection_table import first_fresnel, has_colored_fresnel, has_highlight
 from .spectral_products import split_fresnel
 
-LIGHTINGS = {  # by whether a light casts shadows, and whether a material needs tangents from u
-    (False, False): Lighting,
-    (True, False): ShadowedLighting,
-    (False, True): BrushedLighting,
-    (True, True): ShadowedBrushedLighting,
-}
-_COLUMNS = (EMISSIVE, AMBIENT, DIFFUSE_COLOR, SPECULAR_COLOR)
+_COLUMNS = (m.EMISSION, m.AMBIENT, m.DIFFUSE, m.SPECULAR)
 
 
 def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting:
@@ -72,66 +25,58 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
     """
     light, material = _list_lights(plan, view), _list_materials(plan)
     color, n_light_channel = _color_lights(plan)
-    is_shiny = np.array([has_highlight(source) for source in plan.materials], np.bool_)
-    models = [REFLECTIONS[model_of(source)] for source in plan.materials]
+    highlights = np.array([has_highlight(source) for source in plan.materials], np.bool_)
+    models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
-    of_lights, of_materials = row_functions_of(plan, is_perspective)
+    of_lights, of_materials = batch_functions_of(plan, is_perspective)
     if is_parted(plan):  # each light is followed by itself
         light = np.repeat(light, 2, axis=0)
         shadows = [part for shadow in shadows for part in (shadow, None)]
-    return LIGHTINGS[plan.has_shadows, plan.has_tangents](
-        light_function=_addresses(of_lights, plan.dtype),
-        light=light.astype(plan.dtype),
-        reflection_function=np.stack([_addresses(functions, plan.dtype) for functions in of_materials]),
-        material=material.astype(plan.dtype),
-        is_shiny=is_shiny,
+    return Lighting(
+        light_functions=_addresses(of_lights, plan.dtype),
+        lights=light.astype(plan.dtype),
+        reflection_functions=np.stack([_addresses(functions, plan.dtype) for functions in of_materials]),
+        materials=material.astype(plan.dtype),
+        has_highlight=highlights,
         is_view_dependent=is_view_dependent,
         n_channel=plan.n_channel,
         n_light_channel=n_light_channel,
         needs_view=bool(is_view_dependent.any()),
-        needs_position=plan.has_shadows or any(LIGHTS[kind_of(source)].needs_position for source in plan.lights),
+        needs_position=plan.has_shadows
+        or any(light_table.entry_of(source).function(source).needs_position for source in plan.lights),
         has_albedo=plan.has_albedo,
-        color=color.astype(plan.dtype),
-        shadow_function=row_function(cast, plan.dtype).address if plan.has_shadows else 0,
-        shadow=np.array([0 if shadow is None else shadow.block.ctypes.data for shadow in shadows], np.int64),
+        colors=color.astype(plan.dtype),
+        shadows=_list_shadows(shadows, plan.dtype) if plan.has_shadows else None,
     )
 
 
+def _list_shadows(shadows, dtype) -> ShadowMaps:
+    """The addresses of the lights' shadow maps, and of what looks them up."""
+    maps = [0 if shadow is None else shadow.block.ctypes.data for shadow in shadows]
+    return ShadowMaps(batch_function(occlude, dtype).address, np.array(maps, np.int64))
+
+
 def _list_lights(plan, view) -> np.ndarray:
-    """A row of numbers for each light; those that move with the camera are turned to the world, positions are relative
-    to the eye."""
-    light = np.zeros((len(plan.lights), N_NUMBER))
-    for row, source in zip(light, plan.lights, strict=True):
-        if isinstance(source, DirectionalLight):
-            row[VECTOR : VECTOR + 3] = world_direction(source, view) * -1.0
-            continue
-        position = _to_world(source.position, source, view)
-        row[VECTOR : VECTOR + 3] = position if source.attached == "camera" else position - view.eye
-        row[ATTENUATION : ATTENUATION + 3] = source.attenuation
-        row[MOST] = np.inf if source.amplify else 1.0
-        row[INVERSE_RANGE] = 1.0 / source.range if source.range is not None else 0.0
-        if isinstance(source, SpotLight):
-            row[AXIS : AXIS + 3] = world_direction(source, view)
-            inner, outer = cone_cosines(source)
-            row[COS_OUTER], row[CONE_EXPONENT], row[CONE_FALLOFF] = outer, source.exponent, source.falloff
-            row[CONE_SCALE] = 1.0 / (inner - outer) if inner > outer else np.inf
-            if plan.dtype == np.float32:
-                row[CONE_EXPONENT] = min(row[CONE_EXPONENT], np.finfo(np.float32).max)
-    return light
+    """The coefficients of each light, a row a light."""
+    coefficients = np.zeros((len(plan.lights), N_LIGHT_COEFFICIENT))
+    for row, source in zip(coefficients, plan.lights, strict=True):
+        light_table.entry_of(source).write(row, source, view, plan.dtype)
+    return coefficients
 
 
 def _list_materials(plan) -> np.ndarray:
     """A row of numbers for each material: those of its model, then its coefficients, as far as lights are no part of
     them."""
-    material = np.zeros((len(plan.materials), N_MATERIAL_COLUMN))
+    material = np.zeros((len(plan.materials), m.N_MATERIAL_COEFFICIENT))
     for k, (row, source) in enumerate(zip(material, plan.materials, strict=True)):
-        row[SHININESS], row[LEVELS] = source.shininess, source.levels
-        row[ROUGHNESS] = row[ROUGHNESS_ACROSS] = source.roughness if isinstance(source.roughness, float) else 0.0
+        row[m.SHININESS], row[m.TOON_LEVELS] = source.shininess, source.levels
+        row[m.ROUGHNESS] = row[m.ROUGHNESS_ACROSS] = source.roughness if isinstance(source.roughness, float) else 0.0
         if isinstance(source.roughness, tuple):
-            row[ROUGHNESS], row[ROUGHNESS_ACROSS] = source.roughness
+            row[m.ROUGHNESS], row[m.ROUGHNESS_ACROSS] = source.roughness
         if not isinstance(source.tangent, str):
-            row[BRUSH : BRUSH + 3] = source.tangent
-        row[FRESNEL], row[SCALE] = first_fresnel(source), highlight_scale(source)
+            row[m.TANGENT_AXIS : m.TANGENT_AXIS + 3] = source.tangent
+        entry = reflection_table.entry_of(source)
+        row[m.FRESNEL], row[m.HIGHLIGHT_SCALE] = first_fresnel(source), entry.highlight_scale(source)
         colors = (source.emissive, np.array(source.ambient) * plan.ambient, source.diffuse, source.specular)
         if plan.products is not None:
             colors = (plan.products.emissive[k], plan.products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
@@ -143,7 +88,7 @@ def _list_materials(plan) -> np.ndarray:
     if plan.dtype == np.float32:
         # An exponent that float32 has no number for raises all cosines to 0 or 1, as the nearest one that it has does.
         limits = np.finfo(np.float32)
-        np.clip(material[:, SHININESS], limits.tiny, limits.max, out=material[:, SHININESS])
+        np.clip(material[:, m.SHININESS], limits.tiny, limits.max, out=material[:, m.SHININESS])
     return material
 
 
@@ -186,46 +131,36 @@ def _color_parts(plan) -> np.ndarray:
     return color
 
 
-def row_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
-    """The row functions that a scene uses; nothing else is compiled: one for each light, and for each material one a
+def batch_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
+    """The batch functions that a scene uses; nothing else is compiled: one for each light, and for each material one a
     light.
 
     With two terms a light (see `is_parted`), each is followed by that of its second term.
     """
-    of_lights = [LIGHTS[kind_of(source)].row_function for source in plan.lights]
+    lights = [light_table.entry_of(source) for source in plan.lights]
+    of_lights = [entry.function(source).evaluate for entry, source in zip(lights, plan.lights, strict=True)]
     of_materials = []
     for material in plan.materials:
-        usual = REFLECTIONS[model_of(material)].row_function
-        distant = usual if is_perspective else DISTANT.get(model_of(material), usual)
-        of_materials.append([distant if isinstance(source, DirectionalLight) else usual for source in plan.lights])
+        function = reflection_table.entry_of(material).function(material)
+        distant = function.evaluate if is_perspective else function.distant or function.evaluate
+        of_materials.append([distant if entry.is_distant else function.evaluate for entry in lights])
     if not is_parted(plan):
         return of_lights, of_materials
-    seconds = [SECOND_PARTS[m.reflection] if has_colored_fresnel(m) else no_second_part for m in plan.materials]
+    seconds = [_second_term(material) for material in plan.materials]
     of_materials = [
         [part for function in functions for part in (function, second)]
         for functions, second in zip(of_materials, seconds, strict=True)
     ]
-    return [part for function in of_lights for part in (function, same_again)], of_materials
+    return [part for function in of_lights for part in (function, same_light_again)], of_materials
+
+
+def _second_term(material):
+    """The function of the second term of a material's highlight, in a scene where some material has one."""
+    if not has_colored_fresnel(material):
+        return no_second_term
+    return reflection_table.entry_of(material).function(material).second_term
 
 
 def _addresses(functions, dtype) -> np.ndarray:
-    """Compile row functions; return their addresses, int64."""
-    return np.array([row_function(function, dtype).address for function in functions], np.int64)
-
-
-def world_position(light, view) -> np.ndarray:
-    """The position of a light in the world, (3,) float64, also of one that moves with the camera."""
-    position = _to_world(light.position, light, view)
-    return view.eye + position if light.attached == "camera" else position
-
-
-def world_direction(light, view) -> np.ndarray:
-    """The direction of a light in the world, (3,) float64, also of one that moves with the camera."""
-    return _to_world(light.direction, light, view)
-
-
-def _to_world(vector, light, view) -> np.ndarray:
-    """A vector along the world's axes that may be given along those of the camera."""
-    if light.attached != "camera":
-        return np.array(vector)
-    return np.array(vector) @ np.stack([view.right, view.up, -view.forward])  # rows: the camera's axes in the world
+    """Compile batch functions; return their addresses, int64."""
+    return np.array([batch_function(function, dtype).address for function in functions], np.int64)

@@ -5,14 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.points import find_clearance, find_point_clearance, find_shortest_normal
+from ..geometry.surfaces import find_clearance, find_point_clearance, find_shortest_normal
 from ..options import Options
-from ..pipeline.records import EXACT
-from ..pipeline.transform import DEPTH_MARGIN
-from ..scene.lights import DirectionalLight
-from .error_bounds import DOUBLE, SINGLE, WRITTEN, Surroundings, find_most, frame_error, list_steps
+from ..pipeline.gradients import EXACT
+from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
+from .intensity_bounds import compute_amplifications
+from .light_table import entry_of
 from .plan import LARGE, SMALL, Plan, make_plan
-from .uniforms import world_position
+from .rounding import DOUBLE, SINGLE
 
 
 class ViewPlan(NamedTuple):
@@ -36,7 +36,7 @@ class ViewPlans:
         if not np.isfinite(self.plan.bound):
             self.plan = make_plan(scene, options, geometry.albedo, clearances=self._lasting_clearances())
         self._shortest = 1.0
-        if self.plan.is_lit_per_sample and self.plan.reflected.turned > 0.0:
+        if self.plan.is_lit_per_sample and self.plan.reflected.turn_slope > 0.0:
             self._shortest = find_shortest_normal(geometry.normals, geometry.corner)
 
     @property
@@ -68,13 +68,8 @@ class ViewPlans:
     def _lasting_clearances(self) -> np.ndarray:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
         moves with the camera."""
-        lengths = []
-        for source in self.plan.lights:
-            if isinstance(source, DirectionalLight) or source.attached == "camera":
-                lengths.append(np.inf if isinstance(source, DirectionalLight) else 0.0)
-            else:
-                lengths.append(0.5 * self._clearance_of(source.position))
-        return np.array(lengths)
+        lights = self.plan.lights
+        return np.array([entry_of(light).lasting_clearance(light, self._clearance_of) for light in lights], float)
 
     def _clearance_of(self, place) -> float:
         """How near the lit points come to a place: surfaces in Phong's method, else vertices or centroids."""
@@ -89,28 +84,22 @@ class ViewPlans:
         A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its
         depth.
         """
-        lights = self.plan.lights
-        places = [None if isinstance(light, DirectionalLight) else world_position(light, view) for light in lights]
         kept, self._clearances = self._clearances, {}
-        for place in places:
-            if place is not None and (key := tuple(place.tolist())) not in self._clearances:
-                found = kept.get(key)
-                self._clearances[key] = self._clearance_of(place) if found is None else found
+
+        def distance(position) -> float:
+            key = tuple(map(float, position))
+            if key not in self._clearances:
+                self._clearances[key] = kept[key] if key in kept else self._clearance_of(position)
+            return self._clearances[key]
+
         beside = 0.0
         if self.plan.is_lit_per_sample:
             deepest = furthest if screen.is_perspective else 1.0
             beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
-        distances = [np.inf if place is None else self._clearances[tuple(place.tolist())] - beside for place in places]
-        distances = np.maximum(np.array(distances, float), 0.0)
+        clearances = [entry_of(light).clearance(light, view, distance) - beside for light in self.plan.lights]
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
-        return Surroundings(furthest, distances, self._shortest, self.plan.is_lit_per_sample, deepness)
-
-
-def furthest_over_nearest(screen, furthest) -> float:
-    """How many times as far as the nearest depth that a z-buffer has room for the furthest point is."""
-    if screen.z_scale == 0.0:
-        return 1.0
-    return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
+        clearances = np.maximum(np.array(clearances, float), 0.0)
+        return Surroundings(furthest, clearances, self._shortest, self.plan.is_lit_per_sample, deepness)
 
 
 def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
@@ -123,7 +112,7 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
     lengths = [surroundings.furthest, *with_places]
     if not all(SMALL <= length <= LARGE for length in lengths):
         return False
-    if (find_most(plan.lights, surroundings.clearances) > plan.most).any():
+    if (compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any():
         return False
     # Nothing is kept back here: where a normal vanishes or a light lies on a surface, float64 is right.
     if surroundings.is_lit_per_sample and surroundings.shortest <= 0.0:
@@ -134,7 +123,7 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
 def rounding_of(plan: Plan, surroundings: Surroundings) -> float:
     """What rounding may add to an intensity in one view, in the plan's type, and in the float32 of the picture."""
     u = SINGLE if plan.dtype == np.float32 else DOUBLE
-    reflected = plan.reflected.amplified(find_most(plan.lights, surroundings.kept().clearances))
+    reflected = plan.reflected.amplified(compute_amplifications(plan.lights, surroundings.kept().clearances))
     written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bound)
     return frame_error(reflected, surroundings, u) + written
 

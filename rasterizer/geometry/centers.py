@@ -1,14 +1,15 @@
 """Polygons drawn about their centres, so that methods that interpolate don't depend on which corner comes first.
 
-    d ─────── c        A fan has a diagonal, and along it only two corners count: with the values 0, 1, 0, 1 the middle of a quad
-    │ ╲     ╱ │        would be 0 or 1, as the list of its corners begins. Gouraud 1971 interpolates along the edges, then along
-    │   ╲ ╱   │        the scanline between them: no corner is preferred, but that depends on how the polygon lies in the picture
-    │   ╱ ╲   │        (turned by 45 degrees, the middle of this quad is 0 or 1 again), so a turning object shimmers.
-    │ ╱     ╲ │
-    a ─────── b        A convex polygon of k > 3 corners is drawn as k triangles between its edges and its centre.
+    d ─────── c        A fan has a diagonal, and along it only two corners count: with the values 0, 1, 0, 1 the middle
+    │ ╲     ╱ │        of a quad would be 0 or 1, as the list of its corners begins. Gouraud 1971 interpolates along the
+    │   ╲ ╱   │        edges, then along the scanline between them: no corner is preferred, but that depends on how the
+    │   ╱ ╲   │        polygon lies in the picture (turned by 45 degrees, the middle of this quad is 0 or 1 again), so a
+    │ ╱     ╲ │        turning object shimmers.
+    a ─────── b
+                       A convex polygon of k > 3 corners is drawn as k triangles between its edges and its centre.
 
-The centre's place is the mean of the corners'. It is no vertex: nothing is lit there. Its values are the means of the
-corners': intensities with Gouraud's method, normals with Phong's (not brought to unit length before they are
+The centre's position is the mean of the corners'. It is no vertex: nothing is lit there. Its values are the means of
+the corners': intensities with Gouraud's method, normals with Phong's (not brought to unit length before they are
 interpolated, as nothing is along an edge), colours and texture coordinates with both. So:
 
 - values are linear along every edge, as with Gouraud 1971, and equal those of the neighbour on the other side;
@@ -27,6 +28,7 @@ through it, keeps its own.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .polygons import Rings
 
@@ -35,20 +37,20 @@ class Centers(NamedTuple):
     """The points that are means of others: the last ones of a geometry."""
 
     first: int  # the number of the first of them
-    offsets: np.ndarray  # (n_center + 1,) int64 into `points`
-    points: np.ndarray  # (n_corner,) int64, the points that each is the mean of
+    offsets: NDArray[np.int64]  # (n_center + 1,) into `points`
+    points: NDArray[np.int64]  # (n_corner,) the points that each is the mean of
 
 
 class Split(NamedTuple):
     """Triangles, some of them about centres."""
 
-    vertex: np.ndarray  # (3, n) uint32, points; a centre's number is that of `Centers`
-    face: np.ndarray  # (n,) uint32, the triangle before, of those that have the same edge of the polygon
+    vertex: NDArray[np.uint32]  # (3, n) points; a centre's number is that of `Centers`
+    face: NDArray[np.uint32]  # (n,) the triangle before, of those that have the same edge of the polygon
     centers: Centers
 
 
-def split_rings(vertex, n_point: int, rings: Rings) -> Split:
-    """Draw convex polygons as triangles about their centres, at their places in the order of the triangles.
+def split_rings(vertex: NDArray, n_point: int, rings: Rings) -> Split:
+    """Draw convex polygons as triangles about their centres, where they were in the order of the triangles.
 
     Parameters
     ----------
@@ -70,7 +72,7 @@ def split_rings(vertex, n_point: int, rings: Rings) -> Split:
     return Split(columns, face, Centers(n_point, rings.offsets, rings.corners))
 
 
-def join_rings(parts: list[Rings], first_face, first_point) -> Rings:
+def join_rings(parts: list[Rings], first_face: NDArray, first_point: NDArray) -> Rings:
     """Join the rings of several meshes: their triangles and points stand behind each other, from these numbers on."""
     return Rings(
         np.concatenate([rings.start + face for rings, face in zip(parts, first_face, strict=False)]),
@@ -80,7 +82,7 @@ def join_rings(parts: list[Rings], first_face, first_point) -> Rings:
     )
 
 
-def with_means(values, centers: Centers) -> np.ndarray:
+def with_means(values: NDArray, centers: Centers) -> NDArray[np.float64]:
     """Append to values of points (n_point, k) the means over each centre's points, not outside their range by a
     rounding."""
     if len(values) == 0:

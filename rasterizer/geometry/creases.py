@@ -13,13 +13,15 @@ already have. Lengths may lie anywhere between 1e-60 and 1e60.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, kernel
+from .vectors import cross, divide, dot, length, subtract, vector_of_row
 
-WEIGHTINGS = ("angle", "area", "uniform")
-_ANGLE, _AREA, _UNIFORM = range(3)
+_ANGLE, _AREA, _UNIFORM = range(3)  # as in scene.mesh.WEIGHTINGS
 
 # A corner without a split vertex yet; never an index, as there are at most as many split vertices as corners.
 UNSET = np.uint32(0xFFFFFFFF)
@@ -41,6 +43,15 @@ _FLAT = 2.0**-50
 _CANCELLED = 2.0**-20
 
 
+class Fans(NamedTuple):
+    """The corners of a mesh, sorted by vertex; made by `list_corners`."""
+
+    corner_vertices: NDArray[np.uint32]  # (n_corner,) the vertex at each corner
+    first: NDArray[np.uint32]  # (n_vertex + 2,) where each vertex's corners begin; the last entry is working space
+    corners: NDArray[np.uint32]  # (n_corner,) those of vertex v are corners[first[v] : first[v + 1]]
+    valence: int  # the most that one vertex has
+
+
 @kernel
 def sum_by_polygon(vertices, faces, polygons, out_normals, out_scales):
     """Sum the area vectors by polygon and bring them to unit length, where they are more than rounding.
@@ -49,17 +60,17 @@ def sum_by_polygon(vertices, faces, polygons, out_normals, out_scales):
     and out_scales (n_polygon,) f64, for the size that the rounding is relative to, come in as zero.
     """
     for face in range(len(faces)):
-        p0, p1 = _point(vertices, faces[face, 0]), _point(vertices, faces[face, 1])
-        area, scale, _ = _area_vector(p0, p1, _point(vertices, faces[face, 2]))
+        p0, p1 = vector_of_row(vertices, faces[face, 0]), vector_of_row(vertices, faces[face, 1])
+        area, scale, _ = _area_vector(p0, p1, vector_of_row(vertices, faces[face, 2]))
         polygon = polygons[face]
         out_scales[polygon] += scale
         for axis in range(3):
             out_normals[polygon, axis] += area[axis]
     for polygon in range(len(out_normals)):
-        length = _length(_point(out_normals, polygon))
-        has_area = length > _FLAT * out_scales[polygon]
+        size = length(vector_of_row(out_normals, polygon))
+        has_area = size > _FLAT * out_scales[polygon]
         for axis in range(3):
-            out_normals[polygon, axis] = out_normals[polygon, axis] / length if has_area else 0.0
+            out_normals[polygon, axis] = out_normals[polygon, axis] / size if has_area else 0.0
 
 
 @kernel
@@ -70,27 +81,27 @@ def list_corners(corner_vertices, out_first, out_corners):
     out_corners[out_first[v] : out_first[v + 1]]; out_first (n_vertex + 2,) u32 comes in as zero, its last
     entry is working space.
     """
-    # Count two places further on: one for the running sum, one because filling moves each start to its end.
+    # Count two entries further on: one for the running sum, one because filling moves each start to its end.
     for corner in range(len(corner_vertices)):
         out_first[corner_vertices[corner] + 2] += np.uint32(1)
     valence = 0
-    for place in range(2, len(out_first)):
-        valence = max(valence, np.int64(out_first[place]))
-        out_first[place] += out_first[place - 1]
+    for slot in range(2, len(out_first)):
+        valence = max(valence, np.int64(out_first[slot]))
+        out_first[slot] += out_first[slot - 1]
     for corner in range(len(corner_vertices)):
-        place = corner_vertices[corner] + 1
-        out_corners[out_first[place]] = corner
-        out_first[place] += np.uint32(1)
+        slot = corner_vertices[corner] + 1
+        out_corners[out_first[slot]] = corner
+        out_first[slot] += np.uint32(1)
     return valence
 
 
 @kernel
-def average_fans(vertices, corner_vertices, first, corners, valence, weighting, out_normals):
+def average_fans(vertices, fans, weighting, out_normals):
     """Average each fan as one group.
 
-    vertices (n_vertex, 3) f64; corner_vertices, first, corners, valence as at `list_corners`; weighting 0 to
-    2; out_normals (n_vertex, 3) f64 comes in as zero.
+    vertices (n_vertex, 3) f64; fans: Fans; weighting 0 to 2; out_normals (n_vertex, 3) f64 comes in as zero.
     """
+    corner_vertices, first, corners, valence = fans
     fan, keys = np.empty((valence, 4)), np.empty(2 * valence, dtype=np.int64)
     members = np.empty(valence, dtype=np.uint32)
     for vertex in range(len(vertices)):
@@ -101,20 +112,20 @@ def average_fans(vertices, corner_vertices, first, corners, valence, weighting, 
             weight += fan[i, 3]
             for axis in range(3):
                 out_normals[vertex, axis] += fan[i, 3] * fan[i, axis]
-        length = _length(_point(out_normals, vertex))
-        has_average = length > _CANCELLED * weight
+        size = length(vector_of_row(out_normals, vertex))
+        has_average = size > _CANCELLED * weight
         for axis in range(3 if n_fan > 0 else 0):
-            out_normals[vertex, axis] = out_normals[vertex, axis] / length if has_average else fan[0, axis]
+            out_normals[vertex, axis] = out_normals[vertex, axis] / size if has_average else fan[0, axis]
 
 
 @kernel
-def split_fans(vertices, corner_vertices, smoothing, first, corners, valence, cos_crease, weighting, out_faces):
+def split_fans(vertices, fans, smoothing, cos_crease, weighting, out_faces):
     """Join the corners of each fan into groups, and write split vertices for each; return (source, normals).
 
-    vertices (n_vertex, 3) f64; corner_vertices, first, corners, valence as at `list_corners`; smoothing
-    (n_face,) i32 or empty; weighting 0 to 2; out_faces (n_corner,) u32 comes in as UNSET. source (n_split,)
-    u32, normals (n_split, 3) f64.
+    vertices (n_vertex, 3) f64; fans: Fans; smoothing (n_face,) i32 or empty; weighting 0 to 2; out_faces (n_corner,)
+    u32 comes in as UNSET. source (n_split,) u32, normals (n_split, 3) f64.
     """
+    corner_vertices, first, corners, valence = fans
     # What is known of one fan: unit normal and weight, edges, corner, the walk, groups at their roots.
     fan, keys = np.empty((valence, 4)), np.empty(2 * valence, dtype=np.int64)
     members = np.empty(valence, dtype=np.uint32)
@@ -139,14 +150,14 @@ def split_fans(vertices, corner_vertices, smoothing, first, corners, valence, co
         n_before = n_split
         for i in range(n_fan):
             root, sign = _find(parents, signs, i)
-            length = _length(_point(sums, root))
-            has_average = length > _CANCELLED * sums[root, 3]
+            size = length(vector_of_row(sums, root))
+            has_average = size > _CANCELLED * sums[root, 3]
             side = (sign + 1) >> 1
             if not has_average or split_of[root, side] < 0:
                 split_of[root, side] = n_split
                 source[n_split] = vertex
                 for axis in range(3):
-                    normals[n_split, axis] = sign * sums[root, axis] / length if has_average else fan[i, axis]
+                    normals[n_split, axis] = sign * sums[root, axis] / size if has_average else fan[i, axis]
                 n_split += 1
             out_faces[members[i]] = split_of[root, side]
         # The corners without area take the first of these, or a zero normal where there is none.
@@ -176,14 +187,16 @@ def _grow(source, normals, n_split, valence):
 
 @helper
 def _gather_fan(vertices, corner_vertices, around, weighting, out_fan, out_members, out_keys):
-    """Measure the corners with an area; list their edges as far vertex << 32 | place in fan << 1 | leaves."""
+    """Measure the corners with an area; list their edges as far vertex << 32 | index in fan << 1 | leaves."""
     n_fan = 0
     for corner in around:
         k = corner % 3
         after = corner_vertices[corner - 2 if k == 2 else corner + 1]
         before = corner_vertices[corner + 2 if k == 0 else corner - 1]
-        here = _point(vertices, corner_vertices[corner])
-        normal, weight = _measure_corner(here, _point(vertices, after), _point(vertices, before), weighting)
+        here = vector_of_row(vertices, corner_vertices[corner])
+        normal, weight = _measure_corner(
+            here, vector_of_row(vertices, after), vector_of_row(vertices, before), weighting
+        )
         if weight > 0.0:
             out_fan[n_fan, 0], out_fan[n_fan, 1], out_fan[n_fan, 2], out_fan[n_fan, 3] = *normal, weight
             out_members[n_fan] = corner
@@ -204,11 +217,11 @@ def _sort(keys):
         gap = 3 * gap + 1
     while gap > 0:
         for i in range(gap, len(keys)):
-            key, place = keys[i], i
-            while place >= gap and keys[place - gap] > key:
-                keys[place] = keys[place - gap]
-                place -= gap
-            keys[place] = key
+            key, slot = keys[i], i
+            while slot >= gap and keys[slot - gap] > key:
+                keys[slot] = keys[slot - gap]
+                slot -= gap
+            keys[slot] = key
         gap //= 3
 
 
@@ -232,7 +245,7 @@ def _link_fan(fan, keys, members, smoothing, cos_crease, out_parents, out_signs)
                 group = smoothing[members[i] // 3]
                 is_joined = group != 0 and group == smoothing[members[j] // 3]
             else:
-                is_joined = sign * _dot(_point(fan, i), _point(fan, j)) >= cos_crease
+                is_joined = sign * dot(vector_of_row(fan, i), vector_of_row(fan, j)) >= cos_crease
             if is_joined:
                 _unite(out_parents, out_signs, i, j, sign)
 
@@ -281,16 +294,16 @@ def _sum_groups(fan, parents, signs, out_sums, out_split_of):
 def _measure_corner(here, after, before, weighting):
     """Return the face's unit normal and the weight of its corner at `here`: 0 for a face without area."""
     area, scale, cosine = _area_vector(here, after, before)
-    length = _length(area)
-    if not length > _FLAT * scale:
+    size = length(area)
+    if not size > _FLAT * scale:
         return (0.0, 0.0, 0.0), 0.0
     weight = 1.0
     if weighting == _AREA:
-        weight = length
+        weight = size
     elif weighting == _ANGLE:
         # From sine and cosine, both times the edges' lengths: exact to rounding for needles and caps.
-        weight = math.atan2(length, cosine)
-    return (area[0] / length, area[1] / length, area[2] / length), weight
+        weight = math.atan2(size, cosine)
+    return divide(area, size), weight
 
 
 @helper
@@ -300,32 +313,11 @@ def _area_vector(p0, p1, p2):
     The vector is the cross product of the two shorter edges: they enclose the largest angle, so least is lost
     to rounding, and each corner of the face gets the same.
     """
-    e0, e1, e2 = _subtract(p2, p1), _subtract(p0, p2), _subtract(p1, p0)
-    d0, d1, d2 = _dot(e0, e0), _dot(e1, e1), _dot(e2, e2)
+    e0, e1, e2 = subtract(p2, p1), subtract(p0, p2), subtract(p1, p0)
+    d0, d1, d2 = dot(e0, e0), dot(e1, e1), dot(e2, e2)
     a, b, scale = e0, e1, d0 * d1
     if d0 >= d1 and d0 >= d2:
         a, b, scale = e1, e2, d1 * d2
     elif d1 >= d2:
         a, b, scale = e2, e0, d2 * d0
-    area = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-    return area, math.sqrt(scale), -_dot(e1, e2)
-
-
-@helper
-def _point(rows, i):
-    return rows[i, 0], rows[i, 1], rows[i, 2]
-
-
-@helper
-def _subtract(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@helper
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@helper
-def _length(a):
-    return math.sqrt(_dot(a, a))
+    return cross(a, b), math.sqrt(scale), -dot(e1, e2)

@@ -1,9 +1,9 @@
 """Kernels that cut polygons into triangles by their ears.
 
-         c ____ d          An *ear* at b: the triangle a b c turns the polygon's way, and no edge passes through its inside.
-          |    \\           Cutting it off leaves a polygon with one corner less. Every polygon that doesn't cross itself has
-     e ___|     |          two (Meisters 1975, Amer. Math. Monthly 82(6)), also where it touches itself along a bridge: edges
-    a _______ b            may touch an ear's sides.
+         c ____ d          An *ear* at b: the triangle a b c turns the polygon's way, and no edge passes through its
+          |    \\           inside. Cutting it off leaves a polygon with one corner less. Every polygon that doesn't
+     e ___|     |          cross itself has two (Meisters 1975, Amer. Math. Monthly 82(6)), also where it touches
+    a _______ b            itself along a bridge: edges may touch an ear's sides.
 
 Spikes, where the polygon goes back the way it came, and repeated corners are cut off first: they have no area, but
 would block ears, or make the angle between two of them look like one. Of all ears that of the best shape is cut, and
@@ -19,62 +19,83 @@ only where they are 2^-900 of the largest one, and count as zero.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..compiler.kernels import helper, kernel
 
 _SPLITTER = 2.0**27 + 1.0
-_TURN_ERROR = (
-    3.0 + 16.0 * 2.0**-53
-) * 2.0**-53  # of a computed turn, relative to the sum of its products (Shewchuk 1997, 4.3)
+# The error of a computed turn, relative to the sum of its products (Shewchuk 1997, section 4.3).
+_TURN_ERROR = (3.0 + 16.0 * 2.0**-53) * 2.0**-53
 _LEAST = 2.0**-900  # below it products lose digits
 SPIKE, EAR, STRAIGHT, BLOCKED, REFLEX = range(5)
+
+
+class Outline(NamedTuple):
+    """What is left of a polygon: its corners, in the order in which it is cut, as a ring."""
+
+    x: NDArray[np.float64]  # (n,) in the plane
+    y: NDArray[np.float64]  # (n,)
+    points: NDArray[np.float64]  # (n, 3) in space
+    before: NDArray[np.int64]  # (n,) the corner before each
+    after: NDArray[np.int64]  # (n,) the corner after each
 
 
 @kernel
 def cut_ears(vertices, corners, starts, counts, first_triangle, most, triangles, out_is_crossing):
     """Cut polygons into triangles.
 
-    vertices (n_vertex, 3) f64; corners (n_corner,) i64; starts, counts, first_triangle (n,) i64: a polygon's place in
-    the corners, its number of corners (at least 3, at most `most`), and of its triangles; triangles (n_triangle, 3) i64
-    gets places in the corners; out_is_crossing (n,) bool.
+    Parameters
+    ----------
+    vertices : (n_vertex, 3) float64
+    corners : (n_corner,) int64, indices of vertices, polygon by polygon
+    starts, counts : (n,) int64, where each polygon's corners begin, and how many there are: at least 3, at most `most`
+    first_triangle : (n,) int64, where each polygon's triangles begin
+    triangles : (n_triangle, 3) int64, gets indices into the corners
+    out_is_crossing : (n,) bool, whether the polygon crosses itself
     """
     order, keep = np.empty(most, np.int64), np.empty(most, np.int64)
-    before, after, kind = np.empty(most, np.int64), np.empty(most, np.int64), np.empty(most, np.int64)
-    heap, place = np.empty(most, np.int64), np.empty(most, np.int64)
-    x, y, shape, points = np.empty(most), np.empty(most), np.empty(most), np.empty((most, 3))
+    before, after = np.empty(most, np.int64), np.empty(most, np.int64)
+    outline = Outline(np.empty(most), np.empty(most), np.empty((most, 3)), before, after)
+    # Of each corner its kind, the shape of its triangle (the larger, the better), and its rank in the heap.
+    kind, shape = np.empty(most, np.int64), np.empty(most)
+    heap, rank = np.empty(most, np.int64), np.empty(most, np.int64)
     for polygon in range(len(starts)):
         start, n, row = starts[polygon], counts[polygon], first_triangle[polygon]
         is_reversed = _put_in_order(vertices, corners, start, n, keep, order)
         for i in range(n):
-            for axis in range(3):
-                points[i, axis] = vertices[corners[start + order[i]], axis]
-        _project(points, n, x, y)
-        for i in range(n):
             before[i], after[i] = (i - 1) % n, (i + 1) % n
+            for axis in range(3):
+                outline.points[i, axis] = vertices[corners[start + order[i]], axis]
+        _project(outline.points, n, outline.x, outline.y)
         for i in range(n):
-            kind[i], shape[i] = _judge(i, x, y, points, before, after, n)
+            kind[i], shape[i] = _classify(outline, i, n)
             heap[i] = i
-            _settle(heap, place, i + 1, i, kind, shape)
+            _settle(heap, rank, i + 1, i, kind, shape)
         tip, is_crossing = 0, False
         for left in range(n, 3, -1):
             if kind[heap[0]] > STRAIGHT and not is_crossing:
-                is_crossing = not _judge_again(heap, place, left, kind, shape, x, y, points, before, after)
+                is_crossing = not _classify_all(heap, rank, kind, shape, outline, left)
+            # Cut the next corner off, and classify its neighbours again.
             tip = heap[0]
-            _emit(triangles, row, start, order, before[tip], tip, after[tip], is_reversed)
-            row += 1
             a, c = before[tip], after[tip]
+            _emit(triangles, row, start, order, a, tip, c, is_reversed)
+            row += 1
             after[a], before[c] = c, a
             heap[0] = heap[left - 1]
-            _settle(heap, place, left - 1, 0, kind, shape)
+            _settle(heap, rank, left - 1, 0, kind, shape)
             for i in (a, c):
-                kind[i], shape[i] = _judge(i, x, y, points, before, after, left - 1)
-                _settle(heap, place, left - 1, place[i], kind, shape)
+                kind[i], shape[i] = _classify(outline, i, left - 1)
+                _settle(heap, rank, left - 1, rank[i], kind, shape)
             tip = c
         a, c = before[tip], after[tip]
         _emit(triangles, row, start, order, a, tip, c, is_reversed)
-        out_is_crossing[polygon] = is_crossing or _turn(x[a], y[a], x[tip], y[tip], x[c], y[c]) < 0
+        is_turned = (
+            _turn((outline.x[a], outline.y[a]), (outline.x[tip], outline.y[tip]), (outline.x[c], outline.y[c])) < 0
+        )
+        out_is_crossing[polygon] = is_crossing or is_turned
 
 
 @helper
@@ -96,7 +117,7 @@ def _compare(vertices, a, b):
 
 @helper
 def _least_rotation(vertices, corners, start, n, step):
-    """Where a polygon's list of places is smallest when it is begun there and followed by `step`, 1 or -1.
+    """Return where a polygon's list of points is smallest when it is begun there and followed by `step`, 1 or -1.
 
     Source: Shiloach 1981, J. Algorithms 2(2), 107-121: at most 3 n comparisons.
     """
@@ -118,7 +139,7 @@ def _least_rotation(vertices, corners, start, n, step):
 
 @helper
 def _put_in_order(vertices, corners, start, n, keep, order):
-    """Begin a polygon where, and follow it as, its list of places is smallest; return whether that is backwards."""
+    """Begin a polygon where, and follow it as, its list of points is smallest; return whether that is backwards."""
     forward = _least_rotation(vertices, corners, start, n, 1)
     backward = _least_rotation(vertices, corners, start, n, -1)
     difference = 0
@@ -162,7 +183,7 @@ def _project(points, n, out_x, out_y):
             total += abs(part)
         # A sum that is only rounding says nothing: then the parts themselves count, and last the lengths, but behind
         # all sums.
-        weight = 2.0**-60 * total + 2.0**-120 * _length(points, n, u) / extent * (_length(points, n, v) / extent)
+        weight = 2.0**-60 * total + 2.0**-120 * _extent(points, n, u) / extent * (_extent(points, n, v) / extent)
         weight = abs(area) if abs(area) > n * 2.0**-50 * total else weight
         if weight > best:
             dropped, best, sign = axis, weight, 1.0 if area >= 0.0 else -1.0
@@ -173,8 +194,8 @@ def _project(points, n, out_x, out_y):
 
 
 @helper
-def _length(points, n, axis):
-    """How far a polygon reaches along an axis."""
+def _extent(points, n, axis):
+    """Return how far a polygon reaches along an axis."""
     low = high = points[0, axis]
     for i in range(n):
         low, high = min(low, points[i, axis]), max(high, points[i, axis])
@@ -182,16 +203,16 @@ def _length(points, n, axis):
 
 
 @helper
-def _judge_again(heap, place, n, kind, shape, x, y, points, before, after):
-    """Judge all n corners again; return whether one may be cut off: a polygon that crosses itself runs out of ears.
+def _classify_all(heap, rank, kind, shape, outline, n):
+    """Classify all n corners again; return whether one may be cut off: a polygon that crosses itself runs out of ears.
 
     Cuts elsewhere never clear an ear of a polygon that doesn't cross itself; others may have got one.
     """
     for k in range(n):
         i = heap[k]
-        kind[i], shape[i] = _judge(i, x, y, points, before, after, n)
+        kind[i], shape[i] = _classify(outline, i, n)
     for k in range(n):
-        _settle(heap, place, k + 1, k, kind, shape)
+        _settle(heap, rank, k + 1, k, kind, shape)
     return kind[heap[0]] <= STRAIGHT
 
 
@@ -205,12 +226,12 @@ def _is_before(i, j, kind, shape):
 
 
 @helper
-def _settle(heap, place, n, k, kind, shape):
-    """Move the corner at place k of a heap of n up or down to where it belongs, and note the places."""
+def _settle(heap, rank, n, k, kind, shape):
+    """Move corner k of a heap of n up or down to where it belongs, and note the ranks."""
     i = heap[k]
     while k > 0 and _is_before(i, heap[(k - 1) // 2], kind, shape):
         heap[k] = heap[(k - 1) // 2]
-        place[heap[k]] = k
+        rank[heap[k]] = k
         k = (k - 1) // 2
     while 2 * k + 1 < n:
         child = 2 * k + 1
@@ -219,32 +240,44 @@ def _settle(heap, place, n, k, kind, shape):
         if not _is_before(heap[child], i, kind, shape):
             break
         heap[k] = heap[child]
-        place[heap[k]] = k
+        rank[heap[k]] = k
         k = child
     heap[k] = i
-    place[i] = k
+    rank[i] = k
+
+
+@helper
+def _classify(outline, i, n):
+    """Return the kind of corner i of the n that are left, and the shape of its triangle."""
+    return _classify_corner(i, n, outline.x, outline.y, outline.points, outline.before, outline.after)
 
 
 @kernel
-def _judge(b, x, y, points, before, after, n):
-    """Return the kind of a corner, and the shape of its triangle: its area over the sum of its sides' squares."""
-    a, c = before[b], after[b]
-    turn = _turn(x[a], y[a], x[b], y[b], x[c], y[c])
+def _classify_corner(i, n, x, y, points, before, after):
+    """Return the kind of a corner of the n that are left, and the shape of its triangle: its area over the sum of its
+    sides' squares.
+
+    The arrays are those of `Outline`, one by one: a tuple of arrays costs a call ten atomic operations.
+    """
+    i_before, i_after = before[i], after[i]
+    a, b, c = (x[i_before], y[i_before]), (x[i], y[i]), (x[i_after], y[i_after])
+    turn = _turn(a, b, c)
     if turn < 0:
         return REFLEX, 0.0
     if turn == 0:
-        is_repeated = (x[a] == x[b] and y[a] == y[b]) or (x[b] == x[c] and y[b] == y[c])
-        goes_on = _goes_on(x[a], x[b], x[c]) and _goes_on(y[a], y[b], y[c])
+        is_repeated = (a[0] == b[0] and a[1] == b[1]) or (b[0] == c[0] and b[1] == c[1])
+        goes_on = _goes_on(a[0], b[0], c[0]) and _goes_on(a[1], b[1], c[1])
         return (STRAIGHT if goes_on and not is_repeated else SPIKE), 0.0
-    shape = _shape(points, a, b, c)
-    x_low, x_high = min(x[a], x[b], x[c]), max(x[a], x[b], x[c])
-    y_low, y_high = min(y[a], y[b], y[c]), max(y[a], y[b], y[c])
-    p = c
+    shape = _shape(points, i_before, i, i_after)
+    x_low, x_high = min(a[0], b[0], c[0]), max(a[0], b[0], c[0])
+    y_low, y_high = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
+    here, p = i_after, c
     for _ in range(n - 2):
-        q = after[p]
-        is_apart = (x[p] <= x_low and x[q] <= x_low) or (x[p] >= x_high and x[q] >= x_high)
-        is_apart = is_apart or (y[p] <= y_low and y[q] <= y_low) or (y[p] >= y_high and y[q] >= y_high)
-        if not is_apart and _passes_through(x, y, a, b, c, p, q):
+        here = after[here]
+        q = (x[here], y[here])
+        is_apart = (p[0] <= x_low and q[0] <= x_low) or (p[0] >= x_high and q[0] >= x_high)
+        is_apart = is_apart or (p[1] <= y_low and q[1] <= y_low) or (p[1] >= y_high and q[1] >= y_high)
+        if not is_apart and _passes_through(a, b, c, p, q):
             return BLOCKED, shape
         p = q
     return EAR, shape
@@ -258,8 +291,8 @@ def _goes_on(a, b, c):
 
 @helper
 def _shape(points, a, b, c):
-    """Area of a triangle over the sum of the squares of its sides, in space; the sides divided by the longest
-    extent."""
+    """Return the area of a triangle over the sum of the squares of its sides, in space; the sides divided by the
+    longest extent."""
     extent = 0.0
     for axis in range(3):
         low = min(points[a, axis], points[b, axis], points[c, axis])
@@ -278,39 +311,37 @@ def _shape(points, a, b, c):
 
 
 @helper
-def _passes_through(x, y, a, b, c, p, q):
+def _passes_through(a, b, c, p, q):
     """Tell whether the segment p q has a point strictly inside the counter-clockwise triangle a b c.
 
     It has none if and only if a line separates them, and then one along a side of the triangle or along the segment
     does (separating axes of convex figures: Gottschalk, Lin & Manocha 1996, SIGGRAPH).
     """
-    if _turn(x[a], y[a], x[b], y[b], x[p], y[p]) <= 0 and _turn(x[a], y[a], x[b], y[b], x[q], y[q]) <= 0:
+    if _turn(a, b, p) <= 0 and _turn(a, b, q) <= 0:
         return False
-    if _turn(x[b], y[b], x[c], y[c], x[p], y[p]) <= 0 and _turn(x[b], y[b], x[c], y[c], x[q], y[q]) <= 0:
+    if _turn(b, c, p) <= 0 and _turn(b, c, q) <= 0:
         return False
-    if _turn(x[c], y[c], x[a], y[a], x[p], y[p]) <= 0 and _turn(x[c], y[c], x[a], y[a], x[q], y[q]) <= 0:
+    if _turn(c, a, p) <= 0 and _turn(c, a, q) <= 0:
         return False
-    if x[p] == x[q] and y[p] == y[q]:
+    if p[0] == q[0] and p[1] == q[1]:
         return True  # a point that no side separates
-    of_a = _turn(x[p], y[p], x[q], y[q], x[a], y[a])
-    of_b = _turn(x[p], y[p], x[q], y[q], x[b], y[b])
-    of_c = _turn(x[p], y[p], x[q], y[q], x[c], y[c])
+    of_a, of_b, of_c = _turn(p, q, a), _turn(p, q, b), _turn(p, q, c)
     return min(of_a, of_b, of_c) < 0 and max(of_a, of_b, of_c) > 0
 
 
 @helper
-def _turn(a_x, a_y, b_x, b_y, c_x, c_y):
-    """The sign of the turn a b c, exactly: 1 is counter-clockwise, 0 straight."""
-    left, right = (a_x - c_x) * (b_y - c_y), (a_y - c_y) * (b_x - c_x)
+def _turn(a, b, c):
+    """Return the sign of the turn a b c, exactly: 1 is counter-clockwise, 0 straight."""
+    left, right = (a[0] - c[0]) * (b[1] - c[1]), (a[1] - c[1]) * (b[0] - c[0])
     area, total = left - right, abs(left) + abs(right)
     if abs(area) > _TURN_ERROR * total and total > _LEAST:
         return 1 if area > 0.0 else -1
-    return _exact_turn(a_x, a_y, b_x, b_y, c_x, c_y)
+    return _exact_turn(a, b, c)
 
 
 @kernel
-def _exact_turn(a_x, a_y, b_x, b_y, c_x, c_y):
-    """The sign of ax by - ay bx + bx cy - by cx + cx ay - cy ax, summed without an error.
+def _exact_turn(a, b, c):
+    """Return the sign of ax by - ay bx + bx cy - by cx + cx ay - cy ax, summed without an error.
 
     Twelve parts of six products are added one by one to a sum that is kept as parts that don't overlap; the sign is
     that of its largest part (Shewchuk 1997: GROW-EXPANSION, theorem 10).
@@ -318,17 +349,17 @@ def _exact_turn(a_x, a_y, b_x, b_y, c_x, c_y):
     parts, n = np.zeros(13), 0
     for k in range(6):
         if k == 0:
-            u, v = a_x, b_y
+            u, v = a[0], b[1]
         elif k == 1:
-            u, v = -a_y, b_x
+            u, v = -a[1], b[0]
         elif k == 2:
-            u, v = b_x, c_y
+            u, v = b[0], c[1]
         elif k == 3:
-            u, v = -b_y, c_x
+            u, v = -b[1], c[0]
         elif k == 4:
-            u, v = c_x, a_y
+            u, v = c[0], a[1]
         else:
-            u, v = -c_y, a_x
+            u, v = -c[1], a[0]
         product = u * v
         # The rounding error of the product (Dekker 1971, Numerische Mathematik 18, 224-242).
         u_high, v_high = _SPLITTER * u - (_SPLITTER * u - u), _SPLITTER * v - (_SPLITTER * v - v)

@@ -5,18 +5,22 @@ from `split_creases` new triangles over vertices that carry one normal each. The
 """
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..errors import ModelError, SceneError
+from ..scene.mesh import WEIGHTINGS
 from ..scene.validate import choice, number
-from .creases import DOT_ERROR, UNSET, WEIGHTINGS, average_fans, list_corners, split_fans, sum_by_polygon
+from .creases import DOT_ERROR, UNSET, Fans, average_fans, list_corners, split_fans, sum_by_polygon
 
 # Two faces meet at the crease angle when they do so within this many degrees. Coordinates with six decimals
 # (usual in OBJ) are off by 5e-7; the walls of a 12-sided unit cylinder are 0.52 wide, so each is tilted by up
 # to 2 * 5e-7 / 0.52 rad, and two against each other by 2.2e-4 degrees. Take twice that.
 _ANGLE_SLACK = 5e-4
+
+WeightingName = Literal["angle", "area", "uniform"]
 
 
 class Split(NamedTuple):
@@ -29,12 +33,12 @@ class Split(NamedTuple):
     normals : (n_split, 3) float64, unit length; zero where only faces without area meet
     """
 
-    faces: np.ndarray
-    source: np.ndarray
-    normals: np.ndarray
+    faces: NDArray[np.uint32]
+    source: NDArray[np.uint32]
+    normals: NDArray[np.float64]
 
 
-def face_normals(vertices, faces):
+def face_normals(vertices: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
     """Compute the unit normal of every triangle.
 
     Parameters
@@ -51,7 +55,7 @@ def face_normals(vertices, faces):
     return polygon_normals(vertices, faces, np.arange(len(faces), dtype=np.uint32))
 
 
-def polygon_normals(vertices, faces, polygons):
+def polygon_normals(vertices: ArrayLike, faces: ArrayLike, polygons: ArrayLike) -> NDArray[np.float64]:
     """Compute the unit normal of every polygon, convex or not, from the sum of its triangles' area vectors.
 
     Parameters
@@ -76,7 +80,7 @@ def polygon_normals(vertices, faces, polygons):
     return normals
 
 
-def vertex_normals(vertices, faces, weighting="angle"):
+def vertex_normals(vertices: ArrayLike, faces: ArrayLike, weighting: WeightingName = "angle") -> NDArray[np.float64]:
     """Average the normals of the faces round each vertex, across creases and wound as they are.
 
     Parameters
@@ -95,11 +99,17 @@ def vertex_normals(vertices, faces, weighting="angle"):
     weighting = WEIGHTINGS.index(choice(weighting, WEIGHTINGS, "weighting"))
     vertices, faces = _check_mesh(vertices, faces)
     normals = np.zeros((len(vertices), 3))
-    average_fans(vertices, faces.reshape(-1), *_corner_lists(vertices, faces), weighting, normals)
+    average_fans(vertices, _list_fans(vertices, faces), weighting, normals)
     return normals
 
 
-def split_creases(vertices, faces, crease_angle, weighting="angle", smoothing=None):
+def split_creases(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    crease_angle: float,
+    weighting: WeightingName = "angle",
+    smoothing: ArrayLike | None = None,
+) -> Split:
     """Split each vertex so that faces that meet at more than the crease angle have normals of their own.
 
     The corners at a vertex are joined by walking across the edges at that vertex. Two faces that share an
@@ -136,22 +146,20 @@ def split_creases(vertices, faces, crease_angle, weighting="angle", smoothing=No
     groups = _freeze(groups, np.int32)
     # Angles are compared by their cosines, which fall where angles grow.
     cos_crease = math.cos(math.radians(min(180.0, crease_angle + _ANGLE_SLACK))) - DOT_ERROR
-    first, corners, valence = _corner_lists(vertices, faces)
     split_faces = np.full(faces.size, UNSET)
-    source, normals = split_fans(
-        vertices, faces.reshape(-1), groups, first, corners, valence, cos_crease, weighting, split_faces
-    )
+    fans = _list_fans(vertices, faces)
+    source, normals = split_fans(vertices, fans, groups, cos_crease, weighting, split_faces)
     return Split(split_faces.reshape(-1, 3), source, normals)
 
 
-def _freeze(array, dtype):
+def _freeze(array: NDArray, dtype: DTypeLike) -> NDArray:
     """Return a plain, contiguous, read-only view: one array type, so one compiled variant of each kernel."""
     view = np.require(array, dtype, ["C", "A", "E"]).view()
     view.flags.writeable = False
     return view
 
 
-def _check_mesh(vertices, faces):
+def _check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
     """Return vertices as float64 and faces as uint32 for the kernels, or raise ModelError."""
     vertices, faces = np.asarray(vertices), np.asarray(faces)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -166,7 +174,7 @@ def _check_mesh(vertices, faces):
     return _freeze(vertices, np.float64), _freeze(faces, np.uint32)
 
 
-def _check_per_face(name, values, faces):
+def _check_per_face(name: str, values: ArrayLike, faces: NDArray) -> NDArray:
     """Return an array with one integer for each face, or raise ModelError."""
     values = np.asarray(values)
     if values.shape != (len(faces),) or (values.size and values.dtype.kind not in "iu"):
@@ -174,8 +182,9 @@ def _check_per_face(name, values, faces):
     return values
 
 
-def _corner_lists(vertices, faces):
-    """Return (first, corners, valence) as described at `list_corners`."""
+def _list_fans(vertices: NDArray, faces: NDArray) -> Fans:
+    """List the corners of a mesh by vertex."""
+    corner_vertices = faces.reshape(-1)
     first = np.zeros(len(vertices) + 2, dtype=np.uint32)
     corners = np.empty(faces.size, dtype=np.uint32)
-    return first, corners, list_corners(faces.reshape(-1), first, corners)
+    return Fans(corner_vertices, first, corners, list_corners(corner_vertices, first, corners))

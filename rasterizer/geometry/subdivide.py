@@ -11,18 +11,18 @@ import operator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..errors import ModelError, SceneError
-from ..scene.validate import shown
+from ..errors import ModelError, SceneError, shown
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from .normals import split_creases
-from .points import DEFAULT_CREASE_ANGLE
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
 _NEXT = [1, 2, 0]  # the edge that begins at corner k ends here; its midpoint is the point 3 + k
 
 
-def subdivide(mesh, times: int):
+def subdivide(mesh: Mesh, times: int) -> Mesh:
     """Return a mesh whose triangles are cut in four `times` times; see `Mesh.subdivide`."""
     times = _checked_times(times)
     n_face = mesh.n_face * 4**times
@@ -35,7 +35,7 @@ def subdivide(mesh, times: int):
     return mesh
 
 
-def _checked_times(times) -> int:
+def _checked_times(times: object) -> int:
     """Return a whole number from 0 to 15: the sixteenth time makes 2^32 faces of one."""
     try:
         result = -1 if isinstance(times, (bool, np.bool_)) else operator.index(times)
@@ -46,7 +46,7 @@ def _checked_times(times) -> int:
     return result
 
 
-def _cut_once(mesh):
+def _cut_once(mesh: Mesh) -> Mesh:
     """Cut every triangle of a mesh in four.
 
     An edge has one midpoint however many faces meet there, so the finer mesh is as closed as the given one. Where two
@@ -73,7 +73,7 @@ def _cut_once(mesh):
     return replace(finer, normals=_cut_attribute(mesh.normals, ends, is_direction=True))
 
 
-def _edges(faces) -> tuple[np.ndarray, np.ndarray]:
+def _edges(faces: NDArray) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     """Return the ends (n_edge, 2) uint32 of all edges, and which edge begins at each corner, (n_face, 3) uint32."""
     low, high = np.minimum(faces, faces[:, _NEXT]), np.maximum(faces, faces[:, _NEXT])
     keys, edge = np.unique(low.astype(np.uint64) << np.uint64(32) | high, return_inverse=True)
@@ -81,12 +81,12 @@ def _edges(faces) -> tuple[np.ndarray, np.ndarray]:
     return ends, edge.reshape(faces.shape).astype(np.uint32)
 
 
-def _with_means(values, ends) -> np.ndarray:
+def _with_means(values: NDArray, ends: NDArray) -> NDArray[np.float64]:
     """Return values of vertices, followed by those of the midpoints."""
     return np.concatenate([values, _mean(values[ends[:, 0]], values[ends[:, 1]])])
 
 
-def _cut_attribute(values, ends, is_direction=False):
+def _cut_attribute(values: NDArray | None, ends: NDArray, is_direction: bool = False) -> NDArray[np.float64] | None:
     """Return an attribute of the vertices (n_vertex, k), or of the corners (n_face, 3, k), for the finer mesh."""
     if values is None:
         return None
@@ -97,17 +97,21 @@ def _cut_attribute(values, ends, is_direction=False):
     return points[:, _CHILDREN].reshape(-1, 3, values.shape[2])
 
 
-def _mean(a, b) -> np.ndarray:
+def _mean(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Return the means of values."""
     return 0.5 * (a + b)
 
 
-def _mean_direction(a, b) -> np.ndarray:
-    """Means of directions, which the mesh makes unit vectors; the first's where two are opposite and cancel."""
+def _mean_direction(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Return the means of directions, which the mesh makes unit vectors.
+
+    Where two are opposite and cancel, the first is taken.
+    """
     total = a + b
     return np.where(np.any(total != 0.0, axis=-1, keepdims=True), total, a)
 
 
-def _averaged_normals(mesh) -> np.ndarray:
+def _averaged_normals(mesh: Mesh) -> NDArray[np.float64]:
     """Average the faces' normals up to the creases: (n_vertex, 3), or (n_face, 3, 3) where a vertex has several.
 
     Old vertices get the normals they had, because the faces round them keep their planes and corner angles. A midpoint

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ModelError
-from ..geometry.polygons import CROSSING, Cut, TooManyCorners, cut_polygons
 from ..scene.material import Material
+from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
 from .files import Folder
 
 # Albedo 1: the colours of a coloured mesh are the diffuse coefficients.
@@ -133,7 +133,7 @@ def unique_rows(rows):
 
 
 def cut_faces(model, points, corners, counts, line_of) -> Cut:
-    """Cut the polygons of a file, as `geometry/polygons.py` says; the second half of a quad 0 1 2 3 that is a fan
+    """Cut the polygons of a file, as `scene/triangulation.py` says; the second half of a quad 0 1 2 3 that is a fan
     begins at 2: 2 3 0.
 
     Parameters

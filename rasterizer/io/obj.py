@@ -1,6 +1,6 @@
 """Read OBJ: vertices, polygons, normals, texture coordinates, smoothing groups, objects, materials.
 
-    lines (obj_lines.py) ─ triangles (geometry/polygons.py) with their attributes ─ parts, one an object
+    lines (obj_lines.py) ─ triangles (scene/triangulation.py) with their attributes ─ parts, one an object
 
 Each `o` line with faces begins a part, which may have several materials; groups (`g`) only name faces, so normals go
 across their borders. Faces keep the order of the file. Points, lines, and faces with fewer than three corners are left

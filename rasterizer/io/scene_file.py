@@ -23,10 +23,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from ..errors import ModelError, one_file
+from ..errors import ModelError, one_file, shown
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from ..scene.validate import picture_size, shown
+from ..scene.validate import picture_size
 from . import formats
 from .files import Folder, read_named
 from .model_file import MeshSettings

@@ -2,8 +2,7 @@
 
 import re
 
-from ..errors import ModelError, SceneError
-from ..scene.validate import shown
+from ..errors import ModelError, SceneError, shown
 
 _KINDS = {dict: "a table", list: "a list", str: "text", bool: "true or false"}
 

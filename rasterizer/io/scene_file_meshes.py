@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, shown
 from ..scene.mesh import Mesh
-from ..scene.validate import number, shown, unit3, vector3
+from ..scene.validate import number, unit3, vector3
 from . import formats
 from .gltf import MOST_COPIES
 from .model_file import MeshSettings

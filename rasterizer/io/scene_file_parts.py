@@ -1,34 +1,27 @@
 """Materials, textures, lights and cameras of a scene file."""
 
 import math
-from dataclasses import MISSING, fields, replace
+from dataclasses import fields, replace
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError
-from ..scene import lights
+from ..errors import ModelError, shown
 from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.depth_cue import DepthCue, checked_cue
-from ..scene.lights import Shadow
+from ..scene.fields import describe_fields
+from ..scene.lights import LIGHT_KINDS, PRESETS
 from ..scene.material import Material
 from ..scene.named_materials import NAMED_MATERIALS
+from ..scene.shadow import Shadow
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Budget, Texture, read_picture
-from ..scene.validate import shown
 from .files import Folder
 from .scene_file_arrays import Arrays
+from .scene_file_entry import Entry
 
-LIGHTS = {
-    "ambient": lights.AmbientLight,
-    "directional": lights.DirectionalLight,
-    "point": lights.PointLight,
-    "spot": lights.SpotLight,
-    "area": lights.AreaLight,
-}
-PRESETS = {"studio": lights.studio, "headlight": lights.headlight}
 COLORS = ("ambient", "diffuse", "specular", "emissive", "fresnel", "color")  # fields that are colours
 FRAMING = ("azimuth", "elevation", "fov", "orthographic", "margin")
 
@@ -219,24 +212,26 @@ def read_lights(entry) -> tuple[tuple, tuple[int, ...]]:
 
 
 def _read_light(entry):
-    """Read one light; `kind` chooses the class, the other keys are its fields."""
+    """Read one light; `kind` chooses the class out of the scene's table, the other keys are its fields."""
     kind = entry.names().get("kind")
     if kind is None:
-        raise entry.fault(f"kind is missing; legal are {', '.join(LIGHTS)}")
-    if kind.text() not in LIGHTS:
-        raise kind.fault(f"must be one of {', '.join(LIGHTS)}; given {shown(kind.value)}")
-    make = LIGHTS[kind.value]
-    needed = [field.name for field in fields(make) if field.default is MISSING]
-    table = entry.table(["kind", *(field.name for field in fields(make))], ["kind", *needed])
-    settings = {}
-    for key, field in table.items():
-        if key == "shadow":
-            settings[key] = _read_shadow(field)
-        elif key == "amplify":
-            settings[key] = field.flag()
-        elif key != "kind":
-            settings[key] = color_value(field) if key in COLORS else field.value
-    return keeping_units(entry.call(make, **settings), settings, ("direction",))
+        raise entry.fault(f"kind is missing; legal are {', '.join(LIGHT_KINDS)}")
+    if kind.text() not in LIGHT_KINDS:
+        raise kind.fault(f"must be one of {', '.join(LIGHT_KINDS)}; given {shown(kind.value)}")
+    described = describe_fields(LIGHT_KINDS[kind.value])
+    needed = [name for name, field in described.items() if field.is_needed]
+    table = entry.table(["kind", *described], ["kind", *needed])
+    readers = {"shadow": _read_shadow, "flag": Entry.flag, "color": color_value}
+    settings = {
+        name: readers.get(described[name].holds, _value_of)(field) for name, field in table.items() if name != "kind"
+    }
+    vectors = [name for name, field in described.items() if field.holds == "vector"]
+    return keeping_units(entry.call(LIGHT_KINDS[kind.value], **settings), settings, vectors)
+
+
+def _value_of(entry):
+    """What the file has there, for the class to check."""
+    return entry.value
 
 
 def _read_shadow(entry):
@@ -273,8 +268,10 @@ def keeping_units(made, given, names):
         vector = given.get(name)
         if not isinstance(vector, list) or not hasattr(made, name):
             continue
-        if abs(math.fsum(float(x) * float(x) for x in vector) - 1.0) <= _UNIT_SLACK:
-            object.__setattr__(made, name, tuple(map(float, vector)))
+        vector = tuple(map(float, vector))
+        is_unit = abs(math.fsum(x * x for x in vector) - 1.0) <= _UNIT_SLACK
+        if is_unit and all(abs(x - y) <= _UNIT_SLACK for x, y in zip(vector, getattr(made, name), strict=True)):
+            object.__setattr__(made, name, vector)
     return made
 
 

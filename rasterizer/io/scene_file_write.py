@@ -15,17 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import OutputError, SceneError
+from ..errors import OutputError, SceneError, shown
 from ..scene.color import LINEAR_OF_BYTE
+from ..scene.fields import describe_fields
+from ..scene.lights import kind_of
 from ..scene.material import Material
 from ..scene.spectrum import Spectrum
 from ..scene.texture import Texture
-from ..scene.validate import shown
 from .files import write_and_move
 from .scene_file_meshes import ARRAYS
-from .scene_file_parts import COLORS, LIGHTS
-
-_KINDS = {make: kind for kind, make in LIGHTS.items()}
+from .scene_file_parts import COLORS
 
 
 def write_scene(scene, path) -> Path:
@@ -158,14 +157,14 @@ def _camera(camera) -> dict:
 
 
 def _light(light) -> dict:
-    """A light's kind and fields."""
-    table = {"kind": _KINDS[type(light)]}
-    for field in fields(light):
-        value = getattr(light, field.name)
-        if field.name == "shadow" and value is not None:
+    """A light's kind and fields, out of the scene's table of kinds."""
+    table = {"kind": kind_of(light)}
+    for name, field in describe_fields(type(light)).items():
+        value = getattr(light, name)
+        if field.holds == "shadow" and value is not None:
             table["shadow"] = {"size": value.size, "filter": value.filter}
         elif value is not None:
-            table[field.name] = _color(value) if field.name in COLORS else _plain(value)
+            table[name] = _color(value) if field.holds == "color" else _plain(value)
     return table
 
 

@@ -1,63 +1,99 @@
-"""Stage 7 for exact buffers: depth, face and normal of what is visible at each pixel's centre.
+"""Stage 7 for exact buffers: what is visible at each pixel's centre, one kernel a kind of buffer.
 
-In:  the band's z-buffer, all of its words holding record numbers, and the records (float64).
-Out: rows of the buffers. The z-buffer is left clean for the next band.
+In:  the band's visibility buffer, all of its entries indices of exact records, and the records (float64).
+Out: the band's rows of a buffer. `clear_band` comes last: it leaves the visibility buffer clear for the next band.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, kernel
-from .interpolate import corner_weights, corners_of, depth_of, mean, weights_of
-from .records import ATTRIBUTE, FACE, RECORD_MASK, SIDE, borrow_records
-from .resolve import clean
-from .scan import CLEAR, GROUP_SHIFT
-from .transform import HALF, SUBPIXEL
+from ..compiler.kernels import borrow, helper, index, kernel
+from ..geometry.vectors import length, scale
+from .interpolate import corner_vectors, corner_weights, depth_at, exact_triangle, mean_vector
+from .records import FACE, SIDE, Records, borrow_records
+from .transform import Screen
+from .visibility import CLEAR, RECORD_MASK, VisibilityBuffer, clear, strip_of
 
 
-class Buffers(NamedTuple):
-    """What is written; an array that isn't wanted has no rows."""
+class VisibleSurfaces(NamedTuple):
+    """What is visible in a band, one sample a pixel."""
 
-    depth: np.ndarray  # (height, width) float32, distance along the viewing axis, scene units; inf where nothing is
-    face: np.ndarray  # (height, width) int32; -1 where nothing is
-    normal: np.ndarray  # (height, width, 3) float32, unit length, towards the viewer, world space; 0 where nothing is
+    visibility: VisibilityBuffer
+    records: Records  # exact ones
+    loaded_faces: np.ndarray  # (n_face,) the face that each triangle is a part of; empty where no face was clipped
+    screen: Screen
 
 
 @kernel
-def write_buffers(canvas, records, loaded_face, y_start, n_row, screen, out):
-    """Write n_row rows of the buffers from y_start on; clean the band; return how many samples are covered.
+def write_depth(surfaces, band, out):
+    """Write the distance along the viewing axis where something is visible: out is (height, width) float32."""
+    visibility, records, is_perspective = (
+        surfaces.visibility,
+        borrow_records(surfaces.records),
+        surfaces.screen.is_perspective,
+    )
+    entries = borrow(visibility.entries)
+    for row in range(band.y_end - band.y_start):
+        strip, y = strip_of(row), band.y_start + row
+        for x in range(visibility.left[strip], visibility.right[strip]):
+            entry = entries[index(row * visibility.pitch + x)]
+            if entry < CLEAR:
+                record = index(entry & RECORD_MASK)
+                triangle = exact_triangle(records, record)
+                q = corner_weights(triangle, x, y)
+                out[index(y), index(x)] = depth_at(records, record, triangle, q, is_perspective)
 
-    `loaded_face` is the face that each triangle is a part of, or empty where no face was clipped.
+
+@kernel
+def write_face(surfaces, band, out):
+    """Write the index of the visible face as loaded: out is (height, width) int32."""
+    visibility, records = surfaces.visibility, borrow_records(surfaces.records)
+    entries, loaded_faces = borrow(visibility.entries), borrow(surfaces.loaded_faces)
+    for row in range(band.y_end - band.y_start):
+        strip, y = strip_of(row), band.y_start + row
+        for x in range(visibility.left[strip], visibility.right[strip]):
+            entry = entries[index(row * visibility.pitch + x)]
+            if entry < CLEAR:
+                face = records.integers[index(entry & RECORD_MASK), FACE]
+                out[index(y), index(x)] = loaded_faces[index(face)] if len(loaded_faces) > 0 else face
+
+
+@kernel
+def write_normal(surfaces, band, out):
+    """Write the unit normal in the world, towards the viewer: out is (height, width, 3) float32.
+
+    Attributes 0-2 of the records are the normals.
     """
-    words, records = borrow(canvas.words), borrow_records(records)
-    integers, numbers = records.integers, records.numbers
-    out_depth, out_face, out_normal = borrow(out.depth), borrow(out.face), borrow(out.normal)
-    n_covered = 0
-    for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        y, sy = np.uint64(y_start + j), (y_start + j) * SUBPIXEL + HALF
-        for i in range(canvas.left[group], canvas.right[group]):
-            word = words[np.uint64(j * canvas.pitch + i)]
-            if word >= CLEAR:
-                continue
-            n_covered += 1
-            x, record = np.uint64(i), np.uint64(word & RECORD_MASK)
-            if out_face.shape[0] > 0:
-                face = integers[record, np.uint64(FACE)]
-                out_face[y, x] = loaded_face[np.uint64(face)] if len(loaded_face) > 0 else face
-            weights = weights_of(records, record)
-            q0, q1, q2 = corner_weights(weights, i * SUBPIXEL + HALF, sy)
-            if out_depth.shape[0] > 0:
-                out_depth[y, x] = depth_of(records, record, weights, q0, q1, q2, screen.is_perspective)
-            if out_normal.shape[0] > 0:
-                total = q0 + q1 + q2
-                p0, p1, p2 = q0 / total, q1 / total, q2 / total
-                nx = mean(corners_of(numbers, record, ATTRIBUTE), p0, p1, p2)
-                ny = mean(corners_of(numbers, record, ATTRIBUTE + 3), p0, p1, p2)
-                nz = mean(corners_of(numbers, record, ATTRIBUTE + 6), p0, p1, p2)
-                length = np.sqrt(nx * nx + ny * ny + nz * nz)
-                scale = integers[record, np.uint64(SIDE)] / length if length > 0 else 0.0
-                out_normal[y, x, 0], out_normal[y, x, 1], out_normal[y, x, 2] = nx * scale, ny * scale, nz * scale
-    clean(canvas, n_row)
+    visibility, records = surfaces.visibility, borrow_records(surfaces.records)
+    entries = borrow(visibility.entries)
+    for row in range(band.y_end - band.y_start):
+        strip, y = strip_of(row), band.y_start + row
+        for x in range(visibility.left[strip], visibility.right[strip]):
+            entry = entries[index(row * visibility.pitch + x)]
+            if entry < CLEAR:
+                record = index(entry & RECORD_MASK)
+                q = corner_weights(exact_triangle(records, record), x, y)
+                total = q[0] + q[1] + q[2]
+                pixel = out[index(y), index(x)]
+                pixel[0], pixel[1], pixel[2] = normal_of(records, record, (q[0] / total, q[1] / total, q[2] / total))
+
+
+@helper
+def normal_of(records, record, p):
+    """Interpolate the normal of an exact record with weights p_i, Σ p_i = 1: unit length, on the side that is seen."""
+    normal = mean_vector(corner_vectors(records, record, 0), p)
+    norm = length(normal)
+    return scale(normal, records.integers[record, SIDE] / norm if norm > 0 else 0.0)
+
+
+@kernel
+def clear_band(visibility, n_row):
+    """Clear the first `n_row` rows of the visibility buffer; return how many samples are covered."""
+    entries, n_covered = borrow(visibility.entries), 0
+    for row in range(n_row):
+        strip = strip_of(row)
+        for x in range(visibility.left[strip], visibility.right[strip]):
+            n_covered += entries[index(row * visibility.pitch + x)] < CLEAR
+    clear(visibility, n_row)
     return n_covered

@@ -1,6 +1,6 @@
 """Depth cueing: what is further away fades towards a colour.
 
-In:  a band's shaded samples, its words, all of which hold numbers of exact records, and the records.
+In:  a band's shaded samples, its visibility entries, all of which hold numbers of exact records, and the records.
 Out: the samples' intensities I, mixed with the colour C of the cue by their depth d:
 
     I' = s·I + (1 - s)·C      s = d0 / (d0 + max(d - start, 0))
@@ -17,11 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, kernel
-from .interpolate import corner_weights, depth_of, weights_of
-from .records import RECORD_MASK, borrow_records
-from .scan import CLEAR, GROUP_SHIFT
-from .transform import HALF, SUBPIXEL
+from ..compiler.kernels import borrow, index, kernel
+from .interpolate import borrow_band, corner_weights, depth_at, exact_triangle, row_extent
+from .visibility import CLEAR, RECORD_MASK
 
 
 class Cue(NamedTuple):
@@ -33,22 +31,28 @@ class Cue(NamedTuple):
 
 
 @kernel
-def fade(canvas, records, y_start, n_row, is_perspective, cue, out_radiance):
-    """Fade n_row rows of samples from y_start on; those that show nothing are left alone."""
-    words, records = borrow(canvas.words), borrow_records(records)
-    radiance, color = borrow(out_radiance), borrow(cue.color)
-    for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        sy = (y_start + j) * SUBPIXEL + HALF
-        for i in range(canvas.left[group], canvas.right[group]):
-            sample = np.uint64(j * canvas.pitch + i)
-            word = words[sample]
-            if word >= CLEAR:
+def fade(band, is_perspective, cue, out_radiance):
+    """Fade the samples of a band; those that show nothing are left alone.
+
+    Parameters
+    ----------
+    band : ScannedBand, all of its records exact
+    cue : Cue
+    out_radiance : (n_channel, n_row * pitch) float64, linear, changed
+    """
+    band, radiance, color = borrow_band(band), borrow(out_radiance), borrow(cue.color)
+    visibility, records = band.visibility, band.records
+    for j in range(band.n_row):
+        left, right = row_extent(visibility, j)
+        for i in range(left, right):
+            sample = index(j * visibility.pitch + i)
+            entry = visibility.entries[sample]
+            if entry >= CLEAR:
                 continue
-            record = np.uint64(word & RECORD_MASK)
-            weights = weights_of(records, record)
-            q0, q1, q2 = corner_weights(weights, i * SUBPIXEL + HALF, sy)
-            depth = depth_of(records, record, weights, q0, q1, q2, is_perspective)
+            record = index(entry & RECORD_MASK)
+            triangle = exact_triangle(records, record)
+            q = corner_weights(triangle, i, band.y_start + j)
+            depth = depth_at(records, record, triangle, q, is_perspective)
             share = cue.scale / (cue.scale + max(depth - cue.start, 0.0))
-            for channel in range(np.uint64(radiance.shape[0])):
+            for channel in range(index(radiance.shape[0])):
                 radiance[channel, sample] = share * radiance[channel, sample] + (1.0 - share) * color[channel]

@@ -1,40 +1,64 @@
-"""The rows that lighting works on: up to CHUNK surface points at a time, one quantity a row, in the L1 cache.
+"""A batch of fragments: up to BATCH_SIZE surface points that are lit together, in the L1 cache.
 
-All rows stand one behind the other in one flat array, `rows[NORMAL_X + k]`: with offsets that are known when it is
-compiled, the compiler sees that rows don't overlap, and vectorises. Directions are unit vectors and point away from the
-surface; positions are relative to the eye, so that float32 keeps its digits far from the origin; all axes are the
-world's.
+A batch is one flat array. It holds one quantity after the other, each for BATCH_SIZE fragments: `batch[N_DOT_L + k]` is
+the N·L of fragment k. These offsets are known when a kernel is compiled, so the compiler sees that quantities don't
+overlap, and makes vector instructions of loops over k.
+
+A vector is three quantities in a row, one for each axis of the world; its name is that of the first. Directions are
+unit vectors and point away from the surface. Positions are relative to the eye, in scene units, so that float32 keeps
+its digits far from the origin.
 """
 
 import numpy as np
 
-CHUNK = 256
+from ..compiler.kernels import helper, index
 
-NORMAL_X, NORMAL_Y, NORMAL_Z = (np.uint64(CHUNK * k) for k in range(3))
-POSITION_X, POSITION_Y, POSITION_Z = (np.uint64(CHUNK * k) for k in range(3, 6))
-DISTANCE = POSITION_X  # w, or depth without perspective, before it becomes a position
-VIEW_X, VIEW_Y, VIEW_Z = (np.uint64(CHUNK * k) for k in range(6, 9))
-N_DOT_V = np.uint64(CHUNK * 9)
-LIGHT_X, LIGHT_Y, LIGHT_Z = (np.uint64(CHUNK * k) for k in range(10, 13))  # written by a light, as the next two
-N_DOT_L, STRENGTH = (np.uint64(CHUNK * k) for k in range(13, 15))
-DIFFUSE, SPECULAR = (np.uint64(CHUNK * k) for k in range(15, 17))  # written by a reflection model
-DIFFUSE_SUM = np.uint64(CHUNK * 17)  # summed over the lights, a row a channel
-SPECULAR_SUM = np.uint64(CHUNK * 20)
-ALBEDO = np.uint64(CHUNK * 23)
-INTENSITY = LIGHT_X  # the result, a row a channel, when no light is left to ask
-NEXT_CHANNEL = np.uint64(CHUNK)
-# Of shadows: the polygon's plane, n·P = OFFSET with a unit normal n, and how far the point is lifted above it. Planes
-# of attributes come in groups of four: the row between is what the albedo leaves over.
-PLANE_X, PLANE_Y, PLANE_Z, OFFSET, LIFT = (np.uint64(CHUNK * k) for k in range(27, 32))
-SEEN_X, SEEN_Y, SEEN_Z, SLOPE_X, SLOPE_Y = (
-    np.uint64(CHUNK * k) for k in range(32, 37)
-)  # what the light sees, see shadow_lookup.py
-TANGENT_X, TANGENT_Y, TANGENT_Z = (
-    np.uint64(CHUNK * k) for k in range(37, 40)
-)  # of anisotropic materials; of any length
-N_ROW = 40
+BATCH_SIZE = 256
 
 
-def make_rows(dtype):
-    """Return the rows of one thread."""
-    return np.zeros(N_ROW * CHUNK, dtype)
+def _quantity(number):
+    """Return where a quantity begins in a batch."""
+    return index(BATCH_SIZE * number)
+
+
+NEXT = _quantity(1)  # from a quantity to the next one: the next axis of a vector, the next channel of a colour
+NORMAL, POSITION, VIEW_DIR = _quantity(0), _quantity(3), _quantity(6)  # vectors
+DISTANCE = POSITION  # w, or depth without perspective, before it becomes a position
+N_DOT_V = _quantity(9)
+LIGHT_DIR, N_DOT_L, STRENGTH = _quantity(10), _quantity(13), _quantity(14)  # written by a light function
+DIFFUSE, SPECULAR = _quantity(15), _quantity(16)  # written by a reflection function
+DIFFUSE_SUM, SPECULAR_SUM = _quantity(17), _quantity(20)  # over the lights, three channels each
+ALBEDO = _quantity(23)  # three channels; planes of attributes come in fours, so a fourth quantity is written, too
+INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to ask
+# For shadows. The plane of the polygon is n·P = FACE_OFFSET with the unit normal n = FACE_NORMAL; NORMAL_OFFSET is how
+# far the point is moved along its own normal. The other two belong to shadow_lookup.py.
+FACE_NORMAL, FACE_OFFSET, NORMAL_OFFSET = _quantity(27), _quantity(30), _quantity(31)
+FROM_LIGHT, LIMIT_SLOPES = _quantity(32), _quantity(35)
+TANGENT = _quantity(37)  # a vector of any length, of anisotropic materials
+N_QUANTITY = 40
+BATCH_SHAPE = (N_QUANTITY * BATCH_SIZE,)
+
+
+def make_batch(dtype) -> np.ndarray:
+    """Return the batch of one thread, BATCH_SHAPE zeros of float32 or float64."""
+    return np.zeros(BATCH_SHAPE, dtype)
+
+
+@helper
+def get_vector(batch, quantity, k):
+    """Return a vector of fragment k."""
+    first = quantity + k
+    return batch[first], batch[first + NEXT], batch[first + NEXT + NEXT]
+
+
+@helper
+def set_vector(batch, quantity, k, vector):
+    """Set a vector of fragment k."""
+    first = quantity + k
+    batch[first], batch[first + NEXT], batch[first + NEXT + NEXT] = vector
+
+
+@helper
+def read_vector(numbers, first):
+    """Return three numbers of an array in a row as a vector: an axis of the view, coefficients of a light."""
+    return numbers[first], numbers[first + 1], numbers[first + 2]

@@ -1,5 +1,7 @@
-"""Exact interpolation over the triangle of an exact record (records.py), for shade.py, texture_sampling.py and
-buffers.py.
+"""Exact interpolation over the triangles of exact records (records.py), and the walk over their runs of samples.
+
+In:  a band after the scan stage: visibility entries and records.
+Out: means of what the three corners of a triangle have, weighted for one sample, for the stages behind scan.
 
 It is perspective-correct: with the edge functions e_i of a sample, q_i = e_i / w_i, an attribute is Σ q_i·a_i / Σ q_i
 (Blinn 1992, "Hyperbolic interpolation"). Nothing is extrapolated, and the e_i are exact integers, so slivers are as
@@ -14,16 +16,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper
-from .clip import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
-from .records import CUT, DEPTH, INV_W, IS_EXACT, IS_ID, LEVEL_MASK, PLACE
-from .transform import SUBPIXEL
+from ..compiler.kernels import borrow, helper, index
+from .face_planes import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
+from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records, borrow_records
+from .transform import HALF, SUBPIXEL
+from .visibility import IS_EXACT, IS_ID, LEVEL_MASK, VisibilityBuffer, borrow_visibility, strip_of
 
 
-class Weights(NamedTuple):
-    """How the weights q_i of an exact record's three corners are found at a sample."""
+class ScannedBand(NamedTuple):
+    """What the scan stage leaves of a band, for the stages behind it."""
 
-    is_cut: bool  # from planes; else from edge functions
+    visibility: VisibilityBuffer
+    records: Records
+    kind: int  # of coding: EXACT, IN_ENTRIES, LEVEL_PLANES or NORMAL_PLANES, see gradients.py
+    n_exact: int  # how many records are exact
+    y_start: int  # the band's first row in the picture, samples
+    n_row: int
+
+
+class ExactTriangle(NamedTuple):
+    """What the weights q_i of an exact record's three corners are computed from."""
+
+    is_clipped: bool  # a part of a clipped face: the weights come from planes; else from edge functions
     x0: int  # the first vertex and the two edges that leave it, 1/256 px
     y0: int
     dx1: int
@@ -38,96 +52,135 @@ class Weights(NamedTuple):
     area: float  # Σ e_i; 1 where weights come from planes: 1/w = Σ q_i / area
 
 
+# ---------------------------------------------------------------- runs of samples
+
+
 @helper
-def has_exact(words):
-    """Tell whether any word holds the number of an exact record."""
+def borrow_band(band):
+    """The band with arrays that count no references."""
+    return ScannedBand(
+        borrow_visibility(band.visibility), borrow_records(band.records), band.kind, band.n_exact, band.y_start,
+        band.n_row,
+    )  # fmt: skip
+
+
+@helper
+def row_extent(visibility, j):
+    """Return the columns left..right of row j of the band that may show something; left >= right where none do."""
+    strip = strip_of(j)
+    return visibility.left[strip], visibility.right[strip]
+
+
+@helper
+def has_exact(entries):
+    """Tell whether any entry holds the number of an exact record."""
     union = np.int64(0)
-    for k in range(np.uint64(len(words))):
-        union |= words[k] & (words[k] >> 1)  # IS_ID stands one bit above IS_EXACT
+    for k in range(index(len(entries))):
+        union |= entries[k] & (entries[k] >> 1)  # IS_ID stands one bit above IS_EXACT
     return (union & IS_EXACT) != 0
 
 
 @helper
-def run_end(words, start):
-    """End of the run of samples that show the same record as the one at `start`."""
-    stop = start + np.uint64(1)
-    while stop < np.uint64(len(words)) and (words[stop] ^ words[start]) & (IS_ID | LEVEL_MASK) == 0:
-        stop += np.uint64(1)
-    return stop
+def is_exact(entry):
+    """Tell whether an entry holds the number of an exact record."""
+    return entry & (IS_ID | IS_EXACT) == IS_ID | IS_EXACT
 
 
 @helper
-def is_exact(word):
-    """Tell whether a word holds the number of an exact record."""
-    return word & (IS_ID | IS_EXACT) == IS_ID | IS_EXACT
+def run_end(entries, start):
+    """Return the end of the run of samples that show the same record as the one at `start`."""
+    end = start + index(1)
+    while end < index(len(entries)) and (entries[end] ^ entries[start]) & (IS_ID | LEVEL_MASK) == 0:
+        end += index(1)
+    return end
 
 
 @helper
-def weights_of(records, record):
-    """Fetch what the weights of an exact record are found from."""
-    row, column = records.integers[record], np.uint64(PLACE)
-    dx1, dy1 = np.int64(row[column + np.uint64(2)]), np.int64(row[column + np.uint64(3)])
-    dx2, dy2 = np.int64(row[column + np.uint64(4)]), np.int64(row[column + np.uint64(5)])
-    w0, w1, w2 = corners_of(records.numbers, record, INV_W)
+def next_exact_run(entries, start):
+    """Find the next run of samples that show one exact record: (start, end); an empty one where there is none.
+
+    All that is interpolated over exact records is so run by run:
+
+        start, end = next_exact_run(entries, index(0))
+        while start < end:
+            ...
+            start, end = next_exact_run(entries, end)
+    """
+    n = index(len(entries))
+    while start < n and not is_exact(entries[start]):
+        start += index(1)
+    return start, run_end(entries, start) if start < n else start
+
+
+# ---------------------------------------------------------------- weights of the corners
+
+
+@helper
+def exact_triangle(records, record):
+    """Read what the weights of an exact record are computed from."""
+    row, first = records.integers[record], index(EDGES)
+    dx1, dy1 = np.int64(row[first + index(2)]), np.int64(row[first + index(3)])
+    dx2, dy2 = np.int64(row[first + index(4)]), np.int64(row[first + index(5)])
+    w0, w1, w2 = corner_values(records.reals, record, INV_W)
     inv_w = (float(w0), float(w1), float(w2))
-    cut = row[np.uint64(CUT)]
-    if cut >= 0:
-        planes, k = borrow(records.cut), np.uint64(cut)
-        sums = (planes[k, np.uint64(LEAST_SUM)], planes[k, np.uint64(LARGEST_SUM)])
-        q, q_x, q_y = corners_of(planes, k, WEIGHT), corners_of(planes, k, WEIGHT_X), corners_of(planes, k, WEIGHT_Y)
+    clipped = row[index(CLIPPED_IDX)]
+    if clipped >= 0:
+        planes, k = borrow(records.clipped_planes), index(clipped)
+        sums = (planes[k, index(LEAST_SUM)], planes[k, index(LARGEST_SUM)])
+        q, q_x = corner_values(planes, k, WEIGHT), corner_values(planes, k, WEIGHT_X)
+        q_y = corner_values(planes, k, WEIGHT_Y)
         area = 1.0
     else:
         q = q_x = q_y = (0.0, 0.0, 0.0)
         sums = (min(inv_w), max(inv_w))
         area = float(dx1 * dy2 - dx2 * dy1)
-    return Weights(
-        cut >= 0,
-        np.int64(row[column]),
-        np.int64(row[column + np.uint64(1)]),
-        dx1,
-        dy1,
-        dx2,
-        dy2,
-        inv_w,
-        q,
-        q_x,
-        q_y,
-        sums,
-        area,
+    x0, y0 = np.int64(row[first]), np.int64(row[first + index(1)])
+    return ExactTriangle(clipped >= 0, x0, y0, dx1, dy1, dx2, dy2, inv_w, q, q_x, q_y, sums, area)
+
+
+@helper
+def corner_values(reals, record, column):
+    """Return three neighbouring numbers of an exact record: what it holds for its three corners."""
+    column = index(column)
+    return reals[record, column], reals[record, column + index(1)], reals[record, column + index(2)]
+
+
+@helper
+def corner_vectors(records, record, attribute):
+    """Return three neighbouring attributes of an exact record, each at the three corners."""
+    column = ATTRIBUTE + 3 * attribute
+    return (
+        corner_values(records.reals, record, column),
+        corner_values(records.reals, record, column + 3),
+        corner_values(records.reals, record, column + 6),
     )
 
 
 @helper
-def corners_of(numbers, record, column):
-    """Three neighbouring numbers of an exact record: what it holds for its three corners."""
-    column = np.uint64(column)
-    return numbers[record, column], numbers[record, column + np.uint64(1)], numbers[record, column + np.uint64(2)]
-
-
-@helper
-def corner_weights(weights, sx, sy):
-    """Perspective weights q_i of the three corners at the sample (sx, sy) (1/256 px); not normalised.
+def corner_weights(triangle, x, y):
+    """Return the perspective weights q_i of the three corners at the sample in column x of row y; not normalised.
 
     The edge functions e_i are integers below 2^60: nothing is lost however long and thin the triangle is.
     """
-    if weights.is_cut:
-        return plane_weights(weights, float(sx), float(sy))
-    ux, uy = sx - weights.x0, sy - weights.y0
-    e1 = ux * weights.dy2 - uy * weights.dx2
-    e2 = uy * weights.dx1 - ux * weights.dy1
-    e0 = (weights.dx1 * weights.dy2 - weights.dx2 * weights.dy1) - e1 - e2
-    return float(e0) * weights.inv_w[0], float(e1) * weights.inv_w[1], float(e2) * weights.inv_w[2]
+    sx, sy = x * SUBPIXEL + HALF, y * SUBPIXEL + HALF
+    if triangle.is_clipped:
+        return plane_weights(triangle, float(sx), float(sy))
+    ux, uy = sx - triangle.x0, sy - triangle.y0
+    e1 = ux * triangle.dy2 - uy * triangle.dx2
+    e2 = uy * triangle.dx1 - ux * triangle.dy1
+    e0 = (triangle.dx1 * triangle.dy2 - triangle.dx2 * triangle.dy1) - e1 - e2
+    return float(e0) * triangle.inv_w[0], float(e1) * triangle.inv_w[1], float(e2) * triangle.inv_w[2]
 
 
 @helper
-def plane_weights(weights, x, y):
-    """The weights of a clipped face, none below 0, their sum within its range."""
-    q, q_x, q_y = weights.q, weights.q_x, weights.q_y
-    q0 = max(q[0] + q_x[0] * x + q_y[0] * y, 0.0)
-    q1 = max(q[1] + q_x[1] * x + q_y[1] * y, 0.0)
-    q2 = max(q[2] + q_x[2] * x + q_y[2] * y, 0.0)
+def plane_weights(triangle, sx, sy):
+    """Return the weights of a clipped face at (sx, sy), 1/256 px: none below 0, their sum within its range."""
+    q, q_x, q_y = triangle.q, triangle.q_x, triangle.q_y
+    q0 = max(q[0] + q_x[0] * sx + q_y[0] * sy, 0.0)
+    q1 = max(q[1] + q_x[1] * sx + q_y[1] * sy, 0.0)
+    q2 = max(q[2] + q_x[2] * sx + q_y[2] * sy, 0.0)
     total = q0 + q1 + q2
-    within = min(max(total, weights.sums[0]), weights.sums[1])
+    within = min(max(total, triangle.sums[0]), triangle.sums[1])
     if not total > 0.0:
         return within / 3.0, within / 3.0, within / 3.0
     scale = within / total
@@ -135,14 +188,14 @@ def plane_weights(weights, x, y):
 
 
 @helper
-def weight_steps(weights):
-    """What one sample to the right, and one down, adds to the weights: two triples."""
-    if weights.is_cut:
-        q_x, q_y, step = weights.q_x, weights.q_y, float(SUBPIXEL)
+def weight_steps(triangle):
+    """Return what one sample to the right, and one down, adds to the weights: two triples."""
+    if triangle.is_clipped:
+        q_x, q_y, step = triangle.q_x, triangle.q_y, float(SUBPIXEL)
         return (q_x[0] * step, q_x[1] * step, q_x[2] * step), (q_y[0] * step, q_y[1] * step, q_y[2] * step)
-    inv_w = weights.inv_w
-    x1, x2 = float(weights.dy2 * SUBPIXEL), float(-weights.dy1 * SUBPIXEL)
-    y1, y2 = float(-weights.dx2 * SUBPIXEL), float(weights.dx1 * SUBPIXEL)
+    inv_w = triangle.inv_w
+    x1, x2 = float(triangle.dy2 * SUBPIXEL), float(-triangle.dy1 * SUBPIXEL)
+    y1, y2 = float(-triangle.dx2 * SUBPIXEL), float(triangle.dx1 * SUBPIXEL)
     # Edge functions 1 and 2; corner 0 loses what both gain.
     return (
         (-(x1 + x2) * inv_w[0], x1 * inv_w[1], x2 * inv_w[2]),
@@ -150,20 +203,41 @@ def weight_steps(weights):
     )
 
 
+# ---------------------------------------------------------------- means
+
+
 @helper
-def depth_of(records, record, weights, q0, q1, q2, is_perspective):
-    """Depth along the viewing axis, scene units, at a sample with the weights q_i."""
-    total = q0 + q1 + q2
+def inverse_sum(q):
+    """Return 1 / Σ q_i."""
+    return 1.0 / (q[0] + q[1] + q[2])
+
+
+@helper
+def mean(corners, p):
+    """Return the mean of the three corners' values, weighted by p_i with Σ p_i = 1; never outside their range, whatever
+    is rounded."""
+    a0, a1, a2 = corners
+    value = p[0] * a0 + p[1] * a1 + p[2] * a2
+    return min(max(value, min(a0, a1, a2)), max(a0, a1, a2))
+
+
+@helper
+def mean_vector(corners, p):
+    """Return the weighted means of three attributes, see `mean`."""
+    return mean(corners[0], p), mean(corners[1], p), mean(corners[2], p)
+
+
+@helper
+def rounded(p, real):
+    """Return three weights in the type of what they weight: float32 arithmetic stays float32."""
+    return real(p[0]), real(p[1]), real(p[2])
+
+
+@helper
+def depth_at(records, record, triangle, q, is_perspective):
+    """Return the depth along the viewing axis, scene units, at a sample with the weights q_i."""
+    total = q[0] + q[1] + q[2]
     if is_perspective:
         # A mean of 1/w may not leave its range by a rounding error.
-        return 1.0 / min(max(total / weights.area, weights.sums[0]), weights.sums[1])
-    return float(mean(corners_of(records.numbers, record, DEPTH), q0 / total, q1 / total, q2 / total))
-
-
-@helper
-def mean(corners, p0, p1, p2):
-    """Mean of the three corners' values, weighted by p_i with Σ p_i = 1; never outside their range, whatever is
-    rounded."""
-    a0, a1, a2 = corners
-    value = p0 * a0 + p1 * a1 + p2 * a2
-    return min(max(value, min(a0, a1, a2)), max(a0, a1, a2))
+        return 1.0 / min(max(total / triangle.area, triangle.sums[0]), triangle.sums[1])
+    return float(mean(corner_values(records.reals, record, DEPTH), (q[0] / total, q[1] / total, q[2] / total)))

@@ -1,178 +1,167 @@
-"""The kinds of light, one row function each: from surface points to the direction and the strength of the light that
-arrives.
+"""The kinds of light, one light function each: the direction and the strength of the light that arrives at a batch.
 
-A row function reads the rows of normals and positions and one light's numbers, and writes the rows LIGHT_X, LIGHT_Y,
-LIGHT_Z (unit vectors to the light), N_DOT_L and STRENGTH (the part of the light's intensity that arrives; lighting.py
-applies its colour). A new kind of light needs its function here and a line in LIGHTS; engine/intensity_bounds.py gives
-its name, engine/uniforms.py its numbers, engine/error_bounds.py its bound, engine/shadow_maps.py its map. Area lights
-are many point lights (engine/plan.py).
+In:  normals and positions of the batch (fragments.py), and the coefficients of one light.
+Out: LIGHT_DIR, N_DOT_L, and STRENGTH, the part of the light's intensity that arrives; lighting.py applies its colour.
+
+A new kind of light is a function here and an entry in LIGHT_FUNCTIONS, by the word that the engine has for it. Area
+lights are many point lights.
 
 Source of the formulas: the illumination equation, e.g. Foley, van Dam, Feiner & Hughes 1990, section 16.1; the range is
 that of the glTF extension KHR_lights_punctual.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numba import carray
-from numba.extending import register_jitable
 
-from .fragments import (
-    CHUNK,
-    LIGHT_X,
-    LIGHT_Y,
-    LIGHT_Z,
-    N_DOT_L,
-    N_ROW,
-    NORMAL_X,
-    NORMAL_Y,
-    NORMAL_Z,
-    POSITION_X,
-    POSITION_Y,
-    POSITION_Z,
-    STRENGTH,
-)
+from ..compiler.kernels import helper, index
+from ..errors import SceneError
+from ..geometry.vectors import dot, scale, subtract
+from . import fragments as f
+from .fragments import get_vector, read_vector, set_vector
 from .power import grazing, power
 
-# A light's numbers.
+# Where a light's coefficients stand. Lengths are in scene units, VECTOR and AXIS along the world's axes.
 VECTOR, ATTENUATION, MOST, INVERSE_RANGE = 0, 3, 6, 7
 AXIS, COS_OUTER, CONE_SCALE, CONE_EXPONENT, CONE_FALLOFF = 8, 11, 12, 13, 14  # of spot lights
-N_NUMBER = 15
+N_LIGHT_COEFFICIENT = 15
+LIGHT_SHAPE = (N_LIGHT_COEFFICIENT,)
 
 
-class LightKind(NamedTuple):
-    """A kind of light as the shader sees it."""
+class LightFunction(NamedTuple):
+    """What the pipeline knows of a kind of light."""
 
-    row_function: object
-    needs_position: bool
+    evaluate: Callable  # (batch, n, coefficients): compiled by `batch_function`
+    needs_position: bool  # it reads POSITION
 
 
-def directional(rows, n, numbers):
+def directional(batch, n, light):
     """Light from infinity: VECTOR is the unit direction to the light, the same everywhere."""
-    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_NUMBER,))
-    one = number.dtype.type(1)
-    light_x, light_y, light_z = number[VECTOR], number[VECTOR + 1], number[VECTOR + 2]
-    for k in range(np.uint64(n)):
-        row[N_DOT_L + k] = row[NORMAL_X + k] * light_x + row[NORMAL_Y + k] * light_y + row[NORMAL_Z + k] * light_z
-        row[LIGHT_X + k], row[LIGHT_Y + k], row[LIGHT_Z + k] = light_x, light_y, light_z
-        row[STRENGTH + k] = one
+    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
+    one = light.dtype.type(1)
+    light_dir = read_vector(light, VECTOR)
+    for k in range(index(n)):
+        batch[f.N_DOT_L + k] = dot(get_vector(batch, f.NORMAL, k), light_dir)
+        set_vector(batch, f.LIGHT_DIR, k, light_dir)
+        batch[f.STRENGTH + k] = one
 
 
-def point(rows, n, numbers):
+def point(batch, n, light):
     """Light from a point: VECTOR is its position relative to the eye; it falls off as 1/(kc + kl·d + kq·d²)."""
-    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_NUMBER,))
-    shine_from_point(row, n, number)
-    if number[INVERSE_RANGE] > number.dtype.type(0):
-        end_at_range(row, n, number)
+    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
+    shine_from_point(batch, n, light)
+    end_at_range(batch, n, light)
 
 
-def spot(rows, n, numbers):
+def spot(batch, n, light):
     """Light from a point within a cone about AXIS, the direction in which it travels."""
-    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_NUMBER,))
-    shine_from_point(row, n, number)
-    if number[INVERSE_RANGE] > number.dtype.type(0):
-        end_at_range(row, n, number)
-    keep_to_cone(row, n, number)
-    if number[CONE_EXPONENT] > number.dtype.type(0):
-        weaken_off_axis(row, n, number)
+    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
+    shine_from_point(batch, n, light)
+    end_at_range(batch, n, light)
+    keep_to_cone(batch, n, light)
+    weaken_off_axis(batch, n, light)
 
 
-def shaped_spot(rows, n, numbers):
+def shaped_spot(batch, n, light):
     """A spot light whose fall between the cones is raised to the power CONE_FALLOFF."""
-    row, number = carray(rows, (N_ROW * CHUNK,)), carray(numbers, (N_NUMBER,))
-    shine_from_point(row, n, number)
-    if number[INVERSE_RANGE] > number.dtype.type(0):
-        end_at_range(row, n, number)
-    keep_to_shaped_cone(row, n, number)
-    if number[CONE_EXPONENT] > number.dtype.type(0):
-        weaken_off_axis(row, n, number)
+    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
+    shine_from_point(batch, n, light)
+    end_at_range(batch, n, light)
+    keep_to_shaped_cone(batch, n, light)
+    weaken_off_axis(batch, n, light)
 
 
-def same_again(rows, n, numbers):
-    """The light before once more: its rows still stand, and a second term of its highlight is weighted with another
-    colour."""
+def same_light_again(batch, n, light):
+    """The light before once more: what it wrote still stands, and a second term of its highlight has another colour."""
 
 
-LIGHTS = {
-    "directional": LightKind(directional, needs_position=False),
-    "point": LightKind(point, needs_position=True),
-    "spot": LightKind(spot, needs_position=True),
-    "shaped spot": LightKind(shaped_spot, needs_position=True),
+LIGHT_FUNCTIONS = {
+    "directional": LightFunction(directional, needs_position=False),
+    "point": LightFunction(point, needs_position=True),
+    "spot": LightFunction(spot, needs_position=True),
+    "shaped spot": LightFunction(shaped_spot, needs_position=True),
 }
 
 
-@register_jitable
-def shine_from_point(row, n, number):
-    """Fill all rows for a light that shines alike to all sides."""
-    light_x, light_y, light_z = number[VECTOR], number[VECTOR + 1], number[VECTOR + 2]
-    constant, linear, quadratic = number[ATTENUATION], number[ATTENUATION + 1], number[ATTENUATION + 2]
-    zero, one = (
-        number.dtype.type(0),
-        number.dtype.type(1),
-    )  # of the rows' own type: an int would widen float32 to float64
-    most = number[MOST]  # 1, or infinite where the light may amplify
-    for k in range(np.uint64(n)):
-        to_x = light_x - row[POSITION_X + k]
-        to_y = light_y - row[POSITION_Y + k]
-        to_z = light_z - row[POSITION_Z + k]
-        square = to_x * to_x + to_y * to_y + to_z * to_z
+def light_function_of(kind: str) -> LightFunction:
+    """Return what the pipeline knows of a kind of light.
+
+    Raises SceneError where it knows none of this name.
+    """
+    if kind not in LIGHT_FUNCTIONS:
+        raise SceneError(f"no light function is called {kind!r}; there are {', '.join(sorted(LIGHT_FUNCTIONS))}")
+    return LIGHT_FUNCTIONS[kind]
+
+
+@helper
+def shine_from_point(batch, n, light):
+    """Fill what a light that shines alike to all sides writes."""
+    light_position, attenuation = read_vector(light, VECTOR), read_vector(light, ATTENUATION)
+    constant, linear, quadratic = attenuation
+    real = light.dtype.type
+    zero, one = real(0), real(1)  # of the batch's own type: an int would widen float32 to float64
+    most = light[MOST]  # 1, or infinite where the light may amplify
+    for k in range(index(n)):
+        to_light = subtract(light_position, get_vector(batch, f.POSITION, k))
+        square = dot(to_light, to_light)
         distance = np.sqrt(square)
         inverse = one / distance if square > zero else zero
-        row[N_DOT_L + k] = (row[NORMAL_X + k] * to_x + row[NORMAL_Y + k] * to_y + row[NORMAL_Z + k] * to_z) * inverse
-        row[LIGHT_X + k], row[LIGHT_Y + k], row[LIGHT_Z + k] = to_x * inverse, to_y * inverse, to_z * inverse
-        row[STRENGTH + k] = min(most, one / (constant + linear * distance + quadratic * square))
+        batch[f.N_DOT_L + k] = dot(get_vector(batch, f.NORMAL, k), to_light) * inverse
+        set_vector(batch, f.LIGHT_DIR, k, scale(to_light, inverse))
+        batch[f.STRENGTH + k] = min(most, one / (constant + linear * distance + quadratic * square))
 
 
-@register_jitable
-def end_at_range(row, n, number):
-    """Let the strength fall smoothly to 0 at the light's range r: times max(0, 1 - (d/r)^4)."""
-    light_x, light_y, light_z = number[VECTOR], number[VECTOR + 1], number[VECTOR + 2]
-    zero, one = number.dtype.type(0), number.dtype.type(1)
-    scale = number[INVERSE_RANGE] * number[INVERSE_RANGE]
-    for k in range(np.uint64(n)):
-        to_x = light_x - row[POSITION_X + k]
-        to_y = light_y - row[POSITION_Y + k]
-        to_z = light_z - row[POSITION_Z + k]
-        share = (to_x * to_x + to_y * to_y + to_z * to_z) * scale  # (d/r)²
-        # No product where nothing arrives: the strength may be infinite in the light itself.
-        row[STRENGTH + k] = row[STRENGTH + k] * (one - share * share) if share < one else zero
+@helper
+def end_at_range(batch, n, light):
+    """Let the strength fall smoothly to 0 at the light's range r, if it has one: times max(0, 1 - (d/r)^4)."""
+    zero, one = light.dtype.type(0), light.dtype.type(1)
+    light_position = read_vector(light, VECTOR)
+    inverse_square = light[INVERSE_RANGE] * light[INVERSE_RANGE]
+    if light[INVERSE_RANGE] > zero:
+        for k in range(index(n)):
+            to_light = subtract(light_position, get_vector(batch, f.POSITION, k))
+            share = dot(to_light, to_light) * inverse_square  # (d/r)²
+            # No product where nothing arrives: the strength may be infinite in the light itself.
+            batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * (one - share * share) if share < one else zero
 
 
-@register_jitable
-def keep_to_cone(row, n, number):
-    """Let the strength fall from the inner to the outer cone as t²(3 - 2t), t = (c - c_outer)/(c_inner - c_outer), c
-    the cosine of the angle from the axis; a step where both cones are the same, which belongs to the inside (see
-    `grazing`)."""
-    axis_x, axis_y, axis_z = number[AXIS], number[AXIS + 1], number[AXIS + 2]
-    outer, scale = number[COS_OUTER], number[CONE_SCALE]
-    zero, one, two, three = number.dtype.type(0), number.dtype.type(1), number.dtype.type(2), number.dtype.type(3)
-    is_step = scale == np.inf
+@helper
+def keep_to_cone(batch, n, light):
+    """Let the strength fall from the inner to the outer cone as t²(3 - 2t), t = (c - c_outer)/(c_inner - c_outer).
+
+    c is the cosine of the angle from the axis. Where both cones are the same the fall is a step, which belongs to the
+    inside (see `grazing`).
+    """
+    real, axis, outer, slope = light.dtype.type, read_vector(light, AXIS), light[COS_OUTER], light[CONE_SCALE]
+    zero, one, two, three = real(0), real(1), real(2), real(3)
+    is_step = slope == np.inf
     least = -grazing(zero) if is_step else zero
-    for k in range(np.uint64(n)):
-        above = -(row[LIGHT_X + k] * axis_x + row[LIGHT_Y + k] * axis_y + row[LIGHT_Z + k] * axis_z) - outer
-        t = one if is_step else min(above * scale, one)
-        row[STRENGTH + k] = row[STRENGTH + k] * (t * t * (three - two * t)) if above >= least else zero
+    for k in range(index(n)):
+        above = -dot(get_vector(batch, f.LIGHT_DIR, k), axis) - outer
+        t = one if is_step else min(above * slope, one)
+        batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * (t * t * (three - two * t)) if above >= least else zero
 
 
-@register_jitable
-def keep_to_shaped_cone(row, n, number):
-    """As `keep_to_cone`, with the fall t²(3 - 2t) raised to a power: its slope, see engine/intensity_bounds.py."""
-    axis_x, axis_y, axis_z = number[AXIS], number[AXIS + 1], number[AXIS + 2]
-    outer, scale, falloff = number[COS_OUTER], number[CONE_SCALE], number[CONE_FALLOFF]
-    zero, one, two, three = number.dtype.type(0), number.dtype.type(1), number.dtype.type(2), number.dtype.type(3)
-    is_step = scale == np.inf
-    for k in range(np.uint64(n)):
-        above = -(row[LIGHT_X + k] * axis_x + row[LIGHT_Y + k] * axis_y + row[LIGHT_Z + k] * axis_z) - outer
-        t = one if is_step else min(above * scale, one)
+@helper
+def keep_to_shaped_cone(batch, n, light):
+    """Do as `keep_to_cone`, with the fall t²(3 - 2t) raised to a power: its slope, see engine/intensity_bounds.py."""
+    real, axis, outer, slope = light.dtype.type, read_vector(light, AXIS), light[COS_OUTER], light[CONE_SCALE]
+    zero, one, two, three = real(0), real(1), real(2), real(3)
+    is_step, falloff = slope == np.inf, light[CONE_FALLOFF]
+    for k in range(index(n)):
+        above = -dot(get_vector(batch, f.LIGHT_DIR, k), axis) - outer
+        t = one if is_step else min(above * slope, one)
         fall = power(min(t * t * (three - two * t), one), falloff)
-        row[STRENGTH + k] = row[STRENGTH + k] * fall if above >= zero else zero
+        batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * fall if above >= zero else zero
 
 
-@register_jitable
-def weaken_off_axis(row, n, number):
-    """Multiply the strength by the cosine of the angle from the axis, to the spot's exponent."""
-    axis_x, axis_y, axis_z = number[AXIS], number[AXIS + 1], number[AXIS + 2]
-    exponent, one = number[CONE_EXPONENT], number.dtype.type(1)
-    for k in range(np.uint64(n)):
-        cosine = -(row[LIGHT_X + k] * axis_x + row[LIGHT_Y + k] * axis_y + row[LIGHT_Z + k] * axis_z)
-        row[STRENGTH + k] *= power(min(cosine, one), exponent)
+@helper
+def weaken_off_axis(batch, n, light):
+    """Multiply the strength by the cosine of the angle from the axis, to the spot's exponent, if it has one."""
+    axis, exponent, one = read_vector(light, AXIS), light[CONE_EXPONENT], light.dtype.type(1)
+    if exponent > light.dtype.type(0):
+        for k in range(index(n)):
+            cosine = -dot(get_vector(batch, f.LIGHT_DIR, k), axis)
+            batch[f.STRENGTH + k] *= power(min(cosine, one), exponent)

@@ -1,63 +1,74 @@
 """Powers of cosines, valid whatever they are given, and how near to 0 a cosine counts as 0.
 
-Highlights and spot lights are made of them. A number that leaves them is within 0..1: what is written into words and
-records relies on it.
+Highlights and spot lights are made of them. A number that leaves them is within 0..1: what is written into visibility
+entries and records relies on it. Each has a form for float32 and one for float64; the compiler takes that of the
+argument's type, as plain Python does.
 """
 
 import numpy as np
 from numba.extending import overload, register_jitable
 
 
+def is_single(kind) -> bool:
+    """Tell whether a type of the compiler, a variable's or a constant's, is float32."""
+    return kind == np.float32 or getattr(kind, "bitwidth", 64) == 32
+
+
 def grazing(cosine):
-    """Cosines up to this, 2^-40 in float64 and 2^-20 in float32, count as 0 where a step lies at 0.
+    """Return the largest cosine that counts as 0 where a step lies at 0: 2^-40 in float64, 2^-20 in float32.
 
     A light that is exactly parallel to a face has N·L = 0, and rounding must not decide for each sample by itself which
     side of the step it is on. With u the unit roundoff that of the normal is 2 u, that of the light's direction u, that
     of the product 3 u; errors of the vectors' lengths don't count. In float32 that makes 6·2^-24, and 10 are left for
-    the place of a light. In float64 the normal's own rounding counts most: 2^-53 times the ratio of the coordinates to
-    the face's size, which may be 2^10 here. No more than that, because what really grazes the surface is lit in
+    the position of a light. In float64 the normal's own rounding counts most: 2^-53 times the ratio of the coordinates
+    to the face's size, which may be 2^10 here. No more than that, because what really grazes the surface is lit in
     float64, and by the formula.
+
+    `cosine` is any number of the type that is asked for.
     """
-    raise NotImplementedError("compiled code only")
+    return np.float32(2.0**-20) if isinstance(cosine, np.float32) else 2.0**-40
 
 
 @overload(grazing, inline="never")
-def _overload_grazing(cosine):
-    if cosine == np.float32 or getattr(cosine, "bitwidth", 64) == 32:
-        return lambda cosine: np.float32(2.0**-20)
-    return lambda cosine: 2.0**-40
+def _compile_grazing(cosine):
+    return (lambda cosine: np.float32(2.0**-20)) if is_single(cosine) else (lambda cosine: 2.0**-40)
 
 
 def power(base, exponent):
-    """base ** exponent of a cosine, for any positive exponent: 0 where base <= 0 or no number, 1 where base >= 1 by a
-    rounding error. Float32: see `power_single`."""
-    raise NotImplementedError("compiled code only")
+    """Return base ** exponent of a cosine, within 0..1, for any positive exponent.
+
+    It is 0 where base <= 0 or no number, and 1 where base >= 1 by a rounding error. Float32: see `power_single`.
+    """
+    return power_single(base, exponent) if isinstance(base, np.float32) else power_double(base, exponent)
 
 
 @overload(power, inline="never")
-def _overload_power(base, exponent):
-    if base == np.float32 or getattr(base, "bitwidth", 64) == 32:
-        return lambda base, exponent: power_single(base, exponent)
-    return lambda base, exponent: min(base, 1.0) ** exponent if base > 0.0 else 0.0
+def _compile_power(base, exponent):
+    return power_single if is_single(base) else power_double
+
+
+def power_double(base, exponent):
+    """Return base ** exponent in float64, see `power`."""
+    return min(base, 1.0) ** exponent if base > 0.0 else 0.0
 
 
 def exponential(x):
-    """e ** x for x <= 0. Float32: without a branch, and 0 below 2^-60, so that products of it are no denormal
-    numbers."""
-    raise NotImplementedError("compiled code only")
+    """Return e ** x for x <= 0. Float32: see `exponential_single`."""
+    return exponential_single(x) if isinstance(x, np.float32) else np.exp(x)
 
 
 @overload(exponential, inline="never")
-def _overload_exponential(x):
-    if x == np.float32 or getattr(x, "bitwidth", 64) == 32:
-        return lambda x: exponential_single(x)
-    return lambda x: np.exp(x)
+def _compile_exponential(x):
+    return exponential_single if is_single(x) else (lambda x: np.exp(x))
 
 
 @register_jitable
 def exponential_single(x):
-    """e ** x in float32 for x <= 0: 2 ** (x·log2 e), an error of 2^-24·(2 + |x|)·2 of the result; 0 where x is no
-    number."""
+    """Return e ** x in float32 for x <= 0, as 2 ** (x·log2 e), without a branch.
+
+    The error is 2^-24·(2 + |x|)·2 of the result. It is 0 below 2^-60, so that products of it are no denormal numbers,
+    and where x is no number.
+    """
     low, high = np.float32(-60), np.float32(0)
     y = x * np.float32(1.4426950)
     y = y if y > low else low
@@ -67,7 +78,7 @@ def exponential_single(x):
 
 @register_jitable
 def power_single(base, exponent):
-    """base ** exponent in float32 without a branch, so that the loop round it vectorises: 2 ** (exponent * log2(base)).
+    """Return base ** exponent in float32, as 2 ** (exponent·log2 base), without a branch: so loops of it vectorise.
 
     Whatever the arguments are, what comes out is a number from 0 to 1: the base is a cosine, above 1 only by rounding,
     and with a base of 1 + 2^-23 an exponent of 1e11 would shift 2^y into the sign bit. So y is kept within -126..0,
@@ -76,24 +87,22 @@ def power_single(base, exponent):
     log2 m = 2/ln 2 · artanh t, t = (m-1)/(m+1), for a mantissa m in [√½, √2]: |t| < 0.1716, the series to t^9 leaves
     2/ln 2 · t^11/11 < 1.1e-9. 2^f for |f| <= ½: the series to f^7 leaves (f·ln 2)^8/8! < 5.2e-9. Above that comes the
     rounding of float32: 2^-24 · (4 + 3·exponent·|log2 base|) of the result. Results below 2^-126 are 0: denormals would
-    slow the row down.
+    slow the loop down.
     """
     one, low, high = np.float32(1), np.float32(-126), np.float32(0)
     safe = base if base > np.float32(1e-30) else np.float32(1e-30)
     safe = safe if safe < one else one
     bits = np.float32(safe).view(np.int32)
-    scale = np.int32(
-        np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23)
-    )  # exponent, rounded so that m is in [√½, √2)
-    mantissa = np.int32(bits - np.int32(scale << np.int32(23))).view(np.float32)
+    # The exponent of two, rounded so that the mantissa is in [√½, √2).
+    octave = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))
+    mantissa = np.int32(bits - np.int32(octave << np.int32(23))).view(np.float32)
     t = (mantissa - one) / (mantissa + one)
     square = t * t
-    series = np.float32(2.8853900) + square * (
-        np.float32(0.96179669)
-        + square * (np.float32(0.57707802) + square * (np.float32(0.41219858) + square * np.float32(0.32059890)))
-    )
-    log2 = np.float32(scale) + t * series
-    y = exponent * log2
+    series = np.float32(0.41219858) + square * np.float32(0.32059890)
+    series = np.float32(0.57707802) + square * series
+    series = np.float32(0.96179669) + square * series
+    series = np.float32(2.8853900) + square * series
+    y = exponent * (np.float32(octave) + t * series)
     y = y if y > low else low
     y = y if y < high else high
     return power_of_two(y) if (base > 0) & (y > low) else np.float32(0)
@@ -101,24 +110,15 @@ def power_single(base, exponent):
 
 @register_jitable
 def power_of_two(y):
-    """2 ** y in float32 for -126 <= y < 128, with the series of `power_single`."""
+    """Return 2 ** y in float32 for -126 <= y < 128, with the series of `power_single`."""
     whole = np.float32(np.rint(y))
     f = y - whole
-    result = np.float32(1.0) + f * (
-        np.float32(0.69314718)
-        + f
-        * (
-            np.float32(0.24022651)
-            + f
-            * (
-                np.float32(0.055504109)
-                + f
-                * (
-                    np.float32(0.0096181291)
-                    + f * (np.float32(0.0013333558) + f * (np.float32(0.00015403530) + f * np.float32(0.000015252734)))
-                )
-            )
-        )
-    )
+    series = np.float32(0.00015403530) + f * np.float32(0.000015252734)
+    series = np.float32(0.0013333558) + f * series
+    series = np.float32(0.0096181291) + f * series
+    series = np.float32(0.055504109) + f * series
+    series = np.float32(0.24022651) + f * series
+    series = np.float32(0.69314718) + f * series
+    result = np.float32(1.0) + f * series
     two_to_whole = np.int32(np.int32(np.int32(whole) + np.int32(127)) << np.int32(23)).view(np.float32)
     return result * two_to_whole

@@ -1,231 +1,231 @@
-"""Stage 5, scan: the triangles of one band into its z-buffer.
+"""Stage 5, scan: the triangles of one band into its visibility buffer.
 
 In:  the band's list of triangles, in face order, and the vertices on the screen.
-Out: a word for every sample of the band, and a record for every triangle whose samples are shaded later.
+Out: an entry for every sample of the band (visibility.py), and a record for every triangle whose samples are shaded
+     later (records.py).
 
-A word packs depth and what is visible there, so that one integer addition advances both along a span, and one
-comparison decides visibility and writes both:
-
-    63        62 ............ 25   24     23 ............. 0
-    sign (0)  depth (38 bits)      is_id  intensity or record number
-
-A plane is anchored at the first sample of the part of the triangle's box that lies right of and below the picture's
-upper left corner, and integer addition is associative: a word is a function of triangle and sample alone, not of band,
-span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right word all the
-same, because the word itself fits.
+A plane of entries is anchored at the first sample of the part of the triangle's box that lies right of and below the
+picture's upper left corner, and integer addition is associative: an entry is a function of triangle and sample alone,
+not of band, span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right
+entry all the same, because the entry itself fits.
 
     top v0                    Clockwise on the screen (y points down): v0 is the topmost vertex, the leftmost of two.
        /\\                     Left chain v0-v2(-v1), right chain v0-v1(-v2). A sample on a left or top edge belongs to
       /  \\_                   the triangle, on a right or bottom edge it doesn't: spans run from the first sample at or
   v2 /_____\\ v1               beyond the left edge to the last one before the right edge.
+
+Small boxes are filled whole, LANES samples side by side; of other triangles the two chains are walked down the rows.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, kernel
+from ..compiler.kernels import borrow, helper, index, kernel
+from . import setup as s
 from .cull import first_sample
-from .records import (
-    IN_PLANES,
-    IN_WORDS,
-    IS_EXACT,
-    IS_ID,
-    PAYLOAD_BITS,
-    borrow_records,
-    carry_attributes,
-    write_exact,
-    write_planes,
-)
-from .setup import (
-    ANCHOR_X,
-    ANCHOR_Y,
-    BLOCK,
-    BOTTOM,
-    DEPTH,
-    DEPTH_X,
-    DEPTH_Y,
-    IS_GOOD,
-    IS_SLIVER,
-    LARGEST_Z,
-    LEAST_Z,
-    LEFT,
-    LEVEL,
-    NEXT,
-    RIGHT,
-    STEPS_X,
-    STEPS_Y,
-    TOP,
-    X0,
-    X1,
-    X2,
-    Y0,
-    Y1,
-    Y2,
-    Z0,
-    Z1,
-    Z2,
-    Block,
-    borrow_polygons,
-    gather_attributes,
-    gather_vertices,
-    order_vertices,
-    set_up_boxes,
-    set_up_depths,
-)
+from .drawables import borrow_drawables
+from .gradients import IN_ENTRIES, LEVEL_PLANES, compute_gradients
+from .records import borrow_records, write_exact, write_planes
 from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
-from .transform import DEPTH_BITS, HALF, SUBPIXEL, Vertices
+from .transform import HALF, SUBPIXEL
+from .visibility import DEPTH_MASK, IS_EXACT, IS_ID, borrow_visibility, note_extent, pack
 
-DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
-CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)  # nothing here: behind every depth
-GROUP_SHIFT = 3  # extents are kept for groups of 8 rows
-PADDING = MOST_WIDE  # samples behind each row that lanes may read and write back
+# What is known of one triangle goes from helper to helper in structs. They cost nothing: helpers are inlined, and the
+# optimiser takes tuples of numbers apart.
 
 
-class Canvas(NamedTuple):
-    """The z-buffer of one band, private to a thread and clean between bands."""
+class Triangle(NamedTuple):
+    """The vertices of a triangle, int64, 1/256 px, clockwise on the screen, the topmost (then leftmost) first."""
 
-    words: np.ndarray  # (rows * pitch,) int64
-    pitch: int
-    width: int
-    left: np.ndarray  # (groups,) int64: samples left..right of a group of rows may have been written
-    right: np.ndarray  # (groups,) int64
+    x0: int
+    y0: int
+    x1: int
+    y1: int
+    x2: int
+    y2: int
+
+
+class Box(NamedTuple):
+    """The samples that a triangle may cover, int64, half-open, within the picture and the band."""
+
+    left: int
+    right: int
+    top: int
+    bottom: int
+
+
+class Payload(NamedTuple):
+    """What stands below the depth in a triangle's entries, int64: at the anchor, and its steps a sample."""
+
+    value: int
+    dx: int
+    dy: int
+
+
+class Plane(NamedTuple):
+    """A plane of entries, uint64: at the picture's sample (0, 0), and its steps a sample; modulo 2^64."""
+
+    value: int
+    dx: int
+    dy: int
+
+
+class Depths(NamedTuple):
+    """The z of a triangle's vertices, float64, z-buffer units, and the range that its samples may have."""
+
+    z0: float
+    z1: float
+    z2: float
+    least: float
+    largest: float
+
+
+class Surface(NamedTuple):
+    """What gives the entry of a triangle at a sample: the plane, or, of a sliver, exact edge functions."""
+
+    triangle: Triangle
+    is_sliver: bool
+    plane: Plane
+    depths: Depths
+    payload: int  # of slivers
+
+
+class Edge(NamedTuple):
+    """An edge on its way down the rows, int64, as an exact digital differential analyser."""
+
+    x: int  # the first sample at or beyond the edge on this row
+    rest: int  # how far beyond, in shares of a sample: rest / divisor
+    dx: int  # what the next row adds to x, and to the rest
+    d_rest: int
+    divisor: int
 
 
 @kernel
-def scan(faces, polygons, vertices, attributes, coding, y_start, y_stop, block, canvas, records):
-    """Draw the triangles `faces` into the rows y_start..y_stop of the picture; return how many records were written,
-    and how many of them are exact.
+def scan(band, drawables, coding, block, visibility, records):
+    """Draw a band's triangles; return how many records were written, and how many of them are exact.
 
-    `attributes` is (side, n, n_attribute): side 0 for triangles whose normals look at the viewer as they are, the last
-    side for those whose normals must be flipped.
+    Parameters
+    ----------
+    band : Band
+    drawables : Drawables, all of the picture
+    coding : Coding
+    block : Block, scratch
+    visibility : VisibilityBuffer, clear; written
+    records : Records, with room for n; written
     """
-    faces, attributes, records = borrow(faces), borrow(attributes), borrow_records(records)
-    vertices = Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z))
-    polygons = borrow_polygons(polygons)
-    canvas = Canvas(borrow(canvas.words), canvas.pitch, canvas.width, borrow(canvas.left), borrow(canvas.right))
-    block = Block(borrow(block.ints), borrow(block.longs), borrow(block.reals))
+    faces, drawables, records = borrow(band.faces), borrow_drawables(drawables), borrow_records(records)
+    visibility, block = borrow_visibility(visibility), borrow_block(block)
+    n_attribute = drawables.attributes.shape[2]
     n_record = n_exact = np.int64(0)
-    for first in range(0, len(faces), BLOCK):
-        some = faces[np.uint64(first) : np.uint64(min(first + BLOCK, len(faces)))]
+    for first in range(0, len(faces), s.BLOCK):
+        some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
         # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.
-        gather_vertices(some, polygons, vertices, block)
-        order_vertices(block)
-        gather_attributes(len(some), attributes, block)
-        set_up_boxes(y_start, y_stop, canvas.width, block)
-        set_up_depths(block)
-        carry_attributes(attributes.shape[2], coding, block)
+        s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
+        s.order_vertices(block)
+        s.gather_attributes(len(some), drawables.attributes, block)
+        s.compute_boxes(band, visibility.width, block)
+        s.compute_depth_planes(block)
+        compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
-        for k in range(np.uint64(len(some))):
-            left, right = np.int64(block.ints[LEFT + k]), np.int64(block.ints[RIGHT + k])
-            top, bottom = np.int64(block.ints[TOP + k]), np.int64(block.ints[BOTTOM + k])
-            if left >= right or top >= bottom:
+        for k in range(index(len(some))):
+            box = box_of(k, block)
+            if box.left >= box.right or box.top >= box.bottom:
                 continue
-            is_good = block.ints[IS_GOOD + k] != 0
-            payload = (IS_ID + n_record, np.int64(0), np.int64(0))
-            if coding.kind == IN_WORDS and is_good:
-                payload = (block.longs[LEVEL + k], block.longs[LEVEL + NEXT + k], block.longs[LEVEL + NEXT + NEXT + k])
-            elif coding.kind >= IN_PLANES and is_good:
-                write_planes(records, n_record, k, some[k], attributes.shape[2], coding, block)
+            has_planes = block.ints[s.HAS_PLANES + k] != 0
+            payload = Payload(IS_ID + n_record, np.int64(0), np.int64(0))
+            if coding.kind == IN_ENTRIES and has_planes:
+                payload = level_of(k, block)
+            elif coding.kind >= LEVEL_PLANES and has_planes:
+                write_planes(records, n_record, k, some[k], n_attribute, coding, block)
                 n_record += 1
             else:
-                write_exact(records, n_record, k, some[k], attributes.shape[2], coding, block)
-                payload = (payload[0] | IS_EXACT, np.int64(0), np.int64(0))
+                write_exact(records, n_record, k, some[k], n_attribute, coding, block)
+                payload = Payload(payload.value | IS_EXACT, np.int64(0), np.int64(0))
                 n_record += 1
                 n_exact += 1
-            note_extent(canvas, left, right, top - y_start, bottom - y_start)
-            fill(canvas, (left, right, top, bottom, (top - y_start) * canvas.pitch), k, payload, block)
+            note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
+            fill(visibility, band, box, k, payload, block)
     return n_record, n_exact
 
 
 @helper
-def note_extent(canvas, left, right, first_row, end_row):
-    """Note what part of the band is touched."""
-    first_group = np.uint64(first_row) >> np.uint64(GROUP_SHIFT)
-    last_group = np.uint64(end_row - 1) >> np.uint64(GROUP_SHIFT)
-    # The two ends without asking whether they differ: for small triangles that would be a coin toss.
-    widen(canvas, first_group, left, right)
-    widen(canvas, last_group, left, right)
-    for group in range(first_group + np.uint64(1), last_group):
-        widen(canvas, group, left, right)
+def borrow_block(block):
+    """Return the block with arrays that count no references."""
+    return s.Block(borrow(block.ints), borrow(block.longs), borrow(block.reals))
 
 
 @helper
-def widen(canvas, group, left, right):
-    """Note that samples left..right of a group of rows may be touched."""
-    canvas.left[group] = min(canvas.left[group], left)
-    canvas.right[group] = max(canvas.right[group], right)
-
-
-@helper
-def fill(canvas, box, k, payload, block):
+def fill(visibility, band, box, k, payload, block):
     """Fill triangle k of the block: all samples of a small box side by side, else span by span."""
-    triangle, plane = triangle_of(k, block), plane_of(k, payload, block)
-    is_sliver = block.ints[IS_SLIVER + k] != 0
-    if block.ints[STEPS_X + k] <= MOST_WIDE and block.ints[STEPS_Y + k] <= MOST_HIGH and not is_sliver:
-        fill_lanes(canvas.words, canvas.pitch, box, triangle, plane)
+    surface = surface_of(k, payload, block)
+    is_small = block.ints[s.EXTENT_X + k] <= MOST_WIDE and block.ints[s.EXTENT_Y + k] <= MOST_HIGH
+    if is_small and not surface.is_sliver:
+        fill_box(visibility, band, box, surface)
     else:
-        fill_spans(canvas, box, triangle, plane, is_sliver, depths_of(k, block), payload[0], None)
+        fill_spans(visibility, band, box, surface, None)
 
 
 @helper
-def triangle_of(k, block):
-    """The vertices of triangle k of the block."""
+def box_of(k, block):
+    """Return the box of triangle k of the block."""
     ints = block.ints
-    return (
-        np.int64(ints[X0 + k]), np.int64(ints[Y0 + k]), np.int64(ints[X1 + k]), np.int64(ints[Y1 + k]),
-        np.int64(ints[X2 + k]), np.int64(ints[Y2 + k]),
+    return Box(
+        np.int64(ints[s.LEFT + k]), np.int64(ints[s.RIGHT + k]), np.int64(ints[s.TOP + k]), np.int64(ints[s.BOTTOM + k])
+    )
+
+
+@helper
+def level_of(k, block):
+    """Return the plane of levels of triangle k of the block, which has one channel, as payload."""
+    longs, first = block.longs, s.PLANE_LEVEL + k
+    return Payload(longs[first], longs[first + s.NEXT], longs[first + s.NEXT + s.NEXT])
+
+
+@helper
+def surface_of(k, payload, block):
+    """Return what gives the entries of triangle k of the block."""
+    ints, longs, reals = block.ints, block.longs, block.reals
+    triangle = Triangle(
+        np.int64(ints[s.X0 + k]), np.int64(ints[s.Y0 + k]), np.int64(ints[s.X1 + k]), np.int64(ints[s.Y1 + k]),
+        np.int64(ints[s.X2 + k]), np.int64(ints[s.Y2 + k]),
     )  # fmt: skip
+    anchor_x, anchor_y = np.uint64(np.int64(ints[s.ANCHOR_X + k])), np.uint64(np.int64(ints[s.ANCHOR_Y + k]))
+    dx, dy = pack(longs[s.PLANE_Z_DX + k], payload.dx), pack(longs[s.PLANE_Z_DY + k], payload.dy)
+    plane = Plane(pack(longs[s.PLANE_Z + k], payload.value) - anchor_x * dx - anchor_y * dy, dx, dy)
+    depths = Depths(
+        reals[s.Z0 + k], reals[s.Z1 + k], reals[s.Z2 + k], reals[s.LEAST_Z + k], reals[s.LARGEST_Z + k]
+    )  # fmt: skip
+    return Surface(triangle, ints[s.IS_SLIVER + k] != 0, plane, depths, payload.value)
+
+
+# ---------------------------------------------------------------- small boxes
 
 
 @helper
-def depths_of(k, block):
-    """Depths at the vertices of triangle k of the block, and the least and the largest that it may have."""
-    reals = block.reals
-    return reals[Z0 + k], reals[Z1 + k], reals[Z2 + k], reals[LEAST_Z + k], reals[LARGEST_Z + k]
-
-
-@helper
-def plane_of(k, payload, block):
-    """The words of triangle k of the block: at the picture's sample (0, 0), and what one step to the right, or down,
-    adds."""
-    ints, longs = block.ints, block.longs
-    word_x, word_y = pack(longs[DEPTH_X + k], payload[1]), pack(longs[DEPTH_Y + k], payload[2])
-    anchor_x, anchor_y = np.uint64(np.int64(ints[ANCHOR_X + k])), np.uint64(np.int64(ints[ANCHOR_Y + k]))
-    return pack(longs[DEPTH + k], payload[0]) - anchor_x * word_x - anchor_y * word_y, word_x, word_y
-
-
-@helper
-def pack(depth, payload):
-    """Put depth above payload. Unsigned, because products of a plane may overflow on the way: signed overflow is
-    undefined."""
-    return (np.uint64(np.int64(depth)) << np.uint64(PAYLOAD_BITS)) + np.uint64(payload)
-
-
-@helper
-def fill_lanes(words, pitch, box, triangle, plane):
+def fill_box(visibility, band, box, surface):
     """Test every sample of a small box against the three edges, LANES at a time, without a branch."""
-    left, right, top, bottom, base = box
-    x0, y0, x1, y1, x2, y2 = triangle
-    origin, word_x, word_y = plane
-    for first in range(left, right, LANES):
-        sx, sy = first * SUBPIXEL + HALF, top * SUBPIXEL + HALF
-        e0, e0_x, e0_y = edge_function(x0, y0, x1, y1, sx, sy)
-        e1, e1_x, e1_y = edge_function(x1, y1, x2, y2, sx, sy)
-        e2, e2_x, e2_y = edge_function(x2, y2, x0, y0, sx, sy)
-        word = origin + np.uint64(first) * word_x + np.uint64(top) * word_y
-        edges = (e0, e0_x, e0_y, e1, e1_x, e1_y, e2, e2_x, e2_y)
-        merge_box(
-            words, np.uint64(base + first), np.uint64(pitch), bottom - top, (word, word_x, word_y), edges, DEPTH_MASK
-        )
+    triangle, plane = surface.triangle, surface.plane
+    base = (box.top - band.y_start) * visibility.pitch
+    for first in range(box.left, box.right, LANES):
+        sx, sy = first * SUBPIXEL + HALF, box.top * SUBPIXEL + HALF
+        e0, e0_dx, e0_dy = edge_function(triangle.x0, triangle.y0, triangle.x1, triangle.y1, sx, sy)
+        e1, e1_dx, e1_dy = edge_function(triangle.x1, triangle.y1, triangle.x2, triangle.y2, sx, sy)
+        e2, e2_dx, e2_dy = edge_function(triangle.x2, triangle.y2, triangle.x0, triangle.y0, sx, sy)
+        edges = (e0, e0_dx, e0_dy, e1, e1_dx, e1_dy, e2, e2_dx, e2_dy)
+        entries = (entry_at(plane, first, box.top), plane.dx, plane.dy)
+        n_row = box.bottom - box.top
+        merge_box(visibility.entries, index(base + first), index(visibility.pitch), n_row, entries, edges, DEPTH_MASK)
 
 
 @helper
 def edge_function(xa, ya, xb, yb, sx, sy):
-    """Pineda's edge function (1988) of a clockwise edge at a sample, and its steps a sample; >= 0 means inside.
+    """Evaluate the edge function of a clockwise edge at a sample: value and steps a sample; >= 0 means inside.
 
     A sample on the edge is inside only on a top edge (to the right) or a left one (upwards), so the others are moved by
-    one.
+    one. All are int64, 1/256 px.
+
+    Source: Pineda 1988, "A parallel algorithm for polygon rasterization", SIGGRAPH 88, 17-20.
     """
     dx, dy = xb - xa, yb - ya
     is_top_left = (dy < 0) | ((dy == 0) & (dx > 0))
@@ -234,119 +234,147 @@ def edge_function(xa, ya, xb, yb, sx, sy):
 
 
 @helper
-def fill_spans(canvas, box, triangle, plane, is_sliver, depths, payload, fragments):
-    """Walk the left and the right chain down the rows and fill the samples between them, slivers exactly.
+def entry_at(plane, x, y):
+    """Evaluate a plane of entries at the sample (x, y), uint64."""
+    return plane.value + np.uint64(x) * plane.dx + np.uint64(y) * plane.dy
 
-    `fragments` is None, or the lists that take what lies before the canvas, which is then left as it is (a_buffer.py).
-    """
-    _, _, top, bottom, base = box
-    x0, y0, x1, y1, x2, y2 = triangle
-    origin, word_x, word_y = plane
-    knee = first_sample(min(y1, y2))
-    for half in range(2):
-        row_start, row_stop = (top, min(bottom, knee)) if half == 0 else (max(top, knee), bottom)
-        if row_start >= row_stop:
-            continue
-        sy = row_start * SUBPIXEL + HALF
-        # Below the knee the chain that ended there goes on along the edge v1-v2.
-        if half == 1 and y2 < y1:
-            x_left, rest_left, dx_left, d_rest_left, run_left = edge_crossing(x2, y2, x1, y1, sy)
-        else:
-            x_left, rest_left, dx_left, d_rest_left, run_left = edge_crossing(x0, y0, x2, y2, sy)
-        if half == 1 and y1 < y2:
-            x_right, rest_right, dx_right, d_rest_right, run_right = edge_crossing(x1, y1, x2, y2, sy)
-        else:
-            x_right, rest_right, dx_right, d_rest_right, run_right = edge_crossing(x0, y0, x1, y1, sy)
-        for j in range(row_start, row_stop):
-            start, stop = max(x_left, 0), min(x_right, canvas.width)
-            if start < stop:
-                place = base + (j - top) * canvas.pitch + start
-                row = canvas.words[np.uint64(place) : np.uint64(place + stop - start)]
-                word = origin + np.uint64(j) * word_y + np.uint64(start) * word_x
-                if fragments is None:
-                    if is_sliver:
-                        fill_span_exactly(row, start, j, triangle, depths, payload)
-                    else:
-                        fill_span(row, word, word_x)
-                else:
-                    take_span(row, place, start, j, triangle, depths, payload, is_sliver, word, word_x, fragments)
-            rest_left += d_rest_left
-            carry = rest_left >= run_left
-            rest_left -= run_left if carry else 0
-            x_left += dx_left + carry
-            rest_right += d_rest_right
-            carry = rest_right >= run_right
-            rest_right -= run_right if carry else 0
-            x_right += dx_right + carry
+
+# ---------------------------------------------------------------- spans
 
 
 @helper
-def edge_crossing(xa, ya, xb, yb, sy):
-    """First sample at or beyond the edge a-b on the row at height `sy`, as an exact digital differential analyser.
+def fill_spans(visibility, band, box, surface, lists):
+    """Walk the left and the right chain down the rows and fill the samples between them.
 
-    The crossing is at x = xa + (sy - ya)·dx/dy; the sample is ceil((x - 128)/256), a quotient of integers below 2^60.
-    Returns (sample, rest, sample step, rest step, divisor): each row adds the steps, and carries one when rest >=
-    divisor.
+    `lists` is None, or the FragmentLists that take what lies before the buffer, which is then left as it is: see
+    a_buffer.py.
     """
-    dx, dy = xb - xa, yb - ya
+    triangle = surface.triangle
+    middle = first_sample(min(triangle.y1, triangle.y2))
+    for half in range(2):
+        y_start, y_end = (box.top, min(box.bottom, middle)) if half == 0 else (max(box.top, middle), box.bottom)
+        if y_start >= y_end:
+            continue
+        left, right = left_edge(triangle, half, y_start), right_edge(triangle, half, y_start)
+        for y in range(y_start, y_end):
+            x_start, x_end = max(left.x, 0), min(right.x, visibility.width)
+            if x_start < x_end:
+                first = (y - band.y_start) * visibility.pitch + x_start
+                span = visibility.entries[index(first) : index(first + x_end - x_start)]
+                if lists is not None:
+                    list_span(span, first, x_start, y, surface, lists)
+                elif surface.is_sliver:
+                    fill_sliver_span(span, x_start, y, surface)
+                else:
+                    fill_span(span, entry_at(surface.plane, x_start, y), surface.plane.dx)
+            left, right = advance(left), advance(right)
+
+
+@helper
+def left_edge(triangle, half, y):
+    """Start the left chain on row y of the upper (0) or lower (1) half, which begins at the middle vertex."""
+    x0, y0, x1, y1, x2, y2 = triangle
+    is_second = half == 1 and y2 < y1
+    xa, ya, xb, yb = (x2, y2, x1, y1) if is_second else (x0, y0, x2, y2)
+    return start_edge(xa, ya, xb, yb, y)
+
+
+@helper
+def right_edge(triangle, half, y):
+    """Start the right chain on row y of the upper (0) or lower (1) half, which begins at the middle vertex."""
+    x0, y0, x1, y1, x2, y2 = triangle
+    is_second = half == 1 and y1 < y2
+    xa, ya, xb, yb = (x1, y1, x2, y2) if is_second else (x0, y0, x1, y1)
+    return start_edge(xa, ya, xb, yb, y)
+
+
+@helper
+def start_edge(xa, ya, xb, yb, y):
+    """Start the edge a-b, downwards, on a row of samples.
+
+    With sy the height of the samples, the crossing is at x = xa + (sy - ya)·dx/dy; the first sample at or beyond it is
+    ceil((x - 128)/256), a quotient of integers below 2^60.
+    """
+    dx, dy, sy = xb - xa, yb - ya, y * SUBPIXEL + HALF
     divisor = dy * SUBPIXEL
     dividend = (xa - HALF) * dy + (sy - ya) * dx + divisor - 1
     sample = dividend // divisor
     step = dx // dy
-    return sample, dividend - sample * divisor, step, (dx - step * dy) * SUBPIXEL, divisor
+    return Edge(sample, dividend - sample * divisor, step, (dx - step * dy) * SUBPIXEL, divisor)
 
 
 @helper
-def fill_span(row, word, step):
-    """Advance depth and intensity by one addition a sample; the nearer word stays, at equal depth the earlier one."""
-    for k in range(np.uint64(len(row))):
-        new, old = np.int64(word), row[k]
-        row[k] = new if new < (old & DEPTH_MASK) else old
-        word += step
+def advance(edge):
+    """Move an edge to the next row: the rest carries one sample when it reaches the divisor."""
+    rest = edge.rest + edge.d_rest
+    carry = rest >= edge.divisor
+    rest -= edge.divisor if carry else 0
+    return Edge(edge.x + edge.dx + carry, rest, edge.dx, edge.d_rest, edge.divisor)
 
 
 @helper
-def fill_span_exactly(row, start, j, triangle, depths, payload):
-    """Fill a span of a triangle that is too thin or too steep for a plane: its depth comes from exact edge functions,
-    at every sample."""
-    for k in range(np.uint64(len(row))):
-        new, old = word_of_sliver(start + np.int64(k), j, triangle, depths, payload), row[k]
-        row[k] = new if new < (old & DEPTH_MASK) else old
+def fill_span(span, entry, step):
+    """Advance depth and intensity by one addition a sample; the nearer entry stays, at equal depth the earlier one."""
+    for k in range(index(len(span))):
+        new, old = np.int64(entry), span[k]
+        span[k] = new if new < (old & DEPTH_MASK) else old
+        entry += step
 
 
 @helper
-def word_of_sliver(i, j, triangle, depths, payload):
-    """Depth at a sample from exact edge functions, above the payload."""
-    x0, y0, x1, y1, x2, y2 = triangle
-    z0, z1, z2, least, largest = depths
-    area = float((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0))
-    ux, uy = i * SUBPIXEL + HALF - x0, j * SUBPIXEL + HALF - y0
-    b1 = (ux * (y2 - y0) - uy * (x2 - x0)) / area
-    b2 = (uy * (x1 - x0) - ux * (y1 - y0)) / area
-    z = z0 + b1 * (z1 - z0) + b2 * (z2 - z0)
-    return np.int64(pack(np.rint(min(max(z, least), largest)), payload))
+def fill_sliver_span(span, x_start, y, surface):
+    """Fill a span of a triangle that is too thin or too steep for a plane."""
+    for k in range(index(len(span))):
+        new, old = entry_of_sliver(x_start + np.int64(k), y, surface), span[k]
+        span[k] = new if new < (old & DEPTH_MASK) else old
 
 
 @helper
-def take_span(row, place, start, j, triangle, depths, payload, is_sliver, word, step, fragments):
-    """Count, or append to the lists of the samples, the words of a span that lie before those of `row`: whole words are
-    compared, so that at equal depth the triangle with the lower number lies in front. `place` is the span's first
-    sample in the band."""
-    cursor = fragments.cursor
-    if fragments.is_counting and not is_sliver:  # all samples: the compiler makes vector instructions of it
-        lengths = cursor[np.uint64(place) : np.uint64(place + np.int64(len(row)))]
-        for k in range(np.uint64(len(row))):
-            new = np.int64(word)
-            lengths[k] += (new >= 0) & (new < row[k])
-            word += step
+def entry_of_sliver(x, y, surface):
+    """Compute the entry at a sample from exact edge functions, int64; its z is kept within the triangle's range."""
+    triangle, depths = surface.triangle, surface.depths
+    dx1, dy1 = triangle.x1 - triangle.x0, triangle.y1 - triangle.y0
+    dx2, dy2 = triangle.x2 - triangle.x0, triangle.y2 - triangle.y0
+    area = float(dx1 * dy2 - dx2 * dy1)
+    ux, uy = x * SUBPIXEL + HALF - triangle.x0, y * SUBPIXEL + HALF - triangle.y0
+    b1 = (ux * dy2 - uy * dx2) / area
+    b2 = (uy * dx1 - ux * dy1) / area
+    z = depths.z0 + b1 * (depths.z1 - depths.z0) + b2 * (depths.z2 - depths.z0)
+    return np.int64(pack(np.rint(min(max(z, depths.least), depths.largest)), surface.payload))
+
+
+@helper
+def list_span(span, first, x_start, y, surface, lists):
+    """Count the entries of a span that lie before those of the buffer, or append them to the lists of their samples.
+
+    Whole entries are compared, so that at equal depth the triangle with the lower index lies in front.
+
+    Parameters
+    ----------
+    span : (n,) int64, a row's entries · first : where in the band they begin
+    x_start, y : the first sample
+    lists : FragmentLists
+    """
+    lengths, plane = lists.cursors, surface.plane
+    if lists.is_counting and not surface.is_sliver:  # all samples: the compiler makes vector instructions of it
+        lengths = lengths[index(first) : index(first + np.int64(len(span)))]
+        entry = entry_at(plane, x_start, y)
+        for k in range(index(len(span))):
+            new = np.int64(entry)
+            lengths[k] += (new >= 0) & (new < span[k])
+            entry += plane.dx
         return
-    base = fragments.start[np.uint64(fragments.first)]
-    for k in range(max(place, fragments.first), min(place + np.int64(len(row)), fragments.last)):
-        i, at = k - place, np.uint64(k)
-        new = np.int64(word + np.uint64(i) * step)
-        if is_sliver:
-            new = word_of_sliver(start + i, j, triangle, depths, payload)
-        if 0 <= new < row[np.uint64(i)]:
-            if not fragments.is_counting and cursor[at] < fragments.start[at + np.uint64(1)]:
-                fragments.words[np.uint64(cursor[at] - base)] = new
-            cursor[at] += 1
+    for sample in range(max(first, lists.first), min(first + np.int64(len(span)), lists.last)):
+        x = x_start + sample - first
+        new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(plane, x, y))
+        if 0 <= new < span[index(sample - first)]:
+            list_entry(lists, index(sample), new)
+
+
+@helper
+def list_entry(lists, sample, entry):
+    """Append an entry to the list of a sample, or count it."""
+    cursors, starts = lists.cursors, lists.starts
+    if not lists.is_counting and cursors[sample] < starts[sample + index(1)]:
+        lists.entries[index(cursors[sample] - starts[index(lists.first)])] = entry
+    cursors[sample] += 1

@@ -1,375 +1,324 @@
 """Stage 6, shade: the intensities of a band's visible samples.
 
-In:  the band's z-buffer and records (scan.py, records.py).
+In:  the band's visibility entries and records (scan.py, records.py).
 Out: `radiance`, linear intensities, a plane a channel; samples where nothing is visible hold anything.
 
-`shade_interpolated` serves flat shading and Gouraud's method: intensities stand in the words or are interpolated.
+`shade_interpolated` serves flat shading and Gouraud's method: intensities stand in the entries or are interpolated.
 `shade_lit` is Phong's method: normals are interpolated, and the illumination equation is evaluated at every visible
-sample. Both work on a chunk of a row at a time. Samples of words and planes are taken in one loop without branches,
-whatever they show; those of exact records, if the band has any, are then put in run by run.
+sample. Both work on a batch of a row's samples at a time. What entries and planes hold is evaluated in one loop without
+branches, whatever the samples show; exact records, if the band has any, are then put in run by run.
+
+Letters: q_i perspective weights of a triangle's corners, p_i the same with Σ p_i = 1 (interpolate.py); w distance along
+the viewing axis, scene units.
 """
 
-import numpy as np
-from numba.extending import overload
+from typing import NamedTuple
 
-from ..compiler.kernels import borrow, helper, kernel
-from .fragments import (
-    ALBEDO,
-    CHUNK,
-    DISTANCE,
-    INTENSITY,
-    LIFT,
-    NEXT_CHANNEL,
-    NORMAL_X,
-    NORMAL_Y,
-    NORMAL_Z,
-    OFFSET,
-    PLANE_X,
-    PLANE_Y,
-    PLANE_Z,
-    POSITION_X,
-    POSITION_Y,
-    POSITION_Z,
-    TANGENT_X,
-    TANGENT_Y,
-    TANGENT_Z,
-    VIEW_X,
-    VIEW_Y,
-    VIEW_Z,
+import numpy as np
+
+from ..compiler.kernels import borrow, helper, index, kernel
+from ..geometry.vectors import add, dot, scale
+from . import fragments as f
+from .fragments import BATCH_SIZE, read_vector, set_vector
+from .gradients import IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
+from .interpolate import (
+    borrow_band,
+    corner_values,
+    corner_vectors,
+    corner_weights,
+    exact_triangle,
+    has_exact,
+    inverse_sum,
+    is_exact,
+    mean,
+    mean_vector,
+    next_exact_run,
+    rounded,
+    row_extent,
 )
-from .interpolate import corner_weights, corners_of, has_exact, is_exact, mean, run_end, weights_of
-from .lighting import BRUSHED, ShadowedLighting, light_rows, normalize_normals, view_from_direction
-from .records import (
-    ATTRIBUTE,
-    DEPTH,
-    FACE,
-    IN_PLANES,
-    IN_WORDS,
-    IS_ID,
-    LEVEL_MASK,
-    NORMAL_PLANES,
-    PLANE,
-    PLANE_FACE,
-    RECORD_MASK,
-    SIDE,
-    borrow_records,
-)
-from .scan import GROUP_SHIFT
-from .simd import GROUP, take_planes
-from .transform import HALF, SUBPIXEL
+from .lighting import light_batch, normalize_normals, view_from_direction
+from .records import ATTRIBUTE, DEPTH, FACE, FIRST_PLANE, PLANES_FACE, SIDE
+from .simd import PLANE_GROUP, PlaneGroup, evaluate_planes
+from .visibility import IS_ID, LEVEL_MASK, RECORD_MASK
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
+
+
+class FaceTable(NamedTuple):
+    """What is known of every triangle beside its corners; an array that isn't needed has no rows."""
+
+    materials: np.ndarray  # (n_face,) uint32, empty where all have one material
+    planes: np.ndarray  # (n_face, 5) float64: plane and normal offset, see shadow_lookup.py; read only for shadows
+
+    def of_parts(self, faces) -> "FaceTable":
+        """Return the table of triangles that are parts of the faces `faces`, (n,) indices."""
+        return FaceTable(*(rows[faces] if len(rows) else rows for rows in self))
+
 
 # ---------------------------------------------------------------- flat shading and Gouraud's method
 
 
 @kernel
-def shade_interpolated(canvas, records, n_exact, kind, y_start, n_row, n_channel, level_step, out_radiance):
-    """Turn words and records, `n_exact` of which are exact, into intensities; levels are multiples of `level_step`."""
-    words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
-    radiance, records = borrow(out_radiance), borrow_records(records)
+def shade_interpolated(band, n_channel, level_step, out_radiance):
+    """Turn visibility entries and records into intensities.
+
+    Parameters
+    ----------
+    band : ScannedBand, of any kind but NORMAL_PLANES
+    n_channel : 1 or 3
+    level_step : intensity of a level, in the type of the radiance
+    out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
+    """
+    band, radiance = borrow_band(band), borrow(out_radiance)
+    visibility, records = band.visibility, band.records
     flat = radiance.reshape(radiance.size)
-    for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        for first in range(left[group], right[group], CHUNK):
-            start = np.uint64(j * canvas.pitch + first)
-            n = np.uint64(min(right[group] - first, CHUNK))
-            chunk = words[start : start + n]
-            if kind == IN_WORDS:
-                take_levels(chunk, level_step, radiance[0, start : start + n])
-            elif kind == IN_PLANES:
-                take_planes(
-                    chunk, n, RECORD_MASK, records.levels, np.uint64(records.plane_shift), np.uint64(PLANE),
-                    first, y_start + j, level_step, flat, start, np.uint64(radiance.shape[1]),
-                )  # fmt: skip
-            if n_exact > 0 and has_exact(chunk):
-                interpolate_runs(chunk, records, first, y_start + j, n_channel, radiance[:, start : start + n])
+    for j in range(band.n_row):
+        left, right = row_extent(visibility, j)
+        for first in range(left, right, BATCH_SIZE):
+            start, n = index(j * visibility.pitch + first), index(min(right - first, BATCH_SIZE))
+            entries = visibility.entries[start : start + n]
+            if band.kind == IN_ENTRIES:
+                decode_levels(entries, level_step, radiance[0, start : start + n])
+            elif band.kind == LEVEL_PLANES:
+                group = plane_group(records, records.int_planes, 0, level_step)
+                evaluate_planes(entries, group, first, band.y_start + j, flat, start, index(radiance.shape[1]))
+            if band.n_exact > 0 and has_exact(entries):
+                out = radiance[:, start : start + n]
+                interpolate_intensities(entries, records, (first, band.y_start + j), n_channel, out)
 
 
 @helper
-def take_levels(words, level_step, out):
-    """Intensities that stand in the words."""
-    for k in range(np.uint64(len(words))):
-        out[k] = out.dtype.type(np.int32(words[k] & LEVEL_MASK)) * level_step
+def decode_levels(entries, level_step, out):
+    """Fill intensities that stand in the entries."""
+    for k in range(index(len(entries))):
+        out[k] = out.dtype.type(np.int32(entries[k] & LEVEL_MASK)) * level_step
 
 
 @helper
-def interpolate_runs(words, records, first, y, n_channel, out):
-    """Put in the intensities of exact records, one run of samples after the other."""
-    sy = y * SUBPIXEL + HALF
-    number = out.dtype.type
-    last_record = np.uint64(len(records.integers) - 1)
-    start = np.uint64(0)
-    while start < np.uint64(len(words)):
-        stop = start + np.uint64(1)
-        if is_exact(words[start]):
-            stop = run_end(words, start)
-            # Where levels stand in words, a record's number is a matter of arithmetic: whatever it is, nothing else is
-            # read.
-            record = min(np.uint64(words[start] & RECORD_MASK), last_record)
-            weights = weights_of(records, record)
-            red = corners_of(records.numbers, record, ATTRIBUTE)
-            green = corners_of(records.numbers, record, ATTRIBUTE + 3) if n_channel > 1 else red
-            blue = corners_of(records.numbers, record, ATTRIBUTE + 6) if n_channel > 1 else red
-            for k in range(start, stop):
-                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
-                scale = 1.0 / (q0 + q1 + q2)
-                p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
-                out[0, k] = mean(red, p0, p1, p2)
-                if n_channel > 1:
-                    out[1, k] = mean(green, p0, p1, p2)
-                    out[2, k] = mean(blue, p0, p1, p2)
-        start = stop
+def interpolate_intensities(entries, records, first, n_channel, out):
+    """Put in the intensities of exact records; `first` is the sample (x, y) of the first entry."""
+    real, last_record = out.dtype.type, index(len(records.integers) - 1)
+    start, end = next_exact_run(entries, index(0))
+    while start < end:
+        # Where levels stand in entries, a record's number is a matter of arithmetic: whatever it is, nothing else is
+        # read.
+        record = min(index(entries[start] & RECORD_MASK), last_record)
+        triangle = exact_triangle(records, record)
+        red = corner_values(records.reals, record, ATTRIBUTE)
+        green = corner_values(records.reals, record, ATTRIBUTE + 3) if n_channel > 1 else red
+        blue = corner_values(records.reals, record, ATTRIBUTE + 6) if n_channel > 1 else red
+        for k in range(start, end):
+            q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+            p = rounded(scale(q, inverse_sum(q)), real)
+            out[0, k] = mean(red, p)
+            if n_channel > 1:
+                out[1, k] = mean(green, p)
+                out[2, k] = mean(blue, p)
+        start, end = next_exact_run(entries, end)
 
 
 # ---------------------------------------------------------------- Phong's method
 
 
 @kernel
-def shade_lit(
-    canvas,
-    records,
-    n_exact,
-    kind,
-    y_start,
-    n_row,
-    screen,
-    lighting,
-    face_material,
-    face_shape,
-    texels,
-    rows,
-    out_radiance,
-):
+def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, batch, out_radiance):
     """Interpolate normals and evaluate the illumination equation at every visible sample.
 
-    Attributes 0-2 of the records are the normals, 3-5 the albedo (only if lighting.has_albedo), the last three the
-    tangents (only with BRUSHED lighting, all of whose records are exact). `face_material` is the material
-    of every triangle, or empty where there is one material; `face_shape` is read only where lights cast shadows;
-    `texels` is None where there are no textures. `n_exact` records of the band are exact.
+    Parameters
+    ----------
+    band : ScannedBand of kind EXACT or NORMAL_PLANES. Attributes 0-2 of its records are the normals, 3-5 the albedo
+        (only if lighting.has_albedo)
+    faces : FaceTable
+    tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
+        no material needs them: then they are not compiled
+    texels : (4, n_row * pitch), see texture_sampling.py; None where there are no textures
+    batch : see fragments.py, in the type of the radiance
+    out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
-    words, left, right, rows = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right), borrow(rows)
-    radiance, face_material = borrow(out_radiance), borrow(face_material)
-    face_shape = borrow(face_shape)
-    records = borrow_records(records)
-    for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        y, first = y_start + j, left[group]
-        while first < right[group]:
-            start = np.uint64(j * canvas.pitch + first)
-            chunk = words[start : start + np.uint64(min(right[group] - first, CHUNK))]
-            n, material = run_of_material(chunk, records, face_material)
-            chunk = chunk[: np.uint64(n)]
-            if kind == NORMAL_PLANES:
-                take_attributes(chunk, records, 0, first, y, NORMAL_X, rows)
-                if lighting.has_albedo:
-                    take_attributes(chunk, records, 1, first, y, ALBEDO, rows)
-                if lighting.needs_position and screen.is_perspective:
-                    invert_distances(rows, n)
-            if n_exact > 0 and has_exact(chunk):
-                interpolate_normal_runs(chunk, records, first, y, lighting.has_albedo, screen.is_perspective, rows)
-                interpolate_tangents(lighting, chunk, records, first, y, rows)
+    band, batch, radiance = borrow_band(band), borrow(batch), borrow(out_radiance)
+    visibility, faces = band.visibility, FaceTable(borrow(faces.materials), borrow(faces.planes))
+    for j in range(band.n_row):
+        y, (first, right) = band.y_start + j, row_extent(visibility, j)
+        while first < right:
+            start = index(j * visibility.pitch + first)
+            entries = visibility.entries[start : start + index(min(right - first, BATCH_SIZE))]
+            n, material = run_of_material(entries, band.records, faces.materials)
+            entries = entries[: index(n)]
+            gather_fragments(entries, band, (first, y), lighting.has_albedo, screen, lighting.needs_position, batch)
+            interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
             if texels is not None:
-                for channel in range(np.uint64(3)):
-                    weigh_albedo(rows, n, channel, borrow(texels)[channel, start : start + np.uint64(n)])
-            take_shapes(lighting, chunk, records, face_shape, screen.eye, rows)
-            normalize_normals(rows, n)
+                for channel in range(index(3)):
+                    weight_albedo(batch, n, channel, borrow(texels)[channel, start : start + index(n)])
+            gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
+            normalize_normals(batch, n)
             if lighting.needs_view or lighting.needs_position:
-                fill_positions(screen, first, y, n, lighting.needs_position, rows)
-            light_rows(rows, n, lighting, material)
-            for channel in range(np.uint64(lighting.n_channel)):
-                for k in range(np.uint64(n)):
-                    radiance[channel, start + k] = rows[INTENSITY + channel * NEXT_CHANNEL + k]
+                fill_positions(screen, (first, y), n, lighting.needs_position, batch)
+            light_batch(batch, n, lighting, material)
+            for channel in range(index(lighting.n_channel)):
+                for k in range(index(n)):
+                    radiance[channel, start + k] = batch[f.INTENSITY + channel * f.NEXT + k]
             first += n
 
 
 @helper
-def weigh_albedo(rows, n, channel, texels):
-    """Multiply one channel of the albedo by the texture."""
-    row = ALBEDO + channel * NEXT_CHANNEL
-    for k in range(np.uint64(n)):
-        rows[row + k] *= texels[k]
+def run_of_material(entries, records, face_materials):
+    """Return the length of the run of samples that show one material, and the material.
 
-
-def take_shapes(lighting, words, records, face_shape, eye, rows):
-    """Fill the rows of planes and lifts, which shadows need."""
-    raise NotImplementedError("compiled code only")
-
-
-@overload(take_shapes)
-def _overload_take_shapes(lighting, words, records, face_shape, eye, rows):
-    if issubclass(lighting.instance_class, ShadowedLighting):
-        return take_face_shapes
-    return lambda lighting, words, records, face_shape, eye, rows: None
-
-
-def take_face_shapes(lighting, words, records, face_shape, eye, rows):
-    """The planes of the visible polygons, relative to the eye, and how far points are lifted above them."""
-    for k in range(np.uint64(len(words))):
-        face = face_of(words[k], records) if words[k] & IS_ID else np.uint64(0)
-        x, y, z = face_shape[face, 0], face_shape[face, 1], face_shape[face, 2]
-        rows[PLANE_X + k], rows[PLANE_Y + k], rows[PLANE_Z + k] = x, y, z
-        rows[OFFSET + k] = face_shape[face, 3] - (x * eye[0] + y * eye[1] + z * eye[2])
-        rows[LIFT + k] = face_shape[face, 4]
-
-
-@helper
-def run_of_material(words, records, face_material):
-    """Length of the run of samples that show one material, and the material; samples that show nothing belong to any
-    run."""
+    Samples that show nothing belong to any run.
+    """
     material = np.int64(-1)
-    if len(face_material) == 0:
-        return len(words), np.int64(0)
-    for k in range(np.uint64(len(words))):
-        if words[k] & IS_ID:
-            here = np.int64(face_material[face_of(words[k], records)])
+    if len(face_materials) == 0:
+        return len(entries), np.int64(0)
+    for k in range(index(len(entries))):
+        if entries[k] & IS_ID:
+            here = np.int64(face_materials[face_of(entries[k], records)])
             if material >= 0 and here != material:
                 return np.int64(k), material
             material = here
-    return len(words), max(material, np.int64(0))
+    return len(entries), max(material, np.int64(0))
 
 
 @helper
-def face_of(word, records):
-    """The triangle that a word's record belongs to."""
-    record = np.uint64(word & RECORD_MASK)
-    if is_exact(word):
-        return np.uint64(records.integers[record, np.uint64(FACE)])
-    return np.uint64(records.levels[(record << np.uint64(records.plane_shift)) + np.uint64(PLANE_FACE)])
+def face_of(entry, records):
+    """Return the triangle that an entry's record belongs to."""
+    record = index(entry & RECORD_MASK)
+    if is_exact(entry):
+        return index(records.integers[record, index(FACE)])
+    return index(records.int_planes[(record << index(records.plane_shift)) + index(PLANES_FACE)])
 
 
 @helper
-def take_attributes(words, records, group, first, y, row, rows):
-    """Attributes from a group of planes, into four rows from `row` on; samples that show no planes take anything."""
-    column = np.uint64(PLANE + 3 * GROUP * group)
-    take_planes(
-        words, np.uint64(len(words)), RECORD_MASK, records.planes, np.uint64(records.plane_shift), column,
-        first, y, rows.dtype.type(1), rows, row, np.uint64(CHUNK),
-    )  # fmt: skip
+def gather_fragments(entries, band, first, has_albedo, screen, needs_position, batch):
+    """Fill normals, distances and albedo of the samples; `first` is the sample (x, y) of the first entry.
+
+    Samples that show nothing get anything.
+    """
+    records = band.records
+    if band.kind == NORMAL_PLANES:
+        (x, y), one = first, batch.dtype.type(1)
+        group = plane_group(records, records.float_planes, 0, one)
+        evaluate_planes(entries, group, x, y, batch, f.NORMAL, f.NEXT)
+        if has_albedo:
+            group = plane_group(records, records.float_planes, 1, one)
+            evaluate_planes(entries, group, x, y, batch, f.ALBEDO, f.NEXT)
+        if needs_position and screen.is_perspective:
+            invert_distances(batch, len(entries))
+    if band.n_exact > 0 and has_exact(entries):
+        interpolate_fragments(entries, records, first, has_albedo, screen.is_perspective, batch)
 
 
 @helper
-def invert_distances(rows, n):
+def plane_group(records, planes, number, scale):
+    """Return group `number` of four planes of the records; `planes` are their numbers, of int32 or of float32."""
+    column = index(FIRST_PLANE + 3 * PLANE_GROUP * number)
+    return PlaneGroup(planes, RECORD_MASK, index(records.plane_shift), column, scale)
+
+
+@helper
+def invert_distances(batch, n):
     """Turn 1/w into w."""
-    one = rows.dtype.type(1)
-    for k in range(np.uint64(n)):
-        rows[DISTANCE + k] = one / rows[DISTANCE + k]
+    one = batch.dtype.type(1)
+    for k in range(index(n)):
+        batch[f.DISTANCE + k] = one / batch[f.DISTANCE + k]
 
 
 @helper
-def interpolate_normal_runs(words, records, first, y, has_albedo, is_perspective, rows):
-    """Put in the normals, distances and albedo of exact records, one run of samples after the other."""
-    sy = y * SUBPIXEL + HALF
-    number = rows.dtype.type
-    start = np.uint64(0)
-    while start < np.uint64(len(words)):
-        stop = start + np.uint64(1)
-        if is_exact(words[start]):
-            stop = run_end(words, start)
-            record = np.uint64(words[start] & RECORD_MASK)
-            weights = weights_of(records, record)
-            side = float(records.integers[record, np.uint64(SIDE)])
-            nx = corners_of(records.numbers, record, ATTRIBUTE)
-            ny = corners_of(records.numbers, record, ATTRIBUTE + 3)
-            nz = corners_of(records.numbers, record, ATTRIBUTE + 6)
-            depths = corners_of(records.numbers, record, DEPTH)
-            red = corners_of(records.numbers, record, ATTRIBUTE + 9) if has_albedo else depths
-            green = corners_of(records.numbers, record, ATTRIBUTE + 12) if has_albedo else depths
-            blue = corners_of(records.numbers, record, ATTRIBUTE + 15) if has_albedo else depths
-            for k in range(start, stop):
-                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
-                scale = 1.0 / (q0 + q1 + q2)
-                p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
-                rows[NORMAL_X + k] = number(side) * mean(nx, p0, p1, p2)
-                rows[NORMAL_Y + k] = number(side) * mean(ny, p0, p1, p2)
-                rows[NORMAL_Z + k] = number(side) * mean(nz, p0, p1, p2)
-                # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
-                rows[DISTANCE + k] = number(weights.area * scale) if is_perspective else mean(depths, p0, p1, p2)
-                if has_albedo:
-                    rows[ALBEDO + k] = mean(red, p0, p1, p2)
-                    rows[ALBEDO + NEXT_CHANNEL + k] = mean(green, p0, p1, p2)
-                    rows[ALBEDO + NEXT_CHANNEL + NEXT_CHANNEL + k] = mean(blue, p0, p1, p2)
-        start = stop
-
-
-def interpolate_tangents(lighting, words, records, first, y, rows):
-    """Fill the rows of tangents, which materials brushed along u need."""
-    raise NotImplementedError("compiled code only")
-
-
-@overload(interpolate_tangents)
-def _overload_interpolate_tangents(lighting, words, records, first, y, rows):
-    if lighting.instance_class in BRUSHED:
-        return interpolate_tangent_runs
-    return lambda lighting, words, records, first, y, rows: None
-
-
-def interpolate_tangent_runs(lighting, words, records, first, y, rows):
-    """Interpolate the tangents of exact records, one run of samples after the other; their sign doesn't matter."""
-    sy = y * SUBPIXEL + HALF
-    number = rows.dtype.type
-    column = records.numbers.shape[1] - 9
-    start = np.uint64(0)
-    while start < np.uint64(len(words)):
-        stop = start + np.uint64(1)
-        if is_exact(words[start]):
-            stop = run_end(words, start)
-            record = np.uint64(words[start] & RECORD_MASK)
-            weights = weights_of(records, record)
-            tx = corners_of(records.numbers, record, column)
-            ty = corners_of(records.numbers, record, column + 3)
-            tz = corners_of(records.numbers, record, column + 6)
-            for k in range(start, stop):
-                q0, q1, q2 = corner_weights(weights, (first + np.int64(k)) * SUBPIXEL + HALF, sy)
-                scale = 1.0 / (q0 + q1 + q2)
-                p0, p1, p2 = number(q0 * scale), number(q1 * scale), number(q2 * scale)
-                rows[TANGENT_X + k] = mean(tx, p0, p1, p2)
-                rows[TANGENT_Y + k] = mean(ty, p0, p1, p2)
-                rows[TANGENT_Z + k] = mean(tz, p0, p1, p2)
-        start = stop
+def interpolate_fragments(entries, records, first, has_albedo, is_perspective, batch):
+    """Put in the normals, distances and albedo of exact records; `first` is the sample (x, y) of the first entry."""
+    real = batch.dtype.type
+    start, end = next_exact_run(entries, index(0))
+    while start < end:
+        record = index(entries[start] & RECORD_MASK)
+        triangle, side = exact_triangle(records, record), real(records.integers[record, index(SIDE)])
+        normals = corner_vectors(records, record, 0)
+        depths = corner_values(records.reals, record, DEPTH)
+        colors = corner_vectors(records, record, 3) if has_albedo else normals
+        for k in range(start, end):
+            q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+            inverse = inverse_sum(q)
+            p = rounded(scale(q, inverse), real)
+            set_vector(batch, f.NORMAL, k, scale(mean_vector(normals, p), side))
+            # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
+            batch[f.DISTANCE + k] = real(triangle.area * inverse) if is_perspective else mean(depths, p)
+            if has_albedo:
+                set_vector(batch, f.ALBEDO, k, mean_vector(colors, p))
+        start, end = next_exact_run(entries, end)
 
 
 @helper
-def fill_positions(screen, first, y, n, needs_position, rows):
-    """Fill the rows of positions and view directions: where the rays through the samples meet the surface.
+def interpolate_tangents(entries, records, first, tangent_attribute, batch):
+    """Put in the tangents, if there are any, of exact records; their sign doesn't matter."""
+    if tangent_attribute is not None:
+        real = batch.dtype.type
+        start, end = next_exact_run(entries, index(0))
+        while start < end:
+            record = index(entries[start] & RECORD_MASK)
+            triangle = exact_triangle(records, record)
+            tangents = corner_vectors(records, record, tangent_attribute)
+            for k in range(start, end):
+                q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+                p = rounded(scale(q, inverse_sum(q)), real)
+                set_vector(batch, f.TANGENT, k, mean_vector(tangents, p))
+            start, end = next_exact_run(entries, end)
+
+
+@helper
+def weight_albedo(batch, n, channel, texels):
+    """Multiply one channel of the albedo by the texture."""
+    first = f.ALBEDO + channel * f.NEXT
+    for k in range(index(n)):
+        batch[first + k] *= texels[k]
+
+
+@helper
+def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
+    """Fill what shadows need, if there are any: the planes of the visible polygons, relative to the eye, and the normal
+    offsets."""
+    if shadows is not None:
+        eye = read_vector(eye, 0)
+        for k in range(index(len(entries))):
+            face = face_of(entries[k], records) if entries[k] & IS_ID else index(0)
+            normal = face_planes[face, 0], face_planes[face, 1], face_planes[face, 2]
+            set_vector(batch, f.FACE_NORMAL, k, normal)
+            batch[f.FACE_OFFSET + k] = face_planes[face, 3] - dot(normal, eye)
+            batch[f.NORMAL_OFFSET + k] = face_planes[face, 4]
+
+
+# ---------------------------------------------------------------- where the samples lie in the world
+
+
+@helper
+def fill_positions(screen, first, n, needs_position, batch):
+    """Fill positions and view directions: where the rays through the samples meet the surface.
 
     Perspective: P = w·ray, with ray·forward = 1; the direction to the viewer is that of -ray. Orthographic: P is the
     sample's point of the picture plane plus depth·forward; the viewer is at infinity. DISTANCE holds w or depth. A ray
-    is a function of column and row alone, wherever the chunk begins.
+    is a function of column and row alone, wherever the batch begins; `first` is the sample (x, y) of fragment 0.
 
     Columns are counted from the one next to the picture's centre. So a ray is the sum of parts that are not longer than
     it is itself, whatever the field of view: with 4 roundings each, of a part, its product and two sums, and |x| + |y|
     + |z| <= √3 times the length, a ray errs by 7 u of its length, u = 2^-24 or 2^-53.
     """
-    number = rows.dtype.type
-    right_x, right_y, right_z = screen.right
-    up_x, up_y, up_z = screen.up
-    forward_x, forward_y, forward_z = screen.forward
+    real, (x, y) = batch.dtype.type, first
     along = 1.0 if screen.is_perspective else 0.0
     step = 1.0 / screen.scale_x
     # Of a centre far beside the picture all columns are far: then none has digits to lose.
     middle = np.int64(min(max(screen.center_x, -FURTHEST_COLUMN), FURTHEST_COLUMN))
     across, upward = (float(middle) + 0.5 - screen.center_x) * step, (screen.center_y - (y + 0.5)) / screen.scale_y
-    x_zero = number(right_x * across + up_x * upward + forward_x * along)
-    y_zero = number(right_y * across + up_y * upward + forward_y * along)
-    z_zero = number(right_z * across + up_z * upward + forward_z * along)
-    step_x, step_y, step_z = number(right_x * step), number(right_y * step), number(right_z * step)
+    at_middle = add(add(scale(screen.right, across), scale(screen.up, upward)), scale(screen.forward, along))
+    ray_start, ray_step = rounded(at_middle, real), rounded(scale(screen.right, step), real)
+    forward, one = rounded(screen.forward, real), real(1)
     if screen.is_perspective:
-        one = number(1)
-        for k in range(np.uint64(n)):
-            i = number(np.int32(first + np.int64(k) - middle))
-            x, y, z = x_zero + i * step_x, y_zero + i * step_y, z_zero + i * step_z
-            scale = -one / np.sqrt(x * x + y * y + z * z)
-            rows[VIEW_X + k], rows[VIEW_Y + k], rows[VIEW_Z + k] = x * scale, y * scale, z * scale
+        for k in range(index(n)):
+            column = real(np.int32(x + np.int64(k) - middle))
+            ray = add(ray_start, scale(ray_step, column))
+            set_vector(batch, f.VIEW_DIR, k, scale(ray, -one / np.sqrt(dot(ray, ray))))
             if needs_position:
-                w = rows[DISTANCE + k]
-                rows[POSITION_X + k], rows[POSITION_Y + k], rows[POSITION_Z + k] = w * x, w * y, w * z
+                set_vector(batch, f.POSITION, k, scale(ray, batch[f.DISTANCE + k]))
         return
-    fx, fy, fz = number(forward_x), number(forward_y), number(forward_z)
-    view_from_direction(rows, n, -fx, -fy, -fz)
+    view_from_direction(batch, n, scale(forward, -one))
     if needs_position:
-        for k in range(np.uint64(n)):
-            depth, i = rows[DISTANCE + k], number(np.int32(first + np.int64(k) - middle))
-            rows[POSITION_X + k] = x_zero + i * step_x + depth * fx
-            rows[POSITION_Y + k] = y_zero + i * step_y + depth * fy
-            rows[POSITION_Z + k] = z_zero + i * step_z + depth * fz
+        for k in range(index(n)):
+            column = real(np.int32(x + np.int64(k) - middle))
+            on_plane = add(ray_start, scale(ray_step, column))
+            set_vector(batch, f.POSITION, k, add(on_plane, scale(forward, batch[f.DISTANCE + k])))

@@ -1,11 +1,13 @@
 """Textures: what a picture laid over the surface shows at every visible sample of a band. Between scan and shade, where
 a scene has any.
 
-In:  the band's z-buffer and its exact records (records.py), two attributes of which are texture coordinates.
+In:  the band's visibility entries and its exact records (records.py), two attributes of which are texture coordinates.
 Out: `texels`, red, green, blue and alpha of the texture, a plane each; 1 where the visible surface has none.
 
-Texture coordinates are interpolated in perspective (interpolate.py). The mipmap is chosen by the larger of the lengths,
-in texels, that one step of the sample to the right and one down move on the texture (Williams 1983, "Pyramidal
+    u, v   texture coordinates, any number; v points up      s, t   the same within the picture, 0..1; t points down
+
+Texture coordinates are interpolated in perspective (interpolate.py). The mip level is chosen by the larger of the
+lengths, in texels, that one step of the sample to the right and one down move on the texture (Williams 1983, "Pyramidal
 parametrics"; Heckbert 1983): with u = U/D, both linear on the screen, du/dx = (U_x - u·D_x)/D.
 """
 
@@ -13,174 +15,212 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, kernel
-from .fragments import CHUNK
-from .interpolate import corner_weights, corners_of, is_exact, mean, run_end, weight_steps, weights_of
-from .records import ATTRIBUTE, FACE, RECORD_MASK, borrow_records
-from .scan import GROUP_SHIFT
-from .transform import HALF, SUBPIXEL
+from ..compiler.kernels import borrow, helper, index, kernel
+from ..geometry.vectors import scale
+from .fragments import BATCH_SIZE
+from .interpolate import (
+    borrow_band,
+    corner_values,
+    corner_weights,
+    exact_triangle,
+    inverse_sum,
+    is_exact,
+    mean,
+    next_exact_run,
+    row_extent,
+    run_end,
+    weight_steps,
+)
+from .records import ATTRIBUTE, FACE
+from .visibility import RECORD_MASK
 
-NEAREST, BILINEAR, TRILINEAR = 0, 1, 2  # filters
-REPEAT, CLAMP, MIRROR = 0, 1, 2  # what lies outside the picture
-# Rows of a chunk of samples: texture coordinates, the place within the picture from the left and from the top, 1 / Σ q,
-# the mipmap.
-PLACE_U, PLACE_V, PLACE_S, PLACE_T, WEIGHT, DETAIL = (np.uint64(CHUNK * k) for k in range(6))
+FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR = 0, 1, 2
+WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR = 0, 1, 2  # what lies outside the picture
+# Quantities of a batch, in place of those of lighting (fragments.py): texture coordinates, the same within the picture,
+# 1 / Σ q, and the mip level, whole or between two.
+TEXCOORD_U, TEXCOORD_V, TEXCOORD_S, TEXCOORD_T, INVERSE_SUM, MIP_LEVEL = (index(BATCH_SIZE * k) for k in range(6))
 LIGHT_COLUMNS = 6  # attributes in front of the texture coordinates
 
 
 class Textures(NamedTuple):
-    """All textures of a scene, level by level in one array."""
+    """All textures of a scene, one mip level behind the other in one array."""
 
-    texel: np.ndarray  # (4 * n_texel,) float32: linear red, green, blue, and alpha of each
-    level: np.ndarray  # (n_level, 3) int64: first texel, width, height
-    first_level: np.ndarray  # (n_texture + 1,) int64
-    filter: np.ndarray  # (n_texture,) int64
-    wrap: np.ndarray  # (n_texture, 2) int64, along u and v
-    of_material: np.ndarray  # (n_material,) int64, -1 for none
+    texels: np.ndarray  # (4 * n_texel,) float32: linear red, green, blue, and alpha of each
+    mip_levels: np.ndarray  # (n_level, 3) int64: first texel, width, height
+    first_levels: np.ndarray  # (n_texture + 1,) int64
+    filters: np.ndarray  # (n_texture,) int64, FILTER_...
+    wraps: np.ndarray  # (n_texture, 2) int64, WRAP_... along u and v
+    of_materials: np.ndarray  # (n_material,) int64, the texture of each, -1 for none
 
 
 @kernel
-def take_texels(canvas, records, y_start, n_row, textures, face_material, rows, out_texels):
-    """Look the texture up at every sample of the band; `face_material` is that of each triangle, or empty where there
-    is one.
+def sample_textures(band, textures, face_materials, batch, out_texels):
+    """Look textures up at every sample of a band.
 
-    `rows` are those of lighting, in float64, for what is computed on the way.
+    Parameters
+    ----------
+    band : ScannedBand, all of its records exact
+    textures : Textures
+    face_materials : (n_face,) uint32, empty where there is one material
+    batch : see fragments.py, float64, for what is computed on the way
+    out_texels : (4, n_row * pitch) float64
     """
-    words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
-    records, face_material, texels = borrow_records(records), borrow(face_material), borrow(out_texels)
-    rows = borrow(rows)
-    textures = Textures(
-        borrow(textures.texel), borrow(textures.level), borrow(textures.first_level), borrow(textures.filter),
-        borrow(textures.wrap), borrow(textures.of_material),
-    )  # fmt: skip
-    one = texels.dtype.type(1)
-    for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        if left[group] >= right[group]:
+    band, texels, batch = borrow_band(band), borrow(out_texels), borrow(batch)
+    textures, face_materials = borrow_textures(textures), borrow(face_materials)
+    visibility, records = band.visibility, band.records
+    for j in range(band.n_row):
+        left, right = row_extent(visibility, j)
+        if left >= right:
             continue
-        start = np.uint64(j * canvas.pitch + left[group])
-        n = np.uint64(right[group] - left[group])
-        row, k = words[start : start + n], np.uint64(0)
+        start, n = index(j * visibility.pitch + left), index(right - left)
+        entries, k = visibility.entries[start : start + n], index(0)
         while k < n:
-            stop = run_end(row, k)
-            number = np.int64(-1)
-            if is_exact(row[k]):
-                record = np.uint64(row[k] & RECORD_MASK)
-                face = np.uint64(records.integers[record, np.uint64(FACE)])
-                number = textures.of_material[face_material[face] if len(face_material) > 0 else np.uint32(0)]
-            if number >= 0:
-                for first in range(k, stop, np.uint64(CHUNK)):
-                    end = min(first + np.uint64(CHUNK), stop)
-                    x, out = left[group] + np.int64(first), texels[:, start + first : start + end]
-                    take_run(records, record, x, y_start + j, textures, np.uint64(number), rows, out)
+            end, texture, record = run_end(entries, k), np.int64(-1), index(0)
+            if is_exact(entries[k]):
+                record = index(entries[k] & RECORD_MASK)
+                texture = texture_of(records, record, textures, face_materials)
+            if texture >= 0:
+                for first in range(k, end, index(BATCH_SIZE)):
+                    last = min(first + index(BATCH_SIZE), end)
+                    sample = left + np.int64(first), band.y_start + j
+                    out = texels[:, start + first : start + last]
+                    sample_run(records, record, sample, textures, index(texture), batch, out)
             else:
-                for channel in range(np.uint64(4)):
-                    for i in range(start + k, start + stop):
-                        texels[channel, i] = one
-            k = stop
+                for channel in range(index(4)):
+                    for i in range(start + k, start + end):
+                        texels[channel, i] = 1.0
+            k = end
 
 
 @helper
-def take_run(records, record, x, y, textures, number, rows, out):
-    """Look a texture up along a run of samples of one triangle that begins at (x, y)."""
-    n = np.uint64(out.shape[1])
-    first, last = textures.first_level[number], textures.first_level[number + np.uint64(1)] - 1
-    kind, wrap_u, wrap_v = textures.filter[number], textures.wrap[number, 0], textures.wrap[number, 1]
-    find_places(records, record, x, y, n, wrap_u, wrap_v, rows)
-    if kind == TRILINEAR:
-        find_details(records, record, n, place_of_level(textures, first), float(last - first), rows)
+def borrow_textures(textures):
+    """The textures as arrays that count no references."""
+    return Textures(
+        borrow(textures.texels), borrow(textures.mip_levels), borrow(textures.first_levels), borrow(textures.filters),
+        borrow(textures.wraps), borrow(textures.of_materials),
+    )  # fmt: skip
+
+
+@helper
+def texture_of(records, record, textures, face_materials):
+    """Return the texture of an exact record's triangle, -1 for none."""
+    face = index(records.integers[record, index(FACE)])
+    return textures.of_materials[face_materials[face] if len(face_materials) > 0 else np.uint32(0)]
+
+
+@helper
+def sample_run(records, record, first, textures, texture, batch, out):
+    """Look a texture up along a run of samples of one triangle; `first` is the sample (x, y) where it begins.
+
+    out : (4, n), n <= BATCH_SIZE
+    """
+    n = index(out.shape[1])
+    first_level, last_level = textures.first_levels[texture], textures.first_levels[texture + index(1)] - 1
+    kind, wraps = textures.filters[texture], (textures.wraps[texture, 0], textures.wraps[texture, 1])
+    fill_texcoords(records, record, first, n, wraps, batch)
+    if kind == FILTER_TRILINEAR:
+        size, coarsest = mip_level_size(textures, first_level), float(last_level - first_level)
+        fill_mip_levels(records, record, n, size, coarsest, batch)
     for k in range(n):
-        if kind == NEAREST:
-            color = nearest(textures, first, rows[PLACE_S + k], rows[PLACE_T + k])
+        s, t = batch[TEXCOORD_S + k], batch[TEXCOORD_T + k]
+        if kind == FILTER_NEAREST:
+            color = sample_nearest(textures, first_level, s, t)
         else:
-            level, part = first, 0.0
-            if kind == TRILINEAR:
-                level, part = first + np.int64(rows[DETAIL + k]), rows[DETAIL + k] - np.floor(rows[DETAIL + k])
-            color = bilinear(textures, level, wrap_u, wrap_v, rows[PLACE_S + k], rows[PLACE_T + k])
-            if part > 0.0:
-                coarse = bilinear(textures, level + 1, wrap_u, wrap_v, rows[PLACE_S + k], rows[PLACE_T + k])
-                color = mix(color, coarse, part)
+            level, share = first_level, 0.0
+            if kind == FILTER_TRILINEAR:
+                mip_level = batch[MIP_LEVEL + k]
+                level, share = first_level + np.int64(mip_level), mip_level - np.floor(mip_level)
+            color = sample_bilinear(textures, level, wraps, s, t)
+            if share > 0.0:
+                color = mix(color, sample_bilinear(textures, level + 1, wraps, s, t), share)
         out[0, k], out[1, k], out[2, k], out[3, k] = color
 
 
 @helper
-def find_places(records, record, x, y, n, wrap_u, wrap_v, rows):
-    """Fill the rows of texture coordinates, as they are and within the picture, and of 1 / Σ q."""
-    weights = weights_of(records, record)
-    us = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
-    vs = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
+def fill_texcoords(records, record, first, n, wraps, batch):
+    """Fill texture coordinates, as they are and within the picture, and 1 / Σ q."""
+    triangle, (us, vs) = exact_triangle(records, record), corner_texcoords(records, record)
     for k in range(n):
-        q0, q1, q2 = corner_weights(weights, (x + np.int64(k)) * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
-        scale = 1.0 / (q0 + q1 + q2)
-        u, v = mean(us, q0 * scale, q1 * scale, q2 * scale), mean(vs, q0 * scale, q1 * scale, q2 * scale)
-        rows[WEIGHT + k], rows[PLACE_U + k], rows[PLACE_V + k] = scale, u, v
-        rows[PLACE_S + k], rows[PLACE_T + k] = into_picture(u, wrap_u), into_picture(1.0 - v, wrap_v)
+        q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+        inverse = inverse_sum(q)
+        p = scale(q, inverse)
+        u, v = mean(us, p), mean(vs, p)
+        batch[INVERSE_SUM + k], batch[TEXCOORD_U + k], batch[TEXCOORD_V + k] = inverse, u, v
+        batch[TEXCOORD_S + k] = wrap_texcoord(u, wraps[0])
+        batch[TEXCOORD_T + k] = wrap_texcoord(1.0 - v, wraps[1])
 
 
 @helper
-def find_details(records, record, n, size, most, rows):
-    """Fill the row of the mipmaps' numbers: whole ones are the levels, what lies between is a mixture of two."""
-    _, width, height = size
-    along_x, along_y = weight_steps(weights_of(records, record))
-    us = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS)
-    vs = corners_of(records.numbers, record, ATTRIBUTE + 3 * LIGHT_COLUMNS + 3)
-    d_x, u_x, v_x = steps(along_x, us, vs)
-    d_y, u_y, v_y = steps(along_y, us, vs)
-    wide, high = float(width), float(height)
+def fill_mip_levels(records, record, n, size, coarsest, batch):
+    """Fill the mip levels: 0 is the texture itself, what lies between whole numbers is a mixture of two levels.
+
+    `size` is the first texel, the width and the height of level 0; `coarsest` the last level.
+    """
+    steps_x, steps_y = weight_steps(exact_triangle(records, record))
+    us, vs = corner_texcoords(records, record)
+    d_x, u_x, v_x = step_sums(steps_x, us, vs)
+    d_y, u_y, v_y = step_sums(steps_y, us, vs)
+    width, height = float(size[1]), float(size[2])
     for k in range(n):
-        u, v, scale = rows[PLACE_U + k], rows[PLACE_V + k], rows[WEIGHT + k]
-        across_u, across_v = (u_x - u * d_x) * scale * wide, (v_x - v * d_x) * scale * high
-        down_u, down_v = (u_y - u * d_y) * scale * wide, (v_y - v * d_y) * scale * high
-        rows[DETAIL + k] = max(across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v)
+        u, v, inverse = batch[TEXCOORD_U + k], batch[TEXCOORD_V + k], batch[INVERSE_SUM + k]
+        across_u, across_v = (u_x - u * d_x) * inverse * width, (v_x - v * d_x) * inverse * height
+        down_u, down_v = (u_y - u * d_y) * inverse * width, (v_y - v * d_y) * inverse * height
+        batch[MIP_LEVEL + k] = max(across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v)
     for k in range(n):
-        # Within 0..most for any square, also for one that is no number: a comparison with that is false.
-        square = rows[DETAIL + k]
-        rows[DETAIL + k] = min(0.5 * np.log2(square), most) if square > 1.0 else 0.0
+        # Within 0..coarsest for any square, also for one that is no number: a comparison with that is false.
+        square = batch[MIP_LEVEL + k]
+        batch[MIP_LEVEL + k] = min(0.5 * np.log2(square), coarsest) if square > 1.0 else 0.0
 
 
 @helper
-def steps(along, us, vs):
-    """What the sums Σ q, Σ q·u and Σ q·v grow by where the weights grow by `along`."""
-    q0, q1, q2 = along
+def corner_texcoords(records, record):
+    """Return u and v of an exact record, each at the three corners."""
+    column = ATTRIBUTE + 3 * LIGHT_COLUMNS
+    return corner_values(records.reals, record, column), corner_values(records.reals, record, column + 3)
+
+
+@helper
+def step_sums(steps, us, vs):
+    """Return what Σ q, Σ q·u and Σ q·v grow by where the weights grow by `steps`."""
+    q0, q1, q2 = steps
     return q0 + q1 + q2, q0 * us[0] + q1 * us[1] + q2 * us[2], q0 * vs[0] + q1 * vs[1] + q2 * vs[2]
 
 
 @helper
-def into_picture(x, wrap):
-    """The place within 0..1 that stands for any place along an axis, from the left or from the top; 0 for what is no
-    number.
+def wrap_texcoord(x, wrap):
+    """Return the texture coordinate within 0..1 that stands for any along an axis, from the left or from the top.
 
-    Texels are found by what this returns: whatever x is, infinite or no number, it must lie within 0..1. Then the
-    texels floor(s·n), and floor(s·n - ½) and its neighbour, lie within -1..n, and are moved by a texel at most.
+    Texels are found by what this returns: whatever x is, infinite or no number, it must lie within 0..1; what is no
+    number is 0. Then the texels floor(s·n), and floor(s·n - ½) and its neighbour, lie within -1..n, and are moved by a
+    texel at most.
     """
-    if wrap == CLAMP:
-        place = min(max(x, 0.0), 1.0)
-    elif wrap == MIRROR:
+    if wrap == WRAP_CLAMP:
+        wrapped = min(max(x, 0.0), 1.0)
+    elif wrap == WRAP_MIRROR:
         x = x - 2.0 * np.floor(0.5 * x)
-        place = min(x, 2.0 - x)
+        wrapped = min(x, 2.0 - x)
     else:
-        place = x - np.floor(x)
-    return place if (place >= 0.0) & (place <= 1.0) else 0.0
+        wrapped = x - np.floor(x)
+    return wrapped if (wrapped >= 0.0) & (wrapped <= 1.0) else 0.0
 
 
 @helper
-def nearest(textures, level, s, t):
-    """The texel that a point lies in; the picture's right and lower border belong to the last one."""
-    start, width, height = place_of_level(textures, level)
-    return texel_at(
-        textures, start + min(np.int64(t * height), height - 1) * width + min(np.int64(s * width), width - 1)
-    )
+def sample_nearest(textures, level, s, t):
+    """Return the texel that a point lies in; the picture's right and lower border belong to the last one."""
+    start, width, height = mip_level_size(textures, level)
+    i, j = min(np.int64(s * width), width - 1), min(np.int64(t * height), height - 1)
+    return texel_at(textures, start + j * width + i)
 
 
 @helper
-def bilinear(textures, level, wrap_u, wrap_v, s, t):
-    """Mean of the four texels whose centres are about a point."""
-    start, width, height = place_of_level(textures, level)
+def sample_bilinear(textures, level, wraps, s, t):
+    """Return the mean of the four texels whose centres are about a point."""
+    start, width, height = mip_level_size(textures, level)
     x, y = s * width - 0.5, t * height - 0.5
     left, top = np.floor(x), np.floor(y)
     across, down = x - left, y - top
-    i0, i1 = neighbours(np.int64(left), width, wrap_u)
-    j0, j1 = neighbours(np.int64(top), height, wrap_v)
+    i0, i1 = neighbours(np.int64(left), width, wraps[0])
+    j0, j1 = neighbours(np.int64(top), height, wraps[1])
     above = mix(texel_at(textures, start + j0 * width + i0), texel_at(textures, start + j0 * width + i1), across)
     below = mix(texel_at(textures, start + j1 * width + i0), texel_at(textures, start + j1 * width + i1), across)
     return mix(above, below, down)
@@ -188,69 +228,73 @@ def bilinear(textures, level, wrap_u, wrap_v, s, t):
 
 @helper
 def neighbours(i, n, wrap):
-    """The texels i and i + 1, of which one may lie a step outside the picture: mirrored, that is the one at the border
-    again."""
+    """Return the texels i and i + 1, of which one may lie a step outside the picture.
+
+    Mirrored, that is the one at the border again.
+    """
     low, high = i, i + 1
-    if wrap == REPEAT:
+    if wrap == WRAP_REPEAT:
         return n - 1 if low < 0 else low, np.int64(0) if high >= n else high
     return max(low, np.int64(0)), min(high, n - 1)
 
 
 @helper
-def mix(a, b, part):
-    """Go the share `part` of the way from colour a to b."""
+def mix(a, b, share):
+    """Return the colour, four channels, that lies the share 0..1 of the way from a to b."""
     return (
-        a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1]), a[2] + part * (b[2] - a[2]), a[3] + part * (b[3] - a[3]),
-    )  # fmt: skip
+        a[0] + share * (b[0] - a[0]),
+        a[1] + share * (b[1] - a[1]),
+        a[2] + share * (b[2] - a[2]),
+        a[3] + share * (b[3] - a[3]),
+    )
 
 
 @helper
-def place_of_level(textures, level):
-    """First texel, width and height of a level."""
-    row = textures.level[np.uint64(level)]
-    return row[0], row[1], row[2]
+def mip_level_size(textures, level):
+    """Return first texel, width and height of a mip level."""
+    row = index(level)
+    return textures.mip_levels[row, 0], textures.mip_levels[row, 1], textures.mip_levels[row, 2]
 
 
 @helper
-def texel_at(textures, index):
-    """One texel."""
-    i = np.uint64(index) << np.uint64(2)
-    texel = textures.texel
-    return (
-        float(texel[i]), float(texel[i + np.uint64(1)]), float(texel[i + np.uint64(2)]), float(texel[i + np.uint64(3)]),
-    )  # fmt: skip
+def texel_at(textures, texel):
+    """Return a texel's red, green, blue and alpha, float64."""
+    i, texels = index(texel) << index(2), textures.texels
+    return float(texels[i]), float(texels[i + index(1)]), float(texels[i + index(2)]), float(texels[i + index(3)])
 
 
 @kernel
-def shade_textured(canvas, records, y_start, n_row, texels, out_radiance):
+def shade_textured(band, texels, out_radiance):
     """Flat shading and Gouraud's method with textures: interpolate the light that the texture weakens and the rest
     apart.
 
     Attributes 0-2 of the records are what a black surface gives off, 3-5 what the whole one gives off.
+
+    Parameters
+    ----------
+    band : ScannedBand, all of its records exact
+    texels : (4, n_row * pitch) float64, of `sample_textures`
+    out_radiance : (3, n_row * pitch) float64, linear
     """
-    words, left, right = borrow(canvas.words), borrow(canvas.left), borrow(canvas.right)
-    records, texels, radiance = borrow_records(records), borrow(texels), borrow(out_radiance)
-    for j in range(n_row):
-        group = np.uint64(j) >> np.uint64(GROUP_SHIFT)
-        if left[group] >= right[group]:
+    band, texels, radiance = borrow_band(band), borrow(texels), borrow(out_radiance)
+    visibility, records = band.visibility, band.records
+    for j in range(band.n_row):
+        left, right = row_extent(visibility, j)
+        if left >= right:
             continue
-        start = np.uint64(j * canvas.pitch + left[group])
-        n = np.uint64(right[group] - left[group])
-        row, k = words[start : start + n], np.uint64(0)
-        while k < n:
-            stop = run_end(row, k)
-            if is_exact(row[k]):
-                record = np.uint64(row[k] & RECORD_MASK)
-                weights = weights_of(records, record)
-                for i in range(k, stop):
-                    x = left[group] + np.int64(i)
-                    q0, q1, q2 = corner_weights(weights, x * SUBPIXEL + HALF, (y_start + j) * SUBPIXEL + HALF)
-                    scale = 1.0 / (q0 + q1 + q2)
-                    for channel in range(np.uint64(3)):
-                        column = np.uint64(ATTRIBUTE) + np.uint64(3) * channel
-                        of_rest = corners_of(records.numbers, record, column)
-                        of_whole = corners_of(records.numbers, record, column + np.uint64(9))
-                        rest = mean(of_rest, q0 * scale, q1 * scale, q2 * scale)
-                        whole = mean(of_whole, q0 * scale, q1 * scale, q2 * scale)
-                        radiance[channel, start + i] = rest + (whole - rest) * texels[channel, start + i]
-            k = stop
+        first = index(j * visibility.pitch + left)
+        entries = visibility.entries[first : first + index(right - left)]
+        start, end = next_exact_run(entries, index(0))
+        while start < end:
+            record = index(entries[start] & RECORD_MASK)
+            triangle = exact_triangle(records, record)
+            for k in range(start, end):
+                q = corner_weights(triangle, left + np.int64(k), band.y_start + j)
+                p = scale(q, inverse_sum(q))
+                for channel in range(index(3)):
+                    column = index(ATTRIBUTE) + index(3) * channel
+                    of_rest = corner_values(records.reals, record, column)
+                    of_whole = corner_values(records.reals, record, column + index(9))
+                    rest, whole = mean(of_rest, p), mean(of_whole, p)
+                    radiance[channel, first + k] = rest + (whole - rest) * texels[channel, first + k]
+            start, end = next_exact_run(entries, end)

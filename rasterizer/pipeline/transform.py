@@ -1,33 +1,32 @@
 """Stage 1, transform: vertices from world space to the screen.
 
-In:  world-space positions, one float64 array an axis.
-Out: `x`, `y` int32 in 1/256 px, and `z` float64, depth in units of the z-buffer, affine in screen space, so that it can
-be
-     interpolated by a plane: for perspective z = a + b/w with w the distance along the viewing axis, else z = a +
-     b·depth. A vertex that can't be placed (nearer than the near plane, beyond the far plane, further than 2^20 px from
-     the picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
+In:  positions, world space, one float64 array an axis.
+Out: `Vertices`: x and y int32 in 1/256 px, and z float64, depth in units of the z-buffer. It is affine in screen space,
+     so that a plane interpolates it: z = a + b/w in perspective, with w the distance along the viewing axis, else
+     z = a + b·depth. A vertex that has no place on the screen (nearer than the near plane, beyond the far plane,
+     further than 2^20 px from the picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
 
 Float64 throughout: float32 would move two vertices in a hundred by a sub-pixel.
 
 What the rounding to 1/256 px does to all that is interpolated: a vertex v_i of the polygon becomes s_i, no further than
 1/512 px from it along either axis. With the weights b_i >= 0, Σ b_i = 1, of a sample p = Σ b_i s_i, what is seen there
 is what the polygon itself shows at p' = Σ b_i v_i: with and without perspective a value is a function of the b_i and of
-what the vertices have. And
-|p' - p| <= Σ b_i |v_i - s_i| <= 1/512 px along either axis (POSITION_BOUND). So every colour, depth, normal and texture
-coordinate is that of a point of the polygon that lies no further than this from the sample; how much that is in a
-colour depends on how fast the colour changes there.
+what the vertices have. And |p' - p| <= Σ b_i |v_i - s_i| <= 1/512 px along either axis (POSITION_BOUND). So every
+colour, depth, normal and texture coordinate is that of a point of the polygon that lies no further than this from the
+sample; how much that is in a colour depends on how fast the colour changes there.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import kernel
+from ..compiler.kernels import helper, kernel
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
 HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner
 POSITION_BOUND = 0.5 / SUBPIXEL  # px, along either axis
 LIMIT_PX = 2**20  # vertices further out than this are clipped: edge functions stay below 2^60
+LIMIT = float(LIMIT_PX * SUBPIXEL)  # the same, 1/256 px
 OUTSIDE = np.int32(-(2**31))  # x of a vertex that must be clipped
 
 DEPTH_BITS = 38
@@ -36,18 +35,17 @@ DEPTH_SPAN = 2.0**DEPTH_BITS - 2 * DEPTH_MARGIN
 
 
 class Screen(NamedTuple):
-    """How view space maps to the screen and to the z-buffer: plain float64 numbers and axes (world space, unit
-    length)."""
+    """How world space maps to the screen and to the z-buffer."""
 
-    eye: np.ndarray
-    right: np.ndarray
+    eye: np.ndarray  # (3,) float64, world space
+    right: np.ndarray  # (3,) float64 each: the axes of view space, world space, unit length
     up: np.ndarray
     forward: np.ndarray
     scale_x: float  # px
     scale_y: float
     center_x: float
     center_y: float
-    near: float  # clip distance
+    near: float  # clip distance, scene units
     far: float  # clip distance: infinite where the caller gave none
     z_offset: float  # z = z_offset + z_scale / w  (perspective)  or  z_offset + z_scale * depth
     z_scale: float
@@ -55,7 +53,7 @@ class Screen(NamedTuple):
 
 
 class Vertices(NamedTuple):
-    """The output of this stage."""
+    """Vertices on the screen."""
 
     x: np.ndarray  # (n,) int32, 1/256 px, or OUTSIDE
     y: np.ndarray  # (n,) int32, 1/256 px
@@ -63,11 +61,17 @@ class Vertices(NamedTuple):
 
 
 def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:
-    """Fit the z-buffer to `depth_range` = (nearest, furthest) distance along the viewing axis that is seen, in scene
-    units.
+    """Fit the z-buffer to the depths that are seen.
 
-    What is nearer than the range but beyond `near_clip` lies outside the picture: it needs a depth for the planes of
-    the triangles that reach there, but no room in the z-buffer.
+    What is nearer than these but beyond `near_clip` lies outside the picture: it needs a depth for the planes of the
+    triangles that reach there, but no room in the z-buffer.
+
+    Parameters
+    ----------
+    view : View, the camera's place and axes, world space
+    projection : Projection, in px
+    depth_range : (nearest, furthest) distance along the viewing axis that is seen, scene units
+    near_clip, far_clip : distances of the clip planes, scene units; `far_clip` may be infinite
     """
     near, far = depth_range
     if projection.is_perspective:
@@ -86,7 +90,7 @@ def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:
 
 
 def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
-    """Place every vertex on the screen; also return how many must be clipped.
+    """Project every vertex to the screen; also return how many are OUTSIDE, and must be clipped.
 
     Parameters
     ----------
@@ -94,33 +98,58 @@ def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
     """
     n = positions.shape[1]
     out = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.float64))
-    parts = workers.ranges(n)
-    counts = workers.map(lambda part: transform_range(positions, *part, screen, out), parts)
+    counts = workers.map(lambda part: transform_range(positions, *part, screen, out), workers.ranges(n))
     return out, sum(counts)
 
 
 @kernel
-def transform_range(positions, start, stop, screen, out):
-    """Place vertices start..stop on the screen; return how many are OUTSIDE."""
+def transform_range(positions, start, end, screen, out):
+    """Project vertices start..end to the screen; return how many are OUTSIDE.
+
+    Parameters
+    ----------
+    positions : (3, n) float64, world space, scene units
+    out : Vertices, of which start..end is written
+    """
     eye_x, eye_y, eye_z = screen.eye
     right_x, right_y, right_z = screen.right
     up_x, up_y, up_z = screen.up
     forward_x, forward_y, forward_z = screen.forward
-    px, py, pz = positions[0, start:stop], positions[1, start:stop], positions[2, start:stop]
-    out_x, out_y, out_z = out.x[start:stop], out.y[start:stop], out.z[start:stop]
-    limit = float(LIMIT_PX * SUBPIXEL)
+    px, py, pz = positions[0, start:end], positions[1, start:end], positions[2, start:end]
+    out_x, out_y, out_z = out.x[start:end], out.y[start:end], out.z[start:end]
     n_outside = 0
-    for k in range(stop - start):
+    for k in range(end - start):
         rx, ry, rz = px[k] - eye_x, py[k] - eye_y, pz[k] - eye_z
         depth = rx * forward_x + ry * forward_y + rz * forward_z
         w = depth if screen.is_perspective else 1.0
         across = rx * right_x + ry * right_y + rz * right_z
         upward = rx * up_x + ry * up_y + rz * up_z
-        x = (screen.center_x + screen.scale_x * across / w) * SUBPIXEL
-        y = (screen.center_y - screen.scale_y * upward / w) * SUBPIXEL
-        is_inside = (depth >= screen.near) & (depth <= screen.far) & (abs(x) <= limit) & (abs(y) <= limit)
+        x, y = project_vertex(across, upward, w, screen)
+        is_inside = (depth >= screen.near) & (depth <= screen.far) & (abs(x) <= LIMIT) & (abs(y) <= LIMIT)
         n_outside += not is_inside
         out_x[k] = np.int32(np.rint(x)) if is_inside else OUTSIDE
         out_y[k] = np.int32(np.rint(y)) if is_inside else np.int32(0)
-        out_z[k] = screen.z_offset + screen.z_scale * (1.0 / w if screen.is_perspective else depth)
+        out_z[k] = z_at(depth, screen)
     return n_outside
+
+
+def project(across, upward, w, screen):
+    """Project view space to the screen: (x, y) in 1/256 px, not rounded. Numbers or float64 arrays of one shape.
+
+    Parameters
+    ----------
+    across, upward : along the camera's right and up, scene units
+    w : distance along the viewing axis, scene units; 1 without perspective
+    """
+    x = (screen.center_x + screen.scale_x * across / w) * SUBPIXEL
+    y = (screen.center_y - screen.scale_y * upward / w) * SUBPIXEL
+    return x, y
+
+
+def compute_z(depth, screen):
+    """Turn distances along the viewing axis, scene units, into units of the z-buffer. Numbers or float64 arrays."""
+    return screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
+
+
+# The same for kernels.
+project_vertex, z_at = helper(project), helper(compute_z)

@@ -1,18 +1,21 @@
-"""The judge: the same pictures in plain numpy float64 and Python integers, slowly, by code of its own.
+"""The reference: the same pictures in plain numpy float64 and Python integers, slowly, by code of its own.
 
-It shares with the fast way the scene as it is loaded and checked, averaged normals and their creases
-(geometry/normals.py), and the decision which polygons are convex (geometry/polygons.py).
+It shares with the fast way the scene as it is loaded and checked, and with it the triangles that concave polygons are
+cut into; nothing that is compiled. The modules in the order of a polygon's way:
 
-    picture      which face each sample sees, layer behind layer; samples to pixels
+    surface      the faces of a scene, corner by corner        creases, polygons, tangents    what their corners carry
     clip         near plane, limits of the screen
-    light        where the illumination equation is evaluated, and the equation
-    lamp         what arrives of each light
-    shadow       rays to the lights
-    tangent      along which directions materials are brushed
-    reflection   the models of reflection
-    texture      what a picture on the surface shows
+    cover        which samples a triangle covers
+    visibility   which surface each sample sees, layer behind layer
+    shading      where the illumination equation is evaluated
+    light        the equation                                  materials, lamp, shadow, reflection, texture    its terms
+    picture      layers put on each other; samples to pixels
+    explaining   one pixel, with the share of every light     explanation    what is said of it
+
+vectors holds the vector algebra of all of them.
 """
 
-from .picture import Picture, coverage, render
+from .cover import coverage
+from .picture import Picture, render
 
 __all__ = ["Picture", "coverage", "render"]

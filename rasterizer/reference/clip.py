@@ -1,4 +1,4 @@
-"""The judge's frame of the eye: faces of the world are brought there, and cut where they leave what is seen.
+"""The frame of the eye: faces of the world are brought there, and cut where they leave what is seen.
 
 In: the corners of the faces, world space. Out: `Pieces`, triangles in the eye's frame: right, up, depth along the
 viewing axis. A piece of a face that is cut says only what is covered; depth and weights come from the whole face, see
@@ -8,6 +8,7 @@ viewing axis. A piece of a face that is cut says only what is covered; depth and
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..scene.camera import Projection, View
@@ -16,6 +17,9 @@ from .vectors import dot
 SUBPIXELS = 256
 SNAP_LIMIT = 2**28  # 2^20 px in 1/256 px: edge functions stay below 2^60 and so are exact in int64
 DEPTH_RATIO = 2.0**-20  # smallest near plane that is chosen for a scene, as a part of its far plane
+
+
+Plane = tuple[float, float, float, float]  # (a, b, c, d): inside is a right + b up + c depth + d >= 0
 
 
 class Range(NamedTuple):
@@ -29,26 +33,28 @@ class Range(NamedTuple):
 class Pieces(NamedTuple):
     """Triangles after clipping."""
 
-    face: np.ndarray  # (n_piece,) int, ascending
-    position: np.ndarray  # (n_piece, 3, 3) float64 in the eye's frame: right, up, depth
-    is_cut: np.ndarray  # (n_piece,) bool: the face is in several pieces, or only a part of it is left
-    corners: np.ndarray  # (n_piece, 3, 3) float64, those of the face; moved to the grid if all have a place
-    depth_range: np.ndarray  # (n_piece, 2) float64, least and largest depth of what is left of the face
+    face: NDArray[np.int64]  # (n_piece,) ascending
+    position: NDArray[np.float64]  # (n_piece, 3, 3) in the eye's frame: right, up, depth
+    is_cut: NDArray[np.bool_]  # (n_piece,) the face is in several pieces, or only a part of it is left
+    corners: NDArray[np.float64]  # (n_piece, 3, 3) those of the face; moved to the grid if all are on the screen's
+    depth_range: NDArray[np.float64]  # (n_piece, 2) least and largest depth of what is left of the face
 
 
-def to_eye(points: np.ndarray, view: View) -> np.ndarray:
+def to_eye(points: NDArray, view: View) -> NDArray[np.float64]:
     """Express world points (..., 3) in the eye's frame: right, up, depth along the viewing axis."""
     r = points - view.eye
     return np.stack([dot(r, axis) for axis in (view.right, view.up, view.forward)], axis=-1)
 
 
-def furthest_depth(boxes, view: View) -> float:
+def furthest_depth(boxes: NDArray, view: View) -> float:
     """Return the largest depth of any corner of boxes (n, 2, 3), their lowest and highest corners in the world."""
     corners = np.stack([boxes[:, (i, j, k), (0, 1, 2)] for i, j, k in np.ndindex(2, 2, 2)], axis=1)
     return float(to_eye(corners, view)[..., 2].max())
 
 
-def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
+def choose_range(
+    depth: NDArray, is_perspective: bool, near: float | None, far: float | None, deepest: float | None = None
+) -> Range:
     """Fit near and far to the depths of the corners where they are not given.
 
     With perspective a near plane that isn't given is never nearer than DEPTH_RATIO of `deepest` (None = the deepest
@@ -67,14 +73,14 @@ def choose_range(depth, is_perspective: bool, near, far, deepest=None) -> Range:
     return Range(near, deepest if far is None else far, far is not None)
 
 
-def clip_to_view(position, projection: Projection, depths: Range, is_rounded=True) -> Pieces:
+def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_rounded: bool = True) -> Pieces:
     """Cut faces (n, 3, 3) at the near plane, the far plane if given, and ±2^20 px of the screen.
 
     Unless `is_rounded`, all faces count as cut, and their corners stay where they are: rounding to the screen's grid
     then decides what is covered, and nothing else.
     """
     face = np.flatnonzero(np.isfinite(position).all(axis=(1, 2)))
-    planes = [(0.0, 0.0, 1.0, -depths.near)]
+    planes: list[Plane] = [(0.0, 0.0, 1.0, -depths.near)]
     if depths.is_far_given:
         planes.append((0.0, 0.0, -1.0, depths.far))
     planes += _screen_planes(projection)
@@ -103,14 +109,14 @@ def clip_to_view(position, projection: Projection, depths: Range, is_rounded=Tru
             corners,
             np.concatenate(ranges)[order],
         )
-    has_place = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
+    is_on_grid = np.ones(len(corners), bool) if not projection.is_perspective else (corners[..., 2] > 0).all(axis=1)
     for plane in _screen_planes(projection):
-        has_place &= (_plane_distance(corners, plane) >= 0).all(axis=1)
-    corners[has_place] = _onto_grid(corners[has_place], projection)
+        is_on_grid &= (_plane_distance(corners, plane) >= 0).all(axis=1)
+    corners[is_on_grid] = _onto_grid(corners[is_on_grid], projection)
     return Pieces(face[source], np.concatenate(fans)[order], ~is_whole[source], corners, np.concatenate(ranges)[order])
 
 
-def snap(position, projection: Projection) -> np.ndarray:
+def snap(position: NDArray, projection: Projection) -> NDArray[np.int64]:
     """Project points of the eye's frame (..., 3) to the screen (..., 2), int64 in 1/256 px, rounded half to even."""
     w = position[..., 2] if projection.is_perspective else 1.0
     x_px = projection.center_x + projection.scale_x * position[..., 0] / w
@@ -118,7 +124,7 @@ def snap(position, projection: Projection) -> np.ndarray:
     return np.rint(SUBPIXELS * np.stack([x_px, y_px], axis=-1)).astype(np.int64)
 
 
-def rays(x_px, y_px, projection: Projection) -> np.ndarray:
+def rays(x_px: NDArray, y_px: NDArray, projection: Projection) -> NDArray[np.float64]:
     """Return the points (..., 3) of the eye's frame at depth 1 that are seen at x_px, y_px (...), in px."""
     across, upward = (
         (x_px - projection.center_x) / projection.scale_x,
@@ -127,32 +133,32 @@ def rays(x_px, y_px, projection: Projection) -> np.ndarray:
     return np.stack([across, upward, np.ones_like(across)], axis=-1)
 
 
-def _onto_grid(points, projection: Projection) -> np.ndarray:
+def _onto_grid(points: NDArray, projection: Projection) -> NDArray[np.float64]:
     """Move points (..., 3) across the view to where the screen's grid of 1/256 px shows them; their depths stay."""
-    place = snap(points, projection) / SUBPIXELS
+    pixels = snap(points, projection) / SUBPIXELS
     w = points[..., 2:] if projection.is_perspective else 1.0
-    moved = w * rays(place[..., 0], place[..., 1], projection)
+    moved = w * rays(pixels[..., 0], pixels[..., 1], projection)
     return np.concatenate([moved[..., :2], points[..., 2:]], axis=-1)
 
 
-def _depth_range(polygons) -> np.ndarray:
+def _depth_range(polygons: NDArray) -> NDArray[np.float64]:
     """Return the least and the largest depth (n, 2) of polygons (n, k, 3)."""
     return np.stack([polygons[..., 2].min(axis=1), polygons[..., 2].max(axis=1)], axis=1)
 
 
-def _fan(polygon, projection: Projection) -> np.ndarray:
+def _fan(polygon: NDArray, projection: Projection) -> NDArray[np.float64]:
     """Divide a convex polygon (k, 3) into triangles (n, 3, 3) about its topmost, then leftmost corner on the screen.
 
     However the face lists its corners, its pieces are the same.
     """
     if len(polygon) < 3:
         return np.empty((0, 3, 3))
-    places = snap(polygon, projection)
-    polygon = np.roll(polygon, -np.lexsort((places[:, 0], places[:, 1]))[0], axis=0)
+    screen = snap(polygon, projection)
+    polygon = np.roll(polygon, -np.lexsort((screen[:, 0], screen[:, 1]))[0], axis=0)
     return np.stack([polygon[[0, k - 1, k]] for k in range(2, len(polygon))])
 
 
-def _screen_planes(projection: Projection) -> list[tuple[float, float, float, float]]:
+def _screen_planes(projection: Projection) -> list[Plane]:
     """Return the planes |x_px|, |y_px| = 2^20 as (a, b, c, d), with a right + b up + c depth + d >= 0 inside.
 
     x_px <= limit says center_x + scale_x right / w <= limit, so (limit - center_x) w - scale_x right >= 0, as
@@ -168,7 +174,7 @@ def _screen_planes(projection: Projection) -> list[tuple[float, float, float, fl
     return planes
 
 
-def _clip_polygon(polygon: np.ndarray, plane) -> np.ndarray:
+def _clip_polygon(polygon: NDArray, plane: Plane) -> NDArray[np.float64]:
     """Clip a convex polygon (k, 3) at a plane.
 
     A new vertex is computed from the inside vertex to the outside one: both faces of an edge get the same.
@@ -187,6 +193,6 @@ def _clip_polygon(polygon: np.ndarray, plane) -> np.ndarray:
     return np.array(kept).reshape(-1, polygon.shape[1])
 
 
-def _plane_distance(points, plane) -> np.ndarray:
+def _plane_distance(points: NDArray, plane: Plane) -> NDArray[np.float64]:
     """Return how far inside a plane points of the eye's frame lie."""
     return dot(points, np.array(plane[:3])) + plane[3]

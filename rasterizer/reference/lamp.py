@@ -1,12 +1,18 @@
-"""The lights of the judge: what arrives at a point, in plain numpy float64, as RGB or in samples of the spectrum."""
+"""What arrives of a light at a point, in plain numpy float64, as RGB or in samples of the spectrum.
 
-from typing import NamedTuple
+In: the lights of a scene. Out: `Lamp`s, each of which shines from one point or direction, and what they send to points.
+Every kind of light is one class and one line in LAMP_KINDS; a kind of one's own derives from LampKind.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import SceneError
 from ..scene.camera import View
-from ..scene.lights import AmbientLight, AreaLight, DirectionalLight, PointLight, SpotLight
+from ..scene.lights import kind_of
 from .reflection import GRAZING
 from .vectors import dot, length, unit
 
@@ -14,18 +20,129 @@ from .vectors import dot, length, unit
 class Lamp(NamedTuple):
     """A light that shines from a single point or direction, in the world's frame."""
 
-    light: PointLight | SpotLight | AreaLight | DirectionalLight  # of an area light this is a cell
-    color: np.ndarray  # (n_channel,) float64
-    axis: np.ndarray  # (3,) float64, unit: the way the light travels; 0 for a point light
-    position: np.ndarray | None  # (3,) float64; None where the light is infinitely far away
+    light: Any  # as in the scene; of an area light this is a cell
+    color: NDArray[np.float64]  # (n_channel,)
+    axis: NDArray[np.float64]  # (3,) unit: the way the light travels; 0 where it has none
+    position: NDArray[np.float64] | None  # (3,); None where the light is infinitely far away
+    index: int = 0  # of the light in its scene
 
 
-def place_lamps(lights, view: View, channels_of) -> list[Lamp]:
+class Frame(NamedTuple):
+    """The frame in which the vectors of a light are given: the world's, or that of the camera which carries it."""
+
+    origin: NDArray[np.float64]  # (3,) world
+    axes: NDArray[np.float64]  # (3, 3) rows: its x, y and z axis in the world
+
+    def point(self, position: Sequence[float]) -> NDArray[np.float64]:
+        """Return a position in the world."""
+        return self.origin + np.array(position) @ self.axes
+
+    def vector(self, direction: Sequence[float]) -> NDArray[np.float64]:
+        """Return a direction in the world."""
+        return np.array(direction) @ self.axes
+
+
+class LampKind:
+    """Say how a kind of light is evaluated. What is said here holds for parallel rays that nothing weakens."""
+
+    is_ambient = False  # the light comes from nowhere: only its colour counts
+
+    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+        """Return the lamps of a light with this colour (n_channel,); `index` is that of the light in its scene."""
+        return [Lamp(light, color, frame.vector(light.direction), None, index)]
+
+    def attenuate(self, lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray | None]:
+        """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and what is left of its light there, (n, 1);
+        None instead of the latter where nothing weakens it."""
+        return np.broadcast_to(-lamp.axis, points.shape), None
+
+
+class AmbientKind(LampKind):
+    """Light from all sides: no lamp."""
+
+    is_ambient = True
+
+    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+        """Return no lamp."""
+        return []
+
+
+class PointKind(LampKind):
+    """Light from one point to all sides."""
+
+    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+        """Return one lamp without an axis."""
+        return [Lamp(light, color, np.zeros(3), frame.point(light.position), index)]
+
+    def attenuate(self, lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray | None]:
+        """Weaken the light by 1/(kc + kl d + kq d^2), and to nothing at its range: 1 - (d/r)^4."""
+        light, to_light = lamp.light, lamp.position - points
+        distance = length(to_light)
+        constant, linear, quadratic = light.attenuation
+        with np.errstate(divide="ignore"):
+            attenuation = 1.0 / (constant + linear * distance + quadratic * distance**2)
+        if not light.amplify:
+            attenuation = np.minimum(attenuation, 1.0)
+        if light.range is not None:
+            attenuation = np.where(distance < light.range, attenuation * (1.0 - (distance / light.range) ** 4), 0.0)
+        return unit(to_light), attenuation
+
+
+class SpotKind(PointKind):
+    """Light from one point into a cone."""
+
+    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+        """Return one lamp with an axis."""
+        return [Lamp(light, color, frame.vector(light.direction), frame.point(light.position), index)]
+
+    def attenuate(self, lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray | None]:
+        """Weaken the light as that of a point, and by the angle from the axis."""
+        light_dirs, attenuation = super().attenuate(lamp, points)
+        return light_dirs, attenuation * _cone(lamp.light, lamp.axis, light_dirs)
+
+
+class AreaKind(PointKind):
+    """Light from a parallelogram: that of a point in the centre of each of its cells."""
+
+    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+        """Return one lamp a cell, each with its share of the colour."""
+        corner = frame.origin + frame.vector(light.corner)
+        u, v = frame.vector(light.edge_u), frame.vector(light.edge_v)
+        m, n = light.resolution
+        share = color / (m * n)
+        centers = [corner + u * (s + 0.5) / m + v * (t + 0.5) / n for s, t in np.ndindex(m, n)]
+        return [Lamp(light, share, np.zeros(3), center, index) for center in centers]
+
+
+# By the words of scene.lights.LIGHT_KINDS. It shares nothing with the table of the engine, which it judges.
+LAMP_KINDS: dict[str, LampKind] = {
+    "ambient": AmbientKind(),
+    "directional": LampKind(),
+    "point": PointKind(),
+    "spot": SpotKind(),
+    "area": AreaKind(),
+}
+
+
+def lamp_kind_of(light: Any) -> LampKind:
+    """Return how a light is evaluated.
+
+    Raises
+    ------
+    SceneError : the kind is unknown, to scenes or to the reference; the message lists those that are known
+    """
+    kind = kind_of(light)
+    if kind not in LAMP_KINDS:
+        raise SceneError(f"the reference knows lights of the kinds {', '.join(LAMP_KINDS)}; given one of kind {kind!r}")
+    return LAMP_KINDS[kind]
+
+
+def place_lamps(lights: Iterable[Any], view: View, channels_of: Callable[[object], NDArray]) -> list[Lamp]:
     """Place the lights of a scene in the world; an area light becomes a point light in the centre of each of its cells.
 
     Parameters
     ----------
-    lights : of the scene; ambient ones are left out, as they come from nowhere
+    lights : of the scene; ambient ones have no lamps, as they come from nowhere
     view : lights that are attached to the camera move with it
     channels_of : function from a colour to its (n_channel,) values
 
@@ -37,48 +154,31 @@ def place_lamps(lights, view: View, channels_of) -> list[Lamp]:
     ------
     SceneError : a light of another kind
     """
+    camera = Frame(view.eye, np.array([view.right, view.up, -view.forward]))
+    world = Frame(np.zeros(3), np.eye(3))
     lamps = []
-    for light in lights:
-        if isinstance(light, AmbientLight):
-            continue
-        if not isinstance(light, DirectionalLight | PointLight | SpotLight | AreaLight):
-            raise SceneError(f"the reference renderer knows no {type(light).__name__}")
-        is_carried = light.attached == "camera"
-        axes = np.array([view.right, view.up, -view.forward]) if is_carried else np.eye(3)
-        origin = view.eye if is_carried else np.zeros(3)
-        if isinstance(light, AreaLight):
-            corner, u, v = (np.array(vector) @ axes for vector in (light.corner, light.edge_u, light.edge_v))
-            m, n = light.resolution
-            share = channels_of(light.color) / (m * n)
-            for s, t in np.ndindex(m, n):
-                lamps.append(Lamp(light, share, np.zeros(3), origin + corner + u * (s + 0.5) / m + v * (t + 0.5) / n))
-        elif isinstance(light, DirectionalLight):
-            lamps.append(Lamp(light, channels_of(light.color), np.array(light.direction) @ axes, None))
-        else:
-            axis = np.array(light.direction) @ axes if isinstance(light, SpotLight) else np.zeros(3)
-            lamps.append(Lamp(light, channels_of(light.color), axis, origin + np.array(light.position) @ axes))
+    for index, light in enumerate(lights):
+        frame = camera if getattr(light, "attached", "world") == "camera" else world
+        lamps += lamp_kind_of(light).place(light, frame, channels_of(light.color), index)
     return lamps
 
 
-def shine(lamp: Lamp, points):
+def shine(lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray]:
     """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and its weakened colour, (n, n_channel) or
     (n_channel,)."""
-    if lamp.position is None:
-        return np.broadcast_to(-lamp.axis, points.shape), lamp.color
-    light, to_light = lamp.light, lamp.position - points
-    distance = length(to_light)
-    constant, linear, quadratic = light.attenuation
-    with np.errstate(divide="ignore"):
-        attenuation = 1.0 / (constant + linear * distance + quadratic * distance**2)
-    strength = attenuation if light.amplify else np.minimum(attenuation, 1.0)
-    if light.range is not None:
-        strength = np.where(distance < light.range, strength * (1.0 - (distance / light.range) ** 4), 0.0)
-    if isinstance(light, SpotLight):
-        strength = strength * _cone(light, lamp.axis, unit(to_light))
-    return unit(to_light), lamp.color * strength
+    light_dirs, attenuation = attenuate(lamp, points)
+    return light_dirs, lamp.color if attenuation is None else lamp.color * attenuation
 
 
-def _cone(light, axis, light_dirs) -> np.ndarray:
+def attenuate(lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray | None]:
+    """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and what distance and cone leave of it, (n, 1).
+
+    None instead of the latter where nothing weakens it.
+    """
+    return lamp_kind_of(lamp.light).attenuate(lamp, points)
+
+
+def _cone(light: Any, axis: NDArray, light_dirs: NDArray) -> NDArray[np.float64]:
     """Return the part of a spot light (n, 1) that goes into the directions opposite to light_dirs (n, 3)."""
     cosine = -dot(light_dirs, axis)[:, None]
     inner, outer = np.cos(np.radians([light.inner, light.outer]))

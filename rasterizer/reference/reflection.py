@@ -1,11 +1,16 @@
-"""The reflection models of the judge: how much of a light a surface sends to the viewer, in plain numpy float64.
+"""The reflection models: how much of a light a surface sends to the viewer, in plain numpy float64.
 
 Letters: N normal, L to the light, V to the viewer, R mirror of L about N, H halfway between L and V; `table` is a row
-of `light.read_materials` for each point.
+of `materials.read_materials` for each point.
 """
 
-import numpy as np
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError
 from .vectors import dot, length, unit
 
 # A cosine up to this counts as 0 where a model jumps at 0, and one up to this above a step as lying on it: the rounding
@@ -14,71 +19,72 @@ from .vectors import dot, length, unit
 GRAZING = 2.0**-40
 
 
-def reflect(table, normals, light_dirs, to_viewer, tangents=None):
+def reflect(
+    table: NDArray, normals: NDArray, light_dirs: NDArray, view_dirs: NDArray, tangents: NDArray | None = None
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return D and S (n, n_channel) of the material of each row of `table`; of no meaning where N.L <= 0.
 
     Parameters
     ----------
     table : (n,) records of `read_materials`
-    normals, light_dirs, to_viewer : (n, 3) float64, unit
+    normals, light_dirs, view_dirs : (n, 3) float64, unit
     tangents : (n, 3) float64 of any length, the direction that anisotropic materials are brushed along; None = no such
         materials
     """
-    matte, highlight = np.zeros((2, *table["fresnel"].shape))
+    diffuse, specular = np.zeros((2, *table["fresnel"].shape))
     tangents = np.zeros_like(normals) if tangents is None else tangents
     for model in np.unique(table["reflection"]):
         at = table["reflection"] == model
-        sides = normals[at], light_dirs[at], to_viewer[at]
-        more = (tangents[at],) if model == "cook-torrance" else ()
-        d, s, cosine = _MODELS[str(model)](table[at], *sides, *more)
-        matte[at] = np.reshape(d, (-1, 1))
-        highlight[at] = np.reshape(s, (-1, 1)) * (1.0 if cosine is None else _schlick(table[at], cosine))
-    return matte, highlight
+        sides = normals[at], light_dirs[at], view_dirs[at], tangents[at]
+        d, s, cosine = REFLECTION_KINDS[str(model)].function(table[at], *sides)
+        diffuse[at] = np.reshape(d, (-1, 1))
+        specular[at] = np.reshape(s, (-1, 1)) * (1.0 if cosine is None else _schlick(table[at], cosine))
+    return diffuse, specular
 
 
-def _reflect_lambert(_table, normals, light_dirs, _to_viewer):
+def _reflect_lambert(_table, normals, light_dirs, _view_dirs, _tangents):
     """Lambert 1760: the cosine of the angle of incidence."""
     return dot(normals, light_dirs), np.zeros(len(normals)), None
 
 
-def _reflect_phong(table, normals, light_dirs, to_viewer):
+def _reflect_phong(table, normals, light_dirs, view_dirs, _tangents):
     """Phong 1975, Comm. ACM 18(6), 311-317: max(R.V, 0)^n. Normalised: Lafortune & Willems 1994, TR CW197, K.U.
     Leuven."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
-    highlight = np.clip(dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer), 0, 1) ** n
+    highlight = np.clip(dot(2 * n_dot_l[:, None] * normals - light_dirs, view_dirs), 0, 1) ** n
     highlight = np.where(table["normalized"] | (n_dot_l > GRAZING), highlight, 0.0)
     return n_dot_l, highlight * np.where(table["normalized"], (n / 2 + 1) * n_dot_l, 1.0), n_dot_l
 
 
-def _reflect_blinn(table, normals, light_dirs, to_viewer):
+def _reflect_blinn(table, normals, light_dirs, view_dirs, _tangents):
     """Blinn 1977, Proc. SIGGRAPH, 192-198: max(N.H, 0)^n. Normalised: Giesen 2009, Phong Normalization Factor
     derivation."""
     n_dot_l, n = dot(normals, light_dirs), table["shininess"]
-    highlight = np.clip(dot(normals, unit(light_dirs + to_viewer)), 0, 1) ** n
+    highlight = np.clip(dot(normals, unit(light_dirs + view_dirs)), 0, 1) ** n
     highlight = np.where(table["normalized"] | (n_dot_l > GRAZING), highlight, 0.0)
     peak = (n + 2) * (n + 4) / (8 * (np.exp2(-n / 2) + n))
     return n_dot_l, highlight * np.where(table["normalized"], peak * n_dot_l, 1.0), n_dot_l
 
 
-def _reflect_oren_nayar(table, normals, light_dirs, to_viewer):
+def _reflect_oren_nayar(table, normals, light_dirs, view_dirs, _tangents):
     """Oren & Nayar 1994, Proc. SIGGRAPH, 239-246, equation 30, by angles; cos beta is 1/64 at least."""
-    theta_l, theta_v = _angle(normals, light_dirs), _angle(normals, to_viewer)
-    across_l, across_v = (unit(d - dot(d, normals)[:, None] * normals) for d in (light_dirs, to_viewer))
+    theta_l, theta_v = _angle(normals, light_dirs), _angle(normals, view_dirs)
+    across_l, across_v = (unit(d - dot(d, normals)[:, None] * normals) for d in (light_dirs, view_dirs))
     variance = table["roughness"] ** 2
     a, b = 1 - variance / (2 * (variance + 0.33)), 0.45 * variance / (variance + 0.09)
     alpha, beta = np.maximum(theta_l, theta_v), np.minimum(theta_l, theta_v)
     tangent = np.sin(beta) / np.maximum(np.cos(beta), 1 / 64)
-    matte = np.cos(theta_l) * (a + b * np.maximum(dot(across_l, across_v), 0) * np.sin(alpha) * tangent)
-    return matte, np.zeros(len(normals)), None
+    diffuse = np.cos(theta_l) * (a + b * np.maximum(dot(across_l, across_v), 0) * np.sin(alpha) * tangent)
+    return diffuse, np.zeros(len(normals)), None
 
 
-def _reflect_cook_torrance(table, normals, light_dirs, to_viewer, tangents):
+def _reflect_cook_torrance(table, normals, light_dirs, view_dirs, tangents):
     """Return pi D G / (4 N.V): Cook & Torrance 1981; Walter et al. 2007, EGSR, 195-206, equations 25, 27, 33 and 34."""
-    half = unit(light_dirs + to_viewer)
-    m, m_light, m_viewer = _roughness_towards(table, normals, half, light_dirs, to_viewer, tangents)
+    half = unit(light_dirs + view_dirs)
+    m, m_light, m_viewer = _roughness_towards(table, normals, half, light_dirs, view_dirs, tangents)
     n_dot_l = dot(normals, light_dirs)
     # Beyond the silhouette the limit at 90 degrees is taken.
-    theta_h, theta_l, theta_v = (_angle(normals, d) for d in (half, light_dirs, to_viewer))
+    theta_h, theta_l, theta_v = (_angle(normals, d) for d in (half, light_dirs, view_dirs))
     theta_l, theta_v = np.minimum(theta_l, np.pi / 2 - 1e-12), np.minimum(theta_v, np.pi / 2 - 1e-12)
     is_ggx, is_ahead = table["distribution"] == "ggx", theta_h < np.pi / 2
     slope = np.tan(np.where(is_ahead, theta_h, 0.0)) / m
@@ -94,7 +100,7 @@ def _reflect_cook_torrance(table, normals, light_dirs, to_viewer, tangents):
     return n_dot_l, facets * masked / (4 * np.cos(theta_v)), dot(light_dirs, half)
 
 
-def _roughness_towards(table, normals, half, light_dirs, to_viewer, tangents):
+def _roughness_towards(table, normals, half, light_dirs, view_dirs, tangents):
     """Return alpha (n,) as it counts for the tilt towards half, and for the masking towards the light and the viewer.
 
     Heitz 2014, JCGT 3(2), section 5.3: an anisotropic surface is an isotropic one stretched, so in the plane of N and a
@@ -109,7 +115,7 @@ def _roughness_towards(table, normals, half, light_dirs, to_viewer, tangents):
     along = unit(along)
     mean = np.where(ax == ay, ax, np.sqrt(ax * ay))
     found = []
-    for direction, is_tilt in ((half, True), (light_dirs, False), (to_viewer, False)):
+    for direction, is_tilt in ((half, True), (light_dirs, False), (view_dirs, False)):
         x, y = dot(direction, along), dot(direction, np.cross(normals, along))
         size = np.hypot(x, y)
         x, y = x / np.where(size > 0, size, 1), y / np.where(size > 0, size, 1)
@@ -118,25 +124,15 @@ def _roughness_towards(table, normals, half, light_dirs, to_viewer, tangents):
     return found
 
 
-def _reflect_toon(table, normals, light_dirs, to_viewer):
+def _reflect_toon(table, normals, light_dirs, view_dirs, _tangents):
     """Return N.L raised to a multiple of 1/levels, and 1 or 0 where (R.V)^n is above or below one half."""
     n_dot_l, levels = dot(normals, light_dirs), table["levels"]
     steps = np.arange(1, levels.max() + 1)
     step = 1 + (steps < levels[:, None] * (n_dot_l[:, None] - GRAZING)).sum(axis=1)
-    mirrored = dot(2 * n_dot_l[:, None] * normals - light_dirs, to_viewer)
+    mirrored = dot(2 * n_dot_l[:, None] * normals - light_dirs, view_dirs)
     is_bright = mirrored >= 0.5 ** (1 / table["shininess"]) - GRAZING  # (R.V)^n >= 1/2
     is_lit = n_dot_l > GRAZING
     return np.where(is_lit, np.minimum(step, levels) / levels, 0.0), np.where(is_lit & is_bright, 1.0, 0.0), None
-
-
-_MODELS = {
-    "lambert": _reflect_lambert,
-    "phong": _reflect_phong,
-    "blinn": _reflect_blinn,
-    "oren-nayar": _reflect_oren_nayar,
-    "cook-torrance": _reflect_cook_torrance,
-    "toon": _reflect_toon,
-}
 
 
 def _schlick(table, cosine):
@@ -147,3 +143,41 @@ def _schlick(table, cosine):
 def _angle(a, b):
     """Return the angles (n,) between vectors (n, 3); exact for small ones and right ones."""
     return np.arctan2(length(np.cross(a, b))[:, 0], dot(a, b))
+
+
+class ReflectionKind(NamedTuple):
+    """How a reflection model is evaluated.
+
+    Parameters
+    ----------
+    function : (table, normals, light_dirs, view_dirs, tangents) -> D (n,), S (n,) and the cosine (n,) of the angle of
+        incidence, by whose W(theta) S is multiplied; None = by 1. The arguments are those of `reflect`
+    default_fresnel : F0 of a material that gives none
+    """
+
+    function: Callable
+    default_fresnel: float = 1.0
+
+
+# By the words of scene.material.REFLECTION_MODELS. It shares nothing with the table of the engine, which it judges.
+REFLECTION_KINDS: dict[str, ReflectionKind] = {
+    "lambert": ReflectionKind(_reflect_lambert),
+    "phong": ReflectionKind(_reflect_phong),
+    "blinn": ReflectionKind(_reflect_blinn),
+    "oren-nayar": ReflectionKind(_reflect_oren_nayar),
+    "cook-torrance": ReflectionKind(_reflect_cook_torrance, default_fresnel=0.04),
+    "toon": ReflectionKind(_reflect_toon),
+}
+
+
+def reflection_kind_of(material: Any) -> ReflectionKind:
+    """Return how a material's reflection model is evaluated.
+
+    Raises
+    ------
+    SceneError : the reference doesn't know the model; the message lists those that it knows
+    """
+    if material.reflection not in REFLECTION_KINDS:
+        legal = ", ".join(REFLECTION_KINDS)
+        raise SceneError(f"the reference knows the reflection models {legal}; given {material.reflection!r}")
+    return REFLECTION_KINDS[material.reflection]

@@ -1,11 +1,11 @@
-"""The shadows of the judge: rays from lit points to lights, against every face that light does not go through, in
-float64.
+"""Shadows: rays from lit points to lights, against every face that light does not go through, in float64.
 
-          light q          A ray is blocked where a face lies strictly between its ends: they lie on different sides of the
-             ·             face's plane, and the line p→q passes the three edges of the face on the same side.
+          light q          A ray is blocked where a face lies strictly between its ends: they lie on different sides
+             ·             of the face's plane, and the line p→q passes the three edges of the face on the same side.
          ───·──── face
-           ·               Edges, as seen along d = q - p: d·(A × B) for A = a - p, B = b - p. The same edge of the face beside
-          p lit            it gives the same number with the other sign, bit by bit: no ray slips through between them.
+           ·               Edges, as seen along d = q - p: d·(A × B) for A = a - p, B = b - p. The same edge of the
+          p lit            face beside it gives the same number with the other sign, bit by bit: no ray slips through
+                           between them.
 
 Every face casts shadows, whether it is culled or out of the picture, but for those whose material isn't opaque.
 Source: Segura & Feito 2001, "Algorithms to test ray-triangle intersection", Proc. WSCG, for the test by signed volumes.
@@ -14,6 +14,7 @@ Source: Segura & Feito 2001, "Algorithms to test ray-triangle intersection", Pro
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .vectors import area_vectors, dot, unit
 
@@ -24,13 +25,13 @@ NO_OWNER = -1  # of a point whose own faces are known by their planes alone
 class Casters(NamedTuple):
     """The faces that cast shadows."""
 
-    corners: np.ndarray  # (n_caster, 3, 3) float64, world
-    normals: np.ndarray  # (n_caster, 3) float64, unit; 0 without an area
-    owner: np.ndarray  # (n_caster,) int: the face's number, or in flat shading that of its polygon
+    corners: NDArray[np.float64]  # (n_caster, 3, 3) world
+    normals: NDArray[np.float64]  # (n_caster, 3) unit; 0 without an area
+    owner: NDArray[np.int64]  # (n_caster,) the face's number, or in flat shading that of its polygon
     on_plane: float  # scene units: a point nearer to a plane than this lies on it
 
 
-def gather_casters(corners, owner, is_opaque) -> Casters:
+def gather_casters(corners: NDArray, owner: NDArray, is_opaque: NDArray) -> Casters:
     """Gather the faces that cast shadows.
 
     Rounding: a point on a face is a weighted sum of its corners, wrong by less than 4·2^-53 R in each coordinate, where
@@ -53,7 +54,7 @@ def gather_casters(corners, owner, is_opaque) -> Casters:
     return Casters(corners, unit(area_vectors(corners)), owner[is_opaque], 2.0**-40 * reach)
 
 
-def reaches(casters: Casters, points, owner, to_light, is_finite: bool) -> np.ndarray:
+def reaches(casters: Casters, points: NDArray, owner: NDArray, to_light: NDArray, is_finite: bool) -> NDArray[np.bool_]:
     """Tell which points the light reaches.
 
     A face on whose plane a point (or the light itself) lies is not between them: so neither a vertex's own faces nor
@@ -80,7 +81,7 @@ def reaches(casters: Casters, points, owner, to_light, is_finite: bool) -> np.nd
     return is_lit
 
 
-def _crosses(casters: Casters, points, to_light, is_finite: bool) -> np.ndarray:
+def _crosses(casters: Casters, points: NDArray, to_light: NDArray, is_finite: bool) -> NDArray[np.bool_]:
     """Tell which rays (n, 1, 3) cross which faces, (n, n_caster) bool."""
     a, b, c = (casters.corners[:, corner] - points for corner in range(3))
     height = -dot(a, casters.normals)  # of the point above the face

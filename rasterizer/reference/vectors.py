@@ -1,29 +1,30 @@
-"""The vector algebra of the judge, over arrays of vectors in float64."""
+"""Vector algebra over arrays of vectors in float64."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 
-def dot(a, b) -> np.ndarray:
+def dot(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     """Return the dot products over the last axis, added in one fixed order: equal vectors give equal bits."""
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
 
-def unit(vectors) -> np.ndarray:
+def unit(vectors: NDArray) -> NDArray[np.float64]:
     """Return the vectors (..., 3) at length 1; zero stays zero."""
     size = length(vectors)
     return vectors / np.where(size > 0, size, 1)
 
 
-def length(vectors) -> np.ndarray:
+def length(vectors: NDArray) -> NDArray[np.float64]:
     """Return lengths (..., 1); hypot keeps the squares from over- and underflowing."""
     return np.hypot(np.hypot(vectors[..., :1], vectors[..., 1:2]), vectors[..., 2:])
 
 
-def blend(weights, corner_values) -> np.ndarray:
+def blend(weights: NDArray, corner_values: NDArray) -> NDArray[np.float64]:
     """Return the weighted sums (n, k) of the values at three corners (n, 3, k), with weights (n, 3)."""
     return np.einsum("sc,scv->sv", weights, corner_values)
 
 
-def area_vectors(corners) -> np.ndarray:
+def area_vectors(corners: NDArray) -> NDArray[np.float64]:
     """Return vectors (n, 3) about which triangles (n, 3, 3) turn counter-clockwise, twice as long as their areas."""
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

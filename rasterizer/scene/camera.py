@@ -15,14 +15,18 @@ Pixel (i, j) has its sample at (i + ½, j + ½): the picture's corners are (0, 0
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..choices import AXES, Axis
+from ..errors import SceneError, shown
 from . import framing
-from .validate import AXES, choice, number, picture_size, place3, plain_array, shown, unit3
+from .arrays import VectorLike, plain_array
+from .validate import choice, number, picture_size, place3, unit3
 
 MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km
@@ -31,10 +35,19 @@ LEAST_FOV = 1e-6  # degrees: a hair in 10 km
 class View(NamedTuple):
     """Where the camera is and its axes: (3,) float64 each, world space; the axes are orthonormal."""
 
-    eye: np.ndarray
-    right: np.ndarray
-    up: np.ndarray
-    forward: np.ndarray
+    eye: NDArray[np.float64]
+    right: NDArray[np.float64]
+    up: NDArray[np.float64]
+    forward: NDArray[np.float64]
+
+    @property
+    def world_from_camera(self) -> NDArray[np.float64]:
+        """(3, 3) float64: its columns are the axes right, up and backwards of the camera's frame, world space.
+
+        A direction of the camera's frame (x right, y up, looking down -z) is `world_from_camera @ direction` in the
+        world; a point is that plus `eye`.
+        """
+        return np.stack([self.right, self.up, -self.forward]).T
 
 
 class Projection(NamedTuple):
@@ -84,7 +97,23 @@ class Camera:
     intrinsics: tuple[float, float, float, float] | None = None
     size: tuple[int, int] | None = None
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # more may be given than is stored
+
+        def __init__(
+            self,
+            *,
+            position: VectorLike,
+            target: VectorLike = ...,
+            up: VectorLike | Axis = ...,
+            fov: float | None = ...,
+            height: float | None = ...,
+            near: float | None = ...,
+            far: float | None = ...,
+            intrinsics: Sequence[float] | None = ...,
+            size: Sequence[int] | None = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
         self._set("position", place3(self.position, "the camera's position"))
         self._set("target", place3(self.target, "the camera's target"))
         up = AXES[choice(self.up, tuple(AXES), "the camera's up")] if isinstance(self.up, str) else self.up
@@ -94,7 +123,7 @@ class Camera:
         self._check_lens()
         self._check_depth_range()
 
-    def _set(self, field: str, value) -> None:
+    def _set(self, field: str, value: object) -> None:
         object.__setattr__(self, field, value)
 
     def _check_lens(self) -> None:
@@ -119,7 +148,7 @@ class Camera:
     def _check_intrinsics(self) -> None:
         """Check the OpenCV intrinsics and the size that they belong to, and derive the field of view."""
         try:
-            values = tuple(self.intrinsics)
+            values = tuple(self.intrinsics or ())
         except TypeError:
             values = ()
         if len(values) != 4:
@@ -157,23 +186,39 @@ class Camera:
         return self.height is None
 
     @classmethod
-    def perspective(cls, position, target=(0, 0, 0), up=(0, 1, 0), fov=45.0, near=None, far=None) -> "Camera":
+    def perspective(
+        cls,
+        position: VectorLike,
+        target: VectorLike = (0, 0, 0),
+        up: VectorLike | Axis = (0, 1, 0),
+        fov: float = 45.0,
+        near: float | None = None,
+        far: float | None = None,
+    ) -> "Camera":
         """Make a perspective camera that looks at `target`; parameters and errors as in the class."""
         return cls(position=position, target=target, up=up, fov=fov, near=near, far=far)
 
     @classmethod
-    def orthographic(cls, position, target=(0, 0, 0), up=(0, 1, 0), height=2.0, near=None, far=None) -> "Camera":
+    def orthographic(
+        cls,
+        position: VectorLike,
+        target: VectorLike = (0, 0, 0),
+        up: VectorLike | Axis = (0, 1, 0),
+        height: float = 2.0,
+        near: float | None = None,
+        far: float | None = None,
+    ) -> "Camera":
         """Make a camera without perspective that looks at `target`; parameters and errors as in the class."""
         return cls(position=position, target=target, up=up, height=height, near=near, far=far)
 
     @classmethod
     def framing(
         cls,
-        subject,
+        subject: Any,
         azimuth: float = 35.0,
         elevation: float = 25.0,
         fov: float = 30.0,
-        up: str = "y",
+        up: Axis = "y",
         margin: float = 0.05,
         orthographic: bool = False,
         aspect: float = 4 / 3,
@@ -224,7 +269,15 @@ class Camera:
         return cls(position=eye, target=target, up=axes[1], fov=fov)
 
     @classmethod
-    def from_opencv(cls, K, R, t, size, near=None, far=None) -> "Camera":
+    def from_opencv(
+        cls,
+        K: ArrayLike,
+        R: ArrayLike,
+        t: ArrayLike,
+        size: Sequence[int],
+        near: float | None = None,
+        far: float | None = None,
+    ) -> "Camera":
         """Make a camera from an OpenCV calibration: x_cam = R x_world + t, in a frame with x right, y down, z
         forward.
 
@@ -242,7 +295,7 @@ class Camera:
         SceneError : shapes, values that are not finite, skew, a matrix R that is no rotation
         """
         K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
-        t = _checked_matrix([each[0] for each in t] if _is_column(t) else t, (3,), "t")
+        t = _checked_matrix(np.ravel(t) if _is_column(t) else t, (3,), "t")
         size = picture_size(size)
         fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
         ideal = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
@@ -254,7 +307,7 @@ class Camera:
         target = eye + R[2] * max(1.0, float(np.abs(eye).max()))
         return cls(position=eye, target=target, up=-R[1], near=near, far=far, intrinsics=(fx, fy, cx, cy), size=size)
 
-    def to_opencv(self, size) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def to_opencv(self, size: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return K (3, 3), R (3, 3), t (3,), float64, as OpenCV writes this camera for pictures of `size`
         (width, height) pixels.
 
@@ -274,13 +327,13 @@ class Camera:
         """Return the eye and the camera's axes, world space, float64."""
         way = tuple(to - at for to, at in zip(self.target, self.position, strict=True))
         forward = unit3(way, "the way from the camera's position to its target")
-        up = self.up
+        up: VectorLike = self.up
         if math.hypot(*_cross(forward, up)) < 1e-8:  # parallel but for rounding
             up = framing.top_when_parallel(np.array(forward), np.array(up))
         right = unit3(_cross(forward, up), "the camera's right")
         return View(*(np.array(axis) for axis in (self.position, right, _cross(right, forward), forward)))
 
-    def projection(self, size) -> Projection:
+    def projection(self, size: Sequence[int]) -> Projection:
         """Return the scale and centre for a picture of `size` (width, height) pixels.
 
         The vertical field of view rules and pixels are square. A camera with intrinsics has them scaled, each
@@ -291,23 +344,23 @@ class Camera:
         SceneError : a size that is not legal
         """
         width, height = picture_size(size)
-        if self.intrinsics is not None:
+        if self.intrinsics is not None and self.size is not None:
             fx, fy, cx, cy = self.intrinsics
             grow_x, grow_y = width / self.size[0], height / self.size[1]
             return Projection(fx * grow_x, fy * grow_y, (cx + 0.5) * grow_x, (cy + 0.5) * grow_y, True)
-        if self.is_perspective:
-            scale = 0.5 * height / math.tan(math.radians(self.fov) / 2.0)
-        else:
+        if self.height is not None:
             scale = height / self.height
+        elif self.fov is not None:
+            scale = 0.5 * height / math.tan(math.radians(self.fov) / 2.0)
         return Projection(scale, scale, 0.5 * width, 0.5 * height, self.is_perspective)
 
 
-def _cross(a, b) -> tuple[float, float, float]:
+def _cross(a: VectorLike, b: VectorLike) -> tuple[float, float, float]:
     """The cross product; numpy's takes as long as a thousand vertices."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _checked_fov(fov) -> float:
+def _checked_fov(fov: object) -> float:
     """Return the field of view as a float between 0 and 180 degrees; a smaller one would magnify roundings only."""
     value = number(fov, "the camera's fov")
     if not LEAST_FOV <= value < 180.0:
@@ -317,7 +370,7 @@ def _checked_fov(fov) -> float:
     return value
 
 
-def _is_column(value) -> bool:
+def _is_column(value: Any) -> bool:
     """Tell whether a value is (3, 1), as OpenCV writes vectors."""
     try:
         return [len(each) for each in value] == [1, 1, 1]
@@ -325,7 +378,7 @@ def _is_column(value) -> bool:
         return False
 
 
-def _checked_matrix(value, shape: tuple[int, ...], what: str) -> np.ndarray:
+def _checked_matrix(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
     """Return a finite float64 array of the given shape."""
     try:
         matrix = plain_array(value)
@@ -337,7 +390,7 @@ def _checked_matrix(value, shape: tuple[int, ...], what: str) -> np.ndarray:
     return matrix
 
 
-def _nearest_rotation(matrix: np.ndarray) -> np.ndarray:
+def _nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the rotation nearest to a matrix that is one up to a few digits.
 
     Source: Schönemann 1966, Psychometrika 31, 1-10: U Vᵀ of the singular value decomposition.

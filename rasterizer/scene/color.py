@@ -8,15 +8,21 @@ Source of the curves: IEC 61966-2-1:1999, section 5.2 (piecewise: a straight lin
 above).
 """
 
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
-from .validate import number, shown, vector3
+from ..errors import SceneError, shown
+from .validate import number, vector3
 
-RGB = tuple[float, float, float]
+RGB: TypeAlias = tuple[float, float, float]  # linear
+# A colour as a caller may give it: a grey, three linear numbers, hex or CSS text, or a Spectrum (which is a tuple).
+ColorLike: TypeAlias = float | str | Sequence[float] | NDArray[Any]
 
 
-def linear_rgb(color, what: str = "color") -> RGB:
+def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
     """Return any accepted way to write a colour as linear RGB.
 
     Parameters
@@ -66,7 +72,7 @@ def _rgb_of_text(text: str, what: str) -> RGB:
     return red, green, blue
 
 
-def srgb_from_linear(linear) -> np.ndarray:
+def srgb_from_linear(linear: ArrayLike) -> NDArray[np.float64]:
     """Encode linear values with the sRGB curve.
 
     Parameters
@@ -84,7 +90,7 @@ def srgb_from_linear(linear) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, power)
 
 
-def linear_from_srgb(srgb) -> np.ndarray:
+def linear_from_srgb(srgb: ArrayLike) -> NDArray[np.float64]:
     """Decode sRGB values to linear ones, the inverse of `srgb_from_linear`.
 
     Parameters
@@ -102,7 +108,7 @@ def linear_from_srgb(srgb) -> np.ndarray:
     return np.where(srgb <= 0.04045, srgb / 12.92, power)
 
 
-def linear_from_srgb_bytes(colors: np.ndarray) -> np.ndarray:
+def linear_from_srgb_bytes(colors: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Decode 8-bit colours through a table; a fourth channel is alpha, which is never encoded.
 
     Parameters

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from ..errors import SceneError
-from .color import linear_rgb
-from .validate import number, shown
+from ..errors import SceneError, shown
+from .color import ColorLike, linear_rgb
+from .validate import number
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class DepthCue:
 
     scale: float
     start: float = 0.0
-    color: object = 0.0
+    color: ColorLike = 0.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         scale = number(self.scale, "the depth cue's scale")
         if scale <= 0.0:
             raise SceneError(f"the depth cue's scale must be above 0; given {shown(self.scale)}")
@@ -44,7 +44,7 @@ class DepthCue:
         object.__setattr__(self, "color", linear_rgb(self.color, "the depth cue's color"))
 
 
-def checked_cue(cue) -> DepthCue | None:
+def checked_cue(cue: DepthCue | float | None) -> DepthCue | None:
     """Return a DepthCue, of a number alone the one with that scale; None stays None.
 
     Raises SceneError for anything else.

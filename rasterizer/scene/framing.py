@@ -14,11 +14,16 @@ one plane is
 """
 
 import math
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
-from .validate import AXES, number, shown
+from ..choices import AXES
+from ..errors import SceneError, shown
+from .validate import number
+
+Array: TypeAlias = NDArray[np.float64]
 
 # Where the camera stands for an azimuth of 0, by up axis. up × front is the direction in which a positive
 # azimuth turns it: +x wherever up leaves x free, else the y-up arrangement rolled about z.
@@ -27,7 +32,7 @@ _CHUNK = 1 << 14  # points looked at in one go: their temporaries stay in L2
 _NEAREST = 0.01  # a perspective eye keeps this share of the subject's size away from the nearest vertex
 
 
-def orbit_axes(azimuth, elevation, up: str) -> np.ndarray:
+def orbit_axes(azimuth: float, elevation: float, up: str) -> Array:
     """Return the axes right, up, forward (3, 3), world space, of a camera on an orbit about the up axis.
 
     They depend smoothly on both angles, at elevations of ±90 degrees too: the camera's up is the direction in
@@ -47,14 +52,14 @@ def orbit_axes(azimuth, elevation, up: str) -> np.ndarray:
     return axes + 0.0  # no negative zeros
 
 
-def top_when_parallel(forward: np.ndarray, up: np.ndarray) -> np.ndarray:
+def top_when_parallel(forward: Array, up: Array) -> Array:
     """Return what is upwards in the picture of a view parallel to `up`: as on an orbit at azimuth 0."""
     axis = max(AXES, key=lambda name: float(np.dot(AXES[name], up)))
     front = np.array(AXES[_FRONT[axis]])
     return front if np.dot(forward, up) > 0.0 else -front
 
 
-def fit_perspective(subject, axes: np.ndarray, slope_x: float, slope_y: float):
+def fit_perspective(subject: Any, axes: Array, slope_x: float, slope_y: float) -> tuple[Array, Array]:
     """Place the eye of a perspective camera so that its view inside the margins just holds the subject.
 
     Parameters
@@ -86,7 +91,7 @@ def fit_perspective(subject, axes: np.ndarray, slope_x: float, slope_y: float):
     return cloud.to_world(eye), cloud.to_world((eye[0], eye[1], cloud.middle[2]))
 
 
-def fit_orthographic(subject, axes: np.ndarray, share_x: float, share_y: float):
+def fit_orthographic(subject: Any, axes: Array, share_x: float, share_y: float) -> tuple[Array, Array, float]:
     """Place an orthographic camera in front of the subject, centred, and find the height of its view.
 
     Parameters
@@ -106,7 +111,7 @@ def fit_orthographic(subject, axes: np.ndarray, share_x: float, share_y: float):
     return cloud.to_world(eye), cloud.to_world(cloud.middle), float(view_height)
 
 
-def _center(cloud: "_Cloud", touched: np.ndarray, depth: float) -> np.ndarray:
+def _center(cloud: "_Cloud", touched: Array, depth: float) -> Array:
     """Return the eye at a given depth that sees as far to the left as to the right, above as below.
 
     The half extent s of the projection is the least with |a - e_a| <= s w for every point, w = c - depth; by
@@ -129,7 +134,7 @@ def _center(cloud: "_Cloud", touched: np.ndarray, depth: float) -> np.ndarray:
     return np.append(_half_extents(known, depth)[1], depth)
 
 
-def _half_extents(points: np.ndarray, depth: float) -> tuple[np.ndarray, np.ndarray]:
+def _half_extents(points: Array, depth: float) -> tuple[Array, Array]:
     """Return the half extents (2,) of the centred projection of a few points, and the eye (2,) for it."""
     w = points[:, 2] - depth
     slopes, centers = np.empty(2), np.empty(2)
@@ -151,7 +156,7 @@ class _Cloud:
         resolve
     """
 
-    def __init__(self, subject, axes: np.ndarray):
+    def __init__(self, subject: Any, axes: Array) -> None:
         self._sets, self._axes = _point_sets(subject), axes
         self._origin = self._sets[0][0].astype(np.float64)
         self.extremes = self.farthest(np.concatenate([np.eye(3), -np.eye(3)]))
@@ -161,7 +166,7 @@ class _Cloud:
         self.middle = 0.5 * (self.low + self.high)
         self.size = math.dist(self.low, self.high) or max(1.0, 1e-6 * float(np.abs(self._origin).max()))
 
-    def farthest(self, directions: np.ndarray) -> np.ndarray:
+    def farthest(self, directions: Array) -> Array:
         """Return the point (k, 3) that is furthest along each direction (k, 3); the first of several."""
         directions_world = directions @ self._axes
         best, points = np.full(len(directions), -np.inf), np.full((len(directions), 3), np.nan)
@@ -174,12 +179,12 @@ class _Cloud:
             best[is_better], points[is_better] = reached[is_better], local[where[is_better]]
         return points @ self._axes.T
 
-    def to_world(self, p_local) -> np.ndarray:
+    def to_world(self, p_local: ArrayLike) -> Array:
         """Return a point given along the camera's axes in world coordinates."""
         return self._origin + np.asarray(p_local) @ self._axes
 
 
-def _point_sets(subject) -> list[np.ndarray]:
+def _point_sets(subject: Any) -> list[NDArray[Any]]:
     """Return the points to be framed as a list of (n, 3) arrays that are not empty."""
     if hasattr(subject, "meshes"):
         return [mesh.used_vertices for mesh in subject.meshes]

@@ -9,57 +9,22 @@ negative.
 """
 
 import math
-import operator
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..errors import SceneError
+from ..choices import ATTACHMENTS, Attachment
+from ..errors import SceneError, shown
 from .color import linear_rgb
-from .validate import choice, number, place3, shown, unit3, vector3
+from .fields import Attenuation, Cells, Color, Vector
+from .shadow import Shadow, checked_shadow
+from .validate import choice, is_whole, number, place3, unit3, vector3
 
-ATTACHMENTS = ("world", "camera")
-MOST_TEXELS = 8192  # along a side of a shadow map
-MOST_TAPS = 9  # along a side of its filter
 MOST_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 MOST_SHADOWED = 4096  # of them cast shadows: each is a picture or six
-
-
-@dataclass(frozen=True)
-class Shadow:
-    """How a light casts shadows: by shadow maps (Williams 1978), depths of the scene as the light sees it.
-
-    Parameters
-    ----------
-    size : texels along each side of the map, 16 to 8192. A directional light has one map, fitted to the scene; a light
-        with a place has one if the scene, or its cone, fits into a view of 63 degrees to each side, else six. The cells
-        of an area light have maps of half the size, but at least 16
-    filter : side of the square of texels whose comparisons are averaged (percentage-closer filtering, Reeves, Salesin &
-        Cook
-        1987): an odd number, 1 (hard edges) to 9
-
-    Raises
-    ------
-    SceneError : a value that is not legal
-    """
-
-    size: int = 1024
-    filter: int = 1
-
-    def __post_init__(self):
-        for field, low, high, step in (("size", 16, MOST_TEXELS, 1), ("filter", 1, MOST_TAPS, 2)):
-            value = getattr(self, field)
-            try:
-                count = -1 if isinstance(value, bool) else operator.index(value)
-            except TypeError:
-                count = -1
-            if not (low <= count <= high and (count - low) % step == 0):
-                what = "an odd" if step == 2 else "a whole"
-                raise SceneError(
-                    f"the shadow's {field} must be {what} number within {low}..{high}; given {shown(value)}"
-                )
-            object.__setattr__(self, field, count)
 
 
 @dataclass(frozen=True)
@@ -75,9 +40,9 @@ class AmbientLight:
     SceneError : a colour that is not legal
     """
 
-    color: object = 1.0
+    color: Color = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "color", linear_rgb(self.color, "the ambient light's color"))
 
 
@@ -97,16 +62,16 @@ class DirectionalLight:
     SceneError : a direction without length or not finite, a colour or attachment that is not legal
     """
 
-    direction: tuple[float, float, float]
-    color: object = 1.0
-    attached: str = "world"
-    shadow: Shadow | None = None
+    direction: Vector
+    color: Color = 1.0
+    attached: Attachment = "world"
+    shadow: Shadow | bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "direction", unit3(self.direction, "the directional light's direction"))
         object.__setattr__(self, "color", linear_rgb(self.color, "the directional light's color"))
         choice(self.attached, ATTACHMENTS, "the directional light's attached")
-        object.__setattr__(self, "shadow", _checked_shadow(self.shadow, "the directional light's"))
+        object.__setattr__(self, "shadow", checked_shadow(self.shadow, "the directional light's"))
 
 
 @dataclass(frozen=True)
@@ -133,15 +98,15 @@ class PointLight:
     SceneError : a value that is not legal; the message names the light and the field
     """
 
-    position: tuple[float, float, float]
-    color: object = 1.0
-    attenuation: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    attached: str = "world"
+    position: Vector
+    color: Color = 1.0
+    attenuation: Attenuation = (1.0, 0.0, 0.0)
+    attached: Attachment = "world"
     amplify: bool = False
     range: float | None = None
-    shadow: Shadow | None = None
+    shadow: Shadow | bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "position", place3(self.position, "the point light's position"))
         _check_positional(self, "the point light's")
 
@@ -176,20 +141,20 @@ class SpotLight:
     SceneError : a value that is not legal; the message names the light and the field
     """
 
-    position: tuple[float, float, float]
-    direction: tuple[float, float, float]
-    color: object = 1.0
+    position: Vector
+    direction: Vector
+    color: Color = 1.0
     inner: float | None = None
     outer: float = 30.0
     exponent: float = 0.0
-    attenuation: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    attached: str = "world"
+    attenuation: Attenuation = (1.0, 0.0, 0.0)
+    attached: Attachment = "world"
     amplify: bool = False
     range: float | None = None
-    shadow: Shadow | None = None
+    shadow: Shadow | bool | None = None
     falloff: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "position", place3(self.position, "the spot light's position"))
         object.__setattr__(self, "direction", unit3(self.direction, "the spot light's direction"))
         outer = number(self.outer, "the spot light's outer angle")
@@ -232,18 +197,18 @@ class AreaLight:
     SceneError : a value that is not legal; the message names the light and the field
     """
 
-    corner: tuple[float, float, float]
-    edge_u: tuple[float, float, float]
-    edge_v: tuple[float, float, float]
-    color: object = 1.0
-    resolution: tuple[int, int] = (4, 4)
-    attenuation: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    attached: str = "world"
+    corner: Vector
+    edge_u: Vector
+    edge_v: Vector
+    color: Color = 1.0
+    resolution: Cells = (4, 4)
+    attenuation: Attenuation = (1.0, 0.0, 0.0)
+    attached: Attachment = "world"
     amplify: bool = False
     range: float | None = None
-    shadow: Shadow | None = None
+    shadow: Shadow | bool | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in ("corner", "edge_u", "edge_v"):
             object.__setattr__(self, field, place3(getattr(self, field), f"the area light's {field}"))
         for ends in ((0, 1), (1, 0), (1, 1)):
@@ -255,19 +220,27 @@ class AreaLight:
         # Unit vectors whose cosine is 1 to float64 rounding are parallel.
         if abs(sum(a * b for a, b in zip(u, v, strict=True))) >= 1.0 - 1e-15:
             raise SceneError(
-                f"the area light's edge_u and edge_v must not be parallel; given {shown(self.edge_u)} and {shown(self.edge_v)}"
+                "the area light's edge_u and edge_v must not be parallel; "
+                f"given {shown(self.edge_u)} and {shown(self.edge_v)}"
             )
         object.__setattr__(self, "resolution", _cells(self.resolution))
         _check_positional(self, "the area light's")
+
+    @property
+    def n_cell(self) -> int:
+        """How many point lights this light is made of."""
+        return math.prod(self.resolution)
 
     def cells(self) -> tuple[PointLight, ...]:
         """Return the point lights that this light is made of, row after row."""
         m, n = self.resolution
         share = 1.0 / (m * n)
-        is_spectrum = hasattr(self.color, "scaled")
-        color = self.color.scaled(share) if is_spectrum else tuple(component * share for component in self.color)
+        stored: Any = self.color
+        color = stored.scaled(share) if hasattr(stored, "scaled") else tuple(component * share for component in stored)
         # Where the edges of many shadows are averaged, half of the texels are enough for each.
-        shadow = self.shadow and replace(self.shadow, size=max(16, self.shadow.size // 2))
+        shadow = self.shadow
+        if isinstance(shadow, Shadow):
+            shadow = replace(shadow, size=max(16, shadow.size // 2))
         steps = [((i + 0.5) / m, (j + 0.5) / n) for j in range(n) for i in range(m)]
         return tuple(
             PointLight(
@@ -281,20 +254,20 @@ class AreaLight:
 MOST_CELLS = 64  # of an area light, along each edge
 
 
-def _cells(resolution) -> tuple[int, int]:
+def _cells(resolution: Any) -> tuple[int, int]:
     """The numbers of cells along both edges of an area light."""
     try:
-        m, n = (0 if isinstance(count, bool) else operator.index(count) for count in resolution)
+        m, n = resolution
     except (TypeError, ValueError):
-        m = n = 0
-    if not (1 <= m <= MOST_CELLS and 1 <= n <= MOST_CELLS):
+        m = n = None
+    if not (is_whole(m, 1, MOST_CELLS) and is_whole(n, 1, MOST_CELLS)):
         raise SceneError(
             f"the area light's resolution must be two whole numbers from 1 to {MOST_CELLS}; given {shown(resolution)}"
         )
-    return m, n
+    return int(m), int(n)
 
 
-def _check_positional(light, whose: str) -> None:
+def _check_positional(light: Any, whose: str) -> None:
     """Check and set what all lights with a place have: colour, attenuation, attachment, range."""
     object.__setattr__(light, "color", linear_rgb(light.color, f"{whose} color"))
     object.__setattr__(light, "attenuation", _attenuation(light.attenuation, whose))
@@ -307,52 +280,92 @@ def _check_positional(light, whose: str) -> None:
         if reach <= 0.0:
             raise SceneError(f"{whose} range must be above 0, or None; given {shown(light.range)}")
         object.__setattr__(light, "range", reach)
-    object.__setattr__(light, "shadow", _checked_shadow(light.shadow, whose))
+    object.__setattr__(light, "shadow", checked_shadow(light.shadow, whose))
 
 
-def _checked_shadow(shadow, whose: str) -> Shadow | None:
-    """A Shadow, or None for a light that casts none."""
-    if shadow is None or shadow is False:
-        return None
-    if shadow is True:
-        return Shadow()
-    if not isinstance(shadow, Shadow):
-        raise SceneError(f"{whose} shadow must be a Shadow, True, False or None; given {shown(shadow)}")
-    return shadow
-
-
-def _attenuation(value, whose: str) -> tuple[float, float, float]:
+def _attenuation(value: Any, whose: str) -> tuple[float, float, float]:
     """The coefficients of an attenuation, which may be written as text."""
     what = f"{whose} attenuation (kc, kl, kq)"
     if isinstance(value, str):
         text = value.replace(" ", "").replace("²", "^2").replace("**", "^")
-        shifted = re.fullmatch(r"1/\(d\+([\d.eE+-]+)\)", text)
+        shifted: Any = re.fullmatch(r"1/\(d\+([\d.eE+-]+)\)", text)
         try:
-            coefficients = {"1": (1, 0, 0), "1/d": (0, 1, 0), "1/d^2": (0, 0, 1)}.get(text) or (float(shifted[1]), 1, 0)
+            known = {"1": (1.0, 0.0, 0.0), "1/d": (0.0, 1.0, 0.0), "1/d^2": (0.0, 0.0, 1.0)}
+            coefficients = known.get(text) or (float(shifted[1]), 1.0, 0.0)
         except (TypeError, ValueError):
             raise SceneError(f'{what} as text must be "1", "1/d", "1/(d+D)" or "1/d^2"; given {shown(value)}') from None
     else:
         coefficients = vector3(value, what)
     if not all(math.isfinite(c) and c >= 0.0 for c in coefficients) or max(coefficients) == 0.0:
         raise SceneError(f"{what} must be at least 0 and not all 0; given {shown(value)}")
-    return tuple(map(float, coefficients))
+    return coefficients
 
 
-Light = AmbientLight | DirectionalLight | PointLight | SpotLight | AreaLight
+Light: TypeAlias = AmbientLight | DirectionalLight | PointLight | SpotLight | AreaLight  # the built-in ones
+
+# Every kind of light that a scene may have, by the word for it in scene files and on the command line. What the engine,
+# the reference and the Mach bands know of it stands in tables by the same words; `rasterizer.registries` enters a kind
+# in all of them.
+LIGHT_KINDS: dict[str, type] = {
+    "ambient": AmbientLight,
+    "directional": DirectionalLight,
+    "point": PointLight,
+    "spot": SpotLight,
+    "area": AreaLight,
+}
 
 
-def check_number(lights) -> None:
+def kind_of(light: Any) -> str:
+    """Return the word for a light's kind: that of its very class, because a subclass may shine in another way.
+
+    Raises
+    ------
+    SceneError : a class that is in no row of LIGHT_KINDS; the message lists those that are
+    """
+    for word, cls in LIGHT_KINDS.items():
+        if type(light) is cls:
+            return word
+    raise SceneError(f"a light must be one of {_legal_lights()}; given {shown(light)}")
+
+
+def checked_lights(lights: Any) -> tuple[Any, ...]:
+    """Return one light or a sequence of them as a tuple.
+
+    Raises
+    ------
+    SceneError : no light, or one whose kind is unknown; the message lists those that are known. Or more lights than
+        MOST_LIGHTS, or more that cast shadows than MOST_SHADOWED
+    """
+    if type(lights) in LIGHT_KINDS.values():
+        lights = (lights,)
+    try:
+        lights = tuple(lights)
+    except TypeError:
+        lights = (lights,)
+    for i, light in enumerate(lights):
+        if type(light) not in LIGHT_KINDS.values():
+            raise SceneError(f"lights must be of {_legal_lights()}; given {shown(light)} at {i}")
+    check_count(lights)
+    return lights
+
+
+def _legal_lights() -> str:
+    """List the classes of lights that are known."""
+    return ", ".join(cls.__name__ for cls in LIGHT_KINDS.values())
+
+
+def check_count(lights: Iterable) -> None:
     """Raise SceneError where lights are more than MOST_LIGHTS, or those that cast shadows more than MOST_SHADOWED."""
-    counts = [(math.prod(light.resolution) if isinstance(light, AreaLight) else 1, light) for light in lights]
+    counts = [(getattr(light, "n_cell", 1), light) for light in lights]
     n_light = sum(count for count, _ in counts)
     n_shadowed = sum(count for count, light in counts if getattr(light, "shadow", None) is not None)
-    for number, most, which in (
+    for count, most, which in (
         (n_light, MOST_LIGHTS, "lights"),
         (n_shadowed, MOST_SHADOWED, "lights that cast shadows"),
     ):
-        if number > most:
+        if count > most:
             raise SceneError(
-                f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {number}: "
+                f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {count}: "
                 "choose fewer, or a smaller resolution of area lights"
             )
 
@@ -375,3 +388,6 @@ def studio() -> tuple[Light, ...]:
 def headlight() -> tuple[Light, ...]:
     """Return one directional light along the view and a low ambient, both neutral: nothing seen is dark."""
     return (AmbientLight(0.15), DirectionalLight((0.0, 0.0, -1.0), 0.80, "camera"))
+
+
+PRESETS = {"studio": studio, "headlight": headlight}

@@ -6,7 +6,7 @@ function:
     reflection               f(L,V) = f(V,L)    ∫ f cos <= 1, for coefficients kd + ks <= 1
     lambert                  yes                yes
     oren-nayar               yes                yes
-    cook-torrance            yes                yes, each of its two terms: the matte one is not weakened by 1 - F
+    cook-torrance            yes                yes, each of its two terms: the diffuse one is not weakened by 1 - F
     the same, anisotropic    yes                yes
     phong, blinn             no                 no: the highlight doesn't shrink with N·L
     the same, with W         no                 no
@@ -14,23 +14,52 @@ function:
     normalized, with W       no: W = W(N·L)     yes
     toon                     no                 no: steps are rounded up
 
-tests/pipeline/test_reflection.py integrates each of them. In the units of this package a matte white surface under a
-light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·L, and Lambert's BRDF is kd/π.
+tests/pipeline/test_reflection.py integrates each of them. In the units of this package a white Lambertian surface
+under a light of intensity 1 at N·L = 1 has intensity 1: intensity = π·f·N·L, and Lambert's BRDF is kd/π.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import SceneError
-from .color import linear_rgb
-from .texture import Texture
-from .validate import choice, number, shown, unit3
+from ..choices import DISTRIBUTIONS, Distribution
+from ..errors import SceneError, shown
+from .arrays import VectorLike
+from .color import ColorLike, linear_rgb
+from .named_materials import fields_of
+from .texture import Texture, TextureLike
+from .validate import choice, number, unit3
 
-REFLECTIONS = ("phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon")
-DISTRIBUTIONS = ("ggx", "beckmann")
-LEAST_ROUGHNESS = 0.001  # of Cook-Torrance: its peak is 1/(2·roughness³), and must stay a number
 MOST_LEVELS = 256
+
+
+class ReflectionModel(NamedTuple):
+    """What a material checks where it names this model.
+
+    Parameters
+    ----------
+    least_roughness : legal is `roughness` from here to 1
+    brushed : the `distribution` with which `roughness` may be two numbers; None = it is one number
+    """
+
+    least_roughness: float = 0.0
+    brushed: str | None = None
+
+
+# Every reflection model that a material may name. What the engine and the reference know of it stands in tables by the
+# same words; `rasterizer.registries` enters a model in all of them. Cook-Torrance's peak is 1/(2·roughness³), which
+# must stay a number of float32.
+REFLECTION_MODELS: dict[str, ReflectionModel] = {
+    "phong": ReflectionModel(),
+    "blinn": ReflectionModel(),
+    "lambert": ReflectionModel(),
+    "oren-nayar": ReflectionModel(),
+    "cook-torrance": ReflectionModel(least_roughness=0.001, brushed="ggx"),
+    "toon": ReflectionModel(),
+}
+REFLECTIONS = tuple(REFLECTION_MODELS)  # the built-in ones
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,23 +121,23 @@ class Material:
     SceneError : a value that is not legal; the message names the field
     """
 
-    ambient: object = None
-    diffuse: object = 0.72
-    specular: object = 0.18
+    ambient: ColorLike | None = None
+    diffuse: ColorLike = 0.72
+    specular: ColorLike = 0.18
     shininess: float = 32.0
-    emissive: object = 0.0
+    emissive: ColorLike = 0.0
     opacity: float = 1.0
-    texture: Texture | None = None
+    texture: TextureLike | None = None
     reflection: str = "phong"
-    roughness: object = 0.5
-    distribution: str = "ggx"
-    fresnel: object = None
+    roughness: float | Sequence[float] = 0.5
+    distribution: Distribution = "ggx"
+    fresnel: ColorLike | None = None
     normalized: bool = False
     levels: int = 3
-    tangent: object = "u"
+    tangent: str | VectorLike = "u"
     name: str = ""
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for field in ("diffuse", "specular", "emissive", "ambient"):
             value = self.diffuse if field == "ambient" and self.ambient is None else getattr(self, field)
             object.__setattr__(self, field, linear_rgb(value, f"the material's {field}"))
@@ -122,7 +151,7 @@ class Material:
         object.__setattr__(self, "opacity", opacity)
         if self.texture is not None and not isinstance(self.texture, Texture):
             object.__setattr__(self, "texture", Texture(self.texture))
-        choice(self.reflection, REFLECTIONS, "the material's reflection")
+        choice(self.reflection, tuple(REFLECTION_MODELS), "the material's reflection")
         self._check_model()
         if not isinstance(self.name, str):
             raise SceneError(f"the material's name must be text; given {shown(self.name)}")
@@ -146,24 +175,27 @@ class Material:
             raise SceneError(f"the material's levels must be whole, within 1..{MOST_LEVELS}; given {self.levels!r}")
         object.__setattr__(self, "levels", int(levels))
 
-    def _checked_roughness(self):
+    def _checked_roughness(self) -> float | tuple[float, ...]:
         """Return the roughness as a float, or as two that differ."""
         is_pair = isinstance(self.roughness, (tuple, list, np.ndarray)) and getattr(self.roughness, "ndim", 1) == 1
-        values = tuple(self.roughness) if is_pair else (self.roughness,)
-        if is_pair and (len(values) != 2 or (self.reflection, self.distribution) != ("cook-torrance", "ggx")):
-            what = "one number, or two (along the tangent and across it) for 'cook-torrance' with 'ggx'"
+        given: Any = self.roughness if is_pair else (self.roughness,)
+        values = tuple(given)
+        model = REFLECTION_MODELS[self.reflection]
+        if is_pair and (len(values) != 2 or self.distribution != model.brushed):
+            pairs = [f"{word!r} with {m.brushed!r}" for word, m in REFLECTION_MODELS.items() if m.brushed is not None]
+            what = f"one number, or two (along the tangent and across it) for {' or '.join(pairs)}"
             raise SceneError(f"the material's roughness must be {what}; given {shown(self.roughness)}")
         values = tuple(number(value, "the material's roughness") for value in values)
-        least = LEAST_ROUGHNESS if self.reflection == "cook-torrance" else 0.0
-        if not all(least <= value <= 1.0 for value in values):
-            what = f"within {least:g}..1 for {self.reflection!r}"
+        if not all(model.least_roughness <= value <= 1.0 for value in values):
+            what = f"within {model.least_roughness:g}..1 for {self.reflection!r}"
             raise SceneError(f"the material's roughness must be {what}; given {self.roughness!r}")
         return values[0] if len(set(values)) == 1 else values
 
     @property
     def is_anisotropic(self) -> bool:
         """Whether the highlight depends on a direction in the surface, `tangent`."""
-        return isinstance(self.roughness, tuple) and max(self.specular) > 0.0
+        specular: Any = self.specular
+        return isinstance(self.roughness, tuple) and max(specular) > 0.0
 
     @property
     def needs_uv(self) -> bool:
@@ -171,7 +203,7 @@ class Material:
         return self.texture is not None or (self.is_anisotropic and self.tangent == "u")
 
     @classmethod
-    def named(cls, name, /, **changes) -> "Material":
+    def named(cls, name: str, /, **changes: Any) -> "Material":
         """Return one of the materials of the classic table: "gold", "jade", "red plastic", ...
 
         Parameters
@@ -184,17 +216,15 @@ class Material:
         ------
         SceneError : an unknown name, or a value that is not legal
         """
-        from .named_materials import fields_of  # a table that few scenes need
-
         return cls(**{"name": name} | fields_of(name) | changes)
 
     @property
     def is_opaque(self) -> bool:
         """Whether nothing is seen through the surface."""
-        return self.opacity == 1.0 and (self.texture is None or not self.texture.has_alpha)
+        return self.opacity == 1.0 and not (isinstance(self.texture, Texture) and self.texture.has_alpha)
 
 
-def _checked_fresnel(value):
+def _checked_fresnel(value: ColorLike | None) -> ColorLike | None:
     """Return F0 as a float, as a colour where it isn't grey, or None."""
     if value is None:
         return None

@@ -7,27 +7,41 @@ The arrays given are never changed, and copied: writing into them afterwards doe
 mesh are shared: nobody can write into them.
 """
 
+from collections.abc import Iterable
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ModelError, SceneError
+from ..choices import WEIGHTINGS, Weighting
+from ..errors import ModelError, SceneError, shown
 from . import mesh_arrays
+from .arrays import plain_array
 from .material import Material
-from .validate import choice, number, plain_array, shown
+from .services import service
+from .validate import COORDINATE_LIMIT, choice, number
 
-WEIGHTINGS = (
-    "angle",
-    "area",
-    "uniform",
-)  # those of the kernels in geometry/creases.py, which a Mesh doesn't load; a test holds that
+DEFAULT_CREASE_ANGLE = 30.0  # degrees
+
+
+class HasFaces(Protocol):
+    """What is taken for a mesh: `trimesh.Trimesh` and its like."""
+
+    @property
+    def vertices(self) -> Any:
+        """(n_vertex, 3) numbers."""
+
+    @property
+    def faces(self) -> Any:
+        """(n_face, 3) integers."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(mesh_arrays.KeepsArrays):
     """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see
-    `geometry/polygons.py`.
+    `scene/triangulation.py`.
 
     Parameters
     ----------
@@ -71,24 +85,46 @@ class Mesh(mesh_arrays.KeepsArrays):
     UserWarning : polygons that cross themselves
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
-    normals: np.ndarray | None = None
-    colors: np.ndarray | None = None
-    uv: np.ndarray | None = None
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.uint32]
+    normals: NDArray[np.float64] | None = None
+    colors: NDArray[np.float64] | None = None
+    uv: NDArray[np.float64] | None = None
     material: Material = field(default_factory=Material)
     crease_angle: float | None = None
     _: KW_ONLY
-    face_colors: np.ndarray | None = None
-    polygons: np.ndarray | None = None
-    smoothing: np.ndarray | None = None
+    face_colors: NDArray[np.float64] | None = None
+    polygons: NDArray[np.int32] | None = None
+    smoothing: NDArray[np.int32] | None = None
     materials: tuple[Material, ...] | None = None
-    face_material: np.ndarray | None = None
-    weighting: str = "angle"
+    face_material: NDArray[np.int32] | None = None
+    weighting: Weighting = "angle"
     name: str = ""
     drop_bad_faces: bool = False
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # more may be given than is stored
+
+        def __init__(
+            self,
+            vertices: ArrayLike,
+            faces: ArrayLike | Iterable[Iterable[int]],
+            normals: ArrayLike | None = ...,
+            colors: ArrayLike | None = ...,
+            uv: ArrayLike | None = ...,
+            material: Material = ...,
+            crease_angle: float | None = ...,
+            *,
+            face_colors: ArrayLike | None = ...,
+            polygons: ArrayLike | None = ...,
+            smoothing: ArrayLike | None = ...,
+            materials: Iterable[Material] | None = ...,
+            face_material: ArrayLike | None = ...,
+            weighting: Weighting = ...,
+            name: str = ...,
+            drop_bad_faces: bool = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
         store, given = partial(object.__setattr__, self), dict(self.__dict__)
         store("crease_angle", _checked_crease_angle(self.crease_angle))
         choice(self.weighting, WEIGHTINGS, "a mesh's weighting")
@@ -116,13 +152,15 @@ class Mesh(mesh_arrays.KeepsArrays):
         if keep is not None:
             polygons = np.arange(len(faces), dtype=np.int32) if polygons is None else polygons
             faces, polygons = faces[keep], polygons[keep]
-            attributes |= {key: a[keep] for key, a in attributes.items() if _is_per_face(key, a)}
+            attributes |= {key: a[keep] for key, a in attributes.items() if a is not None and _is_per_face(key, a)}
         mesh_arrays.check_area(vertices, faces)
         attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
         for key, array in attributes.items():
             store(key, mesh_arrays.kept(array, given[key]))
 
-    def _checked_attributes(self, n_vertex: int, faces, cut_from) -> dict[str, np.ndarray | None]:
+    def _checked_attributes(
+        self, n_vertex: int, faces: NDArray[np.uint32], cut_from: NDArray[np.int32] | None
+    ) -> dict[str, NDArray | None]:
         """Return what belongs to vertices, corners and faces, checked.
 
         cut_from : (n_face,) int32 polygon that each triangle was cut from; None where none was cut
@@ -130,11 +168,11 @@ class Mesh(mesh_arrays.KeepsArrays):
         n_face, n_given = len(faces), len(self.faces if hasattr(self.faces, "__len__") else np.asarray(self.faces))
         n_corner_face = n_face if cut_from is None else None
 
-        def per_vertex_or_corner(key: str, width: int):
+        def per_vertex_or_corner(key: str, width: int) -> NDArray[np.float64] | None:
             array = mesh_arrays.checked_floats(getattr(self, key), n_vertex, n_corner_face, width, key)
             return mesh_arrays.finite(array, self.drop_bad_faces, key)
 
-        def per_triangle(array):
+        def per_triangle(array: NDArray | None) -> NDArray | None:
             return array[cut_from] if array is not None and len(array) != n_face else array
 
         return {
@@ -146,7 +184,7 @@ class Mesh(mesh_arrays.KeepsArrays):
             "smoothing": per_triangle(mesh_arrays.checked_ints(self.smoothing, {n_face, n_given}, "smoothing")),
         }
 
-    def _checked_face_material(self, n_face, n_given) -> np.ndarray | None:
+    def _checked_face_material(self, n_face: int, n_given: int) -> NDArray[np.int32] | None:
         """Return the indices of materials, checked against their number."""
         indices = mesh_arrays.checked_ints(self.face_material, {n_face, n_given}, "face_material")
         n_material = len(self.palette)
@@ -163,7 +201,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         return f"Mesh({name}{self.n_vertex} vertices, {self.n_face} faces{given})"
 
     @classmethod
-    def from_any(cls, source) -> "Mesh":
+    def from_any(cls, source: "MeshLike") -> "Mesh":
         """Make a mesh of a `trimesh.Trimesh` or its like, or of (vertices, faces); a Mesh stays what it is.
 
         Of a Trimesh the vertex or face colours and texture coordinates are taken, and its vertex normals only
@@ -175,7 +213,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         """
         if isinstance(source, cls):
             return source
-        if hasattr(source, "vertices") and hasattr(source, "faces"):
+        if not isinstance(source, tuple) and hasattr(source, "vertices") and hasattr(source, "faces"):
             return cls(source.vertices, source.faces, **_trimesh_extras(source))
         if isinstance(source, (tuple, list)) and len(source) == 2:
             return cls(source[0], source[1])
@@ -198,7 +236,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         return len(self.faces)
 
     @cached_property
-    def used_vertices(self) -> np.ndarray:
+    def used_vertices(self) -> NDArray[np.float64]:
         """The vertices (n, 3) float64 that at least one face uses: `vertices` itself where all are used."""
         is_used = np.zeros(self.n_vertex, dtype=bool)
         for start in range(0, self.n_face, mesh_arrays.CHUNK):  # numpy would turn all indices into int64 at once
@@ -206,12 +244,12 @@ class Mesh(mesh_arrays.KeepsArrays):
         return self.vertices if is_used.all() else mesh_arrays.fixed(self.vertices[is_used])
 
     @cached_property
-    def bounds(self) -> np.ndarray:
+    def bounds(self) -> NDArray[np.float64]:
         """Lowest and highest corner (2, 3) float64 of the box round the used vertices, scene units."""
         columns = self.used_vertices.T
         return mesh_arrays.fixed(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
 
-    def transformed(self, matrix) -> "Mesh":
+    def transformed(self, matrix: ArrayLike) -> "Mesh":
         """Return a copy that is moved by an affine matrix.
 
         Normals go by the inverse transpose; a matrix that mirrors also turns the faces' winding round, so
@@ -229,7 +267,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         matrix = _checked_affine(matrix)
         linear = matrix[:3, :3]
         is_mirrored = np.linalg.det(linear) < 0.0
-        changes = {"vertices": mesh_arrays.fixed(self.vertices @ linear.T + matrix[:3, 3])}
+        changes: dict[str, Any] = {"vertices": mesh_arrays.fixed(self.vertices @ linear.T + matrix[:3, 3])}
         if self.normals is not None:
             # the cofactor matrix is the inverse transpose times the determinant; it exists for every matrix
             a, b, c = linear
@@ -267,12 +305,10 @@ class Mesh(mesh_arrays.KeepsArrays):
         SceneError : another number
         ModelError : more than 2^31 - 1 faces
         """
-        from ..geometry.subdivide import subdivide  # normals are averaged by kernels; a Mesh needs none
-
-        return subdivide(self, times)
+        return service("subdivide")(self, times)
 
 
-def _checked_crease_angle(angle) -> float | None:
+def _checked_crease_angle(angle: object) -> float | None:
     """Return the crease angle as a float within 0..180 degrees, or None."""
     if angle is None:
         return None
@@ -282,7 +318,7 @@ def _checked_crease_angle(angle) -> float | None:
     return value
 
 
-def _checked_materials(material, materials) -> tuple[Material, ...] | None:
+def _checked_materials(material: object, materials: Any) -> tuple[Material, ...] | None:
     """Return the materials of a mesh whose faces differ, or None where it has one; the two must not contradict each
     other."""
     if not isinstance(material, Material):
@@ -300,7 +336,7 @@ def _checked_materials(material, materials) -> tuple[Material, ...] | None:
     return materials
 
 
-def _check_polygon_materials(polygons, face_material) -> None:
+def _check_polygon_materials(polygons: NDArray[np.int32] | None, face_material: NDArray[np.int32] | None) -> None:
     """Refuse polygons whose triangles have different materials: flat shading lights a polygon once."""
     if polygons is None or face_material is None:
         return
@@ -313,7 +349,7 @@ def _check_polygon_materials(polygons, face_material) -> None:
         )
 
 
-def _checked_affine(matrix) -> np.ndarray:
+def _checked_affine(matrix: ArrayLike) -> NDArray[np.float64]:
     """Return a 4 × 4 affine matrix as float64."""
     try:
         result = plain_array(matrix)
@@ -321,23 +357,23 @@ def _checked_affine(matrix) -> np.ndarray:
     except (TypeError, ValueError):
         result = np.empty(0)
     # Within the limit of coordinates no product of three numbers overflows.
-    is_fine = result.shape == (4, 4) and (np.abs(result) <= mesh_arrays.COORDINATE_LIMIT).all()
+    is_fine = result.shape == (4, 4) and (np.abs(result) <= COORDINATE_LIMIT).all()
     if not is_fine or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise SceneError(f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}")
     return result
 
 
-def _is_per_face(key: str, array: np.ndarray | None) -> bool:
+def _is_per_face(key: str, array: NDArray) -> bool:
     """Tell whether an attribute has one entry a face: those of faces, and those of corners."""
-    return array is not None and (key in ("face_colors", "smoothing", "face_material") or array.ndim == 3)
+    return key in ("face_colors", "smoothing", "face_material") or array.ndim == 3
 
 
-def _trimesh_extras(source) -> dict[str, object]:
+def _trimesh_extras(source: Any) -> dict[str, Any]:
     """Return what a Trimesh holds besides vertices and faces, as arguments of Mesh."""
-    extras = {}
+    extras: dict[str, Any] = {}
     if "vertex_normals" in getattr(source, "_cache", ()):
         extras["normals"] = source.vertex_normals
-    visual = getattr(source, "visual", None)
+    visual: Any = getattr(source, "visual", None)
     kind = getattr(visual, "kind", None)
     if kind == "vertex":
         extras["colors"] = visual.vertex_colors
@@ -348,3 +384,6 @@ def _trimesh_extras(source) -> dict[str, object]:
         extras["uv"] = uv
     name = (getattr(source, "metadata", None) or {}).get("name")
     return extras | ({"name": name} if isinstance(name, str) else {})
+
+
+MeshLike: TypeAlias = Mesh | HasFaces | tuple[ArrayLike, ArrayLike]  # what `Mesh.from_any` takes

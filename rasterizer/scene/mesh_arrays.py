@@ -11,24 +11,36 @@ there is one.
 
 import warnings
 from itertools import chain
+from typing import Any, TypeVar, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..errors import ModelError
-from ..geometry.polygons import CROSSING, TooManyCorners, cut_polygons, listed
+from ..errors import ModelError, shown
+from .arrays import plain_array
 from .color import linear_from_srgb_bytes
-from .validate import COORDINATE_LIMIT, plain_array, shown
+from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
+from .validate import COORDINATE_LIMIT
 
 CHUNK = 1 << 16  # faces looked at in one go
 _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1
 
 
+_Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
 class _Owned(np.ndarray):
     """Marks memory that was taken over by `fixed`."""
 
 
-def fixed(array: np.ndarray | None) -> np.ndarray | None:
+@overload
+def fixed(array: NDArray[_Scalar]) -> NDArray[_Scalar]: ...
+@overload
+def fixed(array: None) -> None: ...
+@overload
+def fixed(array: NDArray[_Scalar] | None) -> NDArray[_Scalar] | None: ...
+def fixed(array: NDArray | None) -> NDArray | None:
     """Take over an array's memory: return it contiguous, and so that it can neither be written through nor be made
     writable.
 
@@ -38,17 +50,18 @@ def fixed(array: np.ndarray | None) -> np.ndarray | None:
     """
     if array is None or is_fixed(array):
         return None if array is None else np.ascontiguousarray(array)
-    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())
+    return np.asarray(memoryview(np.ascontiguousarray(array).view(_Owned)).toreadonly())  # type: ignore[arg-type]
 
 
-def is_fixed(array: np.ndarray) -> bool:
+def is_fixed(array: NDArray) -> bool:
     """Tell whether an array is one made by `fixed`, or a view of one."""
-    while type(array) is np.ndarray:
-        array = array.base
-    return type(array) is memoryview and type(array.obj) is _Owned
+    base: Any = array
+    while type(base) is np.ndarray:
+        base = base.base
+    return type(base) is memoryview and type(base.obj) is _Owned
 
 
-def kept(array: np.ndarray | None, given) -> np.ndarray | None:
+def kept(array: NDArray | None, given: object) -> NDArray | None:
     """Return an array made of what a caller gave so that nobody can change it: copied where it may share the caller's
     memory.
 
@@ -64,12 +77,12 @@ def kept(array: np.ndarray | None, given) -> np.ndarray | None:
 class KeepsArrays:
     """What holds fixed arrays: those that come from pickle or from a deep copy are fixed, too."""
 
-    def __setstate__(self, state):
+    def __setstate__(self, state: dict[str, Any]) -> None:
         for key, value in state.items():
             self.__dict__[key] = fixed(np.array(value)) if isinstance(value, np.ndarray) else value
 
 
-def checked_vertices(vertices) -> np.ndarray:
+def checked_vertices(vertices: Any) -> NDArray[np.float64]:
     """Return the vertices as (n_vertex, 3) float64; whether they are finite is looked at later."""
     array = _as_real(vertices, "vertices")
     if array.size == 0:
@@ -79,8 +92,8 @@ def checked_vertices(vertices) -> np.ndarray:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
-    """Cut polygons into triangles, as `geometry/polygons.py` says: fans where they are convex, ears where they are not.
+def triangulate(faces: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.uint32], NDArray[np.int32] | None]:
+    """Cut polygons into triangles, as `triangulation.py` says: fans where they are convex, ears where they are not.
 
     Parameters
     ----------
@@ -119,7 +132,7 @@ def triangulate(faces, vertices) -> tuple[np.ndarray, np.ndarray | None]:
     return corners.astype(np.uint32)[cut.corners], cut.polygons
 
 
-def _flattened(faces) -> tuple[np.ndarray, np.ndarray]:
+def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:
     """Return all corners one after the other, any integer dtype, and how many each face has."""
     if isinstance(faces, np.ma.MaskedArray) and np.ma.is_masked(faces):
         raise ModelError(f"faces must be integers, none of them masked; given {shown(faces)}")
@@ -145,7 +158,7 @@ def _flattened(faces) -> tuple[np.ndarray, np.ndarray]:
     return corners, counts
 
 
-def _check_range(corners: np.ndarray, counts: np.ndarray, n_vertex: int) -> None:
+def _check_range(corners: NDArray, counts: NDArray[np.int64], n_vertex: int) -> None:
     """Raise ModelError where a face refers to a vertex that there is not, naming the first."""
     if corners.min() >= 0 and corners.max() < n_vertex:
         return
@@ -156,7 +169,7 @@ def _check_range(corners: np.ndarray, counts: np.ndarray, n_vertex: int) -> None
     )
 
 
-def _as_real(values, what: str) -> np.ndarray:
+def _as_real(values: Any, what: str) -> NDArray:
     """Return an array of a real dtype (bool is none)."""
     try:
         array = plain_array(values)
@@ -168,12 +181,14 @@ def _as_real(values, what: str) -> np.ndarray:
     return array
 
 
-def _has_bad(array: np.ndarray, limit: float = _LARGEST) -> bool:
+def _has_bad(array: NDArray, limit: float = _LARGEST) -> bool:
     """Tell whether anything is nan or beyond ±limit, without a temporary: minima and maxima hand a nan on."""
     return array.size > 0 and not (array.min() >= -limit and array.max() <= limit)
 
 
-def without_bad_vertices(vertices, faces, polygons, drop_bad_faces: bool):
+def without_bad_vertices(
+    vertices: NDArray[np.float64], faces: NDArray[np.uint32], polygons: NDArray[np.int32] | None, drop_bad_faces: bool
+) -> tuple[NDArray[np.float64], NDArray[np.bool_] | None]:
     """Return vertices that are all finite, and which faces (n_face,) bool to keep; None where that is all."""
     if not _has_bad(vertices, COORDINATE_LIMIT):
         return vertices, None
@@ -185,7 +200,7 @@ def without_bad_vertices(vertices, faces, polygons, drop_bad_faces: bool):
     )
     if not drop_bad_faces:
         raise ModelError(f"{fault}; drop_bad_faces=True leaves out the faces that use them")
-    is_dropped = is_bad[faces].any(axis=1)
+    is_dropped: Any = is_bad[faces].any(axis=1)
     if polygons is not None:
         is_dropped = np.isin(polygons, polygons[is_dropped])
     if is_dropped.all():
@@ -195,7 +210,7 @@ def without_bad_vertices(vertices, faces, polygons, drop_bad_faces: bool):
     return vertices, ~is_dropped
 
 
-def has_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def has_area(vertices: NDArray, faces: NDArray) -> NDArray[np.bool_]:
     """Tell which triangles have finite corners and an area: (n_face,) bool.
 
     Parameters
@@ -214,18 +229,18 @@ def has_area(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         return np.linalg.norm(normals, axis=1) > 4 * np.finfo(np.float64).eps * lengths[:, 0] * lengths[:, 1]
 
 
-def has_any_area(vertices: np.ndarray, faces: np.ndarray) -> bool:
+def has_any_area(vertices: NDArray, faces: NDArray) -> bool:
     """Tell whether a triangle has an area, as `has_area` does; the first chunk with one ends the search."""
     return any(has_area(vertices, faces[i : i + CHUNK]).any() for i in range(0, len(faces), CHUNK))
 
 
-def check_area(vertices: np.ndarray, faces: np.ndarray) -> None:
+def check_area(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> None:
     """Raise ModelError where every face has zero area."""
     if not has_any_area(vertices, faces):
         raise ModelError(f"every face has zero area: {len(faces)} faces, all of them points or lines")
 
 
-def checked_ints(values, counts: set[int], what: str) -> np.ndarray | None:
+def checked_ints(values: Any, counts: set[int], what: str) -> NDArray[np.int32] | None:
     """Return (n,) integers of at least 0 as int32, for one of the legal `counts`."""
     if values is None:
         return None
@@ -238,7 +253,7 @@ def checked_ints(values, counts: set[int], what: str) -> np.ndarray | None:
     return np.ascontiguousarray(array, dtype=np.int32)
 
 
-def checked_floats(values, n_vertex: int, n_face: int | None, width: int, what: str) -> np.ndarray | None:
+def checked_floats(values: Any, n_vertex: int, n_face: int | None, width: int, what: str) -> NDArray[np.float64] | None:
     """Return (n_vertex, width), or (n_face, 3, width) unless `n_face` is None, as float64, finite or not."""
     if values is None:
         return None
@@ -250,7 +265,7 @@ def checked_floats(values, n_vertex: int, n_face: int | None, width: int, what: 
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def finite(array: np.ndarray | None, is_mended: bool, what: str) -> np.ndarray | None:
+def finite(array: NDArray[np.float64] | None, is_mended: bool, what: str) -> NDArray[np.float64] | None:
     """Return a finite array: rows that are not become zero if `is_mended`, else raise ModelError."""
     if array is None or not _has_bad(array):
         return array
@@ -263,7 +278,7 @@ def finite(array: np.ndarray | None, is_mended: bool, what: str) -> np.ndarray |
     return array
 
 
-def checked_colors(values, counts: set[int], what: str) -> np.ndarray | None:
+def checked_colors(values: Any, counts: set[int], what: str) -> NDArray[np.float64] | None:
     """Return (n, 3 or 4) linear float64 colours, n one of the `counts`: uint8 is decoded, float is linear."""
     if values is None:
         return None
@@ -280,7 +295,7 @@ def checked_colors(values, counts: set[int], what: str) -> np.ndarray | None:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def unit_normals(normals: np.ndarray | None) -> np.ndarray | None:
+def unit_normals(normals: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
     """Return a copy of normals (..., 3) with unit length; a zero stays zero."""
     if normals is None:
         return None

@@ -6,10 +6,12 @@ taken here as they stand, as linear coefficients, so pictures are a little light
 metals, "cook-torrance" with a coloured `fresnel` is nearer to physics.
 """
 
+from typing import Any
+
 from ..errors import SceneError
 
 # name: (ambient, diffuse, specular, shininess / 128); a colour is a grey or red, green and blue
-NAMED_MATERIALS = {
+NAMED_MATERIALS: dict[str, tuple[Any, Any, Any, float]] = {
     "brass": (
         (0.329412, 0.223529, 0.027451),
         (0.780392, 0.568627, 0.113725),
@@ -42,7 +44,7 @@ NAMED_MATERIALS = {
 }
 
 
-def fields_of(name) -> dict:
+def fields_of(name: str) -> dict[str, Any]:
     """Return the fields of a named material as arguments of `Material`; SceneError for an unknown name."""
     if not isinstance(name, str) or name not in NAMED_MATERIALS:
         raise SceneError(f"a named material is one of {', '.join(NAMED_MATERIALS)}; given {name!r}")

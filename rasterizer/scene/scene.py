@@ -1,17 +1,24 @@
 """A scene: meshes, lights, a camera and a background, checked and ready to be drawn."""
 
+import os
+from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..choices import AXES, Axis
+from ..errors import SceneError, shown
 from .camera import Camera
-from .color import linear_rgb
+from .color import RGB, ColorLike, linear_rgb
 from .depth_cue import DepthCue, checked_cue
-from .lights import Light, check_number, studio
-from .mesh import Mesh
-from .validate import AXES, choice, number, picture_size, shown
+from .lights import Light, checked_lights, studio
+from .mesh import Mesh, MeshLike
+from .services import service
+from .validate import choice, number, picture_size
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 
@@ -39,17 +46,30 @@ class Scene:
     """
 
     meshes: tuple[Mesh, ...]
-    lights: tuple[Light, ...] | None = None
+    lights: tuple[Light, ...] = None  # type: ignore[assignment]  # never None once it is made
     camera: Camera | None = None
-    background: tuple[float, float, float] | None = None
+    background: RGB | None = None
     _: KW_ONLY
     depth_cue: DepthCue | None = None
-    up: str = "y"
+    up: Axis = "y"
     _framed: dict[float, Camera] = field(init=False, default_factory=dict)
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # more may be given than is stored
+
+        def __init__(
+            self,
+            meshes: MeshLike | Iterable[Any],
+            lights: Light | Iterable[Any] | None = ...,
+            camera: Camera | None = ...,
+            background: ColorLike | None = ...,
+            *,
+            depth_cue: DepthCue | float | None = ...,
+            up: Axis = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
         object.__setattr__(self, "meshes", _checked_meshes(self.meshes))
-        object.__setattr__(self, "lights", _checked_lights(self.lights))
+        object.__setattr__(self, "lights", studio() if self.lights is None else checked_lights(self.lights))
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
         if self.background is not None:
@@ -63,7 +83,7 @@ class Scene:
         return f"Scene({len(self.meshes)} meshes, {self.n_face} faces, lights: {kinds}, camera: {camera})"
 
     @classmethod
-    def load(cls, path) -> "Scene":
+    def load(cls, path: str | os.PathLike[str]) -> "Scene":
         """Read a scene from a .json or .toml file, as `save` writes it or as a person does.
 
         Parameters
@@ -81,11 +101,9 @@ class Scene:
         SceneError : an unknown or missing key, or a value that is not legal; the message names file, place and what is
             legal
         """
-        from ..io.scene_file import read_scene  # which loads models into scenes
+        return service("read_scene")(path).framed_scene()
 
-        return read_scene(path).framed_scene()
-
-    def save(self, path):
+    def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the scene to a file that `load` reads: the same meshes, lights, materials, camera, background, depth
         cue come back.
 
@@ -105,9 +123,7 @@ class Scene:
         SceneError : another suffix
         OutputError : a file can't be written
         """
-        from ..io.scene_file_write import write_scene
-
-        return write_scene(self, path)
+        return service("write_scene")(self, path)
 
     @property
     def n_face(self) -> int:
@@ -115,14 +131,14 @@ class Scene:
         return int(self.face_offsets[-1])
 
     @cached_property
-    def face_offsets(self) -> np.ndarray:
+    def face_offsets(self) -> NDArray[np.int64]:
         """(n_mesh + 1,) int64: face f of mesh m has the index face_offsets[m] + f in the scene."""
         offsets = np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64)
         offsets.flags.writeable = False
         return offsets
 
     @cached_property
-    def bounds(self) -> np.ndarray:
+    def bounds(self) -> NDArray[np.float64]:
         """Lowest and highest corner (2, 3) float64 of the box round all used vertices, scene units."""
         corners = np.stack([mesh.bounds for mesh in self.meshes])
         bounds = np.stack([corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)])
@@ -140,7 +156,7 @@ class Scene:
             self._framed[aspect] = Camera.framing(self, up=self.up, aspect=aspect)
         return self._framed[aspect]
 
-    def camera_for(self, size) -> Camera:
+    def camera_for(self, size: Sequence[int]) -> Camera:
         """Return the scene's own camera, else one that frames it for a `size` of (width, height) pixels."""
         if self.camera is not None:
             return self.camera
@@ -148,12 +164,12 @@ class Scene:
         return self.framed(width / height)
 
 
-def _checked_meshes(meshes) -> tuple[Mesh, ...]:
+def _checked_meshes(meshes: object) -> tuple[Mesh, ...]:
     """Return one or many meshes as a tuple."""
     if _is_one_mesh(meshes):
         meshes = (meshes,)
     try:
-        result = tuple(Mesh.from_any(mesh) for mesh in meshes)
+        result = tuple(Mesh.from_any(mesh) for mesh in meshes)  # type: ignore[attr-defined]
     except TypeError:
         raise SceneError(f"meshes must be a mesh or a sequence of meshes; given {shown(meshes)}") from None
     if not result:
@@ -164,7 +180,7 @@ def _checked_meshes(meshes) -> tuple[Mesh, ...]:
     return result
 
 
-def _is_one_mesh(source) -> bool:
+def _is_one_mesh(source: object) -> bool:
     """Tell one mesh from a sequence; a pair is (vertices, faces) where its first item is a list of points."""
     if isinstance(source, Mesh) or (hasattr(source, "vertices") and hasattr(source, "faces")):
         return True
@@ -177,20 +193,4 @@ def _is_one_mesh(source) -> bool:
     return np.ndim(points) == 2
 
 
-def _checked_lights(lights) -> tuple[Light, ...]:
-    """Return one or many lights as a tuple; the studio's where none were given."""
-    if lights is None:
-        return studio()
-    if isinstance(lights, Light):
-        return (lights,)
-    try:
-        lights = tuple(lights)
-    except TypeError:
-        lights = (lights,)
-    for i, light in enumerate(lights):
-        if not isinstance(light, Light):
-            raise SceneError(
-                f"lights must be Ambient-, Directional-, Point-, Spot- or AreaLight; given {shown(light)} at {i}"
-            )
-    check_number(lights)
-    return lights
+SceneLike: TypeAlias = Scene | MeshLike | Sequence[Any]  # what is drawn, as a caller may give it

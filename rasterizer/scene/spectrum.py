@@ -20,11 +20,13 @@ EGSR, whose three basis curves add up to 1 as ours do). Here a colour gets the s
 from functools import cache
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
+from .arrays import plain_array
 from .cie_tables import D65, MATCHING, WAVELENGTHS
-from .color import linear_rgb
-from .validate import number, plain_array, shown
+from .color import ColorLike, linear_rgb
+from .validate import number
 
 N_TABLE = len(WAVELENGTHS)
 SHORTEST, LONGEST = float(WAVELENGTHS[0]), float(WAVELENGTHS[-1])
@@ -36,7 +38,7 @@ PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
 _C2 = 6.62607015e-34 * 299_792_458.0 / 1.380649e-23 * 1e9
 
 
-class Spectrum(tuple):
+class Spectrum(tuple[float, float, float]):
     """Hold a colour as a function of the wavelength, relative to D65: a reflectance, or the ratio of a light to white.
 
     As a tuple it is its linear RGB, three floats. Unlike those of other colours they may be negative: no display shows
@@ -55,30 +57,33 @@ class Spectrum(tuple):
     SceneError : samples that are not legal
     """
 
-    def __new__(cls, wavelengths, values):
+    _wavelengths: NDArray[np.float64]
+    _values: NDArray[np.float64]
+
+    def __new__(cls, wavelengths: ArrayLike, values: ArrayLike) -> "Spectrum":
         wavelengths = _row(wavelengths, "the spectrum's wavelengths")
         values = _row(values, "the spectrum's values")
         _check_samples(wavelengths, values, "values")
         return _spectrum(wavelengths, values, cls)
 
     @property
-    def wavelengths(self) -> np.ndarray:
+    def wavelengths(self) -> NDArray[np.float64]:
         """(n,) float64, nm, increasing, read-only."""
         return self._wavelengths
 
     @property
-    def values(self) -> np.ndarray:
+    def values(self) -> NDArray[np.float64]:
         """(n,) float64, relative to D65, read-only."""
         return self._values
 
     @classmethod
-    def flat(cls, value) -> "Spectrum":
+    def flat(cls, value: float) -> "Spectrum":
         """Return the spectrum that has one value at all wavelengths: a grey, or white light; a number, at least 0."""
         value = number(value, "the flat spectrum's value")
         return cls((SHORTEST, LONGEST), (value, value))
 
     @classmethod
-    def of_power(cls, wavelengths, power) -> "Spectrum":
+    def of_power(cls, wavelengths: ArrayLike, power: ArrayLike) -> "Spectrum":
         """Return the spectrum of a lamp whose power was measured, scaled to the luminance of a white light of 1.
 
         Parameters
@@ -107,7 +112,7 @@ class Spectrum(tuple):
         return cls(nodes, ratio / luminance)
 
     @classmethod
-    def blackbody(cls, kelvin) -> "Spectrum":
+    def blackbody(cls, kelvin: float) -> "Spectrum":
         """Return the light of a glowing black body, scaled to the luminance of a white light of 1.
 
         Parameters
@@ -133,7 +138,7 @@ class Spectrum(tuple):
         return cls.of_power(WAVELENGTHS, np.exp(log_power - log_power.max()))
 
     @classmethod
-    def of_rgb(cls, color) -> "Spectrum":
+    def of_rgb(cls, color: ColorLike) -> "Spectrum":
         """Return the spectrum of an RGB colour that varies least with the wavelength; a grey is flat.
 
         Its values may leave 0..1: those of red, green and blue lie within -0.18..1.09.
@@ -150,21 +155,21 @@ class Spectrum(tuple):
         ------
         SceneError : a colour that is not legal
         """
-        rgb = tuple(linear_rgb(color, "the spectrum's color"))
-        return _spectrum(WAVELENGTHS, samples_of(rgb, N_TABLE), cls)
+        red, green, blue = linear_rgb(color, "the spectrum's color")
+        return _spectrum(WAVELENGTHS, samples_of((red, green, blue), N_TABLE), cls)
 
-    def at(self, wavelengths) -> np.ndarray:
+    def at(self, wavelengths: ArrayLike) -> NDArray[np.float64]:
         """Return the values at wavelengths: finite numbers in nm, of any shape; float64 of the same shape."""
         return np.interp(_numbers(wavelengths, "wavelengths"), self._wavelengths, self._values)
 
-    def scaled(self, factor) -> "Spectrum":
+    def scaled(self, factor: float) -> "Spectrum":
         """Return the spectrum times a number, at least 0: a weaker or stronger light, a darker or brighter surface."""
         value = number(factor, "the spectrum's factor")
         if value < 0.0:
             raise SceneError(f"the spectrum's factor must be at least 0; given {shown(factor)}")
         return _spectrum(self._wavelengths, self._values * value, type(self))
 
-    def __eq__(self, other) -> bool:
+    def __eq__(self, other: object) -> bool:
         if not isinstance(other, tuple):
             return NotImplemented
         return (
@@ -173,13 +178,13 @@ class Spectrum(tuple):
             and np.array_equal(self._values, other._values)
         )
 
-    def __ne__(self, other) -> bool:
+    def __ne__(self, other: object) -> bool:
         return not self == other  # a tuple has its own, by RGB
 
     def __hash__(self) -> int:
         return hash((self._wavelengths.tobytes(), self._values.tobytes()))
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple:
         return _spectrum, (self._wavelengths, self._values, type(self))
 
     def __repr__(self) -> str:
@@ -188,7 +193,7 @@ class Spectrum(tuple):
         return f"Spectrum({reach}, RGB {red:.4g}, {green:.4g}, {blue:.4g})"
 
 
-def _spectrum(wavelengths, values, cls) -> Spectrum:
+def _spectrum(wavelengths: NDArray, values: NDArray, cls: type[Spectrum]) -> Spectrum:
     """Make a spectrum of samples that are known to be legal, but for values below 0."""
     wavelengths, values = (_frozen(row) for row in (wavelengths, values))
     rgb = rgb_of(np.interp(WAVELENGTHS, wavelengths, values))
@@ -197,14 +202,14 @@ def _spectrum(wavelengths, values, cls) -> Spectrum:
     return spectrum
 
 
-def _frozen(row) -> np.ndarray:
+def _frozen(row: NDArray) -> NDArray[np.float64]:
     """A read-only copy; adding 0 turns -0 into 0, so that equal spectra have equal bytes."""
     row = row + 0.0
     row.flags.writeable = False
     return row
 
 
-def _row(values, what: str) -> np.ndarray:
+def _row(values: ArrayLike, what: str) -> NDArray[np.float64]:
     """A row of finite numbers as (n,) float64, n at least 1."""
     row = _numbers(values, what)
     if row.ndim != 1 or row.size == 0:
@@ -212,7 +217,7 @@ def _row(values, what: str) -> np.ndarray:
     return row
 
 
-def _numbers(values, what: str) -> np.ndarray:
+def _numbers(values: ArrayLike, what: str) -> NDArray[np.float64]:
     """Finite numbers of any shape as float64."""
     try:
         numbers = plain_array(values)
@@ -223,7 +228,7 @@ def _numbers(values, what: str) -> np.ndarray:
     return numbers.astype(np.float64)
 
 
-def _check_samples(wavelengths, values, name: str) -> None:
+def _check_samples(wavelengths: NDArray, values: NDArray, name: str) -> None:
     """Refuse samples that make no spectrum."""
     if len(wavelengths) != len(values):
         raise SceneError(
@@ -242,13 +247,13 @@ def _check_samples(wavelengths, values, name: str) -> None:
 # --- sampled spectra ----------------------------------------------------------------------------------------
 
 
-def sampling(n: int) -> np.ndarray:
+def sampling(n: int) -> NDArray[np.float64]:
     """Return n wavelengths, at least 2, evenly from 380 to 780 nm: (n,) float64."""
     return np.linspace(SHORTEST, LONGEST, n)
 
 
 @cache
-def xyz_weights(n: int) -> np.ndarray:
+def xyz_weights(n: int) -> NDArray[np.float64]:
     """Return the weights of a spectrum's samples in its tristimulus values.
 
     Where n is less than 81 a sample stands for all of the curve around it: its weight is the integral of the hat that
@@ -278,7 +283,7 @@ def xyz_weights(n: int) -> np.ndarray:
 
 
 @cache
-def rgb_weights(n: int) -> np.ndarray:
+def rgb_weights(n: int) -> NDArray[np.float64]:
     """Return the weights of a spectrum's samples in its linear RGB.
 
     Parameters
@@ -296,7 +301,7 @@ def rgb_weights(n: int) -> np.ndarray:
     return weights
 
 
-def rgb_from_xyz(white) -> np.ndarray:
+def rgb_from_xyz(white: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the matrix from XYZ to linear RGB with the sRGB primaries and a given white.
 
     Parameters
@@ -315,7 +320,7 @@ def rgb_from_xyz(white) -> np.ndarray:
     return np.linalg.inv(primaries * strengths)
 
 
-def rgb_of(samples) -> np.ndarray:
+def rgb_of(samples: ArrayLike) -> NDArray[np.float64]:
     """Return the linear RGB of sampled spectra.
 
     Parameters
@@ -333,7 +338,7 @@ def rgb_of(samples) -> np.ndarray:
 
 
 @cache
-def rgb_basis(n: int) -> np.ndarray:
+def rgb_basis(n: int) -> NDArray[np.float64]:
     """Return the spectra of pure red, green and blue that vary least, as samples.
 
     Each minimises the sum of its squared first differences, |D s|², where its RGB is given, Wᵀ s = e. With Lagrange
@@ -360,13 +365,13 @@ def rgb_basis(n: int) -> np.ndarray:
     system[:n, :n] = differences.T @ differences
     system[:n, n:] = rgb_weights(n)
     system[n:, :n] = rgb_weights(n).T
-    basis = np.linalg.solve(system, np.eye(n + 3)[:, n:])[:n]
+    basis = np.linalg.solve(system, np.eye(n + 3)[:, n:])[:n].astype(np.float64, copy=False)
     basis[:, 2] = 1.0 - basis[:, 0] - basis[:, 1]  # the same but for rounding
     basis.flags.writeable = False
     return basis
 
 
-def samples_of(color, n: int) -> np.ndarray:
+def samples_of(color: tuple[float, float, float], n: int) -> NDArray[np.float64]:
     """Return a colour as samples of a spectrum.
 
     Parameters

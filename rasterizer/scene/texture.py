@@ -14,19 +14,25 @@ import os
 import struct
 import warnings
 import zlib
+from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from typing import IO, TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import ModelError, SceneError
+from ..choices import FILTERS, WRAPS, Filter, Wrap
+from ..errors import ModelError, SceneError, shown
+from .arrays import plain_array
 from .color import linear_from_srgb_bytes
 from .mesh_arrays import KeepsArrays, fixed
-from .validate import choice, plain_array, shown
+from .validate import choice
 
-FILTERS = ("nearest", "bilinear", "trilinear")
-WRAPS = ("repeat", "clamp", "mirror")
+if TYPE_CHECKING:
+    from PIL import Image
+
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")  # Pillow's names
 MOST_TEXELS = 2**14  # along a side
 MOST_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096
@@ -38,6 +44,20 @@ PICTURE_FAULTS = (
     OSError, ValueError, SyntaxError, EOFError, LookupError, struct.error, MemoryError, ArithmeticError, RuntimeError, TypeError,
     AttributeError, AssertionError, zlib.error,
 )  # fmt: skip
+
+
+class HasPixels(Protocol):
+    """What is taken for a picture: `PIL.Image.Image` and its like."""
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height), pixels."""
+
+    def convert(self, mode: str) -> Any:
+        """Return the picture in another mode of Pillow's."""
+
+
+ImageLike: TypeAlias = ArrayLike | str | os.PathLike[str] | HasPixels  # what a texture is made of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,20 +80,30 @@ class Texture(KeepsArrays):
     ModelError : a file that can't be read as a picture, or is too large
     """
 
-    image: object
-    filter: str = "trilinear"
-    wrap: object = "repeat"
+    image: NDArray[np.float32]
+    filter: Filter = "trilinear"
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
     name: str = ""
 
-    def __post_init__(self):
+    if TYPE_CHECKING:  # more may be given than is stored
+
+        def __init__(
+            self,
+            image: ImageLike,
+            filter: Filter = ...,
+            wrap: Wrap | tuple[Wrap, Wrap] = ...,
+            name: str = ...,
+        ) -> None: ...
+
+    def __post_init__(self) -> None:
         choice(self.filter, FILTERS, "the texture's filter")
-        wrap = (self.wrap, self.wrap) if isinstance(self.wrap, str) else self.wrap
+        wrap: Any = (self.wrap, self.wrap) if isinstance(self.wrap, str) else self.wrap
         if not isinstance(wrap, (tuple, list)) or len(wrap) != 2:
             raise SceneError(f"the texture's wrap must be one word, or two for u and v; given {shown(self.wrap)}")
         object.__setattr__(self, "wrap", tuple(choice(word, WRAPS, "the texture's wrap") for word in wrap))
         if not isinstance(self.name, str):
             raise SceneError(f"the texture's name must be text; given {shown(self.name)}")
-        image = self.image
+        image: Any = self.image
         if isinstance(image, (str, os.PathLike)):
             object.__setattr__(self, "name", self.name or os.fsdecode(image))
             image = read_picture(image, os.fsdecode(image))
@@ -100,7 +130,7 @@ class Texture(KeepsArrays):
         return bool((self.image[..., 3] < 1.0).any())
 
     @cached_property
-    def pyramid(self) -> tuple[np.ndarray, ...]:
+    def pyramid(self) -> tuple[NDArray[np.float32], ...]:
         """The picture and its mipmaps, (h, w, 4) float32 each, read-only, the last one with a single texel; the picture
         alone where the filter needs no mipmaps.
 
@@ -112,6 +142,9 @@ class Texture(KeepsArrays):
         while self.filter == "trilinear" and max(levels[-1].shape[:2]) > 1:
             levels.append(_halve(levels[-1]))
         return tuple(levels)
+
+
+TextureLike: TypeAlias = Texture | ImageLike  # what a material takes for one
 
 
 def most_texels() -> int:
@@ -135,7 +168,7 @@ class Budget:
     with mipmaps), so that a file that uses one picture in a thousand ways is stopped.
     """
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.left = 2 * most_texels()
 
     def take(self, n_texel: int, name: str) -> None:
@@ -148,7 +181,9 @@ class Budget:
         self.left -= n_texel
 
 
-def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
+def read_picture(
+    source: str | os.PathLike[str] | IO[bytes], name: str, budget: Budget | None = None
+) -> NDArray[np.uint8]:
     """Read a picture file.
 
     Parameters
@@ -165,7 +200,7 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
     ------
     ModelError : a file that can't be read as a picture, is of another format than `FORMATS`, or too large
     """
-    from PIL import Image
+    from PIL import Image, UnidentifiedImageError
 
     logging.getLogger("PIL").addHandler(_NOWHERE)
     try:
@@ -177,18 +212,18 @@ def read_picture(source, name: str, budget: Budget | None = None) -> np.ndarray:
                     return _pixels_of(picture)
     except (ModelError, SceneError):
         raise
-    except Image.UnidentifiedImageError as fault:
+    except UnidentifiedImageError as fault:
         raise ModelError(f"{name}: can't be read as a picture: is none of {', '.join(FORMATS)}") from fault
     except Image.DecompressionBombError as fault:
         raise ModelError(
-            f"{name}: can't be read as a picture: more than {2 * Image.MAX_IMAGE_PIXELS} texels"
+            f"{name}: can't be read as a picture: more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} texels"
         ) from fault
     except PICTURE_FAULTS as fault:
         raise ModelError(f"{name}: can't be read as a picture ({_reason(fault)})") from fault
 
 
 @contextmanager
-def _silenced():
+def _silenced() -> Iterator[None]:
     """Let nothing be written to the process's stderr: libtiff has no other way to say what it thinks of a file."""
     try:
         kept = os.dup(2)
@@ -205,7 +240,7 @@ def _silenced():
         os.close(nowhere)
 
 
-def _check_size(picture, name, budget) -> None:
+def _check_size(picture: "Image.Image", name: str, budget: Budget | None) -> None:
     """Raise ModelError for a picture whose header asks for more texels than may be made."""
     width, height = picture.size
     if max(width, height) > MOST_TEXELS:
@@ -221,13 +256,13 @@ def _check_size(picture, name, budget) -> None:
         budget.take(width * height // 4, name)
 
 
-def _reason(fault) -> str:
+def _reason(fault: Exception) -> str:
     """What an error of Pillow's says, on one line and not too long."""
     text = " ".join(str(getattr(fault, "strerror", None) or fault).split())
     return shown(text)[1:-1] if text else type(fault).__name__
 
 
-def _pixels_of(picture) -> np.ndarray:
+def _pixels_of(picture: "Image.Image") -> NDArray[np.uint8]:
     """The pixels of a PIL image, in 8 bits; palettes and rarer modes as RGBA."""
     if picture.mode.startswith("I;16"):  # PIL would cut off what is above 255
         wide = np.asarray(picture)
@@ -239,13 +274,13 @@ def _pixels_of(picture) -> np.ndarray:
     return np.asarray(picture if is_plain else picture.convert("RGBA"))
 
 
-def _strips(height, width) -> list[slice]:
+def _strips(height: int, width: int) -> list[slice]:
     """Cut rows into strips, so that what is computed on the way needs little room beside the picture."""
     n_row = max(1, _STRIP // width)
     return [slice(start, min(start + n_row, height)) for start in range(0, height, n_row)]
 
 
-def _checked_image(image) -> np.ndarray:
+def _checked_image(image: Any) -> NDArray[np.float32]:
     """Return an image as (h, w, 4) float32, linear, read-only."""
     try:
         array = plain_array(image)
@@ -273,7 +308,7 @@ def _checked_image(image) -> np.ndarray:
     return fixed(out)
 
 
-def _halve(level) -> np.ndarray:
+def _halve(level: NDArray[np.float32]) -> NDArray[np.float32]:
     """The next mipmap, made in strips of its rows."""
     n_row, n_column = (max(n // 2, 1) for n in level.shape[:2])
     half = np.empty((n_row, n_column, 4), np.float32)
@@ -283,7 +318,7 @@ def _halve(level) -> np.ndarray:
     return half
 
 
-def _halve_strip(level, rows, out) -> None:
+def _halve_strip(level: NDArray[np.float32], rows: slice, out: NDArray[np.float32]) -> None:
     """Write some rows of the next mipmap, in float64 between."""
     # Of n = 2 m + 1 rows, the new one k needs rows 2 k to 2 k + 2.
     source = level if len(level) == 1 else level[2 * rows.start : 2 * rows.stop + len(level) % 2]
@@ -296,7 +331,7 @@ def _halve_strip(level, rows, out) -> None:
     out[..., 3:] = alpha
 
 
-def _halve_axis(array, axis, n, first=0) -> np.ndarray:
+def _halve_axis(array: NDArray, axis: int, n: int, first: int = 0) -> NDArray:
     """Means of what each of half as many texels covers along an axis of n: of all, or of those for the new ones from
     `first` on.
 

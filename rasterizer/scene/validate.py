@@ -1,48 +1,31 @@
-"""Checks shared by the scene's dataclasses: a number, a vector, a word, a size."""
+"""Checks shared by the scene's dataclasses, the options and the analysis: a number, a vector, a word, a size.
+
+Each returns the value in the form that is stored, or raises SceneError with what was given and what is legal. Only the
+standard library is imported, because the command line's help needs the options.
+"""
 
 import math
-
-import numpy as np
+import operator
+from collections.abc import Collection
+from typing import Any
 
 from ..errors import SceneError, shown
 
 COORDINATE_LIMIT = 1e100  # beyond it, products of coordinates overflow
-
-AXES = {
-    "x": (1.0, 0.0, 0.0),
-    "y": (0.0, 1.0, 0.0),
-    "z": (0.0, 0.0, 1.0),
-    "-x": (-1.0, 0.0, 0.0),
-    "-y": (0.0, -1.0, 0.0),
-    "-z": (0.0, 0.0, -1.0),
-}
-
-
 _MOST_PIXELS = 2**31 - 1  # that any size may have; a picture has fewer, see Options
 
 
-def plain_array(values) -> np.ndarray:
-    """Return `np.asarray(values)`, numbers beyond float64 as infinities.
+def number(value: object, what: str) -> float:
+    """Return `value` as a finite float; SceneError where it is none.
 
-    Raises
-    ------
-    TypeError, ValueError : no array, or a masked one, whose masked values would count
+    Booleans, text and masked values are no numbers. `what` names the value in the message.
     """
-    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
-        raise ValueError("masked values are no numbers")
-    array = np.asarray(values)
-    if array.dtype.kind == "f" and array.dtype.itemsize > 8:
-        with np.errstate(over="ignore"):
-            array = array.astype(np.float64)
-    return array
-
-
-def number(value, what: str) -> float:
-    """Return `value` as a finite float; SceneError where it is none (booleans and text are none)."""
-    is_scalar = not isinstance(value, (str, bytes, bool, np.bool_)) and getattr(value, "ndim", 0) == 0
-    is_scalar = is_scalar and value is not np.ma.masked and getattr(getattr(value, "dtype", None), "kind", "f") in "fiu"
+    is_scalar = not isinstance(value, (str, bytes, bool)) and getattr(value, "ndim", 0) == 0
+    # The kind of numpy's booleans is "b"; a masked value has a mask that is true.
+    is_scalar = is_scalar and getattr(getattr(value, "dtype", None), "kind", "f") in "fiu"
+    is_scalar = is_scalar and not getattr(value, "mask", False)
     try:
-        result = float(value) if is_scalar else math.nan
+        result = float(value) if is_scalar else math.nan  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         result = math.nan
     if not math.isfinite(result):
@@ -50,10 +33,26 @@ def number(value, what: str) -> float:
     return result
 
 
-def vector3(value, what: str) -> tuple[float, float, float]:
+def is_whole(value: object, low: float = -math.inf, high: float = math.inf) -> bool:
+    """Tell whether a value is an integer within low..high: Python's or numpy's, no float and no boolean."""
+    try:
+        return not isinstance(value, bool) and low <= operator.index(value) <= high  # type: ignore[arg-type]
+    except TypeError:
+        return False
+
+
+def whole(value: object, what: str, low: int, high: float = math.inf) -> int:
+    """Return `value` as an int within low..high; SceneError where it is anything else."""
+    if not is_whole(value, low, high):
+        legal = f"from {low} upwards" if high == math.inf else f"within {low}..{high}"
+        raise SceneError(f"{what} must be a whole number {legal}; given {shown(value)}")
+    return operator.index(value)  # type: ignore[arg-type]
+
+
+def vector3(value: object, what: str) -> tuple[float, float, float]:
     """Return `value` as three finite floats; SceneError where it is anything else."""
     try:
-        items = [] if isinstance(value, (str, bytes)) else list(value)
+        items = [] if isinstance(value, (str, bytes)) else list(value)  # type: ignore[call-overload]
     except TypeError:
         items = []
     if len(items) != 3:
@@ -62,15 +61,15 @@ def vector3(value, what: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def place3(value, what: str) -> tuple[float, float, float]:
-    """Return `value` as three floats within ±COORDINATE_LIMIT; SceneError where it is anything else."""
+def place3(value: object, what: str) -> tuple[float, float, float]:
+    """Return `value` as a point: three floats within ±COORDINATE_LIMIT; SceneError where it is anything else."""
     place = vector3(value, what)
     if max(map(abs, place)) > COORDINATE_LIMIT:
         raise SceneError(f"{what} must be within ±{COORDINATE_LIMIT:g} scene units; given {shown(value)}")
     return place
 
 
-def unit3(value, what: str) -> tuple[float, float, float]:
+def unit3(value: object, what: str) -> tuple[float, float, float]:
     """Return `value` as a unit 3-vector; SceneError where it has no length or is not finite."""
     x, y, z = vector3(value, what)
     # dividing by the largest component first keeps the squares from over- and underflowing
@@ -82,20 +81,25 @@ def unit3(value, what: str) -> tuple[float, float, float]:
     return x / length, y / length, z / length
 
 
-def choice(value, legal: tuple[str, ...], what: str) -> str:
+def choice(value: object, legal: Collection[str], what: str) -> str:
     """Return `value` where it is one of the `legal` words, else raise SceneError that lists them."""
     if not isinstance(value, str) or value not in legal:
         raise SceneError(f"{what} must be one of {', '.join(map(repr, legal))}; given {shown(value)}")
     return value
 
 
-def picture_size(size) -> tuple[int, int]:
-    """Return a picture's size as two ints of at least 1."""
+def picture_size(size: object) -> tuple[int, int]:
+    """Return a picture's size as two ints of at least 1; whole floats are taken, too.
+
+    Raises SceneError for anything else.
+    """
+    width: Any = None
+    height: Any = None
     try:
-        width, height = size
-        is_whole = int(width) == width and int(height) == height
+        width, height = size  # type: ignore[misc]
+        is_size = int(width) == width and int(height) == height
     except (TypeError, ValueError, OverflowError):
-        is_whole = False
-    if not is_whole or not (1 <= width <= _MOST_PIXELS and 1 <= height <= _MOST_PIXELS):
+        is_size = False
+    if not is_size or not (is_whole(int(width), 1, _MOST_PIXELS) and is_whole(int(height), 1, _MOST_PIXELS)):
         raise SceneError(f"size must be (width, height), whole pixels of at least 1; given {shown(size)}")
     return int(width), int(height)

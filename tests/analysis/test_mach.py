@@ -136,15 +136,19 @@ def test_subdivision_and_size_make_the_bands_smaller():
 def test_the_judges_picture_will_do():
     scene = rz.load(ROOT / "models" / "sphere.obj")
     frame = rz.render(scene, (160, 120), shading="phong", tolerance=0, outputs=("color", "face"))
-    judged = rz.mach_bands(reference.render(scene, (160, 120), "phong"), scene)
+    judged = rz.mach_bands(reference.render(scene, (160, 120), shading="phong"), scene)
     assert judged == pytest.approx(rz.mach_bands(frame, scene), abs=1e-6)
 
 
 @pytest.mark.parametrize("size", [(1, 9), (2, 9), (5, 5), (6, 1)])
 def test_small_pictures(size):
+    """No two faces of three pixels meet: nothing was looked at, and nothing jumps; in a larger picture something
+    does."""
     scene = rz.Scene([rz.Mesh(*octasphere(1))])
-    frame = rz.render(scene, size, outputs=("color", "face"))
-    assert rz.mach_bands(frame, scene).slope_jump < 1
+    small, large = (rz.render(scene, s, shading="flat", outputs=("color", "face")) for s in (size, (64, 48)))
+    assert rz.mach_bands(small, scene) == (0.0, 0.0, 0)
+    bands = rz.mach_bands(large, scene)
+    assert bands.n_place > 0 and 0.01 < bands.value_jump < 1 and 0.01 < bands.slope_jump < 1, bands
 
 
 def test_what_is_no_picture_for_it():

@@ -15,7 +15,7 @@ DAY = 24 * 3600
 TINY = """
 import numpy as np
 from rasterizer.compiler import kernels
-from rasterizer.scene.geometry import find_clearance
+from rasterizer.geometry.surfaces import find_clearance
 
 corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
 clearance = find_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0)
@@ -81,14 +81,14 @@ def test_an_asked_folder_that_cannot_be_written_is_done_without(tmp_path, kind):
 
 
 def test_whole_pictures_without_a_cache(tmp_path):
-    """Row functions take a way of their own into the cache."""
+    """Batch functions take a way of their own into the cache."""
     program = """
 from rasterizer.compiler import kernels
-from rasterizer.pipeline.lights import LIGHTS
+from rasterizer.pipeline.light_kinds import LIGHT_FUNCTIONS
 import numpy as np
 
-function = kernels.row_function(LIGHTS["directional"].row_function, np.float32)
-assert function.address and function is kernels.row_function(LIGHTS["directional"].row_function, np.float32)
+function = kernels.batch_function(LIGHT_FUNCTIONS["directional"].evaluate, np.float32)
+assert function.address and function is kernels.batch_function(LIGHT_FUNCTIONS["directional"].evaluate, np.float32)
 print(kernels.CACHE_FOLDER)
 """
     place = tmp_path / "file"
@@ -123,8 +123,8 @@ def test_a_caller_keeps_a_cache_folder_of_his_own(tmp_path):
 import numba
 numba.config.CACHE_DIR = {str(his)!r}
 {TINY}
-from rasterizer.pipeline.lights import LIGHTS
-kernels.row_function(LIGHTS["directional"].row_function, np.float64)
+from rasterizer.pipeline.light_kinds import LIGHT_FUNCTIONS
+kernels.batch_function(LIGHT_FUNCTIONS["directional"].evaluate, np.float64)
 assert numba.config.CACHE_DIR == {str(his)!r}
 
 @numba.njit(cache=True)
@@ -140,7 +140,7 @@ print(kernels.CACHE_FOLDER.parent)
         for folder in (his, ours)
     }
     assert made["his"] == {"program.twice"}
-    assert made["ours"] == {"geometry.find_clearance", "lights.directional"}
+    assert made["ours"] == {"surfaces.find_clearance", "light_kinds.directional"}
 
 
 @pytest.mark.parametrize("value", [None, "", "somewhere"])

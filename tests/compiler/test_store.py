@@ -29,7 +29,7 @@ def halves(x):
 
 
 def doubles(rows, n, params):
-    """A row function."""
+    """A batch function."""
     for k in range(n):
         rows[k] *= 2.0
 
@@ -128,9 +128,9 @@ def test_every_bit_counts(tmp_path):
 
 
 def compiled_and_used(folder, monkeypatch):
-    """Compile a kernel and a row function anew, use both; return how many were found on disk."""
+    """Compile a kernel and a batch function anew, use both; return how many were found on disk."""
     monkeypatch.setattr(kernels, "CACHE_FOLDER", folder)
-    kernel, row = kernels.kernel(halves), kernels.row_function.__wrapped__(doubles, np.float64)
+    kernel, row = kernels.kernel(halves), kernels.batch_function.__wrapped__(doubles, np.float64)
     assert kernel(np.arange(5.0)) == 5.0
     rows = np.arange(4.0)
     row.ctypes(rows.ctypes.data_as(row.ctypes.argtypes[0]), 4, rows.ctypes.data_as(row.ctypes.argtypes[0]))
@@ -139,7 +139,7 @@ def compiled_and_used(folder, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", [*DAMAGES, *REPLACEMENTS, "right, but no kernel", "right, but of an unknown module"])
-def test_kernels_and_row_functions_are_compiled_again_where_theirs_are_damaged(tmp_path, monkeypatch, kind):
+def test_kernels_and_batch_functions_are_compiled_again_where_theirs_are_damaged(tmp_path, monkeypatch, kind):
     assert compiled_and_used(tmp_path, monkeypatch) == 0
     paths = list(tmp_path.glob(f"*{store.SUFFIX}"))
     assert compiled_and_used(tmp_path, monkeypatch) == len(paths) == 2
@@ -185,18 +185,18 @@ def run(program, cwd, **variables):
 @posix
 @pytest.mark.parametrize("most", [0, 100, 20_000])
 def test_a_limit_on_the_size_of_files_breaks_nothing(tmp_path, most):
-    """The limit of the system stands for a full disk: here a kernel doesn't fit, a row function may."""
+    """The limit of the system stands for a full disk: here a kernel doesn't fit, a batch function may."""
     program = f"""
 import resource
 resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))
 import numpy as np
 from rasterizer.compiler import kernels
-from rasterizer.pipeline.lights import LIGHTS
-from rasterizer.scene.geometry import find_clearance
+from rasterizer.pipeline.light_kinds import LIGHT_FUNCTIONS
+from rasterizer.geometry.surfaces import find_clearance
 
 corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
 assert 97 < find_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0) < 100
-assert kernels.row_function(LIGHTS["directional"].row_function, np.float32).address
+assert kernels.batch_function(LIGHT_FUNCTIONS["directional"].evaluate, np.float32).address
 """
     for _ in range(2):
         run(program, tmp_path, NUMBA_CACHE_DIR=tmp_path / "kernels")

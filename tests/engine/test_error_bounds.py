@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.against_reference import depth_resolution
 from helpers.bounded_scenes import random_scene
-from helpers.judge import depth_resolution
 from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz

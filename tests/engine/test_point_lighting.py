@@ -14,6 +14,7 @@ from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline.threads import Workers
 from rasterizer.reference import light as reference_light
+from rasterizer.reference.surface import gather
 
 UP = (0.0, 0.0, 1.0)
 WHITE = rz.Material(diffuse=1.0, ambient=1.0, specular=0.0)
@@ -74,9 +75,11 @@ def judged(points, normals, material, camera, spectral=None):
     """The same by the judge."""
     corners, faces = octasphere(0)
     scene = rz.Scene([rz.Mesh(corners, faces, material=material)], LIGHTS, camera)
-    surface = reference_light.gather(scene)
-    stage = reference_light.set_stage(scene, surface, camera.view(), camera.projection((4, 3)), "phong", spectral)
-    return sum(reference_light.light_points(points, normals, np.zeros(len(points), int), stage))
+    surface = gather(scene)
+    lighting = reference_light.make_lighting(
+        scene, surface, camera.view(), camera.projection((4, 3)), "phong", spectral
+    )
+    return sum(reference_light.light_points(points, normals, np.zeros(len(points), int), lighting))
 
 
 @pytest.mark.parametrize("spectral", [None, 40])

@@ -9,8 +9,9 @@ from helpers.pinhole import SHADINGS, octasphere, unit
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.uniforms import make_lighting, row_functions_of
+from rasterizer.engine.uniforms import batch_functions_of, make_lighting
 from rasterizer.options import Options
+from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.light_kinds import (
     ATTENUATION,
     AXIS,
@@ -24,8 +25,7 @@ from rasterizer.pipeline.light_kinds import (
     point,
     spot,
 )
-from rasterizer.pipeline.lighting import AMBIENT, DIFFUSE_COLOR, EMISSIVE, SPECULAR_COLOR
-from rasterizer.pipeline.reflection import SHININESS, blinn, distant_blinn, lambert
+from rasterizer.pipeline.reflection import blinn, distant_blinn, lambert
 from rasterizer.scene.spectrum import Spectrum
 
 CAMERA = rz.Camera.perspective((3, 1, 2), (0, 0, 0), up=(0, 0, 1), fov=40)
@@ -49,7 +49,7 @@ def lighting_of(lights, *materials, shadows=(), **options):
 def test_directions_point_to_the_light_and_places_are_relative_to_the_eye():
     place, way = np.array((0.5, -2, 3)), unit(np.array((0.2, 0.3, -1)))
     lights = (rz.DirectionalLight(way), rz.PointLight(place), rz.SpotLight(place, way))
-    rows = lighting_of(lights)[0].light
+    rows = lighting_of(lights)[0].lights
     assert np.allclose(rows[0, VECTOR : VECTOR + 3], -way, atol=1e-15)
     for k in (1, 2):
         assert np.allclose(rows[k, VECTOR : VECTOR + 3], place - (3, 1, 2), atol=1e-15)
@@ -59,7 +59,7 @@ def test_directions_point_to_the_light_and_places_are_relative_to_the_eye():
 def test_what_is_attached_to_the_camera_is_turned_to_the_world():
     place, way = np.array((0.5, -2, 3)), unit(np.array((0.2, 0.3, -1)))
     lights = rz.DirectionalLight(way), rz.PointLight(place), rz.SpotLight(place, way)
-    rows = lighting_of([replace(light, attached="camera") for light in lights])[0].light
+    rows = lighting_of([replace(light, attached="camera") for light in lights])[0].lights
     assert np.allclose(rows[0, VECTOR : VECTOR + 3], -(way @ AXES), atol=1e-15)
     for k in (1, 2):
         assert np.allclose(rows[k, VECTOR : VECTOR + 3], place @ AXES, atol=1e-15)
@@ -73,7 +73,7 @@ def test_numbers_of_positional_lights():
         rz.SpotLight((1, 2, 3), (0, 0, -1), inner=20, outer=60, exponent=3, attenuation="1/d^2"),
         rz.SpotLight((1, 2, 3), (0, 0, -1), inner=30, outer=30),
     )
-    rows = lighting_of(lights)[0].light
+    rows = lighting_of(lights)[0].lights
     assert rows[:, ATTENUATION : ATTENUATION + 3].tolist() == [[0.5, 0.25, 0.125], [1, 0, 0], [0, 0, 1], [1, 0, 0]]
     assert rows[:, MOST].tolist() == [1, np.inf, 1, 1] and rows[:, INVERSE_RANGE].tolist() == [0, 0.125, 0, 0]
     c_inner, c_outer = np.cos(np.radians((20, 60)))
@@ -81,16 +81,16 @@ def test_numbers_of_positional_lights():
     assert rows[2, CONE_SCALE] == pytest.approx(1 / (c_inner - c_outer), rel=1e-14) and rows[3, CONE_SCALE] == np.inf
 
 
-def test_row_functions_are_those_of_the_lights_and_then_of_the_materials():
+def test_batch_functions_are_those_of_the_lights_and_then_of_the_materials():
     area = rz.AreaLight((1, 2, 3), (1, 0, 0), (0, 1, 0), resolution=(2, 1))
     lights = (rz.AmbientLight(), rz.SpotLight((1, 2, 3), (0, 0, -1)), area, rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, rz.Material(specular=0), rz.Material(reflection="blinn"))
-    of_lights, of_materials = row_functions_of(plan, True)
+    of_lights, of_materials = batch_functions_of(plan, True)
     assert of_lights == [spot, point, point, directional] and of_materials == [[lambert] * 4, [blinn] * 4]
-    assert len(lighting.light_function) == 4 and lighting.reflection_function.shape == (2, 4)
+    assert len(lighting.light_functions) == 4 and lighting.reflection_functions.shape == (2, 4)
     # The half vector is constant where light and viewer are at infinity.
-    assert row_functions_of(plan, False)[1] == [[lambert] * 4, [blinn] * 3 + [distant_blinn]]
-    assert len(set(lighting.light_function.tolist())) == 3 and lighting.needs_position and lighting.needs_view
+    assert batch_functions_of(plan, False)[1] == [[lambert] * 4, [blinn] * 3 + [distant_blinn]]
+    assert len(set(lighting.light_functions.tolist())) == 3 and lighting.needs_position and lighting.needs_view
     assert not lighting_of((rz.DirectionalLight((0, 0, -1)),), rz.Material(specular=0))[0].needs_view
 
 
@@ -100,12 +100,11 @@ def test_row_functions_are_those_of_the_lights_and_then_of_the_materials():
 def test_a_grey_scene_has_one_channel_of_everything():
     material = rz.Material(ambient=0.5, diffuse=0.6, specular=0.2, emissive=0.1, shininess=7)
     lighting, _ = lighting_of((rz.AmbientLight(0.4), rz.AmbientLight(0.2), rz.PointLight((1, 2, 3), 0.7)), material)
-    (row,) = lighting.material
-    assert (lighting.n_channel, lighting.n_light_channel) == (1, 1) and row[SHININESS] == 7
-    assert [row[k] for k in (EMISSIVE, DIFFUSE_COLOR, SPECULAR_COLOR)] == [0.1, 0.6, 0.2] and row[
-        AMBIENT
-    ] == pytest.approx(0.3)
-    assert lighting.color.shape == (1, 1, 6) and (lighting.color == 0.7).all()
+    (row,) = lighting.materials
+    assert (lighting.n_channel, lighting.n_light_channel) == (1, 1) and row[m.SHININESS] == 7
+    assert [row[k] for k in (m.EMISSION, m.DIFFUSE, m.SPECULAR)] == [0.1, 0.6, 0.2]
+    assert row[m.AMBIENT] == pytest.approx(0.3)
+    assert lighting.colors.shape == (1, 1, 6) and (lighting.colors == 0.7).all()
 
 
 def test_lights_of_several_colours_need_three_sums():
@@ -117,8 +116,8 @@ def test_lights_of_several_colours_need_three_sums():
     )
     lighting, _ = lighting_of(lights, material)
     assert (lighting.n_channel, lighting.n_light_channel) == (3, 3)
-    assert np.allclose(lighting.color[0], [[0.7, 0.1, 0.2] * 2, [0.5] * 6])
-    assert np.allclose(lighting.material[0, AMBIENT : AMBIENT + 3], (0.2, 0.02, 0.02))
+    assert np.allclose(lighting.colors[0], [[0.7, 0.1, 0.2] * 2, [0.5] * 6])
+    assert np.allclose(lighting.materials[0, m.AMBIENT : m.AMBIENT + 3], (0.2, 0.02, 0.02))
     grey = lighting_of((rz.PointLight((1, 2, 3), 0.7),), rz.Material(diffuse=(0.6, 0.4, 0.2)))[0]
     assert (grey.n_channel, grey.n_light_channel) == (3, 1)
 
@@ -129,17 +128,17 @@ def test_with_spectra_every_material_has_sums_of_its_own():
     materials.append(rz.Material(diffuse=(0.2, 0.6, 0.4), specular=0, emissive=0.1))
     lights = (rz.AmbientLight(0.4), rz.PointLight((1, 2, 3), 0.5), rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, *materials, exposure=1)
-    assert (lighting.n_channel, lighting.n_light_channel) == (3, 3) and lighting.color.shape == (2, 2, 6)
-    assert np.allclose(lighting.color[0], [[0.5] * 3 + [0.3] * 3, [1.0] * 3 + [0.6] * 3], atol=1e-9)
-    assert np.allclose(lighting.color[1], [[0.2, 0.6, 0.4, 0, 0, 0], [0.4, 1.2, 0.8, 0, 0, 0]], atol=1e-9)
-    assert (lighting.material[:, DIFFUSE_COLOR : DIFFUSE_COLOR + 3] == 1).all()
-    assert (lighting.material[:, SPECULAR_COLOR : SPECULAR_COLOR + 3] == 1).all()
-    assert np.allclose(lighting.material[1, EMISSIVE : EMISSIVE + 3], 0.2) and plan.products is not None
+    assert (lighting.n_channel, lighting.n_light_channel) == (3, 3) and lighting.colors.shape == (2, 2, 6)
+    assert np.allclose(lighting.colors[0], [[0.5] * 3 + [0.3] * 3, [1.0] * 3 + [0.6] * 3], atol=1e-9)
+    assert np.allclose(lighting.colors[1], [[0.2, 0.6, 0.4, 0, 0, 0], [0.4, 1.2, 0.8, 0, 0, 0]], atol=1e-9)
+    assert (lighting.materials[:, m.DIFFUSE : m.DIFFUSE + 3] == 1).all()
+    assert (lighting.materials[:, m.SPECULAR : m.SPECULAR + 3] == 1).all()
+    assert np.allclose(lighting.materials[1, m.EMISSION : m.EMISSION + 3], 0.2) and plan.products is not None
 
 
 def test_a_scene_without_lights():
     lighting, _ = lighting_of((rz.AmbientLight(0.5),))
-    assert lighting.light.shape[0] == 0 and len(lighting.light_function) == 0 and not lighting.needs_position
+    assert lighting.lights.shape[0] == 0 and len(lighting.light_functions) == 0 and not lighting.needs_position
 
 
 # ── shadows ─────────────────────────────────────────────────────────────────────────────────────────────
@@ -151,10 +150,10 @@ def test_maps_are_handed_on_by_address():
 
     lights = (rz.DirectionalLight((0, 0, -1)), rz.DirectionalLight((0, 1, -1), shadow=True))
     lighting, plan = lighting_of(lights, shadows=(None, Map))
-    assert lighting.shadow.tolist() == [0, Map.block.ctypes.data] and lighting.shadow_function != 0
+    assert lighting.shadows.maps.tolist() == [0, Map.block.ctypes.data] and lighting.shadows.function != 0
     assert lighting.needs_position and plan.dtype == np.float64  # of the points, although no light has a place
     without = lighting_of((replace(lights[1], shadow=None),))[0]
-    assert len(without.shadow) == 0 and without.shadow_function == 0 and not without.needs_position
+    assert without.shadows is None and not without.needs_position
 
 
 # ── all together ────────────────────────────────────────────────────────────────────────────────────────
@@ -187,7 +186,7 @@ def test_shadows_textures_layers_and_materials_together(shading, spectral):
     camera = rz.Camera.perspective((3, 1, 4), (0, 0, 0.4), up=(0, 0, 1), fov=45)
     scene = rz.Scene(meshes, lights, camera, background=(0.1, 0.1, 0.2))
     frame = rz.render(scene, size, shading=shading, spectral=spectral, exposure=0.5, tolerance=0)
-    judge = reference.render(scene, size, shading, spectral=spectral, exposure=0.5)
+    judge = reference.render(scene, size, shading=shading, spectral=spectral, exposure=0.5)
     off = np.abs(frame.color - judge.color).max(axis=-1)
     # next to the line where light and shade meet, the judge's polygons throw shadows on their own smooth neighbours
     assert (off > 1e-5).mean() < 0.02, f"{(off > 1e-5).sum()} of {off.size} pixels differ, by up to {off.max():.3g}"

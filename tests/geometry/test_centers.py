@@ -1,8 +1,8 @@
-"""Polygons about their centres: no corner is preferred, and the judge agrees."""
+"""Polygons about their centres: no corner is preferred, and the reference agrees."""
 
 import numpy as np
 import pytest
-from helpers import judge
+from helpers.against_reference import EXACT, assert_matches_reference
 
 import rasterizer as rz
 from rasterizer.geometry.centers import Centers, with_means
@@ -10,7 +10,7 @@ from rasterizer.geometry.points import gather_geometry
 from rasterizer.pipeline.means import fill_means
 
 SIZE = (48, 36)
-GLOW = rz.Material(ambient=1, diffuse=0, specular=0)
+AMBIENT_ALONE = rz.Material(ambient=1, diffuse=0, specular=0)
 QUAD = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
 
 
@@ -34,7 +34,7 @@ def straight_on(meshes, **lights):
 def test_the_middle_of_a_quad_is_the_mean_of_its_corners(shading, tolerance):
     """0, 1, 0, 1: a fan shows 0 or 1 in the middle, as its list begins."""
     for first in range(4):
-        scene = straight_on(rz.Mesh(QUAD, [turned(range(4), first)], colors=grey([0, 1, 0, 1]), material=GLOW))
+        scene = straight_on(rz.Mesh(QUAD, [turned(range(4), first)], colors=grey([0, 1, 0, 1]), material=AMBIENT_ALONE))
         frame = rz.render(scene, 64, shading=shading, tolerance=tolerance, outputs=("color",))
         middle = frame.color[31:33, 31:33, 0].mean()
         assert abs(middle - 0.5) < 1e-6, f"first corner {first}: {middle} instead of 0.5"
@@ -85,7 +85,7 @@ def test_no_corner_is_preferred(shading, is_bent):
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
-def test_the_judge_agrees_about_polygons(shading):
+def test_the_reference_agrees_about_polygons(shading):
     """Polygons, triangles and concave ones, with textures, several materials, in front of and behind the near plane."""
     for seed in range(12):
         rng = np.random.default_rng(seed)
@@ -93,15 +93,15 @@ def test_the_judge_agrees_about_polygons(shading):
         points = np.array([(-2, -1, -1), (2, -1, -1), (2, -1, 4), (-2, -1, 4), (0, -1, 0), (0, 2, -2.0)])
         floor = rz.Mesh(
             points, [(0, 1, 2, 3), (0, 4, 1, 5), (1, 2, 5)],
-            materials=(rz.Material(diffuse=(1, 0.5, 0.2)), rz.Material(diffuse=0.4, specular=0.5)), face_material=[0, 1, 0],
-            face_colors=rng.uniform(size=(3, 3)),
+            materials=(rz.Material(diffuse=(1, 0.5, 0.2)), rz.Material(diffuse=0.4, specular=0.5)),
+            face_material=[0, 1, 0], face_colors=rng.uniform(size=(3, 3)),
         )  # fmt: skip
         scene = rz.Scene([*scene.meshes, floor], scene.lights, scene.camera)
-        judge.check(scene, SIZE, judge.EXACT, shading=shading, tolerance=0, ignored=0.06, far=0.005)
+        assert_matches_reference(scene, SIZE, EXACT, shading=shading, tolerance=0, ignored=0.06, far=0.005)
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
-def test_the_judge_agrees_about_transparent_polygons(shading):
+def test_the_reference_agrees_about_transparent_polygons(shading):
     for seed in range(4):
         rng = np.random.default_rng(seed)
         corners = (
@@ -112,7 +112,7 @@ def test_the_judge_agrees_about_transparent_polygons(shading):
             for points in corners
         ]
         scene = rz.Scene(meshes, [rz.PointLight((1, 2, 3), 1.0)], rz.Camera.perspective((0.3, 0.2, 5), (0, 0, 0)))
-        judge.check(scene, SIZE, judge.EXACT, shading=shading, tolerance=0, ignored=0.02)
+        assert_matches_reference(scene, SIZE, EXACT, shading=shading, tolerance=0, ignored=0.02)
 
 
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
@@ -132,10 +132,12 @@ def test_flat_colours_do_not_depend_on_the_first_corner():
     for shape in (QUAD, np.concatenate([QUAD, [(-2.0, 0, 0)]])):
         k = len(shape)
         for first in range(k):
-            scene = straight_on(rz.Mesh(shape, [turned(range(k), first)], colors=grey(np.arange(k) % 2), material=GLOW))
+            scene = straight_on(
+                rz.Mesh(shape, [turned(range(k), first)], colors=grey(np.arange(k) % 2), material=AMBIENT_ALONE)
+            )
             color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",)).color[4, 4, 0]
             assert abs(color - (np.arange(k) % 2).mean()) < 1e-6, f"first corner {first}: {color}"
-            judge.check(scene, (8, 8), judge.EXACT, shading="flat", tolerance=0)
+            assert_matches_reference(scene, (8, 8), EXACT, shading="flat", tolerance=0)
 
 
 def test_flat_shading_needs_no_centres():

@@ -7,14 +7,9 @@ import pytest
 from helpers.pinhole import octasphere, torus, unit
 
 import rasterizer as rz
-from rasterizer.geometry.points import (
-    find_clearance,
-    flag_inverted,
-    flat_part,
-    gather_geometry,
-    polygon_centroids,
-    smooth_part,
-)
+from rasterizer.geometry.mesh_points import flat_part, polygon_centroids, smooth_part
+from rasterizer.geometry.points import gather_geometry
+from rasterizer.geometry.surfaces import find_clearance, flag_inverted
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -193,7 +188,7 @@ def test_faces_whose_normals_contradict_their_winding_are_flagged():
     assert (inside.is_inverted == ~flipped).all()
     assert not gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]), True).is_inverted.any()
     nothing = np.ones(len(faces), np.uint8)
-    flag_inverted.py_func(geometry.positions, 0 * geometry.normals, geometry.vertex, nothing)
+    flag_inverted(geometry.positions, 0 * geometry.normals, geometry.vertex, nothing)
     assert not nothing.any(), "no normal is no contradiction"
 
 

@@ -7,7 +7,8 @@ import pytest
 
 import rasterizer as rz
 from rasterizer.geometry.ears import _exact_turn
-from rasterizer.geometry.polygons import cut_polygons, find_rings, look_at
+from rasterizer.geometry.polygons import find_rings
+from rasterizer.scene.triangulation import classify_polygons, cut_polygons
 
 ELL = [(0, 0), (8, 0), (8, 2), (2, 2), (2, 8), (0, 8)]
 KEYHOLE = [(0, 0), (4, 0), (4, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (3, 1), (1, 1)]
@@ -39,11 +40,13 @@ SHAPES = {
     "outward spike": [(0, 0), (2, 0), (5, 0), (2, 0), (2, 2), (1, 1), (0, 2)],
     "inward spike": [(0, 0), (4, 0), (4, 4), (2, 4), (2, 1), (2, 4), (0, 4)],
     "slit": [(0, 0), (4, 0), (4, 2), (1, 2), (4, 2), (4, 4), (0, 4)],
-    "two holes": [(0, 0), (9, 0), (7, 1), (5, 1), (7, 3), (7, 1), (9, 0), (9, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (1, 1)],
+    "two holes": [
+        (0, 0), (9, 0), (7, 1), (5, 1), (7, 3), (7, 1), (9, 0), (9, 4), (0, 4), (0, 0), (1, 1), (1, 3), (3, 3), (1, 1),
+    ],
 }  # fmt: skip
 
 
-def in_space(shape, axes=np.eye(3), unit=1.0, place=(0.0, 0.0, 0.0)):
+def in_space(shape, axes=((1, 0, 0), (0, 1, 0), (0, 0, 1)), unit=1.0, place=(0.0, 0.0, 0.0)):
     flat = np.asarray(shape, float)
     return (np.c_[flat, np.zeros(len(flat))] @ np.asarray(axes).T) * unit + np.asarray(place)
 
@@ -165,7 +168,7 @@ def test_convex_polygons_are_fans_and_bent_ones_begin_at_their_least_corner():
 
 def test_corners_that_turn_all_one_way_but_twice_round_are_not_convex():
     angle = np.arange(5) * 4 * np.pi / 5
-    is_convex, is_plane = look_at(in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))[:, None])
+    is_convex, is_plane = classify_polygons(in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))[:, None])
     assert not is_convex[0] and is_plane[0]
 
 
@@ -212,7 +215,7 @@ def test_turns_are_exact():
             c = a + (b - a) * int(rng.integers(-3, 4)) + (0, int(rng.integers(-1, 2)))
         (ax, ay), (bx, by), (cx, cy) = ([int(value) for value in point] for point in (a, b, c))
         expected = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
-        scaled = [float(value) * 2.0**-54 for value in (ax, ay, bx, by, cx, cy)]
+        scaled = [tuple(float(value) * 2.0**-54 for value in point) for point in ((ax, ay), (bx, by), (cx, cy))]
         assert _exact_turn(*scaled) == (expected > 0) - (expected < 0)
 
 
@@ -246,7 +249,8 @@ def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path, monkeyp
     with pytest.raises(rz.ModelError, match=r"star\.obj:30003: the face is concave and has 30000 corners"):
         rz.load(tmp_path / "star.obj")
     loop = "30000 " + " ".join(map(str, range(30000)))
-    head = "ply\nformat ascii 1.0\nelement vertex 30000\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\nelement vertex 30000\n{axes}element face 1\n"
     bodies = {
         "ply": head
         + "property list int int vertex_indices\nend_header\n"
@@ -259,7 +263,7 @@ def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path, monkeyp
         with pytest.raises(rz.ModelError, match=rf"star\.{format}.*is concave and has 30000 corners"):
             rz.load(tmp_path / f"star.{format}")
     assert rz.Mesh(in_space(star(15000, inner=1.0)), [range(30000)]).n_face == 29998
-    monkeypatch.setattr("rasterizer.geometry.polygons.MOST_STEPS", 4 * 14 * 14)
+    monkeypatch.setattr("rasterizer.scene.triangulation.MOST_STEPS", 4 * 14 * 14)
     flock = np.tile(np.arange(14), (5, 1))
     assert rz.Mesh(in_space(star(7)), flock[:4]).n_face == 48
     with pytest.raises(rz.ModelError, match="face 0 is concave and has 14 corners, and 4 more are to be cut"):

@@ -1,10 +1,10 @@
-"""Check what faces count by where normals are averaged: by hand on a box, on load, in pictures, and by the judge."""
+"""Check what faces count by where normals are averaged: by hand on a box, on load, in pictures, by the reference."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, check
+from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.pinhole import SHADINGS
 from helpers.raster import ROOT
 
@@ -51,8 +51,8 @@ def test_areas_and_numbers_of_triangles_by_hand(weighting):
 
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("weighting", ["angle", "area", "uniform"])
-def test_pictures_agree_with_the_judge(weighting, shading):
-    check(rz.Scene(box(weighting)), (48, 40), EXACT, shading=shading, tolerance=0)
+def test_pictures_agree_with_the_reference(weighting, shading):
+    assert_matches_reference(rz.Scene(box(weighting)), (48, 40), EXACT, shading=shading, tolerance=0)
 
 
 def test_pictures_differ_where_normals_are_averaged_and_only_there():

@@ -1,1 +1,1 @@
-"""Help for tests: scenes, judges and models that several of them share."""
+"""Help for tests: scenes, comparisons with the reference and models that several of them share."""

@@ -4,35 +4,44 @@ import ctypes
 
 import numpy as np
 
-from rasterizer.compiler.kernels import row_function
-from rasterizer.pipeline import fragments as r
-from rasterizer.pipeline.reflection import (
-    BRUSH,
-    FRESNEL,
-    LEVELS,
-    N_MATERIAL_NUMBER,
-    REFLECTIONS,
-    ROUGHNESS,
-    ROUGHNESS_ACROSS,
-    SCALE,
-    SHININESS,
-)
+from rasterizer.compiler.kernels import batch_function
+from rasterizer.pipeline import fragments as f
+from rasterizer.pipeline import material_coefficients as m
+from rasterizer.pipeline.reflection import reflection_function_of
 
 DTYPES = [np.float32, np.float64]
-WRITTEN = (r.DIFFUSE, r.SPECULAR)
-NUMBERS = {ROUGHNESS: 0.3, ROUGHNESS_ACROSS: 0.5, BRUSH: 1.0, FRESNEL: 0.04, SCALE: 0.0, LEVELS: 3.0}
+WRITTEN = (f.DIFFUSE, f.SPECULAR)
+COEFFICIENTS = {
+    m.ROUGHNESS: 0.3,
+    m.ROUGHNESS_ACROSS: 0.5,
+    m.TANGENT_AXIS: 1.0,
+    m.FRESNEL: 0.04,
+    m.HIGHLIGHT_SCALE: 0.0,
+    m.TOON_LEVELS: 3.0,
+}
 
 
-def call(function, rows, n, numbers):
-    """Call a compiled row function."""
-    compiled = row_function(function, rows.dtype)
-    number = ctypes.POINTER(ctypes.c_float if rows.dtype == np.float32 else ctypes.c_double)
-    compiled.ctypes(rows.ctypes.data_as(number), n, numbers.ctypes.data_as(number))
+def call(function, batch, n, coefficients):
+    """Call a compiled light or reflection function."""
+    compiled = batch_function(function, batch.dtype)
+    real = ctypes.POINTER(ctypes.c_float if batch.dtype == np.float32 else ctypes.c_double)
+    compiled.ctypes(batch.ctypes.data_as(real), n, coefficients.ctypes.data_as(real))
 
 
-def take(rows, first, n):
-    """The numbers of n points, of as many rows as `first` has."""
-    return np.stack([rows[int(row) : int(row) + n] for row in first]).astype(np.float64)
+def axes_of(quantity):
+    """The three quantities of a vector."""
+    return [int(quantity + axis * f.NEXT) for axis in range(3)]
+
+
+def read(batch, quantities, n):
+    """What n fragments have, (number of quantities, n) float64."""
+    return np.stack([batch[int(first) : int(first) + n] for first in quantities]).astype(np.float64)
+
+
+def write(batch, quantities, rows):
+    """Fill quantities of as many fragments as each row has."""
+    for first, row in zip(quantities, rows, strict=True):
+        batch[int(first) : int(first) + len(row)] = row
 
 
 def dot(a, b):
@@ -41,34 +50,34 @@ def dot(a, b):
 
 
 def directions_of(dtype, *vectors):
-    """Directions (n, 3) or (3,), brought to one shape (n, 3), rounded to `dtype` as in the rows."""
+    """Directions (n, 3) or (3,), brought to one shape (n, 3), rounded to `dtype` as in a batch."""
     return [np.atleast_2d(v).astype(dtype) for v in np.broadcast_arrays(*np.atleast_2d(*vectors))]
 
 
-def reflect(model, normal, to_light, to_viewer, strength=1.0, shininess=8.0, has_kernels_cosines=False, given=NUMBERS):
+def reflect(model, normal, light_dir, view_dir, strength=1.0, shininess=8.0, has_kernels_cosines=False, given=None):
     """Evaluate a reflection model in the directions' type; return DIFFUSE and SPECULAR (2, n) float64.
 
     Directions (n, 3) have been rounded by `directions_of`. N·L and N·V are rounded once, so that what is
-    measured is the model's own error, or come about as the lights and the kernels find them.
+    measured is the model's own error, or come about as the lights and the kernels find them. `given` takes the place of
+    COEFFICIENTS.
     """
     dtype, (n, results) = normal.dtype, (len(normal), [])
     kind = dtype if has_kernels_cosines else float
-    cosines = [dot(normal.astype(kind), side.astype(kind)) for side in (to_light, to_viewer)]
-    numbers = np.zeros(N_MATERIAL_NUMBER, dtype)
-    numbers[SHININESS] = shininess
-    numbers[list(given)] = list(given.values())
-    first = (r.NORMAL_X, r.NORMAL_Y, r.NORMAL_Z, r.LIGHT_X, r.LIGHT_Y, r.LIGHT_Z)
-    first += (r.VIEW_X, r.VIEW_Y, r.VIEW_Z, r.N_DOT_L, r.N_DOT_V, r.STRENGTH)
-    columns = [*normal.T, *to_light.T, *to_viewer.T, *cosines, np.full(n, strength)]
-    for start in range(0, n, r.CHUNK):
-        rows = r.make_rows(dtype)
-        rows[:] = np.nan  # nothing may be taken over from before
-        rows[int(r.TANGENT_X) : int(r.TANGENT_X) + 3 * r.CHUNK] = np.repeat((3.0, 0.0, -1.0), r.CHUNK)
-        part = [column[start : start + r.CHUNK] for column in columns]
-        for row, values in zip(first, part, strict=True):
-            rows[int(row) : int(row) + len(values)] = values
-        call(REFLECTIONS[model].row_function, rows, len(part[0]), numbers)
-        results.append(take(rows, WRITTEN, len(part[0])))
+    cosines = [dot(normal.astype(kind), side.astype(kind)) for side in (light_dir, view_dir)]
+    material = np.zeros(m.N_REFLECTION_COEFFICIENT, dtype)
+    material[m.SHININESS] = shininess
+    given = COEFFICIENTS if given is None else given
+    material[list(given)] = list(given.values())
+    quantities = [*axes_of(f.NORMAL), *axes_of(f.LIGHT_DIR), *axes_of(f.VIEW_DIR), f.N_DOT_L, f.N_DOT_V, f.STRENGTH]
+    rows = [*normal.T, *light_dir.T, *view_dir.T, *cosines, np.full(n, strength)]
+    for start in range(0, n, f.BATCH_SIZE):
+        batch = f.make_batch(dtype)
+        batch[:] = np.nan  # nothing may be taken over from before
+        write(batch, axes_of(f.TANGENT), np.repeat([[3.0], [0.0], [-1.0]], f.BATCH_SIZE, axis=1))
+        write(batch, quantities, [row[start : start + f.BATCH_SIZE] for row in rows])
+        n_fragment = min(f.BATCH_SIZE, n - start)
+        call(reflection_function_of(model).evaluate, batch, n_fragment, material)
+        results.append(read(batch, WRITTEN, n_fragment))
     return np.concatenate(results, axis=1)
 
 

@@ -1,12 +1,13 @@
 """A campaign of random scenes: what is promised about a picture, checked on scenes that nobody has chosen.
 
+    export PYTHONPATH=.:tests
     python -m helpers.campaign SEED INDEX          one scene, and what is wrong with it
     python -m helpers.campaign SEED FIRST STOP     a range of scenes
     python -m helpers.campaign SEED FIRST STOP N   N steps uphill from each of them, towards errors above their bounds
     RASTERIZER_FUZZ_CASES=20000 pytest tests/pictures/test_campaign.py
 
-Each scene is drawn with its own tolerance, with tolerance 0, and by the judge; `find_faults` says which promises don't
-hold.
+Each scene is drawn with its own tolerance, with tolerance 0, and by the reference; `find_faults` says which promises
+don't hold.
 """
 
 import sys
@@ -17,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 import rasterizer as rz
+from helpers.against_reference import EXACT, clear_pixels, color_errors, depth_resolution
 from helpers.campaign_climb import mutated
 from helpers.campaign_scenes import Case, make_case
 from helpers.campaign_steps import next_to_step
-from helpers.judge import EXACT, clear_pixels, color_errors, depth_resolution
 from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.a_buffer import INVISIBLE_ALPHA
@@ -34,16 +35,17 @@ class Outcome(NamedTuple):
 
     faults: list  # of str; empty where all promises hold
     dtype: np.dtype  # in which the picture was lit
-    ratio: float  # largest error over its bound, of the samples that are judged
-    n_judged: int  # pixels
+    ratio: float  # largest error over its bound, of the samples that are compared
+    n_compared: int  # pixels
     n_step: int  # pixels left out because they lie next to a step
 
 
 def find_faults(case: Case) -> Outcome:
     """Draw a case in all ways, and check what is promised about it.
 
-    Finite, at least 0, covered and ordered as the judge says; no further from the picture with tolerance 0 and from the
-    judge's than the stated bounds; within one level of 8 bits with the default tolerance; same bytes with two threads.
+    Finite, at least 0, covered and ordered as the reference says; no further from the picture with tolerance 0 and from
+    the reference's than the stated bounds; within one level of 8 bits with the default tolerance; same bytes with two
+    threads.
     """
     scene, size, options = case.scene, case.size, case.options
     with warnings.catch_warnings(record=True) as caught:
@@ -167,32 +169,33 @@ def check_surfaces(case, frame, exact, expected):
 
 
 def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
-    """Colours, against the picture with tolerance 0 and against the judge's."""
+    """Colours, against the picture with tolerance 0 and against the reference's."""
     scene, faults, worst, n_step = case.scene, [], 0.0, 0
     stored = ROUNDED * np.abs(expected.color)
     promised = EXACT * max(np.abs(expected.color).max(), 1.0)  # of full scale
     bound, least = frame.stats.error_bound, exact.stats.error_bound
     of_exact, of_both = exact.stats.steps, (*exact.stats.steps, *frame.stats.steps)
     pairs = (
-        ("tolerance 0 against the judge", color_errors(scene, exact, expected), promised + stored, of_exact),
+        ("tolerance 0 against the reference", color_errors(scene, exact, expected), promised + stored, of_exact),
         ("against tolerance 0", color_errors(scene, frame, exact), np.full(stored.shape, bound + least), of_both),
-        ("against the judge", color_errors(scene, frame, expected), bound + stored, of_both),
+        ("against the reference", color_errors(scene, frame, expected), bound + stored, of_both),
     )
     for name, error, limit, steps in pairs:
         is_far = (error > limit).any(axis=-1)
-        if is_far.any() and "judge" in name:
+        if is_far.any() and "reference" in name:
             is_far &= is_clear if case.options["samples"] == 1 else all_clear(case)
         if is_far.any():
             is_next = next_to_step(case, steps)
             n_step += (is_far & is_next).sum()
             is_far &= ~is_next
         share = (error / np.maximum(limit, np.finfo(np.float64).tiny)).max(axis=-1)
-        share[(share > 1.0) & ~is_far] = 0.0  # not judged
+        share[(share > 1.0) & ~is_far] = 0.0  # not compared
         worst = max(worst, float(share.max(initial=0.0)))
         if is_far.any():
             y, x = np.unravel_index(np.argmax(share), share.shape)
             faults.append(
-                f"{name}: {error[y, x].max():.3g} is {share.max():.3g} times the bound, {is_far.sum()} pixels, at {x}, {y}"
+                f"{name}: {error[y, x].max():.3g} is {share.max():.3g} times the bound, {is_far.sum()} pixels, "
+                f"at {x}, {y}"
             )
     if case.options["tolerance"] <= DEFAULT_TOLERANCE and not faults:
         levels = np.abs(frame.rgb.astype(int) - exact.rgb).max(axis=-1)
@@ -232,7 +235,7 @@ def climb(case: Case, n: int):
         except rz.RasterizerError:
             continue
         outcome = find_faults(neighbour)
-        if outcome.faults or (outcome.ratio >= best.ratio and outcome.n_judged > 0):
+        if outcome.faults or (outcome.ratio >= best.ratio and outcome.n_compared > 0):
             case, best = neighbour, outcome
     return case, best
 

@@ -1,7 +1,7 @@
 """Where pictures jump, as frames state it: help for the campaign.
 
-`frame.stats.steps` lists causes, and how near to each of them no bound holds. Here the judge draws the scene again, and
-what is lit so near to a step becomes NaN: whatever pixel that reaches is next to a step.
+`frame.stats.steps` lists causes, and how near to each of them no bound holds. Here the reference draws the scene again,
+and what is lit so near to a step becomes NaN: whatever pixel that reaches is next to a step.
 """
 
 from contextlib import ExitStack
@@ -11,7 +11,9 @@ import numpy as np
 
 from rasterizer import reference
 from rasterizer.reference import lamp as lamps
-from rasterizer.reference import light as lighting
+from rasterizer.reference import shading
+from rasterizer.reference.light import to_viewer
+from rasterizer.reference.materials import channels_of
 from rasterizer.reference.vectors import blend, dot, length, unit
 
 # Words that the causes of `frame.stats.steps` are known by.
@@ -31,52 +33,48 @@ def next_to_step(case, steps) -> np.ndarray:
     marker = Marker(near)
     settings = {name: value for name, value in case.options.items() if name != "tolerance"}
     with ExitStack() as stack, np.errstate(all="ignore"):
-        for name in ("light_points", "_sample_normals", "look_up"):
-            stack.enter_context(patch.object(lighting, name, getattr(marker, name.strip("_"))))
+        for name in ("light_points", "sample_normals", "sample_texture"):
+            stack.enter_context(patch.object(shading, name, getattr(marker, name)))
         color = reference.render(case.scene, case.size, **settings).color
     return ~np.isfinite(color).all(axis=-1)
 
 
 class Marker:
-    """Stands in for functions of the judge's, and marks what lies next to a step with NaN.
+    """Stands in for functions of the reference, and marks what lies next to a step with NaN.
 
     `near` is a dict from a cause's word to how near to it no bound holds.
     """
 
     def __init__(self, near: dict):
         self.near = near
-        self._find_normals, self._light, self._look_up = (
-            lighting._sample_normals,
-            lighting.light_points,
-            lighting.look_up,
-        )
+        self._normals, self._light, self._texels = shading.sample_normals, shading.light_points, shading.sample_texture
         self._is_short = None  # of the samples whose normals were found last
 
     def sample_normals(self, surface, part, *others):
         """Normals, remembering which of them were interpolated to almost nothing."""
         if SHORT in self.near:
             self._is_short = length(blend(part.weights, surface.normals[part.face]))[:, 0] < self.near[SHORT]
-        return self._find_normals(surface, part, *others)
+        return self._normals(surface, part, *others)
 
-    def look_up(self, texture, uv, steps):
+    def sample_texture(self, texture, uv, steps):
         """Texels; NaN next to the border of one."""
-        texels = self._look_up(texture, uv, steps)
+        texels = self._texels(texture, uv, steps)
         if TEXELS in self.near and texture.filter == "nearest":
             height, width = texture.image.shape[:2]
             places = np.stack([uv[:, 0] * width, (1.0 - uv[:, 1]) * height], axis=1)
             texels[(np.abs(places - np.rint(places)) <= self.near[TEXELS]).any(axis=1)] = np.nan
         return texels
 
-    def light_points(self, points, normals, material, stage, *others):
+    def light_points(self, points, normals, material, lighting, *others):
         """Both parts of the light; NaN next to a step."""
-        matte, rest = self._light(points, normals, material, stage, *others)
+        diffuse, specular = self._light(points, normals, material, lighting, *others)
         is_near = np.zeros(len(points), bool)
         if self._is_short is not None and len(self._is_short) == len(points):
             is_near |= self._is_short
             self._is_short = None
-        table, to_viewer = stage.materials[material], lighting._to_viewer(points, stage)
+        table, view_dirs = lighting.materials[material], to_viewer(points, lighting)
         for lamp in lamps.place_lamps(
-            stage.lights, stage.view, lambda color: lighting.channels_of(color, stage.n_wave)
+            lighting.lights, lighting.view, lambda color: channels_of(color, lighting.n_wave)
         ):
             to_light, _ = lamps.shine(lamp, points)
             if NEAR_LIGHT in self.near and lamp.position is not None:
@@ -84,24 +82,24 @@ class Marker:
             if CONE in self.near and getattr(lamp.light, "outer", None) == getattr(lamp.light, "inner", ()):
                 edge = np.cos(np.radians(lamp.light.outer))
                 is_near |= np.abs(-dot(to_light, lamp.axis) - edge) <= self.near[CONE]
-            is_near |= self._is_near_model_step(table, normals, to_light, to_viewer)
-        return np.where(is_near[:, None], np.nan, matte), rest
+            is_near |= self._is_near_model_step(table, normals, to_light, view_dirs)
+        return np.where(is_near[:, None], np.nan, diffuse), specular
 
-    def _is_near_model_step(self, table, normals, to_light, to_viewer):
+    def _is_near_model_step(self, table, normals, to_light, view_dirs):
         """Tell of points whether their material's model jumps near them, (n,) bool."""
         model, near = table["reflection"], self.near
         is_near = np.zeros(len(table), bool)
         n_dot_l = dot(normals, to_light)
         if LEVELS in near:
             steps = table["levels"] * n_dot_l
-            mirrored = dot(2 * n_dot_l[:, None] * normals - to_light, to_viewer)
+            mirrored = dot(2 * n_dot_l[:, None] * normals - to_light, view_dirs)
             is_at = np.abs(steps - np.rint(steps)) <= table["levels"] * near[LEVELS]
             is_at |= np.abs(mirrored - 0.5 ** (1 / table["shininess"])) <= near[LEVELS]
             is_near |= (model == "toon") & is_at
         if GRAZES in near:
             is_near |= np.isin(model, ("phong", "blinn")) & ~table["normalized"] & (np.abs(n_dot_l) <= near[GRAZES])
         if HALF in near:
-            is_near |= (model == "blinn") & (length(to_light + to_viewer)[:, 0] < near[HALF])
+            is_near |= (model == "blinn") & (length(to_light + view_dirs)[:, 0] < near[HALF])
         if AWAY in near:
-            is_near |= (model == "cook-torrance") & (np.abs(dot(normals, unit(to_light + to_viewer))) <= near[AWAY])
+            is_near |= (model == "cook-torrance") & (np.abs(dot(normals, unit(to_light + view_dirs))) <= near[AWAY])
         return is_near

@@ -1,7 +1,7 @@
 """Damaged and generated files of every format, a seed each: loaded and drawn, one after the other, under caps of time
 and memory.
 
-    python -m helpers.file_fuzz FIRST COUNT       the seeds FIRST, FIRST + 1, ...; one line for each that fails, and a summary
+    python -m helpers.file_fuzz FIRST COUNT       the seeds FIRST, FIRST + 1, ...: a line for each that fails, a summary
     python -m helpers.file_fuzz SEED 1 --keep D   one alone; its files are left in the folder D
 
 A case is good if it draws a picture, or if it ends in an error of the package that names the file. Warnings must be

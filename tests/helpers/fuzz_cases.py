@@ -16,12 +16,15 @@ from helpers.model_bytes import GLB, PLY_HEADER, THREEMF, box, exported, gltf_wi
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it warns of packages that it would like to have
 
 NUMBERS = (
-    b"-1", b"0", b"1", b"2", b"3", b"255", b"65536", b"2147483647", b"4294967295", b"-2147483649", b"99999999999999999999", b"1e30",
+    b"-1", b"0", b"1", b"2", b"3", b"255", b"65536", b"2147483647", b"4294967295", b"-2147483649",
+    b"99999999999999999999", b"1e30",
     b"-1e308", b"1e-320", b"nan", b"inf", b"0.5", b"1e99", b"-0", b"007", b"1_0", b"0x10", b"1e", b"\xd9\xa3", b"",
 )  # fmt: skip
 VALUES = (
-    None, True, False, -1, 0, 1, 2, 3, 2**31 - 1, 2**32, 2**63, 10**20, 10**400, 0.5, -1.5, 1e308, 1e-320, float("inf"), float("nan"),
-    "", "a", "../x", "/dev/zero", "wood.png", "data:;base64,AAAA", "\ud800", "a" * 300, "\0", [], [0], [[0, 1, 2]], {}, {"a": 1},
+    None, True, False, -1, 0, 1, 2, 3, 2**31 - 1, 2**32, 2**63, 10**20, 10**400, 0.5, -1.5, 1e308, 1e-320,
+    float("inf"), float("nan"),
+    "", "a", "../x", "/dev/zero", "wood.png", "data:;base64,AAAA", "\ud800", "a" * 300, "\0", [], [0], [[0, 1, 2]], {},
+    {"a": 1},
 )  # fmt: skip
 PICTURES = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")
 OBJ = b"""mtllib a.mtl
@@ -58,19 +61,24 @@ SCENE = {
     "meshes": [
         TRIANGLE | {"normals": [[0, 0, 1]] * 4, "polygons": [0, 1], "smoothing": [1, 2], "material": "a", "name": "t",
                     "transform": {"scale": 1, "rotate": {"axis": [0, 0, 1], "angle": 3}, "translate": [0, 0, 1]}},
-        TRIANGLE | {"materials": ["a", "b"], "face_material": [0, 1], "face_colors": [[1, 0, 0], [0, 1, 0]], "crease_angle": 20},
+        TRIANGLE | {"materials": ["a", "b"], "face_material": [0, 1], "face_colors": [[1, 0, 0], [0, 1, 0]],
+        "crease_angle": 20},
         {"arrays": "a.npz", "mesh": 0, "material": {"texture": {"arrays": "a.npz", "texture": 0}}},
         {"file": "part.obj", "transform": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], "material": "b"},
     ],
     "materials": {
-        "a": {"diffuse": "red", "texture": {"file": "wood.png", "filter": "nearest", "wrap": ["clamp", "mirror"]}, "opacity": 0.5},
-        "b": {"diffuse": [0.1, 0.2, 0.3], "reflection": "cook-torrance", "roughness": 0.3, "fresnel": 0.1, "shininess": 5.5},
+        "a": {"diffuse": "red", "texture": {"file": "wood.png", "filter": "nearest", "wrap": ["clamp", "mirror"]},
+        "opacity": 0.5},
+        "b": {"diffuse": [0.1, 0.2, 0.3], "reflection": "cook-torrance", "roughness": 0.3, "fresnel": 0.1,
+        "shininess": 5.5},
     },
-    "lights": ["studio", {"kind": "spot", "position": [0, 0, 5], "direction": [0, 0, -1], "inner": 5, "outer": 30, "exponent": 2,
+    "lights": ["studio", {"kind": "spot", "position": [0, 0, 5], "direction": [0, 0, -1], "inner": 5, "outer": 30,
+    "exponent": 2,
                           "attenuation": "1/(d+3)", "range": 50, "amplify": True},
                {"kind": "area", "corner": [1, 1, 3], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "resolution": [2, 2],
                 "shadow": {"size": 16, "filter": 3}},
-               {"kind": "point", "position": [1, 2, 3], "color": {"wavelengths": [400, 500, 700], "values": [1, 0.5, 0.2]}}],
+               {"kind": "point", "position": [1, 2, 3],
+               "color": {"wavelengths": [400, 500, 700], "values": [1, 0.5, 0.2]}}],
     "camera": {"azimuth": 20, "elevation": 30, "fov": 30, "margin": 0.1},
     "background": "white", "up": "z",
     "options": {"shading": "phong", "size": [16, 12], "samples": 1, "exposure": 0.5, "color_range": "local"},
@@ -181,7 +189,8 @@ def seeds() -> dict[str, list[bytes]]:
         "stl": [exported(box(), "stl"), exported(box(), "stl_ascii"), b"COLOR=abcd".ljust(84, b"\1")],
         "ply": [exported(colored, "ply", vertex_normal=True), exported(box(), "ply", encoding="ascii"),
                 (quads + "4 0 1 2 3 9 9 9\n3 0 1 2 1 2 3\n").encode()],
-        "off": [exported(box(), "off"), b"OFF # c\n5 3 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n-1 0 0\n\n5 0 1 2 3 4\n3 0 1 2\n4 3 2 1 0\n"],
+        "off": [exported(box(), "off"),
+                b"OFF # c\n5 3 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n-1 0 0\n\n5 0 1 2 3 4\n3 0 1 2\n4 3 2 1 0\n"],
         "glb": [GLB, exported(trimesh.Scene([box(), colored]), "glb")],
         "gltf": [gltf_with(lambda tree, primitive: None), rich_gltf()],
         "3mf": [threemf()],
@@ -223,7 +232,29 @@ def _obj(random):
 def _lines(random):
     """An OBJ file of random lines."""
     keys = ("v", "v", "v", "vn", "vt", "f", "f", "f", "f", "s", "g", "o", "usemtl", "mtllib", "l", "p", "#", "\\")
-    words = "1 2 3 4 -1 1/1 1//1 2/2/1 3/ / 0 5 a b a.mtl 0.5 1e3 nan -2 off \\".split()
+    words = [
+        "1",
+        "2",
+        "3",
+        "4",
+        "-1",
+        "1/1",
+        "1//1",
+        "2/2/1",
+        "3/",
+        "/",
+        "0",
+        "5",
+        "a",
+        "b",
+        "a.mtl",
+        "0.5",
+        "1e3",
+        "nan",
+        "-2",
+        "off",
+        "\\",
+    ]
     lines = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1", "vt 0 0", "vt 1 1", "vn 0 0 1"]
     for _ in range(random.integers(1, 20)):
         lines.append(" ".join([random.choice(keys), *random.choice(words, int(random.integers(0, 6)))]))
@@ -301,7 +332,8 @@ def _npz(random):
 
 
 MAKERS = {format: _plain(format) for format in ("stl", "ply", "off", "glb", "gltf", "3mf")} | {
-    "obj": _obj, "lines": _lines, "mtl": _mtl, "texture": _texture, "tree": _tree, "chunk": _chunk, "xml": _xml, "json": _json,
+    "obj": _obj, "lines": _lines, "mtl": _mtl, "texture": _texture, "tree": _tree, "chunk": _chunk, "xml": _xml,
+    "json": _json,
     "json text": _json_text, "toml": _toml, "npz": _npz,
 }  # fmt: skip
 WEIGHTS = {"stl": 0.5, "glb": 0.5, "3mf": 0.5, "json text": 0.5, "json": 2.0, "tree": 2.0}

@@ -87,8 +87,9 @@ THREEMF = """<?xml version="1.0" encoding="UTF-8"?>
 <model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
 <object id="1" name="tip" type="model"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
 <vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/>
-<triangle v1="0" v2="1" v3="3"/><triangle v1="1" v2="2" v3="3"/><triangle v1="2" v2="0" v3="3"/></triangles></mesh></object>
-<object id="2"><components><component objectid="1" transform="2 0 0 0 1 0 0 0 1 5 0 0"/><component objectid="1"/></components></object>
+<triangle v1="0" v2="1" v3="3"/><triangle v1="1" v2="2" v3="3"/><triangle v1="2" v2="0" v3="3"/></triangles></mesh>
+</object><object id="2"><components><component objectid="1" transform="2 0 0 0 1 0 0 0 1 5 0 0"/>
+<component objectid="1"/></components></object>
 </resources><build><item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 10 0"/><item objectid="1"/></build></model>
 """
 

@@ -62,7 +62,8 @@ def draw(
     """Render one mesh with `eye_camera`, or another."""
     mesh = Mesh(np.array(vertices, float), np.array(faces), material=material, **mesh_options)
     scene = Scene([mesh], lights=lights, camera=camera or eye_camera(), background=background)
-    return render(scene, size, shading, samples, cull, color_range, near, far)
+    options = {"shading": shading, "samples": samples, "cull": cull, "color_range": color_range}
+    return render(scene, size, near=near, far=far, **options)
 
 
 def unit(vector):

@@ -1,4 +1,6 @@
-"""What the camera tests share: the six axes, and pixels straight from the definitions."""
+"""The six axes, pixels straight from the definitions, and the thinnest triangles that hold a sample."""
+
+import math
 
 import numpy as np
 
@@ -14,3 +16,17 @@ def project(camera, points, size):
     depth = r @ forward
     w = depth if is_perspective else np.ones(len(r))
     return np.stack([center_x + scale_x * (r @ right) / w, center_y - scale_y * (r @ up) / w], axis=1), depth
+
+
+def needle(rng, bits, size) -> np.ndarray:
+    """A triangle round one sample of a picture, of doubled area 3: no thinner one can hold a sample.
+
+    Returns (3, 2) int64, in 1/256 px; its sides are about 2^bits long.
+    """
+    a, b = 0, 0
+    while math.gcd(a, b) != 1 or b < 2:
+        a, b = (int(v) for v in rng.integers(2 ** (bits - 1), 2**bits, 2))
+    d = pow(a, -1, b)
+    c = (a * d - 1) // b
+    sample = 256 * rng.integers(0, size) + 128
+    return np.array([sample + (a, b), sample + (c, d), sample - (a + c, b + d)])

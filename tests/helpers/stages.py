@@ -8,12 +8,13 @@ import rasterizer as rz
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.options import Options
-from rasterizer.pipeline.records import CODINGS
+from rasterizer.pipeline.bands import Band
+from rasterizer.pipeline.drawables import Drawables, Triangles
+from rasterizer.pipeline.gradients import CODINGS
 from rasterizer.pipeline.scan import scan
-from rasterizer.pipeline.setup import Polygons
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import Vertices, make_screen
-from rasterizer.pipeline.workspace import BenchKind, Scratch
+from rasterizer.pipeline.workspace import WorkspaceKind, make_workspace
 from rasterizer.reference import coverage
 from rasterizer.scene.camera import Projection, View
 
@@ -33,7 +34,7 @@ def screen_of(view, projection, depths, far_clip=np.inf):
 
 
 def plain_coding(kind, screen, level_scale=1.0, tolerance=0.0, normal_limit=0.0, needs_distance=False):
-    """What words and records hold, for a screen; `tolerance` in units of intensity."""
+    """What entries and records hold, for a screen; `tolerance` in units of intensity."""
     inverse = 1.0 / screen.z_scale
     line = (-screen.z_offset * inverse, inverse)
     of_w, of_depth = (line, (0.0, 0.0)) if screen.is_perspective else ((1.0, 0.0), line)
@@ -42,37 +43,45 @@ def plain_coding(kind, screen, level_scale=1.0, tolerance=0.0, normal_limit=0.0,
     )
 
 
+def drawables_of(triangles, z, attributes, is_inverted=None):
+    """Separate triangles (n, 3, 2), in 1/256 px, with z (n, 3), z-buffer units, and attributes (side, n, 3, k)."""
+    triangles, n = np.asarray(triangles, np.int32), len(triangles)
+    vertices = Vertices(*(np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2)), z.ravel())
+    columns = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
+    is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
+    n_side, *_, n_attribute = attributes.shape
+    rows = np.ascontiguousarray(attributes.reshape(n_side, 3 * n, n_attribute))
+    return Drawables(Triangles(columns, columns, is_inverted), vertices, rows)
+
+
 def scan_alone(triangles, depth, attributes, coding, screen, size, is_inverted=None, n_group=0, n_channel=0):
     """Scan triangles (n, 3, 2), in 1/256 px, with depths (n, 3) and attributes (n, 3, k), into one band.
 
-    Returns the working place, how many records were written, and how many of them are exact.
+    Returns the workspace, how many records were written, and how many of them are exact.
     """
-    triangles, depth = np.asarray(triangles, np.int32), np.asarray(depth, float)
-    n, n_attribute = len(triangles), attributes.shape[2]
+    depth, n, n_attribute = np.asarray(depth, float), len(triangles), attributes.shape[2]
     z = screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
-    vertices = Vertices(*(np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2)), z.ravel())
-    index = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
-    is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
-    kind = BenchKind(size[0], size[1], n_channel or n_attribute, n_attribute, n_group, attributes.dtype, False, False)
-    bench = Scratch().take(kind, n)
-    faces, rows = (
-        np.arange(n, dtype=np.uint32),
-        np.ascontiguousarray(attributes.reshape(1, 3 * n, n_attribute)),
-    )
-    polygons = Polygons(index, index, is_inverted)
-    return bench, *scan(faces, polygons, vertices, rows, coding, 0, size[1], bench.block, bench.canvas, bench.records)
+    dtype, n_channel = attributes.dtype, n_channel or n_attribute
+    kind = WorkspaceKind(size[0], size[1], n_channel, n_attribute, n_group, dtype, False, False)
+    workspace = make_workspace(kind, n)
+    band = Band(np.arange(n, dtype=np.uint32), 0, size[1])
+    drawables = drawables_of(triangles, z, attributes[None], is_inverted)
+    counts = scan(band, drawables, coding, workspace.block, workspace.visibility, workspace.records)
+    return workspace, *counts
 
 
-def interpret(monkeypatch, module):
-    """Let the interpreter run a module's kernels and helpers: compiled helpers have no entry for Python."""
-    for name, value in list(vars(module).items()):
-        if hasattr(value, "py_func"):
-            monkeypatch.setattr(module, name, value.py_func)
+def interpret(monkeypatch, *modules):
+    """Let the interpreter run modules' kernels and helpers: compiled helpers have no entry for Python."""
+    for module in modules:
+        for name, value in list(vars(module).items()):
+            if hasattr(value, "py_func"):
+                monkeypatch.setattr(module, name, value.py_func)
 
 
-def words_of(bench, size):
-    """The z-buffer without its padding, (rows, columns) int64."""
-    return bench.canvas.words.reshape(size[1], bench.canvas.pitch)[:, : size[0]]
+def entries_of(workspace, size):
+    """The visibility buffer without its padding, (rows, columns) int64."""
+    visibility = workspace.visibility
+    return visibility.entries.reshape(size[1], visibility.pitch)[:, : size[0]]
 
 
 def covered(triangle, size):

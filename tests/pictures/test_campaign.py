@@ -20,23 +20,24 @@ def told(faults) -> str:
 
 
 def test_random_scenes_keep_their_promises(capsys):
-    """Each with its own tolerance, with tolerance 0, and by the judge."""
-    faults, n_single, n_judged, n_step, worst = [], 0, 0, 0, 0.0
+    """Each with its own tolerance, with tolerance 0, and by the reference."""
+    faults, n_single, n_compared, n_step, worst = [], 0, 0, 0, 0.0
     for index in range(N_CASE):
         case = make_case(SEED, index)
         outcome = find_faults(case)
         n_single += outcome.dtype == np.float32
-        n_judged, n_step = n_judged + outcome.n_judged, n_step + outcome.n_step
+        n_compared, n_step = n_compared + outcome.n_compared, n_step + outcome.n_step
         worst = max(worst, outcome.ratio) if not outcome.faults else worst
         if outcome.faults:
             faults.append(report(case, outcome))
     with capsys.disabled():
         print(
-            f"\n{N_CASE} scenes, {n_single} in float32; {n_judged} pixels, {n_step} next to a step; error/bound <= {worst:.3g}"
+            f"\n{N_CASE} scenes, {n_single} in float32; {n_compared} pixels, {n_step} next to a step; "
+            f"error/bound <= {worst:.3g}"
         )
     assert not faults, told(faults)
     assert n_single >= LEAST_SINGLE * N_CASE, f"{n_single} of {N_CASE} pictures in float32 < {LEAST_SINGLE:.0%}"
-    assert n_step <= 0.002 * n_judged, f"{n_step} of {n_judged} pixels left out, next to a step"
+    assert n_step <= 0.002 * n_compared, f"{n_step} of {n_compared} pixels left out, next to a step"
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Check every kind of light in whole pictures: against closed forms on a lit plane, and against the judge on models."""
+"""Check every kind of light in whole pictures: against closed forms on a plane, and against the reference on models."""
 
 import numpy as np
 import pytest
@@ -125,14 +125,14 @@ def models(lights):
 
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("name", SCENES)
-def test_models_are_those_of_the_judge(name, shading):
+def test_models_are_those_of_the_reference(name, shading):
     """Exact at tolerance 0, within the tolerance by default; but for pixels on the very edge of a sharp cone."""
     scene, size = models(SCENES[name]), (120, 90)
-    judge = reference.render(scene, size, shading=shading).color
-    assert np.ptp(judge) > 0.2
+    expected = reference.render(scene, size, shading=shading).color
+    assert np.ptp(expected) > 0.2
     for tolerance, budget in ((0.0, 1e-6), (DEFAULT_TOLERANCE, DEFAULT_TOLERANCE)):
         frame = rz.render(scene, size, shading=shading, tolerance=tolerance)
-        off = np.sort(np.abs(frame.color - judge).max(axis=2), axis=None)
+        off = np.sort(np.abs(frame.color - expected).max(axis=2), axis=None)
         worst = off[-3] if "sharp" in name else off[-1]
         assert worst <= budget, f"{worst:.3g} > {budget:.3g}"
 
@@ -150,17 +150,19 @@ def test_many_lights_add_up():
 
 
 def test_a_scene_without_a_spot_compiles_and_runs_no_spot_code():
-    """Row functions are looked up by the lights that are there."""
+    """Batch functions are looked up by the lights that are there."""
     scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
     assert rz.Renderer(scene, 8).plan.light_functions == ("point",)
 
 
 def test_the_usual_fall_is_the_usual_code():
-    """A falloff of 1 is the spot light as it was; another one has a row function of its own."""
-    from rasterizer.engine.intensity_bounds import kind_of
+    """A falloff of 1 is the spot light as it was; another one has a light function of its own."""
+    from rasterizer.engine.light_table import entry_of
+    from rasterizer.pipeline.light_kinds import shaped_spot, spot
 
     usual, other = rz.SpotLight((0, 0, 1), (0, 0, -1)), rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=1.5)
-    assert (kind_of(usual), kind_of(other)) == ("spot", "shaped spot")
+    functions = [entry_of(light).function(light).evaluate for light in (usual, other)]
+    assert functions == [spot, shaped_spot]
     nearly = rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=np.nextafter(1.0, 2))
     pictures = [
         rz.render(rz.Scene(models(()).meshes, [light]), 40, shading="phong", tolerance=0).color
@@ -171,14 +173,14 @@ def test_the_usual_fall_is_the_usual_code():
 
 @pytest.mark.parametrize("falloff", [0.5, 0.6, 0.75, 0.99, 1.0, 1.2, 2.0, 10.0])
 def test_the_slope_of_the_fall_is_bounded(falloff):
-    """d/dt (t²(3 - 2t))^p by differences stays below what rounding.steepness counts on."""
-    from rasterizer.engine.error_bounds import steepness
-    from rasterizer.engine.intensity_bounds import cone_cosines
+    """d/dt (t²(3 - 2t))^p by differences stays below what the table of lights counts on."""
+    from rasterizer.engine.light_table import cone_cosines, entry_of
 
     light = rz.SpotLight((0, 0, 1), (0, 0, -1), inner=10, outer=40, falloff=falloff)
     inner, outer = cone_cosines(light)
     t = np.linspace(0, 1, 200_001)
     slope = np.abs(np.diff((t**2 * (3 - 2 * t)) ** falloff)).max() * (len(t) - 1)
-    bound = steepness(light) * (inner - outer)
+    entry = entry_of(light)
+    bound = entry.steepness(light) * (inner - outer)
     assert slope <= bound * (1 + 1e-6), f"{slope:.4g} > {bound:.4g}"
-    assert steepness(rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=0.49)) == np.inf
+    assert entry.steepness(rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=0.49)) == np.inf

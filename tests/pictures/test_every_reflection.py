@@ -1,20 +1,22 @@
-"""Check the reflection models as physics and as pictures: energy, reciprocity, digits, and agreement with the judge."""
+"""Check the reflection models as physics and as pictures: energy, reciprocity, digits, and what the reference says."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.against_reference import EXACT, compare_with_reference
 from helpers.batches import DTYPES, UP, directions_of, polar, random_directions, reflect
-from helpers.judge import EXACT, compare
 from helpers.pinhole import SHADINGS, octasphere, torus, unit
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
 from rasterizer.cli import main
-from rasterizer.engine import error_bounds, intensity_bounds, plan, uniforms
-from rasterizer.pipeline.reflection import BRUSH, FRESNEL, LEVELS, REFLECTIONS, ROUGHNESS, ROUGHNESS_ACROSS, SCALE
-from rasterizer.reference import light as reference_light
+from rasterizer.engine import error_bounds, intensity_bounds, plan, reflection_table, uniforms
+from rasterizer.engine.rounding import SINGLE
+from rasterizer.pipeline import material_coefficients as m
+from rasterizer.pipeline.reflection import REFLECTION_FUNCTIONS
 from rasterizer.reference import reflection
+from rasterizer.reference.materials import read_materials
 from rasterizer.scene.material import REFLECTIONS as NAMES
 
 SIZE = (96, 72)
@@ -64,20 +66,31 @@ CONSERVING = RECIPROCAL | {name for name in MATERIALS if "normalised" in name}
 SMOOTH = [name for name in MATERIALS if "toon" not in name]
 
 
+def model_of(material):
+    """The pipeline's word for the function that the plan would choose."""
+    model = reflection_table.entry_of(material).function(material)
+    return next(word for word, other in REFLECTION_FUNCTIONS.items() if other is model)
+
+
+def highlight_scale(material):
+    """The factor of a normalised highlight, as the table has it."""
+    return reflection_table.entry_of(material).highlight_scale(material)
+
+
 def fast(material, normal, to_light, to_viewer, has_kernels_cosines=False):
-    """D and S by the row function that the plan would choose, (2, n) float64."""
+    """D and S by the reflection function that the plan would choose, (2, n) float64."""
     along, across = np.broadcast_to(material.roughness, 2)
-    numbers = {
-        ROUGHNESS: along,
-        ROUGHNESS_ACROSS: across,
-        **dict(zip(range(BRUSH, BRUSH + 3), axis_of(material), strict=True)),
-        FRESNEL: intensity_bounds.first_fresnel(material),
-        SCALE: intensity_bounds.highlight_scale(material),
-        LEVELS: material.levels,
+    coefficients = {
+        m.ROUGHNESS: along,
+        m.ROUGHNESS_ACROSS: across,
+        **dict(zip(range(m.TANGENT_AXIS, m.TANGENT_AXIS + 3), axis_of(material), strict=True)),
+        m.FRESNEL: reflection_table.first_fresnel(material),
+        m.HIGHLIGHT_SCALE: highlight_scale(material),
+        m.TOON_LEVELS: material.levels,
     }
-    model = intensity_bounds.model_of(material)
-    found = reflect(model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, numbers)
-    if not REFLECTIONS[model].has_highlight:
+    model = model_of(material)
+    found = reflect(model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, coefficients)
+    if not REFLECTION_FUNCTIONS[model].has_highlight:
         found[1] = 0.0  # nobody reads it
     assert np.isfinite(found).all()
     return found
@@ -88,11 +101,11 @@ def axis_of(material):
     return (3.0, 0.0, -1.0) if material.tangent == "u" else material.tangent
 
 
-def judged(material, *sides):
-    """D and S by the judge, (2, n), 0 where nothing is lit."""
+def of_reference(material, *sides):
+    """D and S by the reference, (2, n), 0 where nothing is lit."""
     corners, faces = octasphere(0)
     scene = rz.Scene([rz.Mesh(corners, faces, uv=corners[:, :2], material=material)])
-    table = np.repeat(reference_light.read_materials(scene), len(sides[0]))
+    table = np.repeat(read_materials(scene), len(sides[0]))
     normal, to_light, to_viewer = (side.astype(float) for side in sides)
     tangents = np.broadcast_to(np.array(axis_of(material), float), normal.shape)
     found = np.stack(reflection.reflect(table, normal, to_light, to_viewer, tangents))[:, :, 0]
@@ -128,12 +141,12 @@ def all_directions(dtype):
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_row_functions_compute_what_the_judge_does(name):
+def test_reflection_functions_compute_what_the_reference_does(name):
     """In float64, for equal directions; the conditioning of a sharp peak and of exponents is all that may differ."""
     material, sides = MATERIALS[name], all_directions(np.float64)
-    found, expected = fast(material, *sides), judged(material, *sides)
+    found, expected = fast(material, *sides), of_reference(material, *sides)
     # Squared exponents leave out what is below 2^-28.
-    least = 2.0**-28 * (1 + intensity_bounds.highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
+    least = 2.0**-28 * (1 + highlight_scale(material)) if "phong" in name or "blinn" in name else 0.0
     n_wrong = (np.abs(found - expected) > 1e-9 * (1 + expected) + least).sum()
     assert n_wrong == 0, f"{n_wrong} of {expected.size} wrong, by up to {np.abs(found - expected).max():.3g}"
     assert (expected[0] > 0.01).mean() > 0.1
@@ -144,12 +157,12 @@ def test_float32_has_the_digits_that_the_plan_counts_on(name):
     """Directions rounded to float32, as in the rows, and all that follows from them: one light of intensity 1."""
     material, sides = MATERIALS[name], all_directions(np.float32)
     found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
-    expected = judged(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
+    expected = of_reference(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
     lights = (rz.DirectionalLight((0, 0, -1)),)
-    reflected = error_bounds.find_reflected((material,), lights, np.zeros(3), 1.0)
+    reflected = intensity_bounds.compute_reflected((material,), lights, np.zeros(3), 1.0)
     bound = reflected.bound
     assert expected.max() <= bound * (1 + 1e-12), f"{expected.max():.4g} > the bound {bound:.4g}"
-    error, budget = np.abs(found - expected).max(), error_bounds.lighting_error(reflected, error_bounds.SINGLE)
+    error, budget = np.abs(found - expected).max(), error_bounds.lighting_error(reflected, SINGLE)
     assert error <= budget, f"{error:.3g} > {budget:.3g}"
 
 
@@ -267,7 +280,7 @@ def test_the_others_reflect_more_than_arrives_as_the_table_says(name):
 def test_the_usual_factor_of_blinn_reflects_too_much():
     """(n + 8)/8 instead of the exact factor: why it isn't taken."""
     material = made("blinn", shininess=10, normalized=True)
-    usual = albedos(material, 0.0)[1] * (10 + 8) / 8 / intensity_bounds.highlight_scale(material)
+    usual = albedos(material, 0.0)[1] * (10 + 8) / 8 / highlight_scale(material)
     assert usual == pytest.approx(1.0748, abs=1e-3)
 
 
@@ -280,7 +293,7 @@ def test_reciprocity_holds_where_the_table_says_so_and_nowhere_else(name):
     back = fast(MATERIALS[name], normal, to_viewer, to_light) / (normal * to_viewer).sum(axis=1)
     difference = np.abs(there - back).max()
     if name in RECIPROCAL:
-        least = 2.0**-27 * (1 + intensity_bounds.highlight_scale(MATERIALS[name])) if "normalised" in name else 0.0
+        least = 2.0**-27 * (1 + highlight_scale(MATERIALS[name])) if "normalised" in name else 0.0
         assert difference <= 1e-12 * max(1.0, there.max()) + least, f"{difference:.3g}"
     else:
         assert difference > 0.1, f"{difference:.3g}"
@@ -297,19 +310,19 @@ def planned(*materials, shading="phong", lights=GREY, **options):
     return made_plan, uniforms.make_lighting(made_plan, VIEW.view())
 
 
-def test_every_name_has_a_row_function_and_options_choose_another():
-    assert {intensity_bounds.model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTIONS)
-    assert {intensity_bounds.model_of(material) for material in MATERIALS.values()} == set(REFLECTIONS)
-    assert intensity_bounds.model_of(rz.Material()) == "phong"
+def test_every_name_has_a_reflection_function_and_options_choose_another():
+    assert {model_of(rz.Material(reflection=name)) for name in NAMES} <= set(REFLECTION_FUNCTIONS)
+    assert {model_of(material) for material in MATERIALS.values()} == set(REFLECTION_FUNCTIONS)
+    assert model_of(rz.Material()) == "phong"
     for name in NAMES:
         dull = rz.Material(reflection=name, specular=0, normalized=True, fresnel=0.5)
-        assert intensity_bounds.model_of(dull) == (name if name in ("oren-nayar", "toon") else "lambert")
+        assert model_of(dull) == (name if name in ("oren-nayar", "toon") else "lambert")
 
 
 def test_only_what_needs_the_viewer_pays_for_it():
     names = ("lambert", "phong", "oren-nayar", "toon", "cook-torrance")
     _, lighting = planned(*(rz.Material(reflection=name) for name in names))
-    assert lighting.is_shiny.tolist() == [False, True, False, True, True]
+    assert lighting.has_highlight.tolist() == [False, True, False, True, True]
     assert lighting.is_view_dependent.tolist() == [False, True, True, True, True]
     assert not planned(rz.Material(reflection="lambert"))[1].needs_view
     assert planned(rz.Material(reflection="oren-nayar"))[1].needs_view
@@ -329,7 +342,7 @@ def test_what_float32_cannot_draw_is_drawn_in_float64():
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_pictures_agree_with_the_judge(name):
+def test_pictures_agree_with_the_reference(name):
     material = replace(MATERIALS[name], diffuse=(0.5, 0.4, 0.2), specular=(0.3, 0.2, 0.25), ambient=0.1)
     corners, faces = torus(24, 12)
     mesh = rz.Mesh(corners, faces, uv=corners[:, :2], material=material)
@@ -340,9 +353,9 @@ def test_pictures_agree_with_the_judge(name):
     for scene in scenes:
         for shading in SHADINGS:
             for tolerance in (0.0, 1 / 4096):
-                found = compare(scene, SIZE, shading=shading, tolerance=tolerance)
+                found = compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance)
                 brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance).plan.bound
-                budget = tolerance or max(EXACT, 2 * error_bounds.SINGLE * brightest)
+                budget = tolerance or max(EXACT, 2 * SINGLE * brightest)
                 assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
                 assert found.n_compared > 100
 
@@ -357,7 +370,7 @@ def test_a_file_of_several_materials_keeps_them_apart():
     ]
     for camera in (VIEW, rz.Camera.orthographic((1.5, 2, 4), height=3.0)):
         for shading in SHADINGS:
-            found = compare(rz.Scene(meshes, COLORED, camera), SIZE, shading=shading, tolerance=0.0)
+            found = compare_with_reference(rz.Scene(meshes, COLORED, camera), SIZE, shading=shading, tolerance=0.0)
             assert found.color <= 2 * EXACT, f"{shading}: {found.color:.3g}"
 
 
@@ -397,5 +410,5 @@ def test_one_half_vector_serves_all_points_where_light_and_viewer_are_at_infinit
     camera = rz.Camera.orthographic((1, 2, 5), height=2.6)
     lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -0.5, -0.3), 0.7), rz.PointLight((2, 3, 4), 0.5))
     scene = rz.Scene([rz.Mesh(*octasphere(3), material=material, crease_angle=180)], lights, camera)
-    verdict = compare(scene, (60, 50), shading=shading, tolerance=0)
+    verdict = compare_with_reference(scene, (60, 50), shading=shading, tolerance=0)
     assert verdict.color <= EXACT, f"{verdict.color:.3g} > {EXACT:.3g}"

@@ -2,12 +2,12 @@
 cues, weightings.
 
 Every picture keeps the promise of its `error_bound`, against the same picture at tolerance 0, and that one agrees with
-the judge.
+the reference.
 """
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, compare
+from helpers.against_reference import EXACT, compare_with_reference
 from helpers.pinhole import SHADINGS, octasphere, torus
 
 import rasterizer as rz
@@ -77,11 +77,11 @@ def test_random_looks_keep_their_bounds(seed):
     n_single = 0
     for _ in range(4):
         scene, shading = random_scene(rng), SHADINGS[rng.integers(len(SHADINGS))]
-        judged = compare(scene, SIZE, shading=shading, tolerance=0)
+        found = compare_with_reference(scene, SIZE, shading=shading, tolerance=0)
         with rz.Renderer(scene, SIZE, shading=shading, tolerance=0) as renderer:
             exact, brightest = renderer.render(), renderer.plan.bound
         budget = max(EXACT, 2.0**-23 * brightest)
-        assert judged.color <= budget, f"against the judge: {judged.color:.3g} > {budget:.3g} in {scene}, {shading}"
+        assert found.color <= budget, f"against the reference: {found.color:.3g} > {budget:.3g} in {scene}, {shading}"
         for tolerance in (1e-5, 1 / 4096, 0.01):
             with rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance) as renderer:
                 frame = renderer.render()

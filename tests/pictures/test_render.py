@@ -1,11 +1,12 @@
-"""Check whole pictures against the judge: all shadings, lights, materials, cameras, exact and default."""
+"""Check whole pictures against the reference: all shadings, lights, materials, cameras, exact and default."""
 
 import itertools
 
 import numpy as np
 import pytest
-from helpers.judge import BUFFERS, EXACT, NORMAL, check
+from helpers.against_reference import BUFFERS, EXACT, NORMAL, assert_matches_reference
 from helpers.pinhole import SHADINGS, octasphere, torus
+from helpers.pixels import needle
 from helpers.raster import COLORED, GREY, assert_runs, sheet
 
 import rasterizer as rz
@@ -44,7 +45,7 @@ def check_all(scene, size=SIZE, shadings=SHADINGS, **options):
     """Check a scene with every shading method, at tolerance 0 and the default."""
     for shading in shadings:
         for tolerance, budget in TOLERANCES:
-            check(scene, size, budget, shading=shading, tolerance=tolerance, **options)
+            assert_matches_reference(scene, size, budget, shading=shading, tolerance=tolerance, **options)
 
 
 def many_meshes():
@@ -71,7 +72,7 @@ def many_meshes():
 
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("lights", LIGHTS)
-def test_every_light_and_material_against_the_judge(camera, lights):
+def test_every_light_and_material_against_the_reference(camera, lights):
     for material in MATERIALS.values():
         check_all(rz.Scene([rz.Mesh(*RING, material=material)], LIGHTS[lights], CAMERAS[camera]))
 
@@ -123,7 +124,7 @@ def test_colours_out_of_range(shading, color_range):
     for background in (None, (0.2, 4, 0.3)):
         for samples in (1, 9):
             scene = sheet(size, points, [1, 1, 1.2, 1.1], [[0, 1, 2], [0, 2, 3]], bright, background=background)
-            expected = reference.render(scene, size, shading, samples, "none", color_range)
+            expected = reference.render(scene, size, shading=shading, samples=samples, color_range=color_range)
             assert expected.color.max() > 1.5
             frame = rz.render(scene, size, shading=shading, samples=samples, color_range=color_range, tolerance=0)
             levels = np.abs(frame.rgb.astype(int) - expected.rgb)
@@ -221,13 +222,11 @@ def test_slivers(reach, is_perspective):
 @pytest.mark.parametrize("bits", [10, 20, 24, 26, 27])
 def test_the_thinnest_triangles(bits):
     """Doubled area 3, up to 2^20 px long: a sample's weights are a third each. A fault would end the run."""
-    assert_runs(f"from test_render import check_needles; check_needles({bits})")
+    assert_runs(f"from pictures.test_render import check_needles; check_needles({bits})")
 
 
 def check_needles(bits):
-    """Compare triangles of doubled area 3 with the judge."""
-    from test_scan import needle
-
+    """Compare triangles of doubled area 3 with the reference."""
     rng = np.random.default_rng(bits)
     n_covered = 0
     for _ in range(4):
@@ -244,14 +243,14 @@ def check_needles(bits):
                 if shading == "flat" and bits >= 26:
                     # The area is below float64's rounding: the polygon has a place, but no normal.
                     limits = {"budget": np.inf, "normal": np.inf}
-                found = check(scene, SIZE, **limits, shading=shading, tolerance=tolerance, ignored=0)
+                found = assert_matches_reference(scene, SIZE, **limits, shading=shading, tolerance=tolerance, ignored=0)
                 n_covered += found.n_compared
     assert n_covered >= 12
 
 
 def test_intensities_that_reach_their_bound():
     """A sheet that faces light and viewer is as bright as anything can be; float32 may round that up."""
-    assert_runs("from test_render import check_brightest; check_brightest()")
+    assert_runs("from pictures.test_render import check_brightest; check_brightest()")
 
 
 def check_brightest():
@@ -277,7 +276,7 @@ def check_brightest():
 
 def test_a_light_in_the_very_point_of_a_surface():
     """An amplifying light is infinitely strong there; no pixel may become worse than infinite."""
-    assert_runs("from test_render import check_touching_light; check_touching_light()")
+    assert_runs("from pictures.test_render import check_touching_light; check_touching_light()")
 
 
 def check_touching_light():

@@ -212,7 +212,7 @@ def test_memory_stays_flat():
 def test_the_process_does_not_grow():
     """What kernels allocate is not Python's: ask the system, in a process of its own."""
     pytest.importorskip("resource")  # there is none on Windows
-    assert_runs("from test_renderer import check_process; check_process()")
+    assert_runs("from pictures.test_renderer import check_process; check_process()")
 
 
 def check_process():
@@ -276,7 +276,7 @@ def test_close_ends_the_threads():
 @pytest.mark.slow
 def test_cold_and_warm_processes_give_the_same_bytes(tmp_path):
     """Kernels just compiled, in two threads at once, or loaded from the cache, and those of this process."""
-    program = "from test_renderer import print_digests; print_digests()"
+    program = "from pictures.test_renderer import print_digests; print_digests()"
     environment = {
         **os.environ,
         "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}",

@@ -264,8 +264,8 @@ def test_an_opaque_scene_plans_no_layers():
             renderer.render()
             assert ("transparency" in renderer.plan.features) == is_layered
             (kind,) = renderer._workspaces._free
-            bench = renderer._workspaces.take(kind, 1)
-            assert kind.is_layered == is_layered and (len(bench.layers.words) > 0) == is_layered
+            workspace = renderer._workspaces.take(kind, 1)
+            assert kind.is_transparent == is_layered and (len(workspace.a_buffer.cursors) > 0) == is_layered
     assert replace(paint(0.5), opacity=1.0).is_opaque and not replace(paint(0.5), opacity=0.999).is_opaque
 
 
@@ -277,7 +277,8 @@ def test_an_opaque_scene_compiles_no_layers():
         "scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]])])\n"
         "for shading in ('flat', 'gouraud', 'phong'):\n"
         "    rz.render(scene, 16, shading=shading)\n"
-        "kernels = [a_buffer.scan_opaque, a_buffer.take_fragments, a_buffer.open_layers, a_buffer.show_first, a_buffer.composite]\n"
+        "kernels = [a_buffer.scan_opaque, a_buffer.list_fragments, a_buffer.open_lists, a_buffer.show_nearest]\n"
+        "kernels += [a_buffer.composite]\n"
         "kernels += [shadow_lookup.write_map, texture_sampling.take_texels, texture_sampling.shade_textured]\n"
         "assert not any(kernel.signatures for kernel in kernels)\n"
         "glass = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=rz.Material(opacity=0.5))])\n"
@@ -355,7 +356,7 @@ def test_what_is_left_out_behind_many_layers_is_within_the_bound(monkeypatch, to
         meshes = [stack(opacities, 1, tilt=0.3), pane(90.0, paint((brightest, 0.1, 0.1)))]
         frame = show(meshes, tolerance=tolerance, samples=samples)
         with monkeypatch.context() as patch:
-            patch.setattr(planning, "least_transmitted", lambda *_: 0.0)
+            patch.setattr(planning, "least_transmittance", lambda *_: 0.0)
             full = show(meshes, tolerance=tolerance, samples=samples)
         with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE, tolerance=tolerance) as renderer:
             least = renderer._view_plans.plan.opacity.least
@@ -369,8 +370,8 @@ def test_what_is_left_out_behind_many_layers_is_within_the_bound(monkeypatch, to
 
 
 def test_an_infinite_bound_leaves_nothing_out():
-    assert a_buffer.least_transmitted(0.0, np.inf, False) == 0.0
-    assert a_buffer.least_transmitted(1.0, 1e9, True) * 1e9 <= 0.25
+    assert a_buffer.least_transmittance(0.0, np.inf, False) == 0.0
+    assert a_buffer.least_transmittance(1.0, 1e9, True) * 1e9 <= 0.25
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
@@ -398,7 +399,7 @@ def test_ranges_are_whole_in_order_and_within_the_limit(monkeypatch):
                 rng.integers(0, 2000, pitch * n_row),
             ):
                 start = np.append(0, np.cumsum(counts))
-                ranges = list(a_buffer.ranges_of(start, pitch))
+                ranges = list(a_buffer.split_samples(start, pitch))
                 assert [first for first, _ in ranges] == [0, *(last for _, last in ranges[:-1])] and ranges[-1][
                     1
                 ] == len(counts)
@@ -410,16 +411,16 @@ def test_ranges_are_whole_in_order_and_within_the_limit(monkeypatch):
 @pytest.mark.parametrize("n", [0, 1, 2, 3, 24, 65, 1000, 4097])
 def test_lists_are_sorted_in_whatever_order_they_are(n):
     rng = np.random.default_rng(n)
-    for words in (
+    for entries in (
         np.arange(n), np.arange(n)[::-1], rng.permutation(n), rng.integers(0, 5, n), np.zeros(n), np.roll(np.arange(n), n // 2),
         np.arange(n) ^ 1, rng.integers(-(2**62), 2**62, n),
     ):  # fmt: skip
-        given = np.array(words, np.int64)
+        given = np.array(entries, np.int64)
         sort_list(given)
-        assert np.array_equal(given, np.sort(np.array(words, np.int64)))
+        assert np.array_equal(given, np.sort(np.array(entries, np.int64)))
 
 
 @numba.njit
-def sort_list(words):
+def sort_list(entries):
     """The helper in compiled code, as the pipeline has it."""
-    a_buffer.sort(words)
+    a_buffer.sort(entries)

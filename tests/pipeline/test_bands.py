@@ -28,7 +28,7 @@ def expected(parts, n_band):
     lists = [[] for _ in range(n_band)]
     for part in parts:
         for face, first, last in zip(
-            part.face.tolist(), part.first_band.tolist(), part.last_band.tolist(), strict=True
+            part.faces.tolist(), part.first_bands.tolist(), part.last_bands.tolist(), strict=True
         ):
             for band in range(first, last + 1):
                 lists[band].append(face)
@@ -46,8 +46,8 @@ def test_sorts_as_plain_lists_do(n_face, n_band, most, n_part, n_thread):
     bands = sort_into_bands(parts, workers)
     workers.close()
     lists = expected(parts, n_band)
-    assert [bands.face[a:b].tolist() for a, b in zip(bands.start[:-1], bands.start[1:], strict=True)] == lists
-    assert bands.start[0] == 0 and bands.start[-1] == len(bands.face) and len(bands.start) == n_band + 1
+    assert [bands.faces[a:b].tolist() for a, b in zip(bands.starts[:-1], bands.starts[1:], strict=True)] == lists
+    assert bands.starts[0] == 0 and bands.starts[-1] == len(bands.faces) and len(bands.starts) == n_band + 1
     assert all(faces == sorted(faces) for faces in lists), "order within a band is the order of the faces"
 
 
@@ -57,7 +57,7 @@ def test_threads_do_not_change_a_bit():
     serial = sort_into_bands(parts, SERIAL)
     workers = Workers(4)
     for _ in range(30):
-        assert sort_into_bands(parts, workers).face.tobytes() == serial.face.tobytes()
+        assert sort_into_bands(parts, workers).faces.tobytes() == serial.faces.tobytes()
     workers.close()
 
 
@@ -74,7 +74,7 @@ def test_without_the_compiler_the_same_comes_out():
     results = []
     for function in (scatter, scatter.py_func):
         cursor, out = np.cumsum(part.histogram) - part.histogram, np.zeros(part.histogram.sum(), np.uint32)
-        function(part.face, part.first_band, part.last_band, cursor, out)
+        function(part.faces, part.first_bands, part.last_bands, cursor, out)
         results.append((cursor.tolist(), out.tolist()))
     assert results[0] == results[1]
     assert results[0][0] == np.cumsum(part.histogram).tolist()

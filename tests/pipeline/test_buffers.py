@@ -1,5 +1,7 @@
 """Check the exact buffers: depth against rational numbers, faces, normals, and the clean-up."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers.stages import (
@@ -13,10 +15,11 @@ from helpers.stages import (
     slivers,
 )
 
-from rasterizer.pipeline.buffers import write_buffers
-from rasterizer.pipeline.records import EXACT
-from rasterizer.pipeline.scan import CLEAR
-from rasterizer.pipeline.workspace import empty_buffers
+from rasterizer.engine.output_buffers import BUFFER_TABLE
+from rasterizer.pipeline.bands import Band
+from rasterizer.pipeline.buffers import VisibleSurfaces, clear_band
+from rasterizer.pipeline.gradients import EXACT
+from rasterizer.pipeline.visibility import CLEAR, NO_END, NO_START
 
 SIZE = (90, 70)
 DEPTHS = (1.0, 40.0)
@@ -25,10 +28,13 @@ NO_FACE = np.empty(0, np.uint32)
 
 
 def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None):
-    """Scan and write the buffers; return (buffers, working place, samples covered)."""
-    bench, *_ = scan_alone(triangles, depth, normals, plain_coding(EXACT, screen), screen, SIZE, is_inverted)
-    out = empty_buffers(SIZE, names)
-    return out, bench, write_buffers(bench.canvas, bench.records, loaded_face, 0, SIZE[1], screen, out)
+    """Scan and write the buffers; return (buffers, workspace, samples covered)."""
+    workspace, *_ = scan_alone(triangles, depth, normals, plain_coding(EXACT, screen), screen, SIZE, is_inverted)
+    out = SimpleNamespace(**{name: BUFFER_TABLE[name].make(SIZE) for name in names})
+    surfaces = VisibleSurfaces(workspace.visibility, workspace.records, loaded_face, screen)
+    for name in names:
+        BUFFER_TABLE[name].write(surfaces, Band(np.empty(0, np.uint32), 0, SIZE[1]), getattr(out, name))
+    return out, workspace, clear_band(workspace.visibility, SIZE[1])
 
 
 def unit_normals(rng, n):
@@ -118,12 +124,11 @@ def test_only_what_is_wanted_is_written():
     )
     whole, _, _ = write(triangles, depth, normals, screen)
     for names in (("depth",), ("face",), ("normal",), ("depth", "normal")):
-        out, bench, _ = write(triangles, depth, normals, screen, names)
-        for name in ALL:
-            array = getattr(out, name)
-            assert array.tobytes() == getattr(whole, name).tobytes() if name in names else len(array) == 0
-        assert (bench.canvas.words == CLEAR).all()
-        assert (bench.canvas.left == 1 << 30).all() and (bench.canvas.right == -1).all()
+        out, workspace, _ = write(triangles, depth, normals, screen, names)
+        for name in names:
+            assert getattr(out, name).tobytes() == getattr(whole, name).tobytes(), name
+        assert (workspace.visibility.entries == CLEAR).all()
+        assert (workspace.visibility.left == NO_START).all() and (workspace.visibility.right == NO_END).all()
 
 
 def test_normals_look_to_the_viewer():

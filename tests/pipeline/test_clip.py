@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, compare
+from helpers.against_reference import EXACT, compare_with_reference
 from helpers.stages import SERIAL, interpret, plain_screen
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.pipeline import clip as stage
-from rasterizer.pipeline.clip import MOST_CORNERS, N_COLUMN, clip, find_nearest
+from rasterizer.pipeline.clip import MOST_CORNERS, N_CORNER_COLUMN, clip, find_nearest
+from rasterizer.pipeline.drawables import Triangles
+from rasterizer.pipeline.face_planes import compute_face_planes
 from rasterizer.pipeline.transform import DEPTH_MARGIN, LIMIT_PX, OUTSIDE, transform
 
 NEAR, FAR = 1.0, 10.0
@@ -21,20 +23,21 @@ def clip_mesh(points, faces, screen, corner=None):
     vertex = np.ascontiguousarray(np.asarray(faces, np.uint32).reshape(-1, 3).T)
     with np.errstate(all="ignore"):
         vertices, _ = transform(positions, screen, SERIAL)
-        return clip(positions, vertex, vertex if corner is None else corner, vertices, screen), vertices
+        triangles = Triangles(vertex, vertex if corner is None else corner, np.zeros(vertex.shape[1], np.uint8))
+        return clip(positions, triangles, vertices, screen), vertices
 
 
 def clip_shares(points, screen, faces=((0, 1, 2),)):
     """The parts of triangles before they are rounded: shares (n_part, 3, 3) of their vertices in the parts' corners,
     and the triangle of each part. `points` are those of a camera at the origin that looks down -z."""
     points, faces = np.asarray(points, float), np.asarray(faces, np.uint32)
-    parts, cut = np.empty((7 * len(faces), 3, N_COLUMN)), np.empty(7 * len(faces), np.uint32)
+    parts, owners = np.empty((7 * len(faces), 3, N_CORNER_COLUMN)), np.empty(7 * len(faces), np.uint32)
     numbers = np.arange(len(faces), dtype=np.uint32)
     columns = np.ascontiguousarray(points.T), np.ascontiguousarray(faces.T)
-    n = stage.clip_faces(*columns, numbers, screen, parts, cut)
-    parts, cut = parts[:n], cut[:n]
+    n = stage.clip_faces(*columns, numbers, screen, parts, owners)
+    parts, owners = parts[:n], owners[:n]
     of_eye = points[faces] * (1, 1, -1)  # across, upward, depth
-    return np.linalg.solve(of_eye.swapaxes(1, 2)[cut], parts[:, :, [1, 2, 0]].swapaxes(1, 2)).swapaxes(1, 2), cut
+    return np.linalg.solve(of_eye.swapaxes(1, 2)[owners], parts[:, :, [1, 2, 0]].swapaxes(1, 2)).swapaxes(1, 2), owners
 
 
 def share_of_area(triangles):
@@ -66,7 +69,9 @@ def test_keeps_the_part_between_near_and_far(kind, turn, is_far, is_perspective)
     corner = np.prod([(plane - depth[alone]) / (depth[k] - depth[alone]) for k in others])
     expected = 1.0 - corner if beyond.sum() == 1 else corner
     assert abs(share_of_area(triangles) - expected) <= 1e-14
-    assert len(triangles) == {"one behind": 2, "two behind": 1, "on the plane": 1}[kind] or kind == "on the plane"
+    is_part = np.abs(np.linalg.det(triangles)) > 1e-12  # a vertex on the plane leaves a second part without area
+    assert is_part.sum() == {"one behind": 2, "two behind": 1, "on the plane": 1}[kind]
+    assert len(triangles) - is_part.sum() == (kind == "on the plane")
     assert np.abs(triangles.sum(axis=2) - 1).max() <= 1e-14
     at = triangles @ depth
     is_new = (np.abs(triangles) > 1e-12).sum(axis=2) > 1
@@ -83,15 +88,15 @@ def test_new_vertices_stand_where_their_points_are_seen():
         faces = np.arange(300).reshape(-1, 3)
         clipped, before = clip_mesh(points, faces, screen)
         crossing = np.flatnonzero((before.x[faces] == OUTSIDE).any(axis=1))
-        shares, cut = clip_shares(points, screen, faces[crossing])
-        spots = np.einsum("pkc,pcx->pkx", shares, points[faces[crossing[cut]]]).reshape(-1, 3)
+        shares, owners = clip_shares(points, screen, faces[crossing])
+        spots = np.einsum("pkc,pcx->pkx", shares, points[faces[crossing[owners]]]).reshape(-1, 3)
         w = -spots[:, 2] if is_perspective else 1.0
         x, y = 256 * (15.5 + 20 * spots[:, 0] / w), 256 * (9.25 - 20 * spots[:, 1] / w)
         new = clipped.vertices.x[300:], clipped.vertices.y[300:], clipped.vertices.z[300:]
         off = np.maximum(np.abs(new[0] - x), np.abs(new[1] - y)).max()
         assert len(spots) > 50 and off <= 0.5 + 1e-8, f"{off} sub-pixels > 0.5"
         # On a face all of whose vertices are seen, rounding moves the plane; else it is that of the points themselves.
-        corners = points[faces[crossing[cut]]]
+        corners = points[faces[crossing[owners]]]
         is_behind = np.repeat((corners[:, :, 2] >= 0).any(axis=1), 3) if is_perspective else np.zeros(len(spots), bool)
         normal = np.repeat(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), 3, axis=0)
         ray = np.stack([(new[0] / 256 - 15.5) / 20, (9.25 - new[1] / 256) / 20, -np.ones(len(spots))], axis=1)
@@ -119,20 +124,20 @@ def test_both_faces_of_an_edge_get_the_same_new_vertices(corners, is_perspective
     """Bit for bit, through all planes, however the two faces are wound and listed: no gap can open."""
     screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR)
     faces = np.array([np.array([0, 1, 2])[turn_a], np.array([1, 0, 3])[turn_b]])
-    parts, cut = np.empty((14, 3, N_COLUMN)), np.empty(14, np.uint32)
+    parts, owners = np.empty((14, 3, N_CORNER_COLUMN)), np.empty(14, np.uint32)
     columns = np.ascontiguousarray(np.array(corners).T), np.ascontiguousarray(faces.T.astype(np.uint32))
     with np.errstate(all="ignore"):
         vertices, _ = transform(columns[0], screen, SERIAL)
-        n = stage.clip_faces(*columns, np.arange(2, dtype=np.uint32), screen, parts, cut)
-        x, y, _ = stage.place(parts[:n].reshape(-1, N_COLUMN), screen)
-    if not ((vertices.x[faces] == OUTSIDE).any(axis=1).all() and {0, 1} <= set(cut[:n])):
-        return
+        n = stage.clip_faces(*columns, np.arange(2, dtype=np.uint32), screen, parts, owners)
+        flat, ranges = np.zeros((2, 3)), np.zeros((2, 2))
+        (x, y, _), _ = stage.snap_corners(parts[:n], np.repeat(owners[:n], 3), flat, ranges, screen)
+    assume((vertices.x[faces] == OUTSIDE).any(axis=1).all() and {0, 1} <= set(owners[:n]))
     # The corners that lie on the edge between the points 0 and 1: those that both faces have.
     edge = np.array(corners)[:2] * (1, 1, -1)
     on_edge = []
     for face in range(2):
-        rows = np.concatenate([parts[:n].reshape(-1, N_COLUMN), x[:, None], y[:, None]], axis=1)[
-            np.repeat(cut[:n] == face, 3)
+        rows = np.concatenate([parts[:n].reshape(-1, N_CORNER_COLUMN), x[:, None], y[:, None]], axis=1)[
+            np.repeat(owners[:n] == face, 3)
         ]
         along = edge[1] - edge[0]
         off = np.cross(rows[:, [1, 2, 0]] - edge[0], along)
@@ -209,10 +214,13 @@ def test_what_is_not_finite_draws_nothing_and_disturbs_nothing(bad, is_perspecti
         screen = screen._replace(**{name: getattr(screen, name) @ turn for name in ("right", "up", "forward")})
         with np.errstate(all="ignore"):
             clipped, _ = clip_mesh(np.concatenate([good @ turn, [bad]]), faces, screen)
-        x, y = clipped.vertices.x[clipped.vertex].astype(int), clipped.vertices.y[clipped.vertex].astype(int)
+        x, y = (
+            clipped.vertices.x[clipped.triangles.vertex_idx].astype(int),
+            clipped.vertices.y[clipped.triangles.vertex_idx].astype(int),
+        )
         assert (x != OUTSIDE).all()
         area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
-        drawn = set(clipped.face[area != 0].tolist())
+        drawn = set(clipped.faces[area != 0].tolist())
         if np.isfinite(bad).all():
             assert {0, 2} <= drawn  # very far away is not an error
         else:
@@ -227,13 +235,13 @@ def test_faces_keep_their_order_and_their_points():
     corner = np.ascontiguousarray(rng.integers(0, 500, (3, 200)).astype(np.uint32))
     clipped, before = clip_mesh(points, faces, screen, corner)
     is_whole = (before.x[faces] != OUTSIDE).all(axis=1)
-    assert (np.diff(clipped.face.astype(int)) >= 0).all()
+    assert (np.diff(clipped.faces.astype(int)) >= 0).all()
     assert clipped.n_clipped == (~is_whole).sum() > 20 and is_whole.sum() > 20
-    assert set(np.flatnonzero(is_whole)) <= set(clipped.face)
-    kept = is_whole[clipped.face]
-    assert (clipped.vertex[:, kept] == faces[clipped.face[kept]].T).all()
-    assert (clipped.vertex[:, ~kept] >= 60).all() and ((clipped.cut < 0) == kept).all()
-    assert (clipped.corner == corner[:, clipped.face]).all()
+    assert set(np.flatnonzero(is_whole)) <= set(clipped.faces)
+    kept = is_whole[clipped.faces]
+    assert (clipped.triangles.vertex_idx[:, kept] == faces[clipped.faces[kept]].T).all()
+    assert (clipped.triangles.vertex_idx[:, ~kept] >= 60).all() and ((clipped.triangles.clipped_idx < 0) == kept).all()
+    assert (clipped.triangles.corner_idx == corner[:, clipped.faces]).all()
     assert [a[:60].tobytes() for a in clipped.vertices] == [a.tobytes() for a in before]
 
 
@@ -245,12 +253,18 @@ def test_parts_keep_the_winding_of_their_face():
         points = rng.uniform(-4, 4, (3, 3)) - (0, 0, 4)
         clipped, _ = clip_mesh(points, [[0, 1, 2]], screen)
         facing = np.linalg.det(points)  # whether the eye, at the origin, sees the face counter-clockwise
-        x, y = (a[clipped.vertex].astype(np.int64) for a in clipped.vertices[:2])
+        x, y = (a[clipped.triangles.vertex_idx].astype(np.int64) for a in clipped.vertices[:2])
         area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
         large = area[np.abs(area) > 2**18]
         assert (np.sign(large) == np.sign(facing)).all()
         n_part += len(large)
     assert n_part > 50
+
+
+def place_of(points, w=1.0):
+    """(1, x, y) of points (..., 3) on a screen with scale 30 about (15.5, 9.25), in 1/256 px."""
+    x, y = 15.5 + 30 * points[..., 0] / w, 9.25 - 30 * points[..., 1] / w
+    return np.stack([np.ones_like(x), 256 * x, 256 * y], axis=-1)
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
@@ -262,13 +276,19 @@ def test_weights_are_those_of_the_whole_face(is_perspective):
     faces = np.arange(300).reshape(-1, 3)
     behind = points[faces][:, :, 2].max(axis=1) >= 0  # others are rounded
     vertex = np.ascontiguousarray(faces[behind].T.astype(np.uint32))
-    planes, z = stage.find_whole_planes(np.ascontiguousarray(points.T), vertex, screen)
+    planes, z = compute_face_planes(np.ascontiguousarray(points.T), vertex, screen)
     shares = rng.dirichlet((1, 1, 1), (len(planes), 40))
     spots = shares @ points[faces[behind]]
     is_seen = spots[..., 2] < -0.2
     w = -spots[..., 2] if is_perspective else np.ones(spots.shape[:2])
-    place = np.stack([np.ones_like(w), 256 * (15.5 + 30 * spots[..., 0] / w), 256 * (9.25 - 30 * spots[..., 1] / w)])
-    if not is_perspective:  # all have a place there, and so the vertices are rounded
+    place = np.moveaxis(place_of(spots, w), -1, 0)
+    if not is_perspective:  # all have a place there, and so the vertices are rounded: there each has all the weight
+        at_vertices = np.rint(place_of(points[faces[behind]]))
+        weights = np.einsum("pck,pjk->pjc", planes[:, :9].reshape(-1, 3, 3).swapaxes(1, 2), at_vertices)
+        assert len(weights) > 20 and np.abs(weights - np.eye(3)).max() < 1e-9
+        depth = (z[:, None] * at_vertices).sum(axis=2)
+        expected = screen.z_offset - screen.z_scale * points[faces[behind]][..., 2]
+        assert np.abs(depth - expected).max() <= 1e-9 * np.abs(expected).max()
         return
     q = np.einsum("pck,pjk->pjc", planes[:, :9].reshape(-1, 3, 3).swapaxes(1, 2), np.moveaxis(place, 0, -1))
     found = q / q.sum(axis=2, keepdims=True)
@@ -282,9 +302,11 @@ def test_weights_are_those_of_the_whole_face(is_perspective):
 def test_clipping_nothing_changes_nothing():
     points = [(0, 0, -2), (1, 0, -2), (0, 1, -2)]
     clipped, before = clip_mesh(points, [[0, 1, 2]], plain_screen())
-    assert clipped.n_clipped == 0 and (clipped.vertex == [[0], [1], [2]]).all() and len(clipped.planes) == 0
+    assert (
+        clipped.n_clipped == 0 and (clipped.triangles.vertex_idx == [[0], [1], [2]]).all() and len(clipped.planes) == 0
+    )
     behind, _ = clip_mesh(-np.array(points), [[0, 1, 2]], plain_screen())
-    assert behind.n_clipped == 1 and behind.vertex.shape == (3, 0) and behind.face.shape == (0,)
+    assert behind.n_clipped == 1 and behind.triangles.vertex_idx.shape == (3, 0) and behind.faces.shape == (0,)
 
 
 # ---------------------------------------------------------------- in pictures
@@ -341,7 +363,7 @@ def test_clipped_faces_are_those_of_the_reference(shading, tolerance):
     for _ in range(20):
         vertices, colors, faces, lights = random_scene(rng, 6, None)
         scene = rz.Scene([mesh_of(vertices, faces, colors)], lights, random_camera(rng))
-        verdict = compare(scene, (32, 24), shading=shading, tolerance=tolerance)
+        verdict = compare_with_reference(scene, (32, 24), shading=shading, tolerance=tolerance)
         budget = max(tolerance, EXACT)
         assert verdict.color <= budget, f"colours differ by {verdict.color:.3g} > {budget:.3g}"
         assert verdict.depth <= 1e-6, f"depths differ by {verdict.depth:.3g} > 1e-6"
@@ -404,7 +426,7 @@ def test_without_the_compiler_the_same_comes_out(monkeypatch):
     faces, screen = np.arange(30, dtype=np.uint32), plain_screen(True, (NEAR, FAR), far_clip=FAR)
 
     def run():
-        triangles, owner = np.zeros((30 * 7, 3, N_COLUMN)), np.zeros(30 * 7, np.uint32)
+        triangles, owner = np.zeros((30 * 7, 3, N_CORNER_COLUMN)), np.zeros(30 * 7, np.uint32)
         n = int(stage.clip_faces(positions, vertex, faces, screen, triangles, owner))
         nearest = float(stage.find_nearest(positions, vertex, screen, 40, 30))
         return n, triangles.tobytes(), owner.tobytes(), nearest

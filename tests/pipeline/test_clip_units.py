@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.judge import compare
+from helpers.against_reference import compare_with_reference
 from helpers.pinhole import unit
 
 import rasterizer as rz
@@ -22,7 +22,7 @@ def test_clipped_faces_are_the_same_in_any_unit(is_perspective):
         mesh = rz.Mesh(unit_length * points, np.arange(24).reshape(-1, 3), normals=normals)
         scene = rz.Scene([mesh], [rz.AmbientLight(0.1), rz.DirectionalLight((-0.3, -0.5, -0.8), 0.8)], camera)
         frames.append(rz.render(scene, (24, 18), shading="phong", tolerance=0, outputs=("color", "depth", "face")))
-        compare(scene, (24, 18), shading="phong", tolerance=0)
+        compare_with_reference(scene, (24, 18), shading="phong", tolerance=0)
     assert frames[0].stats.clipped > 3 and (frames[0].face >= 0).sum() > 100
     for frame, unit_length in zip(frames[1:], (2.0**-70, 2.0**70), strict=True):
         assert (frame.face == frames[0].face).all() and (frame.color == frames[0].color).all()
@@ -36,7 +36,7 @@ def test_a_face_with_one_corner_very_far_away_is_not_seen_edge_on():
         mesh = rz.Mesh(np.concatenate([points, points[:1] + (0, 0, 1.5)]), [[0, 1, 2], [1, 3, 2]])
         camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), near=0.1)
         scene = rz.Scene([mesh], [rz.DirectionalLight((-0.3, -0.5, -0.8))], camera)
-        compare(scene, (24, 18), shading="phong", tolerance=0)
+        compare_with_reference(scene, (24, 18), shading="phong", tolerance=0)
 
 
 def test_what_a_far_plane_cuts_off_does_not_push_the_near_plane_away():
@@ -49,7 +49,7 @@ def test_what_a_far_plane_cuts_off_does_not_push_the_near_plane_away():
     for far in (None, 40.0):
         camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=60, far=far)
         scene = rz.Scene(meshes, [rz.DirectionalLight((-0.3, -0.5, -0.8))], camera)
-        compare(scene, (24, 18), shading="phong", tolerance=0)
+        compare_with_reference(scene, (24, 18), shading="phong", tolerance=0)
         nearest.append(rz.render(scene, (24, 18), outputs=("depth",)).depth[-1].min())
     assert nearest[0] > 95 or np.isinf(nearest[0]), (
         "a near plane at 2^-20 of the speck's depth leaves this of the floor"
@@ -68,7 +68,7 @@ def test_the_scene_s_box_decides_how_near_the_fitted_near_plane_is():
         scene = rz.Scene(
             [mesh], [rz.DirectionalLight((-0.3, -0.5, -0.8))], rz.Camera.perspective((0, 0, 0), (0, 0, -1))
         )
-        compare(scene, (24, 18), shading="flat", tolerance=0)
+        compare_with_reference(scene, (24, 18), shading="flat", tolerance=0)
 
 
 @pytest.mark.parametrize("seed", [*range(100), 121, 1315, 1475])
@@ -80,4 +80,4 @@ def test_order_next_to_clipped_faces_is_that_of_their_planes(seed):
     fov, near = rng.uniform(40, 140), None if seed % 2 else 10 ** rng.uniform(-4, -1)
     camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=fov, near=near)
     scene = rz.Scene([rz.Mesh(points, np.arange(24).reshape(-1, 3))], [rz.AmbientLight(1.0)], camera)
-    compare(scene, (16, 12), shading="flat", tolerance=0)
+    compare_with_reference(scene, (16, 12), shading="flat", tolerance=0)

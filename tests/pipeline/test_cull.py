@@ -1,4 +1,4 @@
-"""Check which triangles the setup stage drops, against plain Python and against what they cover."""
+"""Check which triangles the cull stage drops, against plain Python and against what they cover."""
 
 import math
 
@@ -8,7 +8,7 @@ from helpers.stages import SERIAL, random_triangles, slivers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rasterizer.pipeline.cull import BLOCK, Faces, find_visible, first_sample
+from rasterizer.pipeline.cull import PASS, Grid, find_visible, first_sample
 from rasterizer.pipeline.threads import MIN_PART, Workers
 from rasterizer.pipeline.transform import OUTSIDE, Vertices
 from rasterizer.reference import coverage
@@ -38,10 +38,10 @@ def soup(rng, n):
 
 
 def columns(triangles):
-    """The input of the stage: Faces and Vertices, which no two triangles share."""
+    """The input of the stage: index columns and Vertices, which no two triangles share."""
     index = np.arange(3 * len(triangles), dtype=np.uint32).reshape(-1, 3)
     x, y = (np.ascontiguousarray(triangles[..., k].ravel().astype(np.int32)) for k in range(2))
-    return Faces(*np.ascontiguousarray(index.T)), Vertices(x, y, np.zeros(len(x)))
+    return np.ascontiguousarray(index.T), Vertices(x, y, np.zeros(len(x)))
 
 
 def expected(triangles, size, band_rows, cull_back):
@@ -68,10 +68,10 @@ def expected(triangles, size, band_rows, cull_back):
 @pytest.mark.parametrize("band_rows", [1, 8, 10, 29, 100])
 def test_finds_what_plain_python_finds(band_rows, cull_back):
     triangles = soup(np.random.default_rng(band_rows), 2000)
-    [visible] = find_visible(*columns(triangles), *SIZE, band_rows, cull_back, SERIAL)
+    [visible] = find_visible(*columns(triangles), Grid(*SIZE, band_rows), cull_back, SERIAL)
     face, first, last, n_culled = expected(triangles, SIZE, band_rows, cull_back)
-    assert visible.face.tolist() == face and len(face) > 300
-    assert visible.first_band.tolist() == first and visible.last_band.tolist() == last
+    assert visible.faces.tolist() == face and len(face) > 300
+    assert visible.first_bands.tolist() == first and visible.last_bands.tolist() == last
     assert visible.n_culled == n_culled and (n_culled > 300) == cull_back
     n_band = -(-SIZE[1] // band_rows)
     histogram = np.zeros(n_band, int)
@@ -85,35 +85,35 @@ def test_nothing_that_covers_a_sample_is_dropped():
     parts = [random_triangles(rng, 150, SIZE, reach) for reach in (0.6, 2.0, 30.0)]
     parts += [slivers(rng, 150, SIZE, reach, 3) for reach in (1, 20, 2**18)]
     triangles = np.concatenate(parts).clip(-LIMIT, LIMIT)
-    [visible] = find_visible(*columns(triangles), *SIZE, 4, False, SERIAL)
-    is_kept = np.isin(np.arange(len(triangles)), visible.face)
+    [visible] = find_visible(*columns(triangles), Grid(*SIZE, 4), False, SERIAL)
+    is_kept = np.isin(np.arange(len(triangles)), visible.faces)
     n_row = np.zeros(len(triangles))
     for k, triangle in enumerate(triangles):
         rows = np.flatnonzero(coverage(triangle, *SIZE).any(axis=1))
         n_row[k] = len(rows)
         if len(rows):
             assert is_kept[k], f"{triangle.tolist()} covers samples and was dropped"
-            at = np.searchsorted(visible.face, k)
-            assert visible.first_band[at] <= rows[0] // 4 and rows[-1] // 4 <= visible.last_band[at]
+            at = np.searchsorted(visible.faces, k)
+            assert visible.first_bands[at] <= rows[0] // 4 and rows[-1] // 4 <= visible.last_bands[at]
     assert 200 < (n_row > 0).sum() and (~is_kept).sum() > 50
 
 
-@pytest.mark.parametrize("n", [0, 1, BLOCK - 1, BLOCK, BLOCK + 1, 3 * BLOCK + 5])
-def test_blocks_do_not_matter(n):
-    triangles = soup(np.random.default_rng(2), 4 * BLOCK)[:n]
-    [visible] = find_visible(*columns(triangles), *SIZE, 8, True, SERIAL)
-    assert visible.face.tolist() == expected(triangles, SIZE, 8, True)[0]
+@pytest.mark.parametrize("n", [0, 1, PASS - 1, PASS, PASS + 1, 3 * PASS + 5])
+def test_passes_do_not_matter(n):
+    triangles = soup(np.random.default_rng(2), 4 * PASS)[:n]
+    [visible] = find_visible(*columns(triangles), Grid(*SIZE, 8), True, SERIAL)
+    assert visible.faces.tolist() == expected(triangles, SIZE, 8, True)[0]
 
 
 def test_parts_of_threads_give_the_same_in_order():
     triangles = soup(np.random.default_rng(3), 4 * MIN_PART)
     given_columns = columns(triangles)
-    [serial] = find_visible(*given_columns, *SIZE, 8, True, SERIAL)
+    [serial] = find_visible(*given_columns, Grid(*SIZE, 8), True, SERIAL)
     workers = Workers(3)
-    parts = find_visible(*given_columns, *SIZE, 8, True, workers)
+    parts = find_visible(*given_columns, Grid(*SIZE, 8), True, workers)
     workers.close()
     assert len(parts) > 2
-    for name in ("face", "first_band", "last_band"):
+    for name in ("faces", "first_bands", "last_bands"):
         assert np.concatenate([getattr(part, name) for part in parts]).tobytes() == getattr(serial, name).tobytes()
     assert sum(part.n_culled for part in parts) == serial.n_culled
     assert (sum(part.histogram for part in parts) == serial.histogram).all()
@@ -122,6 +122,6 @@ def test_parts_of_threads_give_the_same_in_order():
 def test_as_many_bands_as_there_can_be():
     """Numbers of bands fill 16 bits."""
     triangle = np.array([[[0, 0], [0, 256 * 65535], [256, 256 * 65535]]])
-    [visible] = find_visible(*columns(triangle), 1, 65535, 1, False, SERIAL)
-    assert visible.first_band.tolist() == [0] and visible.last_band.tolist() == [65534]
+    [visible] = find_visible(*columns(triangle), Grid(1, 65535, 1), False, SERIAL)
+    assert visible.first_bands.tolist() == [0] and visible.last_bands.tolist() == [65534]
     assert (visible.histogram == 1).all()

@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, check
+from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
-from rasterizer.engine.intensity_bounds import has_colored_fresnel
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.uniforms import make_lighting, row_functions_of
+from rasterizer.engine.reflection_table import has_colored_fresnel
+from rasterizer.engine.uniforms import batch_functions_of, make_lighting
 from rasterizer.errors import SceneError
 from rasterizer.options import Options
-from rasterizer.pipeline.light_kinds import same_again
+from rasterizer.pipeline.light_kinds import same_light_again
 from rasterizer.scene.spectrum import rgb_of, samples_of
 
 GOLD = (1.0, 0.78, 0.34)
@@ -49,14 +49,14 @@ def ball(*materials, **more):
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("name", MATERIALS)
 def test_pictures_agree_with_the_judge(name, shading):
-    check(ball(MATERIALS[name]), (48, 40), EXACT, shading=shading, tolerance=0)
-    check(ball(MATERIALS[name]), (48, 40), 1 / 4096, shading=shading, tolerance=1 / 4096)
+    assert_matches_reference(ball(MATERIALS[name]), (48, 40), EXACT, shading=shading, tolerance=0)
+    assert_matches_reference(ball(MATERIALS[name]), (48, 40), 1 / 4096, shading=shading, tolerance=1 / 4096)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_materials_with_and_without_it_share_a_picture(shading):
     scene = ball(MATERIALS["blinn"], rz.Material(fresnel=0.2), rz.Material(specular=0), MATERIALS["ggx"], rz.Material())
-    check(scene, (100, 40), EXACT, shading=shading, tolerance=0)
+    assert_matches_reference(scene, (100, 40), EXACT, shading=shading, tolerance=0)
 
 
 @pytest.mark.parametrize("name", [name for name in MATERIALS if name != "spectrum"])
@@ -73,14 +73,14 @@ def test_each_channel_is_that_of_a_number(name):
 def test_a_spectrum_is_evaluated_at_every_wavelength():
     """One point, one light: RGB(ks·Ip·(F0 + (1 - F0)(1 - cos θ)^5)·(R·V)^n), sample by sample."""
     light, n = rz.Spectrum.blackbody(3500), 81
-    to_light, normal = np.array((0.8, 0.0, 0.6)), np.array((0.0, 0.0, 1.0))
-    to_viewer = np.array((-0.6, 0.0, 0.8))
+    light_dir, normal = np.array((0.8, 0.0, 0.6)), np.array((0.0, 0.0, 1.0))
+    view_dir = np.array((-0.6, 0.0, 0.8))
     material = rz.Material(diffuse=0, ambient=0, specular=0.7, shininess=5, fresnel=RAMP)
-    found = rz.illuminate((0, 0, 0), normal, material, rz.DirectionalLight(-to_light, light), toward_viewer=to_viewer)
+    found = rz.illuminate((0, 0, 0), normal, material, rz.DirectionalLight(-light_dir, light), toward_viewer=view_dir)
     first = samples_of(RAMP, n)
-    mirrored = 2 * (normal @ to_light) * normal - to_light
-    weight = first + (1 - first) * (1 - normal @ to_light) ** 5
-    expected = rgb_of(samples_of(light, n) * 0.7 * weight * (mirrored @ to_viewer) ** 5)
+    mirrored = 2 * (normal @ light_dir) * normal - light_dir
+    weight = first + (1 - first) * (1 - normal @ light_dir) ** 5
+    expected = rgb_of(samples_of(light, n) * 0.7 * weight * (mirrored @ view_dir) ** 5)
     assert np.abs(found - expected).max() < 1e-14, f"{found} instead of {expected}"
 
 
@@ -88,9 +88,9 @@ def test_a_spectrum_is_evaluated_at_every_wavelength():
 def test_w_grows_to_white_with_the_angle_of_incidence(degrees):
     """In the mirror direction Phong's highlight is ks·W alone: F0 at normal incidence, 1 at grazing."""
     a = np.radians(degrees)
-    to_light, mirrored = (np.sin(a), 0, np.cos(a)), (-np.sin(a), 0, np.cos(a))
+    light_dir, mirrored = (np.sin(a), 0, np.cos(a)), (-np.sin(a), 0, np.cos(a))
     material = rz.Material(diffuse=0, ambient=0, specular=1.0, fresnel=GOLD)
-    light = rz.DirectionalLight(np.negative(to_light))
+    light = rz.DirectionalLight(np.negative(light_dir))
     found = rz.illuminate((0, 0, 0), (0, 0, 1), material, light, toward_viewer=mirrored)
     expected = np.array(GOLD) + (1 - np.array(GOLD)) * (1 - np.cos(a)) ** 5
     assert np.abs(found - expected).max() < 1e-12, f"{found} instead of {expected}"
@@ -101,9 +101,9 @@ def test_specular_times_w_stays_below_specular():
     rng = np.random.default_rng(5)
     for _ in range(50):
         first, ks = rng.uniform(size=3), rng.uniform(size=3)
-        normal, to_light, to_viewer = rng.normal(size=(3, 3))
+        normal, light_dir, view_dir = rng.normal(size=(3, 3))
         material = rz.Material(diffuse=0, ambient=0, specular=ks, shininess=rng.uniform(0.5, 50), fresnel=first)
-        found = rz.illuminate((0, 0, 0), normal, material, rz.DirectionalLight(-to_light), toward_viewer=to_viewer)
+        found = rz.illuminate((0, 0, 0), normal, material, rz.DirectionalLight(-light_dir), toward_viewer=view_dir)
         assert (found >= 0).all() and (found <= ks * (1 + 1e-12)).all(), f"{found} beside {ks}"
 
 
@@ -116,10 +116,10 @@ def test_grey_pictures_keep_one_channel_and_compile_nothing_more():
     for fresnel in (0.3, "white", (0.2, 0.2, 0.2), None):
         grey = rz.Material(fresnel=fresnel)
         plan = planned(grey)
-        assert not has_colored_fresnel(grey) and same_again not in row_functions_of(plan, True)[0]
+        assert not has_colored_fresnel(grey) and same_light_again not in batch_functions_of(plan, True)[0]
     neutral = rz.Scene(ball(rz.Material(fresnel=0.3)).meshes)
     plan = make_plan(neutral, Options(), np.empty((0, 3)))
-    assert plan.n_channel == 1 and len(make_lighting(plan, neutral.camera_for((4, 3)).view()).light_function) == len(
+    assert plan.n_channel == 1 and len(make_lighting(plan, neutral.camera_for((4, 3)).view()).light_functions) == len(
         plan.lights
     )
     # A colour that no highlight shows is none.

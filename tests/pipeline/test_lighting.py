@@ -7,11 +7,12 @@ import pytest
 from helpers.stages import NOTHING, lighting_of
 
 import rasterizer as rz
-from rasterizer.pipeline.fragments import CHUNK, make_rows
-from rasterizer.pipeline.lighting import light_points
+from rasterizer.pipeline.fragments import BATCH_SIZE, make_batch
+from rasterizer.pipeline.lighting import SurfacePoints, light_points
 from rasterizer.pipeline.transform import make_screen
 from rasterizer.reference import light as reference_light
-from rasterizer.reference.light import Stage
+from rasterizer.reference.light import Lighting
+from rasterizer.reference.materials import read_materials
 
 SIZE = (64, 48)
 EYE = (1.5, 2.0, 4.0)
@@ -59,7 +60,7 @@ def random_points(n):
     )
 
 
-def light_them(camera, lights, material, dtype, side, points, has_albedo, n_material=1, start=0, stop=None):
+def light_them(camera, lights, material, dtype, side, points, has_albedo, n_material=1, start=0, end=None):
     """Intensities (n, n_channel) of points, as the pipeline computes them, and the plan."""
     positions, normals, albedo = points
     view = camera.view()
@@ -73,20 +74,9 @@ def light_them(camera, lights, material, dtype, side, points, has_albedo, n_mate
     )
     out = np.full((len(positions), plan.n_channel), np.nan, dtype)
     columns = [np.ascontiguousarray(values.T) for values in (positions, normals)]
-    stop = len(positions) if stop is None else stop
-    light_points(
-        *columns,
-        albedo if has_albedo else NOTHING,
-        np.empty(0),
-        start,
-        stop,
-        screen,
-        side,
-        lighting,
-        n_material - 1,
-        make_rows(dtype),
-        out,
-    )
+    surface = SurfacePoints(*columns, None, albedo if has_albedo else NOTHING, np.empty(0))
+    end = len(positions) if end is None else end
+    light_points(surface, start, end, screen, side, lighting, n_material - 1, make_batch(dtype), out)
     return out, plan
 
 
@@ -94,12 +84,14 @@ def judge_them(camera, lights, material, side, points, has_albedo):
     """The same (n, 3), as the judge computes it."""
     positions, normals, albedo = points
     scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=material)], lights, camera)
-    stage = Stage(camera.view(), camera.projection(SIZE), reference_light.read_materials(scene), scene.lights, "phong")
-    toward = np.sign((normals * reference_light._to_viewer(positions, stage)).sum(axis=1, keepdims=True))
+    expected_lighting = Lighting(camera.view(), camera.projection(SIZE), read_materials(scene), scene.lights, "phong")
+    toward = np.sign((normals * reference_light.to_viewer(positions, expected_lighting)).sum(axis=1, keepdims=True))
     normals = normals * (side if side else toward)
     white = albedo if has_albedo else np.ones_like(positions)
-    matte, rest = reference_light.light_points(positions, normals, np.zeros(len(positions), int), stage)
-    return white * matte + rest
+    diffuse, specular = reference_light.light_points(
+        positions, normals, np.zeros(len(positions), int), expected_lighting
+    )
+    return white * diffuse + specular
 
 
 @pytest.mark.parametrize("dtype, budget", BUDGETS)
@@ -107,7 +99,7 @@ def judge_them(camera, lights, material, side, points, has_albedo):
 @pytest.mark.parametrize("lights", LIGHTS)
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_points_are_lit_as_the_judge_lights_them(camera, lights, has_albedo, dtype, budget):
-    points = random_points(2 * CHUNK + 17)
+    points = random_points(2 * BATCH_SIZE + 17)
     for material in MATERIALS:
         for side in (1, -1, 0):
             case = CAMERAS[camera], LIGHTS[lights], material
@@ -124,15 +116,15 @@ def test_points_are_lit_as_the_judge_lights_them(camera, lights, has_albedo, dty
 
 
 def test_only_the_asked_points_are_lit_and_each_as_it_would_be_alone():
-    """A chunk's border, and where a part begins, don't change a bit."""
-    points = random_points(3 * CHUNK)
+    """A batch's border, and where a part begins, don't change a bit."""
+    points = random_points(3 * BATCH_SIZE)
     case = CAMERAS["perspective"], LIGHTS["coloured"], MATERIALS[1], np.float32, 1, points, True
     whole, _ = light_them(*case)
     assert np.isfinite(whole).all()
-    for start, stop in ((0, 1), (5, 5), (200, 300), (CHUNK - 1, 2 * CHUNK + 1), (700, 3 * CHUNK)):
-        part, _ = light_them(*case, start=start, stop=stop)
-        assert (part[start:stop] == whole[start:stop]).all()
-        assert np.isnan(part[:start]).all() and np.isnan(part[stop:]).all()
+    for start, end in ((0, 1), (5, 5), (200, 300), (BATCH_SIZE - 1, 2 * BATCH_SIZE + 1), (700, 3 * BATCH_SIZE)):
+        part, _ = light_them(*case, start=start, end=end)
+        assert (part[start:end] == whole[start:end]).all()
+        assert np.isnan(part[:start]).all() and np.isnan(part[end:]).all()
     other, _ = light_them(*case, n_material=3)
     assert (other == whole).all()
 

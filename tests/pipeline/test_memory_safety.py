@@ -31,13 +31,15 @@ FILTERS, WRAPS = ("nearest", "bilinear", "trilinear"), ("repeat", "clamp", "mirr
 # ── every float that becomes an index ───────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize("wrap", [texture_sampling.REPEAT, texture_sampling.CLAMP, texture_sampling.MIRROR])
+@pytest.mark.parametrize(
+    "wrap", [texture_sampling.WRAP_REPEAT, texture_sampling.WRAP_CLAMP, texture_sampling.WRAP_MIRROR]
+)
 def test_places_in_a_picture_lie_within_it_whatever_the_coordinate(wrap):
     rng = np.random.default_rng(1)
     bits = rng.integers(0, 2**64, 20_000, dtype=np.uint64).view(np.float64)  # any float at all
     with np.errstate(all="ignore"):
         for x in (*NUMBERS, *bits, *rng.normal(scale=3, size=2000)):
-            place = texture_sampling.into_picture.py_func(np.float64(x), wrap)
+            place = texture_sampling.wrap_texcoord.py_func(np.float64(x), wrap)
             assert 0.0 <= place <= 1.0, f"{x!r} with wrap {wrap} becomes {place!r}"
 
 

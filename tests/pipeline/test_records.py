@@ -4,37 +4,29 @@ import numpy as np
 import pytest
 from helpers.stages import (
     covered,
+    entries_of,
     perspective_weights,
     plain_coding,
     plain_screen,
     random_triangles,
     scan_alone,
     slivers,
-    words_of,
 )
 
+from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from rasterizer.pipeline.records import (
     ATTRIBUTE,
     DISTANCE,
-    EXACT,
     FACE,
-    IN_PLANES,
-    IN_WORDS,
+    FIRST_PLANE,
     INV_W,
-    IS_EXACT,
-    IS_ID,
-    LEVEL_MASK,
-    NORMAL_PLANES,
-    PAYLOAD_BITS,
-    PLANE,
-    PLANE_FACE,
-    PLANE_X,
-    PLANE_Y,
-    RECORD_MASK,
+    PLANES_ANCHOR_X,
+    PLANES_ANCHOR_Y,
+    PLANES_FACE,
     SIDE,
 )
-from rasterizer.pipeline.scan import CLEAR
-from rasterizer.pipeline.simd import GROUP
+from rasterizer.pipeline.simd import PLANE_GROUP
+from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK, PAYLOAD_BITS, RECORD_MASK
 
 SIZE, WIDE = (120, 90), (8300, 24)
 LEVELS = float(LEVEL_MASK - 1)  # intensities up to 1
@@ -89,43 +81,43 @@ def wrapped(values):
     return (values + 2**31) % 2**32 - 2**31
 
 
-def levels_at(bench, rows, columns):
+def levels_at(workspace, rows, columns):
     """Levels (3, n) of the planes of record 0 at samples."""
-    record = bench.records.levels[: 1 << bench.records.plane_shift].astype(np.int64)
-    x, y = columns - record[PLANE_X], rows - record[PLANE_Y]
-    value, value_x, value_y = record[PLANE : PLANE + 3 * GROUP].reshape(3, GROUP, 1)[:, :3]
+    record = workspace.records.int_planes[: 1 << workspace.records.plane_shift].astype(np.int64)
+    x, y = columns - record[PLANES_ANCHOR_X], rows - record[PLANES_ANCHOR_Y]
+    value, value_x, value_y = record[FIRST_PLANE : FIRST_PLANE + 3 * PLANE_GROUP].reshape(3, PLANE_GROUP, 1)[:, :3]
     return wrapped(value + x * value_x + y * value_y)
 
 
 def drawn_levels(kind, case, coding, screen):
     """(levels (n_attribute, n) or None where the record is exact, exact intensities, rows, columns)."""
     triangle, depth, values, size = case
-    bench, n_record, n_exact = scan_alone(
-        [triangle], depth[None], values[None], coding, screen, size, n_group=int(kind == IN_PLANES)
+    workspace, n_record, n_exact = scan_alone(
+        [triangle], depth[None], values[None], coding, screen, size, n_group=int(kind == LEVEL_PLANES)
     )
     rows, columns, edges = covered(triangle, size)
     weights = perspective_weights(edges, depth, screen.is_perspective)
-    words = words_of(bench, size)[rows, columns]
-    assert (words < CLEAR).all() and (words >= 0).all()
-    is_id = (words & IS_ID) != 0
+    entries = entries_of(workspace, size)[rows, columns]
+    assert (entries < CLEAR).all() and (entries >= 0).all()
+    is_id = (entries & IS_ID) != 0
     assert is_id.all() or not is_id.any()
-    assert n_record == is_id.any() and n_exact == bool((words & IS_EXACT)[is_id].any())
+    assert n_record == is_id.any() and n_exact == bool((entries & IS_EXACT)[is_id].any())
     expected = np.einsum("cn,ca->an", weights, values.astype(float))
-    if is_id.any() and (words & IS_EXACT).all():
-        assert (words & RECORD_MASK == 0).all()
-        return None, expected, bench
-    levels = levels_at(bench, rows, columns) if kind == IN_PLANES else (words & LEVEL_MASK)[None]
-    return levels, expected, bench
+    if is_id.any() and (entries & IS_EXACT).all():
+        assert (entries & RECORD_MASK == 0).all()
+        return None, expected, workspace
+    levels = levels_at(workspace, rows, columns) if kind == LEVEL_PLANES else (entries & LEVEL_MASK)[None]
+    return levels, expected, workspace
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("kind", [IN_WORDS, IN_PLANES])
+@pytest.mark.parametrize("kind", [IN_ENTRIES, LEVEL_PLANES])
 @pytest.mark.parametrize("shape", SHAPES)
 def test_levels_stay_in_range_and_within_the_tolerance(shape, kind, is_perspective):
     """At every sample, also of planes that nobody would take; a constant stays constant."""
     screen = plain_screen(is_perspective, DEPTHS)
     n_coded = n_refused = 0
-    for case in cases(shape, 3 if kind == IN_PLANES else 1, is_perspective):
+    for case in cases(shape, 3 if kind == LEVEL_PLANES else 1, is_perspective):
         low, high = (np.rint(f(case[2].astype(float) * LEVELS, axis=0))[:, None] for f in (np.min, np.max))
         for tolerance in (ALWAYS, 1 / 64, 1 / 4096):
             coding = plain_coding(kind, screen, LEVELS, tolerance)
@@ -146,7 +138,7 @@ def test_levels_stay_in_range_and_within_the_tolerance(shape, kind, is_perspecti
 def test_the_bound_takes_a_triangle_where_it_may():
     """The bound is not so cautious that nothing is ever coded: flat and gentle triangles are."""
     screen = plain_screen(True, DEPTHS)
-    coding = plain_coding(IN_WORDS, screen, LEVELS, 1 / 4096)
+    coding = plain_coding(IN_ENTRIES, screen, LEVELS, 1 / 4096)
     triangle = np.array([[1000, 500], [30000, 9000], [5000, 22000]])
     gentle = np.array([[0.2], [0.5], [0.9]], np.float32)
     for depth, values, is_coded in (
@@ -155,7 +147,7 @@ def test_the_bound_takes_a_triangle_where_it_may():
         ((1.0, 4.0, 2.0), np.full((3, 1), 0.3, np.float32), True),
         ((1.0, 4.0, 2.0), gentle * np.float32(1e-4) + np.float32(0.5), True),
     ):
-        levels, _, _ = drawn_levels(IN_WORDS, (triangle, np.array(depth), values, SIZE), coding, screen)
+        levels, _, _ = drawn_levels(IN_ENTRIES, (triangle, np.array(depth), values, SIZE), coding, screen)
         assert (levels is not None) == is_coded
 
 
@@ -163,14 +155,14 @@ def test_the_bound_takes_a_triangle_where_it_may():
 def test_depths_beside_levels_are_those_of_the_plane(shape):
     """No level carries into the bits of depth, which is off by half a step for each sample of the box."""
     screen = plain_screen(True, DEPTHS)
-    coding = plain_coding(IN_WORDS, screen, LEVELS, ALWAYS)
+    coding = plain_coding(IN_ENTRIES, screen, LEVELS, ALWAYS)
     worst = 0.0
     for triangle, depth, values, size in cases(shape, 1, True):
-        bench, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, size)
+        workspace, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, size)
         rows, columns, edges = covered(triangle, size)
         z = (edges / edges.sum(axis=0) * (screen.z_offset + screen.z_scale / depth)[:, None]).sum(axis=0)
         box = np.ptp(triangle, axis=0).sum() / 256 + 2
-        off = np.abs((words_of(bench, size)[rows, columns] >> PAYLOAD_BITS) - z).max() / (box / 2 + 32)
+        off = np.abs((entries_of(workspace, size)[rows, columns] >> PAYLOAD_BITS) - z).max() / (box / 2 + 32)
         worst = max(worst, off)
     assert 0 < worst <= 1, f"{worst} > 1 times half a step a sample"
 
@@ -183,16 +175,18 @@ def random_normals(rng, n, dtype=np.float32):
     return (normals / np.linalg.norm(normals, axis=2, keepdims=True)).astype(dtype)
 
 
-def planes_at(bench, rows, columns):
+def planes_at(workspace, rows, columns):
     """The float32 planes of record 0 at samples: normals, albedo, distance, (7, n)."""
-    record = slice(0, 1 << bench.records.plane_shift)
-    anchor_x, anchor_y = bench.records.levels[PLANE_X], bench.records.levels[PLANE_Y]
+    record = slice(0, 1 << workspace.records.plane_shift)
+    anchor_x, anchor_y = workspace.records.int_planes[PLANES_ANCHOR_X], workspace.records.int_planes[PLANES_ANCHOR_Y]
     x, y = (
         (columns - anchor_x).astype(np.float32),
         (rows - anchor_y).astype(np.float32),
     )
-    planes = bench.records.planes[record][PLANE : PLANE + 6 * GROUP].reshape(2, 3, GROUP, 1)
-    found = (planes[:, 0] + x * planes[:, 1] + y * planes[:, 2]).reshape(2 * GROUP, -1)
+    planes = workspace.records.float_planes[record][FIRST_PLANE : FIRST_PLANE + 6 * PLANE_GROUP].reshape(
+        2, 3, PLANE_GROUP, 1
+    )
+    found = (planes[:, 0] + x * planes[:, 1] + y * planes[:, 2]).reshape(2 * PLANE_GROUP, -1)
     return found[[0, 1, 2, 4, 5, 6, DISTANCE]]
 
 
@@ -216,12 +210,12 @@ def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
             depth = np.sqrt(depth)  # else it is left to exact records
         normals, albedo = random_normals(rng, 6)[k % 6], rng.random((3, 3)).astype(np.float32)
         values = np.concatenate([normals, albedo], axis=1)
-        bench, n_record, _ = scan_alone([triangle], depth[None], values[None], coding, screen, size, n_group=2)
+        workspace, n_record, _ = scan_alone([triangle], depth[None], values[None], coding, screen, size, n_group=2)
         rows, columns, edges = covered(triangle, size)
-        words = words_of(bench, size)[rows, columns]
-        if (words & IS_EXACT).any():
+        entries = entries_of(workspace, size)[rows, columns]
+        if (entries & IS_EXACT).any():
             continue
-        assert n_record == 1 and (words & (IS_ID | LEVEL_MASK) == IS_ID).all()
+        assert n_record == 1 and (entries & (IS_ID | LEVEL_MASK) == IS_ID).all()
         weights = edges / edges.sum(axis=0)
         is_front = np.linalg.det([triangle[1] - triangle[0], triangle[2] - triangle[0]]) < 0
         inv_w = 1 / depth if is_perspective else np.ones(3)
@@ -232,7 +226,7 @@ def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
         corners = np.concatenate([scaled, albedo, last], axis=1)
         size_of = np.array([1.0] * 6 + [last.max()])[:, None]
         bound = 2.0**-24 * (3 * size_of + 4 * rise_over_box(triangle, corners)[:, None])
-        found, expected = planes_at(bench, rows, columns), np.einsum("cn,ca->an", weights, corners)
+        found, expected = planes_at(workspace, rows, columns), np.einsum("cn,ca->an", weights, corners)
         share = (np.abs(found - expected) / bound).max()
         assert share <= 1, f"{triangle.tolist()}: {share} > 1 times the bound"
         if is_flat:
@@ -249,10 +243,10 @@ def test_a_steep_normal_or_much_perspective_is_left_to_exact_records():
     def is_exact(depth, limit, needs_distance=False, albedo=0.0):
         values = np.concatenate([normals, albedo * np.eye(3, dtype=np.float32)[None]], axis=2) if albedo else normals
         coding = plain_coding(NORMAL_PLANES, screen, tolerance=0.01, normal_limit=limit, needs_distance=needs_distance)
-        bench, n_record, _ = scan_alone([triangle], [depth], values, coding, screen, SIZE, n_group=2)
-        words = bench.canvas.words[bench.canvas.words < CLEAR]
-        assert len(words) > 1000 and n_record == 1
-        return bool((words & IS_EXACT).all())
+        workspace, n_record, _ = scan_alone([triangle], [depth], values, coding, screen, SIZE, n_group=2)
+        entries = workspace.visibility.entries[workspace.visibility.entries < CLEAR]
+        assert len(entries) > 1000 and n_record == 1
+        return bool((entries & IS_EXACT).all())
 
     # The error of the planes over the least length that is known of the normals between the corners.
     cosine = min((normals[0, i].astype(float) * normals[0, j]).sum() for i, j in ((0, 1), (1, 2), (2, 0)))
@@ -271,7 +265,7 @@ def test_normals_are_turned_to_the_side_that_is_seen(kind, turn, is_inverted):
     screen = plain_screen(True, DEPTHS)
     triangle = np.array([[1000, 500], [5000, 22000], [30000, 9000]])[::turn]  # counter-clockwise as seen for turn 1
     normals = np.full((2, 3, 3), [0.0, 0.6, 0.8], np.float32)
-    bench, n_record, _ = scan_alone(
+    workspace, n_record, _ = scan_alone(
         [triangle, triangle], np.full((2, 3), 2.0), normals, plain_coding(kind, screen, normal_limit=1e9),
         screen, SIZE, is_inverted=[is_inverted, 1 - is_inverted], n_group=int(kind != EXACT),
     )  # fmt: skip
@@ -279,13 +273,15 @@ def test_normals_are_turned_to_the_side_that_is_seen(kind, turn, is_inverted):
     for face in range(2):
         side = turn * (-1 if (is_inverted, 1 - is_inverted)[face] else 1)
         if kind == EXACT:
-            integers, numbers = bench.records.integers[face], bench.records.numbers[face]
+            integers, reals = workspace.records.integers[face], workspace.records.reals[face]
             assert integers[FACE] == face and integers[SIDE] == side
-            assert numbers[ATTRIBUTE + 3 : ATTRIBUTE + 6].tolist() == [np.float32(0.6)] * 3
-            assert np.abs(numbers[INV_W : INV_W + 3] - 0.5).max() < 1e-6
+            assert reals[ATTRIBUTE + 3 : ATTRIBUTE + 6].tolist() == [np.float32(0.6)] * 3
+            assert np.abs(reals[INV_W : INV_W + 3] - 0.5).max() < 1e-6
         else:
-            row = face << bench.records.plane_shift
-            assert bench.records.levels[row + PLANE_FACE] == face
-            value, *slopes = bench.records.planes[row + PLANE : row + PLANE + 3 * GROUP].reshape(3, GROUP)[:, :3]
+            row = face << workspace.records.plane_shift
+            assert workspace.records.int_planes[row + PLANES_FACE] == face
+            value, *slopes = workspace.records.float_planes[
+                row + FIRST_PLANE : row + FIRST_PLANE + 3 * PLANE_GROUP
+            ].reshape(3, PLANE_GROUP)[:, :3]
             assert (value == [0, side * np.float32(0.6), side * np.float32(0.8)]).all()
             assert not np.any(slopes)

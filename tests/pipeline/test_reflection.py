@@ -5,29 +5,31 @@ import pytest
 from helpers.batches import DTYPES, UP, directions_of, dot, polar, random_directions, reflect, unit
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline import fragments as r
+from rasterizer.errors import SceneError
+from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline.power import exponential_single, power, power_single
 from rasterizer.pipeline.reflection import (
     MOST_SQUARED,
-    REFLECTIONS,
+    REFLECTION_FUNCTIONS,
+    reflection_function_of,
     square_and_multiply,
 )
 
 ULP = 2.0**-24
 
 
-def highlight(model, normal, to_light, to_viewer):
+def highlight(model, normal, light_dir, view_dir):
     """The cosine that is raised to the exponent, in float64."""
-    normal, to_light, to_viewer = (v.astype(float) for v in (normal, to_light, to_viewer))
+    normal, light_dir, view_dir = (v.astype(float) for v in (normal, light_dir, view_dir))
     if model == "phong":
-        return 2 * dot(normal, to_light) * dot(normal, to_viewer) - dot(to_light, to_viewer)
-    half = to_light + to_viewer
+        return 2 * dot(normal, light_dir) * dot(normal, view_dir) - dot(light_dir, view_dir)
+    half = light_dir + view_dir
     return dot(normal, half) / np.linalg.norm(half, axis=1)
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("model", [model for model in REFLECTIONS if model not in ("oren-nayar", "toon")])
-def test_matte_part_is_lamberts_cosine(model, dtype):
+@pytest.mark.parametrize("model", [model for model in REFLECTION_FUNCTIONS if model not in ("oren-nayar", "toon")])
+def test_the_diffuse_part_is_lamberts_cosine(model, dtype):
     sides = random_directions(0, 1000, dtype)
     cosine = dot(sides[0].astype(float), sides[1].astype(float))
     for strength in (1.0, 0.25, 3.0):
@@ -84,10 +86,10 @@ def test_no_highlight_from_behind(model, dtype):
     """N·L <= 0: nothing, also where R·V or N·H are large, and where the strength is infinite."""
     for n_dot_l in (0.0, -0.0, -1e-7, -0.3, -1.0):
         # With these signs of zero all three products, and so N·L, are -0.0 where it is asked for.
-        to_light = np.array([-np.sqrt(1 - n_dot_l**2), -0.0, n_dot_l])
+        light_dir = np.array([-np.sqrt(1 - n_dot_l**2), -0.0, n_dot_l])
         viewers = [polar(0.9, azimuth) for azimuth in (0.0, 1.0, np.pi)] + [UP]
-        viewers += [to_light, -to_light, to_light * (-1, -1, 1)]  # the last: in the mirror direction, R·V = 1
-        sides = directions_of(dtype, UP, to_light, viewers)
+        viewers += [light_dir, -light_dir, light_dir * (-1, -1, 1)]  # the last: in the mirror direction, R·V = 1
+        sides = directions_of(dtype, UP, light_dir, viewers)
         assert np.signbit(dot(sides[0], sides[1])).all() == np.signbit(n_dot_l)
         with np.errstate(invalid="ignore"):
             cosine = np.nanmax(highlight(model, *sides))  # there is no half vector of L and -L
@@ -98,7 +100,7 @@ def test_no_highlight_from_behind(model, dtype):
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("model", REFLECTIONS)
+@pytest.mark.parametrize("model", REFLECTION_FUNCTIONS)
 def test_no_directions_give_what_is_no_number(model, dtype):
     """All triples of directions out of a set with opposite, equal and nearly equal ones, and with none."""
     rng = np.random.default_rng(4)
@@ -112,7 +114,7 @@ def test_no_directions_give_what_is_no_number(model, dtype):
     for shininess in (0.5, 1, 8, 33.3):
         for has_kernels_cosines in (False, True):
             found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines)
-            found = found[: 2 if REFLECTIONS[model].has_highlight else 1]
+            found = found[: 2 if reflection_function_of(model).has_highlight else 1]
             assert np.isfinite(found).all() and (found >= 0).all()
 
 
@@ -122,11 +124,11 @@ def test_no_highlight_is_brighter_than_its_light(model, dtype):
     """The sun on the horizon, straight ahead, down to where L + V is all rounding: no spark."""
     rng = np.random.default_rng(5)
     up, across = 10.0 ** rng.uniform(-5, -1, (2, 20_000)), 1e-4 * rng.normal(size=(2, 20_000))
-    to_light, to_viewer = (
+    light_dir, view_dir = (
         np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
         for side, u, a in zip((1, -1), up, across, strict=True)
     )
-    sides = directions_of(dtype, UP, to_light, to_viewer)
+    sides = directions_of(dtype, UP, light_dir, view_dir)
     for shininess in (1, 32, 33.3, 200):
         found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines=True)[1]
         most = 1 + 8 * shininess * np.finfo(dtype).eps
@@ -145,11 +147,11 @@ def test_highlights_of_grazing_light_have_the_digits_that_the_plan_counts_on(mod
     n = 2000
     up = np.radians(elevation) * rng.uniform(0.5, 1.5, (2, n))
     across = np.radians(3.0) * rng.normal(size=(2, n))
-    to_light, to_viewer = (
+    light_dir, view_dir = (
         np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
         for side, u, a in zip((1, -1), up, across, strict=True)
     )
-    sides = directions_of(np.float32, UP, to_light, to_viewer)
+    sides = directions_of(np.float32, UP, light_dir, view_dir)
     found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines=True)[1]
     cosine = highlight(model, *(unit(side.astype(float)) for side in sides))
     error = np.abs(found - np.maximum(cosine, 0) ** shininess).max()
@@ -233,9 +235,9 @@ def test_one_to_any_power_is_one():
 
 
 @kernel
-def squares(rows, n, exponent):
-    """square_and_multiply of a row."""
-    square_and_multiply(rows, n, exponent)
+def squares(batch, n, exponent):
+    """square_and_multiply of a batch."""
+    square_and_multiply(batch, n, exponent)
 
 
 @kernel
@@ -247,7 +249,7 @@ def any_powers(bases, exponent, out):
 
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_powers_of_anything_are_between_0_and_1(dtype):
-    """No base and no exponent may give what is no intensity: it could end up in the bits of a word."""
+    """No base and no exponent may give what is no intensity: it could end up in the bits of a visibility entry."""
     limits = np.finfo(dtype)
     near_one = np.concatenate([1 + limits.eps * np.arange(-40, 41) / 2, [0.5, 0.7, 2**-0.5]])
     odd = [0.0, -0.0, 1e-45, limits.tiny, 1e-30, 1e-20, 2, 1e10, limits.max, np.inf, np.nan]
@@ -273,9 +275,9 @@ def test_highlights_of_any_exponent_are_between_0_and_1(model, dtype):
     """Directions that mirror each other to the last digit, where the cosine may come out above 1."""
     rng = np.random.default_rng(7)
     normal, across = unit(rng.normal(size=(2, 4000, 3)))
-    to_light = unit(normal + rng.uniform(0, 2, (4000, 1)) * across)
-    mirrored = 2 * (normal * to_light).sum(axis=1, keepdims=True) * normal - to_light
-    sides = directions_of(dtype, normal, to_light, mirrored)
+    light_dir = unit(normal + rng.uniform(0, 2, (4000, 1)) * across)
+    mirrored = 2 * (normal * light_dir).sum(axis=1, keepdims=True) * normal - light_dir
+    sides = directions_of(dtype, normal, light_dir, mirrored)
     for shininess in (1e-50, 1e-3, 0.5, 1, 7.7, 4096, 1e5, 3e8, 1e11, 1e30, 1e300):
         limits = np.finfo(dtype)
         exponent = min(max(shininess, float(limits.tiny)), float(limits.max))
@@ -290,11 +292,11 @@ def test_whole_exponents_by_squaring(exponent, dtype):
     base = np.minimum(bases(), 1).astype(dtype)
     base = np.concatenate([base, -base[:100], np.zeros(1, dtype), np.full(1, np.nan, dtype)])
     found = np.empty_like(base)
-    for start in range(0, len(base), r.CHUNK):
-        rows, part = r.make_rows(dtype), base[start : start + r.CHUNK]
-        rows[int(r.SPECULAR) : int(r.SPECULAR) + len(part)] = part
-        squares(rows, len(part), exponent)
-        found[start : start + r.CHUNK] = rows[int(r.SPECULAR) : int(r.SPECULAR) + len(part)]
+    for start in range(0, len(base), f.BATCH_SIZE):
+        batch, part = f.make_batch(dtype), base[start : start + f.BATCH_SIZE]
+        batch[int(f.SPECULAR) : int(f.SPECULAR) + len(part)] = part
+        squares(batch, len(part), exponent)
+        found[start : start + f.BATCH_SIZE] = batch[int(f.SPECULAR) : int(f.SPECULAR) + len(part)]
     expected = np.where(base > 0, np.maximum(base.astype(float), 0) ** exponent, 0)
     is_seen = expected > 2.0**-28 * 1.01
     bound = exponent * np.finfo(dtype).eps / 2 * 1.01 + 4e-16 * exponent
@@ -303,3 +305,16 @@ def test_whole_exponents_by_squaring(exponent, dtype):
     assert (found[expected < 2.0**-28 * 0.99] == 0).all() and is_seen.sum() > 2000
     between = found[~is_seen]
     assert ((between == 0) | (between > 2.0**-28 * 0.98)).all()
+
+
+def test_an_unknown_model_is_an_error_that_lists_the_known_ones():
+    with pytest.raises(SceneError, match=r"'velvet'; there are anisotropic ggx, .*, weighted phong"):
+        reflection_function_of("velvet")
+
+
+def test_only_highlights_have_second_terms_and_distant_forms():
+    """Where F0 has a colour, every highlight whose formula has F0 is two sums."""
+    for model, function in REFLECTION_FUNCTIONS.items():
+        assert (function.second_term is not None) == (function.has_highlight and model != "toon"), model
+        assert function.needs_view or not function.has_highlight, model
+        assert function.distant is None or model.endswith("blinn"), model

@@ -1,122 +1,15 @@
-"""Check how intensities become pixels: sRGB, the box filter, backgrounds, ranges, and the clean-up."""
+"""Check how intensities become pixels: the box filter, backgrounds, ranges, and the clean-up."""
 
 import numpy as np
 import pytest
+from helpers.bands import encoding, fill, levels, run
 
-from rasterizer.pipeline.fragments import CHUNK
-from rasterizer.pipeline.resolve import (
-    BUCKET_SHIFT,
-    CLAMP,
-    GLOBAL,
-    LEAST,
-    LEVEL_TABLE,
-    LOCAL,
-    Encoding,
-    encode_picture,
-    resolve,
-    srgb_thresholds,
-)
-from rasterizer.pipeline.scan import CLEAR, PADDING
-from rasterizer.pipeline.workspace import BenchKind, Scratch, make_picture
+from rasterizer.pipeline.encode import RANGE_GLOBAL, RANGE_LOCAL, encode_picture
+from rasterizer.pipeline.fragments import BATCH_SIZE
+from rasterizer.pipeline.resolve import resolve
+from rasterizer.pipeline.visibility import CLEAR, PADDING
+from rasterizer.pipeline.workspace import make_picture
 from rasterizer.scene.color import srgb_from_linear
-
-
-def encoding(policy=CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0), is_grey=False):
-    """How linear colour becomes 8 bits."""
-    behind = np.array(background or (0, 0, 0), np.float32)
-    return Encoding(
-        is_grey,
-        np.array(tint, np.float32),
-        behind,
-        background is not None,
-        policy,
-        scale,
-    )
-
-
-def fill(covered, radiance, factor=1, dtype=np.float32):
-    """A working place with the intensities (n_channel, rows, columns) where `covered`, rubbish elsewhere."""
-    n_row, width = covered.shape
-    bench = Scratch().take(BenchKind(width, n_row, len(radiance), 1, 0, np.dtype(dtype), False, False), 1)
-    canvas = bench.canvas
-    bench.radiance[:] = 77.0
-    bench.radiance.reshape(len(radiance), n_row, canvas.pitch)[:, :, :width] = np.where(covered, radiance, 1e9)
-    words = canvas.words.reshape(n_row, canvas.pitch)
-    words[:, :width][covered] = np.arange(covered.sum()) + 5
-    for row, columns in enumerate(covered):
-        if columns.any():
-            canvas.left[row >> 3] = min(canvas.left[row >> 3], np.argmax(columns))
-            canvas.right[row >> 3] = max(canvas.right[row >> 3], width - np.argmax(columns[::-1]))
-    # What lanes read and write back behind a row.
-    words[:, width:] = CLEAR
-    return bench
-
-
-def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, height=None, y_start=0):
-    """Resolve one band; return (picture, bytes (h, w, 4), working place, samples covered)."""
-    bench = fill(covered, radiance, factor, dtype)
-    n_row, width = covered.shape[0] // factor, covered.shape[1] // factor
-    picture = make_picture((width, height or n_row), with_color)
-    for array in picture:
-        array.fill(0)
-    n_covered = resolve(bench.canvas, bench.radiance, None, y_start, y_start + n_row, factor, how, picture)
-    return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), bench, n_covered
-
-
-def levels(linear):
-    """The nearest level of the sRGB curve in float64."""
-    return np.rint(255 * srgb_from_linear(np.clip(np.asarray(linear, np.float64), 0, 1))).astype(int)
-
-
-def neighbours(values, reach=4):
-    """The float32 numbers next to values, on both sides."""
-    bits = np.asarray(values, np.float32).view(np.int32)
-    return (bits[:, None] + np.arange(-reach, reach + 1)).ravel().astype(np.int32).view(np.float32)
-
-
-def bucket_starts():
-    """The least float32 of every bucket of the level table."""
-    first = LEAST.view(np.int32) >> BUCKET_SHIFT
-    return (np.arange(first, first + len(LEVEL_TABLE), dtype=np.int32) << BUCKET_SHIFT).view(np.float32)
-
-
-def test_every_float_at_a_threshold_is_rounded_to_the_nearest_level():
-    """All thresholds between levels, all ends of buckets, their float32 neighbours, and many others."""
-    rng = np.random.default_rng(0)
-    values = np.concatenate([
-        neighbours(srgb_thresholds()), neighbours(bucket_starts()), neighbours([0.0031308, 0.04045 / 12.92, 1.0]),
-        [0.0, -0.0, 1e-45, 1e-30], rng.random(50_000), 2.0 ** rng.uniform(-20, 0, 50_000),
-    ]).astype(np.float32)  # fmt: skip
-    columns = 700
-    values = np.resize(values, (-(-len(values) // columns), columns))
-    radiance = np.stack([values, values[::-1], values[:, ::-1]])
-    for dtype in (np.float32, np.float64):
-        for with_color in (False, True):  # in one loop, and by way of linear colours
-            _, rgba, _, _ = run(np.ones(values.shape, bool), radiance, encoding(), dtype=dtype, with_color=with_color)
-            wrong = rgba[..., :3] != levels(np.moveaxis(radiance, 0, -1))
-            assert not wrong.any(), f"{wrong.sum()} of {wrong.size} levels wrong > 0"
-            assert (rgba[..., 3] == 255).all()
-
-
-def test_every_threshold_is_the_least_float_of_its_level():
-    threshold = srgb_thresholds()
-    assert (levels(threshold) == np.arange(1, 256)).all()
-    below = np.nextafter(threshold, np.float32(0))
-    assert (levels(below) == np.arange(255)).all()
-
-
-def test_no_bucket_holds_two_thresholds():
-    starts = bucket_starts()
-    inside = np.searchsorted(srgb_thresholds(), np.append(starts[1:], np.float32(1)), "left")
-    inside -= np.searchsorted(srgb_thresholds(), starts, "right")
-    assert inside.max() == 1 and starts[0] == LEAST < srgb_thresholds()[0]
-
-
-def test_what_is_out_of_range_or_no_number():
-    values = np.array([[-1.0, -1e-30, 1.0000001, 2.0, 1e30, np.inf, -np.inf, np.nan]])
-    _, rgba, _, _ = run(np.ones(values.shape, bool), np.stack([values] * 3), encoding())
-    assert rgba[0, :, 0].tolist() == [0, 0, 255, 255, 255, 255, 0, 0]
-    assert (rgba[..., :3] == rgba[..., :1]).all()
 
 
 def random_band(seed, n_channel, shape, factor):
@@ -132,8 +25,8 @@ def random_band(seed, n_channel, shape, factor):
 def blocks(samples, factor):
     """Samples (..., h·f, w·f) as (..., h, w, f·f)."""
     *head, rows, columns = samples.shape
-    cut = samples.reshape(*head, rows // factor, factor, columns // factor, factor)
-    return np.moveaxis(cut, -3, -2).reshape(*head, rows // factor, columns // factor, factor * factor)
+    divided = samples.reshape(*head, rows // factor, factor, columns // factor, factor)
+    return np.moveaxis(divided, -3, -2).reshape(*head, rows // factor, columns // factor, factor * factor)
 
 
 def mean_colors(covered, radiance, factor, tint):
@@ -145,7 +38,7 @@ def mean_colors(covered, radiance, factor, tint):
 
 
 TINT = (1.0, 0.5, 0.2)
-SHAPE = (19, CHUNK + 37)  # pixels; more than a chunk, in groups of rows that aren't full
+SHAPE = (19, BATCH_SIZE + 37)  # pixels; more than a batch, in groups of rows that aren't full
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -177,7 +70,7 @@ def test_pixels_are_means_of_their_covered_samples(factor, n_channel, background
 @pytest.mark.parametrize("n_channel", [1, 3])
 @pytest.mark.parametrize("background", [None, (0.2, 0.2, 0.2), (0.2, 0.5, 0.05)])
 def test_bytes_alone_are_the_same_as_with_colors(background, n_channel, factor):
-    covered, radiance = random_band(5, n_channel, (38, 2 * CHUNK + 90), factor)
+    covered, radiance = random_band(5, n_channel, (38, 2 * BATCH_SIZE + 90), factor)
     is_grey = n_channel == 1 and (background is None or len(set(background)) == 1)
     how = encoding(background=background, is_grey=is_grey)
     _, both, _, n_both = run(covered, radiance, how, factor)
@@ -190,10 +83,10 @@ def test_every_pixel_of_the_band_is_written():
     covered = np.zeros((24, 60), bool)
     covered[3:5, 10:20] = True
     for with_color in (True, False):
-        bench, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
+        workspace, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
         for array in picture:
             array.fill(77)
-        resolve(bench.canvas, bench.radiance, None, 0, 24, 1, encoding(), picture)
+        resolve(workspace.visibility, workspace.radiance, None, 0, 24, 1, encoding(), picture)
         assert not picture.rgba[~covered].any() and (picture.rgba[covered] != 77).all()
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
 
@@ -211,7 +104,7 @@ def test_policies_bring_colors_into_range(factor):
     covered, radiance = random_band(7, 3, (20 * factor, 90 * factor), factor)
     radiance = radiance * 3
     clamped = run(covered, radiance, encoding(), factor)[0]
-    local, local_bytes, _, _ = run(covered, radiance, encoding(LOCAL), factor)
+    local, local_bytes, _, _ = run(covered, radiance, encoding(RANGE_LOCAL), factor)
     assert (local.color == clamped.color).all() and clamped.color.max() > 3
     color = clamped.color.astype(float)
     expected = 255 * srgb_from_linear(color / np.maximum(color.max(axis=2, keepdims=True), 1))
@@ -219,7 +112,7 @@ def test_policies_bring_colors_into_range(factor):
     off = np.abs(local_bytes[..., :3] - expected).max()
     assert off <= 0.5 + 255 * 2 * 2.0**-23, f"{off} levels > 0.5"
     scale = 1 / color.max()
-    how = encoding(GLOBAL, scale=float(scale))
+    how = encoding(RANGE_GLOBAL, scale=float(scale))
     global_bytes = run(covered, radiance, how, factor)[1]
     off = np.abs(global_bytes[..., :3] - 255 * srgb_from_linear(color * scale)).max()
     assert off <= 0.5 + 255 * 2 * 2.0**-23, f"{off} levels > 0.5"
@@ -231,21 +124,21 @@ def test_policies_bring_colors_into_range(factor):
 @pytest.mark.parametrize("factor", [1, 2, 3])
 def test_the_z_buffer_is_clean_after_it(factor):
     covered, radiance = random_band(8, 1, (18 * factor, 61 * factor), factor)
-    bench = run(covered, radiance, encoding(), factor)[2]
-    assert (bench.canvas.words == CLEAR).all()
-    assert (bench.canvas.left == 1 << 30).all() and (bench.canvas.right == -1).all()
+    workspace = run(covered, radiance, encoding(), factor)[2]
+    assert (workspace.visibility.entries == CLEAR).all()
+    assert (workspace.visibility.left == 1 << 30).all() and (workspace.visibility.right == -1).all()
 
 
 def test_what_lanes_wrote_behind_a_row_is_cleaned():
     """Lanes read and write back up to PADDING samples behind the extent that they have noted."""
     covered = np.zeros((9, 40), bool)
     covered[2, 3:10] = covered[8, 39] = True
-    bench = fill(covered, np.ones((1, 9, 40)))
-    words = bench.canvas.words.reshape(9, bench.canvas.pitch)
-    assert bench.canvas.pitch >= 40 + PADDING
-    words[2, 10 : 10 + PADDING] = words[8, 40 : 40 + PADDING] = 7
-    resolve(bench.canvas, bench.radiance, None, 0, 9, 1, encoding(), make_picture((40, 9), True))
-    assert (words == CLEAR).all()
+    workspace = fill(covered, np.ones((1, 9, 40)))
+    entries = workspace.visibility.entries.reshape(9, workspace.visibility.pitch)
+    assert workspace.visibility.pitch >= 40 + PADDING
+    entries[2, 10 : 10 + PADDING] = entries[8, 40 : 40 + PADDING] = 7
+    resolve(workspace.visibility, workspace.radiance, None, 0, 9, 1, encoding(), make_picture((40, 9), True))
+    assert (entries == CLEAR).all()
 
 
 def test_other_rows_and_columns_of_the_picture_are_left_alone():

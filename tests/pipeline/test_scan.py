@@ -1,18 +1,21 @@
 """Check which samples the scan stage covers, against integer edges, and what shows at equal depth."""
 
 import itertools
-import math
 
 import numpy as np
 import pytest
+from helpers import stages
 from helpers.pinhole import octasphere, torus
-from helpers.pixels import project
+from helpers.pixels import needle, project
 from helpers.raster import draw_faces, sheet
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine import plan
+from rasterizer.engine import draw
+from rasterizer.pipeline import cull, drawables, gradients, records, scan, setup, visibility
+from rasterizer.pipeline.gradients import CODINGS, EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
+from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK
 from rasterizer.reference import coverage
 
 SIZE = (37, 29)
@@ -80,21 +83,10 @@ def test_slivers_are_covered_exactly(width):
     assert n_covered > 10
 
 
-def needle(rng, bits, size=SIZE):
-    """A triangle round one sample of the picture, of doubled area 3: no thinner one can hold a sample."""
-    a, b = 0, 0
-    while math.gcd(a, b) != 1 or b < 2:
-        a, b = (int(v) for v in rng.integers(2 ** (bits - 1), 2**bits, 2))
-    d = pow(a, -1, b)
-    c = (a * d - 1) // b
-    sample = 256 * rng.integers(0, size) + 128
-    return np.array([sample + (a, b), sample + (c, d), sample - (a + c, b + d)])
-
-
 @pytest.mark.parametrize("bits", [4, 10, 16, 22, 26])
 def test_the_thinnest_triangles_are_covered_exactly(bits):
     rng = np.random.default_rng(bits)
-    triangles = [needle(rng, bits) for _ in range(20)]
+    triangles = [needle(rng, bits, SIZE) for _ in range(20)]
     assert assert_covered_exactly(triangles) >= 20
 
 
@@ -104,8 +96,8 @@ def test_soup_drawn_at_once_shows_the_lowest_face_of_those_that_cover(monkeypatc
     triangles = rng.integers(-2000, 12000, (80, 3, 2))
     masks = np.array([coverage(t, *SIZE) for t in triangles])
     expected = np.where(masks.any(axis=0), masks.argmax(axis=0), -1)
-    for words in (1, 400, 2**17):
-        monkeypatch.setattr(plan, "BAND_WORDS", words)
+    for n_entry in (1, 400, 2**17):
+        monkeypatch.setattr(draw, "BAND_ENTRIES", n_entry)
         for threads in (1, 2, 5):
             assert (draw_faces(triangles, SIZE, threads=threads) == expected).all()
 
@@ -233,10 +225,48 @@ def test_the_first_of_equal_slivers_is_shown():
     n_covered = 0
     for bits in (12, 18, 24):
         for _ in range(10):
-            triangle, depth = needle(rng, bits), rng.random(3)
+            triangle, depth = needle(rng, bits, SIZE), rng.random(3)
             for order in ORDERS:
                 order = list(order)
                 face = draw_faces([triangle, triangle[order]], SIZE, [depth, depth[order]])
                 assert (face <= 0).all()
                 n_covered += (face == 0).sum()
     assert n_covered > 100
+
+
+# ---------------------------------------------------------------- with the interpreter
+
+
+BAND = (24, 18)
+
+
+def scanned(triangles, depth, values, kind):
+    """What the scan stage leaves of a small band: the counts, and the bytes of buffer and records."""
+    screen = stages.plain_screen(True, (1.0, 4.0))
+    coding = stages.plain_coding(kind, screen, LEVEL_MASK - 1.0, 0.01, normal_limit=2.0**12, needs_distance=True)
+    workspace, *counts = stages.scan_alone(
+        triangles, depth, values, coding, screen, BAND, is_inverted=np.arange(len(triangles)) % 2, n_group=2
+    )
+    buffer, kept = workspace.visibility, workspace.records
+    arrays = buffer.entries, buffer.left, buffer.right, kept.integers, kept.reals, kept.int_planes
+    return counts, [array.tobytes() for array in arrays], (buffer.entries < CLEAR).sum()
+
+
+@pytest.mark.parametrize("kind", CODINGS)
+def test_without_the_compiler_the_same_comes_out(kind, monkeypatch):
+    """Small and large triangles and slivers: every way through the stage, vector instructions included, bit for bit."""
+    rng = np.random.default_rng(kind)
+    found = [stages.random_triangles(rng, 12, BAND, reach) for reach in (1.5, 6.0, 30.0)]
+    found += [stages.slivers(rng, 8, BAND, 2**10, 3), stages.slivers(rng, 4, BAND, 2**18, 1)]
+    triangles = np.concatenate(found).clip(-LIMIT, LIMIT)
+    depth = rng.uniform(1.0, 4.0, (len(triangles), 1)) * rng.uniform(1.0, 1.01, (len(triangles), 3))
+    values = rng.random((len(triangles), 3, {IN_ENTRIES: 1, NORMAL_PLANES: 6}.get(kind, 3))).astype(np.float32)
+    values[::2] = values[::2, :1]
+    given = triangles, depth.clip(1.0, 4.0), values, kind
+    compiled = scanned(*given)
+    stages.interpret(monkeypatch, stages, scan, setup, gradients, records, visibility, cull, drawables)
+    with np.errstate(all="ignore"):  # unsigned integers wrap, as they do in compiled code
+        assert scanned(*given) == compiled
+    (n_record, n_exact), _, n_covered = compiled
+    assert n_covered > 300 and n_exact > 0 and (kind == EXACT or n_exact < len(triangles))
+    assert n_record > n_exact if kind in (LEVEL_PLANES, NORMAL_PLANES) else n_record == n_exact

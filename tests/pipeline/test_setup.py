@@ -5,24 +5,24 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from helpers.stages import random_triangles, slivers
+from helpers.stages import drawables_of, random_triangles, slivers
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline import setup as b
+from rasterizer.pipeline import setup as s
+from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.cull import first_sample
-from rasterizer.pipeline.transform import Vertices
 
 SIZE, ROWS = (120, 90), (16, 80)
 
 
 @kernel
-def set_up(faces, polygons, vertices, attributes, y_start, y_stop, width, block):
-    """The first half of the scan stage, for one block."""
-    b.gather_vertices(faces, polygons, vertices, block)
-    b.order_vertices(block)
-    b.gather_attributes(len(faces), attributes, block)
-    b.set_up_boxes(y_start, y_stop, width, block)
-    b.set_up_depths(block)
+def set_up(band, drawables, width, block):
+    """The first part of the scan stage, for one block."""
+    s.gather_vertices(band.faces, drawables.triangles, drawables.vertices, block)
+    s.order_vertices(block)
+    s.gather_attributes(len(band.faces), drawables.attributes, block)
+    s.compute_boxes(band, width, block)
+    s.compute_depth_planes(block)
 
 
 def triangles(seed):
@@ -38,14 +38,13 @@ def triangles(seed):
 
 
 def block_of(corners, z, attributes, n_side=1):
-    """Set up triangles (n, 3, 2) with z-buffer depths (n, 3); return the rows as dictionaries, and what went in."""
-    n, n_attribute = len(corners), attributes.shape[-1]
-    index = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
+    """Set up triangles (n, 3, 2) with z-buffer depths (n, 3); return the block, and which triangles are inverted."""
+    n = len(corners)
     inverted = (np.arange(n) % 3 == 0).astype(np.uint8)
-    vertices = Vertices(*(np.ascontiguousarray(corners[..., k].ravel().astype(np.int32)) for k in range(2)), z.ravel())
-    rows = np.ascontiguousarray(attributes.reshape(n_side, 3 * n, n_attribute))
-    block = b.make_block()
-    set_up(np.arange(n, dtype=np.uint32), b.Polygons(index, index, inverted), vertices, rows, *ROWS, SIZE[0], block)
+    values = attributes.reshape(n_side, n, 3, attributes.shape[-1])
+    block = s.make_block()
+    band = Band(np.arange(n, dtype=np.uint32), *ROWS)
+    set_up(band, drawables_of(corners, z, values, inverted), SIZE[0], block)
     return block, inverted
 
 
@@ -54,7 +53,7 @@ def row(array, first, n):
     return array[int(first) : int(first) + n]
 
 
-@pytest.mark.parametrize("n", [1, 17, b.BLOCK])
+@pytest.mark.parametrize("n", [1, 17, s.BLOCK])
 @pytest.mark.parametrize("seed", range(4))
 def test_vertices_are_clockwise_and_the_topmost_is_first(seed, n):
     """Whatever order they are listed in: the same rows, but for the side that is seen."""
@@ -71,11 +70,11 @@ def test_vertices_are_clockwise_and_the_topmost_is_first(seed, n):
             order += [(order[0] + step) % 3 for step in ((1, 2) if cross > 0 else (2, 1))]
             is_front = (cross < 0) != (turned == [2, 1, 0])
             is_flipped = is_front == bool(inverted[k])
-            found = [[block.ints[int(f) + k] for f in pair] for pair in ((b.X0, b.Y0), (b.X1, b.Y1), (b.X2, b.Y2))]
+            found = [[block.ints[int(f) + k] for f in pair] for pair in ((s.X0, s.Y0), (s.X1, s.Y1), (s.X2, s.Y2))]
             assert found == corners[k, order].tolist()
-            assert [block.reals[int(f) + k] for f in (b.Z0, b.Z1, b.Z2)] == z[k, order].tolist()
-            assert bool(block.ints[int(b.IS_FLIPPED) + k]) == is_flipped
-            carried = [block.reals[int(b.ATTRIBUTE0) + i * b.BLOCK + k] for i in range(6)]
+            assert [block.reals[int(f) + k] for f in (s.Z0, s.Z1, s.Z2)] == z[k, order].tolist()
+            assert bool(block.ints[int(s.IS_FLIPPED) + k]) == is_flipped
+            carried = [block.reals[int(s.ATTRIBUTE) + i * s.BLOCK + k] for i in range(6)]
             assert carried == values[int(is_flipped), k, order].T.ravel().tolist()
 
 
@@ -85,14 +84,14 @@ def test_boxes_hold_the_samples_of_the_band():
     block, _ = block_of(corners, np.zeros((n, 3)), np.zeros((n, 3, 0)))
     low = [[first_sample.py_func(v) for v in corners[:, :, k].min(axis=1)] for k in range(2)]
     high = [[first_sample.py_func(v) for v in corners[:, :, k].max(axis=1)] for k in range(2)]
-    for name, first in zip((b.ANCHOR_X, b.ANCHOR_Y), low, strict=True):
+    for name, first in zip((s.ANCHOR_X, s.ANCHOR_Y), low, strict=True):
         assert row(block.ints, name, n).tolist() == np.maximum(first, 0).tolist()
-    assert row(block.ints, b.STEPS_X, n).tolist() == np.subtract(high[0], low[0]).tolist()
-    assert row(block.ints, b.STEPS_Y, n).tolist() == np.subtract(high[1], low[1]).tolist()
-    assert row(block.ints, b.LEFT, n).tolist() == np.maximum(low[0], 0).tolist()
-    assert row(block.ints, b.RIGHT, n).tolist() == np.minimum(high[0], SIZE[0]).tolist()
-    assert row(block.ints, b.TOP, n).tolist() == np.maximum(low[1], ROWS[0]).tolist()
-    assert row(block.ints, b.BOTTOM, n).tolist() == np.minimum(high[1], ROWS[1]).tolist()
+    assert row(block.ints, s.EXTENT_X, n).tolist() == np.subtract(high[0], low[0]).tolist()
+    assert row(block.ints, s.EXTENT_Y, n).tolist() == np.subtract(high[1], low[1]).tolist()
+    assert row(block.ints, s.LEFT, n).tolist() == np.maximum(low[0], 0).tolist()
+    assert row(block.ints, s.RIGHT, n).tolist() == np.minimum(high[0], SIZE[0]).tolist()
+    assert row(block.ints, s.TOP, n).tolist() == np.maximum(low[1], ROWS[0]).tolist()
+    assert row(block.ints, s.BOTTOM, n).tolist() == np.minimum(high[1], ROWS[1]).tolist()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -109,17 +108,17 @@ def test_planes_of_depth_are_those_of_fractions(seed):
         wide, high = np.ptp(corners[k].astype(object), axis=0)
         if area == 0:
             continue
-        is_sliver = wide * high > b.MAX_ELONGATION * abs(area)
-        assert bool(block.ints[int(b.IS_SLIVER) + k]) == is_sliver == (not block.ints[int(b.IS_GOOD) + k])
+        is_sliver = wide * high > s.MAX_ELONGATION * abs(area)
+        assert bool(block.ints[int(s.IS_SLIVER) + k]) == is_sliver == (not block.ints[int(s.HAS_PLANES) + k])
         if is_sliver:
             continue
         n_plane += 1
         za, zb, zc = map(Fraction, z[k])
         z_x = 256 * ((zb - za) * (cy - ay) - (zc - za) * (by - ay)) / area
         z_y = 256 * ((zc - za) * (bx - ax) - (zb - za) * (cx - ax)) / area
-        x, y = (int(block.ints[int(f) + k]) * 256 + 128 for f in (b.ANCHOR_X, b.ANCHOR_Y))
+        x, y = (int(block.ints[int(f) + k]) * 256 + 128 for f in (s.ANCHOR_X, s.ANCHOR_Y))
         value = za + (z_x * (x - ax) + z_y * (y - ay)) / 256
-        found = [int(block.longs[int(f) + k]) for f in (b.DEPTH, b.DEPTH_X, b.DEPTH_Y)]
+        found = [int(block.longs[int(f) + k]) for f in (s.PLANE_Z, s.PLANE_Z_DX, s.PLANE_Z_DY)]
         # Half a step of rounding, and a few float64 roundings of numbers as large as these.
         large = max(abs(za), abs(zb), abs(zc)) * (1 + wide * high / abs(area))
         for number, expected in zip(found, (value, z_x, z_y), strict=True):

@@ -1,9 +1,10 @@
-"""Check the shade stage: exact interpolation, light, and that chunks and neighbours don't change a bit."""
+"""Check the shade stage: exact interpolation, light, and that batches and neighbours don't change a bit."""
 
 import numpy as np
 import pytest
 from helpers.stages import (
     covered,
+    entries_of,
     exact_means,
     lighting_of,
     perspective_weights,
@@ -12,43 +13,45 @@ from helpers.stages import (
     random_triangles,
     scan_alone,
     slivers,
-    words_of,
 )
 
 import rasterizer as rz
-from rasterizer.pipeline.fragments import CHUNK
-from rasterizer.pipeline.records import EXACT, IN_PLANES, IN_WORDS, IS_EXACT, IS_ID, LEVEL_MASK, NORMAL_PLANES
-from rasterizer.pipeline.scan import CLEAR
-from rasterizer.pipeline.shade import shade_interpolated, shade_lit
+from rasterizer.pipeline.fragments import BATCH_SIZE
+from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
+from rasterizer.pipeline.interpolate import ScannedBand
+from rasterizer.pipeline.shade import FaceTable, shade_interpolated, shade_lit
+from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK
 from rasterizer.reference import light as reference_light
-from rasterizer.reference.light import Stage
+from rasterizer.reference.light import Lighting
+from rasterizer.reference.materials import read_materials
 from rasterizer.scene.camera import Projection, View
 
-SIZE, WIDE = (120, 90), (3 * CHUNK + 50, 12)
+SIZE, WIDE = (120, 90), (3 * BATCH_SIZE + 50, 12)
 LEVELS = float(LEVEL_MASK - 1)
 DEPTHS = (1.0, 4.0)
 DTYPES = [np.float32, np.float64]
-NO_MATERIAL = np.empty(0, np.uint32)
-NO_SHAPE = np.empty((0, 5))
+ONE_MATERIAL = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
 MAYBE_EXACT = 1  # how many records are exact: the shade stage looks for them unless it is told that there are none
 
 
-def shade(bench, kind, size, n_channel):
-    """Intensities (n_channel, rows, columns) of a band of words, planes or exact records."""
-    number = bench.radiance.dtype.type
-    bench.radiance[:] = np.nan
-    shade_interpolated(
-        bench.canvas,
-        bench.records,
-        MAYBE_EXACT,
-        kind,
-        0,
-        size[1],
-        n_channel,
-        number(1 / LEVELS),
-        bench.radiance,
-    )
-    return bench.radiance.reshape(n_channel, size[1], -1)[:, :, : size[0]]
+def shade(workspace, kind, size, n_channel):
+    """Intensities (n_channel, rows, columns) of a band of entries, planes or exact records."""
+    real = workspace.radiance.dtype.type
+    workspace.radiance[:] = np.nan
+    shade_interpolated(band_of(workspace, kind, size), n_channel, real(1 / LEVELS), workspace.radiance)
+    return workspace.radiance.reshape(n_channel, size[1], -1)[:, :, : size[0]]
+
+
+def shade_by_phong(workspace, kind, size, screen, lighting, faces=ONE_MATERIAL):
+    """Intensities (3, rows, columns) of a band, every sample of which is lit."""
+    workspace.radiance[:] = np.nan
+    shade_lit(band_of(workspace, kind, size), screen, lighting, faces, None, None, workspace.batch, workspace.radiance)
+    return workspace.radiance.reshape(3, size[1], -1)[:, :, : size[0]]
+
+
+def band_of(workspace, kind, size):
+    """The whole picture as one band."""
+    return ScannedBand(workspace.visibility, workspace.records, kind, MAYBE_EXACT, 0, size[1])
 
 
 SHAPES = {
@@ -72,8 +75,8 @@ def test_exact_interpolation_is_that_of_rational_numbers(shape, n_channel, is_pe
         if not len(rows) or n_sample > 3000:
             continue
         depth, values = rng.uniform(*DEPTHS, 3), rng.random((3, n_channel)).astype(dtype)
-        bench, *_ = scan_alone([triangle], depth[None], values[None], plain_coding(EXACT, screen), screen, SIZE)
-        found = shade(bench, EXACT, SIZE, n_channel)[:, rows, columns]
+        workspace, *_ = scan_alone([triangle], depth[None], values[None], plain_coding(EXACT, screen), screen, SIZE)
+        found = shade(workspace, EXACT, SIZE, n_channel)[:, rows, columns]
         assert (found >= values.min(axis=0)[:, None]).all() and (found <= values.max(axis=0)[:, None]).all()
         some = rng.permutation(len(rows))[:40]
         n_sample += len(some)
@@ -91,34 +94,34 @@ def test_constants_stay_constant(shape, dtype):
     for triangle in SHAPES[shape](rng):
         rows, columns, _ = covered(triangle, SIZE)
         values = np.full((3, 1), rng.random(), dtype)
-        bench, *_ = scan_alone(
+        workspace, *_ = scan_alone(
             [triangle], rng.uniform(*DEPTHS, (1, 3)), values[None], plain_coding(EXACT, screen), screen, SIZE
         )
-        assert (shade(bench, EXACT, SIZE, 1)[0, rows, columns] == values[0]).all()
+        assert (shade(workspace, EXACT, SIZE, 1)[0, rows, columns] == values[0]).all()
 
 
-def test_levels_in_words_become_intensities():
+def test_levels_in_entries_become_intensities():
     screen, triangle = (
         plain_screen(True, DEPTHS),
         np.array([[-9000, -500], [2000 * 256, 900], [300, 256 * 20]]),
     )
     values = np.array([[0.2], [0.9], [0.5]], np.float32)
-    bench, n_record, _ = scan_alone(
+    workspace, n_record, _ = scan_alone(
         [triangle],
         np.full((1, 3), 2.0),
         values[None],
-        plain_coding(IN_WORDS, screen, LEVELS, 1.0),
+        plain_coding(IN_ENTRIES, screen, LEVELS, 1.0),
         screen,
         WIDE,
     )
     assert n_record == 0
     rows, columns, _ = covered(triangle, WIDE)
-    levels = words_of(bench, WIDE)[rows, columns] & LEVEL_MASK
-    found = shade(bench, IN_WORDS, WIDE, 1)[0, rows, columns]
-    assert (found == levels.astype(np.float32) * np.float32(1 / LEVELS)).all() and len(rows) > 2 * CHUNK
+    levels = entries_of(workspace, WIDE)[rows, columns] & LEVEL_MASK
+    found = shade(workspace, IN_ENTRIES, WIDE, 1)[0, rows, columns]
+    assert (found == levels.astype(np.float32) * np.float32(1 / LEVELS)).all() and len(rows) > 2 * BATCH_SIZE
 
 
-# ---------------------------------------------------------------- one triangle over a chunk, and many
+# ---------------------------------------------------------------- one triangle over a batch, and many
 
 FLOOR = np.array([[-9000, -500], [256 * 2 * WIDE[0], -700], [300, 256 * 40]])
 COLORED = (
@@ -146,10 +149,10 @@ def over_floor(n_front, rng):
 
 
 def shade_floor(n_front, kind, is_perspective, draw):
-    """(words, intensities) of FLOOR behind some small triangles; `draw` takes (bench, screen)."""
+    """(entries, intensities) of FLOOR behind some small triangles; `draw` takes (workspace, screen)."""
     rng = np.random.default_rng(n_front)
     triangles, depth = over_floor(n_front, rng)
-    n_attribute = 3 if kind == IN_PLANES else 6
+    n_attribute = 3 if kind == LEVEL_PLANES else 6
     values = np.random.default_rng(7).normal(size=(1, 3, n_attribute))
     values = (
         np.concatenate([np.abs(values) / 3, np.abs(rng.normal(size=(n_front, 3, n_attribute)) / 3)])
@@ -158,50 +161,36 @@ def shade_floor(n_front, kind, is_perspective, draw):
     )
     screen = plain_screen(is_perspective, DEPTHS, scale=40.0, center=(100.0, 6.0))
     coding = plain_coding(kind, screen, LEVELS, 1e9, 1e30, needs_distance=kind == NORMAL_PLANES)
-    bench, *_ = scan_alone(triangles, depth, values, coding, screen, WIDE, n_group=2, n_channel=3)
-    words = words_of(bench, WIDE).copy()
-    assert not (words[words < CLEAR] & IS_ID & ((words[words < CLEAR] & IS_EXACT) << 1)).any(), "a record is exact"
-    return words, draw(bench, screen)
+    workspace, *_ = scan_alone(triangles, depth, values, coding, screen, WIDE, n_group=2, n_channel=3)
+    entries = entries_of(workspace, WIDE).copy()
+    assert not (entries[entries < CLEAR] & IS_ID & ((entries[entries < CLEAR] & IS_EXACT) << 1)).any(), (
+        "a record is exact"
+    )
+    return entries, draw(workspace, screen)
 
 
-def draw_levels(bench, _):
-    return shade(bench, IN_PLANES, WIDE, 3)
+def draw_levels(workspace, _):
+    return shade(workspace, LEVEL_PLANES, WIDE, 3)
 
 
-def draw_lit(bench, screen):
+def draw_lit(workspace, screen):
     lighting, _ = lighting_of(COLORED, [SHINY], view_of(screen), np.float32, np.ones((1, 3)))
     assert lighting.needs_position and lighting.has_albedo and lighting.n_channel == 3
-    bench.radiance[:] = np.nan
-    shade_lit(
-        bench.canvas,
-        bench.records,
-        MAYBE_EXACT,
-        NORMAL_PLANES,
-        0,
-        WIDE[1],
-        screen,
-        lighting,
-        NO_MATERIAL,
-        NO_SHAPE,
-        None,
-        bench.rows,
-        bench.radiance,
-    )
-    return bench.radiance.reshape(3, WIDE[1], -1)[:, :, : WIDE[0]]
+    return shade_by_phong(workspace, NORMAL_PLANES, WIDE, screen, lighting)
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("kind, draw", [(IN_PLANES, draw_levels), (NORMAL_PLANES, draw_lit)])
-def test_one_triangle_over_a_chunk_and_many_give_the_same_bits(kind, draw, is_perspective):
-    """Alone, a triangle's planes are fetched once for a chunk; among others, sample by sample."""
+@pytest.mark.parametrize("kind, draw", [(LEVEL_PLANES, draw_levels), (NORMAL_PLANES, draw_lit)])
+def test_one_triangle_over_a_batch_and_many_give_the_same_bits(kind, draw, is_perspective):
+    """Alone, a triangle's planes are fetched once for a batch; among others, sample by sample."""
     alone, expected = shade_floor(0, kind, is_perspective, draw)
     is_whole = (alone < CLEAR).all(axis=1)
-    assert is_whole.sum() > 5, "chunks of one triangle"
+    assert is_whole.sum() > 5, "batches of one triangle"
     assert np.isfinite(expected[:, alone < CLEAR]).all() and np.ptp(expected[:, alone < CLEAR], axis=1).min() > 0.001
     for n_front in (1, 3, 60):
-        words, found = shade_floor(n_front, kind, is_perspective, draw)
-        is_floor = (words < CLEAR) & (words & LEVEL_MASK == 0)
-        assert is_floor.sum() > 3000 and ((words < CLEAR) & ~is_floor).any()
+        entries, found = shade_floor(n_front, kind, is_perspective, draw)
+        is_floor = (entries < CLEAR) & (entries & LEVEL_MASK == 0)
+        assert is_floor.sum() > 3000 and ((entries < CLEAR) & ~is_floor).any()
         different = (found[:, is_floor] != expected[:, is_floor]).sum()
         assert different == 0, f"{different} values differ > 0"
 
@@ -232,10 +221,9 @@ def expected_light(screen, size, triangle, depth, normals, albedo, lights, mater
     colors = np.einsum("cn,ca->na", weights, albedo.astype(float))
     scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=material)], lights)
     projection = Projection(screen.scale_x, screen.scale_y, screen.center_x, screen.center_y, screen.is_perspective)
-    stage = Stage(view_of(screen), projection, reference_light.read_materials(scene), tuple(lights), "phong")
-    matte, rest = reference_light.light_points(points, normal, np.zeros(len(rows), int), stage)
-    light = colors * matte + rest
-    return rows, columns, light
+    lighting = Lighting(view_of(screen), projection, read_materials(scene), tuple(lights), "phong")
+    diffuse, specular = reference_light.light_points(points, normal, np.zeros(len(rows), int), lighting)
+    return rows, columns, colors * diffuse + specular
 
 
 @pytest.mark.parametrize("material", [SHINY, DULL, rz.Material(specular=0)])
@@ -259,34 +247,19 @@ def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspe
         values = np.concatenate(
             [normals / np.linalg.norm(normals, axis=1, keepdims=True), rng.random((3, 3))], axis=1
         ).astype(dtype)
-        bench, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, SIZE, n_group=2, n_channel=3)
-        bench.radiance[:] = np.nan
-        shade_lit(
-            bench.canvas,
-            bench.records,
-            MAYBE_EXACT,
-            kind,
-            0,
-            SIZE[1],
-            screen,
-            lighting,
-            NO_MATERIAL,
-            NO_SHAPE,
-            None,
-            bench.rows,
-            bench.radiance,
-        )
+        workspace, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, SIZE, n_group=2, n_channel=3)
+        picture = shade_by_phong(workspace, kind, SIZE, screen, lighting)
         rows, columns, expected = expected_light(
             screen, SIZE, triangle, depth, values[:, :3], values[:, 3:], COLORED, material
         )
-        found = bench.radiance.reshape(3, SIZE[1], -1)[:, rows, columns].T
+        found = picture[:, rows, columns].T
         worst, n_sample = max(worst, np.abs(found - expected).max(initial=0)), n_sample + len(rows)
     assert n_sample > 3000 and worst <= budget, f"{worst:.3g} > {budget:.3g}"
 
 
 @pytest.mark.parametrize("kind", [EXACT, NORMAL_PLANES])
 def test_each_sample_takes_the_material_of_its_own_face(kind):
-    """Two materials in one chunk, by turns: as if each face were drawn with its material alone."""
+    """Two materials in one batch, by turns: as if each face were drawn with its material alone."""
     rng = np.random.default_rng(6)
     triangles, depth = over_floor(40, rng)
     normals = np.abs(rng.normal(size=(41, 3, 3)))
@@ -297,28 +270,14 @@ def test_each_sample_takes_the_material_of_its_own_face(kind):
     pictures = []
     face_material = (np.arange(41) % 2).astype(np.uint32)
     for material in (face_material, np.zeros(41, np.uint32), np.ones(41, np.uint32)):
-        bench, *_ = scan_alone(triangles, depth, normals, coding, screen, WIDE, n_group=2, n_channel=3)
-        words = words_of(bench, WIDE).copy()
-        shade_lit(
-            bench.canvas,
-            bench.records,
-            MAYBE_EXACT,
-            kind,
-            0,
-            WIDE[1],
-            screen,
-            lighting,
-            material,
-            NO_SHAPE,
-            None,
-            bench.rows,
-            bench.radiance,
-        )
-        pictures.append(bench.radiance.reshape(3, WIDE[1], -1)[:, :, : WIDE[0]].copy())
+        workspace, *_ = scan_alone(triangles, depth, normals, coding, screen, WIDE, n_group=2, n_channel=3)
+        entries = entries_of(workspace, WIDE).copy()
+        faces = ONE_MATERIAL._replace(materials=material)
+        pictures.append(shade_by_phong(workspace, kind, WIDE, screen, lighting, faces).copy())
     # Every triangle has a record of its number: none is dropped.
-    of_sample = (words & (IS_EXACT - 1)) % 2
+    of_sample = (entries & (IS_EXACT - 1)) % 2
     mixed, *alone = pictures
     for k, picture in enumerate(alone):
-        here = (words < CLEAR) & (of_sample == k)
+        here = (entries < CLEAR) & (of_sample == k)
         assert here.sum() > 50 and (mixed[:, here] == picture[:, here]).all()
-    assert (alone[0][:, words < CLEAR] != alone[1][:, words < CLEAR]).any(axis=0).mean() > 0.9
+    assert (alone[0][:, entries < CLEAR] != alone[1][:, entries < CLEAR]).any(axis=0).mean() > 0.9

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers.judge import BUFFERS
+from helpers.against_reference import BUFFERS
 from helpers.pinhole import SHADINGS, octasphere, torus
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
-from rasterizer.engine import plan
+from rasterizer.engine import draw
 from rasterizer.pipeline.threads import MIN_PART, Workers
 
 SIZE = (203, 157)  # no multiple of anything
@@ -55,8 +55,8 @@ def test_threads_do_not_change_a_bit(shading, samples):
 def test_the_height_of_bands_does_not_change_a_bit(shading, monkeypatch):
     for tolerance in (0.0, 1 / 4096):
         frames = []
-        for words in (1, 11 * SIZE[0], 29 * SIZE[0], 2**17, 2**24):
-            monkeypatch.setattr(plan, "BAND_WORDS", words)
+        for n_entry in (1, 11 * SIZE[0], 29 * SIZE[0], 2**17, 2**24):
+            monkeypatch.setattr(draw, "BAND_ENTRIES", n_entry)
             frames.append(
                 rz.render(scene(COLORED), SIZE, shading=shading, tolerance=tolerance, threads=1, outputs=BUFFERS)
             )

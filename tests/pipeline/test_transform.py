@@ -234,7 +234,7 @@ def test_the_reference_can_leave_the_rounding_of_vertices_out():
     corners = (vertices - view.eye) @ np.stack([view.right, view.up, view.forward]).T
     j, i = np.mgrid[:24, :32] + 0.5
     expected = unrounded_values(corners, np.eye(3), projection, np.stack([i, j], axis=-1))
-    whole, rounded = (reference.render(scene, size, "phong", rounded=flag) for flag in (False, True))
+    whole, rounded = (reference.render(scene, size, shading="phong", rounded=flag) for flag in (False, True))
     inside = (whole.face == 0) & (expected > 1e-3).all(axis=-1)
     assert inside.sum() > 200 and (whole.face == rounded.face).all()
     assert np.abs(whole.color - expected)[inside].max() < 1e-12

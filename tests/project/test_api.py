@@ -1,10 +1,11 @@
-"""The public names: complete, sorted, lazily imported, documented; and which module may import which."""
+"""The public names: complete, sorted, lazily imported, documented, typed."""
 
 import ast
 import inspect
 import re
 import subprocess
 import sys
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import pytest
@@ -113,12 +114,15 @@ def test_each_parameter_is_documented_and_exists(name):
         )
 
 
-def test_every_option_is_a_parameter_that_render_documents():
-    from rasterizer.options import Options
+OPTIONS = {field.name: field.default for field in fields(rz.Options)}
 
-    text = documented(inspect.getdoc(rz.render))["options"]
-    for name in inspect.signature(Options).parameters:
-        assert name == "size" or name in text
+
+@pytest.mark.parametrize("function", [rz.render, rz.Renderer, rz.Renderer.__init__], ids=lambda each: each.__qualname__)
+def test_every_option_is_a_keyword_with_the_default_of_options(function):
+    found = {name: each for name, each in inspect.signature(function).parameters.items() if name in OPTIONS}
+    assert list(found) == list(OPTIONS)
+    assert {name: each.default for name, each in found.items()} == OPTIONS
+    assert all(each.kind is each.KEYWORD_ONLY for name, each in found.items() if name != "size")
 
 
 @pytest.mark.parametrize("error", [rz.ModelError, rz.SceneError, rz.OutputError])
@@ -127,67 +131,62 @@ def test_one_tree_of_errors(error):
     assert issubclass(error, OSError if error is rz.OutputError else ValueError)
 
 
-# --- which module may import which --------------------------------------------------------------------------
+# --- typed --------------------------------------------------------------------------------------------------
 
 
-def imports_of(path) -> set[str]:
-    """The package's own modules that a module imports anywhere, as dotted names below the package."""
-    found = set()
-    parts = ["rasterizer", *path.relative_to(PACKAGE).with_suffix("").parts]
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            base = parts[: -node.level] if node.level else []
-            module = ".".join([*base, *([node.module] if node.module else [])])
-            found |= {f"{module}.{alias.name}" for alias in node.names}
-    return {name.removeprefix("rasterizer.") for name in found if name.startswith("rasterizer.")}
+@pytest.mark.parametrize("name", CALLABLES)
+def test_each_parameter_and_result_is_annotated(name):
+    value = CALLABLES[name]
+    signature = inspect.signature(value)
+    bare = [each for each, it in signature.parameters.items() if it.annotation is it.empty and each not in SELF]
+    assert not bare, f"{name}: {bare} have no type"
+    assert inspect.isclass(value) or signature.return_annotation is not signature.empty, f"{name} returns what?"
 
 
-MODULES = {path.relative_to(PACKAGE).as_posix(): imports_of(path) for path in PACKAGE.rglob("*.py")}
-# What joins the scene and the pipeline.
-BOTH = (
-    "engine/draw.py",
-    "renderer.py",
-    "engine/plan.py",
-    "engine/intensity_bounds.py",
-    "engine/uniforms.py",
-    "engine/point_lighting.py",
-    "engine/shadow_maps.py",
-)
+SELF = ("self", "cls", "args", "kwargs")
+HOMES = ast.parse((PACKAGE / "__init__.py").read_text(encoding="utf-8"))
 
 
-def imported_folders(module) -> set[str]:
-    return {name.split(".")[0] for name in MODULES[module]}
+def test_editors_see_the_names_that_are_there():
+    (guard,) = [node for node in HOMES.body if isinstance(node, ast.If)]
+    seen = {alias.asname: node.module for node in guard.body for alias in node.names}
+    assert seen == rz._HOMES
+    assert all(alias.name == alias.asname for node in guard.body for alias in node.names)
 
 
-@pytest.mark.parametrize("module", sorted(MODULES))
-def test_imports_go_one_way(module):
-    folders = imported_folders(module)
-    home = module.split("/")[0]
-    if home == "pipeline":
-        assert folders <= {"pipeline", "_kernel", "errors"}
-    elif home == "scene":
-        assert folders <= {"scene", "_kernel", "errors"}
-    elif home == "cli":
-        assert "pipeline" not in folders
-    elif module in ("errors.py", "_version.py", "compiler/store.py"):
-        assert not folders
-    elif module == "compiler/kernels.py":
-        assert folders == {"_cache"}
-    elif module == "options.py":
-        assert folders == {"errors"}
-    elif module not in BOTH:
-        assert not {"pipeline", "scene"} <= folders
-    if home != "cli":
-        assert "cli" not in folders or module == "__main__.py"
+def stub_of(value) -> ast.FunctionDef | None:
+    """The __init__ that a class shows to editors alone: it may be given more than it stores."""
+    nodes = ast.walk(ast.parse(inspect.getsource(value)))
+    found = [node for node in nodes if isinstance(node, ast.FunctionDef) and node.name == "__init__"]
+    return found[0] if found else None
 
 
-def test_the_judge_imports_nothing_of_the_pipeline():
-    judges = [module for module in MODULES if module.startswith("reference")]
-    assert len(judges) >= 2
-    for module in judges:
-        assert not imported_folders(module) & {"pipeline", "_kernel", "plan", "draw", "renderer"}
+DATACLASSES = [name for name in PUBLIC if is_dataclass(getattr(rz, name))]
+
+
+@pytest.mark.parametrize("name", [name for name in DATACLASSES if stub_of(getattr(rz, name))])
+def test_what_editors_see_of_a_dataclass_is_what_it_takes(name):
+    value = getattr(rz, name)
+    stub = stub_of(value)
+    real = [each for each in inspect.signature(value).parameters.values() if each.name != "_"]
+    assert [each.name for each in real] == [each.arg for each in [*stub.args.args[1:], *stub.args.kwonlyargs]]
+    assert [each.name for each in real if each.kind is each.KEYWORD_ONLY] == [each.arg for each in stub.args.kwonlyargs]
+    with_default = len(stub.args.defaults) + sum(each is not None for each in stub.args.kw_defaults)
+    assert with_default == sum(each.default is not each.empty for each in real)
+
+
+def test_types_are_shipped():
+    assert (PACKAGE / "py.typed").exists()
+    assert re.search(r"^rasterizer = .*py\.typed", (PACKAGE.parent / "setup.cfg").read_text(), re.MULTILINE)
+
+
+def test_the_typed_example_runs(tmp_path):
+    """What mypy reads is what works."""
+    home = {}
+    source = Path(__file__).with_name("typed_example.py")
+    exec(compile(source.read_text(encoding="utf-8"), str(source), "exec"), home)
+    made = home["draw_pictures"](tmp_path)
+    assert all(path.exists() for path in made) and len(made) == 3
 
 
 def test_nothing_imports_trimesh_whose_meshes_are_taken_as_they_are():

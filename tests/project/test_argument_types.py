@@ -9,8 +9,10 @@ import pytest
 import rasterizer as rz
 
 BAD = [
-    None, "", b"", "x", b"x", object(), float("nan"), float("inf"), -1, 0, 1, 1.5, 10**400, -(10**400), [0] * 10**5, 1j, True, {},
-    {"a": 1}, (), [], [None], [[1, 2], [3]], (1, 2), (1, 2, 3), ("a", "b"), np.zeros((2, 2, 2)), np.zeros(3, complex), np.array("x"),
+    None, "", b"", "x", b"x", object(), float("nan"), float("inf"), -1, 0, 1, 1.5, 10**400, -(10**400), [0] * 10**5,
+    1j, True, {},
+    {"a": 1}, (), [], [None], [[1, 2], [3]], (1, 2), (1, 2, 3), ("a", "b"), np.zeros((2, 2, 2)), np.zeros(3, complex),
+    np.array("x"),
     np.array([object()]), np.float64(2), int, range(3), {1, 2}, slice(3), b"\0", "\0", "\ud800", 2**31, 2**63, 5e-324,
     np.full(3, np.nan), [float("nan")] * 3, [10**400] * 3, ["a"] * 3,
 ]  # fmt: skip
@@ -29,22 +31,31 @@ def calls(folder):
     yield from [
         (rz.AmbientLight, {}), (rz.AreaLight, {"corner": (0, 0, 0), "edge_u": (1, 0, 0), "edge_v": (0, 1, 0)}),
         (rz.DirectionalLight, {"direction": (0, 0, -1)}), (rz.PointLight, {"position": (0, 0, 1)}),
-        (rz.SpotLight, {"position": (0, 0, 1), "direction": (0, 0, -1)}), (rz.Camera, {"position": (0, 0, 5), "fov": 30}),
-        (rz.Material, {}), (rz.Mesh, {"vertices": MESH.vertices, "faces": MESH.faces}), (rz.Options, {}), (rz.Scene, {"meshes": MESH}),
+        (rz.SpotLight, {"position": (0, 0, 1), "direction": (0, 0, -1)}),
+        (rz.Camera, {"position": (0, 0, 5), "fov": 30}),
+        (rz.Material, {}), (rz.Mesh, {"vertices": MESH.vertices, "faces": MESH.faces}), (rz.Options, {}),
+        (rz.Scene, {"meshes": MESH}),
         (rz.Shadow, {}), (rz.Spectrum, SPAN | {"values": [1, 1]}), (rz.Texture, {"image": PIXELS}),
-        (rz.compare, {"a": frame, "b": frame}),
-        (rz.load, {"source": MESH}), (rz.mach_bands, {"picture": frame, "scene": SCENE}), (rz.render, {"scene": SCENE, "size": 8}),
-        (rz.Renderer, {"scene": SCENE, "size": 8}), (rz.sheet, {"frames": [frame]}), (rz.Camera.framing, {"subject": MESH}),
+        (rz.compare, {"a": frame, "b": frame}), (rz.explain, {"scene": SCENE, "x": 4, "y": 4, "size": 8}),
+        (rz.load, {"source": MESH}), (rz.mach_bands, {"picture": frame, "scene": SCENE}),
+        (rz.render, {"scene": SCENE, "size": 8}),
+        (rz.Renderer, {"scene": SCENE, "size": 8}), (rz.sheet, {"frames": [frame]}),
+        (rz.Camera.framing, {"subject": MESH}),
         (rz.Camera.from_opencv, {"K": np.diag([50, 50, 1]), "R": np.eye(3), "t": (0, 0, 5), "size": (16, 16)}),
         (rz.Camera.orthographic, {"position": (0, 0, 5)}), (rz.Camera.perspective, {"position": (0, 0, 5)}),
-        (CAMERA.to_opencv, {"size": (4, 4)}), (CAMERA.projection, {"size": (4, 4)}), (rz.Mesh.from_any, {"source": MESH}),
+        (CAMERA.to_opencv, {"size": (4, 4)}), (CAMERA.projection, {"size": (4, 4)}),
+        (rz.Mesh.from_any, {"source": MESH}),
         (MESH.subdivide, {}), (MESH.transformed, {"matrix": np.eye(4)}), (SCENE.framed, {"aspect": 1.0}),
-        (SCENE.camera_for, {"size": (4, 4)}), (rz.Scene.load, {"path": folder / "x.json"}), (SCENE.save, {"path": folder / "x.json"}),
-        (frame.save, {"path": folder / "x.png"}), (frame.encode, {}), (frame.encode_array, {}), (frame.has, {"name": "rgb"}),
+        (SCENE.camera_for, {"size": (4, 4)}), (rz.Scene.load, {"path": folder / "x.json"}),
+        (SCENE.save, {"path": folder / "x.json"}),
+        (frame.save, {"path": folder / "x.png"}), (frame.encode, {}), (frame.encode_array, {}),
+        (frame.has, {"name": "rgb"}),
         (renderer.render, {}), (rz.Spectrum.blackbody, {"kelvin": 4000}), (SPECTRUM.at, {"wavelengths": [500]}),
-        (rz.Spectrum.flat, {"value": 1}), (rz.Spectrum.of_power, SPAN | {"power": [1, 1]}), (rz.Spectrum.of_rgb, {"color": "red"}),
+        (rz.Spectrum.flat, {"value": 1}), (rz.Spectrum.of_power, SPAN | {"power": [1, 1]}),
+        (rz.Spectrum.of_rgb, {"color": "red"}),
         (SPECTRUM.scaled, {"factor": 2}), (rz.DepthCue, {"scale": 2}),
-        (rz.illuminate, {"points": [[0, 0, 0]], "normals": [[0, 0, 1]], "material": rz.Material(), "lights": rz.AmbientLight(1),
+        (rz.illuminate, {"points": [[0, 0, 0]], "normals": [[0, 0, 1]], "material": rz.Material(),
+        "lights": rz.AmbientLight(1),
                          "viewer": (0, 0, 3)}),
     ]  # fmt: skip
 
@@ -86,7 +97,7 @@ def test_wrong_arguments_raise_errors_of_the_package(tmp_path, monkeypatch):
 def test_the_sweep_calls_all_that_is_public(tmp_path):
     called = {function.__qualname__ for function, _ in calls(tmp_path)}
     public = {name for name in rz.__all__ if not name.startswith("__") and not name.endswith("Error")}
-    made_by_us = {"Comparison", "Frame", "MachBands"}
+    made_by_us = {"Comparison", "Explanation", "Frame", "MachBands"}
     missing = [
         name for name in public - made_by_us if name not in called and inspect.signature(getattr(rz, name)).parameters
     ]
@@ -113,10 +124,13 @@ class OnlyAnArray:
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FACES = {"triangles": np.array([[0, 1, 2], [0, 2, 3]]), "quads": np.array([[0, 1, 2, 3]])}
 KINDS = {
-    "only an array": OnlyAnArray, "big endian": lambda a: a.astype(a.dtype.newbyteorder(">")), "Fortran": np.asfortranarray,
-    "backwards": lambda a: a[::-1].copy()[::-1], "strided": lambda a: np.repeat(a, 2, axis=1)[:, ::2], "memory": memoryview,
+    "only an array": OnlyAnArray, "big endian": lambda a: a.astype(a.dtype.newbyteorder(">")),
+    "Fortran": np.asfortranarray,
+    "backwards": lambda a: a[::-1].copy()[::-1], "strided": lambda a: np.repeat(a, 2, axis=1)[:, ::2],
+    "memory": memoryview,
     "a mask without a bit": np.ma.array, "small": lambda a: a.astype(np.float16 if a.dtype.kind == "f" else np.int8),
-    "large": lambda a: a.astype(np.longdouble if a.dtype.kind == "f" else np.uint64), "broadcast": lambda a: np.broadcast_to(a, a.shape),
+    "large": lambda a: a.astype(np.longdouble if a.dtype.kind == "f" else np.uint64),
+    "broadcast": lambda a: np.broadcast_to(a, a.shape),
 }  # fmt: skip
 
 

@@ -1,18 +1,16 @@
 """The scripts of bench/ run, and their last line is JSON with what they promise."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
 import rasterizer as rz
 from bench import analytic, before_after, features, frame, margins, measure, scenes, speed_vs_error
 from rasterizer import reference
 
+ROOT = Path(__file__).resolve().parents[2]
 QUICK = ["--frames", "3", "--seconds", "0.01"]
 MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
 
@@ -47,7 +45,8 @@ def test_frame(capsys):
     ] * 3
     for row in rows:
         assert set(row) == {"case", "triangles", "size", "shading", "prepare_ms", "first_ms", "ms_1", "ms_2", "n_frame",
-                            "spread", "yard_ms", "yards", "gain", "ns_triangle", "ns_pixel", "coverage", "stages"}  # fmt: skip
+                            "spread",
+                            "yard_ms", "yards", "gain", "ns_triangle", "ns_pixel", "coverage", "stages"}  # fmt: skip
         assert row["ms_1"] > 0 and row["n_frame"] == 3 and set(row["stages"]) == {"1", "2"}
         assert (row["coverage"] == 1.0) == (row["case"] == "quads-back")
 
@@ -87,7 +86,8 @@ def test_speed_vs_error(capsys):
     assert speed_vs_error.main([*arguments, "--samples", "1", "4", *QUICK]) == 0
     rows = record_of(capsys, "speed_vs_error")["rows"]
     assert len(rows) == 8
-    always = {"model", "shading", "samples", "tolerance", "ms", "speed", "ns_triangle", "ns_pixel", "max", "rms", "bound",
+    always = {"model", "shading", "samples", "tolerance", "ms", "speed", "ns_triangle", "ns_pixel", "max", "rms",
+    "bound",
               "of_bound", "levels", "over_1", "other", "vertices"}  # fmt: skip
     for row in rows:
         against_surface = {"true_max", "true_rms", "true_over_1", "silhouette"} if row["model"] == "torus" else set()
@@ -106,10 +106,10 @@ def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front(seed):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         meshes.append(rz.Mesh(square @ turn, [[0, 1, 2, 3]], material=rz.Material(diffuse=rng.random(3))))
     scene = rz.Scene(meshes, camera=rz.Camera.perspective((0, 0, 3), near=1e-4))
-    judge = reference.render(scene, size, **settings)
+    expected = reference.render(scene, size, **settings)
     is_clear = margins.clear_pixels(scene, size, 4, lambda grid: reference.render(scene, grid, shading="flat"))
     frame = rz.render(scene, size, tolerance=0, outputs=("color", "face"), **settings)
-    row = speed_vs_error.compare_with_reference(frame, judge, is_clear)
+    row = speed_vs_error.compare_with_reference(frame, expected, is_clear)
     assert row["max"] <= row["bound"], f"{row['max']:.3g} > {row['bound']:.3g}"
     assert row["other"] <= 0.05 * is_clear.size, f"{row['other']} pixels left out > 5 %"
 

@@ -46,7 +46,8 @@ def mesh_of(given, image=None):
 
 def picture_of(mesh, **options):
     scene = rz.Scene([mesh], GREY, CAMERA)
-    frames = [rz.render(scene, SIZE, shading=shading, outputs=("color", "depth", "face", "normal"), threads=1, **options)
+    outputs = ("color", "depth", "face", "normal")
+    frames = [rz.render(scene, SIZE, shading=shading, outputs=outputs, threads=1, **options)
               for shading in ("flat", "gouraud", "phong")]  # fmt: skip
     return b"".join(getattr(f, name).tobytes() for f in frames for name in ("color", "rgba", "depth", "face", "normal"))
 
@@ -221,7 +222,8 @@ def test_writing_into_what_else_a_scene_is_made_of_changes_nothing():
     """Cameras, lights, colours, spectra, lists of meshes and lights."""
     numbers = {key: np.array(value, float) for key, value in {
         "position": (1, 2, 4), "target": (0, 0, 0), "up": (0, 1, 0), "color": (0.5, 0.4, 0.3), "direction": (0, -1, -1),
-        "place": (2, 2, 2), "behind": (0.1, 0.2, 0.3), "diffuse": (0.5, 0.6, 0.7), "waves": (400, 500, 700), "values": (0.2, 0.9, 0.4),
+        "place": (2, 2, 2), "behind": (0.1, 0.2, 0.3), "diffuse": (0.5, 0.6, 0.7), "waves": (400, 500, 700),
+        "values": (0.2, 0.9, 0.4),
         "corner": (1, 1, 3), "edge_u": (1, 0, 0), "edge_v": (0, 1, 0), "attenuation": (1, 0.1, 0),
     }.items()}  # fmt: skip
     material = rz.Material(diffuse=numbers["diffuse"], specular=rz.Spectrum(numbers["waves"], numbers["values"]))

@@ -1,27 +1,60 @@
 """Options: defaults, what is legal, what a message says."""
 
 import math
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
+import rasterizer as rz
 from rasterizer.errors import SceneError
 from rasterizer.options import CULLS, DEFAULT_TOLERANCE, MOST_PIXELS, OUTPUTS, SAMPLES, SHADINGS, Options
 
+FRONT = rz.Camera.orthographic((0, 0, 2), (0, 0, 0), height=1.0)
+QUAD = rz.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)])
+DEFAULTS = {
+    "size": (640, 480),
+    "shading": "gouraud",
+    "tolerance": 1 / 4096,
+    "samples": 1,
+    "outputs": ("color",),
+    "cull": "none",
+    "color_range": "clamp",
+    "exposure": 0.0,
+    "spectral": None,
+    "threads": None,
+}
 
-def test_defaults():
+
+def test_defaults_are_those_of_the_manual():
+    """Each by its value: a new option must be listed here, too."""
     options = Options()
-    assert options == Options(
-        size=(640, 480),
-        shading="gouraud",
-        tolerance=DEFAULT_TOLERANCE,
-        samples=1,
-        outputs=("color",),
-        cull="none",
-        color_range="clamp",
-        threads=None,
-    )
-    assert options.n_thread >= 1 and options.factor == 1 and not options.is_flat
+    assert {field.name: getattr(options, field.name) for field in fields(Options)} == DEFAULTS
+    assert options.n_thread >= 1 and options.factor == 1 and not options.is_flat and DEFAULT_TOLERANCE == 1 / 4096
+
+
+def pictures_of(scene, *settings) -> list:
+    """Linear colours of small pictures, one for each of the settings."""
+    return [rz.render(scene, (24, 18), **given).color for given in settings]
+
+
+def test_the_default_exposure_multiplies_by_one():
+    """A stop more is twice the light, a stop less is half."""
+    scene = rz.Scene([QUAD], (rz.AmbientLight(0.2),), FRONT)
+    usual, more, less = pictures_of(scene, {}, {"exposure": 1.0}, {"exposure": -1.0})
+    assert usual.max() == pytest.approx(0.2 * rz.Material().diffuse[0], rel=1e-3)
+    assert np.abs(more - 2 * usual).max() < 1e-6 and np.abs(less - usual / 2).max() < 1e-6
+
+
+def test_the_default_number_of_spectral_samples_is_that_of_the_manual():
+    """81 where something has a spectrum, red, green and blue alone where nothing has."""
+    power = np.exp(-(((np.arange(380, 781, 5) - 520) / 15.0) ** 2))
+    lamp = rz.AmbientLight(rz.Spectrum(np.arange(380, 781, 5), power))
+    paint = replace(QUAD, material=rz.Material(diffuse=(0.9, 0.5, 0.1)))
+    usual, wanted, other = pictures_of(rz.Scene([paint], (lamp,), FRONT), {}, {"spectral": 81}, {"spectral": 9})
+    assert usual.max() > 0.05 and (usual == wanted).all() and np.abs(usual - other).max() > 1e-3
+    usual, spectral = pictures_of(rz.Scene([paint], (rz.AmbientLight((0.9, 0.2, 0.1)),), FRONT), {}, {"spectral": 81})
+    assert usual[9, 12] == pytest.approx((0.81, 0.1, 0.01), rel=1e-3) and np.abs(usual - spectral).max() > 1e-3
 
 
 @pytest.mark.parametrize("size", [64, np.int32(64), (64, 64), [64, np.int64(64)]])

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.judge import EXACT, check
+from helpers.against_reference import EXACT, assert_matches_reference
 from helpers.pinhole import SHADINGS, octasphere
 from helpers.raster import ROOT
 
@@ -35,9 +35,9 @@ def scene(camera=None, depth_cue=CUE, **material):
 def test_pictures_agree_with_the_judge(camera, shading):
     opaque, clear = scene(CAMERAS[camera]), scene(CAMERAS[camera], opacity=0.5)
     for tolerance in (0, 1 / 4096):
-        check(opaque, SIZE, EXACT, ignored=0.01, shading=shading, tolerance=tolerance, exposure=0.7)
-    check(clear, SIZE, EXACT, ignored=0.05, shading=shading, tolerance=0)
-    check(opaque, SIZE, EXACT, ignored=0.05, shading=shading, tolerance=0, samples=4)
+        assert_matches_reference(opaque, SIZE, EXACT, ignored=0.01, shading=shading, tolerance=tolerance, exposure=0.7)
+    assert_matches_reference(clear, SIZE, EXACT, ignored=0.05, shading=shading, tolerance=0)
+    assert_matches_reference(opaque, SIZE, EXACT, ignored=0.05, shading=shading, tolerance=0, samples=4)
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
@@ -58,7 +58,7 @@ def test_a_textured_ball_fades_too():
     look = rz.Material(texture=np.linspace(0, 1, 64).reshape(8, 8))
     ball = rz.Mesh(vertices, faces, uv=vertices[:, :2] / 2 + 0.5, material=look)
     for shading in SHADINGS:
-        check(
+        assert_matches_reference(
             rz.Scene(ball, camera=CAMERAS["perspective"], depth_cue=CUE),
             SIZE,
             EXACT,
@@ -99,7 +99,7 @@ def test_grey_pictures_keep_one_channel_and_others_pay_nothing():
     tinted = replace(scene(diffuse=(0.8, 0.4, 0.2), specular=0, depth_cue=rz.DepthCue(1, 0, (0.4, 0.2, 0.1))).meshes[0])
     shown = rz.Scene(tinted, camera=CAMERAS["perspective"], depth_cue=rz.DepthCue(1, 0, (0.4, 0.2, 0.1)))
     assert make_plan(shown, Options(), np.empty((0, 3))).n_channel == 1
-    check(shown, SIZE, EXACT, tolerance=0)
+    assert_matches_reference(shown, SIZE, EXACT, tolerance=0)
 
 
 def test_forms_and_refusals():

@@ -1,4 +1,4 @@
-"""Check the judge's spectral colour and its exposure, against sums over wavelengths written out."""
+"""Check the reference's spectral colour and its exposure, against sums over wavelengths written out."""
 
 import numpy as np
 import pytest
@@ -21,10 +21,12 @@ ONTO = DirectionalLight((0, 0, -1), LAMP)  # N.L = R.V = 1 at the middle
 
 def show(material, lights, shading="gouraud", mesh_options=None, background=None, **options):
     mesh = Mesh(np.array(layer(SIZE, 2.0)), QUAD, material=material, **(mesh_options or {}))
-    return render(Scene(mesh, lights=lights, camera=eye_camera(), background=background), SIZE, shading, **options)
+    return render(
+        Scene(mesh, lights=lights, camera=eye_camera(), background=background), SIZE, shading=shading, **options
+    )
 
 
-def matte(color, **options):
+def diffuse(color, **options):
     return Material(diffuse=color, specular=0.0, **options)
 
 
@@ -34,7 +36,7 @@ def matte(color, **options):
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("n", [None, 3, 16, 81, 200])
 def test_two_spectra_are_multiplied_wavelength_by_wavelength(shading, n):
-    picture = show(matte(LEAF), ONTO, shading, spectral=n)
+    picture = show(diffuse(LEAF), ONTO, shading, spectral=n)
     waves = sampling(n or 81)
     expected = sum(
         LEAF.at(wave) * LAMP.at(wave) * weight for wave, weight in zip(waves, rgb_weights(n or 81), strict=True)
@@ -56,19 +58,19 @@ def test_flat_spectra_are_neutral(shading):
 def test_rgb_colors_stay_what_they_are_under_white():
     color = (0.9, 0.3, 0.05)
     for n in (3, 7, 81):
-        picture = show(matte(color), AmbientLight(), spectral=n)
+        picture = show(diffuse(color), AmbientLight(), spectral=n)
         np.testing.assert_allclose(picture.color, np.broadcast_to(color, (4, 6, 3)), rtol=1e-11)
     # without a spectrum anywhere nothing is sampled
-    plain = show(matte(color), DirectionalLight((0, 0, -1), (0.2, 0.5, 1.0)))
+    plain = show(diffuse(color), DirectionalLight((0, 0, -1), (0.2, 0.5, 1.0)))
     np.testing.assert_allclose(plain.color, np.broadcast_to((0.18, 0.15, 0.05), (4, 6, 3)), rtol=1e-14)
 
 
 def test_one_spectrum_makes_all_colors_spectra():
     # an RGB material under a spectral lamp, and the other way round
-    picture = show(matte((0.9, 0.3, 0.05)), ONTO)
+    picture = show(diffuse((0.9, 0.3, 0.05)), ONTO)
     expected = (samples_of((0.9, 0.3, 0.05), 81) * LAMP.at(sampling(81))) @ rgb_weights(81)
     np.testing.assert_allclose(picture.color, np.broadcast_to(expected, (4, 6, 3)), rtol=1e-12)
-    picture = show(matte(LEAF), AmbientLight((1.0, 0.5, 0.2)))
+    picture = show(diffuse(LEAF), AmbientLight((1.0, 0.5, 0.2)))
     expected = (samples_of((1.0, 0.5, 0.2), 81) * LEAF.at(sampling(81))) @ rgb_weights(81)
     np.testing.assert_allclose(picture.color, np.broadcast_to(expected, (4, 6, 3)), rtol=1e-12)
 
@@ -77,7 +79,7 @@ def test_all_terms_are_spectra():
     # seen along the normal by a light in the eye: N.L and R.V are 1 in the middle of the picture
     material = Material(ambient=0.0, diffuse=LEAF, specular=Spectrum.flat(0.3), emissive=LAMP)
     mesh = Mesh(np.array(layer((1, 1), 2.0)), QUAD, material=material)
-    picture = render(Scene(mesh, lights=PointLight((0, 0, 0), LAMP), camera=eye_camera()), (1, 1), "phong")
+    picture = render(Scene(mesh, lights=PointLight((0, 0, 0), LAMP), camera=eye_camera()), (1, 1), shading="phong")
     values = LAMP.at(sampling(81)) * (LEAF.at(sampling(81)) + 0.3 + 1.0)
     np.testing.assert_allclose(picture.color[0, 0], values @ rgb_weights(81), rtol=1e-12)
 
@@ -85,15 +87,15 @@ def test_all_terms_are_spectra():
 def test_an_area_light_shares_its_spectrum_out():
     area = AreaLight((-0.5, -0.5, 0.0), (1, 0, 0), (0, 1, 0), LAMP, resolution=(2, 2))
     points = [PointLight((x, y, 0.0), LAMP) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]
-    total = show(matte(LEAF), points, "phong").color
-    np.testing.assert_allclose(show(matte(LEAF), area, "phong").color, total / 4, rtol=1e-12)
+    total = show(diffuse(LEAF), points, "phong").color
+    np.testing.assert_allclose(show(diffuse(LEAF), area, "phong").color, total / 4, rtol=1e-12)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
-def test_vertex_colors_and_textures_multiply_the_rgb_of_the_matte_part(shading):
+def test_vertex_colors_and_textures_multiply_the_rgb_of_the_diffuse_part(shading):
     texel = np.array([0.25, 0.5, 0.75], np.float32)
     colors = np.tile([0.5, 0.2, 1.0], (4, 1))
-    coefficients = dict(diffuse=LEAF, specular=0.0, emissive=0.1)
+    coefficients = {"diffuse": LEAF, "specular": 0.0, "emissive": 0.1}
     plain = show(Material(**coefficients), ONTO, shading).color
     picture = show(
         Material(**coefficients, texture=Texture(texel.reshape(1, 1, 3))),

@@ -1,11 +1,11 @@
-"""Check the judge's textures: texels by hand, a checkerboard in perspective, levels of detail in closed form."""
+"""Check the reference's textures: texels by hand, a checkerboard in perspective, levels of detail in closed form."""
 
 import numpy as np
 import pytest
 from helpers.pinhole import ALBEDO, QUAD, SHADINGS, at_pixel, draw, eye_camera, sample_rays, sheet_camera
 
 from rasterizer.reference import render
-from rasterizer.reference.texture import level_of_detail, look_up
+from rasterizer.reference.texture import compute_mip_level, sample_texture
 from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
@@ -31,7 +31,7 @@ def painted(image=ROWS, filter="nearest", wrap="repeat", **options):
 
 def at(texture, u, v):
     """Look up a single point, magnified."""
-    return look_up(texture, np.array([[u, v]], float), STILL)[0]
+    return sample_texture(texture, np.array([[u, v]], float), STILL)[0]
 
 
 # ── texels ──────────────────────────────────────────────────────────────────────────────────────────────
@@ -102,7 +102,7 @@ def test_a_checkerboard_in_perspective(shading):
     floor = np.array([(-4, -1, -1.0), (4, -1, -1), (4, -1, -9), (-4, -1, -9)])
     uv = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
     board = (np.indices((8, 8)).sum(axis=0) % 2).astype(np.float32)
-    options = dict(material=painted(board), uv=uv, shading=shading)
+    options = {"material": painted(board), "uv": uv, "shading": shading}
     picture = draw(floor, [[0, 1, 2], [0, 2, 3]], size, **options)
     is_seen = picture.face >= 0
     x, y, _ = sample_rays(size)[is_seen].T
@@ -118,7 +118,7 @@ def test_a_checkerboard_in_perspective(shading):
 @pytest.mark.parametrize(
     "first", [1.0, -3.0]
 )  # depth where the floor begins: before the eye, or behind it, to be clipped
-def test_the_level_of_detail_of_a_slanted_plane(samples, first):
+def test_the_mip_level_of_a_slanted_plane(samples, first):
     # the floor above with a picture whose value is its level: u = (x/8 + ½), v = (depth - 1)/8, both in perspective;
     # depth = 1/s for the slope s below the horizon, so dv/ds = -depth²/8 and du/dx = depth/8 for each unit of the
     # screen
@@ -148,34 +148,34 @@ def test_the_level_of_detail_of_a_slanted_plane(samples, first):
 def test_levels_are_mixed_and_end():
     texture = Texture(np.random.default_rng(3).random((8, 8, 3)).astype(np.float32))
     uv = np.array([[0.3, 0.6]])
-    by_level = [look_up(Texture(level, "bilinear"), uv, STILL)[0] for level in texture.pyramid]
+    by_level = [sample_texture(Texture(level, "bilinear"), uv, STILL)[0] for level in texture.pyramid]
     for texels, level in ((0.25, 0), (1.0, 0), (2.0, 1), (2.0**1.25, 1.25), (4.0, 2), (8.0, 3), (100.0, 3)):
         steps = np.array([[[0, texels / 8], [0.1 * texels / 8, 0]]])
         low, part = int(level), level % 1
         expected = (1 - part) * by_level[low] + part * by_level[min(low + 1, 3)]
-        assert np.allclose(look_up(texture, uv, steps)[0], expected), texels
-        assert level_of_detail(texture, steps)[0] == pytest.approx(level)
+        assert np.allclose(sample_texture(texture, uv, steps)[0], expected), texels
+        assert compute_mip_level(texture, steps)[0] == pytest.approx(level)
 
 
 # ── light ───────────────────────────────────────────────────────────────────────────────────────────────
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
-def test_the_texture_multiplies_the_matte_part_alone(shading):
-    coefficients = dict(ambient=0.3, diffuse=0.5, specular=0.4, shininess=3, emissive=0.1)
+def test_the_texture_multiplies_the_diffuse_part_alone(shading):
+    coefficients = {"ambient": 0.3, "diffuse": 0.5, "specular": 0.4, "shininess": 3, "emissive": 0.1}
     lights = (AmbientLight(0.5), DirectionalLight((0.3, 0.1, -1), (1.0, 0.9, 0.8)), PointLight((0.2, 0.3, 0.0), 0.4))
-    options = dict(lights=lights, shading=shading, uv=UV)
+    options = {"lights": lights, "shading": shading, "uv": UV}
     corners, colors = sheet((8, 6)), np.random.default_rng(2).random((4, 3))
 
     def color(**changes):
         material = Material(**(coefficients | changes))
         return draw(corners, QUAD, (8, 6), material=material, colors=colors, **options).color
 
-    rest = color(ambient=0.0, diffuse=0.0)
-    matte = color(specular=0.0, emissive=0.0)
+    specular = color(ambient=0.0, diffuse=0.0)
+    diffuse = color(specular=0.0, emissive=0.0)
     texels = np.repeat(np.repeat(ROWS, 2, axis=0), 2, axis=1)
-    assert rest.min() > 0.1 and matte.max() > 0.1
-    np.testing.assert_allclose(color(texture=Texture(ROWS, "nearest")), matte * texels + rest, atol=1e-14)
+    assert specular.min() > 0.1 and diffuse.max() > 0.1
+    np.testing.assert_allclose(color(texture=Texture(ROWS, "nearest")), diffuse * texels + specular, atol=1e-14)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
@@ -184,6 +184,6 @@ def test_faces_of_one_mesh_have_their_own_materials(shading):
     material = painted(np.full((1, 1, 3), 0.25, np.float32))
     mesh = Mesh(np.array(sheet((8, 8))), QUAD, uv=UV, materials=(material, ALBEDO), face_material=[1, 0])
     other = Mesh(np.array(sheet((8, 8), 3.0)), QUAD, materials=(Material(), Material()), face_material=[0, 0])
-    picture = render(Scene([other, mesh], lights=AmbientLight(), camera=eye_camera()), (8, 8), shading)
+    picture = render(Scene([other, mesh], lights=AmbientLight(), camera=eye_camera()), (8, 8), shading=shading)
     assert set(np.unique(picture.face)) == {2, 3}
     np.testing.assert_allclose(picture.color[..., 0], np.where(picture.face == 2, 1.0, 0.25), rtol=1e-15)

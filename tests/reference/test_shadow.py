@@ -1,4 +1,4 @@
-"""Check the judge's shadows: edges at places found by hand, what casts none, and rays against triangles."""
+"""Check the reference's shadows: edges at places found by hand, what casts none, and rays against triangles."""
 
 import time
 
@@ -37,7 +37,7 @@ def floor_samples(picture, size=SIZE):
 
 def show(meshes, lights, shading="phong", size=SIZE, camera=None, **options):
     scene = Scene(meshes, lights=lights, camera=camera or sheet_camera(size[1]))
-    return render(scene, size, shading, **options)
+    return render(scene, size, shading=shading, **options)
 
 
 # ── edges ───────────────────────────────────────────────────────────────────────────────────────────────

@@ -1,4 +1,4 @@
-"""Check how the judge puts layers that let light through on each other: panes by hand, in any order of the file."""
+"""Check how the reference puts layers that let light through on each other: panes by hand, in any order of the file."""
 
 import itertools
 
@@ -27,7 +27,7 @@ def pane(color, opacity, depth, is_perspective=True, corners=None, **options):
 
 def show(meshes, shading="gouraud", background=None, camera=None, size=SIZE, **options):
     scene = Scene(meshes, lights=AmbientLight(), camera=camera or eye_camera(), background=background)
-    return render(scene, size, shading, **options)
+    return render(scene, size, shading=shading, **options)
 
 
 @pytest.mark.parametrize("shading", SHADINGS)

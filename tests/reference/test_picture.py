@@ -1,4 +1,4 @@
-"""Check what the judge draws where, against what does not depend on it.
+"""Check what the reference draws where, against what does not depend on it.
 
 Pixels by hand, edge functions in fractions, tilings and closed meshes, rays that meet planes.
 """

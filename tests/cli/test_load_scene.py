@@ -15,11 +15,12 @@ from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
+from rasterizer import choices
 from rasterizer.cli import arguments, compare_command, main, material_arguments, render_command
 from rasterizer.cli.cameras_lights import camera_of, check_camera, make_lights
 from rasterizer.cli.load_scene import load_scene, make_settings
 from rasterizer.cli.messages import Messages
-from rasterizer.scene.material import DISTRIBUTIONS, REFLECTIONS
+from rasterizer.scene.material import DISTRIBUTIONS, REFLECTION_MODELS
 
 CUBE, LIFE = (str(ROOT / "models" / name) for name in ("cube.obj", "still_life.obj"))
 SHADOW = rz.Shadow()
@@ -56,7 +57,7 @@ def write(folder, table, name="scene.json") -> str:
 
 def test_the_fields_and_words_are_those_of_a_material():
     assert set(material_arguments.FIELDS) == {field.name for field in fields(rz.Material)} - {"name"}
-    assert material_arguments.REFLECTIONS == REFLECTIONS and material_arguments.DISTRIBUTIONS == DISTRIBUTIONS
+    assert choices.REFLECTIONS == tuple(REFLECTION_MODELS) and choices.DISTRIBUTIONS == DISTRIBUTIONS
 
 
 @pytest.mark.parametrize(

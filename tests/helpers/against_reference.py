@@ -1,24 +1,20 @@
-"""The fast path against the judge, pixel by pixel: help for the tests of the pipeline."""
+"""The fast path against the reference, pixel by pixel: help for the tests of the pipeline."""
 
-import sys
 from functools import lru_cache
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 import rasterizer as rz
-from rasterizer import reference
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from bench.margins import UNITS, clear_pixels, depth_resolution
+from rasterizer import reference
 
 EXACT = 1e-6  # promised with tolerance 0, in linear intensity
 NORMAL = 2e-6  # normals are stored as float32
 BUFFERS = ("color", "depth", "face", "normal")
 
 
-class Verdict(NamedTuple):
+class Comparison(NamedTuple):
     """What a comparison found."""
 
     color: float  # largest difference of linear intensity; premultiplied where surfaces let light through
@@ -30,12 +26,12 @@ class Verdict(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def judged(scene, size, **options) -> reference.Picture:
-    """Render the judge's picture; the last ones are kept, because one picture judges every tolerance."""
+def reference_picture(scene, size, **options) -> reference.Picture:
+    """Render the reference's picture; the last ones are kept, because every tolerance is compared with the same one."""
     return reference.render(scene, size, **options)
 
 
-def compare(scene, size, units=UNITS, limit=EXACT, **options) -> Verdict:
+def compare_with_reference(scene, size, units=UNITS, limit=EXACT, **options) -> Comparison:
     """Render both ways; refuse any difference in coverage, face or depth.
 
     `units` is what planes of depth may be off, in steps of the z-buffer: half a step for each sample of the
@@ -44,7 +40,7 @@ def compare(scene, size, units=UNITS, limit=EXACT, **options) -> Verdict:
     frame = rz.render(scene, size, outputs=BUFFERS, **options)
     options.pop("tolerance", None)
     options.pop("threads", None)
-    expected = judged(scene, size, **options)
+    expected = reference_picture(scene, size, **options)
     is_covered = expected.face >= 0
     assert ((frame.face >= 0) == is_covered).all(), f"{((frame.face >= 0) != is_covered).sum()} samples covered wrongly"
     assert np.abs(frame.alpha - expected.alpha).max() < 1e-6
@@ -56,7 +52,9 @@ def compare(scene, size, units=UNITS, limit=EXACT, **options) -> Verdict:
     is_safe, n_ignored = is_clear, int((~is_clear).sum())
     if options.get("samples", 1) > 1:
         one = {**options, "samples": 1}
-        is_safe = clear_pixels(scene, size, options["samples"], lambda grid: judged(scene, grid, **one), units)
+        is_safe = clear_pixels(
+            scene, size, options["samples"], lambda grid: reference_picture(scene, grid, **one), units
+        )
         n_ignored = int((~is_safe).sum())
     color = color_errors(scene, frame, expected)[is_safe]
     normal = np.abs(frame.normal - expected.normal)[is_seen]
@@ -65,7 +63,7 @@ def compare(scene, size, units=UNITS, limit=EXACT, **options) -> Verdict:
     assert not frame.normal[~is_covered].any() and np.isinf(frame.depth[~is_covered]).all()
     n_compared = int((is_safe & (expected.alpha > 0)).sum())
     largest = (values.max(initial=0.0) for values in (color, normal, depth))
-    return Verdict(*largest, n_compared, n_ignored, int((color > limit).any(axis=-1).sum()))
+    return Comparison(*largest, n_compared, n_ignored, int((color > limit).any(axis=-1).sum()))
 
 
 def color_errors(scene, frame, expected) -> np.ndarray:
@@ -79,13 +77,15 @@ def color_errors(scene, frame, expected) -> np.ndarray:
     return errors if is_opaque else errors * expected.alpha[..., None]
 
 
-def check(scene, size, budget, ignored=0.002, units=UNITS, normal=NORMAL, far=0.0, **options) -> Verdict:
-    """Refuse a picture whose colours are further than `budget` from the judge's.
+def assert_matches_reference(
+    scene, size, budget, ignored=0.002, units=UNITS, normal=NORMAL, far=0.0, **options
+) -> Comparison:
+    """Refuse a picture whose colours are further than `budget` from the reference's.
 
     `ignored` is the share of the pixels that may be left out, `far` the share of those compared that may be further
     off: at the edges of shadows, which are drawn with shadow maps, and between texels where a filter jumps.
     """
-    found = compare(scene, size, units, limit=budget, **options)
+    found = compare_with_reference(scene, size, units, limit=budget, **options)
     assert found.n_compared > 0, "nothing is covered"
     share = found.n_ignored / (size[0] * size[1])
     assert share <= ignored, f"{options}: {share:.4f} of the pixels ignored > {ignored}"

@@ -1,4 +1,4 @@
-"""Check the judge's light and its resolve, against what does not depend on it.
+"""Check the reference's light and its resolve, against what does not depend on it.
 
 Closed forms of the illumination equation, a ray that meets a sphere, colours and alphas by hand.
 """
@@ -62,7 +62,12 @@ def test_normals_of_a_file_that_contradict_its_winding(shading):
 def test_culling_a_closed_mesh_changes_nothing():
     vertices, faces = octasphere(2)
     for shading in SHADINGS:
-        options = dict(lights=None, material=Material(), camera=Camera.perspective((1, 2, 4), fov=40), shading=shading)
+        options = {
+            "lights": None,
+            "material": Material(),
+            "camera": Camera.perspective((1, 2, 4), fov=40),
+            "shading": shading,
+        }
         all_faces = draw(vertices, faces, (50, 40), **options)
         culled = draw(vertices, faces, (50, 40), cull="back", **options)
         assert (all_faces.face == culled.face).all() and (all_faces.color == culled.color).all()
@@ -228,7 +233,7 @@ def test_every_mesh_keeps_its_own_material(shading):
     materials = [Material(diffuse=d, specular=0.0, emissive=e) for d, e in ((0.2, 0.1), (0.6, 0.0))]
     meshes = [Mesh(v, QUAD, material=m) for v, m in zip((front, behind), materials, strict=True)]
     scene = Scene(meshes, lights=(DirectionalLight((0, 0, -1)),), camera=eye_camera())
-    picture = render(scene, (8, 8), shading)
+    picture = render(scene, (8, 8), shading=shading)
     assert (picture.face[:, :4] < 2).all() and (picture.face[:, 4:] >= 2).all()
     assert np.allclose(picture.color[:, :4], 0.3) and np.allclose(picture.color[:, 4:], 0.6)
 
@@ -267,7 +272,7 @@ def test_vertex_and_face_colors_are_the_albedo():
 # ── resolve ─────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def glowing(emissive, size=(4, 4), edge=None, **options):
+def emitting(emissive, size=(4, 4), edge=None, **options):
     """Render a sheet that shines by itself, from the left border to `edge` in pixels."""
     edge = size[0] + 9 if edge is None else edge
     corners = [at_pixel(size, *place, 2.0) for place in ((-9, -9), (edge, -9), (edge, size[1] + 9), (-9, size[1] + 9))]
@@ -285,7 +290,7 @@ def test_srgb_curve_at_its_ends_and_in_between():
         (0.18, 118),
         (7.0, 255),
     ):
-        assert (glowing(linear).rgb == byte).all(), f"{linear} should be {byte}"
+        assert (emitting(linear).rgb == byte).all(), f"{linear} should be {byte}"
 
 
 def test_color_ranges():
@@ -294,41 +299,46 @@ def test_color_ranges():
         ("local", (1.0, 0.5, 0.25)),
         ("global", (1.0, 0.5, 0.25)),
     ):
-        picture = glowing((2.0, 1.0, 0.5), color_range=color_range)
+        picture = emitting((2.0, 1.0, 0.5), color_range=color_range)
         assert np.allclose(picture.color, (2.0, 1.0, 0.5))
-        assert (picture.rgb == glowing(expected).rgb).all(), color_range
+        assert (picture.rgb == emitting(expected).rgb).all(), color_range
     corners = np.array([layer((4, 4), 2.0), layer((4, 4), 2.0)]).reshape(-1, 3)
     corners[1:3, 0] = 0.0  # the first sheet ends in the middle of the picture, and wins where both are
     colors = np.repeat([[4.0, 4.0, 0.0], [2.0, 1.0, 0.5]], 4, axis=0)
     picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), colors=colors, color_range="global")
     assert (picture.rgb[:, :2] == (255, 255, 0)).all()
-    assert (picture.rgb[:, 2:] == glowing((0.5, 0.25, 0.125)).rgb[0, 0]).all()
+    assert (picture.rgb[:, 2:] == emitting((0.5, 0.25, 0.125)).rgb[0, 0]).all()
     picture = draw(corners, np.concatenate([QUAD, QUAD + 4]), (4, 4), colors=colors, color_range="local")
     assert (picture.rgb[:, :2] == (255, 255, 0)).all()
-    assert (picture.rgb[:, 2:] == glowing((1.0, 0.5, 0.25)).rgb[0, 0]).all()
-    assert (glowing((0.5, 0.2, 0.1), color_range="local").rgb == glowing((0.5, 0.2, 0.1)).rgb).all()
+    assert (picture.rgb[:, 2:] == emitting((1.0, 0.5, 0.25)).rgb[0, 0]).all()
+    assert (emitting((0.5, 0.2, 0.1), color_range="local").rgb == emitting((0.5, 0.2, 0.1)).rgb).all()
 
 
 def test_alpha_and_background():
     # the edge at 2.25 px leaves one of the two columns of samples in the third column of pixels, of three two
-    clear = glowing(0.8, edge=2.5, samples=4)
+    clear = emitting(0.8, edge=2.5, samples=4)
     assert clear.alpha.tolist() == [[1, 1, 0.5, 0]] * 4
     assert np.allclose(clear.color, [[[0.8] * 3] * 3 + [[0.0] * 3]] * 4)
-    over = glowing(0.8, edge=2.5, samples=4, background=(0.2, 0.4, 0.0))
+    over = emitting(0.8, edge=2.5, samples=4, background=(0.2, 0.4, 0.0))
     assert (over.alpha == 1).all()
     assert np.allclose(over.color[0, 2], (0.5, 0.6, 0.4)) and np.allclose(over.color[0, 3], (0.2, 0.4, 0.0))
     assert (over.face == clear.face).all() and (over.face[:, 2] == -1).all()
-    assert glowing(0.8, edge=2.5, samples=9).alpha[0, 2] == pytest.approx(1 / 3)
-    assert glowing(0.8, edge=2.55, samples=9).alpha[0, 2] == pytest.approx(2 / 3)
-    assert glowing(0.8, edge=2.8, samples=16).alpha[0].tolist() == [1, 1, 0.75, 0]
-    assert (glowing(0.8, edge=2.5).alpha == [1, 1, 0, 0]).all()
-    assert glowing(0.8, edge=2.5, samples=16, background="#ffffff").color[0, 3].tolist() == [1, 1, 1]
+    assert emitting(0.8, edge=2.5, samples=9).alpha[0, 2] == pytest.approx(1 / 3)
+    assert emitting(0.8, edge=2.55, samples=9).alpha[0, 2] == pytest.approx(2 / 3)
+    assert emitting(0.8, edge=2.8, samples=16).alpha[0].tolist() == [1, 1, 0.75, 0]
+    assert (emitting(0.8, edge=2.5).alpha == [1, 1, 0, 0]).all()
+    assert emitting(0.8, edge=2.5, samples=16, background="#ffffff").color[0, 3].tolist() == [1, 1, 1]
 
 
 @pytest.mark.parametrize("samples", [4, 9, 16])
 def test_supersampling_averages_a_larger_picture(samples):
     vertices, faces = octasphere(1)
-    options = dict(camera=Camera.perspective((1, 2, 4), fov=40), lights=None, material=Material(), shading="phong")
+    options = {
+        "camera": Camera.perspective((1, 2, 4), fov=40),
+        "lights": None,
+        "material": Material(),
+        "shading": "phong",
+    }
     per_axis = round(samples**0.5)
     fine = draw(vertices, faces, (20 * per_axis, 15 * per_axis), **options)
     picture, plain = (draw(vertices, faces, (20, 15), samples=n, **options) for n in (samples, 1))

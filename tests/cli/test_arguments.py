@@ -1,7 +1,9 @@
 """The flags of the command line: options, cameras, lights, and that the look reaches the picture."""
 
 import inspect
-from dataclasses import fields, replace
+import re
+from dataclasses import dataclass, fields, replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,11 +11,11 @@ from helpers.command import CUBE, errors, picture, run
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.cli import arguments, render_command
-from rasterizer.geometry import creases
+from rasterizer import choices
+from rasterizer.cli import arguments, help_texts, render_command
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
-from rasterizer.scene.validate import AXES
+from rasterizer.scene.fields import Cells, Color, Vector, describe_fields
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -41,9 +43,19 @@ def test_words_and_numbers_of_the_help_are_those_of_the_scene():
         arguments.ELEVATION,
         arguments.FOV,
     ]
-    assert tuple(AXES) == arguments.AXES and arguments.REFLECTIONS == material.REFLECTIONS
-    assert arguments.WEIGHTINGS == mesh.WEIGHTINGS == creases.WEIGHTINGS
-    assert all(getattr(lights, name)() for name in arguments.PRESETS)
+    assert tuple(choices.AXES) == get_args(choices.Axis)
+    assert choices.REFLECTIONS == tuple(material.REFLECTION_MODELS)
+    assert choices.LIGHT_KINDS == tuple(lights.LIGHT_KINDS) and choices.PRESETS == tuple(lights.PRESETS)
+    assert choices.WEIGHTINGS == mesh.WEIGHTINGS
+
+
+def test_the_help_names_every_field_of_every_light():
+    text = help_texts.EXAMPLES
+    for kind, cls in lights.LIGHT_KINDS.items():
+        (line,) = re.findall(rf"^  {kind}:.*", text, re.MULTILINE)
+        line += re.search(r"^  point:.*", text, re.MULTILINE)[0] if "as for point" in line else ""
+        first, *names = describe_fields(cls)
+        assert all(f"{name}=" in line for name in names), kind
 
 
 def camera_of(*argv, aspect=1.5):
@@ -154,3 +166,29 @@ def test_the_look_reaches_the_picture(capsys):
     assert np.array_equal(picture("blinn.png"), rz.render(scene, (24, 16), shading="phong", samples=4))
     corner = picture("background.png")[0, 0].tolist()
     assert corner == rz.render(rz.load(CUBE, background=(0.2, 0.1, 0)), 8).rgb[0, 0].tolist()
+
+
+@dataclass(frozen=True)
+class Slab:
+    """A light that is no kind of the package."""
+
+    corner: Vector
+    extent: Cells
+    strength: float = 1.0
+    color: Color = 1.0
+    is_soft: bool = False
+    shadow: rz.Shadow | None = None
+
+
+def test_a_kind_of_light_that_is_added_can_be_written_at_once(monkeypatch, capsys):
+    assert run(CUBE, "--light", "slab:1,2,3,extent=2/3") == 2
+    assert "area:...; given 'slab:" in errors(capsys)
+    monkeypatch.setitem(lights.LIGHT_KINDS, "slab", Slab)
+    text = "slab:1,2,3,extent=2/3,color=rgb(255, 0, 0),is_soft=yes,shadow=64"
+    assert lights_of("--light", text) == (Slab((1, 2, 3), (2, 3), 1.0, "rgb(255, 0, 0)", True, rz.Shadow(64)),)
+    for text, words in (
+        ("slab:1,2,3", "a slab light needs extent=M/N"),
+        ("slab:1,2,3,extent=2/3,strength=big", "strength: a finite number is needed; given 'big'"),
+        ("slab:1,2,3,size=3", "a slab light takes corner=..., extent=..., strength=..."),
+    ):
+        assert run(CUBE, "--light", text) == 2 and words in errors(capsys)

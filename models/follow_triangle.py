@@ -1,0 +1,336 @@
+"""Follow one triangle through every stage of the pipeline, and print its numbers.
+
+    python models/follow_triangle.py
+
+The script calls the stages one by one, as `Renderer` and `engine/draw.py` do, and ends with the bytes of `rz.render`.
+rasterizer/README.md explains what it prints.
+"""
+
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
+import rasterizer as rz
+from rasterizer.engine.attributes import point_intensities
+from rasterizer.engine.coding import make_coding, make_encoding
+from rasterizer.engine.depth_range import screen_of
+from rasterizer.engine.draw import Drawn, choose_band_rows, cull
+from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
+from rasterizer.engine.uniforms import make_lighting
+from rasterizer.engine.view_plans import ViewPlans
+from rasterizer.geometry.points import gather_geometry
+from rasterizer.options import Options
+from rasterizer.pipeline import setup as s
+from rasterizer.pipeline.bands import Band, sort_into_bands
+from rasterizer.pipeline.cull import first_sample
+from rasterizer.pipeline.resolve import srgb_thresholds
+from rasterizer.pipeline.scan import Triangle, advance, scan, start_edge
+from rasterizer.pipeline.threads import Workers
+from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
+from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, PAYLOAD_BITS
+from rasterizer.pipeline.workspace import WorkspacePool, make_picture
+
+OPTIONS = Options(size=(24, 16), shading="gouraud", threads=1)
+WIDTH, HEIGHT = OPTIONS.size
+COLUMN, ROW = 14, 9  # of the sample that is followed
+NAMES = "ABC"
+VERTICES = [(-2.5, -1.5, 0.0), (2.6, -0.9, 0.005), (0.2, 1.8, 0.01)]
+NORMALS = [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.0, 0.8, 0.6)]
+SERIAL = Workers(1)
+
+
+def make_scene() -> rz.Scene:
+    """Return the triangle, a light that shines along the viewing axis, and a camera six units away."""
+    triangle = rz.Mesh(VERTICES, [[0, 1, 2]], normals=NORMALS, material=rz.Material(diffuse=0.8, specular=0.0))
+    lights = [rz.AmbientLight(0.1), rz.DirectionalLight((0, 0, -1), 0.9)]
+    return rz.Scene(triangle, lights, rz.Camera.perspective((0, 0, 6), (0, 0, 0), fov=40))
+
+
+class Way(NamedTuple):
+    """What the stages hand on."""
+
+    render_pass: InterpolatedPass  # with the intensities of the vertices
+    vertices: object  # on the screen
+    n_outside: int  # vertices that the clip stage has to see
+    visible: list
+    n_band_row: int
+    bands: object
+    block: object  # the triangle's planes
+    entries: np.ndarray  # (HEIGHT, WIDTH) int64, the visibility buffer
+    radiance: np.ndarray  # (HEIGHT, WIDTH), linear intensities
+    rgba: np.ndarray  # (HEIGHT, WIDTH, 4) uint8
+
+
+def go(scene) -> Way:
+    """Send the triangle through the stages."""
+    geometry, view = gather_geometry(scene, OPTIONS.is_flat), scene.camera.view()
+    bounds = np.stack([mesh.bounds for mesh in scene.meshes])
+    screen = screen_of(scene.camera, view, OPTIONS.size, OPTIONS.factor, geometry, bounds)
+    render_pass = make_pass(scene, geometry, bounds, view, screen)
+
+    vertices, n_outside = transform(geometry.positions, screen, SERIAL)
+    drawn = Drawn.whole(geometry, vertices, render_pass)
+    visible, n_band_row = cull(drawn, render_pass, SERIAL)
+    bands = sort_into_bands(visible, SERIAL)
+    band = Band(bands.faces, 0, HEIGHT)
+    workspace = WorkspacePool().take(render_pass.workspace_kind(n_band_row), len(band.faces))
+    scan(band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records)
+    entries = workspace.visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
+    render_pass.shade(workspace, band, 0, NO_TABLE)
+    radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
+    render_pass.finish(workspace, band, drawn.loaded_face)
+    rgba = render_pass.picture.rgba.view(np.uint8).reshape(HEIGHT, WIDTH, 4)
+    return Way(render_pass, vertices, n_outside, visible, n_band_row, bands, workspace.block, entries, radiance, rgba)
+
+
+def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
+    """Plan the picture and light the vertices: what is done before the first stage."""
+    plan = ViewPlans(scene, OPTIONS, geometry, bounds).plan_for(view, screen).plan
+    lighting = make_lighting(plan, view, is_perspective=screen.is_perspective)
+    return InterpolatedPass(
+        attributes=point_intensities(geometry, plan, lighting, screen, 2, np.empty(0), SERIAL),
+        coding=make_coding(plan, screen, OPTIONS.tolerance),
+        size=OPTIONS.size,
+        plan=plan,
+        screen=screen,
+        encoding=make_encoding(plan, scene.background, OPTIONS.color_range),
+        picture=make_picture(OPTIONS.size, with_color=False),
+    )
+
+
+# ---------------------------------------------------------------- what is printed, stage by stage
+
+
+def describe_light(way: Way) -> list[str]:
+    """What the illumination equation gives at the vertices."""
+    lines = ["vertex      x       y       z       normal         N·L   intensity"]
+    intensities = way.render_pass.attributes[0, :, 0].tolist()
+    for name, (x, y, z), normal, intensity in zip(NAMES, VERTICES, NORMALS, intensities, strict=True):
+        direction = " ".join(f"{component:.1f}" for component in normal)
+        lines.append(f"  {name}    {x:7.3f} {y:7.3f} {z:7.3f}    {direction}    {normal[2]:.1f}   {intensity:.6f}")
+    return [*lines, "intensity = 0.8·(0.1 + 0.9·N·L): the material's 0.8, ambient light 0.1, directional light 0.9"]
+
+
+def describe_transform(way: Way) -> list[str]:
+    """Where the vertices lie on the screen."""
+    lines = ["vertex   x px     y px     x/256   y/256   depth w    1/w        z"]
+    for k, name in enumerate(NAMES):
+        x, y, z = int(way.vertices.x[k]), int(way.vertices.y[k]), way.vertices.z[k]
+        w = 6.0 - VERTICES[k][2]
+        lines.append(
+            f"  {name}   {x / SUBPIXEL:8.4f} {y / SUBPIXEL:8.4f}   {x:6d}  {y:6d}   {w:.3f}   {1 / w:.6f}   {z:15.1f}"
+        )
+    screen = way.render_pass.screen
+    return [
+        *lines,
+        f"z = a + b/w with a = {screen.z_offset:.8g}, b = {screen.z_scale:.8g}: 0 to 2^{DEPTH_BITS} = {2**DEPTH_BITS}",
+    ]
+
+
+def describe_clip(way: Way) -> list[str]:
+    """How many vertices lie outside."""
+    return [f"vertices outside: {way.n_outside}; the triangle goes on as it is"]
+
+
+def describe_cull(way: Way) -> list[str]:
+    """The triangle's area and its box."""
+    (x0, x1, x2), (y0, y1, y2) = way.vertices.x.tolist(), way.vertices.y.tolist()
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    left, right, top, bottom = of_block(way.block.ints, s.LEFT, 4)
+    return [
+        f"twice the signed area: {area} (1/256 px)²; negative: counter-clockwise, a front face",
+        f"box: columns {left} to {right - 1}, rows {top} to {bottom - 1}; it holds samples, so the triangle is visible",
+    ]
+
+
+def describe_bands(way: Way) -> list[str]:
+    """The band that the triangle falls into."""
+    return [
+        f"a band has {way.n_band_row} rows here, {choose_band_rows(1920, 1080, 1, 1)} at 1920×1080 with one thread",
+        f"band 0 lists the triangles {way.bands.faces.tolist()}",
+    ]
+
+
+def describe_setup(way: Way) -> list[str]:
+    """The planes over the triangle."""
+    ordered = ", ".join(f"v{k} = {name_at(way, k)}" for k in range(3))
+    anchor = tuple(of_block(way.block.ints, s.ANCHOR_X, 2))
+    z, level = planes_of(way)
+    return [
+        f"{ordered}: the topmost first, then clockwise",
+        f"anchor: sample {anchor}, the first of the box",
+        "plane        at the anchor            d/dx            d/dy",
+        f"z        {z[0]:17d} {z[1]:15d} {z[2]:15d}",
+        f"level    {level[0]:17d} {level[1]:15d} {level[2]:15d}",
+        f"a level is 1/{way.render_pass.coding.level_scale:.2f} of an intensity of 1",
+    ]
+
+
+def describe_choice(way: Way) -> list[str]:
+    """Why the intensity may stand in the entries: the bound of affine interpolation."""
+    intensities = way.render_pass.attributes[0, :, 0]
+    w = 6.0 - np.array(VERTICES)[:, 2]
+    ratio, spread = w.max() / w.min(), float(np.ptp(intensities))
+    return [
+        f"|ΔI| = {spread:.6f}, r = w_max/w_min = {ratio:.6f}",
+        f"|ΔI|·(r - 1)/4 = {spread * (ratio - 1) / 4:.3e}; the tolerance is {OPTIONS.tolerance:.3e}: good enough",
+    ]
+
+
+def describe_scan(way: Way) -> list[str]:
+    """The two edges of every row, and the samples between them."""
+    lines = ["row   left edge             right edge            span        samples"]
+    for y, left, right in walk_edges(way):
+        edges = "   ".join(f"{edge.x:2d} {edge.rest:7d}/{edge.divisor:<7d}" for edge in (left, right))
+        row = "".join("#" if entry < CLEAR else "." for entry in way.entries[y].tolist())
+        lines.append(f"{y:3d}   {edges}   {left.x:2d} to {right.x - 1:2d}    {row}")
+        covered = np.flatnonzero(way.entries[y] < CLEAR).tolist()
+        assert covered == list(range(left.x, right.x)), "the edges and the buffer disagree"
+    lines.append(f"covered: {int((way.entries < CLEAR).sum())} samples")
+    for name, edge in zip(("v0-v2", "v0-v1", "v1-v2"), edges_of(way), strict=True):
+        lines.append(f"each row adds to the edge {name}: {edge.dx:+d} to the sample, {edge.d_rest} to the rest")
+    return lines
+
+
+def describe_entry(way: Way) -> list[str]:
+    """The entry of the sample that is followed."""
+    anchor_x, anchor_y = of_block(way.block.ints, s.ANCHOR_X, 2)
+    z, level = planes_of(way)
+    columns, rows = COLUMN - anchor_x, ROW - anchor_y
+    at = [plane[0] + columns * plane[1] + rows * plane[2] for plane in (z, level)]
+    entry, step = (at[0] << PAYLOAD_BITS) + at[1], (z[1] << PAYLOAD_BITS) + level[1]
+    assert entry == way.entries[ROW, COLUMN] and entry + step == way.entries[ROW, COLUMN + 1]
+    bits = f"{entry:064b}"
+    return [
+        f"sample ({COLUMN}, {ROW}): {columns} columns and {rows} rows from the anchor",
+        *(
+            f"{name:<5} = {p[0]} {p[1]:+d}·{columns} {p[2]:+d}·{rows} = {value}"
+            for name, p, value in zip(("z", "level"), (z, level), at, strict=True)
+        ),
+        f"entry = z·2^{PAYLOAD_BITS} + level = {entry}",
+        f"bits  = {bits[0]} | {bits[1 : 1 + DEPTH_BITS]} | {bits[1 + DEPTH_BITS]} | {bits[2 + DEPTH_BITS :]}",
+        "        sign, z, is_id, level",
+        f"the next sample: entry {step:+d} = {entry + step}",
+    ]
+
+
+def describe_shade(way: Way) -> list[str]:
+    """The intensity of the sample, and what it is off the true one."""
+    scale = way.render_pass.coding.level_scale
+    here, beside = (int(way.entries[ROW, COLUMN + k] & LEVEL_MASK) for k in range(2))
+    intensities = way.render_pass.attributes[0, :, 0].astype(float)
+    weights = weights_at(way)
+    q = weights / (6.0 - np.array(VERTICES)[:, 2])
+    exact = float(q @ intensities / q.sum())
+    return [
+        f"level {here} / {scale:.2f} = {way.radiance[ROW, COLUMN]:.6f}",
+        f"one sample to the right: ΔI·Δv = {(beside - here) / scale:+.6f}, so {way.radiance[ROW, COLUMN + 1]:.6f}",
+        "weights of A, B, C: " + " ".join(f"{weight:.6f}" for weight in weights),
+        f"their mean of the intensities: {float(weights @ intensities):.6f}; with perspective: {exact:.6f}",
+        f"error of the entry: {abs(here / scale - exact):.1e}",
+    ]
+
+
+def describe_resolve(way: Way) -> list[str]:
+    """The bytes of the pixel."""
+    level = int(way.rgba[ROW, COLUMN, 0])
+    thresholds = srgb_thresholds()
+    linear = float(way.radiance[ROW, COLUMN])
+    encoded = 1.055 * linear ** (1 / 2.4) - 0.055
+    same = bool((np.asarray(rz.render(make_scene(), OPTIONS.size, shading=OPTIONS.shading)) == way.rgba).all())
+    return [
+        f"sRGB: 1.055·{linear:.6f}^(1/2.4) - 0.055 = {encoded:.6f}, times 255 = {255 * encoded:.3f}",
+        f"level {level} holds the intensities from {thresholds[level - 1]:.6f} to {thresholds[level]:.6f}",
+        f"bytes of the pixel: {way.rgba[ROW, COLUMN].tolist()}; rz.render draws the same picture: {same}",
+    ]
+
+
+# ---------------------------------------------------------------- reading the block
+
+
+def of_block(rows, first, n) -> list[int]:
+    """The first triangle's numbers in n neighbouring rows of a block."""
+    return [int(rows[int(first) + k * s.BLOCK]) for k in range(n)]
+
+
+def planes_of(way: Way) -> tuple[list[int], list[int]]:
+    """The planes of z and of the level: at the anchor, d/dx, d/dy."""
+    return of_block(way.block.longs, s.PLANE_Z, 3), of_block(way.block.longs, s.LEVEL_PLANE, 3)
+
+
+def name_at(way: Way, k) -> str:
+    """The name of the k-th of the ordered vertices."""
+    (x, y) = of_block(way.block.ints, s.X0, 6)[2 * k : 2 * k + 2]
+    return NAMES[list(zip(way.vertices.x.tolist(), way.vertices.y.tolist(), strict=True)).index((x, y))]
+
+
+def weights_at(way: Way) -> np.ndarray:
+    """The weights of A, B, C at the sample, from exact edge functions; their sum is 1."""
+    x, y = way.vertices.x.tolist(), way.vertices.y.tolist()
+    sx, sy = COLUMN * SUBPIXEL + SUBPIXEL // 2, ROW * SUBPIXEL + SUBPIXEL // 2
+    edges = [
+        (x[j] - x[i]) * (sy - y[i]) - (y[j] - y[i]) * (sx - x[i]) for i, j in ((1, 2), (2, 0), (0, 1))
+    ]  # opposite of A, B, C
+    return np.array(edges) / sum(edges)
+
+
+def edges_of(way: Way) -> tuple:
+    """The left edge v0-v2 and the right edges v0-v1 and v1-v2, each on its first row of samples.
+
+    The middle vertex is v1: it lies on the right.
+    """
+    corners = Triangle(*of_block(way.block.ints, s.X0, 6))
+    top, middle = first_sample.py_func(corners.y0), first_sample.py_func(corners.y1)
+    start = start_edge.py_func
+    return (
+        start(corners.x0, corners.y0, corners.x2, corners.y2, top),
+        start(corners.x0, corners.y0, corners.x1, corners.y1, top),
+        start(corners.x1, corners.y1, corners.x2, corners.y2, middle),
+    )
+
+
+def walk_edges(way: Way):
+    """Each row that has samples, with its left and its right edge, as the scan stage walks them."""
+    left, right, lower = edges_of(way)
+    top, bottom = of_block(way.block.ints, s.TOP, 2)
+    middle = first_sample.py_func(of_block(way.block.ints, s.Y1, 1)[0])
+    for y in range(top, bottom):
+        right = lower if y == middle else right
+        if left.x < right.x:
+            yield y, left, right
+        left, right = advance.py_func(left), advance.py_func(right)
+
+
+STAGES = {
+    "light": describe_light,
+    "transform": describe_transform,
+    "clip": describe_clip,
+    "cull": describe_cull,
+    "bands": describe_bands,
+    "setup": describe_setup,
+    "choice": describe_choice,
+    "scan": describe_scan,
+    "entry": describe_entry,
+    "shade": describe_shade,
+    "resolve": describe_resolve,
+}
+
+
+def follow() -> dict[str, str]:
+    """Return what is printed of each stage, in order."""
+    way = go(make_scene())
+    return {stage: "\n".join(describe(way)) for stage, describe in STAGES.items()}
+
+
+def main() -> int:
+    """Print every stage."""
+    for stage, text in follow().items():
+        print(f"{stage}\n{text}\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

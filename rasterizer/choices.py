@@ -1,0 +1,60 @@
+"""The words that a user may write, each list once: the classes of a scene, the options and the command line check
+against these.
+
+A `Literal` is what editors and type checkers read; the tuple beside it is what messages list and checks compare with.
+Only the standard library is imported, so that `raster --help` stays quick. Kinds of lights and reflection models can be
+added at run time: what stands here are the built-in ones, which the help lists; `scene.lights.LIGHT_KINDS` and
+`scene.material.REFLECTION_MODELS` know all.
+"""
+
+from typing import Literal, get_args
+
+# --- options of a picture -----------------------------------------------------------------------------------
+
+Shading = Literal["flat", "lambert", "gouraud", "phong"]
+Output = Literal["color", "rgb", "depth", "face", "normal"]
+SavedArray = Literal["color", "rgb", "rgba", "alpha", "depth", "face", "normal"]
+Cull = Literal["none", "back"]
+ColorRange = Literal["clamp", "global", "local"]
+Samples = Literal[1, 4, 9, 16]
+
+SHADINGS: tuple[str, ...] = get_args(Shading)
+OUTPUTS: tuple[str, ...] = get_args(Output)  # built-in
+BUFFERS: dict[str, str] = {  # all exact buffers, also those of registries.add_buffer: what they hold
+    "depth": "in scene units",
+    "face": "the face's index or -1",
+    "normal": "in world space",
+}
+SAVED_ARRAYS: tuple[str, ...] = get_args(SavedArray)
+CULLS: tuple[str, ...] = get_args(Cull)
+COLOR_RANGES: tuple[str, ...] = get_args(ColorRange)
+SAMPLES: tuple[int, ...] = get_args(Samples)
+
+# --- what a scene is made of --------------------------------------------------------------------------------
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Weighting = Literal["angle", "area", "uniform"]
+Filter = Literal["nearest", "bilinear", "trilinear"]
+Wrap = Literal["repeat", "clamp", "mirror"]
+Distribution = Literal["ggx", "beckmann"]
+Attachment = Literal["world", "camera"]
+Preset = Literal["studio", "headlight"]
+Reflection = Literal["phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon"]
+LightKind = Literal["ambient", "directional", "point", "spot", "area"]
+
+AXES: dict[str, tuple[float, float, float]] = {
+    "x": (1.0, 0.0, 0.0),
+    "y": (0.0, 1.0, 0.0),
+    "z": (0.0, 0.0, 1.0),
+    "-x": (-1.0, 0.0, 0.0),
+    "-y": (0.0, -1.0, 0.0),
+    "-z": (0.0, 0.0, -1.0),
+}
+WEIGHTINGS: tuple[str, ...] = get_args(Weighting)
+FILTERS: tuple[str, ...] = get_args(Filter)
+WRAPS: tuple[str, ...] = get_args(Wrap)
+DISTRIBUTIONS: tuple[str, ...] = get_args(Distribution)
+ATTACHMENTS: tuple[str, ...] = get_args(Attachment)
+PRESETS: tuple[str, ...] = get_args(Preset)
+REFLECTIONS: tuple[str, ...] = get_args(Reflection)  # built-in
+LIGHT_KINDS: tuple[str, ...] = get_args(LightKind)  # built-in

@@ -1,0 +1,153 @@
+"""Vector instructions of LLVM for two inner loops of the pipeline, which says in Python what they compute.
+
+The compiler turns long loops into vector instructions by itself, but not loops of eight or four: left to it, these take
+two to four times as long. So they are spelled out here in LLVM's own vector operations, each as `lowered_by`
+(internals.py) takes it; the function in Python that it stands in for is in pipeline/simd.py, with what the parameters
+are.
+
+Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
+"""
+
+from llvmlite import ir
+from numba import types
+
+from .internals import cgutils
+
+LANES = 8  # samples of a box that are merged side by side
+PLANE_GROUP = 4  # planes that are evaluated side by side
+_EDGES = ir.VectorType(ir.IntType(32), LANES)
+_ENTRIES = ir.VectorType(ir.IntType(64), LANES)
+
+
+def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, depth_mask):
+    """Build `simd.merge_box`: a row of LANES samples at a time."""
+    if not (isinstance(entries, types.Array) and entries.dtype == types.int64 and entries.layout == "C"):
+        return None
+    unsigned, signed = types.uint64, types.int64
+    three, nine = types.UniTuple(unsigned, 3), types.UniTuple(signed, 9)
+    signature = types.void(entries, unsigned, unsigned, signed, three, nine, signed)
+
+    def generate(context, builder, signature, arguments):
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        value, dx, dy = cgutils.unpack_tuple(builder, arguments[4])
+        states = [_Ramp(builder, _ENTRIES, value, dx, dy)]
+        edges = [builder.trunc(edge, ir.IntType(32)) for edge in cgutils.unpack_tuple(builder, arguments[5])]
+        states += [_Ramp(builder, _EDGES, *edges[k : k + 3]) for k in (0, 3, 6)]
+        position = cgutils.alloca_once_value(builder, arguments[1])
+        mask = _splat(builder, _ENTRIES, arguments[6])
+        with cgutils.for_range(builder, arguments[3]):
+            here = builder.load(position)
+            address = builder.bitcast(builder.gep(data, [here]), _ENTRIES.as_pointer())
+            new, e0, e1, e2 = (state.next(builder) for state in states)
+            old = builder.load(address, align=8)
+            is_inside = builder.icmp_signed(
+                ">=", builder.or_(e0, builder.or_(e1, e2)), ir.Constant(_EDGES, [0] * LANES)
+            )
+            is_nearer = builder.icmp_signed("<", new, builder.and_(old, mask))
+            builder.store(builder.select(builder.and_(is_inside, is_nearer), new, old), address, align=8)
+            builder.store(builder.add(here, arguments[2]), position)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stride):
+    """Build `simd.evaluate_planes`: four samples at a time, each with its four planes, which are then transposed."""
+    unsigned, signed = types.uint64, types.int64
+    numbers, *others = group
+    if numbers.dtype not in (types.int32, types.float32) or out.dtype not in (types.float32, types.float64):
+        return None
+    if tuple(others) != (signed, unsigned, unsigned, out.dtype):
+        return None
+    signature = types.void(entries, group, signed, signed, out, unsigned, unsigned)
+    is_integer = numbers.dtype == types.int32
+
+    def generate(context, builder, signature, arguments):
+        def array_of(kind, value):
+            return context.make_array(kind)(context, builder, value)
+
+        entries, out = array_of(signature.args[0], arguments[0]), array_of(signature.args[4], arguments[4]).data
+        entries, n = entries.data, entries.nitems
+        x, y, start, stride = (arguments[k] for k in (2, 3, 5, 6))
+        numbers, mask, shift, column, scale = cgutils.unpack_tuple(builder, arguments[1])
+        numbers = array_of(signature.args[1][0], numbers).data
+        whole, long = ir.IntType(32), ir.IntType(64)
+        kind = ir.VectorType(whole if is_integer else ir.FloatType(), PLANE_GROUP)
+        out_kind = ir.VectorType(out.type.pointee, PLANE_GROUP)
+        add = builder.add if is_integer else builder.fadd
+        x, y, scale = builder.trunc(x, whole), builder.trunc(y, whole), _splat(builder, out_kind, scale)
+
+        def load(address, offset, kind):
+            return builder.load(
+                builder.bitcast(builder.gep(address, [ir.Constant(long, offset)]), kind.as_pointer()), align=4
+            )
+
+        def times(steps, planes):
+            if is_integer:
+                return builder.mul(_splat(builder, kind, steps), planes)
+            return builder.fmul(_splat(builder, kind, builder.sitofp(steps, ir.FloatType())), planes)
+
+        def sample(k):
+            record = builder.gep(
+                numbers, [builder.shl(builder.and_(builder.load(builder.gep(entries, [k])), mask), shift)]
+            )
+            across = builder.sub(builder.add(x, builder.trunc(k, whole)), load(record, 1, whole))
+            down = builder.sub(y, load(record, 2, whole))
+            planes = builder.gep(record, [column])
+            value = add(load(planes, 0, kind), times(across, load(planes, PLANE_GROUP, kind)))
+            return add(value, times(down, load(planes, 2 * PLANE_GROUP, kind)))
+
+        def finish(values):
+            if is_integer:
+                return builder.fmul(builder.sitofp(values, out_kind), scale)
+            return values if out_kind == kind else builder.fpext(values, out_kind)
+
+        step = ir.Constant(long, PLANE_GROUP)
+        count = builder.udiv(builder.add(n, ir.Constant(long, PLANE_GROUP - 1)), step)
+        with cgutils.for_range(builder, count) as loop:
+            first = builder.mul(loop.index, step)
+            samples = [sample(builder.add(first, ir.Constant(long, k))) for k in range(PLANE_GROUP)]
+            target = builder.add(start, first)
+            for values in _transpose(builder, samples)[: 3 if is_integer else PLANE_GROUP]:
+                address = builder.bitcast(builder.gep(out, [target]), out_kind.as_pointer())
+                builder.store(finish(values), address, align=out.type.pointee.get_abi_alignment(context.target_data))
+                target = builder.add(target, stride)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def _transpose(builder, rows):
+    """Turn four vectors of four into their columns."""
+
+    def mix(a, b, order):
+        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), PLANE_GROUP), order))
+
+    low = [mix(rows[k], rows[k + 1], [0, 4, 1, 5]) for k in (0, 2)]
+    high = [mix(rows[k], rows[k + 1], [2, 6, 3, 7]) for k in (0, 2)]
+    return [mix(*pair, order) for pair in (low, high) for order in ([0, 1, 4, 5], [2, 3, 6, 7])]
+
+
+class _Ramp:
+    """A vector value, value + dx, value + 2 dx, ... that moves by dy from row to row."""
+
+    def __init__(self, builder, kind, value, dx, dy):
+        lanes = ir.Constant(kind, list(range(LANES)))
+        first = builder.add(_splat(builder, kind, value), builder.mul(_splat(builder, kind, dx), lanes))
+        self._state = cgutils.alloca_once_value(builder, first)
+        self._step = _splat(builder, kind, dy)
+
+    def next(self, builder):
+        """The vector of this row; moves on to the next."""
+        value = builder.load(self._state)
+        builder.store(builder.add(value, self._step), self._state)
+        return value
+
+
+def _splat(builder, kind, value):
+    """A vector with the same value in every lane."""
+    nothing = ir.Constant(kind, ir.Undefined)
+    first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(
+        first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
+    )

@@ -1,0 +1,288 @@
+"""What the engine knows of the kinds of light: one class a kind, one line a kind in LIGHT_TABLE.
+
+Who asks, and for what:
+
+    plan                which lights are ambient, what area lights are made of, whether float32 holds their numbers
+    intensity_bounds    how much a light amplifies
+    error_bounds        how far its factors magnify rounding errors, where it jumps
+    uniforms            the pipeline's function for it, and the coefficients that this function reads
+    shadow_maps         the beam that a map has to show
+    renderer            how near the lit points come to it
+    analysis/mach       the beam, too: which side of a face is lit
+
+A kind of light of one's own derives from LightEntry and says only what is different; `rasterizer.registries` enters it
+here and in the tables of the other layers.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from ..pipeline import light_kinds as pipeline
+from ..scene.camera import View
+from ..scene.lights import kind_of
+from .rounding import Step, step_cosine, times
+
+Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
+
+
+class Beam(NamedTuple):
+    """Where a light shines from, and to, in the world."""
+
+    origin: NDArray[np.float64] | None  # (3,); None = infinitely far away
+    axis: NDArray[np.float64] | None  # (3,) unit, the way the light travels; None = to all sides
+    spread: float  # tangent of the largest angle from the axis; 0 where the origin is None, inf from 90 degrees on
+
+
+class LightEntry:
+    """Hold what the engine knows of a kind of light.
+
+    Every method takes a light of this kind, the first argument. What is said here holds for light without a position
+    that is never stronger than its colour and casts no shadows.
+    """
+
+    is_ambient = False  # it comes from all sides alike, and only its colour counts
+    is_distant = False  # the direction to it is the same everywhere
+
+    def expand(self, light: Any) -> tuple[Any, ...]:
+        """Return the lights, of kinds that have a `function`, that stand for this one."""
+        return (light,)
+
+    def function(self, light: Any) -> pipeline.LightFunction:
+        """Return the pipeline's function for the light, and what it needs."""
+        raise NotImplementedError(f"{type(self).__name__} has no function: `expand` stands other lights for it")
+
+    def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
+        """Fill the coefficients that the pipeline's function reads.
+
+        Parameters
+        ----------
+        coefficients : (light_kinds.N_LIGHT_COEFFICIENT,) float64, zeros; positions go there relative to the eye, directions along
+            the axes of the world
+        view : what a light that is attached to the camera moves with
+        dtype : float32 or float64, what they will be converted to
+        """
+
+    def beam(self, light: Any, view: View) -> Beam | None:
+        """Return where the light shines; None where that is no single place or direction. Then it casts no shadows."""
+        return None
+
+    def clearance(self, light: Any, view: View, distance: Distance) -> float:
+        """Return the distance that no lit point comes nearer to the light than, scene units.
+
+        Over this length the rounding of a position turns the direction to the light, or changes its strength: an error
+        of e changes the strength by at most 2 e/clearance of it. Infinite where positions play no part.
+        """
+        return math.inf
+
+    def lasting_clearance(self, light: Any, distance: Distance) -> float:
+        """Return what `clearance` is at least in every view, with room for what a view takes off."""
+        return math.inf
+
+    def amplification(self, light: Any, clearance: float) -> float:
+        """Return how much stronger than its colour the light is at most, at the clearance and beyond; at least 1."""
+        return 1.0
+
+    def steepness(self, light: Any) -> float:
+        """Return how far factors of the strength magnify an error of the direction, or a relative one of the
+        distance."""
+        return 0.0
+
+    def steps(self, light: Any, u: float) -> tuple[Step, ...]:
+        """Return where the strength jumps; u is the unit roundoff."""
+        return ()
+
+    def lengths(self, light: Any) -> tuple[float, ...]:
+        """Return the coefficients that must keep their digits in float32 when multiplied by squares of lengths."""
+        return ()
+
+
+class AmbientEntry(LightEntry):
+    """Light from all sides: it is a coefficient of the materials, see `uniforms`."""
+
+    is_ambient = True
+
+    def expand(self, light: Any) -> tuple[Any, ...]:
+        """Nothing is evaluated for each point."""
+        return ()
+
+
+class DirectionalEntry(LightEntry):
+    """Light from infinitely far away."""
+
+    is_distant = True
+
+    def function(self, light: Any) -> pipeline.LightFunction:
+        """Return the function of parallel rays."""
+        return pipeline.light_function_of("directional")
+
+    def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
+        """Write the unit direction to the light."""
+        coefficients[pipeline.VECTOR : pipeline.VECTOR + 3] = world_direction(light, view) * -1.0
+
+    def beam(self, light: Any, view: View) -> Beam | None:
+        """Return parallel rays."""
+        return Beam(None, world_direction(light, view), 0.0)
+
+
+class PointEntry(LightEntry):
+    """Light from one point to all sides."""
+
+    def function(self, light: Any) -> pipeline.LightFunction:
+        """Return the function of a light that shines alike to all sides."""
+        return pipeline.light_function_of("point")
+
+    def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
+        """Write the position relative to the eye, and what weakens the light with the distance."""
+        # Never brought to the world and back: that would cost digits far from the origin.
+        position = to_world(light.position, light, view)
+        relative = position if light.attached == "camera" else position - view.eye
+        coefficients[pipeline.VECTOR : pipeline.VECTOR + 3] = relative
+        coefficients[pipeline.ATTENUATION : pipeline.ATTENUATION + 3] = light.attenuation
+        coefficients[pipeline.MOST] = np.inf if light.amplify else 1.0
+        coefficients[pipeline.INVERSE_RANGE] = 1.0 / light.range if light.range is not None else 0.0
+
+    def beam(self, light: Any, view: View) -> Beam | None:
+        """Return a beam to all sides."""
+        return Beam(world_position(light, view), None, math.inf)
+
+    def clearance(self, light: Any, view: View, distance: Distance) -> float:
+        """Return the distance of the nearest lit point."""
+        return distance(world_position(light, view))
+
+    def lasting_clearance(self, light: Any, distance: Distance) -> float:
+        """Return half of that; 0 for a light that moves with the camera."""
+        return 0.0 if light.attached == "camera" else 0.5 * distance(light.position)
+
+    def amplification(self, light: Any, clearance: float) -> float:
+        """1/(kc + kl d + kq d²) is largest at the least distance d."""
+        if not light.amplify or light.attenuation[0] >= 1.0:
+            return 1.0
+        constant, linear, quadratic = light.attenuation
+        total = constant + times(linear, clearance) + times(quadratic, clearance) * clearance
+        return max(1.0, 1.0 / total) if total > 0.0 else np.inf
+
+    def steepness(self, light: Any) -> float:
+        """(d/r)^4 rises by four times the relative error of d."""
+        return 4.0 if light.range is not None else 0.0
+
+    def lengths(self, light: Any) -> tuple[float, ...]:
+        """Return the coefficients of the attenuation, and the range."""
+        reach = () if light.range is None else (light.range,)
+        return tuple(coefficient for coefficient in light.attenuation if coefficient > 0.0) + reach
+
+
+class SpotEntry(PointEntry):
+    """Light from one point into a cone."""
+
+    def function(self, light: Any) -> pipeline.LightFunction:
+        """Return the function of the cone, another one where its fall is raised to a power."""
+        return pipeline.light_function_of("shaped spot" if light.falloff != 1.0 else "spot")
+
+    def write(self, coefficients: NDArray[np.float64], light: Any, view: View, dtype: np.dtype) -> None:
+        """Write what a point light has, and the cone."""
+        super().write(coefficients, light, view, dtype)
+        inner, outer = cone_cosines(light)
+        coefficients[pipeline.AXIS : pipeline.AXIS + 3] = world_direction(light, view)
+        coefficients[pipeline.COS_OUTER] = outer
+        coefficients[pipeline.CONE_SCALE] = 1.0 / (inner - outer) if inner > outer else np.inf
+        # An exponent that float32 has no number for is as good as the largest one that it has.
+        coefficients[pipeline.CONE_EXPONENT] = min(light.exponent, float(np.finfo(dtype).max))
+        coefficients[pipeline.CONE_FALLOFF] = light.falloff
+
+    def beam(self, light: Any, view: View) -> Beam | None:
+        """Return the outer cone."""
+        spread = math.tan(math.radians(light.outer)) if light.outer < 90.0 else math.inf
+        return Beam(world_position(light, view), world_direction(light, view), spread)
+
+    def steepness(self, light: Any) -> float:
+        """Add that of the cone; infinite for a sharp one, whose edge is a step.
+
+        S = t² (3 - 2 t) rises by at most 3/2 of what t does, so S^p, p >= 1, by 3p/2; for 1/2 <= p < 1 the slope
+        6 p t^(2p-1) (1 - t) (3 - 2 t)^(p-1) is at most 6p, because the last three factors are at most 1; below 1/2 it
+        has no bound. c^e rises by at most e c^(e-1): by e for e >= 1, else most at the outer cone; where that is at 90
+        degrees it is multiplied by S^p, with p >= 1 at most t² (3 - 2 t) <= 3 (c/c_inner)².
+        """
+        inner, outer = cone_cosines(light)
+        p, exponent = light.falloff, light.exponent
+        rise = 1.5 * p if p >= 1.0 else 6.0 * p if p >= 0.5 else np.inf
+        total = super().steepness(light) + (rise / (inner - outer) if inner > outer else np.inf)
+        if 0.0 < exponent < 1.0:
+            at_edge = 3.0 / inner**2 if inner > 0.0 and p >= 1.0 else np.inf
+            exponent *= min(outer ** (exponent - 1.0) if outer > 1e-15 else np.inf, at_edge)
+        return total + exponent
+
+    def steps(self, light: Any, u: float) -> tuple[Step, ...]:
+        """A sharp cone has an edge."""
+        if light.inner < light.outer:
+            return ()
+        return (Step("the edge of a sharp spot light", step_cosine(u), "cosine of an angle"),)
+
+
+class AreaEntry(LightEntry):
+    """Light from a parallelogram: a point light in each of its cells stands for it."""
+
+    def expand(self, light: Any) -> tuple[Any, ...]:
+        """Return a point light for each cell."""
+        return light.cells()
+
+
+# By the words of scene.lights.LIGHT_KINDS.
+LIGHT_TABLE: dict[str, LightEntry] = {
+    "ambient": AmbientEntry(),
+    "directional": DirectionalEntry(),
+    "point": PointEntry(),
+    "spot": SpotEntry(),
+    "area": AreaEntry(),
+}
+
+
+def entry_of(light: Any) -> LightEntry:
+    """Return what the engine knows of a light's kind.
+
+    Raises
+    ------
+    SceneError : the kind is unknown, to scenes or to the engine; the message lists those that are known
+    """
+    kind = kind_of(light)
+    if kind not in LIGHT_TABLE:
+        raise SceneError(f"the engine draws lights of the kinds {', '.join(LIGHT_TABLE)}; given one of kind {kind!r}")
+    return LIGHT_TABLE[kind]
+
+
+def shadow_of(light: Any) -> Any:
+    """Return the light's Shadow; None for a light that casts none, also of a kind that can't."""
+    return getattr(light, "shadow", None)
+
+
+def is_carried(light: Any) -> bool:
+    """Tell whether a light moves with the camera."""
+    return getattr(light, "attached", "world") == "camera"
+
+
+def world_position(light: Any, view: View) -> NDArray[np.float64]:
+    """Return the position of a light in the world, (3,) float64, also of one that moves with the camera."""
+    position = to_world(light.position, light, view)
+    return view.eye + position if is_carried(light) else position
+
+
+def world_direction(light: Any, view: View) -> NDArray[np.float64]:
+    """Return the direction of a light in the world, (3,) float64, also of one that moves with the camera."""
+    return to_world(light.direction, light, view)
+
+
+def to_world(vector: Sequence[float], light: Any, view: View) -> NDArray[np.float64]:
+    """Return a light's vector (3,) along the axes of the world; of one that moves with the camera it is given along
+    those of the camera."""
+    if not is_carried(light):
+        return np.array(vector)
+    return np.array(vector) @ np.stack([view.right, view.up, -view.forward])  # rows: the camera's axes in the world
+
+
+def cone_cosines(light: Any) -> tuple[float, float]:
+    """Return the cosines of a spot light's inner and outer angle."""
+    return math.cos(math.radians(light.inner)), math.cos(math.radians(light.outer))

@@ -1,0 +1,30 @@
+"""What all bounds of rounding share: the unit roundoffs, the steps of a picture, products with infinity."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+SINGLE, DOUBLE = 2.0**-24, 2.0**-53  # u, the unit roundoff, of float32 and float64
+
+
+class Step(NamedTuple):
+    """Where a picture may jump, so that no error is small: points on the other side of it by rounding are no part of
+    the bound."""
+
+    cause: str
+    near: float  # how near to the step the bound doesn't hold
+    unit: str  # of `near`
+
+
+def step_cosine(u: float) -> float:
+    """Return how near to a step of a cosine no bound holds: twice what counts as 0, see `grazing` in
+    pipeline/power.py."""
+    return 2.0**-19 if u == SINGLE else 2.0**-39
+
+
+def times(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
+    """Return products in which 0 times infinity is 0: a light that gives nothing can't be amplified."""
+    a, b = np.broadcast_arrays(np.asarray(a, float), np.asarray(b, float))
+    with np.errstate(invalid="ignore"):
+        return np.where((a == 0.0) | (b == 0.0), 0.0, a * b)

@@ -1,0 +1,48 @@
+"""What is drawn: triangles, their vertices on the screen, and the attributes of their corners.
+
+The vertices come from the transform stage; the clip stage replaces triangles, and the scan stage draws them. A corner
+is where a triangle meets a vertex: two triangles that share a vertex may have a corner each there, with normals or
+intensities of their own.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler.kernels import borrow, helper
+from .transform import Vertices
+
+
+class Triangles(NamedTuple):
+    """Index columns: which vertices triangles join, and where the attributes of their corners are.
+
+    The indices are unsigned: signed ones would cost a wrap-around test at every access.
+    """
+
+    vertex_idx: np.ndarray  # (3, n) uint32, into the vertices
+    corner_idx: np.ndarray  # (3, n) uint32, into the attributes
+    is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
+    clipped_idx: np.ndarray = np.empty(0, np.int32)  # (n,) int32, see clip.Clipped; empty where no face was clipped
+    z_ranges: np.ndarray = np.empty((0, 2))  # (n_clipped, 2) float64, as there
+
+
+class Drawables(NamedTuple):
+    """The triangles of a picture with all that they refer to."""
+
+    triangles: Triangles
+    vertices: Vertices
+    attributes: np.ndarray  # (side, n, n_attribute) float32 or float64; see setup.gather_attributes
+
+
+@helper
+def borrow_drawables(drawables):
+    """Return the drawables with arrays that count no references."""
+    triangles, vertices = drawables.triangles, drawables.vertices
+    return Drawables(
+        Triangles(
+            borrow(triangles.vertex_idx), borrow(triangles.corner_idx), borrow(triangles.is_inverted),
+            borrow(triangles.clipped_idx), borrow(triangles.z_ranges),
+        ),
+        Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z)),
+        borrow(drawables.attributes),
+    )  # fmt: skip

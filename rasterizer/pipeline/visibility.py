@@ -1,0 +1,108 @@
+"""The visibility buffer of a band: an entry for every sample, which says how deep it is and what is visible there.
+
+An entry packs depth and payload, so that one integer addition advances both along a span, and one comparison decides
+visibility and writes both. (Burns & Hunt 2013, "The visibility buffer", JCGT 2(2), keep a triangle's index for every
+sample, too, and shade later.)
+
+    63        62 ............ 25   24     23 ............. 0
+    sign (0)  z (38 bits)          is_id  intensity, or is_exact and the index of a record
+
+Where nothing is visible, the entry is CLEAR: behind every depth. Extents, the columns that may have been written, are
+kept for strips of 8 rows: so nobody looks at the rest of a band, and whoever turns the band into output clears no more
+than was written.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler.kernels import borrow, helper, index
+from .simd import MOST_WIDE
+from .transform import DEPTH_BITS
+
+LEVEL_BITS = 24
+PAYLOAD_BITS = LEVEL_BITS + 1
+IS_ID = np.int64(1 << LEVEL_BITS)  # the payload is the index of a record, not an intensity
+IS_EXACT = np.int64(1 << (LEVEL_BITS - 1))  # ... of an exact record
+LEVEL_MASK = np.int64(IS_ID - 1)
+RECORD_MASK = np.int64(IS_EXACT - 1)
+MAX_RECORDS = 1 << (LEVEL_BITS - 1)
+DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
+CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)
+
+STRIP_SHIFT = 3  # log2 of the rows of a strip
+NO_START, NO_END = np.int64(1 << 30), np.int64(-1)  # the extent of a strip in which nothing was written
+PADDING = MOST_WIDE  # entries behind each row that lanes may read and write back
+
+
+class VisibilityBuffer(NamedTuple):
+    """The entries of one band, private to a thread and clear between bands."""
+
+    entries: np.ndarray  # (n_row * pitch,) int64
+    pitch: int  # entries from row to row
+    width: int  # samples of a row
+    left: np.ndarray  # (n_strip,) int64: columns left..right of a strip may have been written
+    right: np.ndarray  # (n_strip,) int64
+
+
+def make_visibility_buffer(width, n_row) -> VisibilityBuffer:
+    """Return a clear buffer for bands of `n_row` rows of `width` samples."""
+    pitch = (width + PADDING + 7) // 8 * 8
+    n_strip = (n_row >> STRIP_SHIFT) + 1
+    left, right = np.full(n_strip, NO_START), np.full(n_strip, NO_END)
+    return VisibilityBuffer(np.full(n_row * pitch, CLEAR), pitch, width, left, right)
+
+
+@helper
+def borrow_visibility(visibility):
+    """Return the buffer with arrays that count no references."""
+    left, right = borrow(visibility.left), borrow(visibility.right)
+    return VisibilityBuffer(borrow(visibility.entries), visibility.pitch, visibility.width, left, right)
+
+
+@helper
+def pack(z, payload):
+    """Put z above the payload: an entry, or what a step adds to one; both int64, the result uint64.
+
+    Unsigned, because products of a plane may overflow on the way: signed overflow is undefined.
+    """
+    return (np.uint64(np.int64(z)) << np.uint64(PAYLOAD_BITS)) + np.uint64(payload)
+
+
+@helper
+def strip_of(row):
+    """Return the strip of a row of the band."""
+    return index(row) >> index(STRIP_SHIFT)
+
+
+@helper
+def note_extent(visibility, left, right, first_row, end_row):
+    """Note that the columns left..right of the band's rows first_row..end_row are written."""
+    first, last = strip_of(first_row), strip_of(end_row - 1)
+    # The two ends without asking whether they differ: for small triangles that would be a coin toss.
+    widen_extent(visibility, first, left, right)
+    widen_extent(visibility, last, left, right)
+    for strip in range(first + index(1), last):
+        widen_extent(visibility, strip, left, right)
+
+
+@helper
+def widen_extent(visibility, strip, left, right):
+    """Note that columns left..right of a strip are written."""
+    visibility.left[strip] = min(visibility.left[strip], left)
+    visibility.right[strip] = max(visibility.right[strip], right)
+
+
+@helper
+def clear(visibility, n_row):
+    """Clear the first `n_row` rows where they were written, padding included, and forget all extents."""
+    entries = borrow(visibility.entries)
+    for row in range(index(n_row)):
+        strip = strip_of(row)
+        left, right = visibility.left[strip], visibility.right[strip]
+        if left < right:
+            start = row * index(visibility.pitch)
+            for k in range(start + index(left), start + index(right + PADDING)):
+                entries[k] = CLEAR
+    for strip in range(index(len(visibility.left))):
+        visibility.left[strip], visibility.right[strip] = NO_START, NO_END

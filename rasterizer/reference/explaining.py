@@ -1,0 +1,266 @@
+"""One pixel, explained: which surfaces its samples see, and what each light adds to them.
+
+It goes the way of picture.py, with the same functions, for the samples of one pixel alone. Only the sum is taken apart:
+the illumination equation is evaluated at the same points, and its terms are kept one by one.
+"""
+
+import operator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError, shown
+from ..options import DEFAULT_TOLERANCE, Options
+from ..scene.camera import Camera
+from ..scene.scene import Scene
+from .clip import SUBPIXELS
+from .cover import Window
+from .explanation import Explanation, Layer, LightShare, Sample, Vector
+from .light import Lighting, RayOrigins, ambient_light, as_rgb, contributions
+from .picture import ColorRangeName, CullName, Look, ShadingName, encode, look_at, place_samples, render, resolve
+from .shading import (
+    Fragments,
+    Points,
+    corner_points,
+    cue_factors,
+    polygon_points,
+    ring_faces,
+    sample_normals,
+    sample_points,
+    sample_textures,
+    world_positions,
+)
+from .surface import Surface
+from .visibility import NOTHING, find_visible, gather_fragments
+
+
+def explain(
+    scene: Scene,
+    x: int,
+    y: int,
+    size: tuple[int, int] = (640, 480),
+    *,
+    camera: Camera | None = None,
+    shading: ShadingName = "gouraud",
+    tolerance: float = DEFAULT_TOLERANCE,
+    samples: int = 1,
+    outputs: str | tuple[str, ...] = ("color",),
+    cull: CullName = "none",
+    color_range: ColorRangeName = "clamp",
+    exposure: float = 0.0,
+    spectral: int | None = None,
+    threads: int | None = None,
+) -> Explanation:
+    """Explain a pixel of a picture: what its samples see, and what each light adds, as the reference computes it.
+
+    Parameters
+    ----------
+    scene : Scene, or anything that a Scene takes as its meshes
+    x, y : column and row of the pixel, from the upper left, whole numbers
+    size : (width, height) in pixels, or one number for a square
+    camera : Camera; None = that of the scene
+    shading, samples, cull, color_range, exposure, spectral : the options of the picture, as for `render`. With several
+        samples each of them is explained, and the pixel's value is their mean. "global" takes the largest value of the
+        whole picture, which is then drawn, slowly
+    tolerance, outputs, threads : of no effect: the reference has no tolerance. They are taken so that the options of a
+        picture can be handed on as they are
+
+    Returns
+    -------
+    Explanation, which prints as text
+
+    Raises
+    ------
+    SceneError : a pixel outside the picture, or an option that is not legal
+    ModelError : a mesh that is not legal
+    """
+    options = Options(
+        size=size, shading=shading, tolerance=tolerance, samples=samples, outputs=outputs, cull=cull,
+        color_range=color_range, exposure=exposure, spectral=spectral, threads=threads,
+    )  # fmt: skip
+    width, height = options.size
+    x, y = _checked_index(x, "x", width, "columns"), _checked_index(y, "y", height, "rows")
+    scene = scene if isinstance(scene, Scene) else Scene(scene)
+    scene = scene if camera is None else replace(scene, camera=camera)
+    look = look_at(scene, options.size, options.shading, limits=(None, None), **_settings_of(options))
+    found = _explain_samples(look, x, y, options.factor)
+    return _sum_up(look, x, y, found, options)
+
+
+def _settings_of(options: Options) -> dict:
+    """Return the options that decide what is seen and how it is lit."""
+    return {"cull": options.cull, "exposure": options.exposure, "spectral": options.spectral}
+
+
+def _sum_up(look: Look, x: int, y: int, samples: list[Sample], options: Options) -> Explanation:
+    """Average the samples of a pixel, and bring the mean to 8 bits."""
+    scene, square = look.scene, (options.factor, options.factor)
+    color = np.array([sample.color for sample in samples]).reshape(*square, 3)
+    alpha = np.array([sample.alpha for sample in samples]).reshape(square)
+    color, alpha = resolve(color, alpha, options.factor, scene.background)
+    largest = None
+    if options.color_range == "global":
+        settings = _settings_of(options) | {"shading": options.shading, "samples": options.samples}
+        largest = float(render(scene, options.size, **settings).color.max())
+    red, green, blue = (int(value) for value in encode(color, options.color_range, largest)[0, 0])
+    background = None if scene.background is None else _vector(scene.background)
+    linear, opaque = _vector(color[0, 0]), float(alpha[0, 0])
+    return Explanation(x, y, options.size, look.shading, tuple(samples), background, linear, opaque, (red, green, blue))
+
+
+def _checked_index(value: object, name: str, limit: int, what: str) -> int:
+    """Return a whole number within 0..limit - 1."""
+    try:
+        index = -1 if isinstance(value, bool | np.bool_) else operator.index(value)
+    except TypeError:
+        index = -1
+    if not 0 <= index < limit:
+        legal = f"a whole number within 0..{limit - 1}, as the picture has {limit} {what}"
+        raise SceneError(f"{name} must be {legal}; given {shown(value)}")
+    return index
+
+
+def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:
+    """Explain the per_axis² samples of a pixel, row by row."""
+    raster, lighting = place_samples(look, per_axis)
+    window = Window(x * per_axis, y * per_axis, per_axis, per_axis)
+    raster = raster._replace(window=window, is_drawn=raster.is_drawn & _reach(raster.screen, window))
+    layers = [[[] for _ in range(per_axis)] for _ in range(per_axis)]
+    through = np.ones(window.shape)
+    visible = find_visible(raster)
+    while len((fragments := gather_fragments(visible, raster)).face):
+        for k in range(len(fragments.face)):
+            one = Fragments(*(None if column is None else column[k : k + 1] for column in fragments))
+            at = one.rows[0] - window.top, one.columns[0] - window.left
+            layer = _explain_layer(look, one, lighting, float(through[at]))
+            layers[at[0]][at[1]].append(layer)
+            through[at] *= 1.0 - layer.opacity
+        is_open = (visible.piece >= 0) & (through > 0)
+        visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
+    return [
+        _sample((window.left + column + 0.5) / per_axis, (window.top + row + 0.5) / per_axis, layers[row][column])
+        for row, column in np.ndindex(window.shape)
+    ]
+
+
+def _reach(screen: NDArray, window: Window) -> NDArray[np.bool_]:
+    """Tell which triangles (n, 3, 2), in 1/256 px, have a box that reaches into a window."""
+    low, high = screen.min(axis=1), screen.max(axis=1)
+    start = SUBPIXELS * np.array([window.left, window.top])
+    end = start + SUBPIXELS * np.array([window.width, window.height])
+    return ((low <= end) & (high >= start)).all(axis=1)
+
+
+def _sample(x: float, y: float, layers: list[Layer]) -> Sample:
+    """Put the layers of a sample on each other."""
+    color = sum((layer.visible * np.array(layer.color) for layer in layers), np.zeros(3))
+    return Sample(x, y, tuple(layers), _vector(color), sum(layer.visible for layer in layers))
+
+
+def _explain_layer(look: Look, fragment: Fragments, lighting: Lighting, through: float) -> Layer:
+    """Explain what one sample sees: `fragment` has one row, and the layers before it let `through` of it pass."""
+    surface, scene = look.surface, look.scene
+    face = int(surface.loaded_faces(fragment.face)[0])
+    mesh_idx = int(np.searchsorted(scene.face_offsets, face, side="right")) - 1
+    mesh, mesh_face = scene.meshes[mesh_idx], face - int(scene.face_offsets[mesh_idx])
+    material_idx = 0 if mesh.face_material is None else int(mesh.face_material[mesh_face])
+    texel = sample_textures(surface, fragment, lighting)[0]
+    opacity = float(lighting.materials["opacity"][surface.material[fragment.face[0]]] * texel[3])
+    points, weights, lit_at = _evaluation_points(surface, fragment, lighting)
+    cue = float(cue_factors(fragment.depth, lighting)[0])
+    gain = 2.0**lighting.exposure * cue
+    ambient = (
+        _blend(as_rgb(ambient_light(points.material, lighting), lighting) * points.albedo, weights) * texel[:3] * gain
+    )
+    emission = _blend(as_rgb(lighting.materials["emissive"][points.material], lighting), weights) * gain
+    lights = _explain_lights(points, weights, lighting, texel[:3] * gain, gain)
+    depth_cue = (1.0 - cue) * np.array(lighting.cue.color) if lighting.cue is not None else np.zeros(3)
+    color = ambient + emission + depth_cue
+    for light in lights:
+        color = color + np.array(light.diffuse) + np.array(light.specular)
+    normal = points.normals[0] if lighting.shading == "flat" else sample_normals(surface, fragment)[0]
+    return Layer(
+        face=face, mesh=mesh_idx, mesh_face=mesh_face, mesh_name=mesh.name, material_index=material_idx,
+        material=mesh.palette[material_idx], depth=float(fragment.depth[0]), weights=_vector(fragment.weights[0]),
+        position=_vector(world_positions(fragment, lighting)[0]), normal=_vector(normal), lit_at=lit_at,
+        opacity=opacity, visible=through * opacity, texel=_vector(texel[:3]), ambient=_vector(ambient),
+        emission=_vector(emission), lights=lights, depth_cue=_vector(depth_cue), color=_vector(color),
+    )  # fmt: skip
+
+
+def _evaluation_points(
+    surface: Surface, fragment: Fragments, lighting: Lighting
+) -> tuple[Points, NDArray[np.float64], str]:
+    """Return the points at which the equation is evaluated for a sample, what each counts for (n,), and where they
+    are."""
+    if lighting.shading == "flat":
+        return (
+            polygon_points(surface, surface.polygon[fragment.face], lighting),
+            np.ones(1),
+            "at the polygon's centroid",
+        )
+    if lighting.shading == "phong":
+        return sample_points(surface, fragment, lighting), np.ones(1), "at the sample"
+    ring = -1 if surface.rings is None else int(surface.rings.of_face[fragment.face[0]])
+    if ring < 0:
+        points = corner_points(surface, fragment.face, fragment.side, slice(None))
+        return points, fragment.weights[0], "at the corners of the face"
+    faces, _, count = ring_faces(surface, np.array([ring]))
+    ends = corner_points(surface, fragment.face, fragment.side, slice(0, 2))
+    corners = corner_points(surface, faces, np.repeat(fragment.side, count), slice(0, 1))
+    weights = np.concatenate([fragment.weights[0, :2], np.full(len(faces), fragment.weights[0, 2] / len(faces))])
+    return _join(ends, corners), weights, "at the corners of the polygon, whose mean is its centre"
+
+
+def _join(a: Points, b: Points) -> Points:
+    """Return the points of two lists, one behind the other."""
+    origins = RayOrigins(*map(np.concatenate, zip(a.origins, b.origins, strict=True)))
+    tangents = None if a.tangents is None else np.concatenate([a.tangents, b.tangents])
+    columns = (np.concatenate(pair) for pair in zip(a[:4], b[:4], strict=True))
+    return Points(*columns, origins, tangents)
+
+
+def _explain_lights(
+    points: Points, weights: NDArray, lighting: Lighting, diffuse_gain: NDArray, gain: float
+) -> tuple[LightShare, ...]:
+    """Return what each light adds; `diffuse_gain` (3,) and `gain` are what both parts of its light are multiplied
+    by."""
+    found = {}
+    arguments = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
+    for each in contributions(*arguments):
+        found.setdefault(each.lamp.index, []).append(each)
+    shares = []
+    for index, cells in found.items():
+        # What is known of the light at (cell, point), weighted: the cells of an area light count alike.
+        share = np.tile(weights / len(cells), len(cells))
+        n_dot_l = np.concatenate([cell.n_dot_l for cell in cells])
+        facing = float(share[n_dot_l > 0].sum())
+        lit = float(share[np.concatenate([cell.is_lit for cell in cells])].sum())
+        direction = _blend(np.concatenate([cell.light_dirs for cell in cells]), share)
+        diffuse = sum(_blend(as_rgb(cell.diffuse, lighting) * points.albedo, weights) for cell in cells) * diffuse_gain
+        specular = sum(_blend(as_rgb(cell.specular, lighting), weights) for cell in cells) * gain
+        shares.append(
+            LightShare(
+                index=index,
+                kind=type(lighting.lights[index]).__name__,
+                direction=_vector(direction / max(float(np.linalg.norm(direction)), np.finfo(np.float64).tiny)),
+                n_dot_l=float(share @ n_dot_l),
+                attenuation=float(share @ np.concatenate([cell.attenuation for cell in cells])),
+                unshadowed=lit / facing if facing > 0 else 1.0,
+                diffuse=_vector(diffuse),
+                specular=_vector(specular),
+            )
+        )
+    return tuple(shares)
+
+
+def _blend(values: NDArray, weights: NDArray) -> NDArray[np.float64]:
+    """Return the weighted sum (k,) of values (n, k)."""
+    return weights @ values
+
+
+def _vector(values) -> Vector:
+    """Return three numbers as floats."""
+    a, b, c = (float(value) for value in values)
+    return a, b, c

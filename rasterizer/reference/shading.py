@@ -1,0 +1,246 @@
+"""Where the illumination equation is evaluated: once a polygon, at the corners of the faces, or at every sample.
+
+In: a `Surface` and what each sample of a picture sees of it (`Fragments`). Out: the linear colour, the opacity and the
+shading normal of every sample. Everything happens in world space.
+
+    flat       at the centroid of a polygon, with its plane normal
+    Gouraud    at the corners of a face, with the normals there; both parts of the light are interpolated between them
+    Phong      at the sample's own point, with the interpolated normal
+
+Sources: Gouraud 1971, IEEE Trans. Computers C-20(6), 623-629; Phong 1975, Comm. ACM 18(6), 311-317.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .light import Lighting, RayOrigins, light_points, to_viewer
+from .shadow import NO_OWNER
+from .surface import Surface
+from .tangents import face_tangents, unit_sums
+from .texture import sample_texture
+from .vectors import area_vectors, blend, dot, length, unit
+
+CHUNK = 2**16  # samples lit at a time: bounds the memory of a supersampled picture
+
+
+class Fragments(NamedTuple):
+    """What the samples see that show a surface."""
+
+    rows: NDArray[np.int64]  # (n_sample,)
+    columns: NDArray[np.int64]  # (n_sample,)
+    face: NDArray[np.int64]  # (n_sample,) of the `Surface`
+    side: NDArray[np.int64]  # (n_sample,) +1 or -1, see surface.py
+    weights: NDArray[np.float64]  # (n_sample, 3) perspective-correct, on the corners of the face
+    depth: NDArray[np.float64]  # (n_sample,)
+    steps: NDArray[np.float64] | None = (
+        None  # (n_sample, 2, 3) change of the weights by one sample to the right, and down
+    )
+
+
+class Points(NamedTuple):
+    """Points at which the illumination equation is evaluated."""
+
+    positions: NDArray[np.float64]  # (n, 3) world
+    normals: NDArray[np.float64]  # (n, 3) unit, to the viewer
+    material: NDArray[np.int64]  # (n,) row of the table of materials
+    albedo: NDArray[np.float64]  # (n, 3) linear RGB that multiplies the diffuse part
+    origins: RayOrigins  # of the rays to the lights
+    tangents: NDArray[np.float64] | None  # (n, 3) None where no material is brushed along u
+
+
+def light_samples(
+    surface: Surface, fragments: Fragments, shape: tuple[int, int], lighting: Lighting
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Light the samples that see a surface.
+
+    Gouraud intensities are interpolated, so their normal is reported and not used.
+
+    Parameters
+    ----------
+    surface : all faces
+    fragments : the samples, at most one for each place
+    shape : (rows, columns) of the grid of samples
+    lighting : all else
+
+    Returns
+    -------
+    color : (h, w, 3) float64, linear; 0 where nothing is, as all of them
+    normal : (h, w, 3) float64, unit
+    opacity : (h, w) float64
+    """
+    color, normal, opacity = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
+    methods = {"flat": _light_flat, "gouraud": _light_gouraud, "phong": _light_phong}
+    step = CHUNK * 3 // (lighting.n_wave or 3)
+    for start in range(0, len(fragments.face), step):
+        part = Fragments(*(None if column is None else column[start : start + step] for column in fragments))
+        at = part.rows, part.columns
+        diffuse, specular, normal[at] = methods[lighting.shading](surface, part, lighting)
+        texels = sample_textures(surface, part, lighting)
+        color[at] = (texels[:, :3] * diffuse + specular) * 2.0**lighting.exposure
+        if lighting.cue is not None:
+            left = cue_factors(part.depth, lighting)[:, None]
+            color[at] = left * color[at] + (1 - left) * np.array(lighting.cue.color)
+        opacity[at] = lighting.materials["opacity"][surface.material[part.face]] * texels[:, 3]
+    return color, normal, opacity
+
+
+def sample_textures(surface: Surface, fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:
+    """Return what the textures show at samples, (n, 4) linear RGB and alpha; 1 where a surface has none."""
+    texels = np.ones((len(fragments.face), 4))
+    if not lighting.textures:
+        return texels
+    material = surface.material[fragments.face]
+    for number in np.unique(material):
+        if lighting.textures[number] is not None:
+            at = material == number
+            corners = surface.uv[fragments.face[at]]
+            uv, steps = blend(fragments.weights[at], corners), fragments.steps[at] @ corners
+            texels[at] = sample_texture(lighting.textures[number], uv, steps)
+    return texels
+
+
+def cue_factors(depth: NDArray, lighting: Lighting) -> NDArray[np.float64]:
+    """Return what the depth cue leaves of the light at depths (n,); its own colour takes the place of the rest."""
+    if lighting.cue is None:
+        return np.ones(len(depth))
+    return 1 / (1 + np.maximum(depth - lighting.cue.start, 0) / lighting.cue.scale)
+
+
+def sample_normals(surface: Surface, fragments: Fragments) -> NDArray[np.float64]:
+    """Return the unit normals (n, 3) at samples, towards the viewer."""
+    return unit(blend(fragments.weights, surface.normals[fragments.face])) * fragments.side[:, None]
+
+
+def _light(points: Points, lighting: Lighting) -> tuple[NDArray, NDArray]:
+    """Evaluate the equation at points; return both parts of the light, (n, 3) each, the diffuse one with the points'
+    colours."""
+    args = points.positions, points.normals, points.material, lighting, points.origins, points.tangents
+    diffuse, specular = light_points(*args)
+    return points.albedo * diffuse, specular
+
+
+# ── flat ──────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def _light_flat(surface: Surface, fragments: Fragments, lighting: Lighting):
+    """Light each polygon that is seen once; return both parts of the light and the normals, (n, 3) each."""
+    polygon, sample_seen = np.unique(surface.polygon[fragments.face], return_inverse=True)
+    points = polygon_points(surface, polygon, lighting)
+    diffuse, specular = _light(points, lighting)
+    return diffuse[sample_seen], specular[sample_seen], points.normals[sample_seen]
+
+
+def polygon_points(surface: Surface, polygon: NDArray, lighting: Lighting) -> Points:
+    """Return the centroids of polygons (n,), with the normals of their planes.
+
+    The normal is Newell's: the sum of the area vectors of the polygon's triangles.
+    Source: Sutherland, Sproull & Schumacker 1974, ACM Computing Surveys 6(1), 1-55.
+    """
+    n_polygon = int(surface.polygon.max()) + 1
+
+    def add_up(values):
+        total = np.zeros((n_polygon, *values.shape[1:]))
+        np.add.at(total, surface.polygon, values)
+        return total
+
+    vectors = area_vectors(surface.corners)
+    areas = length(vectors)
+    total_area, n_triangle = add_up(areas)[polygon], add_up(np.ones_like(areas))[polygon]
+    centroids = add_up(areas * surface.corners.mean(axis=1))[polygon] / np.where(total_area > 0, total_area, 1)
+    albedo = add_up(surface.albedo.mean(axis=1))[polygon] / n_triangle
+    normals = unit(add_up(vectors)[polygon])
+    normals[dot(normals, to_viewer(centroids, lighting)) < 0] *= -1
+    material = np.zeros(n_polygon, np.int64)
+    material[surface.polygon] = surface.material
+    tangents = None
+    if surface.tangents is not None:
+        tangents = unit_sums(face_tangents(surface.corners, surface.uv), surface.polygon)[polygon]
+    return Points(centroids, normals, material[polygon], albedo, RayOrigins(centroids, polygon), tangents)
+
+
+# ── Gouraud ───────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def _light_gouraud(surface: Surface, fragments: Fragments, lighting: Lighting):
+    """Light the corners of faces on the sides that are seen, each with its face's material; interpolate both parts of
+    the light within the range of the three corners. Return them and the normals, (n, 3) each.
+    """
+    seen_sides, sample_seen = np.unique(2 * fragments.face + (fragments.side > 0), return_inverse=True)
+    face, side = seen_sides // 2, 2 * (seen_sides % 2) - 1
+    light = _light_corners(surface, face, side, slice(None), lighting)
+    if surface.rings is not None:
+        is_piece = surface.rings.of_face[face] >= 0
+        if is_piece.any():
+            center_light = _light_centers(surface, surface.rings.of_face[face[is_piece]], side[is_piece], lighting)
+            for of_corners, of_centers in zip(light, center_light, strict=True):
+                of_corners[is_piece, 2] = of_centers
+    interpolated = []
+    for part in light:
+        corner_light = part[sample_seen]
+        value = blend(fragments.weights, corner_light)
+        interpolated.append(np.clip(value, corner_light.min(axis=1), corner_light.max(axis=1)))
+    return *interpolated, sample_normals(surface, fragments)
+
+
+def _light_corners(surface: Surface, face: NDArray, side: NDArray, which: slice, lighting: Lighting) -> list[NDArray]:
+    """Light corners of faces on their sides (n,); `which` is a slice of the three. Return both parts, (n, n_corner, 3)
+    each."""
+    parts = _light(corner_points(surface, face, side, which), lighting)
+    return [part.reshape(len(face), -1, 3) for part in parts]
+
+
+def corner_points(surface: Surface, face: NDArray, side: NDArray, which: slice) -> Points:
+    """Return corners of faces on their sides (n,), face by face; `which` is a slice of the three."""
+    corners = surface.corners[face, which]
+    points, material = corners.reshape(-1, 3), np.repeat(surface.material[face], corners.shape[1])
+    normals = (surface.normals[face, which] * side[:, None, None]).reshape(-1, 3)
+    origins = RayOrigins(points, np.full(len(points), NO_OWNER))
+    tangents = None if surface.tangents is None else surface.tangents[face, which].reshape(-1, 3)
+    return Points(points, normals, material, surface.albedo[face, which].reshape(-1, 3), origins, tangents)
+
+
+def _light_centers(surface: Surface, ring: NDArray, side: NDArray, lighting: Lighting) -> list[NDArray]:
+    """Average the light of the corners of rings on their sides (n,); return both parts, (n, 3) each."""
+    faces, starts, count = ring_faces(surface, ring)
+    light = _light_corners(surface, faces, np.repeat(side, count), slice(0, 1), lighting)
+    return [np.add.reduceat(part[:, 0], starts) / count[:, None] for part in light]
+
+
+def ring_faces(surface: Surface, ring: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Return the faces of rings (n,) one ring after the other, where each begins among them, and how many each has."""
+    first, count = surface.rings.first[ring], surface.rings.count[ring]
+    ends = np.cumsum(count)
+    return np.repeat(first - (ends - count), count) + np.arange(ends[-1]), ends - count, count
+
+
+# ── Phong ─────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+def _light_phong(surface: Surface, fragments: Fragments, lighting: Lighting):
+    """Light the points that the samples see; return both parts of the light and the normals, (n, 3) each."""
+    points = sample_points(surface, fragments, lighting)
+    return *_light(points, lighting), points.normals
+
+
+def sample_points(surface: Surface, fragments: Fragments, lighting: Lighting) -> Points:
+    """Return the points that the samples see, with interpolated normals and colours.
+
+    The rays to the lights start on the face itself: the rounding of its vertices on the screen may put the sample's
+    point a little beside it, and so behind the face next to it.
+    """
+    positions, normals = world_positions(fragments, lighting), sample_normals(surface, fragments)
+    albedo = blend(fragments.weights, surface.albedo[fragments.face])
+    origins = RayOrigins(blend(fragments.weights, surface.corners[fragments.face]), fragments.face)
+    tangents = None if surface.tangents is None else blend(fragments.weights, surface.tangents[fragments.face])
+    return Points(positions, normals, surface.material[fragments.face], albedo, origins, tangents)
+
+
+def world_positions(fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:
+    """Return the world points (n, 3) that lie at the samples' depths on the rays through their centres."""
+    view, projection, depth = lighting.view, lighting.projection, fragments.depth[:, None]
+    x = (fragments.columns + 0.5 - projection.center_x) / projection.scale_x
+    y = (projection.center_y - (fragments.rows + 0.5)) / projection.scale_y
+    across = x[:, None] * view.right + y[:, None] * view.up
+    return view.eye + (depth if projection.is_perspective else 1.0) * across + depth * view.forward

@@ -1,0 +1,110 @@
+"""The faces of a scene, corner by corner: what there is to see, before anybody looks.
+
+In: a `Scene`. Out: a `Surface`. The normals of corners come from creases.py, polygons about their centres from
+polygons.py. The *side* of a face is +1 where its shading normals look to the viewer and -1 where they must be turned.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
+from ..scene.scene import Scene
+from .creases import corner_normals
+from .materials import palette_of
+from .polygons import Rings, about_centers, even_colors
+from .reflection import GRAZING
+from .tangents import corner_tangents
+from .vectors import area_vectors, dot
+
+
+class Surface(NamedTuple):
+    """All faces of a scene, corner by corner, in the order of loading."""
+
+    corners: NDArray[np.float64]  # (n_face, 3, 3) world
+    normals: NDArray[np.float64]  # (n_face, 3, 3) unit shading normals, world
+    albedo: NDArray[np.float64]  # (n_face, 3, 3) linear RGB that multiplies ka and kd
+    polygon: NDArray[np.int64]  # (n_face,) polygon that the triangle came from
+    material: NDArray[np.int64]  # (n_face,) row of the table of materials
+    uv: NDArray[np.float64] | None = None  # (n_face, 3, 2) texture coordinates; None where no material needs them
+    tangents: NDArray[np.float64] | None = (
+        None  # (n_face, 3, 3) of the corners; None where no material is brushed along u
+    )
+    loaded: NDArray[np.int64] | None = None  # (n_face,) the face as loaded; None = the same
+    rings: Rings | None = None  # polygons drawn about their centres; None = none
+
+    def loaded_faces(self, face: NDArray) -> NDArray:
+        """Return the faces as loaded of faces (n,) of this surface."""
+        return face if self.loaded is None else self.loaded[face]
+
+
+def gather(scene: Scene, shading: str = "flat") -> Surface:
+    """Lay out the faces of all meshes of a scene corner by corner.
+
+    Convex polygons with more than three corners are laid out about their centres, unless `shading` is "flat".
+    """
+    parts, n_polygon, n_material = [], 0, 0
+    has_texture = any(material.needs_uv for material in palette_of(scene))
+    is_brushed = any(material.is_anisotropic and material.tangent == "u" for material in palette_of(scene))
+    for mesh in scene.meshes:
+        polygon = np.arange(mesh.n_face) if mesh.polygons is None else np.asarray(mesh.polygons, np.int64)
+        material = (
+            np.zeros(mesh.n_face, np.int64) if mesh.face_material is None else mesh.face_material.astype(np.int64)
+        )
+        uv = _corner_uv(mesh) if has_texture else None
+        attributes = _corner_normals(mesh), _corner_albedo(mesh)
+        part = Surface(mesh.vertices[mesh.faces], *attributes, polygon + n_polygon, material + n_material, uv)
+        parts.append(part._replace(tangents=corner_tangents(*part[:2], uv)) if is_brushed else part)
+        n_polygon += int(polygon.max()) + 1
+        n_material += len(mesh.palette)
+    columns = zip(*parts, strict=True)
+    surface = Surface(*(None if column[0] is None else np.concatenate(column) for column in columns))
+    has_polygons = any(mesh.polygons is not None for mesh in scene.meshes)
+    if not has_polygons:
+        return surface
+    return even_colors(surface) if shading == "flat" else about_centers(surface)
+
+
+def _corner_normals(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the (n_face, 3, 3) shading normals: the file's own, or averaged up to the creases."""
+    if mesh.normals is not None and mesh.crease_angle is None:
+        return mesh.normals if mesh.normals.ndim == 3 else mesh.normals[mesh.faces]
+    crease_angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
+    smoothing = mesh.smoothing if mesh.crease_angle is None else None
+    return corner_normals(mesh.vertices, mesh.faces, crease_angle, mesh.weighting, smoothing)
+
+
+def _corner_albedo(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the (n_face, 3, 3) linear colours of the corners, 1 where the mesh has none."""
+    if mesh.colors is not None:
+        return mesh.colors[mesh.faces][..., :3]
+    if mesh.face_colors is not None:
+        return np.repeat(mesh.face_colors[:, None, :3], 3, axis=1)
+    return np.ones((mesh.n_face, 3, 3))
+
+
+def _corner_uv(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the (n_face, 3, 2) texture coordinates of the corners, 0 where the mesh has none."""
+    if mesh.uv is None:
+        return np.zeros((mesh.n_face, 3, 2))
+    return mesh.uv if mesh.uv.ndim == 3 else mesh.uv[mesh.faces]
+
+
+def compute_sides(surface: Surface, face: NDArray, facing: NDArray) -> NDArray[np.int64]:
+    """Compute by what the shading normals of faces are multiplied to make them look to the viewer.
+
+    Parameters
+    ----------
+    surface : all faces
+    face : (n,) int
+    facing : (n,) int, +1 where the face's winding is counter-clockwise as the viewer sees it, else -1
+
+    Returns
+    -------
+    (n,) int, +1 or -1
+    """
+    vectors = area_vectors(surface.corners[face])
+    agreement = dot(surface.normals[face].sum(axis=1), vectors)
+    # Normals at right angles to the face agree with it: the sign of a rounding error decides nothing.
+    return np.where(agreement >= -GRAZING * np.abs(vectors).sum(axis=1), facing, -facing)

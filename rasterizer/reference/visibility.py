@@ -1,0 +1,182 @@
+"""Which surface each sample sees, layer behind layer, at what depth and with what weights on the corners of its face.
+
+In: triangles on a grid of samples (`Raster`). Out: a `VisibilityBuffer`, and of the samples that see something the
+`Fragments`. Letters: n_piece triangles after clipping, a fan for each face that is cut.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..scene.camera import Projection
+from .clip import SUBPIXELS, Pieces, rays
+from .cover import Window, cover, doubled_area
+from .shading import Fragments
+from .vectors import dot
+
+DEPTH_STEPS, LOG_STEPS = 2**39, 2.0**40
+NOTHING = np.iinfo(np.int64).max  # of the depth buffer
+
+
+class VisibilityBuffer(NamedTuple):
+    """The nearest surface that a grid of samples sees, of all or of those that lie behind the layers seen already."""
+
+    piece: NDArray[np.int64]  # (h, w) -1 where nothing is
+    weights: NDArray[np.float64]  # (h, w, 3) perspective-correct, on the corners of the face
+    key: NDArray[np.int64]  # (h, w) of the depth buffer; NOTHING where nothing is
+    depth: NDArray[np.float64]  # (h, w) inf where nothing is
+    margin: NDArray[np.float64]  # (h, w) how much deeper the runner-up lies; inf where there is none
+
+
+class Raster(NamedTuple):
+    """Triangles on a grid of samples."""
+
+    pieces: Pieces
+    screen: NDArray[np.int64]  # (n_piece, 3, 2) in 1/256 px
+    side: NDArray[np.int64]  # (n_piece,) +1 or -1, see surface.py
+    is_drawn: NDArray[np.bool_]  # (n_piece,)
+    window: Window  # the samples that are looked at
+    projection: Projection
+
+
+def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> VisibilityBuffer:
+    """Find the nearest piece at every sample; of equally near ones the first, which has the lowest face.
+
+    Of the pieces `before`, and whatever lies in front of them, nothing is seen any more.
+    """
+    shape, left, top = raster.window.shape, raster.window.left, raster.window.top
+    key_first, key_second = np.full((2, *shape), NOTHING)
+    depth_first, depth_second = np.full((2, *shape), np.inf)
+    winner, weights = np.full(shape, -1), np.zeros((*shape, 3))
+    for piece_idx in np.flatnonzero(raster.is_drawn):
+        rows, columns, affine = cover(raster.screen[piece_idx], raster.window)
+        if raster.pieces.is_cut[piece_idx]:
+            depth, piece_weights = _weights_of_cut(rows, columns, piece_idx, raster)
+        else:
+            depth, piece_weights = _interpolate(
+                affine, raster.pieces.position[piece_idx, :, 2], raster.projection.is_perspective
+            )
+        key = _keys(depth, raster)
+        rows, columns = rows - top, columns - left
+        is_behind = np.ones(len(key), bool)
+        if before is not None:
+            last = before.key[rows, columns]
+            is_behind = (key > last) | ((key == last) & (piece_idx > before.piece[rows, columns]))
+        wins = is_behind & (key < key_first[rows, columns])
+        at = rows[wins], columns[wins]
+        key_second[at], depth_second[at] = key_first[at], depth_first[at]
+        key_first[at], depth_first[at] = key[wins], depth[wins]
+        winner[at], weights[at] = piece_idx, piece_weights[wins]
+        follows = is_behind & ~wins & (key < key_second[rows, columns])
+        at = rows[follows], columns[follows]
+        key_second[at], depth_second[at] = key[follows], depth[follows]
+    margin = np.full(shape, np.inf)
+    has_second = np.isfinite(depth_second)
+    margin[has_second] = np.abs(depth_second[has_second] - depth_first[has_second])
+    return VisibilityBuffer(winner, weights, key_first, depth_first, margin)
+
+
+def _interpolate(affine: NDArray, corner_depths: NDArray, is_perspective: bool) -> tuple[NDArray, NDArray]:
+    """Return depths (n,) and perspective-correct weights (n, 3) of samples with affine weights (n, 3).
+
+    1/depth is affine on the screen, and so is A/depth for every A that is affine on the surface.
+    Source: Blinn 1992, Hyperbolic interpolation, IEEE Computer Graphics and Applications 12(4), 89-94.
+    """
+    if not is_perspective:
+        return (affine * corner_depths).sum(axis=1), affine
+    q = affine / corner_depths
+    inv_depth = q.sum(axis=1)
+    return 1.0 / inv_depth, q / inv_depth[:, None]
+
+
+def _weights_of_cut(rows: NDArray, columns: NDArray, piece_idx: int, raster: Raster) -> tuple[NDArray, NDArray]:
+    """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's
+    corners.
+
+    The ray r of a sample meets the face where depth·r = Σ W_k P_k, so W/depth solves a linear system; in an
+    orthographic view the third coordinate is 1, and it is W. A piece's corners are rounded to the screen's grid, so a
+    sample may lie as far outside the face: no weight is below 0, and the depth stays within that of what is left of the
+    face.
+    """
+    ray = rays(columns + 0.5, rows + 0.5, raster.projection)
+    corners, is_perspective = raster.pieces.corners[piece_idx], raster.projection.is_perspective
+    near, far = raster.pieces.depth_range[piece_idx]
+    weights = np.maximum(_intersect(corners[None], ray[None], is_perspective)[0], 0.0)
+    inv_depth = weights.sum(axis=1)
+    weights = weights / inv_depth[:, None]
+    if is_perspective:
+        return 1.0 / np.clip(inv_depth, 1.0 / far, 1.0 / near), weights
+    return weights @ corners[:, 2], weights
+
+
+def _intersect(
+    corners: NDArray, directions: NDArray, is_perspective: bool, edge_on: float = 1.0
+) -> NDArray[np.float64]:
+    """Return the q_k (n, m, 3) with Σ q_k P_k = r, for faces (n, 3, 3) of the eye's frame and m rays (n, m, 3) each;
+    `edge_on` for faces that are seen edge-on, where there are none.
+
+    The determinant of the P_k is P_i·(P_j × P_k). Each of them is known to 2^-53 of its length, twice, so the
+    determinant, products included, is known to 2^-50 Σ |P_i| |P_j × P_k| at best. Without perspective the third
+    coordinate is 1 and no length.
+    """
+    columns, largest = np.swapaxes(corners, -1, -2).copy(), np.ones((len(corners), 3, 1))
+    n_length = 3 if is_perspective else 2
+    columns[:, n_length:, :] = 1.0
+    lengths = np.abs(columns[:, :n_length]).max(axis=(1, 2), initial=np.finfo(np.float64).tiny)
+    largest[:, :n_length] = lengths[:, None, None]
+    columns = columns / largest
+    a, b, c = (columns[:, :, corner] for corner in range(3))
+    determinant = dot(a, np.cross(b - a, c - a))
+    turns = (a, b, c), (b, c, a), (c, a, b)
+    doubt = sum(np.linalg.norm(p, axis=1) * np.linalg.norm(np.cross(q, r - q), axis=1) for p, q, r in turns)
+    is_edge_on = ~(np.abs(determinant) > 2.0**-50 * doubt)
+    columns[is_edge_on] = np.eye(3)
+    q = np.swapaxes(np.linalg.solve(columns, np.swapaxes(directions, 1, 2) / largest), 1, 2)
+    q[is_edge_on] = edge_on
+    return q
+
+
+def _keys(depth: NDArray, raster: Raster) -> NDArray[np.int64]:
+    """Return the depth buffer's keys (n,) int64 of depths (n,): what rounding alone tells apart shall be the same.
+
+    With perspective a step is 2^-40 of log2(depth), less than 2^-40 of the depth, wherever the near plane is; else it
+    is a part of the range of all depths.
+    """
+    if raster.projection.is_perspective:
+        return np.rint(LOG_STEPS * np.log2(depth)).astype(np.int64)
+    nearest, furthest = raster.pieces.depth_range[:, 0].min(), raster.pieces.depth_range[:, 1].max()
+    whole = furthest - nearest
+    return np.rint(DEPTH_STEPS * ((depth - nearest) / whole if whole else np.zeros_like(depth))).astype(np.int64)
+
+
+def gather_fragments(visible: VisibilityBuffer, raster: Raster) -> Fragments:
+    """List the samples that see something, and what."""
+    rows, columns = at = np.nonzero(visible.piece >= 0)
+    piece, weights = visible.piece[at], visible.weights[at]
+    steps = _weight_steps(piece, weights, visible.depth[at], raster)
+    rows, columns = rows + raster.window.top, columns + raster.window.left
+    return Fragments(rows, columns, raster.pieces.face[piece], raster.side[piece], weights, visible.depth[at], steps)
+
+
+def _weight_steps(piece: NDArray, weights: NDArray, depth: NDArray, raster: Raster) -> NDArray[np.float64]:
+    """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right,
+    and down.
+
+    A weight is q_k / Σ q, where the q_k are affine on the screen and Σ q is 1/depth (in an orthographic view 1), so
+    dW_k = (dq_k - W_k Σ dq) / Σ q. Of a whole face q_k is the affine weight of the corner that faces the edge a→b, over
+    the corner's depth: its edge function over the doubled area, with the slopes -(b - a).y and (b - a).x. Of a face
+    that is cut, see `_weights_of_cut`.
+    """
+    screen, is_perspective = raster.screen[piece], raster.projection.is_perspective
+    along = np.roll(screen, -2, axis=1) - np.roll(screen, -1, axis=1)  # b - a, for the edge that faces each corner
+    slopes = np.stack([-along[..., 1], along[..., 0]], axis=1) * SUBPIXELS / doubled_area(screen)[:, None, None]
+    if is_perspective:
+        slopes = slopes / raster.pieces.position[piece, :, 2][:, None, :]
+    is_cut = raster.pieces.is_cut[piece]
+    one_px = rays(np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), raster.projection)
+    steps = one_px[1:] - one_px[0]  # of the ray, by one sample to the right, and down
+    corners = raster.pieces.corners[piece[is_cut]]
+    slopes[is_cut] = _intersect(corners, np.broadcast_to(steps, (len(corners), 2, 3)), is_perspective, edge_on=0.0)
+    sums = 1.0 / depth[:, None, None] if is_perspective else 1.0
+    return (slopes - slopes.sum(axis=2, keepdims=True) * weights[:, None, :]) / sums

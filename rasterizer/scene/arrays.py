@@ -1,0 +1,33 @@
+"""Arrays as callers give them: of any kind that numpy reads, but never masked."""
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+VectorLike: TypeAlias = Sequence[float] | NDArray[Any]  # three numbers, as a caller may give them
+
+
+def plain_array(values: ArrayLike) -> NDArray:
+    """Return `np.asarray(values)`, numbers beyond float64 as infinities.
+
+    Parameters
+    ----------
+    values : anything that numpy reads, of any shape and dtype
+
+    Returns
+    -------
+    array of the same shape; longer floats become float64
+
+    Raises
+    ------
+    TypeError, ValueError : no array, or a masked one, whose masked values would count
+    """
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise ValueError("masked values are no numbers")
+    array = np.asarray(values)
+    if array.dtype.kind == "f" and array.dtype.itemsize > 8:
+        with np.errstate(over="ignore"):
+            array = array.astype(np.float64)
+    return array

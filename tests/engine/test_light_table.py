@@ -1,0 +1,108 @@
+"""Check what the engine's table says of each kind of light: beams, clearances, amplification, slopes, coefficients."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rasterizer as rz
+from rasterizer.engine.light_table import LIGHT_TABLE, entry_of, world_direction, world_position
+from rasterizer.engine.rounding import DOUBLE, SINGLE
+from rasterizer.pipeline import light_kinds
+from rasterizer.scene.lights import LIGHT_KINDS
+
+VIEW = rz.Camera.perspective((3, 1, 2), (0, 0, 0), up=(0, 0, 1)).view()
+AXES = np.stack([VIEW.right, VIEW.up, -VIEW.forward])
+WAY = (0.6, 0.0, -0.8)
+LIGHTS = {
+    "directional": rz.DirectionalLight(WAY),
+    "point": rz.PointLight((1, 2, 3), attenuation=(0.2, 0.1, 0.05), amplify=True, range=8),
+    "spot": rz.SpotLight((1, 2, 3), WAY, inner=20, outer=40, exponent=2),
+}
+
+
+def distance_to(position):
+    """How far the only lit point, (5, 2, 3), is from a position."""
+    return float(np.linalg.norm(np.array((5, 2, 3)) - position))
+
+
+def test_every_kind_of_light_has_an_entry_and_stands_for_lights_with_a_function():
+    made = {**LIGHTS, "ambient": rz.AmbientLight(), "area": rz.AreaLight((0, 0, 0), (1, 0, 0), (0, 1, 0))}
+    assert set(made) == set(LIGHT_KINDS) == set(LIGHT_TABLE)
+    for kind, light in made.items():
+        entry = entry_of(light)
+        assert entry is LIGHT_TABLE[kind]
+        parts = entry.expand(light)
+        assert len(parts) == {"ambient": 0, "area": 16}.get(kind, 1) and entry.is_ambient == (kind == "ambient")
+        for part in parts:
+            assert callable(entry_of(part).function(part).evaluate)
+
+
+@pytest.mark.parametrize("attached", ["world", "camera"])
+def test_beams_and_vectors_are_those_of_the_world(attached):
+    axes, eye = (AXES, VIEW.eye) if attached == "camera" else (np.eye(3), np.zeros(3))
+    lights = {kind: replace(light, attached=attached) for kind, light in LIGHTS.items()}
+    beams = {kind: entry_of(light).beam(light, VIEW) for kind, light in lights.items()}
+    way, place = np.array(WAY) @ axes, eye + np.array((1, 2, 3)) @ axes
+    assert beams["directional"].origin is None and np.allclose(beams["directional"].axis, way, atol=1e-15)
+    assert beams["point"].axis is None and np.allclose(beams["point"].origin, place, atol=1e-15)
+    assert np.allclose(beams["spot"].axis, way, atol=1e-15) and np.allclose(beams["spot"].origin, place, atol=1e-15)
+    spreads = [beams[kind].spread for kind in LIGHTS]
+    assert spreads == [0.0, np.inf, pytest.approx(np.tan(np.radians(40)))]
+    assert np.allclose(world_direction(lights["spot"], VIEW), way) and np.allclose(
+        world_position(lights["point"], VIEW), place
+    )
+    wide = replace(lights["spot"], outer=90.0)
+    assert entry_of(wide).beam(wide, VIEW).spread == np.inf
+
+
+def test_a_clearance_is_that_of_the_nearest_point_and_lasts_in_every_view():
+    for kind, light in LIGHTS.items():
+        entry, carried = entry_of(light), replace(light, attached="camera")
+        found = entry.clearance(light, VIEW, distance_to)
+        assert found == (np.inf if kind == "directional" else 4.0)
+        assert entry.lasting_clearance(light, distance_to) <= found
+        assert entry.lasting_clearance(carried, distance_to) == (np.inf if kind == "directional" else 0.0)
+
+
+@pytest.mark.parametrize("attenuation", [(0, 0, 1), (0, 1, 0), (0.3, 0, 0.2), (0.9, 0.5, 0), (1, 0.1, 0), (2, 0, 0)])
+@pytest.mark.parametrize("clearance", [0.0, 0.05, 1.0, 3.0])
+def test_no_light_amplifies_more_than_the_table_says(attenuation, clearance):
+    constant, linear, quadratic = attenuation
+    d = clearance + np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 2000)])
+    with np.errstate(divide="ignore"):
+        largest = (1 / (constant + linear * d + quadratic * d * d)).max()
+    free = rz.PointLight((0, 0, 0), attenuation=attenuation, amplify=True)
+    assert entry_of(free).amplification(free, clearance) == pytest.approx(max(largest, 1.0), rel=1e-12)
+    kept = replace(free, amplify=False)
+    assert entry_of(kept).amplification(kept, clearance) == 1.0
+
+
+def test_only_sharp_cones_have_steps():
+    sharp = replace(LIGHTS["spot"], inner=40.0)
+    for u in (SINGLE, DOUBLE):
+        (step,) = entry_of(sharp).steps(sharp, u)
+        assert step.cause == "the edge of a sharp spot light" and step.near > u
+        assert not any(entry_of(light).steps(light, u) for light in LIGHTS.values())
+    assert entry_of(sharp).steepness(sharp) == np.inf
+
+
+def test_the_strength_is_no_steeper_than_the_table_says():
+    """A spot light's strength along a circle about it, by differences."""
+    for inner, outer, exponent, falloff in ((5, 30, 0, 1), (10, 60, 3, 1), (0, 90, 0.5, 2), (20, 40, 12, 0.7)):
+        light = rz.SpotLight((0, 0, 0), (0, 0, -1), 1.0, inner, outer, exponent, falloff=falloff)
+        angles = np.radians(np.linspace(0, 95, 40_001))
+        points = np.stack([np.sin(angles), 0 * angles, -np.cos(angles)], axis=1)
+        white = rz.Material(diffuse=1, specular=0, ambient=0)
+        strength = rz.illuminate(points, -points, white, light, toward_viewer=(0, 0, 1))[:, 0]
+        slope, bound = np.abs(np.diff(strength)).max() / (angles[1] - angles[0]), entry_of(light).steepness(light)
+        assert slope <= bound, f"{slope:.4g} > {bound:.4g}, cones {inner} and {outer}, {exponent}, {falloff}"
+        assert slope > 0.02 * bound
+
+
+def test_a_huge_exponent_is_written_as_a_number_of_the_type():
+    light = replace(LIGHTS["spot"], exponent=1e300)
+    for dtype, written in ((np.float32, float(np.finfo(np.float32).max)), (np.float64, 1e300)):
+        row = np.zeros(light_kinds.N_NUMBER)
+        entry_of(light).write(row, light, VIEW, np.dtype(dtype))
+        assert row[light_kinds.CONE_EXPONENT] == written

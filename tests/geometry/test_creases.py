@@ -1,0 +1,251 @@
+"""Creases of broken meshes, of slivers, at other scales and sizes; arguments that are wrong."""
+
+import os
+import subprocess
+import sys
+import time
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from helpers.solids import check_split, cone, corner_normals, cube, cylinder, fin, sphere
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rasterizer.errors import ModelError, SceneError
+from rasterizer.geometry.normals import face_normals, polygon_normals, split_creases, vertex_normals
+
+WEIGHTINGS = ("angle", "area", "uniform")
+
+
+# ------------------------------------------------------------------- broken meshes
+def test_one_face_wound_badly_keeps_the_average_and_turns_it():
+    vertices, faces = sphere(12)
+    good = corner_normals(split_creases(vertices, faces, 60))
+    turned = faces.copy()
+    turned[100] = turned[100, ::-1]
+    split = split_creases(vertices, turned, 60)
+    bad = corner_normals(split)
+    assert len(split.source) == len(vertices) + 3
+    assert np.allclose(bad[100], -good[100, ::-1], rtol=0, atol=1e-14)
+    assert np.allclose(np.delete(bad, 100, axis=0), np.delete(good, 100, axis=0), rtol=0, atol=1e-14)
+
+
+def test_non_manifold_edge_joins_every_pair_within_the_angle():
+    # 0 and 180 degrees lie in one plane, 90 stands on it
+    vertices, faces = fin(0, 180, 90, leaves=(True, False, True))
+    split = split_creases(vertices, faces, 10)
+    assert split.faces[0, 0] == split.faces[1, 1] != split.faces[2, 0]
+    joined = split_creases(vertices, faces, 90)
+    assert len(np.unique(joined.faces[[0, 1, 2], [0, 1, 0]])) <= 2
+
+
+def test_a_walk_that_contradicts_itself_takes_the_first_link():
+    vertices, faces = fin(0, 120, 240)
+    split = split_creases(vertices, faces, 180)
+    check_split(vertices, faces, split)
+    again = split_creases(vertices, faces, 180)
+    assert all(np.array_equal(a, b) for a, b in zip(split, again, strict=True))
+
+
+def test_cancelling_faces_keep_their_own_normals():
+    vertices, faces = np.eye(3), np.array([[0, 1, 2], [0, 2, 1]])
+    split = split_creases(vertices, faces, 180)
+    assert np.array_equal(corner_normals(split), np.repeat(face_normals(vertices, faces)[:, None], 3, axis=1))
+    assert np.allclose(vertex_normals(vertices, faces), 1 / np.sqrt(3))
+
+
+def test_faces_without_area_join_and_add_nothing():
+    vertices, faces = cube()
+    vertices = np.vstack([vertices, [[0, 0, 1]], [[5, 5, 5]], [[6, 6, 6]]])
+    flat = [(1, 8, 7), (0, 0, 3), (9, 9, 10), (10, 10, 10)]
+    split = split_creases(vertices, np.vstack([flat, faces]), 30)
+    check_split(vertices, np.vstack([flat, faces]), split)
+    assert len(split.source) == 24 + 3
+    assert np.array_equal(corner_normals(split)[4:], corner_normals(split_creases(*cube(), 30)))
+    assert np.all(np.linalg.norm(split.normals[split.source < 8], axis=1) == 1)
+    assert not split.normals[split.source >= 8].any()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e200])
+def test_coordinates_that_are_not_usable_stay_where_they_are(value):
+    vertices, faces = cube()
+    vertices[7] = value
+    split = split_creases(vertices, faces, 30)
+    assert np.isfinite(split.normals).all() and np.isfinite(vertex_normals(vertices, faces)).all()
+    assert np.isfinite(face_normals(vertices, faces)).all()
+
+
+def test_smoothing_groups_rule_over_angles():
+    vertices, faces = cube()
+    assert len(split_creases(vertices, faces, 30, smoothing=np.full(12, 4)).source) == 8
+    # in group 0 even the two halves of a square are apart
+    assert len(split_creases(vertices, faces, 180, smoothing=np.zeros(12, int)).source) == 36
+    by_side = np.repeat(np.arange(1, 7), 2)
+    assert len(split_creases(vertices, faces, 180, smoothing=by_side).source) == 24
+
+
+def test_polygons_of_any_shape():
+    # an arrow head, concave at vertex 2: the fan from vertex 0 has one triangle turned over
+    vertices = np.array([[0, 0, 0], [4, 0, 0], [1, 1, 0], [0, 4, 0], [9, 9, 9]], dtype=float)
+    faces = np.array([[1, 2, 3], [1, 3, 0], [4, 4, 0]])
+    assert np.array_equal(face_normals(vertices, faces)[:2, 2], [-1, 1])
+    normals = polygon_normals(vertices, faces, [1, 1, 3])
+    assert np.array_equal(normals, [[0, 0, 0], [0, 0, 1], [0, 0, 0], [0, 0, 0]])
+
+
+# ------------------------------------------------------------------------- numbers
+@pytest.mark.parametrize("thin", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_needles_have_exact_normals_and_weights(thin, scale):
+    vertices = np.array([[0, 0, 0], [1, 2, 3], [1 + 2 * thin, 2 - thin, 3]]) * scale
+    a, b, c = np.array([[Fraction(x) for x in vertex] for vertex in vertices])
+    exact = np.array(np.cross(b - a, c - a) * 10**40, dtype=float)
+    exact /= np.linalg.norm(exact)
+    for turn in range(3):
+        computed = face_normals(np.roll(vertices, turn, axis=0), [[0, 1, 2]])[0]
+        error = np.abs(computed - exact).max()
+        assert error < 4e-16, f"measured {error} > 4e-16"
+    # beside a right angle that looks up, a needle that looks right tilts the average by its own small angle
+    wall = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, thin]]) * scale
+    normal = vertex_normals(wall, [[0, 1, 2], [0, 2, 3]])[0]
+    assert normal[0] / normal[2] == pytest.approx(np.arctan(thin) / (np.pi / 2), rel=1e-14)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(-6, 6), st.integers(-3, 3), st.integers(0, 5))
+def test_scale_and_offset_change_nothing(exponent, shift, seed):
+    vertices, faces = sphere(5)
+    vertices = np.round(vertices + np.random.default_rng(seed).normal(scale=0.2, size=vertices.shape), 3)
+    vertices = np.rint(vertices * 1024) / 1024
+    base = split_creases(vertices, faces, 25)
+    moved = split_creases((vertices + shift * 4096) * 2.0 ** (exponent * 3), faces, 25)
+    assert all(np.array_equal(a, b) for a, b in zip(base, moved, strict=True))
+
+
+def test_order_of_faces_and_start_of_a_face_do_not_matter():
+    vertices, faces = cylinder(9)
+    order = np.random.default_rng(0).permutation(len(faces))
+    base = corner_normals(split_creases(vertices, faces, 50))
+    shuffled = corner_normals(split_creases(vertices, faces[order], 50))
+    rotated = corner_normals(split_creases(vertices, np.roll(faces, 1, axis=1), 50))
+    assert np.allclose(shuffled, base[order], rtol=0, atol=1e-15)
+    assert np.allclose(np.roll(rotated, -1, axis=1), base, rtol=0, atol=1e-15)
+
+
+def test_all_weightings_agree_on_a_symmetric_fan():
+    vertices, faces = cone(6, 0.5)
+    tops = [vertex_normals(vertices, faces, weighting)[0] for weighting in WEIGHTINGS]
+    assert np.allclose(tops, [0, 0, 1], rtol=0, atol=1e-15)
+
+
+# ----------------------------------------------------------------- size and border
+def test_an_apex_of_many_faces_is_not_quadratic():
+    vertices, faces = cone(10_000, 0.01)
+    order = np.random.default_rng(1).permutation(len(faces))
+    split_creases(vertices[:3], [[0, 1, 2]], 30)
+    start = time.perf_counter()
+    split = split_creases(vertices, faces[order], 30)
+    seconds = time.perf_counter() - start
+    assert len(split.source) == len(vertices)
+    assert seconds < 1.0, f"measured {seconds} > 1.0; 0.01 is usual, but all pairs take longer"
+
+
+def test_a_smooth_mesh_keeps_its_vertices():
+    vertices, faces = sphere(60)
+    split = split_creases(vertices, faces, 30)
+    check_split(vertices, faces, split)
+    assert len(split.source) == len(vertices)
+    assert np.abs(split.normals - vertex_normals(vertices, faces)[split.source]).max() < 1e-14
+    assert np.einsum("ij,ij->i", split.normals, vertices[split.source]).min() > 0.99
+
+
+def test_nothing_given_is_changed_and_any_layout_is_taken():
+    vertices, faces = cube()
+    base = split_creases(vertices, faces, 30)
+    odd_vertices = np.asfortranarray(np.repeat(vertices, 2, axis=0))[::2]
+    for v, f in [
+        (vertices.tolist(), faces.tolist()),
+        (odd_vertices, faces[:, ::-1].astype(np.int8)[:, ::-1]),
+        (vertices.astype(np.float32), faces.astype(np.uint64)),
+    ]:
+        before = np.array(v), np.array(f)
+        assert all(np.array_equal(a, b) for a, b in zip(split_creases(v, f, 30), base, strict=True))
+        assert np.array_equal(v, before[0]) and np.array_equal(f, before[1])
+    frozen = vertices.copy()
+    frozen.flags.writeable = False
+    split_creases(frozen, faces, 30)
+    assert vertices.flags.writeable and faces.flags.writeable and base.normals.flags.writeable
+
+
+def test_empty_meshes():
+    for vertices in (np.zeros((0, 3)), np.zeros((2, 3))):
+        split = split_creases(vertices, np.zeros((0, 3), int), 30)
+        assert split.faces.shape == (0, 3) and split.source.shape == (0,) and split.normals.shape == (0, 3)
+        assert vertex_normals(vertices, []).shape == (len(vertices), 3)
+        assert face_normals(vertices, []).shape == polygon_normals(vertices, [], []).shape == (0, 3)
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "text"),
+    [
+        ({"faces": [[0, 1, 8]]}, ModelError, "vertex 8; the last of the vertices is 7"),
+        ({"faces": [[0, -1, 2]]}, ModelError, "vertex -1"),
+        ({"faces": [[0, 1, 2, 3]]}, ModelError, r"\(1, 4\)"),
+        ({"faces": [[0.0, 1.0, 2.0]]}, ModelError, "float64"),
+        ({"vertices": np.zeros((8, 2))}, ModelError, r"\(8, 2\)"),
+        ({"crease_angle": 181}, SceneError, "181"),
+        ({"crease_angle": -1}, SceneError, "-1"),
+        ({"crease_angle": float("nan")}, SceneError, "nan"),
+        ({"weighting": "volume"}, SceneError, "volume"),
+        ({"smoothing": [1, 2]}, ModelError, r"12 integers.*\(2,\)"),
+    ],
+)
+def test_errors_say_what_is_wrong(change, error, text):
+    vertices, faces = cube()
+    with pytest.raises(error, match=text):
+        split_creases(**{"vertices": vertices, "faces": faces, "crease_angle": 30} | change)
+
+
+def test_polygon_indices_are_checked():
+    with pytest.raises(ModelError, match="-2"):
+        polygon_normals(np.eye(3), [[0, 1, 2]], [-2])
+    with pytest.raises(ModelError, match="1 integers"):
+        polygon_normals(np.eye(3), [[0, 1, 2]], [0, 0])
+
+
+def test_the_same_without_the_compiler():
+    code = (
+        "import sys; sys.path[:0] = ['geometry', '.']\n"
+        "from test_normals import *\n"
+        "s = split_creases(*cylinder(7), 60)\n"
+        "n = vertex_normals(*cube())\n"
+        "print(s.faces.tolist(), s.source.tolist(), np.round([*n, *s.normals], 12).tolist())"
+    )
+    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))  # tests/
+    texts = [
+        subprocess.run(
+            [sys.executable, "-W", "error", "-c", code],
+            env={**os.environ, "NUMBA_DISABLE_JIT": flag},
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout.replace("-0.0,", "0.0,")
+        for flag in "01"
+    ]
+    assert texts[0] == texts[1] and texts[0]
+
+
+@pytest.mark.parametrize("smoothing", [None, 1])
+def test_an_edge_of_many_faces_is_no_part_of_a_surface(smoothing):
+    """The pages of a book: up to 64 at its back are compared two by two, more of them stay as they are."""
+    for n_page, is_joined in ((60, True), (200_000, False)):
+        angle = np.arange(n_page) * (2 * np.pi / n_page)
+        pages = np.stack([np.cos(angle), np.sin(angle), np.full(n_page, 0.5)], axis=1)
+        vertices = np.concatenate([[(0, 0, 0), (0, 0, 1)], pages])
+        faces = np.stack([np.zeros(n_page), np.ones(n_page), np.arange(n_page) + 2], axis=1).astype(int)
+        groups = None if smoothing is None else np.full(n_page, smoothing)
+        split = split_creases(vertices, faces, 40.0, smoothing=groups)
+        at_back = (split.source < 2).sum()
+        assert (at_back < 2 * n_page) == is_joined, f"{at_back} split vertices at the back of {n_page} pages"

@@ -1,0 +1,54 @@
+"""The pages of the project: their examples, commands, links and the files that they name."""
+
+import re
+from functools import cache
+
+from helpers.raster import ROOT
+
+PAGES = ("README.md", "models/README.md", "rasterizer/README.md", "bench/README.md", "tests/README.md")
+
+
+@cache
+def text_of(page) -> str:
+    """Return what a page says."""
+    return (ROOT / page).read_text(encoding="utf-8")
+
+
+def blocks(page, language) -> list[str]:
+    """Return the fenced blocks of a language, in order."""
+    return re.findall(rf"^```{language}\n(.*?)^```", text_of(page), re.DOTALL | re.MULTILINE)
+
+
+def shell_lines(page) -> list[str]:
+    """Return the lines of shell blocks, without comments."""
+    lines = (line.partition(" # ")[0].strip() for block in blocks(page, "sh") for line in block.splitlines())
+    return [line for line in lines if line]
+
+
+def commands(page) -> list[str]:
+    """Return the arguments of the commands `raster ...` in shell blocks."""
+    return [line.removeprefix("raster ") for line in shell_lines(page) if line.startswith("raster ")]
+
+
+def pictures(page) -> list[str]:
+    """Return the pictures that a page shows, as it names them."""
+    return re.findall(r"!\[[^]]*\]\(([^)]+)\)", text_of(page))
+
+
+def links(page) -> list[str]:
+    """Return the targets of links and pictures that are no addresses of the web."""
+    return [target for target in re.findall(r"\]\(([^)\s]+)\)", text_of(page)) if "://" not in target]
+
+
+def anchors(page) -> set[str]:
+    """Return the names that links may use for the headings of a page: lower case, hyphens for spaces."""
+    headings = re.findall(
+        r"^#+ (.+)$", re.sub(r"^```.*?^```", "", text_of(page), flags=re.DOTALL | re.MULTILINE), re.MULTILINE
+    )
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def named_files(page) -> list[str]:
+    """Return what a page names between backquotes and ends like a file of the project, or begins like a folder."""
+    names = re.findall(r"`([\w.\-/]+\.(?:py|md|toml|cfg|yaml|json|obj|png|mtl|stl|ply|glb)|[\w.\-/]+/)`", text_of(page))
+    return list(dict.fromkeys(names))

@@ -1,0 +1,167 @@
+"""A light and a reflection model that the package doesn't have, said in every layer: help for the test of registries.
+
+slab        parallel rays that are strongest in a plane across them: strength 1/(1 + (s/width)²), s the distance
+            from the plane through `position`
+minnaert    D = (N·L)² N·V, Minnaert 1941 with k = 2, as of the moon near full; and a highlight N·L N·V
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numba import carray
+
+from rasterizer import registries
+from rasterizer.engine.light_table import Beam, LightEntry, is_carried, to_world, world_direction
+from rasterizer.engine.reflection_table import ReflectionEntry
+from rasterizer.pipeline import fragments as f
+from rasterizer.pipeline import light_kinds
+from rasterizer.pipeline.reflection import Reflection
+from rasterizer.reference.lamp import LampKind
+from rasterizer.reference.reflection import ReflectionKind
+from rasterizer.reference.vectors import dot
+from rasterizer.scene.color import linear_rgb
+from rasterizer.scene.fields import Color, Vector
+from rasterizer.scene.shadow import Shadow, checked_shadow
+from rasterizer.scene.validate import choice, number, place3, unit3
+
+# ---------------------------------------------------------------- the light
+
+OFFSET, INVERSE_WIDTH = light_kinds.MOST, light_kinds.INVERSE_RANGE  # coefficients whose room a slab uses
+
+
+@dataclass(frozen=True)
+class SlabLight:
+    """Parallel rays that are strongest in a plane."""
+
+    direction: Vector
+    position: Vector = (0.0, 0.0, 0.0)
+    width: float = 1.0
+    color: Color = 1.0
+    attached: Literal["world", "camera"] = "world"
+    shadow: Shadow | None = None
+
+    def __post_init__(self):
+        choice(self.attached, ("world", "camera"), "the slab light's attached")
+        for name, value in (
+            ("direction", unit3(self.direction, "the slab light's direction")),
+            ("position", place3(self.position, "the slab light's position")),
+            ("width", number(self.width, "the slab light's width")),
+            ("color", linear_rgb(self.color, "the slab light's color")),
+            ("shadow", checked_shadow(self.shadow, "the slab light's")),
+        ):
+            object.__setattr__(self, name, value)
+
+
+def slab(batch, n, coefficients):
+    """The pipeline's function: VECTOR is the unit direction to the light."""
+    row = carray(batch, (f.N_ROW * f.CHUNK,))
+    light = carray(coefficients, (light_kinds.N_NUMBER,))
+    one = light.dtype.type(1)
+    x, y, z = light[light_kinds.VECTOR], light[light_kinds.VECTOR + 1], light[light_kinds.VECTOR + 2]
+    for k in range(np.uint64(n)):
+        height = row[f.POSITION_X + k] * x + row[f.POSITION_Y + k] * y + row[f.POSITION_Z + k] * z
+        share = (height - light[OFFSET]) * light[INVERSE_WIDTH]
+        row[f.N_DOT_L + k] = row[f.NORMAL_X + k] * x + row[f.NORMAL_Y + k] * y + row[f.NORMAL_Z + k] * z
+        row[f.LIGHT_X + k], row[f.LIGHT_Y + k], row[f.LIGHT_Z + k] = x, y, z
+        row[f.STRENGTH + k] = one / (one + share * share)
+
+
+class SlabEntry(LightEntry):
+    """What the engine knows of a slab light."""
+
+    is_distant = True
+
+    def function(self, light):
+        return light_kinds.LightKind(slab, needs_position=True)
+
+    def write(self, coefficients, light, view, dtype):
+        to_light = -world_direction(light, view)
+        position = to_world(light.position, light, view)
+        relative = position if is_carried(light) else position - view.eye
+        coefficients[light_kinds.VECTOR : light_kinds.VECTOR + 3] = to_light
+        coefficients[OFFSET], coefficients[INVERSE_WIDTH] = relative @ to_light, 1.0 / light.width
+
+    def beam(self, light, view):
+        return Beam(None, world_direction(light, view), 0.0)
+
+    def clearance(self, light, view, distance):
+        return light.width  # the relative slope 2 s/width² / (1 + (s/width)²) is 1/width at most
+
+    def lasting_clearance(self, light, distance):
+        return light.width
+
+    def lengths(self, light):
+        return (light.width, 1.0 / light.width)
+
+
+class SlabKind(LampKind):
+    """How the reference evaluates a slab light."""
+
+    def place(self, light, frame, color, index):
+        (lamp,) = super().place(light, frame, color, index)
+        return [lamp._replace(light=replace(light, position=tuple(frame.point(light.position))))]
+
+    def attenuate(self, lamp, points):
+        light_dirs, _ = super().attenuate(lamp, points)
+        height = dot(points - np.array(lamp.light.position), -lamp.axis)[:, None]
+        return light_dirs, 1.0 / (1.0 + (height / lamp.light.width) ** 2)
+
+
+# ---------------------------------------------------------------- the reflection model
+
+
+def minnaert(batch, n, coefficients):
+    """The pipeline's function."""
+    row = carray(batch, (f.N_ROW * f.CHUNK,))
+    zero = row.dtype.type(0)
+    for k in range(np.uint64(n)):
+        n_dot_l = row[f.N_DOT_L + k]
+        product = n_dot_l * max(row[f.N_DOT_V + k], zero)
+        row[f.DIFFUSE + k] = row[f.STRENGTH + k] * (n_dot_l * product) if n_dot_l > zero else zero
+        row[f.SPECULAR + k] = row[f.STRENGTH + k] * product if n_dot_l > zero else zero
+
+
+class MinnaertEntry(ReflectionEntry):
+    """What the engine knows of Minnaert's model."""
+
+    def function(self, material):
+        return Reflection(minnaert, needs_view=True, has_highlight=True)
+
+    def brightest_highlight(self, material):
+        return 1.0
+
+    def diffuse_slope(self, material):
+        return 2.0  # three cosines instead of one
+
+    def turn_slope(self, material):
+        return 2.0  # two cosines
+
+    def highlight_rounding(self, material, u):
+        return 60.0 * u  # N·L 16 u, N·V 22 u, the strength 5 u, products, and to spare
+
+
+def reflect_minnaert(_table, normals, light_dirs, view_dirs, _tangents):
+    """The reference's D and S; S is weighted with 1."""
+    n_dot_l, n_dot_v = dot(normals, light_dirs), np.maximum(dot(normals, view_dirs), 0.0)
+    return n_dot_l**2 * n_dot_v, n_dot_l * n_dot_v, None
+
+
+# ---------------------------------------------------------------- both
+
+
+def add_slab():
+    """Register the light."""
+    return registries.add_light("slab", SlabLight, drawn=SlabEntry(), reference=SlabKind())
+
+
+def add_minnaert():
+    """Register the reflection model."""
+    return registries.add_reflection("minnaert", drawn=MinnaertEntry(), reference=ReflectionKind(reflect_minnaert))
+
+
+def slab_strength(points, position, direction, width):
+    """What arrives of a slab light of the world at points (n, 3), by hand."""
+    direction = np.asarray(direction, float) / math.hypot(*direction)
+    return 1.0 / (1.0 + (((points - np.asarray(position)) @ direction) / width) ** 2)

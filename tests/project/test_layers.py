@@ -1,0 +1,152 @@
+"""The folders are the architecture: which may import which, read from the source of every module."""
+
+import inspect
+import subprocess
+import sys
+
+import pytest
+from helpers.imports import PATHS, imports_of, own_imports, private_imports, reached_from, way_to
+
+import rasterizer as rz
+
+# The layers, from the top to the bottom: a module imports its own folder and what stands further down.
+LAYERS = (
+    ("__main__",),
+    ("cli",),
+    ("analysis", "registries"),
+    ("reference", "renderer"),
+    ("frame",),
+    ("engine",),
+    ("pipeline",),
+    ("geometry",),
+    ("io",),
+    ("options",),
+    ("scene",),
+    ("compiler",),
+    ("choices", "errors", "version"),
+)
+RANKS = {name: rank for rank, layer in enumerate(reversed(LAYERS)) for name in layer}
+# The package itself has the public names of all layers, each imported on first use.
+MODULES = [name for name in PATHS if name]
+
+# What one layer may see though it stands beside it, or above: nothing.
+FORBIDDEN = {
+    "pipeline": ("scene", "io"),
+    "scene": ("pipeline", "engine", "geometry", "io", "compiler"),
+    "io": ("pipeline", "engine"),
+    "geometry": ("pipeline", "engine", "io"),
+    "reference": ("pipeline", "engine", "geometry", "compiler"),
+    "options": ("pipeline", "engine", "geometry", "io", "compiler"),
+    "choices": tuple(RANKS),
+    "errors": tuple(RANKS),
+}
+
+# Imports inside functions, each with its reason. Any other one hides a circle, or should stand at the top.
+IN_FUNCTIONS = {
+    ("analysis.contact_sheet", "PIL"): "heavy: only sheets and pictures that are saved need it",
+    ("cli", "_thread"): "main must be able to end in one line before anything else is imported",
+    ("cli", "signal"): "as _thread",
+    ("cli", "threading"): "as _thread",
+    ("cli", "errors"): "as _thread",
+    ("cli", "cli.arguments"): "as _thread",
+    ("cli", "cli.messages"): "as _thread",
+    ("cli", "cli.warmup_command"): "each command imports what it needs: --help imports neither numpy nor numba",
+    ("cli", "cli.compare_command"): "as warmup_command",
+    ("cli", "cli.render_command"): "as warmup_command",
+    ("cli.messages", "traceback"): "only a fault of the program's own needs it",
+    ("cli.messages", "warnings"): "--help does without it",
+    ("cli.messages", "numba.core"): "--help imports no numba",
+    ("cli.messages", "compiler.kernels"): "--help imports no numba",
+    ("cli.targets", "frame"): "heavy, and only needed where an output is named",
+    ("compiler.store", "grp"): "not on every platform",
+    ("compiler.store", "pwd"): "not on every platform",
+    ("frame", "PIL"): "heavy: a frame that is only read as arrays does without it",
+    ("io.scene_file", "tomllib"): "since Python 3.11",
+    ("io.scene_file", "tomli"): "optional: the extra toml, for Python 3.10",
+    ("io.scene_file_write", "PIL"): "heavy: only scenes with textures need it",
+    ("scene.color", "PIL"): "heavy: only colours written as text need it",
+    ("scene.texture", "PIL"): "heavy: only pictures that are read need it",
+}
+
+
+def layer_of(module) -> str:
+    return module.split(".")[0]
+
+
+def known(case, reason):
+    """A case that fails until other work is done."""
+    return pytest.param(*case, marks=pytest.mark.xfail(strict=True, reason=reason))
+
+
+def test_every_module_stands_in_a_layer():
+    strays = {layer_of(module) for module in MODULES} - RANKS.keys()
+    assert not strays, f"{sorted(strays)} are in no layer: LAYERS says where what is new belongs"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_go_downwards(module):
+    rank = RANKS[layer_of(module)]
+    for target in own_imports(module):
+        below = layer_of(target) == layer_of(module) or RANKS[layer_of(target)] < rank
+        assert below, f"{module} imports {target}, which stands in a layer beside or above it"
+
+
+@pytest.mark.parametrize(("layer", "forbidden"), [(layer, each) for layer, all_ in FORBIDDEN.items() for each in all_])
+def test_no_chain_of_imports_leads_there(layer, forbidden):
+    for module in MODULES:
+        if layer_of(module) == layer and layer != forbidden:
+            found = [target for target in reached_from(module) if layer_of(target) == forbidden]
+            assert not found, way_to(module, found[0])
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_only_the_engine_sees_both_the_scene_and_the_pipeline(module):
+    seen = {layer_of(target) for target in own_imports(module)}
+    assert layer_of(module) == "engine" or not {"scene", "pipeline"} <= seen
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_module_imports_itself(module):
+    assert module not in reached_from(module), way_to(module, module)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_stand_at_the_top_but_for_those_with_a_reason(module):
+    for each in imports_of(module):
+        if each.function is not None and not each.is_for_types:
+            allowed = (module, each.name) in IN_FUNCTIONS or (module, each.name.split(".")[0]) in IN_FUNCTIONS
+            assert allowed, f"line {each.line}: {each.function} imports {each.name}"
+
+
+def test_every_reason_has_an_import():
+    there = {(module, each.name) for module in PATHS for each in imports_of(module) if each.function}
+    there |= {(module, name.split(".")[0]) for module, name in there if not name.startswith("numba")}
+    assert not IN_FUNCTIONS.keys() - there
+
+
+def test_no_module_is_named_like_a_public_function():
+    functions = {name for name in rz.__all__ if inspect.isfunction(getattr(rz, name, None))}
+    assert len(functions) > 5
+    clashes = {name for name in MODULES if name.split(".")[-1] in functions}
+    assert not clashes
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_nothing_private_is_imported_by_another_folder(module):
+    assert not private_imports(module)
+
+
+@pytest.mark.parametrize("module", ["rasterizer", "rasterizer.options", "rasterizer.cli.arguments"])
+def test_what_the_help_needs_imports_the_standard_library_alone(module):
+    heavy = "{'numpy', 'numba', 'PIL', 'trimesh', 'llvmlite'}"
+    assert run_python(f"import sys, {module}; print(sorted({heavy} & set(sys.modules)))") == "[]"
+
+
+@pytest.mark.parametrize("module", ["rasterizer.reference", "rasterizer.scene.scene"])
+def test_what_needs_no_kernel_imports_no_compiler(module):
+    assert run_python(f"import sys, {module}; print('numba' in sys.modules)") == "False"
+
+
+def run_python(code) -> str:
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return result.stdout.strip()

@@ -1,0 +1,408 @@
+"""Register a light and a reflection model that the package doesn't have, and walk everything that must know them.
+
+What is not registered is an error everywhere, whose message lists what is.
+"""
+
+import json
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from helpers.against_reference import assert_matches_reference, compare
+from helpers.command import CUBE, one_error, run
+from helpers.pinhole import QUAD, SHADINGS, octasphere
+from helpers.toy_kinds import (
+    INVERSE_WIDTH,
+    OFFSET,
+    MinnaertEntry,
+    SlabEntry,
+    SlabKind,
+    SlabLight,
+    add_minnaert,
+    add_slab,
+    reflect_minnaert,
+    slab,
+    slab_strength,
+)
+
+import rasterizer as rz
+from rasterizer import reference, registries
+from rasterizer.cli import main
+from rasterizer.compiler.kernels import CACHE_FOLDER
+from rasterizer.engine import light_table, reflection_table
+from rasterizer.engine.plan import make_plan
+from rasterizer.engine.uniforms import make_lighting
+from rasterizer.io.scene_file import read_scene
+from rasterizer.options import DEFAULT_TOLERANCE, Options
+from rasterizer.pipeline.light_kinds import VECTOR
+from rasterizer.reference.lamp import LAMP_KINDS
+from rasterizer.reference.reflection import REFLECTION_KINDS, ReflectionKind
+from rasterizer.scene.fields import Attenuation, Color, Vector, describe_fields
+from rasterizer.scene.lights import LIGHT_KINDS, kind_of
+from rasterizer.scene.material import REFLECTION_MODELS
+
+SIZE = (64, 48)
+CAMERA = rz.Camera.perspective((2.5, 1.5, 3), fov=45)
+BUILT_IN = [list(table) for table in (LIGHT_KINDS, REFLECTION_MODELS)]
+TABLES = (LIGHT_KINDS, light_table.LIGHT_TABLE, LAMP_KINDS)
+MODEL_TABLES = (REFLECTION_MODELS, reflection_table.REFLECTION_TABLE, REFLECTION_KINDS)
+
+
+@pytest.fixture
+def toys():
+    """Both are registered while a test runs."""
+    with add_slab(), add_minnaert():
+        yield
+
+
+@dataclass(frozen=True)
+class Stranger:
+    """Looks like a light, and is none."""
+
+    position: Vector = (1.0, 2.0, 3.0)
+    direction: Vector = (0.0, 0.0, -1.0)
+    color: Color = (1.0, 1.0, 1.0)
+    attenuation: Attenuation = (1.0, 0.0, 0.0)
+    attached: str = "world"
+    amplify: bool = False
+    range: float | None = None
+    shadow: rz.Shadow | None = None
+
+
+@dataclass(frozen=True)
+class Subclass(rz.PointLight):
+    """A point light that may shine in another way."""
+
+
+def moon(**fields):
+    """A material of the model."""
+    return rz.Material(reflection="minnaert", diffuse=0.7, specular=0.3, **fields)
+
+
+def scene_of(material, *lights, floor=False):
+    """A ball, and a floor under it."""
+    meshes = [rz.Mesh(*octasphere(2), material=material)]
+    if floor:
+        meshes.append(rz.Mesh(np.array([(-3, -1.2, 3), (3, -1.2, 3), (3, -1.2, -3), (-3, -1.2, -3)], float), QUAD))
+    return rz.Scene(meshes, lights, CAMERA)
+
+
+def slab_light(**fields):
+    """A slab light across the ball."""
+    across = {"direction": (-1, -2, -1.5), "position": (0.2, 0.1, 0), "width": 0.8, "color": 0.9}
+    return SlabLight(**across | fields)
+
+
+# ---------------------------------------------------------------- what is registered is drawn
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("tolerance", [0.0, DEFAULT_TOLERANCE, 0.01])
+def test_the_picture_is_the_references_within_the_stated_bound(toys, shading, tolerance):
+    lights = rz.AmbientLight(0.1), slab_light(), rz.PointLight((3, 2, 1), 0.4, "1/(d+1)")
+    for material in (moon(), rz.Material(), rz.Material(reflection="blinn", shininess=9)):
+        for lit in (lights, lights[1:2], [slab_light(attached="camera", position=(0, 0, -3.5), direction=(1, -1, -1))]):
+            scene = scene_of(material, *lit)
+            frame = rz.render(scene, SIZE, shading=shading, tolerance=tolerance)
+            error, bound = compare(scene, SIZE, shading=shading, tolerance=tolerance).color, frame.stats.error_bound
+            assert error <= bound <= max(2 * tolerance, 1e-5), f"{error:.3g} > the stated bound {bound:.3g}"
+            assert np.ptp(frame.color) > 0.1
+
+
+def test_colours_spectra_and_exposure_reach_it(toys):
+    lights = rz.AmbientLight(0.1), slab_light(color=(0.9, 0.5, 0.2)), slab_light(color=rz.Spectrum.flat(0.4))
+    material = moon(emissive=(0.0, 0.1, 0.0))
+    assert_matches_reference(scene_of(material, *lights), SIZE, 1e-5, shading="phong", exposure=0.5)
+    assert_matches_reference(scene_of(material, *lights[:2]), SIZE, 1e-6, shading="gouraud", tolerance=0, exposure=-1)
+
+
+def test_the_plan_knows_it(toys):
+    with rz.Renderer(scene_of(moon(), slab_light()), SIZE, shading="phong") as renderer:
+        plan = renderer.plan
+        assert plan.light_functions == ("slab",) and plan.reflection_functions == ("minnaert",)
+        assert (plan.dtype, plan.channels) == ("float32", 1)
+        assert 0.3 < renderer.render().color.max() <= plan.bound == pytest.approx(0.9 * (0.7 + 0.3))
+    narrow = scene_of(moon(), slab_light(width=2.0**-50))
+    with rz.Renderer(narrow, SIZE) as renderer:  # a number that float32 can't be trusted with
+        assert renderer.plan.dtype == "float64" and "numbers of lights beyond float32" in renderer.plan.reasons
+
+
+def test_the_uniforms_hold_its_coefficients(toys):
+    plan = make_plan(scene_of(moon(), slab_light()), Options(tolerance=0), np.empty((0, 3)))
+    lighting = make_lighting(plan, CAMERA.view())
+    (row,) = lighting.light
+    to_light = np.array((1, 2, 1.5)) / np.linalg.norm((1, 2, 1.5))
+    assert row[VECTOR : VECTOR + 3] == pytest.approx(to_light, abs=1e-15)
+    assert row[OFFSET] == pytest.approx((np.array((0.2, 0.1, 0)) - CAMERA.position) @ to_light, abs=1e-14)
+    assert row[INVERSE_WIDTH] == 1 / 0.8 and lighting.needs_position and lighting.needs_view
+
+
+def test_illuminate_gives_what_the_formulas_say(toys):
+    rng = np.random.default_rng(2)
+    points, normals = rng.normal(size=(2, 500, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    light, eye = slab_light(), np.array((0.3, 4.0, 1.0))
+    found = rz.illuminate(points, normals, moon(), light, viewer=eye)
+    to_viewer = (eye - points) / np.linalg.norm(eye - points, axis=1, keepdims=True)
+    n_dot_l, n_dot_v = normals @ -np.array(light.direction), np.maximum((normals * to_viewer).sum(axis=1), 0)
+    strength = 0.9 * slab_strength(points, light.position, light.direction, light.width) * (n_dot_l > 0)
+    expected = strength * (0.7 * n_dot_l**2 * n_dot_v + 0.3 * n_dot_l * n_dot_v)
+    error = np.abs(found - expected[:, None]).max()
+    assert error <= 1e-14, f"{error:.3g} > 1e-14"
+    assert expected.max() > 0.3
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_it_casts_shadows(toys, shading):
+    scene = scene_of(moon(), slab_light(width=3, shadow=True), rz.AmbientLight(0.1), floor=True)
+    lit = rz.render(
+        replace(scene, lights=[slab_light(width=3), rz.AmbientLight(0.1)]), SIZE, shading=shading, tolerance=0
+    )
+    frame = rz.render(scene, SIZE, shading=shading, tolerance=0)
+    assert shading != "phong" or (frame.color < lit.color - 0.1).sum() > 100, "no shadow of the ball on the floor"
+    assert_matches_reference(scene, SIZE, 1e-5, shading=shading, tolerance=0, far=0.06)  # pixels at the shadow's edge
+
+
+def test_mach_bands_leave_out_faces_that_its_terminator_crosses(toys):
+    """A slab so wide that it is a directional light has that light's bands."""
+    found = []
+    for light in (slab_light(width=1e6), rz.DirectionalLight((-1, -2, -1.5), 0.9)):
+        scene = scene_of(rz.Material(), light)
+        frame = rz.render(scene, (120, 90), shading="gouraud", outputs=("color", "face"), tolerance=0)
+        found.append(rz.mach_bands(frame, scene))
+    assert found[0].n_place == found[1].n_place > 50
+    assert found[0].slope_jump == pytest.approx(found[1].slope_jump, abs=1e-5)
+
+
+# ---------------------------------------------------------------- it is read and written
+
+
+def test_scene_files_keep_it(toys, tmp_path):
+    lights = slab_light(color=(0.1, 0.5, 1 / 3), shadow=rz.Shadow(64, 3)), slab_light(attached="camera")
+    scene = scene_of(moon(name="the moon"), *lights)
+    for name in ("scene.json", "scene.toml"):
+        loaded = rz.Scene.load(scene.save(tmp_path / name))
+        assert loaded.lights == lights
+        assert loaded.meshes[0].material == scene.meshes[0].material
+        assert rz.render(loaded, SIZE).color.tobytes() == rz.render(scene, SIZE).color.tobytes()
+
+
+def test_a_person_may_write_it_into_a_scene_file(toys, tmp_path):
+    light = {"kind": "slab", "direction": [0, -1, 0], "width": 2, "color": "#808080", "shadow": {"size": 32}}
+    (tmp_path / "by-hand.json").write_text(json.dumps({"meshes": [{"file": CUBE}], "lights": [light]}))
+    (made,) = read_scene(tmp_path / "by-hand.json", allow_outside=True).scene.lights
+    assert made == SlabLight((0, -1, 0), width=2, color="#808080", shadow=rz.Shadow(32))
+
+
+def test_the_command_line_draws_it(toys, folder):
+    flags = ["--light", "slab:-1,-2,-1.5,position=0.2/0.1/0,width=0.8,color=0.9,shadow=64", "--material"]
+    assert run(CUBE, *flags, "reflection=minnaert,diffuse=0.7", "-o", "cube.npy") == 0
+    light = slab_light(shadow=rz.Shadow(64))
+    material = rz.Material(reflection="minnaert", diffuse=0.7)
+    cube = rz.load(CUBE)
+    meshes = [replace(mesh, material=material) for mesh in cube.meshes]
+    expected = rz.render(replace(cube, meshes=meshes, lights=[light]), (24, 16), threads=1)
+    assert np.array_equal(np.load("cube.npy"), expected.color) and np.ptp(expected.color) > 0.1
+
+
+def test_raster_compare_measures_it_against_the_reference(toys, folder, capsys):
+    flags = ["--light", "slab:-1,-2,-1.5,width=0.8", "--material", "reflection=minnaert", "--json", "-s", "48x36"]
+    assert main(["compare", CUBE, *flags, "--crease-angle", "0", "-o", "sheet.png"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["against"] == "reference" and set(record["methods"]) == {"flat", "gouraud", "phong", "reference"}
+    assert record["methods"]["phong"]["max"] <= 1e-5 < record["methods"]["flat"]["max"]
+
+
+# ---------------------------------------------------------------- what is not registered is an error
+
+
+def listed(kinds, text) -> bool:
+    """Tell whether a message lists all built-in kinds."""
+    return all(kind in text for kind in kinds)
+
+
+CLASSES = [cls.__name__ for cls in LIGHT_KINDS.values()]
+
+
+@pytest.mark.parametrize(
+    "light", [Stranger(), Subclass((1, 2, 3)), slab_light(), "sun"], ids=lambda light: type(light).__name__
+)
+def test_a_stranger_is_no_light_of_a_scene(light):
+    for make in (
+        lambda: scene_of(rz.Material(), rz.AmbientLight(), light),
+        lambda: rz.illuminate((0, 0, 0), (0, 0, 1), rz.Material(), light, viewer=(0, 0, 1)),
+        lambda: kind_of(light),
+        lambda: light_table.entry_of(light),
+        lambda: reference.lamp.lamp_kind_of(light),
+    ):
+        with pytest.raises(rz.SceneError) as fault:
+            make()
+        assert listed(CLASSES, str(fault.value)), fault.value
+
+
+def after_the_registration(scene, tmp_path):
+    """What can be done with a scene that was made while its kinds were known."""
+    frame = rz.render(scene_of(rz.Material(), rz.AmbientLight()), SIZE, outputs=("color", "face"))
+    return {
+        "render": lambda: rz.render(scene, SIZE),
+        "Renderer": lambda: rz.Renderer(scene, SIZE),
+        "reference": lambda: reference.render(scene, SIZE),
+        "save": lambda: scene.save(tmp_path / "lost.json"),
+        "change": lambda: replace(scene, background="white"),
+        "Mach bands": lambda: rz.mach_bands(frame, scene),
+    }
+
+
+@pytest.mark.parametrize("use", ["render", "Renderer", "reference", "save", "change", "Mach bands"])
+def test_a_light_whose_kind_is_taken_back_is_refused_everywhere(use, tmp_path):
+    with add_slab():
+        scene = scene_of(rz.Material(), rz.AmbientLight(), slab_light())
+    with pytest.raises(rz.SceneError) as fault:
+        after_the_registration(scene, tmp_path)[use]()
+    assert listed(CLASSES, str(fault.value)) and "SlabLight" in str(fault.value)
+
+
+@pytest.mark.parametrize("use", ["render", "Renderer", "reference"])
+def test_a_model_that_is_taken_back_is_refused(use, tmp_path):
+    with add_minnaert():
+        scene = scene_of(moon(), rz.AmbientLight())
+    with pytest.raises(rz.SceneError) as fault:
+        after_the_registration(scene, tmp_path)[use]()
+    assert listed(BUILT_IN[1], str(fault.value)) and "minnaert" in str(fault.value)
+
+
+def test_an_unknown_model_is_no_material():
+    with pytest.raises(rz.SceneError) as fault:
+        moon()
+    assert listed(BUILT_IN[1], str(fault.value)) and "minnaert" in str(fault.value)
+
+
+def test_the_command_line_refuses_strangers(folder, capsys):
+    assert run(CUBE, "--light", "slab:0,-1,0") == 2
+    assert listed(BUILT_IN[0], one_error(capsys))
+    assert run(CUBE, "--material", "reflection=minnaert") == 2
+    assert listed(BUILT_IN[1], one_error(capsys))
+
+
+def test_scene_files_refuse_strangers(tmp_path):
+    path = tmp_path / "strange.json"
+    light = {"kind": "slab", "direction": [0, -1, 0]}
+    for table, legal in (
+        ({"lights": [light]}, BUILT_IN[0]),
+        ({"materials": {"a": {"reflection": "minnaert"}}}, BUILT_IN[1]),
+    ):
+        path.write_text(
+            json.dumps({"meshes": [{"vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "faces": [[0, 1, 2]]}]} | table)
+        )
+        with pytest.raises(rz.SceneError) as fault:
+            rz.Scene.load(path)
+        assert listed(legal, str(fault.value)) and str(path) in str(fault.value)
+
+
+def test_a_kind_that_only_scenes_know_is_refused_by_the_engine_and_the_reference(monkeypatch):
+    monkeypatch.setitem(LIGHT_KINDS, "slab", SlabLight)
+    monkeypatch.setitem(REFLECTION_MODELS, "minnaert", REFLECTION_MODELS["lambert"])
+    for scene, legal in (
+        (scene_of(rz.Material(), slab_light()), BUILT_IN[0]),
+        (scene_of(moon(), rz.AmbientLight()), BUILT_IN[1]),
+    ):
+        for draw in (rz.render, reference.render):
+            with pytest.raises(rz.SceneError) as fault:
+                draw(scene, SIZE)
+            assert listed(legal, str(fault.value)), fault.value
+
+
+def test_shadows_of_a_light_without_a_beam_are_refused():
+    class Beamless(SlabEntry):
+        beam = light_table.LightEntry.beam
+
+    with pytest.raises(rz.SceneError, match="needs a beam"):
+        registries.add_light("slab", SlabLight, drawn=Beamless(), reference=SlabKind())
+
+
+# ---------------------------------------------------------------- registering
+
+
+def test_all_tables_have_the_same_words():
+    assert list(map(list, TABLES)) == [BUILT_IN[0]] * 3
+    assert list(map(set, MODEL_TABLES)) == [set(BUILT_IN[1])] * 3
+
+
+def test_a_registration_is_undone_by_its_block_or_by_hand():
+    with ExitStack() as block:
+        block.enter_context(add_slab())
+        block.enter_context(add_minnaert())
+        assert all("slab" in table for table in TABLES) and all("minnaert" in table for table in MODEL_TABLES)
+    kept = add_slab()
+    assert kind_of(slab_light()) == "slab" and kept.word == "slab"
+    kept.remove()
+    kept.remove()
+    test_all_tables_have_the_same_words()
+
+
+def test_a_registration_is_undone_after_an_error():
+    with pytest.raises(ZeroDivisionError), add_slab():
+        _ = 1 / 0
+    test_all_tables_have_the_same_words()
+
+
+@pytest.mark.parametrize("word", ["point", "ambient", "Slab", "2d", "a b", "", None, 3])
+def test_words_that_are_taken_or_no_words_are_refused_and_nothing_is_entered(word):
+    with pytest.raises(rz.SceneError, match="already; taken are ambient|small letters, digits and hyphens"):
+        registries.add_light(word, SlabLight, drawn=SlabEntry(), reference=SlabKind())
+    with pytest.raises(rz.SceneError, match="already; taken are phong|small letters, digits and hyphens"):
+        registries.add_reflection(
+            "toon" if word in ("point", "ambient") else word,
+            drawn=MinnaertEntry(),
+            reference=ReflectionKind(reflect_minnaert),
+        )
+    test_all_tables_have_the_same_words()
+
+
+def test_a_kind_can_be_registered_once(toys):
+    entries = {"drawn": SlabEntry(), "reference": SlabKind()}
+    with pytest.raises(rz.SceneError, match="there is a light 'slab' already; taken are ambient, directional"):
+        registries.add_light("slab", Stranger, **entries | {"drawn": light_table.PointEntry()})
+    with pytest.raises(rz.SceneError, match="SlabLight is the class of another kind"):
+        registries.add_light("slab2", SlabLight, **entries)
+    assert kind_of(slab_light()) == "slab"
+
+
+def test_what_can_not_be_a_light_is_refused():
+    @dataclass(frozen=True)
+    class Unreadable:
+        where: dict
+        color: float = 1.0
+
+    entries = {"drawn": SlabEntry(), "reference": SlabKind()}
+    for cls in (Stranger(), int, type("Plain", (), {}), rz.Shadow):
+        with pytest.raises(rz.SceneError, match="must be a dataclass with a field color"):
+            registries.add_light("odd", cls, **entries)
+    with pytest.raises(rz.SceneError, match="Unreadable.where must be annotated with"):
+        registries.add_light("odd", Unreadable, **entries)
+    with pytest.raises(rz.SceneError, match="drawn must be a LightEntry; given <class"):
+        registries.add_light("odd", SlabLight, **entries | {"drawn": SlabEntry})
+    with pytest.raises(rz.SceneError, match="reference must be a ReflectionKind"):
+        registries.add_reflection("odd", drawn=MinnaertEntry(), reference=SlabKind())
+
+
+def test_the_fields_of_every_light_can_be_read():
+    for cls in LIGHT_KINDS.values():
+        described = describe_fields(cls)
+        assert described["color"].holds == "color" and not described["color"].is_needed
+        assert {field.holds for field in described.values()} <= {
+            "number", "whole", "flag", "text", "word", "vector", "cells", "color", "attenuation", "shadow",
+        }  # fmt: skip
+    spot = describe_fields(rz.SpotLight)
+    assert [name for name, field in spot.items() if field.is_needed] == ["position", "direction"]
+    assert spot["attached"].words == ("world", "camera") and spot["range"].holds == "number"
+
+
+def test_functions_from_outside_the_package_stay_out_of_the_disk_cache(toys):
+    """The cache's folder is named after this package's sources: a user's function that changes would stay as it was."""
+    rz.render(scene_of(moon(), slab_light()), SIZE)
+    assert slab.__module__ == "helpers.toy_kinds"
+    if CACHE_FOLDER is not None:
+        names = [path.name for path in CACHE_FOLDER.iterdir()]
+        assert names and not [name for name in names if "toy_kinds" in name]

@@ -1,0 +1,204 @@
+"""The reference's own creases and polygons against those of the fast way, on seeded meshes that are broken in every
+way."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from rasterizer.geometry.normals import split_creases
+from rasterizer.geometry.polygons import find_rings
+from rasterizer.reference.creases import corner_normals
+from rasterizer.reference.polygons import are_convex, find_fans
+from rasterizer.scene.triangulation import classify_polygons, cut_polygons
+
+WEIGHTINGS = ("angle", "area", "uniform")
+ANGLES = (0, 20, 30, 45, 60, 89.999, 90, 120, 180)
+EXACT = 1e-12  # of unit normals: sums in another order, of weights that are computed in another way
+
+
+def split_normals(vertices, faces, angle, weighting="angle", smoothing=None):
+    """The fast way's normals at the corners."""
+    split = split_creases(vertices, faces, angle, weighting, smoothing)
+    return split.normals[split.faces]
+
+
+def check(vertices, faces, angle, weighting="angle", smoothing=None):
+    expected = split_normals(vertices, faces, angle, weighting, smoothing)
+    error = np.abs(corner_normals(vertices, faces, angle, weighting, smoothing) - expected).max()
+    assert error <= EXACT, f"crease angle {angle}, by {weighting}: {error:.3g} > {EXACT}"
+
+
+def broken_mesh(rng):
+    """Few vertices and many faces: open, non-manifold, wound against each other, doubled and without area, all at
+    once."""
+    n_vertex = int(rng.integers(3, 12))
+    vertices = (
+        rng.integers(-2, 3, (n_vertex, 3)).astype(float) if rng.random() < 0.5 else rng.uniform(-1, 1, (n_vertex, 3))
+    )
+    faces = rng.integers(0, n_vertex, (int(rng.integers(1, 30)), 3))
+    return vertices * 10.0 ** rng.integers(-6, 7), faces
+
+
+@pytest.mark.parametrize("weighting", WEIGHTINGS)
+@pytest.mark.parametrize("seed", range(4))
+def test_both_ways_agree_on_broken_meshes(seed, weighting):
+    rng = np.random.default_rng(seed)
+    for _ in range(60):
+        vertices, faces = broken_mesh(rng)
+        smoothing = rng.integers(0, 3, len(faces)) if rng.random() < 0.25 else None
+        check(vertices, faces, rng.choice([*ANGLES, rng.uniform(0, 180)]), weighting, smoothing)
+
+
+def bumpy_sheet(rng, n=9, height=0.4):
+    """A sheet of n × n quads, each cut in two, some of the triangles reversed and some doubled."""
+    x, y = np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0))
+    vertices = np.stack([x.ravel(), y.ravel(), rng.uniform(0, height, x.size)], axis=1)
+    a = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    faces = np.concatenate([np.stack([a, a + 1, a + n + 2], axis=1), np.stack([a, a + n + 2, a + n + 1], axis=1)])
+    is_reversed = rng.random(len(faces)) < 0.2
+    faces[is_reversed] = faces[is_reversed, ::-1]
+    return vertices, rng.permutation(np.concatenate([faces, faces[:3]]))
+
+
+@pytest.mark.parametrize("weighting", WEIGHTINGS)
+@pytest.mark.parametrize("angle", ANGLES)
+def test_both_ways_agree_on_sheets_with_reversed_faces(angle, weighting):
+    check(*bumpy_sheet(np.random.default_rng(7)), angle, weighting)
+
+
+def fan(n, height):
+    """n faces round one vertex, a cone as high as asked for."""
+    around = 2 * np.pi * np.arange(n) / n
+    rim = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    i = np.arange(n)
+    return np.vstack([[[0.0, 0, height]], rim]), np.stack([0 * i, 1 + i, 1 + (i + 1) % n], axis=1)
+
+
+@pytest.mark.parametrize("angle", [0, 5, 60, 180])
+@pytest.mark.parametrize(("n", "height"), [(3, 1.0), (64, 2.0), (1000, 0.1), (5000, 3.0)])
+def test_both_ways_agree_on_huge_fans(n, height, angle):
+    check(*fan(n, height), angle)
+
+
+def edge_of(n_face, is_reversed):
+    """Faces at equal angles round one edge, the z axis."""
+    around = 2 * np.pi * np.arange(n_face) / n_face
+    tips = np.stack([np.cos(around), np.sin(around), np.full(n_face, 0.5)], axis=1)
+    ends = np.where(is_reversed[:, None], [[1, 0]], [[0, 1]])
+    return np.vstack([[[0.0, 0, 0], [0, 0, 1]], tips]), np.column_stack([ends, 2 + np.arange(n_face)])
+
+
+@pytest.mark.parametrize("n_face", [2, 3, 4, 7, 63, 64, 65, 200])
+@pytest.mark.parametrize("angle", [0, 30, 90, 180])
+def test_both_ways_agree_about_edges_of_many_faces(n_face, angle):
+    """Up to 64 faces all pairs are tried; more are no part of a surface. What contradicts itself takes the first
+    link."""
+    is_reversed = np.random.default_rng(n_face).random(n_face) < 0.4
+    check(*edge_of(n_face, is_reversed), angle)
+
+
+@pytest.mark.parametrize("n_side", [6, 9, 12])
+@pytest.mark.parametrize("rounding", [np.float64, np.float32, lambda a: np.round(a, 6)])
+def test_both_ways_treat_faces_that_meet_at_the_crease_angle_alike(n_side, rounding):
+    around = 2 * np.pi * np.arange(n_side) / n_side
+    rim = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    turn = np.linalg.qr(np.random.default_rng(n_side).normal(size=(3, 3)))[0]
+    vertices = np.asarray(rounding(np.vstack([rim, rim + [0, 0, 1]]) @ turn), np.float64)
+    i, j = np.arange(n_side), (np.arange(n_side) + 1) % n_side
+    faces = np.concatenate([np.stack([i, j, n_side + j], axis=1), np.stack([i, n_side + j, n_side + i], axis=1)])
+    angle = 360 / n_side
+    for each in (angle, angle - 1e-3, angle + 1e-3, angle - 4e-4, angle + 4e-4):
+        check(vertices, faces, each)
+    joined, apart = (corner_normals(vertices, faces, each) for each in (angle, angle - 1e-3))
+    assert (joined[0, 0] == joined[n_side - 1, 1]).all() and not (apart[0, 0] == apart[n_side - 1, 1]).all()
+
+
+def test_faces_without_area_take_the_first_normal_at_their_vertex():
+    vertices = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0), (9, 9, 9)])
+    faces = np.array([(0, 1, 3), (0, 1, 2), (4, 4, 4)])
+    normals = corner_normals(vertices, faces, 30)
+    assert (normals[:2, :2] == (0, 0, 1)).all() and not normals[0, 2].any() and not normals[2].any()
+    check(vertices, faces, 30)
+
+
+# ---------------------------------------------------------------- polygons
+
+
+def loops_of(rings):
+    """The corners and owners of each ring, as find_fans gives them, in their order."""
+    spans = zip(rings.offsets[:-1], rings.offsets[1:], strict=True)
+    return [(rings.corners[a:b].tolist(), rings.owners[a:b].tolist()) for a, b in spans]
+
+
+def own_loops(faces, polygon, points):
+    found = [loop for loop in find_fans(faces, polygon) if are_convex(points[loop.corners][None])[0]]
+    begin = [min(range(len(loop.corners)), key=lambda k: tuple(points[loop.corners[k]])) for loop in found]
+    return [tuple(row[k:] + row[:k] for row in loop) for loop, k in zip(found, begin, strict=True)]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_both_ways_find_the_same_convex_polygons(seed):
+    """Convex, bent, concave and crossing polygons, some turned round, some torn apart, some with triangles out of
+    order."""
+    rng = np.random.default_rng(seed)
+    points, corners, counts = [], [], []
+    for _ in range(60):
+        k = int(rng.integers(3, 9))
+        angle = np.sort(rng.uniform(0, 2 * np.pi, k))
+        radius = rng.uniform(0.3, 1.0, k) if rng.random() < 0.4 else 1.0
+        shape = np.stack(
+            [radius * np.cos(angle), radius * np.sin(angle), rng.choice([0.0, 0.1]) * rng.normal(size=k)], axis=1
+        )
+        if rng.random() < 0.3:  # a corner on a straight line, but for its rounding
+            shape[1] = shape[0] + rng.uniform(0.2, 0.8) * (shape[2] - shape[0])
+        shape = shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.uniform(-5, 5, 3)
+        corners += (len(points) + rng.permutation(k) if rng.random() < 0.1 else len(points) + np.arange(k)).tolist()
+        points += shape.tolist()
+        counts.append(k)
+    points, corners = np.array(points), np.array(corners)
+    cut = cut_polygons(points, corners, counts)
+    faces, polygon = corners[cut.corners], cut.polygons
+    turned = rng.random(len(counts)) < 0.2
+    faces[turned[polygon]] = faces[turned[polygon]][:, [0, 2, 1]]
+    some = rng.integers(0, len(faces), 6)
+    faces[some] = np.roll(faces[some], 1, axis=1)
+    places = rng.integers(0, len(faces) - 1, 5)
+    for a in places:  # neighbours change places, within a polygon or between two
+        faces[[a, a + 1]], polygon[[a, a + 1]] = faces[[a + 1, a]], polygon[[a + 1, a]]
+    expected = loops_of(find_rings(faces, polygon, points))
+    assert own_loops(faces, polygon, points) == expected and len(expected) > 10
+
+
+def test_both_ways_call_the_same_polygons_convex():
+    """Corners on straight lines, rounded to 1, 6 and 16 digits; pentagrams; points and lines."""
+    rng = np.random.default_rng(3)
+    n_convex = 0
+    for _ in range(200):
+        k = int(rng.integers(4, 10))
+        angle = np.sort(rng.uniform(0, 2 * np.pi, k)) * rng.choice([1, 1, 2])
+        shape = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1) * rng.choice([1.0, 1e-6, 1e6])
+        shape[k // 2] = (shape[k // 2 - 1] + shape[(k // 2 + 1) % k]) / 2
+        shape = np.round(
+            shape @ np.linalg.qr(rng.normal(size=(3, 3)))[0] + rng.uniform(-1, 1, 3), int(rng.choice([1, 6, 16]))
+        )
+        expected = classify_polygons(shape[:, None])[0][0]
+        n_convex += expected
+        assert are_convex(shape[None])[0] == expected, shape.tolist()
+    assert 50 < n_convex < 190
+    line = np.array([(0.0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)])
+    assert not are_convex(np.stack([line, 0 * line])).any()
+
+
+# ---------------------------------------------------------------- alone
+
+
+def test_the_reference_loads_nothing_that_is_compiled():
+    code = (
+        "import sys, rasterizer.reference\n"
+        "layers = ['rasterizer.' + name for name in ('pipeline', 'engine', 'geometry', 'compiler')]\n"
+        "print(sorted(name for name in sys.modules if name.startswith(('numba', 'llvmlite', *layers))))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
