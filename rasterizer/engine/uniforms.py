@@ -64,7 +64,8 @@ def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting
         n_channel=plan.n_channel,
         n_light_channel=n_light_channel,
         needs_view=bool(is_view_dependent.any()),
-        needs_position=plan.has_shadows or any(light_function_of(kind_of(source)).needs_position for source in plan.lights),
+        needs_position=plan.has_shadows
+        or any(light_function_of(kind_of(source)).needs_position for source in plan.lights),
         has_albedo=plan.has_albedo,
         colors=color.astype(plan.dtype),
         shadows=_list_shadows(shadows, plan.dtype) if plan.has_shadows else None,
