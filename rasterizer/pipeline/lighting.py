@@ -113,7 +113,9 @@ def sum_lights(batch, n, lighting, material):
     for light in range(index(len(lighting.light_functions))):
         call_batch_function(lighting.light_functions[light], batch.ctypes.data, n, lighting.lights[light].ctypes.data)
         cast_shadow(batch, n, lighting.shadows, light)
-        call_batch_function(lighting.reflection_functions[material, light], batch.ctypes.data, n, coefficients.ctypes.data)
+        call_batch_function(
+            lighting.reflection_functions[material, light], batch.ctypes.data, n, coefficients.ctypes.data
+        )
         for channel in range(index(lighting.n_light_channel)):
             diffuse = lighting.colors[color_set, light, channel]
             add_light(batch, n, f.DIFFUSE_SUM + channel * f.NEXT, f.DIFFUSE, diffuse, light == 0)
