@@ -3,8 +3,8 @@
 import warnings
 from itertools import chain
 
-from ..scene.triangulation import listed
 from ..scene.material import Material
+from ..scene.triangulation import listed
 from .files import OutsideError
 from .model_file import ModelFile
 from .mtl import LONGEST_NAME, Maps, read_materials

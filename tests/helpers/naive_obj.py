@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rasterizer.geometry.polygons import cut_polygons
+from rasterizer.scene.triangulation import cut_polygons
 
 
 def naive_read(text):

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
 from rasterizer.scene.material import Material
-from rasterizer.scene.triangulation import cut_polygons
 
 POINTS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 1\nv 2 2 1\nv 0.5 -1 0\nv 3 1 2\n"
 

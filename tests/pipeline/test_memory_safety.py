@@ -17,7 +17,7 @@ from helpers.raster import GREY
 import rasterizer as rz
 from rasterizer.errors import RasterizerError
 from rasterizer.pipeline import clip, texture_sampling
-from rasterizer.pipeline.cull import Faces, find_visible
+from rasterizer.pipeline.cull import Grid, find_visible
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import Screen, Vertices
 
@@ -83,16 +83,16 @@ def test_more_bands_than_sixteen_bits_can_count():
     height, workers = 70_001, Workers(1)
     y = np.array([0, 256 * height, 256 * height, 256 * 69_000, 256 * 69_100, 256 * 69_050], np.int32)
     vertices = Vertices(np.array([0, 0, 2560, 0, 256, 2560], np.int32), y, np.zeros(6))
-    faces = Faces(*(np.array(column, np.uint32) for column in ((0, 3), (1, 4), (2, 5))))
-    (visible,) = find_visible(faces, vertices, 8, height, 1, False, workers)
-    assert visible.last_band.max() == height - 1 and len(visible.face) == 2
-    assert visible.histogram.sum() == sum(visible.last_band.astype(int) - visible.first_band + 1)
+    vertex_idx = np.array([(0, 3), (1, 4), (2, 5)], np.uint32)
+    (visible,) = find_visible(vertex_idx, vertices, Grid(8, height, 1), False, workers)
+    assert visible.last_bands.max() == height - 1 and len(visible.faces) == 2
+    assert visible.histogram.sum() == sum(visible.last_bands.astype(int) - visible.first_bands + 1)
 
 
 @pytest.mark.parametrize("n", [3, 4, 6, 9, 13, 19])
 def test_a_polygon_that_zigzags_through_a_plane_finds_room(n):
     """Slivers that rounding has bent: every corner lies on the other side than the one before."""
-    polygon, out = np.zeros((n, clip.N_COLUMN)), np.full((clip.ROOM + 1, clip.N_COLUMN), np.nan)
+    polygon, out = np.zeros((n, clip.N_CORNER_COLUMN)), np.full((clip.ROOM + 1, clip.N_CORNER_COLUMN), np.nan)
     polygon[:, clip.W] = [1.0, -1.0, 1.0][:n] if n == 3 else np.where(np.arange(n) % 2, -1.0, 1.0)
     screen = Screen(*np.eye(4)[:, :3], 1.0, 1.0, 0.0, 0.0, 0.0, np.inf, 0.0, 1.0, True)
     n_out = clip_once(polygon, n, screen, out)
@@ -102,7 +102,7 @@ def test_a_polygon_that_zigzags_through_a_plane_finds_room(n):
 @numba.njit
 def clip_once(polygon, n, screen, out):
     """The helper in compiled code, as the pipeline has it; at the near plane."""
-    return clip.clip_polygon(polygon, n, 0, screen, clip.GUARD, out)
+    return clip.clip_polygon(polygon, n, clip.NEAR, screen, clip.GUARD_BAND, out)
 
 
 # ── random scenes, every number of which may be extreme ─────────────────────────────────────────────────

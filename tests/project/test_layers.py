@@ -55,7 +55,7 @@ IN_FUNCTIONS = {
     ("cli", "cli.render_command"): "as warmup_command",
     ("cli.messages", "traceback"): "only a fault of the program's own needs it",
     ("cli.messages", "warnings"): "--help does without it",
-    ("cli.messages", "numba.core"): "--help imports no numba",
+    ("cli.messages", "compiler.internals"): "--help imports no numba",
     ("cli.messages", "compiler.kernels"): "--help imports no numba",
     ("cli.targets", "frame"): "heavy, and only needed where an output is named",
     ("compiler.store", "grp"): "not on every platform",
