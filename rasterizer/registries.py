@@ -176,7 +176,7 @@ def add_buffer(name: str, holds: str, *, drawn: OutputBuffer) -> Registration:
     _check_type(drawn, OutputBuffer, "drawn")
     if name in SAVED_ARRAYS:
         raise SceneError(f"every frame has an array {name!r}; taken are {', '.join((*SAVED_ARRAYS, *BUFFERS))}")
-    return Registration(name, [(BUFFERS, holds), (BUFFER_TABLE, drawn)], "an output buffer")
+    return _enter(name, [(BUFFERS, holds), (BUFFER_TABLE, drawn)], "an output buffer")
 
 
 def _check_type(value: Any, cls: type, name: str) -> None:
