@@ -103,6 +103,6 @@ def test_the_strength_is_no_steeper_than_the_table_says():
 def test_a_huge_exponent_is_written_as_a_number_of_the_type():
     light = replace(LIGHTS["spot"], exponent=1e300)
     for dtype, written in ((np.float32, float(np.finfo(np.float32).max)), (np.float64, 1e300)):
-        row = np.zeros(light_kinds.N_NUMBER)
+        row = np.zeros(light_kinds.N_LIGHT_COEFFICIENT)
         entry_of(light).write(row, light, VIEW, np.dtype(dtype))
         assert row[light_kinds.CONE_EXPONENT] == written

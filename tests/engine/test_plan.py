@@ -399,7 +399,7 @@ def test_too_many_polygons_for_a_band_make_it_lower(monkeypatch):
     whole = draw.MAX_RECORDS
     heights = []
     choose = draw.find_visible
-    monkeypatch.setattr(draw, "find_visible", lambda *given: heights.append(given[4]) or choose(*given))
+    monkeypatch.setattr(draw, "find_visible", lambda *given: heights.append(given[2].band_rows) or choose(*given))
     monkeypatch.setattr(draw, "MAX_RECORDS", 400)
     assert rz.render(scene, (64, 48), tolerance=0, threads=1).color.tobytes() == expected
     assert len(heights) > 2 and sorted(heights, reverse=True) == heights

@@ -49,7 +49,7 @@ def test_a_plan_names_the_functions_and_the_features_that_a_scene_uses():
     mesh = rz.Mesh(*octasphere(2), uv=np.zeros((66, 2)), material=material)
     lights = (rz.SpotLight((0, 0, 4), (0, 0, -1), outer=30, shadow=True), rz.AmbientLight(0.2))
     plan = plan_of(mesh, lights, shading="phong")
-    assert plan.light_functions == ("spot",) and plan.reflection_functions == ("cook_torrance_ggx",)
+    assert plan.light_functions == ("spot",) and plan.reflection_functions == ("ggx",)
     assert plan.features == ("textures", "shadows", "transparency") and plan.dtype == "float64"
     assert {"textures", "shadows"} <= set(plan.reasons)
     assert "float64 because of" in repr(plan) and "textures" in repr(plan)
