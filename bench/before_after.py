@@ -45,7 +45,8 @@ class Version:
     def __init__(self, folder, arguments):
         # The bench of this checkout with the package of that folder.
         environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
-        self._process = subprocess.Popen([sys.executable, "-c", CHILD, *map(str, arguments)], env=environment, text=True,
+        self._process = subprocess.Popen([sys.executable, "-c", CHILD, *map(str, arguments)], env=environment,
+                                         text=True,
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
         if self._process.stdout.readline().strip() != "ready":
             raise SystemExit(f"the package in {folder} can't draw this scene")

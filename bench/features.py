@@ -86,7 +86,8 @@ def main(argv=None) -> int:
 def measure_features(args):
     """Frames of all features in turns, with one thread."""
     size = scenes.size_of(args.size)
-    table = measure.Table([("feature               ", "feature", ""), ("    ms", "ms", ".2f"), ("more ns/px", "ns_more", ".2f"),
+    table = measure.Table([("feature               ", "feature", ""), ("    ms", "ms", ".2f"),
+                           ("more ns/px", "ns_more", ".2f"),
                            ("dtype    ", "dtype", "")])  # fmt: skip
     with ExitStack() as stack:
         calls, dtypes, features = {}, {}, list_features()

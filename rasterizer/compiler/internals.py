@@ -123,7 +123,7 @@ class KernelFiles(NullCache):
         try:
             return compiler.CompileResult._rebuild(target_context, *pickle.loads(code))
         # Unpickling raises anything: here what numba of this very version doesn't know any more.
-        except Exception as fault:
+        except Exception as fault:  # noqa: BLE001
             _log.info("kernel %s can't be loaded and is compiled again (%s)", self._title, fault)
             return None
 

@@ -1,7 +1,7 @@
 """What is interpolated over the triangles: intensities of points that are lit before they are drawn, or normals.
 
-Flat shading lights the centroids of faces, Gouraud's method the vertices. Phong's method hands on the normals, and behind
-them what else a sample needs: colours, texture coordinates, tangents.
+Flat shading lights the centroids of faces, Gouraud's method the vertices. Phong's method hands on the normals, and
+behind them what else a sample needs: colours, texture coordinates, tangents.
 """
 
 import numpy as np

@@ -3,8 +3,8 @@
     Scene ─ geometry ─ light ─ transform ─ clip ─ cull ─ bands ─ scan ─ shade ─ resolve ─ Frame
             normals            1/256 px          boxes   by y    z-test         8 bits
 
-Every stage hands plain arrays to the next; `draw` is the way from transform on. What is drawn, how it is shaded and what
-becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
+Every stage hands plain arrays to the next; `draw` is the way from transform on. What is drawn, how it is shaded and
+what becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
 """
 
 from typing import NamedTuple
@@ -146,7 +146,8 @@ def busiest_first(bands, n_row, render_pass: Pass) -> list[Band]:
 
 
 class BandCounts(NamedTuple):
-    """What was drawn in one band: samples, and triangles by the way that their attributes took (pipeline/gradients.py)."""
+    """What was drawn in one band: samples, and triangles by the way that their attributes took
+    (pipeline/gradients.py)."""
 
     covered: int
     entries: int

@@ -5,7 +5,8 @@
     BufferPass         exact buffers: depth, face, normal
     ShadowMapPass      what a light sees: depth alone
 
-A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks it band after band: first `shade`, then `finish`.
+A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks it band after band: first `shade`, then
+`finish`.
 """
 
 from dataclasses import dataclass
@@ -66,7 +67,8 @@ class Pass:
     def shade(self, workspace: Workspace, band: Band, n_exact: int, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
 
-        `n_exact` is the number of exact records, `face_table` that of the triangles that are drawn, clipped parts included.
+        `n_exact` is the number of exact records, `face_table` that of the triangles that are drawn, clipped parts
+        included.
         """
 
     def finish(self, workspace: Workspace, band: Band, loaded_face: np.ndarray) -> int:

@@ -1,8 +1,8 @@
 """The plan of a picture: what this scene needs, and nothing else.
 
-Found here, from the scene alone: one channel or three, float32 or float64, whether the entries of the visibility buffer may
-carry intensities, which functions are compiled. The bounds that justify a cheaper way stand beside the choice. What a view
-says is added later (view_plans.py).
+Found here, from the scene alone: one channel or three, float32 or float64, whether the entries of the visibility buffer
+may carry intensities, which functions are compiled. The bounds that justify a cheaper way stand beside the choice. What
+a view says is added later (view_plans.py).
 """
 
 from dataclasses import replace
@@ -202,8 +202,8 @@ def check_brightness(bound) -> None:
 def reasons_for_float64(sources: Sources, brightness: Brightness, options, cue, is_precise) -> tuple[str, ...]:
     """Say why float32 won't do; nothing where it does.
 
-    Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners; or
-    the rest on intensities between them.
+    Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners;
+    or the rest on intensities between them.
     """
     reasons = {
         "tolerance 0": options.tolerance == 0,

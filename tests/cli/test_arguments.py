@@ -133,7 +133,8 @@ def test_lights():
         rz.DirectionalLight((-1, -1, 0), "orange", "camera"),
     )
     assert lights_of(
-        "--light", "spot:1,2,3,direction=0/-1/0,inner=10,outer=20,exponent=2,falloff=.5,attenuation=1/d^2,range=9,amplify=yes",
+        "--light",
+        "spot:1,2,3,direction=0/-1/0,inner=10,outer=20,exponent=2,falloff=.5,attenuation=1/d^2,range=9,amplify=yes",
     ) == (rz.SpotLight((1, 2, 3), (0, -1, 0), 1, 10, 20, 2, "1/d^2", "world", True, 9, falloff=0.5),)  # fmt: skip
     assert lights_of(
         "--light", "area:1,2,3,edge_u=1/0/0,edge_v=0/0/-1,resolution=8/4,attenuation=1/(d+2),color=0.5"

@@ -146,7 +146,7 @@ def test_verbose_and_quiet(capsys):
     assert "cube.obj: 12 faces" in err and "cube.png, <Frame 24x16 rgb, 12 faces" in err
     assert run(CUBE, "--zoom", "9", "--eye", "9,9,9", "--target", "20,20,20") == 0
     assert (
-        "the picture is empty: the camera looks away, all of the model is behind it; the model reaches from (-1, -1, -1) to"
+        "the picture is empty: the camera looks away, all of the model is behind it; the model reaches from (-1, -1, -1) to"  # noqa: E501
         in errors(capsys)
     )
     assert run(CUBE, "-q", "--eye", "9,9,9", "--target", "20,20,20", "--json") == 0
@@ -330,7 +330,7 @@ def test_a_fault_of_ours_in_one_model_is_one_line_and_the_next_model(monkeypatch
     monkeypatch.setattr(Frame, "encode", fail_once)
     assert run(CUBE, GEAR) == 1 and os.listdir(folder) == ["gear.png"]
     assert one_error(capsys) == (
-        f"raster: error: {CUBE}: internal error: ZeroDivisionError: of ours (run with -v for the traceback, and please report it)\n"
+        f"raster: error: {CUBE}: internal error: ZeroDivisionError: of ours (run with -v for the traceback, and please report it)\n"  # noqa: E501
     )
     calls.clear()
     assert run(CUBE, "-v") == 1

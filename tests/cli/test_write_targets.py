@@ -34,7 +34,8 @@ def globe(folder):
 @pytest.mark.parametrize(
     "argv",
     [
-        [], ["-o", "globe.png"], ["-o", "./globe.png"], ["-o", "{stem}.png"], ["-o", "."], ["--json"], ["-o", "soft.png"],
+        [], ["-o", "globe.png"], ["-o", "./globe.png"], ["-o", "{stem}.png"], ["-o", "."], ["--json"],
+        ["-o", "soft.png"],
         ["-o", "hard.png"], ["--view", "iso", "-o", "globe.png"], ["-o", "again/globe.png"],
     ],
 )  # fmt: skip
@@ -178,7 +179,8 @@ def test_an_interrupt_at_any_time_shows_no_traceback(folder):
 
 
 @pytest.mark.parametrize(
-    "template", ["{stem:>99999999999}.png", "{stem:{view}}.png", "{stem!r}.png", "{0}.png", "{}.png", "{stem.a}.png", "{stem[0]}.png",
+    "template",
+    ["{stem:>99999999999}.png", "{stem:{view}}.png", "{stem!r}.png", "{0}.png", "{}.png", "{stem.a}.png", "{stem[0]}.png",  # noqa: E501
                  "{frame:03}.png", "}.png", "{stem:_>9999}.png", "{stem:e}.png"]
 )  # fmt: skip
 def test_templates_that_are_refused(template, capsys):

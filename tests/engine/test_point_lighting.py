@@ -20,8 +20,10 @@ UP = (0.0, 0.0, 1.0)
 WHITE = rz.Material(diffuse=1.0, ambient=1.0, specular=0.0)
 SHINY = rz.Material(diffuse=(0.5, 0.3, 0.1), specular=0.4, shininess=9, emissive=(0, 0.01, 0.02))
 LIGHTS = (
-    rz.AmbientLight((0.1, 0.1, 0.2)), rz.DirectionalLight((-1, -0.4, -1), (0.7, 0.6, 0.5)), rz.PointLight((2, 3, 3), 0.4, "1/(d+1)"),
-    rz.SpotLight((0, 0, 4), (0, 0, -1), "orange", 5, 40, 2.0, falloff=2.5), rz.AreaLight((1, 1, 3), (1, 0, 0), (0, 1, 0), 0.5),
+    rz.AmbientLight((0.1, 0.1, 0.2)), rz.DirectionalLight((-1, -0.4, -1), (0.7, 0.6, 0.5)),
+    rz.PointLight((2, 3, 3), 0.4, "1/(d+1)"),
+    rz.SpotLight((0, 0, 4), (0, 0, -1), "orange", 5, 40, 2.0, falloff=2.5),
+    rz.AreaLight((1, 1, 3), (1, 0, 0), (0, 1, 0), 0.5),
 )  # fmt: skip
 
 

@@ -13,14 +13,17 @@ import numpy as np
 from numba import carray
 
 from rasterizer import registries
+from rasterizer.compiler.kernels import index
 from rasterizer.engine.light_table import Beam, LightEntry, is_carried, to_world, world_direction
 from rasterizer.engine.reflection_table import ReflectionEntry
+from rasterizer.geometry.vectors import dot
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import light_kinds
-from rasterizer.pipeline.reflection import Reflection
+from rasterizer.pipeline.fragments import get_vector, read_vector, set_vector
+from rasterizer.pipeline.reflection import ReflectionFunction
+from rasterizer.reference import vectors
 from rasterizer.reference.lamp import LampKind
 from rasterizer.reference.reflection import ReflectionKind
-from rasterizer.reference.vectors import dot
 from rasterizer.scene.color import linear_rgb
 from rasterizer.scene.fields import Color, Vector
 from rasterizer.scene.shadow import Shadow, checked_shadow
@@ -54,18 +57,16 @@ class SlabLight:
             object.__setattr__(self, name, value)
 
 
-def slab(batch, n, coefficients):
+def slab(batch, n, light):
     """The pipeline's function: VECTOR is the unit direction to the light."""
-    row = carray(batch, (f.N_ROW * f.CHUNK,))
-    light = carray(coefficients, (light_kinds.N_NUMBER,))
+    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, light_kinds.LIGHT_SHAPE)
     one = light.dtype.type(1)
-    x, y, z = light[light_kinds.VECTOR], light[light_kinds.VECTOR + 1], light[light_kinds.VECTOR + 2]
-    for k in range(np.uint64(n)):
-        height = row[f.POSITION_X + k] * x + row[f.POSITION_Y + k] * y + row[f.POSITION_Z + k] * z
-        share = (height - light[OFFSET]) * light[INVERSE_WIDTH]
-        row[f.N_DOT_L + k] = row[f.NORMAL_X + k] * x + row[f.NORMAL_Y + k] * y + row[f.NORMAL_Z + k] * z
-        row[f.LIGHT_X + k], row[f.LIGHT_Y + k], row[f.LIGHT_Z + k] = x, y, z
-        row[f.STRENGTH + k] = one / (one + share * share)
+    light_dir = read_vector(light, light_kinds.VECTOR)
+    for k in range(index(n)):
+        share = (dot(get_vector(batch, f.POSITION, k), light_dir) - light[OFFSET]) * light[INVERSE_WIDTH]
+        batch[f.N_DOT_L + k] = dot(get_vector(batch, f.NORMAL, k), light_dir)
+        set_vector(batch, f.LIGHT_DIR, k, light_dir)
+        batch[f.STRENGTH + k] = one / (one + share * share)
 
 
 class SlabEntry(LightEntry):
@@ -74,7 +75,7 @@ class SlabEntry(LightEntry):
     is_distant = True
 
     def function(self, light):
-        return light_kinds.LightKind(slab, needs_position=True)
+        return light_kinds.LightFunction(slab, needs_position=True)
 
     def write(self, coefficients, light, view, dtype):
         to_light = -world_direction(light, view)
@@ -105,29 +106,29 @@ class SlabKind(LampKind):
 
     def attenuate(self, lamp, points):
         light_dirs, _ = super().attenuate(lamp, points)
-        height = dot(points - np.array(lamp.light.position), -lamp.axis)[:, None]
+        height = vectors.dot(points - np.array(lamp.light.position), -lamp.axis)[:, None]
         return light_dirs, 1.0 / (1.0 + (height / lamp.light.width) ** 2)
 
 
 # ---------------------------------------------------------------- the reflection model
 
 
-def minnaert(batch, n, coefficients):
+def minnaert(batch, n, _material):
     """The pipeline's function."""
-    row = carray(batch, (f.N_ROW * f.CHUNK,))
-    zero = row.dtype.type(0)
-    for k in range(np.uint64(n)):
-        n_dot_l = row[f.N_DOT_L + k]
-        product = n_dot_l * max(row[f.N_DOT_V + k], zero)
-        row[f.DIFFUSE + k] = row[f.STRENGTH + k] * (n_dot_l * product) if n_dot_l > zero else zero
-        row[f.SPECULAR + k] = row[f.STRENGTH + k] * product if n_dot_l > zero else zero
+    batch = carray(batch, f.BATCH_SHAPE)
+    zero = batch.dtype.type(0)
+    for k in range(index(n)):
+        n_dot_l, strength = batch[f.N_DOT_L + k], batch[f.STRENGTH + k]
+        product = n_dot_l * max(batch[f.N_DOT_V + k], zero)
+        batch[f.DIFFUSE + k] = strength * (n_dot_l * product) if n_dot_l > zero else zero
+        batch[f.SPECULAR + k] = strength * product if n_dot_l > zero else zero
 
 
 class MinnaertEntry(ReflectionEntry):
     """What the engine knows of Minnaert's model."""
 
     def function(self, material):
-        return Reflection(minnaert, needs_view=True, has_highlight=True)
+        return ReflectionFunction(minnaert, needs_view=True, has_highlight=True)
 
     def brightest_highlight(self, material):
         return 1.0
@@ -144,7 +145,8 @@ class MinnaertEntry(ReflectionEntry):
 
 def reflect_minnaert(_table, normals, light_dirs, view_dirs, _tangents):
     """The reference's D and S; S is weighted with 1."""
-    n_dot_l, n_dot_v = dot(normals, light_dirs), np.maximum(dot(normals, view_dirs), 0.0)
+    n_dot_l = vectors.dot(normals, light_dirs)
+    n_dot_v = np.maximum(vectors.dot(normals, view_dirs), 0.0)
     return n_dot_l**2 * n_dot_v, n_dot_l * n_dot_v, None
 
 

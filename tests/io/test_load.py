@@ -291,7 +291,7 @@ def test_3mf_files_that_are_broken(text, fault):
 
 def test_3mf_objects_that_double_forty_times_are_refused_at_once():
     double = "".join(
-        f'<object id="{k}"><components><component objectid="{k - 1}"/><component objectid="{k - 1}"/></components></object>'
+        f'<object id="{k}"><components><component objectid="{k - 1}"/><component objectid="{k - 1}"/></components></object>'  # noqa: E501
         for k in range(2, 42)
     )
     text = THREEMF.replace("</resources>", double.replace('id="2"', 'id="2b"', 1) + "</resources>").replace(

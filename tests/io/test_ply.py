@@ -90,7 +90,8 @@ def test_triangle_strips():
 
 @pytest.mark.parametrize(
     ("type", "values", "expected"),
-    [("uchar", "255 0 51", (1, 0, 0.0331)), ("float", "1 0 0.2", (1, 0, 0.0331)), ("ushort", "65535 0 13107", (1, 0, 0.0331)),
+    [("uchar", "255 0 51", (1, 0, 0.0331)), ("float", "1 0 0.2", (1, 0, 0.0331)),
+    ("ushort", "65535 0 13107", (1, 0, 0.0331)),
      ("double", "1.0 0.0 0.2", (1, 0, 0.0331)), ("int", "255 0 51", (1, 0, 0.0331))],
 )  # fmt: skip
 @pytest.mark.parametrize("names", ["red green blue", "diffuse_red diffuse_green diffuse_blue", "r g b"])
@@ -117,14 +118,16 @@ def test_a_point_cloud_is_named_as_such():
         (text(FACES.format(n=2), points() + "3 0 1 2\n-3 0 1 2\n"), r":19: face 1: -3 is not how long its list is"),
         (text(FACES.format(n=2), points() + "3 0 1 2\nnan 0 1 2\n"), r":19: face 1: nan is not how long"),
         (text(FACES.format(n=2), points() + "3 0 1 2\n3 0.5 1 2\n"), r"vertex 0\.5, which is no index"),
-        (text(FACES.format(n=3), points() + "3 0 1 2\n3 0 1 2\n"), r":9: the header promises 3 face lines, the file has 2"),
+        (text(FACES.format(n=3), points() + "3 0 1 2\n3 0 1 2\n"),
+        r":9: the header promises 3 face lines, the file has 2"),
         (text(FACES.format(n=2**31), points() + "3 0 1 2\n"), r":9: the header promises 2147483648 face lines"),
         (text(FACES.format(n=1), "", n=2**40), r":5: the header promises 1099511627776 vertex lines"),
         (text(FACES.format(n=-1), points()), r":9: -1 face lines"),
         (text("property real w\n", points()), r":9: 'property real w' is not a line of a PLY header"),
         (text("property list uchar\n", points()), r":9: 'property list uchar' is not a line"),
         (b"ply\nelement vertex 1\nproperty float x\nend_header\n1\n", "no line 'format'"),
-        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", ":3: the vertices have no x, y and z"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n",
+        ":3: the vertices have no x, y and z"),
         (b"ply\nformat ascii 1.0\nelement face 0\nproperty list uchar int a\nend_header\n", "no vertices"),
         (
             b"ply\nformat binary_little_endian 1.0\nelement vertex 9000000000\nproperty float x\nproperty float y\n"
@@ -132,7 +135,7 @@ def test_a_point_cloud_is_named_as_such():
             "promised, room for at most 10",
         ),
         (
-            b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+            b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"  # noqa: E501
             b"element face 1\nproperty list uint int vertex_indices\nend_header\n" + bytes(12) + b"\xff\xff\xff\x7f",
             "ends in face row 0 of 1",
         ),

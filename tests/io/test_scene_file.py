@@ -330,10 +330,13 @@ VALUES = st.recursive(
     max_leaves=6,
 )
 FULL = {
-    "meshes": [TRIANGLE | {"transform": {"scale": 1, "rotate": {"axis": [0, 0, 1], "angle": 3}}, "uv": [[0, 0], [1, 0], [0, 1]],
-                           "normals": [[0, 0, 1]] * 3, "colors": [[1, 1, 1]] * 3, "crease_angle": 5, "material": {"levels": 2}}],
+    "meshes": [TRIANGLE | {"transform": {"scale": 1, "rotate": {"axis": [0, 0, 1], "angle": 3}},
+    "uv": [[0, 0], [1, 0], [0, 1]],
+                           "normals": [[0, 0, 1]] * 3, "colors": [[1, 1, 1]] * 3, "crease_angle": 5,
+                           "material": {"levels": 2}}],
     "materials": {"a": {field.name: None for field in fields(rz.Material)} | {"diffuse": 1}},
-    "lights": [{"kind": "spot", "position": [0, 0, 0], "direction": [0, 0, 1], "inner": 1, "outer": 2, "exponent": 0, "color": 1,
+    "lights": [{"kind": "spot", "position": [0, 0, 0], "direction": [0, 0, 1], "inner": 1, "outer": 2, "exponent": 0,
+    "color": 1,
                 "attenuation": [1, 0, 0], "attached": "world", "amplify": False, "range": 5, "shadow": {"size": 64}}],
     "camera": {"position": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 30, "near": 1, "far": 9},
     "background": 0.5, "up": "y", "options": {"size": [4, 3]},

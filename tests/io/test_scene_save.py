@@ -93,7 +93,8 @@ def test_what_the_lighting_has_besides(tmp_path, format):
     ramp = rz.Spectrum([400, 510.5, 700], [0.1, 1 / 3, 0.7])
     brushed = {"reflection": "cook-torrance", "roughness": (0.1, 1 / 3)}
     looks = [
-        rz.Material(fresnel=(0.1, 0.2, 1 / 3)), rz.Material(fresnel=ramp), rz.Material(fresnel="white"), rz.Material.named("gold"),
+        rz.Material(fresnel=(0.1, 0.2, 1 / 3)), rz.Material(fresnel=ramp), rz.Material(fresnel="white"),
+        rz.Material.named("gold"),
         rz.Material(**brushed), rz.Material(**brushed, tangent=(1, 2, 3), fresnel=(1, 0.5, 0)),
         *(rz.Material(**brushed, tangent=axis) for axis in np.random.default_rng(2).normal(size=(20, 3))),
     ]  # fmt: skip
@@ -160,7 +161,8 @@ LIGHTS = st.one_of(
 MATERIALS = st.builds(
     rz.Material,
     ambient=st.none() | COLOR, diffuse=COLOR, specular=COLOR, shininess=st.floats(0.1, 1e4), emissive=COLOR,
-    opacity=st.floats(0, 1), reflection=st.sampled_from(["phong", "toon", "cook-torrance"]), roughness=st.floats(0.01, 1),
+    opacity=st.floats(0, 1), reflection=st.sampled_from(["phong", "toon", "cook-torrance"]),
+    roughness=st.floats(0.01, 1),
     distribution=st.sampled_from(["ggx", "beckmann"]), fresnel=st.none() | st.floats(0, 1), normalized=st.booleans(),
     levels=st.integers(1, 256), name=st.text(st.characters(exclude_categories=["Cs"]), max_size=5),
 )  # fmt: skip

@@ -412,7 +412,8 @@ def test_ranges_are_whole_in_order_and_within_the_limit(monkeypatch):
 def test_lists_are_sorted_in_whatever_order_they_are(n):
     rng = np.random.default_rng(n)
     for entries in (
-        np.arange(n), np.arange(n)[::-1], rng.permutation(n), rng.integers(0, 5, n), np.zeros(n), np.roll(np.arange(n), n // 2),
+        np.arange(n), np.arange(n)[::-1], rng.permutation(n), rng.integers(0, 5, n), np.zeros(n),
+        np.roll(np.arange(n), n // 2),
         np.arange(n) ^ 1, rng.integers(-(2**62), 2**62, n),
     ):  # fmt: skip
         given = np.array(entries, np.int64)

@@ -29,7 +29,8 @@ def triangles(seed):
     """A full block of triangles (64, 3, 2), both windings, equal heights among them."""
     rng = np.random.default_rng(seed)
     found = np.concatenate([
-        random_triangles(rng, 20, SIZE, 2.0), random_triangles(rng, 20, SIZE, 50.0), random_triangles(rng, 8, SIZE, 2.0**19),
+        random_triangles(rng, 20, SIZE, 2.0), random_triangles(rng, 20, SIZE, 50.0),
+        random_triangles(rng, 8, SIZE, 2.0**19),
         slivers(rng, 16, SIZE, 500, 3),
     ]).clip(-(2**28), 2**28)  # fmt: skip
     found[::7, 1, 1] = found[::7, 0, 1]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from helpers.against_reference import assert_matches_reference, compare
+from helpers.against_reference import assert_matches_reference, compare_with_reference
 from helpers.command import CUBE, one_error, run
 from helpers.pinhole import QUAD, SHADINGS, octasphere
 from helpers.raster import ROOT
@@ -107,7 +107,10 @@ def test_the_picture_is_the_references_within_the_stated_bound(toys, shading, to
         for lit in (lights, lights[1:2], [slab_light(attached="camera", position=(0, 0, -3.5), direction=(1, -1, -1))]):
             scene = scene_of(material, *lit)
             frame = rz.render(scene, SIZE, shading=shading, tolerance=tolerance)
-            error, bound = compare(scene, SIZE, shading=shading, tolerance=tolerance).color, frame.stats.error_bound
+            error, bound = (
+                compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance).color,
+                frame.stats.error_bound,
+            )
             assert error <= bound <= max(2 * tolerance, 1e-5), f"{error:.3g} > the stated bound {bound:.3g}"
             assert np.ptp(frame.color) > 0.1
 
@@ -133,7 +136,7 @@ def test_the_plan_knows_it(toys):
 def test_the_uniforms_hold_its_coefficients(toys):
     plan = make_plan(scene_of(moon(), slab_light()), Options(tolerance=0), np.empty((0, 3)))
     lighting = make_lighting(plan, CAMERA.view())
-    (row,) = lighting.light
+    (row,) = lighting.lights
     to_light = np.array((1, 2, 1.5)) / np.linalg.norm((1, 2, 1.5))
     assert row[VECTOR : VECTOR + 3] == pytest.approx(to_light, abs=1e-15)
     assert row[OFFSET] == pytest.approx((np.array((0.2, 0.1, 0)) - CAMERA.position) @ to_light, abs=1e-14)

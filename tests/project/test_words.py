@@ -1,4 +1,5 @@
-"""One word, one meaning: the words that this field has are used, and the private ones that stood in their place are not.
+"""One word, one meaning: the words that this field has are used, and the private ones that stood in their place are
+not.
 
 A cheap check of names and docstrings; what a word is for is said in rasterizer/README.md.
 """

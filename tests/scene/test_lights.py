@@ -128,7 +128,8 @@ def test_illegal_attenuations_as_text(wrong):
 @pytest.mark.parametrize("settings, message", [
     ({"direction": (0, 0, 0)}, "spot light's direction"), ({"position": (0, math.nan, 0)}, "spot light's position"),
     ({"inner": 40}, r"inner angle must be within 0..outer = 30 degrees; given 40"), ({"inner": -1}, "inner"),
-    ({"outer": 0}, "outer"), ({"outer": 91}, "outer"), ({"exponent": -1}, "exponent"), ({"exponent": math.inf}, "exponent"),
+    ({"outer": 0}, "outer"), ({"outer": 91}, "outer"), ({"exponent": -1}, "exponent"),
+    ({"exponent": math.inf}, "exponent"),
     ({"falloff": 0}, "falloff"), ({"falloff": math.nan}, "falloff"),
     ({"color": -1}, "spot light's color"), ({"range": 0}, "spot light's range"), ({"range": math.inf}, "range"),
     ({"attached": "wall"}, "spot light's attached"), ({"color": (1, math.nan, 1)}, "color"),
@@ -139,7 +140,8 @@ def test_illegal_spot_lights_name_the_light(settings, message):
 
 
 @pytest.mark.parametrize("settings, message", [
-    ({"resolution": (0, 4)}, "resolution.*1 to 64; given"), ({"resolution": 4}, "resolution"), ({"resolution": (2, 65)}, "resolution"),
+    ({"resolution": (0, 4)}, "resolution.*1 to 64; given"), ({"resolution": 4}, "resolution"),
+    ({"resolution": (2, 65)}, "resolution"),
     ({"resolution": (2.0, 2)}, "resolution"), ({"edge_u": (0, 0, 0)}, "edge_u"), ({"edge_v": (-4, 0, 0)}, "parallel"),
     ({"corner": (1, 2)}, "corner"), ({"color": -0.5}, "area light's color"), ({"range": -1}, "area light's range"),
 ])  # fmt: skip

@@ -13,7 +13,8 @@ from rasterizer.errors import SceneError
 from rasterizer.scene.named_materials import NAMED_MATERIALS
 
 GOLD = {
-    "ambient": (0.24725, 0.1995, 0.0745), "diffuse": (0.75164, 0.60648, 0.22648), "specular": (0.628281, 0.555802, 0.366065),
+    "ambient": (0.24725, 0.1995, 0.0745), "diffuse": (0.75164, 0.60648, 0.22648),
+    "specular": (0.628281, 0.555802, 0.366065),
     "shininess": 51.2,
 }  # fmt: skip
 
