@@ -1,30 +1,15 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from time import perf_counter
 
-import numpy as np
-
 from .choices import ColorRange, Cull, Output, Samples, Shading
-from .engine.attributes import NormalAttributes, point_intensities
-from .engine.coding import make_coding, make_encoding
-from .engine.depth_range import check_depths, screen_of
-from .engine.draw import Counts, draw
-from .engine.output_buffers import BUFFER_TABLE
-from .engine.passes import BufferPass, FaceTable, InterpolatedPass, LitPass
-from .engine.plan_summary import PlanSummary, Ways, summarize
-from .engine.shadow_maps import Shadows
-from .engine.uniforms import make_lighting
-from .engine.view_plans import ViewPlan, ViewPlans
+from .engine.plan_summary import PlanSummary, summarize
+from .engine.prepared_scene import PreparedScene
 from .errors import SceneError, shown
 from .frame import Frame, Stats
-from .geometry.points import gather_geometry
 from .options import Options
-from .pipeline.encode import encode_picture
-from .pipeline.gradients import EXACT
-from .pipeline.threads import Workers
-from .pipeline.workspace import WorkspacePool, make_picture
 from .scene.camera import Camera
 from .scene.scene import Scene, SceneLike
 
@@ -121,22 +106,14 @@ class Renderer:
             spectral=spectral,
             threads=threads,
         )
-        self._bounds = np.stack([mesh.bounds for mesh in self.scene.meshes])
-        self._geometry = gather_geometry(self.scene, self.options.is_flat)
-        self._view_plans = ViewPlans(self.scene, self.options, self._geometry, self._bounds)
-        self._normals = NormalAttributes(self._geometry)
-        self._shadows = None
-        if self._view_plans.plan.has_shadows:
-            self._shadows = Shadows(self._geometry, self._bounds, self._view_plans.plan)
-        self._summary = summarize(self._view_plans.plan, is_perspective=True)
-        self._threads = Workers(self.options.n_thread)
-        self._workspaces = WorkspacePool()
+        self._prepared = PreparedScene(self.scene, self.options)
+        self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
         self._is_closed = False
 
     @property
     def plan(self) -> PlanSummary:
         """What the last picture needed; before the first one, what the scene says of it."""
-        return self._summary
+        return self._plan
 
     def __enter__(self) -> "Renderer":
         return self
@@ -149,16 +126,16 @@ class Renderer:
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
-        with self._threads.turn:
+        with self._prepared.threads.turn:
             self._is_closed = True
-            self._threads.close()
+            self._prepared.threads.close()
 
     def render(self, camera: Camera | None = None) -> Frame:
         """Render the scene through its own camera, or through another one.
 
         Raises SceneError for what is no camera, and after `close`.
         """
-        with self._threads.turn:
+        with self._prepared.threads.turn:
             return self._render(camera)
 
     def _render(self, camera) -> Frame:
@@ -168,97 +145,27 @@ class Renderer:
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
         if not isinstance(camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
-        outputs, size, clock = self.options.outputs, self.options.size, Clock()
+        prepared, outputs, clock = self._prepared, self.options.outputs, Clock()
         arrays, rgba, counts, error_bound, steps = {}, None, None, 0.0, ()
         if "color" in outputs or "rgb" in outputs:
-            picture = make_picture(size, "color" in outputs or self.options.color_range == "global")
-            counts, (plan, error_bound, steps) = self._draw_picture(camera, picture, clock)
-            self._summary = summarize(plan, camera.is_perspective, Ways(counts.entries, counts.planes, counts.exact))
-            rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
+            rgba, color, alpha, counts, view_plan = prepared.draw_picture(camera, clock)
+            error_bound, steps = view_plan.error_bound, view_plan.steps
+            self._plan = replace(view_plan.summary, ways=counts.ways)
             if "color" in outputs:
-                arrays.update(color=picture.color, alpha=picture.alpha)
-        if wanted := [name for name in outputs if name not in ("color", "rgb")]:
-            buffers = {name: BUFFER_TABLE[name].make(size) for name in wanted}
-            counts_of_buffers = self._draw_buffers(camera, buffers, clock)
+                arrays.update(color=color, alpha=alpha)
+        if set(outputs) - {"color", "rgb"}:
+            buffers, counts_of_buffers = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
             arrays.update(buffers)
         stats = Stats(
             *counts[:6],
-            threads=self._threads.n_thread,
+            threads=prepared.threads.n_thread,
             error_bound=error_bound,
             steps=steps,
             milliseconds=clock.milliseconds,
-            plan=self._summary,
+            plan=self._plan,
         )
-        return Frame(rgba, arrays, stats, size)
-
-    def _draw_picture(self, camera, picture, clock) -> tuple[Counts, ViewPlan]:
-        """Draw the picture: the colour of every pixel."""
-        options, geometry, view = self.options, self._geometry, camera.view()
-        screen = screen_of(camera, view, options.size, options.factor, geometry, self._bounds)
-        view_plan = self._view_plans.plan_for(view, screen)
-        plan, maps = view_plan.plan, ()
-        if self._shadows is not None:
-            maps = self._shadows.draw(view, self._workspaces, self._threads)
-            clock.lap("shadows")
-        lighting = make_lighting(plan, view, maps, screen.is_perspective)
-        encoding = make_encoding(plan, self.scene.background, options.color_range)
-        shared = {
-            "coding": make_coding(plan, screen, options.tolerance),
-            "size": options.size,
-            "factor": options.factor,
-            "is_culled": options.cull == "back",
-            "plan": plan,
-            "screen": screen,
-            "encoding": encoding,
-            "picture": picture,
-        }
-        if plan.is_lit_per_sample:
-            attributes = self._normals.of(plan.dtype, plan.has_albedo, plan.has_tangents)
-            face_table = FaceTable(geometry.face_material, self._shadow_shapes())
-            render_pass = LitPass(attributes=attributes, face_table=face_table, lighting=lighting, **shared)
-        else:
-            attributes = self._light_points(plan, lighting, screen)
-            clock.lap("light")
-            face_table = FaceTable(geometry.face_material, np.empty((0, 5)))
-            render_pass = InterpolatedPass(attributes=attributes, face_table=face_table, **shared)
-        counts = draw(geometry, render_pass, screen, self._workspaces, self._threads, clock)
-        if options.color_range == "global":
-            encoding = encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
-            encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
-            clock.lap("encode")
-        return counts, view_plan
-
-    def _light_points(self, plan, lighting, screen) -> np.ndarray:
-        """Intensities of the points, on both sides where normals may have to be flipped."""
-        can_flip = self.options.cull != "back" or self._geometry.is_inverted.any()
-        n_side = 1 if self.options.is_flat or not can_flip else 2
-        normal_offsets = np.empty(0) if self._shadows is None else self._shadows.normal_offsets
-        return point_intensities(self._geometry, plan, lighting, screen, n_side, normal_offsets, self._threads)
-
-    def _shadow_shapes(self) -> np.ndarray:
-        """What looking shadows up needs of each triangle; no rows where no light casts any."""
-        return np.empty((0, 5)) if self._shadows is None else self._shadows.shapes
-
-    def _draw_buffers(self, camera, buffers, clock) -> Counts:
-        """Draw the exact buffers: always with one sample a pixel and float64 records, so that nothing else changes
-        them."""
-        options, view = self.options, camera.view()
-        screen = screen_of(camera, view, options.size, 1, self._geometry, self._bounds)
-        if "depth" in buffers:
-            check_depths(camera, view, self._bounds)
-        normals = self._normals.none()
-        if any(BUFFER_TABLE[name].needs_normals for name in buffers):
-            normals = self._normals.of_faces(view, screen) if options.is_flat else self._normals.of(np.float64)
-        render_pass = BufferPass(
-            attributes=normals,
-            coding=make_coding(self._view_plans.plan._replace(coding=EXACT), screen, 0.0),
-            size=options.size,
-            is_culled=options.cull == "back",
-            screen=screen,
-            buffers=buffers,
-        )
-        return draw(self._geometry, render_pass, screen, self._workspaces, self._threads, clock)
+        return Frame(rgba, arrays, stats, self.options.size)
 
 
 def _remake(scene, options) -> Renderer:

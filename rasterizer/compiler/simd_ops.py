@@ -8,6 +8,8 @@ are.
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
 """
 
+from functools import partial
+
 from llvmlite import ir
 from numba import types
 
@@ -77,10 +79,7 @@ def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stri
         add = builder.add if is_integer else builder.fadd
         x, y, scale = builder.trunc(x, whole), builder.trunc(y, whole), _splat(builder, out_kind, scale)
 
-        def load(address, offset, kind):
-            return builder.load(
-                builder.bitcast(builder.gep(address, [ir.Constant(long, offset)]), kind.as_pointer()), align=4
-            )
+        load = partial(_load, builder)
 
         def times(steps, planes):
             if is_integer:
@@ -115,6 +114,12 @@ def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stri
         return context.get_dummy_value()
 
     return signature, generate
+
+
+def _load(builder, address, offset, kind):
+    """Load a value of a kind, `offset` numbers behind an address."""
+    element = builder.gep(address, [ir.Constant(ir.IntType(64), offset)])
+    return builder.load(builder.bitcast(element, kind.as_pointer()), align=4)
 
 
 def _transpose(builder, rows):

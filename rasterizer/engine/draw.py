@@ -21,6 +21,7 @@ from ..pipeline.scan import scan
 from ..pipeline.transform import transform
 from ..pipeline.visibility import MAX_RECORDS
 from .passes import FaceTable, Pass
+from .plan_summary import Ways
 from .transparency import draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
@@ -54,7 +55,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
     kind = render_pass.workspace_kind(n_row)
 
     def draw_band(band: Band) -> BandCounts:
-        workspace = workspaces.take(kind, len(band.faces))
+        workspace = workspaces.acquire(kind, len(band.faces))
         workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
         if render_pass.opacity is not None:
             n_record = n_exact = draw_transparent_band(band, drawn, render_pass, workspace)
@@ -64,7 +65,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
             )
             render_pass.shade(workspace, band, n_exact, drawn.face_table)
         n_covered = render_pass.finish(workspace, band, drawn.loaded_face)
-        workspaces.give_back(kind, workspace)
+        workspaces.release(kind, workspace)
         return BandCounts(n_covered, len(band.faces) - n_record, n_record - n_exact, n_exact)
 
     counts = threads.map(draw_band, busiest_first(bands, n_row, render_pass))
@@ -164,9 +165,7 @@ class Counts(NamedTuple):
     drawn: int
     covered: int
     samples: int
-    entries: int  # triangles, counted in each band that they meet: attributes stand in the visibility buffer's entries,
-    planes: int  # in records of planes,
-    exact: int  # or in exact records
+    ways: Ways
 
     @classmethod
     def of(cls, geometry, drawn: Drawn, visible, render_pass: Pass, counts) -> "Counts":
@@ -175,4 +174,4 @@ class Counts(NamedTuple):
         n_drawn = sum(len(part.faces) for part in visible)
         width, height = render_pass.n_sample
         covered, *ways = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
-        return cls(geometry.n_loaded, drawn.n_clipped, n_culled, n_drawn, covered, width * height, *ways)
+        return cls(geometry.n_loaded, drawn.n_clipped, n_culled, n_drawn, covered, width * height, Ways(*ways))

@@ -144,7 +144,7 @@ def draw_shadow_map(
     origin = casters.corners.mean(axis=0) if beam.origin is None else beam.origin
     size = light.shadow.size
     views = _choose_views(beam, origin, casters.corners - origin, size)
-    block = _take_block(lookup.HEADER + len(views) * size * size, room, before)
+    block = _allocate_block(lookup.HEADER + len(views) * size * size, room, before)
     is_perspective = views[0][1].is_perspective
     header = [lookup.N_MAP, lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE]
     block[header] = len(views), size, light.shadow.filter, is_perspective
@@ -159,7 +159,7 @@ def draw_shadow_map(
     return ShadowMap(block, origin)
 
 
-def _take_block(n_number, room, before) -> NDArray[np.float64]:
+def _allocate_block(n_number, room, before) -> NDArray[np.float64]:
     """The memory of a map: that of the one before where it has the same size. SceneError where there is no room."""
     if n_number > room:
         raise SceneError(

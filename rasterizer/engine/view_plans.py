@@ -5,13 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.surfaces import find_clearance, find_point_clearance, find_shortest_normal
+from ..geometry.surfaces import compute_clearance, compute_point_clearance, find_shortest_normal
 from ..options import Options
 from ..pipeline.gradients import EXACT
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of
 from .plan import LARGE, SMALL, Plan, make_plan
+from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE
 
 
@@ -21,6 +22,7 @@ class ViewPlan(NamedTuple):
     plan: Plan
     error_bound: float  # linear intensity, see `Stats`
     steps: tuple  # where no error is small, see `Stats`
+    summary: PlanSummary
 
 
 class ViewPlans:
@@ -48,7 +50,7 @@ class ViewPlans:
         """The plan for a view, or one with float64 where float32 has too few digits for it."""
         reach = np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()
         surroundings = self._surroundings(view, screen, math.sqrt(sum(side * side for side in reach))).rounded()
-        key = surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness
+        key = surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness, screen.is_perspective
         if self._last_key != key:
             plan, tolerance = self.plan, self._options.tolerance
             if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings):
@@ -56,7 +58,8 @@ class ViewPlans:
             elif plan.dtype == np.float32:
                 plan = self._precise()
             error_bound = error_bound_of(plan, tolerance, surroundings)
-            self._last_key, self._last = key, ViewPlan(plan, error_bound, list_steps(plan, surroundings))
+            steps, summary = list_steps(plan, surroundings), summarize(plan, screen.is_perspective)
+            self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, summary)
         return self._last
 
     def _precise(self) -> Plan:
@@ -71,14 +74,14 @@ class ViewPlans:
         lights = self.plan.lights
         return np.array([entry_of(light).lasting_clearance(light, self._clearance_of) for light in lights], float)
 
-    def _clearance_of(self, place) -> float:
-        """How near the lit points come to a place: surfaces in Phong's method, else vertices or centroids."""
+    def _clearance_of(self, position) -> float:
+        """How near the lit points come to a position: surfaces in Phong's method, else vertices or centroids."""
         if self.plan.is_lit_per_sample:
-            return find_clearance(self._geometry.positions, self._geometry.vertex, *map(float, place))
-        return find_point_clearance(self._geometry.points, *map(float, place))
+            return compute_clearance(self._geometry.positions, self._geometry.vertex, *map(float, position))
+        return compute_point_clearance(self._geometry.points, *map(float, position))
 
     def _surroundings(self, view, screen, furthest) -> Surroundings:
-        """What this view says about the places of lights and surfaces.
+        """What this view says about the positions of lights and surfaces.
 
         No lit point comes nearer to a light than its clearance: no vertex or centroid, or no sample's point.
         A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its
@@ -108,8 +111,8 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
     Lengths and their squares must keep their digits, from the nearest point to a light to the furthest one from the
     eye; a light that is further away than LARGE is found by the furthest point's clearance.
     """
-    with_places = surroundings.clearances[np.isfinite(surroundings.clearances)]
-    lengths = [surroundings.furthest, *with_places]
+    of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
+    lengths = [surroundings.furthest, *of_positions]
     if not all(SMALL <= length <= LARGE for length in lengths):
         return False
     if (compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any():

@@ -2,7 +2,7 @@
 points.
 
     flag_inverted           do a triangle's normals look against its winding?
-    find_clearance          how near does the surface come to a point, as a light or the eye is?
+    compute_clearance          how near does the surface come to a point, as a light or the eye is?
     find_shortest_normal    how short can an interpolated normal become?
     compute_shapes          which plane is a triangle in, and how far from it is the curved surface that it stands for?
     compute_normal_offsets  how far are points moved along their normals, so that their own faces don't shadow them?
@@ -43,7 +43,7 @@ def flag_inverted(positions, normals, vertex, out_is_inverted):
 
 
 @kernel
-def find_clearance(positions, vertex, x, y, z):
+def compute_clearance(positions, vertex, x, y, z):
     """Find the distance from a point to the nearest triangle; at least 0.
 
     Triangles whose sphere about the centroid is further away than one that was found already are left out.
@@ -68,7 +68,7 @@ def find_clearance(positions, vertex, x, y, z):
 
 
 @kernel
-def find_point_clearance(points, x, y, z):
+def compute_point_clearance(points, x, y, z):
     """Find the distance from the point x, y, z to the nearest of points (3, n)."""
     least = np.inf
     for k in range(np.uint64(points.shape[1])):

@@ -254,8 +254,8 @@ def _material(library, name, values, texture, is_tr_opacity, doubts) -> Material
         library.log(f"{library.name}: material '{name}' has illum 0 and a texture: it is lit all the same")
     elif illum == 0.0:
         plain = Material(**coefficients)
-        glow = tuple(kd + ke for kd, ke in zip(plain.diffuse, plain.emissive, strict=True))
-        coefficients |= {"ambient": 0.0, "diffuse": 0.0, "specular": 0.0, "emissive": glow}
+        emission = tuple(kd + ke for kd, ke in zip(plain.diffuse, plain.emissive, strict=True))
+        coefficients |= {"ambient": 0.0, "diffuse": 0.0, "specular": 0.0, "emissive": emission}
     return Material(**coefficients)
 
 

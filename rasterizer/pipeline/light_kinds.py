@@ -3,7 +3,7 @@
 In:  normals and positions of the batch (fragments.py), and the coefficients of one light.
 Out: LIGHT_DIR, N_DOT_L, and STRENGTH, the part of the light's intensity that arrives; lighting.py applies its colour.
 
-A new kind of light is a function here and an entry in LIGHT_FUNCTIONS, by the word that the engine has for it. Area
+A new kind of light is a function here and an entry in LIGHT_FUNCTIONS, by the name that the engine has for it. Area
 lights are many point lights.
 
 Source of the formulas: the illumination equation, e.g. Foley, van Dam, Feiner & Hughes 1990, section 16.1; the range is
@@ -51,14 +51,14 @@ def directional(batch, n, light):
 def point(batch, n, light):
     """Light from a point: VECTOR is its position relative to the eye; it falls off as 1/(kc + kl·d + kq·d²)."""
     batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
-    shine_from_point(batch, n, light)
+    light_from_point(batch, n, light)
     end_at_range(batch, n, light)
 
 
 def spot(batch, n, light):
     """Light from a point within a cone about AXIS, the direction in which it travels."""
     batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
-    shine_from_point(batch, n, light)
+    light_from_point(batch, n, light)
     end_at_range(batch, n, light)
     keep_to_cone(batch, n, light)
     weaken_off_axis(batch, n, light)
@@ -67,7 +67,7 @@ def spot(batch, n, light):
 def shaped_spot(batch, n, light):
     """A spot light whose fall between the cones is raised to the power CONE_FALLOFF."""
     batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
-    shine_from_point(batch, n, light)
+    light_from_point(batch, n, light)
     end_at_range(batch, n, light)
     keep_to_shaped_cone(batch, n, light)
     weaken_off_axis(batch, n, light)
@@ -96,7 +96,7 @@ def light_function_of(kind: str) -> LightFunction:
 
 
 @helper
-def shine_from_point(batch, n, light):
+def light_from_point(batch, n, light):
     """Fill what a light that shines alike to all sides writes."""
     light_position, attenuation = read_vector(light, VECTOR), read_vector(light, ATTENUATION)
     constant, linear, quadratic = attenuation

@@ -8,7 +8,7 @@ Out: DIFFUSE and SPECULAR, which lighting.py multiplies by colours and sums over
     R  L mirrored at N, 2 (N·L) N - L                    H  half vector, (L + V) / |L + V|
 
 A new model is a function, here or in a file of its own as cook_torrance.py is, and an entry in REFLECTION_FUNCTIONS, by
-the word that the engine has for it. Which models conserve energy, and which are reciprocal: see the table in
+the name that the engine has for it. Which models conserve energy, and which are reciprocal: see the table in
 scene/material.py. At a silhouette N·V may come out below 0, by a rounding error or an interpolated normal: no model
 here divides by it.
 """

@@ -47,7 +47,7 @@ class WorkspacePool:
     def __init__(self):
         self._free = {}
 
-    def take(self, kind: WorkspaceKind, n_record: int) -> Workspace:
+    def acquire(self, kind: WorkspaceKind, n_record: int) -> Workspace:
         """Return a clear workspace with room for `n_record` records; a new one where none of its kind is free."""
         try:
             workspace = self._free.setdefault(kind, []).pop()
@@ -58,7 +58,7 @@ class WorkspacePool:
             workspace = workspace._replace(records=records)
         return workspace
 
-    def give_back(self, kind: WorkspaceKind, workspace: Workspace) -> None:
+    def release(self, kind: WorkspaceKind, workspace: Workspace) -> None:
         """Return a workspace to the pool; its visibility buffer is clear."""
         self._free[kind].append(workspace)
 

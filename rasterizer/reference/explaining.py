@@ -20,7 +20,7 @@ from .clip import SUBPIXELS
 from .cover import Window
 from .explanation import Explanation, Layer, LightShare, Sample, Vector
 from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions
-from .picture import Look, encode, look_at, place_samples, render, resolve
+from .picture import Look, encode, look_at, render, resolve, spread_samples
 from .shading import (
     Fragments,
     Points,
@@ -121,7 +121,7 @@ def _checked_index(value: SupportsIndex, name: str, limit: int, what: str) -> in
 
 def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:
     """Explain the per_axis² samples of a pixel, row by row."""
-    raster, lighting = place_samples(look, per_axis)
+    raster, lighting = spread_samples(look, per_axis)
     window = Window(x * per_axis, y * per_axis, per_axis, per_axis)
     raster = raster._replace(window=window, is_drawn=raster.is_drawn & _reach(raster.screen, window))
     layers: list[list[list[Layer]]] = [[[] for _ in range(per_axis)] for _ in range(per_axis)]

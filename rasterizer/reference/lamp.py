@@ -47,7 +47,7 @@ class LampKind:
 
     is_ambient = False  # the light comes from nowhere: only its colour counts
 
-    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+    def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
         """Return the lamps of a light with this colour (n_channel,); `index` is that of the light in its scene."""
         return [Lamp(light, color, frame.vector(light.direction), None, index)]
 
@@ -62,7 +62,7 @@ class AmbientKind(LampKind):
 
     is_ambient = True
 
-    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+    def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
         """Return no lamp."""
         return []
 
@@ -70,7 +70,7 @@ class AmbientKind(LampKind):
 class PointKind(LampKind):
     """Light from one point to all sides."""
 
-    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+    def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
         """Return one lamp without an axis."""
         return [Lamp(light, color, np.zeros(3), frame.point(light.position), index)]
 
@@ -91,7 +91,7 @@ class PointKind(LampKind):
 class SpotKind(PointKind):
     """Light from one point into a cone."""
 
-    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+    def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
         """Return one lamp with an axis."""
         return [Lamp(light, color, frame.vector(light.direction), frame.point(light.position), index)]
 
@@ -104,7 +104,7 @@ class SpotKind(PointKind):
 class AreaKind(PointKind):
     """Light from a parallelogram: that of a point in the centre of each of its cells."""
 
-    def place(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
+    def lamps_of(self, light: Any, frame: Frame, color: NDArray, index: int) -> list[Lamp]:
         """Return one lamp a cell, each with its share of the colour."""
         corner = frame.origin + frame.vector(light.corner)
         u, v = frame.vector(light.edge_u), frame.vector(light.edge_v)
@@ -137,7 +137,7 @@ def lamp_kind_of(light: Any) -> LampKind:
     return LAMP_KINDS[kind]
 
 
-def place_lamps(lights: Iterable[Any], view: View, channels_of: Callable[[object], NDArray]) -> list[Lamp]:
+def make_lamps(lights: Iterable[Any], view: View, channels_of: Callable[[object], NDArray]) -> list[Lamp]:
     """Place the lights of a scene in the world; an area light becomes a point light in the centre of each of its cells.
 
     Parameters
@@ -159,11 +159,11 @@ def place_lamps(lights: Iterable[Any], view: View, channels_of: Callable[[object
     lamps = []
     for index, light in enumerate(lights):
         frame = camera if getattr(light, "attached", "world") == "camera" else world
-        lamps += lamp_kind_of(light).place(light, frame, channels_of(light.color), index)
+        lamps += lamp_kind_of(light).lamps_of(light, frame, channels_of(light.color), index)
     return lamps
 
 
-def shine(lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray]:
+def arriving_light(lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray]:
     """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and its weakened colour, (n, n_channel) or
     (n_channel,)."""
     light_dirs, attenuation = attenuate(lamp, points)

@@ -26,7 +26,7 @@ from ..scene.lights import Light
 from ..scene.scene import Scene
 from ..scene.spectrum import rgb_of
 from ..scene.texture import Texture
-from .lamp import Lamp, attenuate, lamp_kind_of, place_lamps
+from .lamp import Lamp, attenuate, lamp_kind_of, make_lamps
 from .materials import channels_of, count_waves, palette_of, read_materials
 from .reflection import reflect
 from .shadow import Casters, gather_casters, reaches
@@ -144,7 +144,7 @@ def contributions(
     table = lighting.materials[material]
     view_dirs = to_viewer(points, lighting)
     brush = table["axis"] if tangents is None else np.where(table["is_by_u"][:, None], tangents, table["axis"])
-    for lamp in place_lamps(lighting.lights, lighting.view, lambda color: channels_of(color, lighting.n_wave)):
+    for lamp in make_lamps(lighting.lights, lighting.view, lambda color: channels_of(color, lighting.n_wave)):
         light_dirs, attenuation = attenuate(lamp, points)
         color = lamp.color if attenuation is None else lamp.color * attenuation
         n_dot_l = dot(normals, light_dirs)

@@ -137,7 +137,7 @@ def look_at(scene: Scene, size, shading: str, *, cull, limits, exposure, spectra
     return Look(scene, camera, surface, size, shading, cull, (near, far, deepest), exposure, spectral, is_rounded)
 
 
-def place_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
+def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     """Bring the surface to a grid of per_axis² samples a pixel, and gather what lights it."""
     grid = look.size[0] * per_axis, look.size[1] * per_axis
     view, projection, surface = look.camera.view(), look.camera.projection(grid), look.surface
@@ -171,7 +171,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
     Sources: Porter & Duff 1984, Computer Graphics 18(3), 253-259, "over" from front to back; Everitt 2001, NVIDIA,
     "Interactive order-independent transparency", for a picture of the next layer behind the one before.
     """
-    raster, lighting = place_samples(look, per_axis)
+    raster, lighting = spread_samples(look, per_axis)
     surface, shape = look.surface, raster.window.shape
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
     alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear

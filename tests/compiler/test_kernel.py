@@ -15,10 +15,10 @@ DAY = 24 * 3600
 TINY = """
 import numpy as np
 from rasterizer.compiler import kernels
-from rasterizer.geometry.surfaces import find_clearance
+from rasterizer.geometry.surfaces import compute_clearance
 
 corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
-clearance = find_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0)
+clearance = compute_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0)
 assert 97 < clearance < 100, clearance
 """
 
@@ -50,7 +50,7 @@ def test_an_asked_folder_holds_the_kernels(tmp_path):
     """The first process compiles, the second one finds what the first has left."""
     folder = tmp_path / "made" / "when needed"
     told = """
-hits = sum(find_clearance.stats.cache_hits.values())
+hits = sum(compute_clearance.stats.cache_hits.values())
 print(kernels.CACHE_FOLDER.parent, cold, kernels.is_cache_cold(), hits)
 """
     program = TINY.replace("corners =", "cold = kernels.is_cache_cold()\ncorners =") + told
@@ -140,7 +140,7 @@ print(kernels.CACHE_FOLDER.parent)
         for folder in (his, ours)
     }
     assert made["his"] == {"program.twice"}
-    assert made["ours"] == {"surfaces.find_clearance", "light_kinds.directional"}
+    assert made["ours"] == {"surfaces.compute_clearance", "light_kinds.directional"}
 
 
 @pytest.mark.parametrize("value", [None, "", "somewhere"])

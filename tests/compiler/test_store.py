@@ -130,6 +130,7 @@ def test_every_bit_counts(tmp_path):
 def compiled_and_used(folder, monkeypatch):
     """Compile a kernel and a batch function anew, use both; return how many were found on disk."""
     monkeypatch.setattr(kernels, "CACHE_FOLDER", folder)
+    monkeypatch.setattr(kernels, "__name__", __name__)  # functions of other packages are not kept
     kernel, row = kernels.kernel(halves), kernels.batch_function.__wrapped__(doubles, np.float64)
     assert kernel(np.arange(5.0)) == 5.0
     rows = np.arange(4.0)
@@ -192,10 +193,10 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))
 import numpy as np
 from rasterizer.compiler import kernels
 from rasterizer.pipeline.light_kinds import LIGHT_FUNCTIONS
-from rasterizer.geometry.surfaces import find_clearance
+from rasterizer.geometry.surfaces import compute_clearance
 
 corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
-assert 97 < find_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0) < 100
+assert 97 < compute_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0) < 100
 assert kernels.batch_function(LIGHT_FUNCTIONS["directional"].evaluate, np.float32).address
 """
     for _ in range(2):

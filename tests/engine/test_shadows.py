@@ -251,7 +251,7 @@ def test_edges_are_within_a_pixel_of_the_analytic_ones(name):
     frame, bare = draw_both(meshes, light, ABOVE, FLOOR_SIZE)
     with rz.Renderer(rz.Scene(meshes, (light,), ABOVE), 16) as renderer:
         renderer.render()
-        assert renderer._shadows._maps[0].block[N_MAP] == n_map
+        assert renderer._prepared.shadows._maps[0].block[N_MAP] == n_map
     hidden = is_hidden(quad, floor_points(), light)
     could_be_lit = (bare.color[..., 0] > AMBIENT * 0.7) & (frame.face < 2)
     wrong = ((frame.color != bare.color).any(axis=-1) != hidden) & could_be_lit

@@ -9,7 +9,7 @@ from helpers.pinhole import octasphere, torus, unit
 import rasterizer as rz
 from rasterizer.geometry.mesh_points import flat_part, polygon_centroids, smooth_part
 from rasterizer.geometry.points import gather_geometry
-from rasterizer.geometry.surfaces import find_clearance, flag_inverted
+from rasterizer.geometry.surfaces import compute_clearance, flag_inverted
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -211,7 +211,7 @@ def test_clearance_is_never_more_than_the_distance(scale, offset):
         for reach in (0.1, 1.0, 30.0):
             point = offset + scale * reach * rng.normal(size=3)
             least = distance_to_triangles(point, corners, rng)
-            found = find_clearance(positions, vertex, *point)
+            found = compute_clearance(positions, vertex, *point)
             assert 0 <= found <= least + 1e-12 * (scale + offset), f"{found} > {least}"
             # The samples lie close to each other: no point of a side is further than a thirtieth of it from one.
             side = max(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(), 1e-30)
@@ -221,7 +221,7 @@ def test_clearance_is_never_more_than_the_distance(scale, offset):
 def test_clearance_of_a_light_in_the_surface_is_nothing():
     vertices, faces = octasphere(3)
     positions, vertex = np.ascontiguousarray(vertices.T), np.ascontiguousarray(faces.T.astype(np.uint32))
-    assert find_clearance(positions, vertex, *vertices[faces[7]].mean(axis=0)) <= 1e-15
-    assert find_clearance(positions, vertex, *vertices[0]) <= 1e-15
-    assert find_clearance(positions, vertex, 0.0, 0.0, 0.0) == pytest.approx(1.0, abs=0.02)
-    assert find_clearance(positions, vertex, 0.0, 0.0, 11.0) == pytest.approx(10.0, abs=1e-12)
+    assert compute_clearance(positions, vertex, *vertices[faces[7]].mean(axis=0)) <= 1e-15
+    assert compute_clearance(positions, vertex, *vertices[0]) <= 1e-15
+    assert compute_clearance(positions, vertex, 0.0, 0.0, 0.0) == pytest.approx(1.0, abs=0.02)
+    assert compute_clearance(positions, vertex, 0.0, 0.0, 11.0) == pytest.approx(10.0, abs=1e-12)

@@ -73,10 +73,8 @@ class Marker:
             is_near |= self._is_short
             self._is_short = None
         table, view_dirs = lighting.materials[material], to_viewer(points, lighting)
-        for lamp in lamps.place_lamps(
-            lighting.lights, lighting.view, lambda color: channels_of(color, lighting.n_wave)
-        ):
-            to_light, _ = lamps.shine(lamp, points)
+        for lamp in lamps.make_lamps(lighting.lights, lighting.view, lambda color: channels_of(color, lighting.n_wave)):
+            to_light, _ = lamps.arriving_light(lamp, points)
             if NEAR_LIGHT in self.near and lamp.position is not None:
                 is_near |= length(lamp.position - points)[:, 0] < self.near[NEAR_LIGHT]
             if CONE in self.near and getattr(lamp.light, "outer", None) == getattr(lamp.light, "inner", ()):

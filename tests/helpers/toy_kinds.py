@@ -100,8 +100,8 @@ class SlabEntry(LightEntry):
 class SlabKind(LampKind):
     """How the reference evaluates a slab light."""
 
-    def place(self, light, frame, color, index):
-        (lamp,) = super().place(light, frame, color, index)
+    def lamps_of(self, light, frame, color, index):
+        (lamp,) = super().lamps_of(light, frame, color, index)
         return [lamp._replace(light=replace(light, position=tuple(frame.point(light.position))))]
 
     def attenuate(self, lamp, points):

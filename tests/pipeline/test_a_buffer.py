@@ -263,8 +263,8 @@ def test_an_opaque_scene_plans_no_layers():
         with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE) as renderer:
             renderer.render()
             assert ("transparency" in renderer.plan.features) == is_layered
-            (kind,) = renderer._workspaces._free
-            workspace = renderer._workspaces.take(kind, 1)
+            (kind,) = renderer._prepared.workspaces._free
+            workspace = renderer._prepared.workspaces.acquire(kind, 1)
             assert kind.is_transparent == is_layered and (len(workspace.a_buffer.cursors) > 0) == is_layered
     assert replace(paint(0.5), opacity=1.0).is_opaque and not replace(paint(0.5), opacity=0.999).is_opaque
 
@@ -359,7 +359,7 @@ def test_what_is_left_out_behind_many_layers_is_within_the_bound(monkeypatch, to
             patch.setattr(planning, "least_transmittance", lambda *_: 0.0)
             full = show(meshes, tolerance=tolerance, samples=samples)
         with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE, tolerance=tolerance) as renderer:
-            least = renderer._view_plans.plan.opacity.least
+            least = renderer._prepared.view_plans.plan.opacity.least
             assert renderer.plan.bound >= brightest
             budget = 2 * renderer.plan.bound * least + 2.0**-24 * brightest
         assert 0 < least and (tolerance == 0 or 2 * renderer.plan.bound * least <= tolerance / 2)

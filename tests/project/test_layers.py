@@ -73,10 +73,6 @@ def layer_of(module) -> str:
     return module.split(".")[0]
 
 
-# What other work still has to part: the marks go when it is done.
-SEES_BOTH = pytest.mark.xfail(strict=True, reason="the renderer makes pictures and workspaces of the pipeline itself")
-
-
 def test_every_module_stands_in_a_layer():
     strays = {layer_of(module) for module in MODULES} - RANKS.keys()
     assert not strays, f"{sorted(strays)} are in no layer: LAYERS says where what is new belongs"
@@ -98,7 +94,7 @@ def test_no_chain_of_imports_leads_there(layer, forbidden):
             assert not found, way_to(module, found[0])
 
 
-@pytest.mark.parametrize("module", [pytest.param(m, marks=SEES_BOTH if m == "renderer" else ()) for m in MODULES])
+@pytest.mark.parametrize("module", MODULES)
 def test_only_the_engine_sees_both_the_scene_and_the_pipeline(module):
     seen = {layer_of(target) for target in own_imports(module)}
     assert layer_of(module) == "engine" or not {"scene", "pipeline"} <= seen

@@ -15,7 +15,7 @@ MANY_PARAMETERS = {
     "renderer.render": "public: each option is a keyword that editors show",
     "renderer.Renderer.__init__": "as render",
     "reference.picture.render": "as render",
-    "reference.explanation.explain": "as render",
+    "reference.explaining.explain": "as render",
     "io.loader.load": "as render",
     "scene.camera.Camera.framing": "public: keywords with defaults",
     "engine.point_lighting.illuminate": "public: keywords with defaults",
@@ -23,7 +23,7 @@ MANY_PARAMETERS = {
     "scene.mesh.Mesh.__init__": "as Options",
 }
 # Folders whose functions other work still divides: the marks go when it is done.
-IN_WORK = ("pipeline", "engine", "geometry", "reference", "io", "compiler", "renderer")
+IN_WORK = ()
 
 
 def structs() -> set[str]:

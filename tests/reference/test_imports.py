@@ -58,9 +58,9 @@ def test_the_reference_reaches_nothing_compiled():
 
 def test_the_scene_reaches_only_itself():
     reached = reached_from("scene")
-    assert layers_of(reached) <= {"scene", "errors"}
+    assert layers_of(reached) <= {"scene", "errors", "choices"}
     assert not COMPILED & {name.split(".")[0] for name in reached}
 
 
 def test_geometry_reaches_only_the_scene_and_the_compiler():
-    assert layers_of(reached_from("geometry")) <= {"geometry", "scene", "compiler", "errors"}
+    assert layers_of(reached_from("geometry")) <= {"geometry", "scene", "compiler", "errors", "choices"}

@@ -1,0 +1,120 @@
+"""A scene that is prepared for drawing, with what is kept from picture to picture; one picture, or its exact buffers."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.points import gather_geometry
+from ..options import Options
+from ..pipeline.encode import encode_picture
+from ..pipeline.gradients import EXACT
+from ..pipeline.threads import Workers
+from ..pipeline.workspace import WorkspacePool, make_picture
+from ..scene.camera import Camera
+from ..scene.scene import Scene
+from .attributes import NormalAttributes, point_intensities
+from .coding import make_coding, make_encoding
+from .depth_range import check_depths, screen_of
+from .draw import Counts, draw
+from .output_buffers import BUFFER_TABLE
+from .passes import BufferPass, FaceTable, InterpolatedPass, LitPass
+from .shadow_maps import Shadows
+from .uniforms import make_lighting
+from .view_plans import ViewPlan, ViewPlans
+
+NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
+
+
+class DrawnPicture(NamedTuple):
+    """A picture, and what was done for it."""
+
+    rgba: NDArray[np.uint8]  # (height, width, 4)
+    color: NDArray[np.float32]  # (height, width, 3), linear; no rows where only bytes were asked for
+    alpha: NDArray[np.float32]  # (height, width), the same
+    counts: Counts
+    view_plan: ViewPlan
+
+
+class PreparedScene:
+    """Hold what doesn't depend on the camera, and the threads and memory that pictures are drawn with."""
+
+    def __init__(self, scene: Scene, options: Options) -> None:
+        self.scene, self.options = scene, options
+        self.threads = Workers(options.n_thread)
+        self.bounds = np.stack([mesh.bounds for mesh in scene.meshes])
+        self.geometry = gather_geometry(scene, options.is_flat)
+        self.view_plans = ViewPlans(scene, options, self.geometry, self.bounds)
+        self.normals = NormalAttributes(self.geometry)
+        has_shadows = self.view_plans.plan.has_shadows
+        self.shadows = Shadows(self.geometry, self.bounds, self.view_plans.plan) if has_shadows else None
+        self.workspaces = WorkspacePool()
+
+    def draw_picture(self, camera: Camera, clock) -> DrawnPicture:
+        """Draw the picture: the colour of every pixel. `clock` notes the milliseconds of each stage."""
+        options, geometry, view = self.options, self.geometry, camera.view()
+        picture = make_picture(options.size, "color" in options.outputs or options.color_range == "global")
+        screen = screen_of(camera, view, options.size, options.factor, geometry, self.bounds)
+        view_plan = self.view_plans.plan_for(view, screen)
+        plan, maps = view_plan.plan, ()
+        if self.shadows is not None:
+            maps = self.shadows.draw(view, self.workspaces, self.threads)
+            clock.lap("shadows")
+        lighting = make_lighting(plan, view, maps, screen.is_perspective)
+        encoding = make_encoding(plan, self.scene.background, options.color_range)
+        shared = {
+            "coding": make_coding(plan, screen, options.tolerance),
+            "size": options.size,
+            "factor": options.factor,
+            "is_culled": options.cull == "back",
+            "plan": plan,
+            "screen": screen,
+            "encoding": encoding,
+            "picture": picture,
+        }
+        if plan.is_lit_per_sample:
+            attributes = self.normals.of(plan.dtype, plan.has_albedo, plan.has_tangents)
+            face_table = FaceTable(geometry.face_material, NO_SHAPES if self.shadows is None else self.shadows.shapes)
+            render_pass = LitPass(attributes=attributes, face_table=face_table, lighting=lighting, **shared)
+        else:
+            attributes = self._light_points(plan, lighting, screen)
+            clock.lap("light")
+            face_table = FaceTable(geometry.face_material, NO_SHAPES)
+            render_pass = InterpolatedPass(attributes=attributes, face_table=face_table, **shared)
+        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
+        if options.color_range == "global":
+            encoding = encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
+            encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
+            clock.lap("encode")
+        rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan)
+
+    def _light_points(self, plan, lighting, screen) -> np.ndarray:
+        """Intensities of the points, on both sides where normals may have to be flipped."""
+        can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
+        n_side = 1 if self.options.is_flat or not can_flip else 2
+        normal_offsets = np.empty(0) if self.shadows is None else self.shadows.normal_offsets
+        return point_intensities(self.geometry, plan, lighting, screen, n_side, normal_offsets, self.threads)
+
+    def draw_buffers(self, camera: Camera, clock) -> tuple[dict[str, NDArray], Counts]:
+        """Draw the exact buffers that are asked for, by name: always with one sample a pixel and float64 records, so
+        that nothing else changes them."""
+        options, view = self.options, camera.view()
+        names = [name for name in options.outputs if name not in ("color", "rgb")]
+        buffers = {name: BUFFER_TABLE[name].make(options.size) for name in names}
+        screen = screen_of(camera, view, options.size, 1, self.geometry, self.bounds)
+        if "depth" in buffers:
+            check_depths(camera, view, self.bounds)
+        normals = self.normals.none()
+        if any(BUFFER_TABLE[name].needs_normals for name in buffers):
+            normals = self.normals.of_faces(view, screen) if options.is_flat else self.normals.of(np.float64)
+        render_pass = BufferPass(
+            attributes=normals,
+            coding=make_coding(self.view_plans.plan._replace(coding=EXACT), screen, 0.0),
+            size=options.size,
+            is_culled=options.cull == "back",
+            screen=screen,
+            buffers=buffers,
+        )
+        counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
+        return buffers, counts
