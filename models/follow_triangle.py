@@ -76,7 +76,7 @@ def go(scene) -> Way:
     visible, n_band_row = cull(drawn, render_pass, SERIAL)
     bands = sort_into_bands(visible, SERIAL)
     band = Band(bands.faces, 0, HEIGHT)
-    workspace = WorkspacePool().take(render_pass.workspace_kind(n_band_row), len(band.faces))
+    workspace = WorkspacePool().acquire(render_pass.workspace_kind(n_band_row), len(band.faces))
     scan(band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records)
     entries = workspace.visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.shade(workspace, band, 0, NO_TABLE)

@@ -1,4 +1,5 @@
-"""A scene that is prepared for drawing, with what is kept from picture to picture; one picture, or its exact buffers."""
+"""A scene that is prepared for drawing, with what is kept from picture to picture; one picture, or its exact
+buffers."""
 
 from typing import NamedTuple
 

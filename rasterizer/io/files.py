@@ -14,8 +14,8 @@ of MTL files, buffers and images of glTF files, models, arrays and textures of s
     paths      of the author's machine (OBJ and MTL): where nothing is, or may be read, the last part is looked for in
                the folder
 
-`allow_outside=True` of `load`, or `--allow-outside`, removes the first two for local files. What a refused file holds is
-in no message.
+`allow_outside=True` of `load`, or `--allow-outside`, removes the first two for local files. What a refused file holds
+is in no message.
 
 Files are written whole or not at all: first hidden beside their places, then renamed. A file that is protected against
 writing is refused, though its folder may be written; one that is replaced keeps its mode, and its owner where that is

@@ -15,7 +15,7 @@ from helpers.pinhole import octasphere
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
-from rasterizer.engine import draw as drawing
+from rasterizer.engine import passes, transparency
 from rasterizer.pipeline.threads import Workers
 
 SIZE = (96, 72)
@@ -203,7 +203,8 @@ def test_a_picture_that_fails_leaves_nothing_in_the_next(monkeypatch, fault, sta
     kind = "layered" if stage in ("scan_opaque", "composite") else "plain"
     with rz.Renderer(scene_of(kind), (200, 150), threads=n_thread) as renderer:
         expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS[:3]]
-        real = getattr(drawing, stage)
+        module = transparency if hasattr(transparency, stage) else passes
+        real = getattr(module, stage)
         for is_done_first in (False, True):
 
             def fail(*given, is_done_first=is_done_first):
@@ -212,7 +213,7 @@ def test_a_picture_that_fails_leaves_nothing_in_the_next(monkeypatch, fault, sta
                 raise fault("on purpose")
 
             with monkeypatch.context() as patch:
-                patch.setattr(drawing, stage, fail)
+                patch.setattr(module, stage, fail)
                 with pytest.raises(fault):
                     renderer.render(CAMERAS[5])
             assert [bytes_of(renderer.render(camera)) for camera in CAMERAS[:3]] == expected

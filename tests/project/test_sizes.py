@@ -22,8 +22,6 @@ MANY_PARAMETERS = {
     "options.Options.__init__": "what editors show of the fields",
     "scene.mesh.Mesh.__init__": "as Options",
 }
-# Folders whose functions other work still divides: the marks go when it is done.
-IN_WORK = ()
 
 
 def structs() -> set[str]:
@@ -78,18 +76,14 @@ def loose_parameters(node) -> list[str]:
     return [each.arg for each in every if each.arg not in ("self", "cls") and not is_struct(each)]
 
 
-def by_folder():
-    """The modules of each folder; those in work are expected to fail, but needn't."""
-    folders = sorted({module.split(".")[0] for module in PATHS})
-    marked = pytest.mark.xfail(strict=False, reason="other work still divides what is here")
-    return [pytest.param(folder, marks=[marked] if folder in IN_WORK else []) for folder in folders]
+FOLDERS = sorted({module.split(".")[0] for module in PATHS})
 
 
 def in_folder(module, folder) -> bool:
     return module.split(".")[0] == folder
 
 
-@pytest.mark.parametrize("folder", by_folder())
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_files_are_short(folder):
     lengths = {
         module: path.read_text(encoding="utf-8").count("\n")
@@ -100,7 +94,7 @@ def test_files_are_short(folder):
     assert not long
 
 
-@pytest.mark.parametrize("folder", by_folder())
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_functions_are_short(folder):
     long = {
         name: f"{body_lines(node)} > {MOST_BODY} lines"
@@ -110,7 +104,7 @@ def test_functions_are_short(folder):
     assert not long
 
 
-@pytest.mark.parametrize("folder", by_folder())
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_functions_take_few_loose_parameters(folder):
     many = {
         name: f"{len(loose_parameters(node))} > {MOST_LOOSE}: {', '.join(loose_parameters(node))}"

@@ -46,28 +46,11 @@ RULES = (
 )  # fmt: skip
 
 # Functions whose name begins with find_ and that search: for what may not be there. Others compute.
-FINDS = set(
-    [
-        "find_doubts",
-        "find_cache_folder",
-        "find_distrust",
-        "find_tint",
-        "find_rings",
-        "find_shortest_normal",
-        "find_alike",
-        "find_materials",
-        "find_crossing",
-        "find_nearest",
-        "find_topmost",
-        "find_visible",
-        "find_visible_range",
-        "find_fans",
-        "find_loops",
-    ]
-)
-
-# Folders in which other work still changes words: the marks go when it is done.
-IN_WORK = ()
+FINDS = {
+    "find_doubts", "find_cache_folder", "find_distrust", "find_tint", "find_rings", "find_shortest_normal",
+    "find_alike", "find_materials", "find_crossing", "find_nearest", "find_topmost", "find_visible",
+    "find_visible_range", "find_fans", "find_loops",
+}  # fmt: skip
 
 
 def folder_of(module) -> str:
@@ -117,25 +100,17 @@ def found_in(rule, module) -> list[str]:
 
 
 FOLDERS = sorted({folder_of(module) for module in PATHS})
-WAITING = pytest.mark.xfail(strict=False, reason="other work still changes the words here")
-
-
-def in_each(*cases):
-    """Cases that end in a folder; those of a folder in work are expected to fail, but needn't."""
-    return [pytest.param(*case, marks=[WAITING] if case[-1] in IN_WORK else []) for case in cases]
-
-
 PAIRS = [(rule, folder) for rule in RULES for folder in rule.folders or FOLDERS]
 
 
-@pytest.mark.parametrize(("rule", "folder"), in_each(*PAIRS), ids=lambda value: getattr(value, "pattern", value))
+@pytest.mark.parametrize(("rule", "folder"), PAIRS, ids=lambda value: getattr(value, "pattern", value))
 def test_the_word_of_the_field_is_used(rule, folder):
     modules = [module for module in PATHS if folder_of(module) == folder]
     found = {module: places for module in modules if (places := found_in(rule, module))}
     assert not found, f"use {rule.instead}"
 
 
-@pytest.mark.parametrize("folder", in_each(*[(folder,) for folder in FOLDERS]))
+@pytest.mark.parametrize("folder", FOLDERS)
 def test_find_is_said_of_a_search_alone(folder):
     modules = [module for module in PATHS if folder_of(module) == folder]
     found = {node.name.lstrip("_") for module in modules for node in ast.walk(TREES[module]) if is_function(node)}
