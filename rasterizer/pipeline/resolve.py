@@ -206,8 +206,7 @@ def average_layers(layers, pitch, first, factor, n, pixels):
     """
     color, opacities, (row, left) = layers.color, layers.opacity, first
     if factor == 1:
-        start = index(row * pitch + left)
-        return gather_layers(color[:, start : start + n], opacities[start : start + n], pixels)
+        return gather_layers(color, opacities, index(row * pitch + left), n, pixels)
     n_channel, count = index(color.shape[0]), np.int64(0)
     for i in range(n):
         sum0 = sum1 = sum2 = opacity = 0.0
@@ -232,16 +231,16 @@ def average_layers(layers, pitch, first, factor, n, pixels):
 
 
 @helper
-def gather_layers(color, opacities, pixels):
+def gather_layers(color, opacities, start, n, pixels):
     """Copy one sample a pixel, see `average_layers`: nothing to sum, so the loops become vector instructions."""
-    n, n_covered = index(len(opacities)), np.int64(0)
+    here, n_covered = opacities[start : start + n], np.int64(0)
     for i in range(n):
-        n_covered += opacities[i] > 0.0
-        pixels[ALPHA + i] = opacities[i]
+        n_covered += here[i] > 0.0
+        pixels[ALPHA + i] = here[i]
     for channel in range(index(color.shape[0])):
-        target = channel * NEXT
+        source, target = color[channel, start : start + n], channel * NEXT
         for i in range(n):
-            pixels[target + i] = color[channel, i] * (1.0 / opacities[i]) if opacities[i] > 0.0 else 0.0
+            pixels[target + i] = source[i] * (1.0 / here[i]) if here[i] > 0.0 else 0.0
     return n_covered
 
 
