@@ -38,7 +38,7 @@ _HOMES = {
     "Spectrum": "scene.spectrum",
     "Texture": "scene.texture",
     "compare": "analysis.comparison",
-    "explain": "reference.explaining",
+    "explain": "analysis.pixel",
     "headlight": "scene.lights",
     "illuminate": "engine.point_lighting",
     "load": "io.loader",
@@ -55,6 +55,7 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .analysis.contact_sheet import sheet as sheet
     from .analysis.mach import MachBands as MachBands
     from .analysis.mach import mach_bands as mach_bands
+    from .analysis.pixel import explain as explain
     from .engine.point_lighting import illuminate as illuminate
     from .errors import ModelError as ModelError
     from .errors import OutputError as OutputError
@@ -63,7 +64,6 @@ if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are 
     from .frame import Frame as Frame
     from .io.loader import load as load
     from .options import Options as Options
-    from .reference.explaining import explain as explain
     from .reference.explanation import Explanation as Explanation
     from .renderer import Renderer as Renderer
     from .renderer import render as render

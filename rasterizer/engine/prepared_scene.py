@@ -19,7 +19,7 @@ from .coding import make_coding, make_encoding
 from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
-from .passes import BufferPass, FaceTable, InterpolatedPass, LitPass
+from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
 from .shadow_maps import Shadows
 from .uniforms import make_lighting
 from .view_plans import ViewPlan, ViewPlans
@@ -57,12 +57,22 @@ class PreparedScene:
         picture = make_picture(options.size, "color" in options.outputs or options.color_range == "global")
         screen = screen_of(camera, view, options.size, options.factor, geometry, self.bounds)
         view_plan = self.view_plans.plan_for(view, screen)
-        plan, maps = view_plan.plan, ()
+        render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock)
+        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
+        if options.color_range == "global":
+            encoding = render_pass.encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
+            encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
+            clock.lap("encode")
+        rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan)
+
+    def color_pass(self, view, screen, plan, picture, clock) -> ColorPass:
+        """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
+        options, geometry, maps = self.options, self.geometry, ()
         if self.shadows is not None:
             maps = self.shadows.draw(view, self.workspaces, self.threads)
             clock.lap("shadows")
         lighting = make_lighting(plan, view, maps, screen.is_perspective)
-        encoding = make_encoding(plan, self.scene.background, options.color_range)
         shared = {
             "coding": make_coding(plan, screen, options.tolerance),
             "size": options.size,
@@ -70,25 +80,17 @@ class PreparedScene:
             "is_culled": options.cull == "back",
             "plan": plan,
             "screen": screen,
-            "encoding": encoding,
+            "encoding": make_encoding(plan, self.scene.background, options.color_range),
             "picture": picture,
         }
         if plan.is_lit_per_sample:
             attributes = self.normals.of(plan.dtype, plan.has_albedo, plan.has_tangents)
             face_table = FaceTable(geometry.face_material, NO_SHAPES if self.shadows is None else self.shadows.shapes)
-            render_pass = LitPass(attributes=attributes, face_table=face_table, lighting=lighting, **shared)
-        else:
-            attributes = self._light_points(plan, lighting, screen)
-            clock.lap("light")
-            face_table = FaceTable(geometry.face_material, NO_SHAPES)
-            render_pass = InterpolatedPass(attributes=attributes, face_table=face_table, **shared)
-        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
-        if options.color_range == "global":
-            encoding = encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
-            encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
-            clock.lap("encode")
-        rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
-        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan)
+            return LitPass(attributes=attributes, face_table=face_table, lighting=lighting, **shared)
+        attributes = self._light_points(plan, lighting, screen)
+        clock.lap("light")
+        face_table = FaceTable(geometry.face_material, NO_SHAPES)
+        return InterpolatedPass(attributes=attributes, face_table=face_table, **shared)
 
     def _light_points(self, plan, lighting, screen) -> np.ndarray:
         """Intensities of the points, on both sides where normals may have to be flipped."""

@@ -16,6 +16,7 @@ MANY_PARAMETERS = {
     "renderer.Renderer.__init__": "as render",
     "reference.picture.render": "as render",
     "reference.explaining.explain": "as render",
+    "analysis.pixel.explain": "as render",
     "io.loader.load": "as render",
     "scene.camera.Camera.framing": "public: keywords with defaults",
     "engine.point_lighting.illuminate": "public: keywords with defaults",

@@ -1,0 +1,66 @@
+"""Why a pixel is what it is: the reference's account of it, and the way that the renderer draws it."""
+
+from dataclasses import replace
+
+from ..choices import ColorRange, Cull, Samples, Shading
+from ..engine.prepared_scene import PreparedScene
+from ..engine.probe import ways_at
+from ..options import DEFAULT_TOLERANCE, Options
+from ..reference import explaining
+from ..reference.explanation import Explanation
+from ..scene.camera import Camera
+from ..scene.scene import Scene
+
+
+def explain(
+    scene: Scene,
+    x: int,
+    y: int,
+    size: tuple[int, int] = (640, 480),
+    *,
+    camera: Camera | None = None,
+    shading: Shading = "gouraud",
+    tolerance: float = DEFAULT_TOLERANCE,
+    samples: Samples = 1,
+    outputs: str | tuple[str, ...] = ("color",),
+    cull: Cull = "none",
+    color_range: ColorRange = "clamp",
+    exposure: float = 0.0,
+    spectral: int | None = None,
+    threads: int | None = None,
+) -> Explanation:
+    """Explain a pixel of a picture: what its samples see, and what each light adds, as the reference computes it.
+
+    Parameters
+    ----------
+    scene : Scene, or anything that a Scene takes as its meshes
+    x, y : column and row of the pixel, from the upper left, whole numbers
+    size : (width, height) in pixels, or one number for a square
+    camera : Camera; None = that of the scene
+    shading, samples, cull, color_range, exposure, spectral : the options of the picture, as for `render`. With several
+        samples each of them is explained, and the pixel's value is their mean. "global" takes the largest value of the
+        whole picture, which is then drawn, slowly
+    tolerance : decides the way that the renderer takes; the values are the reference's, which has no tolerance
+    outputs, threads : of no effect. They are taken so that the options of a picture can be handed on as they are
+
+    Returns
+    -------
+    Explanation, which prints as text
+
+    Raises
+    ------
+    SceneError : a pixel outside the picture, or an option that is not legal
+    ModelError : a mesh that is not legal
+    """
+    scene = scene if isinstance(scene, Scene) else Scene(scene)
+    scene = scene if camera is None else replace(scene, camera=camera)
+    options = Options(
+        size=size, shading=shading, tolerance=tolerance, samples=samples, outputs="rgb", cull=cull,
+        color_range=color_range, exposure=exposure, spectral=spectral, threads=1,
+    )  # fmt: skip
+    found = explaining.explain(
+        scene, x, y, size, shading=shading, tolerance=tolerance, samples=samples, outputs=outputs, cull=cull,
+        color_range=color_range, exposure=exposure, spectral=spectral, threads=threads,
+    )  # fmt: skip
+    ways = ways_at(PreparedScene(scene, options), scene.camera_for(options.size), (found.x, found.y))
+    return replace(found, way=" and ".join(ways) or None)

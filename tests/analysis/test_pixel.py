@@ -1,0 +1,65 @@
+"""`rz.explain`: the reference's account of a pixel, and the way that the renderer takes to it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.pinhole import octasphere
+
+import rasterizer as rz
+from rasterizer.reference import explaining
+
+SIZE = (40, 30)
+CAMERA = rz.Camera.perspective((0, 0, 4), fov=40)
+LIGHT = rz.DirectionalLight((0.2, -0.3, -1))
+MIDDLE, CORNER = (20, 15), (0, 0)
+
+
+def ball(**material):
+    return rz.Scene([rz.Mesh(*octasphere(3), crease_angle=180, material=rz.Material(**material))], [LIGHT], CAMERA)
+
+
+@pytest.mark.parametrize(
+    "options, ways",
+    [
+        ({"shading": "flat"}, {"packed entry"}),
+        ({"shading": "gouraud", "tolerance": 0.01}, {"packed entry"}),
+        ({"shading": "phong"}, {"plane record"}),
+        ({"shading": "phong", "tolerance": 0}, {"exact record"}),
+        ({"shading": "flat", "samples": 9}, {"packed entry"}),
+    ],
+)
+def test_the_way_of_a_pixel_is_told(options, ways):
+    found = rz.explain(ball(), *MIDDLE, SIZE, **options)
+    assert set(found.way.split(" and ")) == ways, found.way
+    assert f"drawn by: {found.way}" in str(found)
+    # The picture's own counts know the way, too.
+    counts = rz.render(ball(), SIZE, **options).stats.plan.ways
+    used = {"packed entry": counts.entries, "plane record": counts.planes, "exact record": counts.exact}
+    assert all(used[way] > 0 for way in ways)
+
+
+def test_all_else_is_what_the_reference_says():
+    scene, options = ball(specular=0.3, opacity=0.5), {"shading": "phong", "samples": 4}
+    found, expected = rz.explain(scene, 18, 13, SIZE, **options), explaining.explain(scene, 18, 13, SIZE, **options)
+    assert replace(found, way=None) == expected and expected.way is None
+    assert found.way == "exact record"  # as everything is that lets light through
+
+
+def test_a_pixel_that_shows_nothing_has_no_way():
+    assert rz.explain(ball(), *CORNER, SIZE).way is None
+
+
+def test_a_camera_of_its_own_and_the_value_of_the_picture():
+    camera = rz.Camera.orthographic((1, 2, 4), height=3)
+    frame = rz.render(replace(ball(), camera=camera), SIZE, shading="phong", tolerance=0)
+    for x, y in ((20, 15), (17, 12), (24, 19)):
+        found = rz.explain(ball(), x, y, SIZE, camera=camera, shading="phong", tolerance=0)
+        error = np.abs(np.array(found.linear) - frame.color[y, x]).max()
+        assert error <= frame.stats.error_bound + 1e-7, f"{error:.3g} > {frame.stats.error_bound:.3g}"
+
+
+@pytest.mark.parametrize("x, y", [(-1, 0), (40, 0), (0, 30), (1.5, 0), ("a", 0)])
+def test_a_pixel_outside_is_refused(x, y):
+    with pytest.raises(rz.SceneError, match="within 0..(39|29)"):
+        rz.explain(ball(), x, y, SIZE)
