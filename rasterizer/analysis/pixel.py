@@ -1,8 +1,9 @@
 """Why a pixel is what it is: the reference's account of it, and the way that the renderer draws it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from ..choices import ColorRange, Cull, Samples, Shading
+from ..choices import ColorRange, Cull, Output, Samples, Shading
 from ..engine.prepared_scene import PreparedScene
 from ..engine.probe import ways_at
 from ..options import DEFAULT_TOLERANCE, Options
@@ -22,7 +23,7 @@ def explain(
     shading: Shading = "gouraud",
     tolerance: float = DEFAULT_TOLERANCE,
     samples: Samples = 1,
-    outputs: str | tuple[str, ...] = ("color",),
+    outputs: Output | Sequence[Output] = ("color",),
     cull: Cull = "none",
     color_range: ColorRange = "clamp",
     exposure: float = 0.0,
@@ -55,12 +56,9 @@ def explain(
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     scene = scene if camera is None else replace(scene, camera=camera)
     options = Options(
-        size=size, shading=shading, tolerance=tolerance, samples=samples, outputs="rgb", cull=cull,
-        color_range=color_range, exposure=exposure, spectral=spectral, threads=1,
-    )  # fmt: skip
-    found = explaining.explain(
-        scene, x, y, size, shading=shading, tolerance=tolerance, samples=samples, outputs=outputs, cull=cull,
+        size=size, shading=shading, tolerance=tolerance, samples=samples, outputs=outputs, cull=cull,
         color_range=color_range, exposure=exposure, spectral=spectral, threads=threads,
     )  # fmt: skip
+    found = explaining.explain(scene, x, y, options)
     ways = ways_at(PreparedScene(scene, options), scene.camera_for(options.size), (found.x, found.y))
     return replace(found, way=" and ".join(ways) or None)

@@ -4,16 +4,13 @@ It goes the way of picture.py, with the same functions, for the samples of one p
 the illumination equation is evaluated at the same points, and its terms are kept one by one.
 """
 
-from dataclasses import replace
 from typing import SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import ColorRange, Cull, Shading
 from ..errors import SceneError, shown
-from ..options import DEFAULT_TOLERANCE, Options
-from ..scene.camera import Camera
+from ..options import Options
 from ..scene.scene import Scene
 from ..scene.validate import is_whole
 from .clip import SUBPIXELS
@@ -37,54 +34,27 @@ from .surface import Surface
 from .visibility import NOTHING, find_visible, gather_fragments
 
 
-def explain(
-    scene: Scene,
-    x: int,
-    y: int,
-    size: tuple[int, int] = (640, 480),
-    *,
-    camera: Camera | None = None,
-    shading: Shading = "gouraud",
-    tolerance: float = DEFAULT_TOLERANCE,
-    samples: int = 1,
-    outputs: str | tuple[str, ...] = ("color",),
-    cull: Cull = "none",
-    color_range: ColorRange = "clamp",
-    exposure: float = 0.0,
-    spectral: int | None = None,
-    threads: int | None = None,
-) -> Explanation:
+def explain(scene: Scene, x: int, y: int, options: Options) -> Explanation:
     """Explain a pixel of a picture: what its samples see, and what each light adds, as the reference computes it.
 
     Parameters
     ----------
-    scene : Scene, or anything that a Scene takes as its meshes
+    scene : Scene
     x, y : column and row of the pixel, from the upper left, whole numbers
-    size : (width, height) in pixels, or one number for a square
-    camera : Camera; None = that of the scene
-    shading, samples, cull, color_range, exposure, spectral : the options of the picture, as for `render`. With several
-        samples each of them is explained, and the pixel's value is their mean. "global" takes the largest value of the
-        whole picture, which is then drawn, slowly
-    tolerance, outputs, threads : of no effect: the reference has no tolerance. They are taken so that the options of a
-        picture can be handed on as they are
+    options : of the picture; tolerance, outputs and threads have no effect here. With several samples each of them is
+        explained, and the pixel's value is their mean. The colour range "global" takes the largest value of the whole
+        picture, which is then drawn, slowly
 
     Returns
     -------
-    Explanation, which prints as text
+    Explanation
 
     Raises
     ------
-    SceneError : a pixel outside the picture, or an option that is not legal
-    ModelError : a mesh that is not legal
+    SceneError : a pixel outside the picture
     """
-    options = Options(
-        size=size, shading=shading, tolerance=tolerance, samples=samples, outputs=outputs, cull=cull,
-        color_range=color_range, exposure=exposure, spectral=spectral, threads=threads,
-    )  # fmt: skip
     width, height = options.size
     x, y = _checked_index(x, "x", width, "columns"), _checked_index(y, "y", height, "rows")
-    scene = scene if isinstance(scene, Scene) else Scene(scene)
-    scene = scene if camera is None else replace(scene, camera=camera)
     look = look_at(scene, options.size, options.shading, limits=(None, None), **_settings_of(options))
     found = _explain_samples(look, x, y, options.factor)
     return _sum_up(look, x, y, found, options)

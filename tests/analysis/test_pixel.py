@@ -41,7 +41,8 @@ def test_the_way_of_a_pixel_is_told(options, ways):
 
 def test_all_else_is_what_the_reference_says():
     scene, options = ball(specular=0.3, opacity=0.5), {"shading": "phong", "samples": 4}
-    found, expected = rz.explain(scene, 18, 13, SIZE, **options), explaining.explain(scene, 18, 13, SIZE, **options)
+    found = rz.explain(scene, 18, 13, SIZE, **options)
+    expected = explaining.explain(scene, 18, 13, rz.Options(size=SIZE, **options))
     assert replace(found, way=None) == expected and expected.way is None
     assert found.way == "exact record"  # as everything is that lets light through
 

@@ -32,12 +32,14 @@ from rasterizer import reference, registries
 from rasterizer.cli import main
 from rasterizer.compiler.kernels import CACHE_FOLDER
 from rasterizer.engine import light_table, reflection_table
+from rasterizer.engine.output_buffers import OutputBuffer
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.io.formats import Format
 from rasterizer.io.scene_file import read_scene
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.light_kinds import VECTOR
+from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.reference.lamp import LAMP_KINDS
 from rasterizer.reference.reflection import REFLECTION_KINDS, ReflectionKind
 from rasterizer.scene.fields import Attenuation, Color, Vector, describe_fields
@@ -385,6 +387,33 @@ def test_a_format_is_read_while_it_is_registered(tmp_path):
                 registries.add_format(taken)
     with pytest.raises(rz.ModelError, match="unknown format 'box'; readable are obj, stl"):
         rz.load(file)
+
+
+def write_mask(surfaces, band, out):
+    """A buffer of a test's own, without the compiler: 7 where something is visible."""
+    visibility = surfaces.visibility
+    for row in range(band.n_row):
+        entries = visibility.entries[row * visibility.pitch :][: visibility.width]
+        out[band.y_start + row][entries < CLEAR] = 7
+
+
+def test_a_buffer_is_drawn_while_it_is_registered(tmp_path):
+    scene, entry = rz.load(CUBE), OutputBuffer(write_mask, np.uint8, 1, 1)
+    with registries.add_buffer("mask", "7 where something is visible", drawn=entry):
+        frame = rz.render(scene, (40, 30), outputs=("mask", "face", "color"), threads=2)
+        assert (frame.array("mask") == np.where(frame.face >= 0, 7, 1)).all() and frame.has("mask")
+        assert (frame.array("mask") == 7).sum() > 100 and "mask" in repr(frame)
+        assert (
+            main(["render", str(CUBE), "-s", "40x30", "--array", "mask", "-o", str(tmp_path / "mask.npy"), "-q"]) == 0
+        )
+        assert (np.load(tmp_path / "mask.npy") == frame.array("mask")).all()
+        for taken in ("mask", "depth", "rgb"):
+            with pytest.raises(rz.SceneError, match="taken are|already"):
+                registries.add_buffer(taken, "", drawn=entry)
+    with pytest.raises(rz.SceneError, match="outputs must be one of color, rgb, depth, face, normal; given 'mask'"):
+        rz.render(scene, 8, outputs="mask")
+    with pytest.raises(rz.SceneError, match="array must be one of"):
+        frame.array("mask")
 
 
 def test_what_can_not_be_a_light_is_refused():

@@ -15,7 +15,6 @@ MANY_PARAMETERS = {
     "renderer.render": "public: each option is a keyword that editors show",
     "renderer.Renderer.__init__": "as render",
     "reference.picture.render": "as render",
-    "reference.explaining.explain": "as render",
     "analysis.pixel.explain": "as render",
     "io.loader.load": "as render",
     "scene.camera.Camera.framing": "public: keywords with defaults",
