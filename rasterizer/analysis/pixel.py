@@ -6,29 +6,29 @@ from dataclasses import replace
 from ..choices import ColorRange, Cull, Output, Samples, Shading
 from ..engine.prepared_scene import PreparedScene
 from ..engine.probe import ways_at
-from ..options import DEFAULT_TOLERANCE, Options
+from ..options import Options
 from ..reference import explaining
 from ..reference.explanation import Explanation
 from ..scene.camera import Camera
-from ..scene.scene import Scene
+from ..scene.scene import Scene, SceneLike
 
 
 def explain(
-    scene: Scene,
+    scene: SceneLike,
     x: int,
     y: int,
-    size: tuple[int, int] = (640, 480),
+    size: int | Sequence[int] = Options.size,
     *,
     camera: Camera | None = None,
-    shading: Shading = "gouraud",
-    tolerance: float = DEFAULT_TOLERANCE,
-    samples: Samples = 1,
-    outputs: Output | Sequence[Output] = ("color",),
-    cull: Cull = "none",
-    color_range: ColorRange = "clamp",
-    exposure: float = 0.0,
-    spectral: int | None = None,
-    threads: int | None = None,
+    shading: Shading = Options.shading,
+    tolerance: float = Options.tolerance,
+    samples: Samples = Options.samples,
+    outputs: Output | Sequence[Output] = Options.outputs,
+    cull: Cull = Options.cull,
+    color_range: ColorRange = Options.color_range,
+    exposure: float = Options.exposure,
+    spectral: int | None = Options.spectral,
+    threads: int | None = Options.threads,
 ) -> Explanation:
     """Explain a pixel of a picture: what its samples see, and what each light adds, as the reference computes it.
 
