@@ -279,7 +279,7 @@ def test_an_opaque_scene_compiles_no_layers():
         "    rz.render(scene, 16, shading=shading)\n"
         "kernels = [a_buffer.scan_opaque, a_buffer.list_fragments, a_buffer.open_lists, a_buffer.show_nearest]\n"
         "kernels += [a_buffer.composite]\n"
-        "kernels += [shadow_lookup.write_map, texture_sampling.take_texels, texture_sampling.shade_textured]\n"
+        "kernels += [shadow_lookup.write_map, texture_sampling.sample_textures, texture_sampling.shade_textured]\n"
         "assert not any(kernel.signatures for kernel in kernels)\n"
         "glass = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=rz.Material(opacity=0.5))])\n"
         "rz.render(glass, 16)\n"
