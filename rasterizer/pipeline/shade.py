@@ -233,13 +233,19 @@ def interpolate_fragments(entries, records, first, has_albedo, is_perspective, b
         normals = corner_vectors(records, record, 0)
         depths = corner_values(records.reals, record, DEPTH)
         colors = corner_vectors(records, record, 3) if has_albedo else normals
+        # Component by component: by vector helpers and a choice between two values this loop takes a tenth longer.
         for k in range(start, end):
-            q = corner_weights(triangle, first[0] + np.int64(k), first[1])
-            inverse = inverse_sum(q)
-            p = rounded(scale(q, inverse), real)
-            set_vector(batch, f.NORMAL, k, scale(mean_vector(normals, p), side))
+            q0, q1, q2 = corner_weights(triangle, first[0] + np.int64(k), first[1])
+            inverse = 1.0 / (q0 + q1 + q2)
+            p = real(q0 * inverse), real(q1 * inverse), real(q2 * inverse)
+            batch[f.NORMAL + k] = side * mean(normals[0], p)
+            batch[f.NORMAL + f.NEXT + k] = side * mean(normals[1], p)
+            batch[f.NORMAL + f.NEXT + f.NEXT + k] = side * mean(normals[2], p)
             # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
-            batch[f.DISTANCE + k] = real(triangle.area * inverse) if is_perspective else mean(depths, p)
+            if is_perspective:
+                batch[f.DISTANCE + k] = real(triangle.area * inverse)
+            else:
+                batch[f.DISTANCE + k] = mean(depths, p)
             if has_albedo:
                 set_vector(batch, f.ALBEDO, k, mean_vector(colors, p))
         start, end = next_exact_run(entries, end)
