@@ -7,6 +7,7 @@ Every stage hands plain arrays to the next; `draw` is the way from transform on.
 what becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
 """
 
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from .transparency import draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
 MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
+NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture
 
 
 def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Counts":

@@ -7,7 +7,7 @@ Who asks, and for what:
     error_bounds        how far its factors magnify rounding errors, where it jumps
     uniforms            the pipeline's function for it, and the coefficients that this function reads
     shadow_maps         the beam that a map has to show
-    renderer            how near the lit points come to it
+    view_plans          how near the lit points come to it
     analysis/mach       the beam, too: which side of a face is lit
 
 A kind of light of one's own derives from LightEntry and says only what is different; `rasterizer.registries` enters it

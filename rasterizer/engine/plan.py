@@ -37,9 +37,9 @@ class Plan(NamedTuple):
     tint: np.ndarray  # (3,) float32: the colour of a picture with one channel
     dtype: np.dtype
     reasons: tuple[str, ...]  # why float32 won't do; none where it does
-    coding: int  # the cheapest way that attributes may take to the samples; see pipeline/records.py
+    coding: int  # the cheapest way that attributes may take to the samples; see pipeline/gradients.py
     level_scale: float  # levels a unit of intensity
-    normal_limit: float  # how far float32 planes may turn a normal, see pipeline/records.py
+    normal_limit: float  # how far float32 planes may turn a normal, see pipeline/gradients.py
     bound: float  # the largest intensity that any point can have
     reflected: Reflected  # how bright each light makes each material, not amplified
     most: np.ndarray  # (n_light,): how much each light amplifies at most

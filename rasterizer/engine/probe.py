@@ -1,21 +1,17 @@
 """Which way a pixel took through the stages: its band is drawn once more, and its visibility entries are looked at."""
 
 from dataclasses import dataclass
-from types import SimpleNamespace
-
-import numpy as np
 
 from ..pipeline.buffers import clear_band
 from ..pipeline.visibility import CLEAR, IS_EXACT, IS_ID
 from ..pipeline.workspace import make_picture
 from ..scene.camera import Camera
 from .depth_range import screen_of
-from .draw import draw
+from .draw import NO_CLOCK, draw
 from .passes import Pass
 from .prepared_scene import PreparedScene
 
 ENTRY, PLANES, EXACT = "packed entry", "plane record", "exact record"
-NO_CLOCK = SimpleNamespace(lap=lambda stage: None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,9 +50,7 @@ def ways_at(prepared: PreparedScene, camera: Camera, pixel: tuple[int, int]) -> 
     of_picture = prepared.color_pass(view, screen, plan, make_picture(options.size, False), NO_CLOCK)
     # Transparent surfaces are looked at as if they were opaque: all of their records are exact.
     probe = ProbePass(
-        attributes=of_picture.attributes
-        if plan.opacity is None
-        else np.empty((1, prepared.geometry.points.shape[1], 0)),
+        attributes=of_picture.attributes if plan.opacity is None else prepared.normals.none(),
         coding=of_picture.coding,
         size=options.size,
         factor=options.factor,

@@ -10,7 +10,6 @@ Which of these a light is says its `Beam` (engine/light_table.py); an area light
 
 import math
 from functools import cached_property
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,14 +27,13 @@ from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
 from .coding import make_coding
 from .depth_range import NEAREST, fit_screen
-from .draw import draw
+from .draw import NO_CLOCK, draw
 from .light_table import Beam, entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
 from .plan import Plan
 
 # Tangent of the widest half angle of a single map: its middle has half of the texels that a cube's face would have.
 WIDEST = 2.0
-NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # the stages of a map are not those of the picture
 MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow_lookup.py
 MOST_NUMBERS = 2**28  # of all maps of a scene: 2 GiB
 MARGIN = 1.0  # texels that stay free at the borders of a fitted map

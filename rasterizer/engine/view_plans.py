@@ -41,11 +41,6 @@ class ViewPlans:
         if self.plan.is_lit_per_sample and self.plan.reflected.turn_slope > 0.0:
             self._shortest = find_shortest_normal(geometry.normals, geometry.corner)
 
-    @property
-    def last(self) -> Plan:
-        """The plan of the last view; before the first one that of the scene."""
-        return self.plan if self._last is None else self._last.plan
-
     def plan_for(self, view, screen) -> ViewPlan:
         """The plan for a view, or one with float64 where float32 has too few digits for it."""
         reach = np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()
@@ -134,9 +129,9 @@ def rounding_of(plan: Plan, surroundings: Surroundings) -> float:
 def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
     """The largest error of an intensity in one view, against the exact evaluation of the same polygons; see `Stats`.
 
-    Float64 leaves the rounding alone. Float32 adds half a level where a polygon has one intensity in its words, a
-    quarter of the tolerance for the normals' planes and one for colours', or all of it for what Gouraud's method has
-    between the corners.
+    Float64 leaves the rounding alone. Float32 adds half a level where a polygon has one intensity in its visibility
+    entries, a quarter of the tolerance for the normals' planes and one for colours', or all of it for what Gouraud's
+    method has between the corners.
     """
     rounding, approximated = rounding_of(plan, surroundings), 0.0
     if plan.coding != EXACT:
