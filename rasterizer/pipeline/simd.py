@@ -1,6 +1,6 @@
 """Two inner loops as vector instructions: a small box of samples, and the planes of one sample.
 
-They stand here in Python, which is what runs with the JIT switched off; compiler/simd_ops.py spells them out for the
+They stand here in Python, which is what runs with the JIT switched off; compiler/intrinsics.py spells them out for the
 compiler, which wouldn't find vector instructions for loops of eight or four by itself. tests/pipeline/test_simd.py
 compares both.
 """
@@ -9,14 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.internals import lowered_by
-from ..compiler.simd_ops import LANES, PLANE_GROUP, build_evaluate_planes, build_merge_box
+from ..compiler.kernels import LANES, PLANE_GROUP, spelled_out
 
 # Edge functions of a box up to so many samples wide and high fit 32 bits: 2 · (16 · 256) · (128 · 256) = 2^28.
 MOST_WIDE, MOST_HIGH = 2 * LANES, 128
 
 
-@lowered_by(build_merge_box)
+@spelled_out("build_merge_box")
 def merge_box(entries, start, pitch, n_row, plane, edges, depth_mask):
     """Merge a box LANES samples wide into a visibility buffer: the inner loop of the scan stage for small triangles.
 
@@ -51,7 +50,7 @@ class PlaneGroup(NamedTuple):
     scale: float  # what integers are multiplied by at the end, in the type of the output
 
 
-@lowered_by(build_evaluate_planes)
+@spelled_out("build_evaluate_planes")
 def evaluate_planes(entries, group, x, y, out, start, stride):
     """Evaluate a group of four planes at every sample of a row: the inner loop of the shade stage.
 

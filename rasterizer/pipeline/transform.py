@@ -19,9 +19,8 @@ sample; how much that is in a colour depends on how fast the colour changes ther
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
-from ..compiler.kernels import kernel
+from ..compiler.kernels import helper, kernel
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
 HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner
@@ -134,7 +133,7 @@ def transform_range(positions, start, end, screen, out):
     return n_outside
 
 
-@register_jitable
+@helper
 def project(across, upward, w, screen):
     """Project view space to the screen: (x, y) in 1/256 px, not rounded; numbers in kernels, or float64 arrays.
 
@@ -148,7 +147,7 @@ def project(across, upward, w, screen):
     return x, y
 
 
-@register_jitable
+@helper
 def compute_z(depth, screen):
     """Turn distances along the viewing axis, scene units, into units of the z-buffer; numbers or float64 arrays."""
     return screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
