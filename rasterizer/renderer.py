@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 from time import perf_counter
 
 from .choices import ColorRange, Cull, Output, Samples, Shading
+from .compiler.kernels import compiling_ahead
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
 from .errors import SceneError, shown
@@ -106,7 +107,8 @@ class Renderer:
             spectral=spectral,
             threads=threads,
         )
-        self._prepared = PreparedScene(self.scene, self.options)
+        with compiling_ahead(self._list_needs):
+            self._prepared = PreparedScene(self.scene, self.options)
         self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
         self._is_closed = False
 
@@ -135,8 +137,14 @@ class Renderer:
 
         Raises SceneError for what is no camera, and after `close`.
         """
-        with self._prepared.threads.turn:
+        with self._prepared.threads.turn, compiling_ahead(self._list_needs):
             return self._render(camera)
+
+    def _list_needs(self) -> dict:
+        """List the kernels that a picture needs, where one of them is missing."""
+        from .needs import list_needs
+
+        return list_needs(self.scene, self.options)
 
     def _render(self, camera) -> Frame:
         """Draw the picture if one is wanted, then the buffers."""

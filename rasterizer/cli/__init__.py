@@ -117,7 +117,7 @@ def _run(arguments, messages) -> int:
     if arguments.command == "warmup":
         from .warmup_command import warm_up
 
-        warm_up(messages)
+        warm_up(messages, arguments.into, arguments.cpu)
         return DONE
     if arguments.command == "compare":
         from .compare_command import compare_models as run

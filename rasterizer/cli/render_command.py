@@ -11,7 +11,7 @@ from ..renderer import Renderer
 from .arguments import PICTURE_SAMPLES
 from .cameras_lights import camera_of, check_camera
 from .load_scene import load_scene, make_settings, with_options
-from .messages import compiling_announced, print_record
+from .messages import compilation_shown, print_record
 from .targets import STDIO, plan_targets
 from .warnings import find_doubts
 from .write_targets import Outputs
@@ -50,7 +50,7 @@ def draw_models(arguments, messages, draw) -> tuple[list, int]:
     check_camera(arguments)
     plan = plan_targets(arguments)
     failures = []
-    with compiling_announced(messages), Outputs(plan, arguments) as outputs:
+    with compilation_shown(messages), Outputs(plan, arguments) as outputs:
         for number, targets in enumerate(plan):
             try:
                 draw(targets, arguments, settings, messages, outputs.of_model(number))

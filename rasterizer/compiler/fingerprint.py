@@ -68,8 +68,10 @@ def setting(name: str) -> str:
 
 def describe_compiler() -> str:
     """Say what decides, beside sources and processor, what code is made."""
+    of_processor = "CPU_FEATURES", "CPU_NAME"  # the key of each kernel tells of them
     versions = numba_version(), llvmlite.__version__, np.__version__, sys.implementation.cache_tag
     settings = [(name, os.environ[f"NUMBA_{name}"]) for name in CODE_SETTINGS if os.environ.get(f"NUMBA_{name}")]
+    settings = [setting for setting in settings if setting[0] not in of_processor]
     own = Path(".numba_config.yaml")  # numba reads it where the program is started
     return repr((versions, settings, own.read_bytes() if own.is_file() else b""))
 
@@ -94,9 +96,19 @@ def host_processor() -> str:
     return f"{name} {llvm.get_host_cpu_features().flatten() if features is None else features}"
 
 
+def features_of(level: str) -> str:
+    """Return what the processors of a level can do, as numba takes it."""
+    return ",".join(f"+{feature}" for feature in PROCESSOR_LEVELS[level])
+
+
 def usable_processors() -> list[str]:
-    """Return the processors whose code runs here: this one first, then the levels that it has reached."""
+    """Return the processors whose code runs here: this one first, then the levels that it has reached.
+
+    A processor that NUMBA_CPU_NAME names is the only one.
+    """
     host = host_processor()
+    if setting("CPU_NAME"):
+        return [host]
     features = llvm.get_host_cpu_features()
     levels = [name for name, needed in PROCESSOR_LEVELS.items() if all(features.get(need) for need in needed)]
     return [host, *(level for level in levels if level != host)]

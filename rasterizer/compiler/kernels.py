@@ -15,11 +15,14 @@ From Python every helper is the plain function that stands in its source. With N
 debugger steps through them, and a small picture takes seconds.
 """
 
+import contextlib
+import contextvars
 import ctypes
 import functools
 import importlib
 import logging
 import os
+import sys
 import threading
 from collections.abc import Callable
 
@@ -76,6 +79,8 @@ class Kernel:
         self._by_numba = None  # what numba made of it, where it has no entry points
 
     def __call__(self, *arguments):
+        if _needs.get() is not None:
+            return self._note(arguments)
         for entry_point, table in self._entries:
             result = entry_point(arguments, table)
             if result is not NotImplemented:
@@ -103,6 +108,20 @@ class Kernel:
                     self._entries.append(entry)
         return entry[0](arguments, entry[1]) if entry else self._by_numba(*arguments)
 
+    def _note(self, arguments):
+        """Note what is called, and let Python do it; numbers are returned as compiled code returns them."""
+        arguments = plain(arguments)
+        _needs.get()[self.py_func, signature_of(arguments)] = True
+        token = _needs.set({})  # what a kernel calls is compiled with it
+        try:
+            with np.errstate(all="ignore"):
+                result = self.py_func(*arguments)
+        finally:
+            _needs.reset(token)
+        if isinstance(result, tuple):
+            return tuple(item.item() if isinstance(item, np.generic) else item for item in result)
+        return result.item() if isinstance(result, np.generic) else result
+
     def _find_entry_point(self, signature: tuple):
         """Return the entry point for a signature; None where numba calls the kernel from now on."""
         if signature not in self._loaded:
@@ -120,22 +139,34 @@ def load(function: Callable, signature: tuple) -> LoadedCode | None:
 
     None where neither is possible: the log says why.
     """
-    title = title_of(function)
-    for code in STORE.find(title, signature):
+    loaded = _load_stored(function, signature)
+    if loaded is None and _ahead.get() is not None:
+        _compile_ahead((function, signature))
+        loaded = _load_stored(function, signature)
+    return loaded or _load_compiled(function, signature)
+
+
+def _load_stored(function, signature):
+    for code in STORE.find(title_of(function), signature) if is_own(function) else ():
         try:
             return LoadedCode(Code.of_bytes(code), "entry")
-        except (LookupError, RuntimeError) as fault:
-            _log.info("kernel %s can't be loaded and is compiled again (%s)", title, fault)
+        except (LookupError, RuntimeError, ValueError) as fault:
+            _log.info("kernel %s can't be loaded and is compiled again (%s)", title_of(function), fault)
+    return None
+
+
+def _load_compiled(function, signature):
     internals = _internals()
     if not internals.IS_SEEN:
         return None
+    _notice.get()(function.__name__, 0, 1)
     try:
         code = internals.compile_signature(function, signature)
         if is_own(function):
-            STORE.keep(title, signature, code.as_bytes())
+            STORE.keep(title_of(function), signature, code.as_bytes())
         return LoadedCode(code, "entry")
     except (internals.NotStandalone, LookupError, RuntimeError) as reason:
-        _log.info("kernel %s is left to numba: %s", title, reason)
+        _log.info("kernel %s is left to numba: %s", title_of(function), reason)
         return None
 
 
@@ -147,6 +178,72 @@ def title_of(function: Callable) -> str:
 def is_own(function: Callable) -> bool:
     """Tell whether a function is of this package: the store's key tells of no other sources."""
     return function.__module__.partition(".")[0] == __name__.partition(".")[0]
+
+
+# ---------------------------------------------------------------- many at once
+
+# What the current context does about kernels that are not in the store.
+_needs = contextvars.ContextVar("needs", default=None)  # {(function, signature): True} while they are noted
+_ahead = contextvars.ContextVar("ahead", default=None)  # what lists the needs, until the first kernel is missing
+_notice = contextvars.ContextVar("notice", default=lambda name, n_done, n_job: None)
+
+
+@contextlib.contextmanager
+def noting_needs():
+    """Let Python run all kernels inside the block; yield what notes them, {(function, signature): True}."""
+    needs = {}
+    token = _needs.set(needs)
+    try:
+        yield needs
+    finally:
+        _needs.reset(token)
+
+
+@contextlib.contextmanager
+def compiling_ahead(list_needs: Callable[[], dict]):
+    """Where a kernel is missing inside the block, compile what `list_needs()` returns at once, on all cores.
+
+    Without effect where there is no folder for new kernels, or no Python to start.
+    """
+    is_possible = STORE.own is not None and bool(sys.executable) and not getattr(sys, "frozen", False)
+    token = _ahead.set(list_needs if is_possible else None)
+    try:
+        yield
+    finally:
+        _ahead.reset(token)
+
+
+@contextlib.contextmanager
+def noticing_compilation(notice: Callable[[str, int, int], None]):
+    """Call `notice(name, n_done, n_job)` whenever inside the block a kernel begins to be compiled."""
+    token = _notice.set(notice)
+    try:
+        yield
+    finally:
+        _notice.reset(token)
+
+
+def _compile_ahead(missing) -> None:
+    """Compile a missing kernel and what else is needed, as far as it isn't stored."""
+    list_needs = _ahead.get()
+    _ahead.set(None)  # once: what is still missing afterwards is compiled where it is met
+    compile_into(STORE, missing_in(STORE, {missing: True} | list_needs()))
+
+
+def missing_in(store: Store, needs: dict) -> list:
+    """Return those of the needs, (function, signature) each, that a store doesn't have, and can."""
+    return [
+        (function, signature)
+        for function, signature in needs
+        if is_own(function) and not any(store.find(title_of(function), signature))
+    ]
+
+
+def compile_into(store: Store, jobs: list) -> None:
+    """Compile kernels, (function, signature) each, into a store, in as many processes as there are cores."""
+    from .jobs import compile_together  # it starts processes: most runs have no need of it
+
+    compile_together(jobs, store.own, _notice.get())
 
 
 # ---------------------------------------------------------------- what kernels call
@@ -269,15 +366,22 @@ class PlainBatchFunction:
         self.py_func(ctypes.cast(batch, self._pointer), n, ctypes.cast(coefficients, self._pointer))
 
 
-@functools.cache
 def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunction:
     """Compile `function(batch, n, coefficients)`, where both are addresses of arrays of `dtype`.
 
     A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every kind of light and
-    every reflection model, and only those that a scene uses are ever compiled. Keep it as long as the address is in
-    use.
+    every reflection model, and only those that a scene uses are ever compiled.
     """
-    return (BatchFunction if IS_COMPILING else PlainBatchFunction)(function, dtype)
+    if not IS_COMPILING:
+        return _plain_batch_function(function, dtype)
+    if _needs.get() is not None:
+        _needs.get()[function, ("batch function", np.dtype(dtype).name)] = True
+        return _plain_batch_function(function, dtype)
+    return _batch_function(function, dtype)
+
+
+# Kept for good: whoever has an address may call it.
+_batch_function, _plain_batch_function = functools.cache(BatchFunction), functools.cache(PlainBatchFunction)
 
 
 @spelled_out("build_call", is_documented=True)

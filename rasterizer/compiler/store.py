@@ -201,7 +201,7 @@ def write_code(folder: Path, title: str, key: bytes, code: bytes) -> None:
     path, part = folder / file_name(title, key), None
     try:
         part = folder / f"{os.urandom(8).hex()}{HALF_WRITTEN}"
-        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "wb") as file:
             file.write(FORMAT + hashlib.sha256(rest).digest() + rest)
         os.replace(part, path)
     except OSError as fault:
@@ -248,9 +248,23 @@ class Store(NamedTuple):
         folders = [shipped] if not asked and shipped.is_dir() and not _distrust_of(shipped, reasons) else []
         return cls((*folders, *([own] if own else [])), own, True, tuple(reasons))
 
-    def is_cold(self) -> bool:
-        """Tell whether there is no kernel yet, so that the first picture will take seconds."""
-        return not any(next(folder.glob(f"*{SUFFIX}"), None) for folder in self.folders)
+    @property
+    def is_kept(self) -> bool:
+        """Tell whether what is compiled is kept for other processes."""
+        return self.own is not None
+
+    @classmethod
+    def into(cls, folder: Path) -> "Store":
+        """Return a store of its own in a folder, for others to read.
+
+        Raises OSError where the folder can't be made or written.
+        """
+        own = Path(os.path.realpath(folder)) / f"{PREFIX}{fingerprint.hash_sources()}"
+        own.mkdir(parents=True, exist_ok=True)
+        if not os.access(own, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(own))
+        _mark(own)
+        return cls((own,), own, True)
 
     def find(self, title: str, signature: tuple):
         """Yield the codes that were kept for a signature and run on this processor, the best one first."""
