@@ -12,12 +12,15 @@ The arrays it hands over have no owner that numba knows of. So counting their re
 and the caller holds the arguments for the whole call.
 """
 
+from functools import reduce
+
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
 from .layouts import (
-    BYTE_ORDER, CLASS, DATA, DTYPE, FLAGS, IS_ALIGNED, IS_C, IS_F, ITEMS, N_AXIS, N_ITEM, NUMBER, SHAPE, STRIDES,
+    BYTE_ORDER, CLASS, DATA, DTYPE, FLAGS, IS_ALIGNED, IS_C, IS_F, ITEMS, N_AXIS, N_ITEM, NATIVE_ORDERS, NUMBER,
+    SHAPE, STRIDES,
 )  # fmt: skip
 from .signatures import COMMON, ERROR, NDARRAY, NONE, NOT_IMPLEMENTED
 
@@ -71,7 +74,9 @@ def build_entry_point(context, module, fndesc) -> None:
     )
     reader.call("PyEval_RestoreThread", thread)
     with builder.if_then(status.is_error, likely=False):
-        text = cgutils.global_constant(module, "failed", ir.Constant(ir.ArrayType(_BYTE, len(FAILED)), bytearray(FAILED)))
+        text = cgutils.global_constant(
+            module, "failed", ir.Constant(ir.ArrayType(_BYTE, len(FAILED)), bytearray(FAILED))
+        )
         reader.call("PyErr_SetString", reader.common(ERROR), builder.bitcast(text, _OBJECT))
         builder.ret(ir.Constant(_OBJECT, None))
     builder.ret(reader.wrap(result, fndesc.restype))
@@ -188,7 +193,8 @@ class _Reader:
         number = builder.sext(self._load(dtype, NUMBER, _INT), _LONG)
         order, flags = self._load(dtype, BYTE_ORDER, _BYTE), self._load(thing, FLAGS, _INT)
         n_axis = self._load(thing, N_AXIS, _INT)
-        is_native = builder.or_(*(builder.icmp_signed("==", order, ir.Constant(_BYTE, ord(c))) for c in "=|"))
+        orders = [builder.icmp_signed("==", order, ir.Constant(_BYTE, ord(sign))) for sign in NATIVE_ORDERS]
+        is_native = reduce(builder.or_, orders)
         wanted = {"C": IS_ALIGNED | IS_C, "F": IS_ALIGNED | IS_F, "A": IS_ALIGNED}[kind.layout]
         looked_at = IS_ALIGNED | IS_C | (0 if kind.layout == "C" else IS_F)
         layout = builder.and_(flags, ir.Constant(_INT, looked_at))
