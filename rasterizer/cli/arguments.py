@@ -129,7 +129,9 @@ def _make_parsers() -> tuple[_Parser, dict[str, _Parser]]:
         allow_abbrev=False,
     )
     warmup.add_argument(
-        "--into", metavar="FOLDER", help="make a store that can be shipped: in the package's folder `kernels` it is found"
+        "--into",
+        metavar="FOLDER",
+        help="make a store that can be shipped: in the package's folder `kernels` it is found",
     )
     levels = ("x86-64-v2", "x86-64-v3", "x86-64-v4")
     warmup.add_argument("--cpu", choices=levels, help="what the code shall run on (default: this machine's processor)")

@@ -14,9 +14,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 _PARENT = str(Path(__file__).resolve().parents[2])  # what the package is imported from
-_PROGRAM = (
-    "import sys; sys.path.insert(0, sys.argv[1]); from rasterizer.compiler.worker import main; sys.exit(main(sys.argv[2]))"
-)
+_PROGRAM = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from rasterizer.compiler.worker import main
+sys.exit(main(sys.argv[2]))
+"""
 _log = logging.getLogger("rasterizer")
 
 
@@ -55,7 +58,9 @@ def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int],
                     print(repr((function.__module__, function.__name__, signature)), file=worker.stdin, flush=True)
                     answer = worker.stdout.readline().strip()
                     if answer != "done":
-                        _log.info("kernel %s is not compiled ahead: %s", function.__name__, answer or "the process ended")
+                        _log.info(
+                            "kernel %s is not compiled ahead: %s", function.__name__, answer or "the process ended"
+                        )
                     if not answer:
                         return
                     with turn:

@@ -95,7 +95,7 @@ class Table:
 
 
 def plain(value):
-    """Return an argument with arrays of subclasses, such as memory maps, as plain arrays: entry points know no others."""
+    """Return an argument with arrays of subclasses, such as memory maps, as plain arrays."""
     if isinstance(value, tuple):
         items = [plain(item) for item in value]
         return type(value)(*items) if hasattr(value, "_fields") else tuple(items)

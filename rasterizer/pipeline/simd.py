@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import LANES, PLANE_GROUP, spelled_out
+from ..compiler.kernels import spelled_out
+from ..compiler.widths import LANES, PLANE_GROUP
 
 # Edge functions of a box up to so many samples wide and high fit 32 bits: 2 · (16 · 256) · (128 · 256) = 2^28.
 MOST_WIDE, MOST_HIGH = 2 * LANES, 128
