@@ -52,16 +52,16 @@ class Window(NamedTuple):
 GUARD_BAND = Window(-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))
 
 
-class Polygons(NamedTuple):
+class ClipScratch(NamedTuple):
     """Room for two polygons: what is clipped goes from one to the other and back."""
 
     even: np.ndarray  # (ROOM, N_CORNER_COLUMN) float64
     odd: np.ndarray  # the same
 
 
-def make_polygons() -> Polygons:
+def make_clip_scratch() -> ClipScratch:
     """Return room for two polygons."""
-    return Polygons(np.empty((ROOM, N_CORNER_COLUMN)), np.empty((ROOM, N_CORNER_COLUMN)))
+    return ClipScratch(np.empty((ROOM, N_CORNER_COLUMN)), np.empty((ROOM, N_CORNER_COLUMN)))
 
 
 class Clipped(NamedTuple):
@@ -83,7 +83,7 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
     """
     vertex_idx = triangles.vertex_idx
     touched = np.flatnonzero((vertices.x[vertex_idx] == OUTSIDE).any(axis=0))
-    crossing, scratch = np.empty(len(touched), np.uint32), make_polygons()
+    crossing, scratch = np.empty(len(touched), np.uint32), make_clip_scratch()
     crossing = crossing[: find_crossing(positions, vertex_idx, touched.astype(np.uint32), screen, scratch, crossing)]
     most = len(crossing) * (MOST_CORNERS - 2)
     parts, owners = np.empty((most, 3, N_CORNER_COLUMN)), np.empty(most, np.uint32)
@@ -174,7 +174,7 @@ def find_crossing(positions, vertex_idx, faces, screen, scratch, out_faces):
     ----------
     positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are looked at
-    scratch : Polygons
+    scratch : ClipScratch
     out_faces : (n,) uint32
     """
     corners, n_out = borrow(scratch.even), index(0)
@@ -204,7 +204,7 @@ def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_own
     ----------
     positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are clipped
-    scratch : Polygons
+    scratch : ClipScratch
     out_parts : (n (MOST_CORNERS - 2), 3, N_CORNER_COLUMN) float64
     out_owners : (n (MOST_CORNERS - 2),) uint32, where in `faces` the triangle is that a part is left of
     """
@@ -251,7 +251,7 @@ def find_nearest(positions, vertex_idx, screen, width, height) -> float:
     width, height : of the picture, px
     """
     window = Window(0.0, float(width), 0.0, float(height))
-    return search_nearest(positions, vertex_idx, screen, window, make_polygons())
+    return search_nearest(positions, vertex_idx, screen, window, make_clip_scratch())
 
 
 @kernel
@@ -261,7 +261,7 @@ def search_nearest(positions, vertex_idx, screen, window, scratch):
     Parameters
     ----------
     window : Window, the picture
-    scratch : Polygons
+    scratch : ClipScratch
     """
     polygon, other, nearest = borrow(scratch.even), borrow(scratch.odd), np.inf
     for face in range(index(vertex_idx.shape[1])):
