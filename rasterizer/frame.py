@@ -254,7 +254,7 @@ class Frame:
             raise OutputError(f"can't write a {name} file: {error}") from error
 
     def _encode_png(self) -> bytes:
-        workers = Workers(self.stats.threads)
+        workers = Workers(getattr(self.stats, "threads", 1))  # a sheet of pictures has no stats
         try:
             return encode_png(self._pixels(), workers.map)
         finally:

@@ -97,7 +97,7 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
         figures = {method: _measure(picture, drawn[against], scene) for method, picture in drawn.items()}
         figures[against] = figures[against]._replace(max=None, rms=None, over_one=None)
         image, scale = _lay_out(drawn, against, figures, scene.background)
-        output.write(encode_picture(_framed(image, frame.stats), target.output), target.output)
+        output.write(encode_picture(_framed(image), target.output), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         messages.detail(f"{target.model}: {target.output}, {scene.n_face} faces, {seconds:.2f} s in all")
         if arguments.json:
@@ -162,9 +162,9 @@ def _lay_out(drawn, against, figures, background):
     return sheet(pictures, columns=len(drawn), background=paper, labels=labels), scale
 
 
-def _framed(image, stats) -> Frame:
-    """A sheet as a picture that can be encoded in any format, on as many threads as have drawn what it shows."""
-    return Frame(np.asarray(image.convert("RGBA")), {}, stats, image.size)
+def _framed(image) -> Frame:
+    """A sheet as a picture that can be encoded in any format."""
+    return Frame(np.asarray(image.convert("RGBA")), {}, None, image.size)
 
 
 def _label(text, rest, shape) -> str:
