@@ -57,7 +57,10 @@ class Workers:
 
         try:
             for _ in range(min(self.n_thread, len(items)) - 1):
-                others.append(self._pool.submit(work))
+                try:
+                    others.append(self._pool.submit(work))
+                except RuntimeError:  # no more can be started, as when the interpreter ends: those there are do it all
+                    break
             work()
             wait(others)
         except BaseException:  # also Ctrl-C while waiting: nobody may go on drawing into what the caller has given up
