@@ -1,4 +1,4 @@
-"""The commands and their arguments. `raster --help` lists the commands; flags are made only of the one that is called."""
+"""The commands and their arguments: `raster --help` lists commands, and flags are made of the one that is called."""
 
 import argparse
 import re
