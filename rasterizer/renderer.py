@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from time import perf_counter
 
 from .choices import ColorRange, Cull, Output, Samples, Shading
@@ -168,7 +168,7 @@ class Renderer:
         if "color" in outputs or "rgb" in outputs:
             rgba, color, alpha, counts, view_plan = prepared.draw_picture(camera, clock)
             error_bound, steps = view_plan.error_bound, view_plan.steps
-            self._plan = replace(view_plan.summary, ways=counts.ways)
+            self._plan = view_plan.summary._replace(ways=counts.ways)
             if "color" in outputs:
                 arrays.update(color=color, alpha=alpha)
         if set(outputs) - {"color", "rgb"}:

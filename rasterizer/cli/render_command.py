@@ -8,8 +8,8 @@ from ..errors import RasterizerError, SceneError, internal_error
 from ..frame import picture_format
 from ..options import Options
 from ..renderer import Renderer
-from .arguments import PICTURE_SAMPLES
 from .cameras_lights import camera_of, check_camera
+from .defaults import PICTURE_SAMPLES
 from .load_scene import load_scene, make_settings, with_options
 from .messages import compilation_shown, print_record
 from .targets import STDIO, plan_targets

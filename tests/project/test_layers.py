@@ -45,6 +45,7 @@ FORBIDDEN = {
 IN_FUNCTIONS = {
     ("analysis.contact_sheet", "PIL"): "heavy: only sheets and pictures that are saved need it",
     ("cli", "_thread"): "main must be able to end in one line before anything else is imported",
+    ("cli", "gc"): "as _thread",
     ("cli", "signal"): "as _thread",
     ("cli", "threading"): "as _thread",
     ("cli", "errors"): "as _thread",
@@ -53,6 +54,9 @@ IN_FUNCTIONS = {
     ("cli", "cli.warmup_command"): "each command imports what it needs: --help imports neither numpy nor numba",
     ("cli", "cli.compare_command"): "as warmup_command",
     ("cli", "cli.render_command"): "as warmup_command",
+    ("cli.arguments", "cli.flags"): "--help lists the commands and no flags: it makes no dataclass of options",
+    ("cli.messages", "json"): "only --json needs it",
+    ("cli.messages", "logging"): "--help does without it",
     ("cli.messages", "traceback"): "only a fault of the program's own needs it",
     ("cli.messages", "warnings"): "--help does without it",
     ("cli.messages", "compiler.kernels"): "heavy: --help does without it",
