@@ -1,18 +1,22 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
+import logging
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import fields
 from time import perf_counter
 
 from .choices import ColorRange, Cull, Output, Samples, Shading
-from .compiler.kernels import compiling_ahead
+from .compiler.kernels import compiling_ahead, noting_needs
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
-from .errors import SceneError, shown
+from .errors import RasterizerError, SceneError, shown
 from .frame import Frame, Stats
 from .options import Options
 from .scene.camera import Camera
+from .scene.sample import SIZE, sample_scene
 from .scene.scene import Scene, SceneLike
+
+_log = logging.getLogger("rasterizer")
 
 
 def render(
@@ -141,10 +145,16 @@ class Renderer:
             return self._render(camera)
 
     def _list_needs(self) -> dict:
-        """List the kernels that a picture needs, where one of them is missing."""
-        from .needs import list_needs
-
-        return list_needs(self.scene, self.options)
+        """Return the kernels that a picture needs, {(function, signature): True}, found out by drawing a small one in
+        Python; what only the whole scene needs, such as clipping, is compiled when it is met."""
+        options = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
+        with noting_needs() as needs:
+            try:
+                with Renderer(sample_scene(self.scene), **options | {"size": SIZE, "threads": 1}) as renderer:
+                    renderer.render()
+            except RasterizerError as fault:  # what was noted until then is of use
+                _log.info("not all kernels that the picture needs are known ahead: %s", fault)
+        return needs
 
     def _render(self, camera) -> Frame:
         """Draw the picture if one is wanted, then the buffers."""
@@ -158,7 +168,7 @@ class Renderer:
         if "color" in outputs or "rgb" in outputs:
             rgba, color, alpha, counts, view_plan = prepared.draw_picture(camera, clock)
             error_bound, steps = view_plan.error_bound, view_plan.steps
-            self._plan = replace(view_plan.summary, ways=counts.ways)
+            self._plan = view_plan.summary._replace(ways=counts.ways)
             if "color" in outputs:
                 arrays.update(color=color, alpha=alpha)
         if set(outputs) - {"color", "rgb"}:

@@ -1,33 +1,34 @@
-"""The arguments: flags, their types and defaults, and the help. Every field of `Options` is a flag."""
+"""The commands and their arguments: `raster --help` lists commands, and flags are made of the one that is called."""
 
 import argparse
 import re
-from dataclasses import fields
 
-from .. import choices
 from ..errors import SceneError
-from ..io import formats
-from ..options import LEAST_WAVES, MOST_WAVES, Options
 from ..version import __version__
-from . import values
 from .help_texts import COMPARE, EXAMPLES
-from .material_arguments import material
-from .messages import NORMAL, QUIET, VERBOSE
 
-UNSAID = ("unsaid",)  # the default of a flag for which None is a value; no text, which argparse would read
-AZIMUTH, ELEVATION, FOV = 35.0, 25.0, 30.0  # those of Camera.framing; a test holds that
-COMPARED_SIZE = (320, 240)  # four pictures beside each other, one of them by the reference, which is slow
-PICTURE_SAMPLES = 4  # a picture is to look good; an array is to be exact, with Options' one sample
-
-# name: (azimuth, elevation) in degrees; front is seen from +z with y up, from -y with z up
-VIEWS = {
-    "iso": (45.0, 35.264389682754654),  # atan(1/√2): the three axes look equally long
-    "front": (0.0, 0.0),
-    "back": (180.0, 0.0),
-    "left": (-90.0, 0.0),
-    "right": (90.0, 0.0),
-    "top": (0.0, 90.0),
-    "bottom": (0.0, -90.0),
+_COMMANDS = {  # name: what `raster --help` says, and the arguments of its parser
+    "render": (
+        "draw models, one picture a file",
+        {
+            "usage": "raster render MODEL... [-o OUT] [options]",
+            "description": "Draw each model and write a picture of it, or an array.",
+            "epilog": EXAMPLES,
+            "formatter_class": argparse.RawDescriptionHelpFormatter,
+        },
+    ),
+    "compare": (
+        "show flat, Gouraud's and Phong's shading beside the reference, with error maps",
+        {
+            "usage": "raster compare MODEL... [-o OUT] [options]",
+            "description": COMPARE,
+            "formatter_class": argparse.RawDescriptionHelpFormatter,
+        },
+    ),
+    "warmup": (
+        "compile all kernels now, so that the first picture doesn't wait for it",
+        {"description": "Compile the kernels of all shading methods and keep them on disk."},
+    ),
 }
 
 
@@ -36,29 +37,19 @@ def parse(argv) -> argparse.Namespace:
 
     Models and flags may come in any order. A value may begin with a minus sign: `--eye -1,2,3`, `--up -z`.
     """
-    parser, commands = _make_parsers()
     argv = _joined_values(list(argv))
-    if argv and argv[0] in commands:
-        arguments = commands[argv[0]].parse_intermixed_args(argv[1:])
+    if argv and argv[0] in _COMMANDS:
+        from .flags import add_flags, fill_in_defaults
+
+        _, settings = _COMMANDS[argv[0]]
+        parser = _Parser(f"raster {argv[0]}", allow_abbrev=False, **settings)
+        add_flags(parser, argv[0])
+        arguments = parser.parse_intermixed_args(argv[1:])
         arguments.command = argv[0]
-        _fill_in_defaults(arguments)
+        fill_in_defaults(arguments)
         return arguments
-    parser.parse_args(argv)  # help, the version, or an error
-    raise SceneError(f"a command is missing: {' or '.join(commands)} (see raster --help)")
-
-
-def _fill_in_defaults(arguments) -> None:
-    """Remember in `given` which options were given, because a scene file's come before the defaults; fill in those.
-
-    "samples" and "outputs" stay None where they depend on what is written.
-    """
-    names = [field.name for field in fields(Options) if hasattr(arguments, field.name)]
-    arguments.given = frozenset(name for name in names if getattr(arguments, name) is not None)
-    defaults = {field.name: field.default for field in fields(Options)}
-    defaults |= {"samples": None, "outputs": None, "size": getattr(arguments, "default_size", None)}
-    for name in names:
-        if name not in arguments.given:
-            setattr(arguments, name, defaults[name])
+    _make_parser().parse_args(argv)  # help, the version, or an error
+    raise SceneError(f"a command is missing: {' or '.join(_COMMANDS)} (see raster --help)")
 
 
 def _joined_values(argv) -> list[str]:
@@ -67,10 +58,13 @@ def _joined_values(argv) -> list[str]:
     is_after_end = False
     for word in argv:
         is_after_end = is_after_end or word == "--"
-        if re.fullmatch(r"-(\w|-[a-z-]+=|\w=)--", word) and not is_after_end:  # argparse would make a list of it
+        if is_after_end or not word.startswith("-"):
+            joined.append(word)
+            continue
+        if re.fullmatch(r"-(\w|-[a-z-]+=|\w=)--", word):  # argparse would make a list of it
             raise SceneError(f"{word[:-2].removesuffix('=')} can't have the value -- (see raster --help)")
-        is_value = re.match(r"-(\.?\d|[xyz]$)", word) and joined and re.fullmatch(r"--[a-z]+(-[a-z]+)*", joined[-1])
-        if is_value and not is_after_end:
+        is_value = joined and re.fullmatch(r"--[a-z]+(-[a-z]+)*", joined[-1]) and re.match(r"-(\.?\d|[xyz]$)", word)
+        if is_value:
             joined[-1] += f"={word}"
         else:
             joined.append(word)
@@ -84,300 +78,11 @@ class _Parser(argparse.ArgumentParser):
         raise SceneError(f"{message} (see {self.prog} --help)")
 
 
-def _make_parsers() -> tuple[_Parser, dict[str, _Parser]]:
-    """Make the parser of the program, and of its commands by name."""
+def _make_parser() -> _Parser:
+    """Make the parser of the program, which knows its commands by name alone."""
     parser = _Parser("raster", description="Draw 3-D models, without GPU, OpenGL or display.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"raster {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", title="commands", parser_class=_Parser)
-    render = commands.add_parser(
-        "render",
-        help="draw models, one picture a file",
-        usage="raster render MODEL... [-o OUT] [options]",
-        description="Draw each model and write a picture of it, or an array.",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    _add_files(render, "{stem}", Options.size)
-    _add_array(render)
-    _add_camera(render)
-    look = render.add_argument_group("look")
-    _add_method(look)
-    _add_look(look)
-    exactness = render.add_argument_group("exactness and speed")
-    _add_tolerance(exactness)
-    _add_loading(exactness)
-    _add_messages(render)
-    compare = commands.add_parser(
-        "compare",
-        help="show flat, Gouraud's and Phong's shading beside the reference, with error maps",
-        usage="raster compare MODEL... [-o OUT] [options]",
-        description=COMPARE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    _add_files(compare, "{stem}-compare", COMPARED_SIZE)
-    _add_reference(compare)
-    _add_camera(compare)
-    _add_look(compare.add_argument_group("look"))
-    _add_loading(compare.add_argument_group("loading and speed"))
-    _add_messages(compare)
-    warmup = commands.add_parser(
-        "warmup",
-        help="compile all kernels now, so that the first picture doesn't wait for it",
-        description="Compile the kernels of all shading methods and keep them on disk.",
-        allow_abbrev=False,
-    )
-    warmup.add_argument(
-        "--into", metavar="FOLDER", help="make a store that can be shipped: in the package's folder `kernels` it is found"
-    )
-    levels = ("x86-64-v2", "x86-64-v3", "x86-64-v4")
-    warmup.add_argument("--cpu", choices=levels, help="what the code shall run on (default: this machine's processor)")
-    _add_messages(warmup)
-    return parser, {"render": render, "compare": compare, "warmup": warmup}
-
-
-def _add_files(parser, default_name, size) -> None:
-    parser.set_defaults(default_name=default_name, default_size=size)
-    add = parser.add_argument
-    models, scenes = (", ".join(formats.names(is_scene=is_scene)) for is_scene in (False, True))
-    add(
-        "models",
-        nargs="+",
-        metavar="MODEL",
-        help=f"{models} files, scene files ({scenes}), or patterns such as 'parts/*.stl'; - is stdin",
-    )
-    add(
-        "-o",
-        "--output",
-        metavar="OUT",
-        help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}.png in the current folder, "
-        "-VIEW before .png for several views), a folder, a template with {stem} {ext} {view}, or - for stdout; "
-        "the suffix chooses the format",
-    )
-    add(
-        "-s",
-        "--size",
-        type=values.picture_size,
-        metavar="WxH",
-        help=f"pixels, or one number for a square (default {size[0]}x{size[1]})",
-    )
-    add(
-        "--json",
-        action="store_true",
-        help="print a line of JSON for each picture on stdout (on stderr with -o -)",
-    )
-    add("--input-format", choices=formats.names(), help="of the models, whatever their suffix; needed for stdin")
-
-
-def _add_array(parser) -> None:
-    parser.add_argument(
-        "--array",
-        dest="outputs",
-        choices=tuple(dict.fromkeys((*choices.OUTPUTS, *choices.BUFFERS))),
-        help="write this array of the picture as .npy (default MODEL.npy): color is linear float32, rgb uint8, "
-        + "".join(f"{name} {text}, " for name, text in choices.BUFFERS.items()).rstrip(", ")
-        + "; one sample a pixel, but for color and rgb with --samples",
-    )
-
-
-def _add_reference(parser) -> None:
-    parser.set_defaults(outputs=None)  # a sheet of pictures, no array
-    parser.add_argument(
-        "--no-reference",
-        dest="has_reference",
-        action="store_false",
-        help="compare with Phong's shading as rendered, which is quicker",
-    )
-
-
-def _add_camera(parser) -> None:
-    group = parser.add_argument_group(
-        "camera",
-        "Unless --eye is given, the model fills the picture. A camera that a file brings along is used where none of "
-        "these but --zoom is given.",
-    )
-    add = group.add_argument
-    add(
-        "--view",
-        dest="views",
-        action="append",
-        choices=tuple(VIEWS),
-        default=[],
-        help="where from; several make a picture each",
-    )
-    add(
-        "--azimuth",
-        type=values.number,
-        metavar="A",
-        help=f"degrees about the up axis, 0 = front (default {AZIMUTH:g})",
-    )
-    add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
-    add(
-        "--fov",
-        type=values.number,
-        metavar="A",
-        help=f"vertical field of view, degrees (default {FOV:g})",
-    )
-    add("--ortho", action="store_true", help="without perspective; with --eye, the target keeps its size")
-    add("--zoom", type=values.number, default=1.0, metavar="F", help="enlarge the middle of the picture F times")
-    add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
-    add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
-    add(
-        "--up",
-        choices=("auto", *choices.AXES),
-        help="up axis (default auto: z for stl and 3mf, y for other models, that of a scene file)",
-    )
-
-
-def _add_method(group) -> None:
-    add = group.add_argument
-    add(
-        "--shading",
-        choices=choices.SHADINGS,
-        help=f"light polygons (flat or lambert), vertices (gouraud) or samples (phong) (default {Options.shading})",
-    )
-    add(
-        "--samples",
-        type=int,
-        choices=choices.SAMPLES,
-        help=f"samples a pixel (default {PICTURE_SAMPLES}, {Options.samples} for arrays)",
-    )
-
-
-def _add_look(group) -> None:
-    add = group.add_argument
-    add(
-        "--crease-angle",
-        type=values.number,
-        metavar="A",
-        help="edges between faces that meet at more degrees stay sharp (default: as the file says, else 30)",
-    )
-    add(
-        "--weighting",
-        choices=choices.WEIGHTINGS,
-        help="what faces count by where normals are averaged (default: as a scene file says, else angle)",
-    )
-    add(
-        "--subdivide",
-        type=int,
-        default=0,
-        metavar="N",
-        help="cut every triangle in four, N times, up to 15: for highlights with gouraud (default 0)",
-    )
-    add(
-        "--material",
-        dest="materials",
-        action="append",
-        type=material,
-        default=[],
-        metavar="[NAME,]KEY=VALUE,...",
-        help="replace this in every material of the model; "
-        "NAME is one of the classic table: gold, jade, red plastic ...",
-    )
-    models = ",".join(choices.REFLECTIONS)
-    add("--reflection", metavar=f"{{{models}}}", help="short for --material reflection=...")
-    _add_lights(group)
-    _add_range(group)
-
-
-def _add_lights(group) -> None:
-    add = group.add_argument
-    add(
-        "--preset",
-        choices=choices.PRESETS,
-        help="ready-made lights (default: the file's own, else studio, or none beside --light)",
-    )
-    add(
-        "--light",
-        dest="lights",
-        action="append",
-        default=[],
-        metavar="KIND:...",
-        help="add a light",
-    )
-    add("--shadows", action="store_true", help="all lights but ambient ones cast shadows, unless one says shadow=no")
-    add("--shadow-size", type=int, metavar="N", help="texels along the side of their maps, 16 to 8192 (default 1024)")
-    add("--shadow-filter", type=int, metavar="N", help="texels that soften their edges, odd, 1 (hard, default) to 9")
-
-
-def _add_range(group) -> None:
-    add = group.add_argument
-    add(
-        "--background",
-        type=values.color,
-        metavar="COLOR",
-        help="colour, or transparent (default, but for a scene file with a background)",
-    )
-    add(
-        "--depth-cue",
-        type=values.depth_cue,
-        default=UNSAID,
-        metavar="D[,start=S][,color=C]",
-        help="let what is further away fade to the colour C (default black): d units behind S (default 0), D/(D+d) is "
-        "left; none = not even as the scene file says",
-    )
-    add(
-        "--color-range",
-        choices=choices.COLOR_RANGES,
-        help="what becomes of colours too bright: cut off, the picture darkened, or the pixel darkened "
-        f"(default {Options.color_range})",
-    )
-    add(
-        "--exposure",
-        type=values.number,
-        metavar="STOPS",
-        help="multiply the light by 2^STOPS, the background not (default 0)",
-    )
-    add(
-        "--spectral",
-        type=int,
-        metavar="N",
-        help=f"compute with N samples of the spectrum, {LEAST_WAVES} to {MOST_WAVES} (default: 81 where a light or "
-        "material has one, else three colours)",
-    )
-    add(
-        "--cull",
-        choices=choices.CULLS,
-        help=f"leave out faces seen from behind (default {Options.cull})",
-    )
-
-
-def _add_tolerance(group) -> None:
-    group.add_argument(
-        "--tolerance",
-        type=values.number,
-        metavar="T",
-        help="error accepted, in linear intensity with white = 1; 0 = as exact as float64 (default 1/4096: "
-        "8-bit values are off by one level at most, but next to steps of the light)",
-    )
-
-
-def _add_loading(group) -> None:
-    add = group.add_argument
-    add(
-        "--threads",
-        type=int,
-        metavar="N",
-        help="(default: all that the process may use)",
-    )
-    add("--drop-bad-faces", action="store_true", help="leave out faces with NaN or infinite coordinates")
-    add(
-        "--allow-outside",
-        action="store_true",
-        help="also read textures, buffers and parts of scenes that lie outside the folder of the file that names them",
-    )
-
-
-def _add_messages(parser) -> None:
-    group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "-v",
-        "--verbose",
-        dest="level",
-        action="store_const",
-        const=VERBOSE,
-        default=NORMAL,
-        help="say what a file had, what was used, and how long it took",
-    )
-    group.add_argument("-q", "--quiet", dest="level", action="store_const", const=QUIET, help="say nothing but errors")
+    for name, (text, _) in _COMMANDS.items():
+        commands.add_parser(name, help=text, add_help=False)
+    return parser

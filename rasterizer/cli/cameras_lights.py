@@ -9,7 +9,7 @@ from ..errors import SceneError
 from ..scene import lights
 from ..scene.camera import Camera
 from ..scene.shadow import Shadow
-from .arguments import AZIMUTH, ELEVATION, FOV, VIEWS
+from .defaults import AZIMUTH, ELEVATION, FOV, VIEWS
 from .light_arguments import make_light
 
 

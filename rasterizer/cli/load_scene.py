@@ -12,7 +12,7 @@ from ..errors import ModelError, SceneError
 from ..io import formats
 from ..io.loader import load
 from ..io.model_file import MeshSettings
-from ..io.scene_file import SceneFile, read_scene
+from ..io.scene_contents import SceneFile
 from ..options import Options
 from ..scene.color import linear_rgb
 from ..scene.depth_cue import DepthCue
@@ -20,8 +20,8 @@ from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.scene import Scene
 from ..scene.shadow import Shadow
 from ..scene.texture import Texture
-from .arguments import UNSAID
 from .cameras_lights import cast_shadows, make_lights, make_shadow
+from .defaults import UNSAID
 from .targets import STDIO
 
 _MOST_TIMES = 15  # that a mesh can be subdivided
@@ -144,7 +144,7 @@ def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     entry = formats.find(input_format or Path(model).suffix)
     if entry is None or not entry.is_scene:
         return SceneFile(load(source, format=input_format, log=messages.detail, files_read=files_read, **settings.load))
-    read = read_scene(
+    read = entry.read()(
         source,
         log=messages.detail,
         format=entry.name,

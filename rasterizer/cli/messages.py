@@ -1,7 +1,5 @@
 """What the command line says: one line a message, on stderr only, plain text."""
 
-import json
-import logging
 import math
 import os
 import sys
@@ -69,6 +67,8 @@ def print_record(record: dict, is_stdout_taken: bool) -> None:
     A number that is not finite, which JSON doesn't have, becomes null, and the field NAME_reason beside it says what it
     was.
     """
+    import json
+
     print_text(json.dumps(_finite(record), allow_nan=False) + "\n", is_stdout_taken)
 
 
@@ -176,6 +176,8 @@ class Progress:
 @contextmanager
 def _details_told(messages):
     """Say what the package's modules log, inside the block, as details."""
+
+    import logging
 
     class Teller(logging.Handler):
         def emit(self, record):

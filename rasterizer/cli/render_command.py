@@ -8,16 +8,15 @@ from ..errors import RasterizerError, SceneError, internal_error
 from ..frame import picture_format
 from ..options import Options
 from ..renderer import Renderer
-from .arguments import PICTURE_SAMPLES
 from .cameras_lights import camera_of, check_camera
+from .defaults import PICTURE_SAMPLES
 from .load_scene import load_scene, make_settings, with_options
 from .messages import compilation_shown, print_record
 from .targets import STDIO, plan_targets
 from .warnings import find_doubts
 from .write_targets import Outputs
 
-# Level 1 takes half the time of Pillow's 6, which is longer than that of the drawing; files grow by a third.
-_ENCODING = {"PNG": {"compress_level": 1}, "JPEG": {"quality": 92}}
+_ENCODING = {"JPEG": {"quality": 92}}
 
 
 def render_models(arguments, messages) -> tuple[list, int]:

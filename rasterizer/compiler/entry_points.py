@@ -8,8 +8,8 @@ the dtype, the number of axes, the layout and the alignment. Where one differs i
 has been called. Else it calls the kernel without the GIL and returns what that returns: None, a bool, a number, or a
 tuple of these.
 
-The arrays it hands over have no owner that numba knows of. So counting their references does nothing (`add_reference_counts`),
-and the caller holds the arguments for the whole call.
+The arrays it hands over have no owner that numba knows of. So counting their references does nothing
+(`add_reference_counts`), and the caller holds the arguments for the whole call.
 """
 
 from functools import reduce
@@ -18,10 +18,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from .layouts import (
-    BYTE_ORDER, CLASS, DATA, DTYPE, FLAGS, IS_ALIGNED, IS_C, IS_F, ITEMS, N_AXIS, N_ITEM, NATIVE_ORDERS, NUMBER,
-    SHAPE, STRIDES,
-)  # fmt: skip
+from . import layouts
 from .signatures import COMMON, ERROR, NDARRAY, NONE, NOT_IMPLEMENTED
 
 NAME = "entry"
@@ -96,7 +93,7 @@ def build_batch_entry_point(context, module, fndesc) -> None:
 
 
 def add_reference_counts(module) -> None:
-    """Add to a module the two functions with which numba counts references; they do nothing, as nothing here is owned."""
+    """Add to a module the two functions with which numba counts references; they do nothing: nothing here is owned."""
     for name in ("NRT_incref", "NRT_decref"):
         function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_OBJECT]), name)
         function.linkage = "linkonce_odr"
@@ -140,8 +137,10 @@ class _Reader:
 
     def read_items(self, thing, kinds) -> list:
         """Read the items of a tuple; leave where there are more or less of them."""
-        self._expect(self._builder.icmp_signed("==", self._load(thing, N_ITEM, _LONG), ir.Constant(_LONG, len(kinds))))
-        return [self.read(self._load(thing, ITEMS + 8 * k, _OBJECT), kind) for k, kind in enumerate(kinds)]
+        self._expect(
+            self._builder.icmp_signed("==", self._load(thing, layouts.N_ITEM, _LONG), ir.Constant(_LONG, len(kinds)))
+        )
+        return [self.read(self._load(thing, layouts.ITEMS + 8 * k, _OBJECT), kind) for k, kind in enumerate(kinds)]
 
     def _expect(self, condition):
         """Go on where a condition holds; else leave."""
@@ -150,7 +149,7 @@ class _Reader:
         self._builder.position_at_end(after)
 
     def _expect_class(self, thing, entry):
-        self._expect(self._builder.icmp_signed("==", self._load(thing, CLASS, _LONG), entry))
+        self._expect(self._builder.icmp_signed("==", self._load(thing, layouts.CLASS, _LONG), entry))
 
     def read(self, thing, kind):
         """Read an argument of one of numba's types; leave where it is of another."""
@@ -189,14 +188,18 @@ class _Reader:
     def _read_array(self, thing, kind):
         builder, one = self._builder, ir.Constant(_LONG, 1)
         self._expect_class(thing, self._entry(NDARRAY))
-        dtype = self._load(thing, DTYPE, _OBJECT)
-        number = builder.sext(self._load(dtype, NUMBER, _INT), _LONG)
-        order, flags = self._load(dtype, BYTE_ORDER, _BYTE), self._load(thing, FLAGS, _INT)
-        n_axis = self._load(thing, N_AXIS, _INT)
-        orders = [builder.icmp_signed("==", order, ir.Constant(_BYTE, ord(sign))) for sign in NATIVE_ORDERS]
+        dtype = self._load(thing, layouts.DTYPE, _OBJECT)
+        number = builder.sext(self._load(dtype, layouts.NUMBER, _INT), _LONG)
+        order, flags = self._load(dtype, layouts.BYTE_ORDER, _BYTE), self._load(thing, layouts.FLAGS, _INT)
+        n_axis = self._load(thing, layouts.N_AXIS, _INT)
+        orders = [builder.icmp_signed("==", order, ir.Constant(_BYTE, ord(sign))) for sign in layouts.NATIVE_ORDERS]
         is_native = reduce(builder.or_, orders)
-        wanted = {"C": IS_ALIGNED | IS_C, "F": IS_ALIGNED | IS_F, "A": IS_ALIGNED}[kind.layout]
-        looked_at = IS_ALIGNED | IS_C | (0 if kind.layout == "C" else IS_F)
+        wanted = {
+            "C": layouts.IS_ALIGNED | layouts.IS_C,
+            "F": layouts.IS_ALIGNED | layouts.IS_F,
+            "A": layouts.IS_ALIGNED,
+        }[kind.layout]
+        looked_at = layouts.IS_ALIGNED | layouts.IS_C | (0 if kind.layout == "C" else layouts.IS_F)
         layout = builder.and_(flags, ir.Constant(_INT, looked_at))
         tests = [
             builder.icmp_signed("==", number, self._next_entry()),
@@ -204,7 +207,7 @@ class _Reader:
             builder.icmp_signed("==", layout, ir.Constant(_INT, wanted)),
         ]
         self._expect(builder.and_(builder.and_(is_native, tests[0]), builder.and_(tests[1], tests[2])))
-        shape, strides = (self._load(thing, offset, _LONG.as_pointer()) for offset in (SHAPE, STRIDES))
+        shape, strides = (self._load(thing, offset, _LONG.as_pointer()) for offset in (layouts.SHAPE, layouts.STRIDES))
         axes = [ir.Constant(_LONG, k) for k in range(kind.ndim)]
         lengths = [builder.load(builder.gep(shape, [axis])) for axis in axes]
         steps = [builder.load(builder.gep(strides, [axis])) for axis in axes]
@@ -212,7 +215,7 @@ class _Reader:
         for length in lengths:
             n_item = builder.mul(n_item, length)
         array = self._context.make_array(kind)(self._context, builder)
-        array.data = builder.bitcast(self._load(thing, DATA, _OBJECT), array.data.type)
+        array.data = builder.bitcast(self._load(thing, layouts.DATA, _OBJECT), array.data.type)
         array.shape = cgutils.pack_array(builder, lengths, ty=_LONG)
         array.strides = cgutils.pack_array(builder, steps, ty=_LONG)
         array.nitems = n_item

@@ -26,14 +26,17 @@ In other versions kernels are compiled by `numba.njit` in every process: slower,
 import gc
 import os
 from collections.abc import Callable
+from ctypes import CDLL, pythonapi
 
 import numba
 import numba.extending
 import numpy as np
 from numba import types
 
+from . import intrinsics
 from .fingerprint import is_seen
 from .machine_code import Code
+from .signatures import class_of
 
 IS_SEEN = is_seen(numba.__version__)
 _OPTIONS = {"nogil": True, "error_model": "numpy"}
@@ -41,7 +44,7 @@ _OPTIONS = {"nogil": True, "error_model": "numpy"}
 _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 if IS_SEEN:
-    from numba.core import cgutils, codegen, compiler_machinery, typed_passes
+    from numba.core import codegen, compiler_machinery, typed_passes
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.registry import cpu_target
@@ -54,8 +57,6 @@ if IS_SEEN:
             after_in_parent=global_compiler_lock.release,
             after_in_child=global_compiler_lock.release,
         )
-else:
-    cgutils = None
 
 
 class NotStandalone(Exception):
@@ -79,10 +80,10 @@ def compile_choice(function: Callable, choose: Callable):
     return function
 
 
-def compile_intrinsic(function: Callable, build: Callable, is_documented: bool):
-    """Return a function whose instructions `build` writes, as `numba.extending.intrinsic` takes it."""
+def compile_intrinsic(function: Callable, name: str, is_documented: bool):
+    """Return a function whose instructions are written by the function `name` of intrinsics.py."""
     if IS_SEEN or is_documented:
-        return numba.extending.intrinsic(build)
+        return numba.extending.intrinsic(getattr(intrinsics, name))
     return numba.extending.register_jitable(function)
 
 
@@ -151,8 +152,6 @@ def _compile(function, kinds, pipeline) -> Code:
 
 def _is_of_system(name: str) -> bool:
     """Tell whether a function is one of the C library, its mathematics, or Python's C interface; numba's own aren't."""
-    from ctypes import CDLL, pythonapi
-
     return hasattr(pythonapi, name) if name.startswith("Py") else hasattr(CDLL(None), name)
 
 
@@ -163,8 +162,6 @@ def _batch_signature(dtype):
 
 def type_of_part(part):
     """Return numba's type of a part of a signature."""
-    from .signatures import class_of
-
     if part == "none":
         return types.none
     if isinstance(part, str):

@@ -9,11 +9,15 @@ Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `
 
 from functools import partial
 
+import numba
 from llvmlite import ir
 from numba import types
 
-from .internals import cgutils
-from .kernels import LANES, PLANE_GROUP
+from .fingerprint import is_seen
+from .widths import LANES, PLANE_GROUP
+
+if is_seen(numba.__version__):
+    from numba.core import cgutils
 
 _EDGES = ir.VectorType(ir.IntType(32), LANES)
 _ENTRIES = ir.VectorType(ir.IntType(64), LANES)

@@ -14,11 +14,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 _PARENT = str(Path(__file__).resolve().parents[2])  # what the package is imported from
-# What stands in the folder where the program is started, the path "", is nothing to import.
-_PROGRAM = (
-    "import sys; sys.path[:] = [sys.argv[1], *filter(None, sys.path)]; "
-    "from rasterizer.compiler.worker import main; sys.exit(main(sys.argv[2]))"
-)
+_PROGRAM = """
+import sys
+sys.path[:] = [sys.argv[1], *filter(None, sys.path)]  # "" is the folder where the program is started: nothing of ours
+from rasterizer.compiler.worker import main
+sys.exit(main(sys.argv[2]))
+"""
 _log = logging.getLogger("rasterizer")
 
 

@@ -19,7 +19,6 @@ import contextlib
 import contextvars
 import ctypes
 import functools
-import importlib
 import logging
 import os
 import sys
@@ -38,9 +37,6 @@ from .store import Store
 # float64, so what is added to such an index has this type, too. Constants alone may be plain integers.
 index = np.uint64
 
-LANES = 8  # samples of a box that are merged side by side
-PLANE_GROUP = 4  # planes that are evaluated side by side
-
 IS_COMPILING = not fingerprint.setting("DISABLE_JIT")
 STORE = Store.of_process(IS_COMPILING)
 
@@ -52,7 +48,9 @@ if hasattr(os, "register_at_fork"):  # a child would find it locked for ever, if
 
 def _internals():
     """Load the compiler."""
-    return importlib.import_module(".internals", __package__)
+    from . import internals
+
+    return internals
 
 
 # ---------------------------------------------------------------- loops
@@ -79,6 +77,7 @@ class Kernel:
         self._by_numba = None  # what numba made of it, where it has no entry points
 
     def __call__(self, *arguments):
+        """Run the loop."""
         if _needs.get() is not None:
             return self._note(arguments)
         for entry_point, table in self._entries:
@@ -266,6 +265,7 @@ class Helper:
         self.py_func, self._compile = function, compile
 
     def __call__(self, *arguments):
+        """Run the plain function."""
         return self.py_func(*arguments)
 
     @functools.cached_property
@@ -308,11 +308,7 @@ def spelled_out(name: str, is_documented: bool = False) -> Callable:
     """
 
     def decorate(function):
-        def compile():
-            build = getattr(importlib.import_module(".intrinsics", __package__), name)
-            return _internals().compile_intrinsic(function, build, is_documented)
-
-        return Helper(function, compile)
+        return Helper(function, lambda: _internals().compile_intrinsic(function, name, is_documented))
 
     return decorate if IS_COMPILING else lambda function: function
 
@@ -334,7 +330,7 @@ def as_array(pointer, shape):
 
 
 if IS_COMPILING:
-    as_array = Helper(as_array, lambda: importlib.import_module("numba").carray)
+    as_array = Helper(as_array, lambda: _internals().numba.carray)
 
 
 # ---------------------------------------------------------------- functions that are called by their address

@@ -103,7 +103,7 @@ class Table:
 
 
 def plain(value):
-    """Return an argument with arrays of subclasses, such as memory maps, as plain arrays: entry points know no others."""
+    """Return an argument with arrays of subclasses, such as memory maps, as plain arrays."""
     if isinstance(value, tuple):
         items = [plain(item) for item in value]
         return value._make(items) if hasattr(value, "_fields") else tuple(items)

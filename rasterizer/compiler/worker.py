@@ -8,14 +8,14 @@ import ast
 import importlib
 import sys
 
+from . import internals, kernels
+
 
 def main(folder: str) -> int:
     """Compile what standard input asks for, into the store's folder `folder`; return the exit code.
 
     2 tells that this process would use another store: its sources, versions or settings differ.
     """
-    from . import internals, kernels
-
     if str(kernels.STORE.own) != folder or not internals.IS_SEEN:
         return 2
     answers = sys.stdout

@@ -34,7 +34,11 @@ from .plan import Plan
 NO_TABLE = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
 
 
-@dataclass(frozen=True, kw_only=True)
+# Methods that nobody calls are not made: making them is most of what a dataclass costs when it is imported.
+AS_PASS = {"kw_only": True, "repr": False, "eq": False}
+
+
+@dataclass(**AS_PASS)
 class Pass:
     """One way through the stages."""
 
@@ -79,7 +83,7 @@ class Pass:
         raise NotImplementedError
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(**AS_PASS)
 class ColorPass(Pass):
     """What the passes of a picture share: textures before the light, depth cueing after it, and the end in 8 bits."""
 
@@ -124,11 +128,11 @@ class ColorPass(Pass):
         a_buffer = workspace.a_buffer if self.opacity is not None else None
         return resolve(
             workspace.visibility, workspace.radiance, a_buffer, band.y_start // self.factor, band.y_end // self.factor,
-            self.factor, self.encoding, self.picture,
+            self.factor, self.encoding, workspace.pixels, self.picture,
         )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(**AS_PASS)
 class InterpolatedPass(ColorPass):
     """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
 
@@ -141,7 +145,7 @@ class InterpolatedPass(ColorPass):
             shade_textured(band, workspace.texels, workspace.radiance)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(**AS_PASS)
 class LitPass(ColorPass):
     """Phong's method: normals are interpolated, and the illumination equation is evaluated at every visible sample."""
 
@@ -154,7 +158,7 @@ class LitPass(ColorPass):
         shade_lit(band, self.screen, self.lighting, face_table, tangents, texels, workspace.batch, workspace.radiance)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(**AS_PASS)
 class BufferPass(Pass):
     """Exact buffers: one sample a pixel, at its centre, and an exact record for every triangle."""
 
@@ -169,7 +173,7 @@ class BufferPass(Pass):
         return clear_band(workspace.visibility, band.n_row)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(**AS_PASS)
 class ShadowMapPass(Pass):
     """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
 

@@ -1,6 +1,5 @@
 """The plan of a picture in words and counts, for a person who asks what was done and why."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
@@ -23,8 +22,7 @@ class Ways(NamedTuple):
     exact: int  # exact records
 
 
-@dataclass(frozen=True)
-class PlanSummary:
+class PlanSummary(NamedTuple):
     """What a picture needed, and nothing else was computed.
 
     Parameters

@@ -8,13 +8,13 @@ from ..pipeline.workspace import make_picture
 from ..scene.camera import Camera
 from .depth_range import screen_of
 from .draw import NO_CLOCK, draw
-from .passes import Pass
+from .passes import AS_PASS, Pass
 from .prepared_scene import PreparedScene
 
 ENTRY, PLANES, EXACT = "packed entry", "plane record", "exact record"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(**AS_PASS)
 class ProbePass(Pass):
     """Look at the entries of one pixel; nothing is shaded or written."""
 

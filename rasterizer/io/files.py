@@ -24,7 +24,6 @@ allowed.
 
 import contextlib
 import os
-import secrets
 import stat
 from pathlib import Path
 
@@ -163,7 +162,7 @@ def write_and_move(contents: dict[str, bytes]) -> None:
     written = {}
     try:
         for place, content in contents.items():
-            temporary = os.path.join(os.path.dirname(place), f".raster-{secrets.token_hex(8)}")
+            temporary = os.path.join(os.path.dirname(place), f".raster-{os.urandom(8).hex()}")
             written[temporary] = place
             _write_new(temporary, place, content)
         while written:

@@ -10,16 +10,14 @@ A reader of a model takes a `ModelFile`, and returns a list of parts or `Content
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from pkgutil import resolve_name
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from ..errors import ModelError, SceneError, shown
 
 
-@dataclass(frozen=True, kw_only=True)
-class Format:
+class Format(NamedTuple):
     """Describe a file format.
 
     Parameters
@@ -45,7 +43,8 @@ class Format:
 
     def read(self) -> Callable:
         """Return the reader."""
-        return resolve_name(self.reader)
+        module, _, function = self.reader.partition(":")
+        return getattr(import_module(module), function)
 
 
 _SCENE = {"reader": "rasterizer.io.scene_file:read_scene", "is_scene": True, "companions": "models, arrays, textures"}

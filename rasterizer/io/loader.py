@@ -25,7 +25,6 @@ from . import formats
 from .files import Folder
 from .model_file import MeshSettings
 from .models import load_model, name_of, with_changes
-from .scene_file import read_scene
 
 
 def load(
@@ -96,9 +95,10 @@ def load(
         scene = Scene(_take_meshes(source, crease_angle, drop_bad_faces), **settings)
         return with_changes(scene, {}, weighting=weighting)
     name = name_of(source)
-    if formats.format_of(name, format).is_scene:
+    entry = formats.format_of(name, format)
+    if entry.is_scene:
         with one_file(name):
-            read = read_scene(
+            read = entry.read()(
                 source,
                 log=log,
                 format=format,

@@ -18,7 +18,7 @@ from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, re
 
 _KINDS = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
 _LEAST = {"v": 3, "vt": 1, "vn": 3}  # numbers of a line
-_BLOCK = 1 << 14  # lines at a time: their arrays stay in the cache
+_BLOCK = 1 << 13  # lines at a time: their arrays stay in the cache
 _NO_COMMENT = re.compile(rb"\d\.#[A-Za-z]+\d*")  # 1.#QNAN, 1.#IND: what C libraries write for what is no number
 
 

@@ -19,9 +19,7 @@ beside it.
 import json
 import os
 import re
-from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 from ..errors import ModelError, one_file, shown
 from ..scene.camera import Camera
@@ -31,6 +29,7 @@ from . import formats
 from .files import Folder, read_named
 from .model_file import MeshSettings
 from .models import keep_quiet
+from .scene_contents import SceneFile
 from .scene_file_entry import Entry
 from .scene_file_meshes import read_meshes
 from .scene_file_parts import Context, read_camera, read_color, read_depth_cue, read_lights, read_material
@@ -45,33 +44,6 @@ KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "u
 OPTIONS = (
     "size", "shading", "tolerance", "samples", "outputs", "cull", "color_range", "exposure", "spectral", "threads",
 )  # fmt: skip
-
-
-class SceneFile(NamedTuple):
-    """What a scene file holds.
-
-    Parameters
-    ----------
-    scene : Scene; without a camera where the file asks for framing
-    options : dict of options of a picture by name, not checked
-    framing : dict of arguments of `Camera.framing`, or None where the file has a camera or none at all
-    unshadowed : places of those lights that say `shadow = false`, other than those that say nothing
-    """
-
-    scene: Scene
-    options: dict = {}
-    framing: dict | None = None
-    unshadowed: tuple[int, ...] = ()
-
-    def framed_scene(self) -> Scene:
-        """Return the scene with a camera where the file asks for framing: for a picture of the file's size, else of
-        4:3."""
-        if self.framing is None:
-            return self.scene
-        size = self.options.get("size", (4, 3))
-        width, height = picture_size(size if isinstance(size, tuple) else (size, size))
-        camera = Camera.framing(self.scene, up=self.scene.up, aspect=width / height, **self.framing)
-        return replace(self.scene, camera=camera)
 
 
 def read_scene(

@@ -11,8 +11,6 @@ and make s·h of the h that still stands in SPECULAR. With F0 within 0..1 neithe
 Source: Schlick 1994, Computer Graphics Forum 13(3), 233-246.
 """
 
-
-
 from ..compiler.kernels import as_array, helper, index
 from ..geometry.vectors import add, length
 from . import fragments as f

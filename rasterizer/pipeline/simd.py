@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import LANES, PLANE_GROUP, spelled_out
+from ..compiler.kernels import spelled_out
+from ..compiler.widths import LANES, PLANE_GROUP
 
 # Edge functions of a box up to so many samples wide and high fit 32 bits: 2 · (16 · 256) · (128 · 256) = 2^28.
 MOST_WIDE, MOST_HIGH = 2 * LANES, 128
@@ -64,8 +65,9 @@ def evaluate_planes(entries, group, x, y, out, start, stride):
     entries : (n,) int64, which hold indices of records
     group : PlaneGroup
     x, y : int64, the first sample
-    out : float32 or float64, a row a plane, `stride` apart, from `start` on, both uint64
+    out : float32 or float64, of any shape; counted through from `start` on, a row a plane, `stride` apart, both uint64
     """
+    out = out.reshape(-1)
     numbers = group.numbers
     kind, real, whole = numbers.dtype.type, out.dtype.type, numbers.view(np.int32)
     is_integer = numbers.dtype.kind == "i"

@@ -111,10 +111,10 @@ def transform_range(positions, start, end, screen, out):
     positions : (3, n) float64, world space, scene units
     out : Vertices, of which start..end is written
     """
-    eye_x, eye_y, eye_z = screen.eye
-    right_x, right_y, right_z = screen.right
-    up_x, up_y, up_z = screen.up
-    forward_x, forward_y, forward_z = screen.forward
+    eye_x, eye_y, eye_z = screen.eye[0], screen.eye[1], screen.eye[2]
+    right_x, right_y, right_z = screen.right[0], screen.right[1], screen.right[2]
+    up_x, up_y, up_z = screen.up[0], screen.up[1], screen.up[2]
+    forward_x, forward_y, forward_z = screen.forward[0], screen.forward[1], screen.forward[2]
     px, py, pz = positions[0, start:end], positions[1, start:end], positions[2, start:end]
     out_x, out_y, out_z = out.x[start:end], out.y[start:end], out.z[start:end]
     n_outside = 0

@@ -23,6 +23,7 @@ from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT
 
 CHUNK = 1 << 16  # faces looked at in one go
+_FIRST_CHUNK = 1 << 8
 _LARGEST = float(np.finfo(np.float64).max)
 _INT32_MAX = 2**31 - 1
 
@@ -230,8 +231,16 @@ def has_area(vertices: NDArray, faces: NDArray) -> NDArray[np.bool_]:
 
 
 def has_any_area(vertices: NDArray, faces: NDArray) -> bool:
-    """Tell whether a triangle has an area, as `has_area` does; the first chunk with one ends the search."""
-    return any(has_area(vertices, faces[i : i + CHUNK]).any() for i in range(0, len(faces), CHUNK))
+    """Tell whether a triangle has an area, as `has_area` does; the first chunk with one ends the search.
+
+    That is the first triangle of nearly every mesh, so the first chunk is a small one.
+    """
+    begin, size = 0, _FIRST_CHUNK
+    while begin < len(faces):
+        if has_area(vertices, faces[begin : begin + size]).any():
+            return True
+        begin, size = begin + size, CHUNK
+    return False
 
 
 def check_area(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> None:

@@ -12,7 +12,7 @@ from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer import choices
-from rasterizer.cli import arguments, help_texts, render_command
+from rasterizer.cli import arguments, defaults, help_texts, render_command
 from rasterizer.options import Options
 from rasterizer.scene import lights, material, mesh
 from rasterizer.scene.fields import Cells, Color, Vector, describe_fields
@@ -39,9 +39,9 @@ def test_every_option_is_a_flag():
 def test_words_and_numbers_of_the_help_are_those_of_the_scene():
     framing = inspect.signature(rz.Camera.framing).parameters
     assert [framing[name].default for name in ("azimuth", "elevation", "fov")] == [
-        arguments.AZIMUTH,
-        arguments.ELEVATION,
-        arguments.FOV,
+        defaults.AZIMUTH,
+        defaults.ELEVATION,
+        defaults.FOV,
     ]
     assert tuple(choices.AXES) == get_args(choices.Axis)
     assert choices.REFLECTIONS == tuple(material.REFLECTION_MODELS)
@@ -83,7 +83,7 @@ def camera_of(*argv, aspect=1.5):
 )
 def test_views(view, forward):
     assert camera_of("--view", view).view().forward == pytest.approx(forward, abs=1e-12)
-    assert set(arguments.VIEWS) == {"front", "back", "left", "right", "top", "bottom", "iso"}
+    assert set(defaults.VIEWS) == {"front", "back", "left", "right", "top", "bottom", "iso"}
 
 
 def test_cameras():

@@ -12,7 +12,7 @@ from PIL import Image
 
 import rasterizer as rz
 from rasterizer.cli import compare_command, main
-from rasterizer.cli.arguments import COMPARED_SIZE
+from rasterizer.cli.defaults import COMPARED_SIZE
 
 BALL, CUBE = (str(ROOT / "models" / name) for name in ("sphere.obj", "cube.obj"))
 

@@ -16,7 +16,7 @@ from PIL import Image
 
 import rasterizer as rz
 from rasterizer import choices
-from rasterizer.cli import arguments, compare_command, main, material_arguments, render_command
+from rasterizer.cli import arguments, compare_command, defaults, main, material_arguments, render_command
 from rasterizer.cli.cameras_lights import camera_of, check_camera, make_lights
 from rasterizer.cli.load_scene import load_scene, make_settings
 from rasterizer.cli.messages import Messages
@@ -344,7 +344,7 @@ def test_options_of_the_file_come_before_defaults_and_after_flags(folder, given,
     assert main(["render", name, "-o", "x.npy"]) == 0 and given[-1].options["outputs"] == ("depth",)
     assert main(["render", name, "--array", "face"]) == 0 and given[-1].options["outputs"] == ("face",)
     assert main(["compare", name, "--no-reference", "-q"]) == 0
-    assert given[-1].options["size"] == arguments.COMPARED_SIZE and given[-1].options["exposure"] == 1.5
+    assert given[-1].options["size"] == defaults.COMPARED_SIZE and given[-1].options["exposure"] == 1.5
     square = write(folder, {"meshes": [{"file": "cube.obj"}], "options": {"size": 12}}, "square.json")
     assert main(["render", square]) == 0 and given[-1].options["size"] == (12, 12)
     bad = write(folder, {"meshes": [{"file": "cube.obj"}], "options": {"samples": 5}}, "bad.json")

@@ -1,5 +1,7 @@
 """Check that the picture is the same, byte for byte, for any number of threads and height of the bands."""
 
+import threading
+
 import numpy as np
 import pytest
 from helpers.against_reference import BUFFERS
@@ -130,3 +132,21 @@ def test_an_error_on_any_thread_is_raised(n_thread):
             workers.map(lambda item, wrong=wrong: 1 / (item - wrong), range(20))
     assert workers.map(abs, [-1, -2]) == [1, 2]
     workers.close()
+
+
+@pytest.mark.parametrize("n_started", [0, 1, 2])
+def test_where_no_more_threads_can_be_started_those_there_are_do_it_all(n_started, monkeypatch):
+    """As in a process that may have no more of them, or in one that is ending."""
+    workers, started, start = Workers(5), [], threading.Thread.start
+
+    def refuse(thread):
+        if len(started) == n_started:
+            raise RuntimeError("can't start new thread")
+        started.append(thread)
+        start(thread)
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    for _ in range(2):
+        assert workers.map(lambda item: 10 * item, range(100)) == list(range(0, 1000, 10))
+    workers.close()
+    assert len(started) <= n_started

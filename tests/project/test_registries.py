@@ -382,7 +382,7 @@ def test_a_format_is_read_while_it_is_registered(tmp_path):
     entry = Format(name="box", reader="rasterizer.io.obj:read_obj")
     with registries.add_format(entry):
         assert rz.load(file).n_face == rz.load(CUBE).n_face
-        for taken in (entry, replace(entry, name="obj"), replace(entry, name="other", suffixes=("stl",))):
+        for taken in (entry, entry._replace(name="obj"), entry._replace(name="other", suffixes=("stl",))):
             with pytest.raises(rz.SceneError, match="is taken by"):
                 registries.add_format(taken)
     with pytest.raises(rz.ModelError, match="unknown format 'box'; readable are obj, stl"):

@@ -1,42 +1,21 @@
-"""Which kernels a picture needs, found out before it is drawn: so they can be compiled all at once.
+"""A sample of a scene: a few faces that are drawn in the same way as the whole.
 
-A few faces of every mesh are drawn, some pixels large, with the picture's options, and Python runs the kernels and
-notes them. What only the whole scene needs, such as clipping, is compiled when it is met.
+So what a picture needs is found out in no time, such as the kernels that are to be compiled before it is drawn.
 """
 
-import logging
 from dataclasses import replace
 
 import numpy as np
 
-from .compiler.kernels import noting_needs
-from .errors import RasterizerError
-from .options import Options
-from .scene.mesh import Mesh
-from .scene.scene import Scene
+from .lights import Light
+from .mesh import Mesh
+from .scene import Scene
 
-SIZE = 6  # pixels
+SIZE = 6  # of a picture of it, pixels
 MOST_MESHES = 16
 SMALL_MAP = 16  # texels
 MOST_FACES = 4  # of a mesh
 _ATTRIBUTES = "normals", "uv", "colors", "face_colors", "smoothing", "face_material", "polygons"
-
-_log = logging.getLogger("rasterizer")
-
-
-def list_needs(scene: Scene, options: Options) -> dict:
-    """Return the kernels that a picture needs, {(function, signature): True}."""
-    from .renderer import Renderer
-
-    small = {name: getattr(options, name) for name in ("shading", "tolerance", "samples", "outputs", "cull")}
-    small |= {"color_range": options.color_range, "exposure": options.exposure, "spectral": options.spectral}
-    with noting_needs() as needs:
-        try:
-            with Renderer(sample_scene(scene), SIZE, threads=1, **small) as renderer:
-                renderer.render()
-        except RasterizerError as fault:  # what was noted until then is of use
-            _log.info("not all kernels that the picture needs are known ahead: %s", fault)
-    return needs
 
 
 def sample_scene(scene: Scene) -> Scene:
@@ -53,7 +32,7 @@ def sample_scene(scene: Scene) -> Scene:
     return replace(scene, meshes=meshes, camera=camera, lights=lights)
 
 
-def _with_small_map(light):
+def _with_small_map(light: Light) -> Light:
     """Return a light whose shadow map, if it has one, is small: Python draws it."""
     if not getattr(light, "shadow", None):
         return light
