@@ -11,7 +11,6 @@ import llvmlite.binding as llvm
 
 from .object_file import read_names
 
-
 IN_EVERY_FILE = {"_GLOBAL_OFFSET_TABLE_"}  # a name that the linker itself defines
 
 
