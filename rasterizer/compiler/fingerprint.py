@@ -19,7 +19,7 @@ SEEN = (0, 61), (0, 68)  # the first and the last version of numba; each brings 
 
 # Settings of numba that change the code that it makes; each is an environment variable, NUMBA_...
 CODE_SETTINGS = (
-    "BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO", "DEBUGINFO_DEFAULT", "DEBUG_NRT", "DISABLE_INTEL_SVML",
+    "BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO", "DEBUG_NRT", "DISABLE_INTEL_SVML",
     "ENABLE_AVX", "ENABLE_PROFILING", "ENABLE_SYS_MONITORING", "EXTEND_VARIABLE_LIFETIMES", "FUNCTION_CACHE_SIZE",
     "LLVM_REFPRUNE_FLAGS", "LLVM_REFPRUNE_PASS", "LOOP_VECTORIZE", "NRT_STATS", "OPT", "SLP_VECTORIZE", "USING_SVML",
 )  # fmt: skip
