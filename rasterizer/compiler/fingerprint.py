@@ -101,14 +101,14 @@ def features_of(level: str) -> str:
     return ",".join(f"+{feature}" for feature in PROCESSOR_LEVELS[level])
 
 
-def usable_processors() -> list[str]:
+def usable_processors() -> tuple[str, ...]:
     """Return the processors whose code runs here: this one first, then the levels that it has reached.
 
     A processor that NUMBA_CPU_NAME names is the only one.
     """
     host = host_processor()
     if setting("CPU_NAME"):
-        return [host]
+        return (host,)
     features = llvm.get_host_cpu_features()
     levels = [name for name, needed in PROCESSOR_LEVELS.items() if all(features.get(need) for need in needed)]
-    return [host, *(level for level in levels if level != host)]
+    return (host, *(level for level in levels if level != host))
