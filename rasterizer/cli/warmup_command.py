@@ -1,6 +1,7 @@
 """`raster warmup`: compile what any picture may need, by drawing small ones of every kind."""
 
 import os
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -35,9 +36,28 @@ def warm_up(messages, folder: str | None = None, processor: str | None = None) -
 
     Raises OutputError where there is no folder for them, and says why.
     """
-    start = perf_counter()
+    settings = {}
     if processor is not None:
-        os.environ |= {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": fingerprint.features_of(processor)}
+        settings = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": fingerprint.features_of(processor)}
+    with _environment_with(settings):
+        _warm_up(messages, folder)
+
+
+@contextmanager
+def _environment_with(settings: dict):
+    """Set variables of the environment inside the block: processes that compile inherit them."""
+    before = dict(os.environ)
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name in settings:
+            del os.environ[name]
+        os.environ.update({name: before[name] for name in settings if name in before})
+
+
+def _warm_up(messages, folder) -> None:
+    start = perf_counter()
     store = _store_in(folder) if folder is not None else kernels.STORE
     if store.own is None:
         reasons = "; ".join(store.reasons) or "there is no folder for them"

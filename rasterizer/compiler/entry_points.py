@@ -12,6 +12,8 @@ The arrays it hands over have no owner that numba knows of. So counting their re
 (`add_reference_counts`), and the caller holds the arguments for the whole call.
 """
 
+from functools import reduce
+
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -190,7 +192,8 @@ class _Reader:
         number = builder.sext(self._load(dtype, layouts.NUMBER, _INT), _LONG)
         order, flags = self._load(dtype, layouts.BYTE_ORDER, _BYTE), self._load(thing, layouts.FLAGS, _INT)
         n_axis = self._load(thing, layouts.N_AXIS, _INT)
-        is_native = builder.or_(*(builder.icmp_signed("==", order, ir.Constant(_BYTE, ord(c))) for c in "=|"))
+        orders = [builder.icmp_signed("==", order, ir.Constant(_BYTE, ord(sign))) for sign in layouts.NATIVE_ORDERS]
+        is_native = reduce(builder.or_, orders)
         wanted = {
             "C": layouts.IS_ALIGNED | layouts.IS_C,
             "F": layouts.IS_ALIGNED | layouts.IS_F,

@@ -122,7 +122,8 @@ def type_of(thing):
 def compile_kernel(function: Callable, signature: tuple) -> Code:
     """Compile a kernel for a signature (signatures.py) to object code with an entry point.
 
-    Raises NotStandalone where its code would need numba's runtime: it allocates, raises or prints.
+    Raises NotStandalone where its code would need numba's runtime: it allocates, raises or prints; and where a class of
+    the signature is not found by its name.
     """
     kinds = tuple(type_of_part(part) for part in signature)
     return _compile(function, kinds, KernelCompiler)
@@ -179,7 +180,11 @@ def type_of_part(part):
         _, dtype, n_axis, layout = part
         return types.Array(numba.from_dtype(np.dtype(dtype)), n_axis, layout)
     _, name, items = part
-    return types.BaseTuple.from_types(tuple(map(type_of_part, items)), class_of(name) if name else None)
+    try:
+        found = class_of(name) if name else None
+    except (ImportError, AttributeError) as fault:
+        raise NotStandalone(f"no class {name} ({fault})") from fault
+    return types.BaseTuple.from_types(tuple(map(type_of_part, items)), found)
 
 
 if IS_SEEN:

@@ -16,7 +16,7 @@ from pathlib import Path
 _PARENT = str(Path(__file__).resolve().parents[2])  # what the package is imported from
 _PROGRAM = """
 import sys
-sys.path.insert(0, sys.argv[1])
+sys.path[:] = [sys.argv[1], *filter(None, sys.path)]  # "" is the folder where the program is started: nothing of ours
 from rasterizer.compiler.worker import main
 sys.exit(main(sys.argv[2]))
 """
@@ -36,44 +36,68 @@ def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int],
     jobs : (function, signature) each
     folder : the store's own, to which the processes write
     notice : is called with a kernel's name, how many are done and how many there are, whenever one is begun
+
+    Whatever ends it, such as Ctrl-C, ends the processes, too.
     """
-    waiting = sorted(jobs, key=lambda job: measure_code(job[0]), reverse=True)
-    turn, total = threading.Lock(), len(waiting)
-    done = 0
+    crew = _Crew(jobs, folder, notice)
+    threads = [threading.Thread(target=crew.serve, daemon=True) for _ in range(min(n_core(), len(jobs)))]
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        crew.end()
 
-    def next_job():
-        with turn:
-            if not waiting:
+
+class _Crew:
+    """Processes that share jobs; each is led by a thread, which runs `serve`."""
+
+    def __init__(self, jobs, folder, notice):
+        self._waiting = sorted(jobs, key=lambda job: measure_code(job[0]), reverse=True)
+        self._folder, self._notice = folder, notice
+        self._total, self._n_done = len(jobs), 0
+        self._turn, self._workers = threading.Lock(), []
+
+    def serve(self):
+        """Start a process and give it one job after the other."""
+        try:
+            with self._turn:
+                if not self._waiting:
+                    return
+                worker = start_worker(self._folder)
+                self._workers.append(worker)
+            with worker:
+                while (job := self._next_job()) is not None and self._is_answered(worker, job):
+                    pass
+        except OSError as fault:  # it can't be started, or has ended
+            _log.info("kernels are not compiled ahead: %s", fault)
+
+    def _next_job(self):
+        with self._turn:
+            if not self._waiting:
                 return None
-            job = waiting.pop(0)
-            notice(job[0].__name__, done, total)
-            return job
+            function, signature = self._waiting.pop(0)
+            self._notice(function.__name__, self._n_done, self._total)
+            return function, signature
 
-    def serve():
-        nonlocal done
-        with start_worker(folder) as worker:
-            try:
-                while (job := next_job()) is not None:
-                    function, signature = job
-                    print(repr((function.__module__, function.__name__, signature)), file=worker.stdin, flush=True)
-                    answer = worker.stdout.readline().strip()
-                    if answer != "done":
-                        _log.info(
-                            "kernel %s is not compiled ahead: %s", function.__name__, answer or "the process ended"
-                        )
-                    if not answer:
-                        return
-                    with turn:
-                        done += 1
-                worker.stdin.close()
-            except OSError as fault:  # the process has ended
-                _log.info("kernels are not compiled ahead: %s", fault)
+    def _is_answered(self, worker, job) -> bool:
+        """Give a process a job and wait until it is done; False where the process has ended."""
+        function, signature = job
+        print(repr((function.__module__, function.__name__, signature)), file=worker.stdin, flush=True)
+        answer = worker.stdout.readline().strip()
+        if answer != "done":
+            _log.info("kernel %s is not compiled ahead: %s", function.__name__, answer or "the process ended")
+        with self._turn:
+            self._n_done += bool(answer)
+        return bool(answer)
 
-    threads = [threading.Thread(target=serve) for _ in range(min(n_core(), total))]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    def end(self):
+        """End all processes; those that have ended by themselves are left alone."""
+        with self._turn:
+            self._waiting.clear()
+            for worker in self._workers:
+                worker.kill()
 
 
 def start_worker(folder: Path) -> subprocess.Popen:
@@ -85,6 +109,7 @@ def start_worker(folder: Path) -> subprocess.Popen:
         stderr=subprocess.DEVNULL,
         text=True,
         encoding="utf-8",
+        errors="replace",
         env=os.environ | {"RASTER_STORE": str(folder.parent)},
     )
 

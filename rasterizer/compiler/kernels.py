@@ -105,7 +105,13 @@ class Kernel:
                     entry = entry_point, table.address
                     self._known[signature, table.numbers] = entry, table
                     self._entries.append(entry)
-        return entry[0](arguments, entry[1]) if entry else self._by_numba(*arguments)
+        result = entry[0](arguments, entry[1]) if entry else NotImplemented
+        if result is not NotImplemented:
+            return result
+        if self._by_numba is None:  # the signature tells of more than the entry point can read
+            _log.info("kernel %s is left to numba: its entry point doesn't know %s", title_of(self.py_func), signature)
+            self._by_numba = _internals().compile_by_numba(self.py_func)
+        return self._by_numba(*arguments)
 
     def _note(self, arguments):
         """Note what is called, and let Python do it; numbers are returned as compiled code returns them."""
@@ -164,7 +170,7 @@ def _load_compiled(function, signature):
         if is_own(function):
             STORE.keep(title_of(function), signature, code.as_bytes())
         return LoadedCode(code, "entry")
-    except (internals.NotStandalone, LookupError, RuntimeError) as reason:
+    except (internals.NotStandalone, LookupError, RuntimeError, ValueError) as reason:
         _log.info("kernel %s is left to numba: %s", title_of(function), reason)
         return None
 

@@ -5,6 +5,7 @@ PyArray_Descr up to type_num, the same in NumPy 1 and 2). `are_layouts_known` tr
 """
 
 import ctypes
+import sys
 
 import numpy as np
 
@@ -13,7 +14,12 @@ HEAD = object.__basicsize__
 CLASS = HEAD - 8
 N_ITEM, ITEMS = HEAD, tuple.__basicsize__
 DATA, N_AXIS, SHAPE, STRIDES, DTYPE, FLAGS = (HEAD + offset for offset in (0, 8, 16, 24, 40, 48))
-BYTE_ORDER, NUMBER = HEAD + 10, HEAD + 12  # of a dtype: native order is "=", or "|" where there is none
+BYTE_ORDER, NUMBER = HEAD + 10, HEAD + 12  # of a dtype
+NATIVE_ORDERS = (
+    "=",
+    "|",
+    "<" if sys.byteorder == "little" else ">",
+)  # "|" where there is no order; the last if asked for
 IS_C, IS_F, IS_ALIGNED = 0x1, 0x2, 0x100
 
 

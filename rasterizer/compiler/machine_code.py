@@ -9,6 +9,10 @@ from typing import NamedTuple
 
 import llvmlite.binding as llvm
 
+from .object_file import read_names
+
+IN_EVERY_FILE = {"_GLOBAL_OFFSET_TABLE_"}  # a name that the linker itself defines
+
 
 class Code(NamedTuple):
     """What the compiler made of a kernel."""
@@ -30,16 +34,19 @@ class Code(NamedTuple):
 class LoadedCode:
     """Machine code in memory that can be called as long as this lives.
 
-    Raises LookupError where a function that the code needs is nowhere to be found, and RuntimeError where LLVM can't
-    make anything of the content.
+    Raises LookupError where a function that the code needs is nowhere to be found, or where it has no entry point;
+    ValueError where it is no object file; RuntimeError where LLVM can't make anything of it.
     """
 
     def __init__(self, code: Code, name: str):
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
-        missing = [need for need in code.needs if not is_found(need)]
+        defined, needed = read_names(code.content)
+        missing = [need for need in sorted({*code.needs, *needed} - IN_EVERY_FILE) if not is_found(need)]
         if missing:
             raise LookupError(f"no function {', '.join(missing)}")
+        if defined and name not in defined:
+            raise LookupError(f"no entry point {name}")
         machine = llvm.Target.from_default_triple().create_target_machine(codemodel="jitdefault", jit=True)
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code.content))

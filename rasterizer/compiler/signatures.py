@@ -16,6 +16,7 @@ import sys
 
 import numpy as np
 
+LEAST_INT, MOST_INT = -(2**63), 2**63 - 1
 _PLAIN = {int: "int64", float: "float64", bool: "bool", type(None): "none"}
 
 
@@ -23,7 +24,7 @@ def signature_of(arguments: tuple) -> tuple:
     """Return the signature of a kernel's arguments.
 
     Raises TypeError for what kernels don't take: other objects, arrays of other than numbers, and arrays that are not
-    aligned or not in the machine's order of bytes.
+    aligned or not in the machine's order of bytes; OverflowError for an int that has more than 64 bits.
     """
     return tuple(_part_of(argument) for argument in arguments)
 
@@ -31,19 +32,26 @@ def signature_of(arguments: tuple) -> tuple:
 def _part_of(value):
     kind = type(value)
     if kind in _PLAIN:
+        if kind is int and not LEAST_INT <= value <= MOST_INT:
+            raise OverflowError(f"a kernel takes integers from -2^63 to 2^63 - 1, not {value}; others as numpy.uint64")
         return _PLAIN[kind]
     if isinstance(value, tuple):
         name = "" if kind is tuple else f"{kind.__module__}:{kind.__qualname__}"
         return ("tuple", name, tuple(_part_of(item) for item in value))
-    if isinstance(value, np.generic) and value.dtype.kind in "biuf":
+    if isinstance(value, np.generic) and _is_number(value.dtype):
         return value.dtype.name
     if isinstance(value, np.ndarray):
         flags, dtype = value.flags, value.dtype
-        if dtype.kind in "biuf" and dtype.isnative and flags.aligned:
+        if _is_number(dtype) and dtype.isnative and flags.aligned:
             layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
             return ("array", dtype.name, value.ndim, layout)
         raise TypeError(f"a kernel takes aligned arrays of numbers; this one is {dtype.str}, aligned: {flags.aligned}")
     raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {kind.__name__}")
+
+
+def _is_number(dtype) -> bool:
+    """Tell whether kernels take numbers of a dtype: bool, integers, float32 and float64."""
+    return dtype.kind in "biu" or dtype.char in "fd"
 
 
 def class_of(name: str) -> type:
@@ -98,5 +106,5 @@ def plain(value):
     """Return an argument with arrays of subclasses, such as memory maps, as plain arrays."""
     if isinstance(value, tuple):
         items = [plain(item) for item in value]
-        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
+        return value._make(items) if hasattr(value, "_fields") else tuple(items)
     return value.view(np.ndarray) if isinstance(value, np.ndarray) else value

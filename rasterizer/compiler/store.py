@@ -260,12 +260,15 @@ class Store(NamedTuple):
     def into(cls, folder: Path) -> "Store":
         """Return a store of its own in a folder, for others to read.
 
-        Raises OSError where the folder can't be made or written.
+        Raises OSError where the folder can't be made or written, or others can write to it.
         """
         own = Path(os.path.realpath(folder)) / f"{PREFIX}{fingerprint.hash_sources()}"
-        own.mkdir(parents=True, exist_ok=True)
-        if not os.access(own, os.W_OK | os.X_OK):
-            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(own))
+        own.mkdir(mode=0o755, parents=True, exist_ok=True)
+        reason = find_distrust(own)
+        if not reason and not os.access(own, os.W_OK | os.X_OK):
+            reason = os.strerror(errno.EACCES)
+        if reason:
+            raise PermissionError(errno.EACCES, reason, str(own))
         _mark(own)
         return cls((own,), own, True, (), fingerprint.usable_processors())
 
