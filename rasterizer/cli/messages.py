@@ -150,6 +150,9 @@ def compiling_announced(messages):
 def _details_told(messages):
     """Say what the package's modules log, inside the block, as details."""
 
+    if messages.level < VERBOSE:
+        yield
+        return
     import logging
 
     class Teller(logging.Handler):
