@@ -177,6 +177,9 @@ class Progress:
 def _details_told(messages):
     """Say what the package's modules log, inside the block, as details."""
 
+    if messages.level < VERBOSE:
+        yield
+        return
     import logging
 
     class Teller(logging.Handler):

@@ -33,6 +33,7 @@ PROCESSOR_LEVELS = {"x86-64-v4": _V4, "x86-64-v3": _V3, "x86-64-v2": _V2}
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = "compiler", "geometry", "pipeline"
+_WITHOUT_KERNELS = "fingerprint.py", "jobs.py", "store.py", "worker.py"  # their changes change no machine code
 
 
 def numba_version() -> str:
@@ -81,7 +82,7 @@ def hash_sources() -> str:
     digest = hashlib.sha256(describe_compiler().encode())
     for folder in _KERNEL_FOLDERS:
         for entry in sorted(os.scandir(_PACKAGE / folder), key=lambda entry: entry.name):
-            if entry.name.endswith(".py"):
+            if entry.name.endswith(".py") and entry.name not in _WITHOUT_KERNELS:
                 with open(entry.path, "rb", buffering=0) as file:
                     digest.update(file.read())
     return digest.hexdigest()[:16]
@@ -101,14 +102,14 @@ def features_of(level: str) -> str:
     return ",".join(f"+{feature}" for feature in PROCESSOR_LEVELS[level])
 
 
-def usable_processors() -> list[str]:
+def usable_processors() -> tuple[str, ...]:
     """Return the processors whose code runs here: this one first, then the levels that it has reached.
 
     A processor that NUMBA_CPU_NAME names is the only one.
     """
     host = host_processor()
     if setting("CPU_NAME"):
-        return [host]
+        return (host,)
     features = llvm.get_host_cpu_features()
     levels = [name for name, needed in PROCESSOR_LEVELS.items() if all(features.get(need) for need in needed)]
-    return [host, *(level for level in levels if level != host)]
+    return (host, *(level for level in levels if level != host))

@@ -24,6 +24,7 @@ In other versions kernels are compiled by `numba.njit` in every process: slower,
 """
 
 import gc
+import logging
 import os
 from collections.abc import Callable
 from ctypes import CDLL, pythonapi
@@ -34,7 +35,7 @@ import numpy as np
 from numba import types
 
 from . import intrinsics
-from .fingerprint import is_seen
+from .fingerprint import SEEN, is_seen
 from .machine_code import Code
 from .signatures import class_of
 
@@ -42,6 +43,8 @@ IS_SEEN = is_seen(numba.__version__)
 _OPTIONS = {"nogil": True, "error_model": "numpy"}
 # Options of njit for what Python never calls through numba: no wrappers are made.
 _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+_log = logging.getLogger("rasterizer")
 
 if IS_SEEN:
     from numba.core import codegen, compiler_machinery, typed_passes
@@ -62,6 +65,13 @@ if IS_SEEN:
 class NotStandalone(Exception):
     """A kernel whose machine code can't be used without numba, and why."""
 
+
+if not IS_SEEN:
+    _log.warning(
+        "numba %s is not among the versions that rasterizer was tried with, %d.%d to %d.%d: "
+        "compiled kernels are not kept on disk, so that every run begins with compiling",
+        numba.__version__, *SEEN[0], *SEEN[1],
+    )  # fmt: skip
 
 # ---------------------------------------------------------------- what numba compiles when it meets a name in a kernel
 

@@ -221,12 +221,14 @@ class Store(NamedTuple):
     own : the one that new ones are written to; None where there is none
     is_used : False where numba compiles and calls the kernels
     reasons : why folders, or all of it, won't do
+    processors : those whose code runs here, the best one first
     """
 
     folders: tuple[Path, ...] = ()
     own: Path | None = None
     is_used: bool = False
     reasons: tuple[str, ...] = ()
+    processors: tuple[str, ...] = ()
 
     @classmethod
     def of_process(cls, is_compiling: bool) -> "Store":
@@ -246,7 +248,8 @@ class Store(NamedTuple):
         if own is not None:
             remove_old(own)
         folders = [shipped] if not asked and shipped.is_dir() and not _distrust_of(shipped, reasons) else []
-        return cls((*folders, *([own] if own else [])), own, True, tuple(reasons))
+        found = (*folders, *([own] if own else []))
+        return cls(found, own, True, tuple(reasons), fingerprint.usable_processors())
 
     @property
     def is_kept(self) -> bool:
@@ -267,12 +270,12 @@ class Store(NamedTuple):
         if reason:
             raise PermissionError(errno.EACCES, reason, str(own))
         _mark(own)
-        return cls((own,), own, True)
+        return cls((own,), own, True, (), fingerprint.usable_processors())
 
     def find(self, title: str, signature: tuple):
         """Yield the codes that were kept for a signature and run on this processor, the best one first."""
         for folder in self.folders:
-            for processor in fingerprint.usable_processors():
+            for processor in self.processors:
                 code = read_code(folder, title, _key(title, signature, processor))
                 if code is not None:
                     yield code
@@ -280,7 +283,7 @@ class Store(NamedTuple):
     def keep(self, title: str, signature: tuple, code: bytes) -> None:
         """Keep a code for a signature and this processor, where there is a folder for it."""
         if self.own is not None:
-            write_code(self.own, title, _key(title, signature, fingerprint.host_processor()), code)
+            write_code(self.own, title, _key(title, signature, self.processors[0]), code)
 
 
 def _key(title: str, signature: tuple, processor: str) -> bytes:

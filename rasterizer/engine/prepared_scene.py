@@ -20,7 +20,6 @@ from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
 from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
-from .shadow_maps import Shadows
 from .uniforms import make_lighting
 from .view_plans import ViewPlan, ViewPlans
 
@@ -47,9 +46,13 @@ class PreparedScene:
         self.geometry = gather_geometry(scene, options.is_flat)
         self.view_plans = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)
-        has_shadows = self.view_plans.plan.has_shadows
-        self.shadows = Shadows(self.geometry, self.bounds, self.view_plans.plan) if has_shadows else None
+        self.shadows = self._make_shadows() if self.view_plans.plan.has_shadows else None
         self.workspaces = WorkspacePool()
+
+    def _make_shadows(self):
+        from .shadow_maps import Shadows
+
+        return Shadows(self.geometry, self.bounds, self.view_plans.plan)
 
     def draw_picture(self, camera: Camera, clock) -> DrawnPicture:
         """Draw the picture: the colour of every pixel. `clock` notes the milliseconds of each stage."""

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..options import Options
-from ..scene.spectrum import N_TABLE, rgb_weights, samples_of
 from .reflection_table import has_colored_fresnel
 
 
@@ -44,13 +43,15 @@ def multiply_spectra(
     colors += [light.color for light in (*lights, *ambient_lights)]
     if options.spectral is None and not any(hasattr(color, "wavelengths") for color in colors):
         return None
+    from ..scene.spectrum import N_TABLE, rgb_weights
+
     n = options.spectral or N_TABLE  # samples: every 5 nm, as the tables have them
     weights = rgb_weights(n) * 2.0**options.exposure
     emissive, ambient, diffuse, specular = (
-        np.array([samples_of(getattr(material, field), n) for material in materials]) for field in fields
+        np.array([_samples_of(getattr(material, field), n) for material in materials]) for field in fields
     )
-    around = sum((samples_of(light.color, n) for light in ambient_lights), np.zeros(n))
-    given = np.array([samples_of(light.color, n) for light in lights]).reshape(-1, n)
+    around = sum((_samples_of(light.color, n) for light in ambient_lights), np.zeros(n))
+    given = np.array([_samples_of(light.color, n) for light in lights]).reshape(-1, n)
     first, rest = split_fresnel(materials, n)
     return Products(
         emissive @ weights,
@@ -75,5 +76,11 @@ def split_fresnel(materials: Sequence[Any], n: int | None = None) -> tuple[NDArr
     first = np.ones((len(materials), n or 3))
     for row, material in zip(first, materials, strict=True):
         if has_colored_fresnel(material):
-            row[:] = samples_of(material.fresnel, n) if n is not None else material.fresnel
+            row[:] = material.fresnel if n is None else _samples_of(material.fresnel, n)
     return first, 1.0 - first
+
+
+def _samples_of(color, n: int) -> NDArray[np.float64]:
+    from ..scene.spectrum import samples_of
+
+    return samples_of(color, n)

@@ -29,8 +29,6 @@ def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> 
     -----
     UserWarning : files or materials that are missing
     """
-    if not names:
-        return {}
     materials, missing, maps = {}, [], Maps(model.log)
     wanted = list(dict.fromkeys(libraries))[:MOST_LIBRARIES]
     # A name with blanks is written like several names; what was read to find out is not read again.

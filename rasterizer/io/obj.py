@@ -19,7 +19,6 @@ import numpy as np
 
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
-from .material_libraries import find_materials
 from .model_file import WHITE, ModelFile, Part, bytes_of, cut_faces
 from .obj_lines import Corners, LineError, ObjLines
 
@@ -68,7 +67,7 @@ def _read_parts(model, lines) -> list[Part]:
     # A material has one number, however often its name stands there; an object is another each time.
     numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
     whole["face_material"] = np.array([numbers[name] for name in names] + [-1])[material_of_face]
-    materials = find_materials(model, lines.names_of("mtllib")[1], list(numbers))
+    materials = _find_materials(model, lines.names_of("mtllib")[1], list(numbers))
     default = replace(whole["material"], name="")
     palette = [materials.get(name, replace(default, name=name)) for name in numbers] + [default]
     groups = set(lines.names_of("g")[1])
@@ -172,6 +171,15 @@ def _compact(faces) -> tuple[np.ndarray, np.ndarray]:
 
 
 # --- materials ------------------------------------------------------------------------------------------------------
+
+
+def _find_materials(model, libraries, names) -> dict[str, Material]:
+    """Return the materials of these names, as `find_materials` does."""
+    if not names:
+        return {}
+    from .material_libraries import find_materials
+
+    return find_materials(model, libraries, names)
 
 
 def _with_materials(model, part: Part, palette, name) -> Part:

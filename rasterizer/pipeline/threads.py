@@ -77,17 +77,17 @@ class Workers:
         return results
 
     def _hire(self, n: int) -> None:
-        """Start threads, so that there are at least `n`."""
+        """Start threads, so that there are at least `n`; where no more can be started, those there are do it all."""
         while len(self._helpers) < n:
             helper = threading.Thread(target=_serve, args=(self._calls,), daemon=True)
             try:
                 helper.start()
-            except RuntimeError:  # no more can be started, as when the interpreter ends: those there are do it all
+            except RuntimeError:  # the process may have no more of them, or is ending
                 return
             self._helpers.append(helper)
 
     def close(self) -> None:
-        """End the threads."""
+        """End the threads; what is mapped afterwards is done on the caller's."""
         self._end()
         for helper in self._helpers:
             helper.join()

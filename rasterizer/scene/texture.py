@@ -9,7 +9,6 @@ stands in its header, and is looked at before anything is decoded: see `most_tex
 more with mipmaps.
 """
 
-import logging
 import os
 import struct
 import warnings
@@ -37,7 +36,6 @@ FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TGA", "TIFF", "GIF")  # Pillow's names
 MOST_TEXELS = 2**14  # along a side
 MOST_IN_PICTURE = 2**25  # texels, of a picture that is read: 8192 × 4096
 ENVIRONMENT = "RASTER_MOST_TEXELS"  # a number that takes the place of MOST_IN_PICTURE
-_NOWHERE = logging.NullHandler()  # without any handler, Pillow's errors would go to stderr; who wants them adds his own
 _STRIP = 2**16  # texels that are converted at a time
 # What PIL has been seen to raise for damaged files, and for modes that it can't convert, widened to base classes.
 PICTURE_FAULTS = (
@@ -200,9 +198,13 @@ def read_picture(
     ------
     ModelError : a file that can't be read as a picture, is of another format than `FORMATS`, or too large
     """
+    import logging
+
     from PIL import Image, UnidentifiedImageError
 
-    logging.getLogger("PIL").addHandler(_NOWHERE)
+    log = logging.getLogger("PIL")
+    if not log.handlers:  # without any, Pillow's errors would go to stderr; who wants them adds his own
+        log.addHandler(logging.NullHandler())
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # Pillow's own, about metadata and sizes: the latter are looked at here

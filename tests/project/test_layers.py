@@ -56,7 +56,7 @@ IN_FUNCTIONS = {
     ("cli", "cli.render_command"): "as warmup_command",
     ("cli.arguments", "cli.flags"): "--help lists the commands and no flags: it makes no dataclass of options",
     ("cli.messages", "json"): "only --json needs it",
-    ("cli.messages", "logging"): "--help does without it",
+    ("cli.messages", "logging"): "only -v needs it",
     ("cli.messages", "traceback"): "only a fault of the program's own needs it",
     ("cli.messages", "warnings"): "--help does without it",
     ("cli.messages", "compiler.kernels"): "heavy: --help does without it",
@@ -66,12 +66,16 @@ IN_FUNCTIONS = {
     ("compiler.kernels", "compiler.jobs"): "it starts processes: most runs have no need of it",
     ("compiler.store", "grp"): "not on every platform",
     ("compiler.store", "pwd"): "not on every platform",
+    ("engine.prepared_scene", "engine.shadow_maps"): "only scenes with shadows need it",
+    ("engine.spectral_products", "scene.spectrum"): "its tables are for scenes with spectra",
     ("frame", "PIL"): "heavy: a frame that is only read as arrays does without it",
+    ("io.obj", "io.material_libraries"): "only a file that names materials needs the reader of MTL files",
     ("io.scene_file", "tomllib"): "since Python 3.11",
     ("io.scene_file", "tomli"): "optional: the extra toml, for Python 3.10",
     ("io.scene_file_write", "PIL"): "heavy: only scenes with textures need it",
     ("scene.color", "PIL"): "heavy: only colours written as text need it",
     ("scene.texture", "PIL"): "heavy: only pictures that are read need it",
+    ("scene.texture", "logging"): "as PIL, which imports it",
 }
 
 
