@@ -105,7 +105,7 @@ def sum_of_array(name, dtype, n_axis, factor):
     yield from (f"total += {name}.strides[{k}] * {factor + k}" for k in range(n_axis))
     yield from (f"{'    ' * k}for i{k} in range({name}.shape[{k}]):" for k in range(n_axis))
     item = f"{name}[{''.join(f'i{k}, ' for k in range(n_axis)) or '()'}]"
-    yield f"{'    ' * n_axis}total = 0.75 * total + {factor} * {as_float(item, dtype == bool)}"
+    yield f"{'    ' * n_axis}total = 0.75 * total + {factor} * {as_float(item, dtype.kind == 'b')}"
     if dtype.kind in "iu":
         yield f"{'    ' * n_axis}bits = bits * 3 + np.int64({item})"
 

@@ -10,7 +10,7 @@ import numba
 import numpy as np
 import pytest
 from helpers.raster import ROOT
-from helpers.stores import EntryPoint, Pair, run, start
+from helpers.stores import TINY, EntryPoint, Pair, run, start
 
 from rasterizer.compiler import internals, kernels
 from rasterizer.compiler.object_file import read_names
@@ -260,22 +260,10 @@ def test_a_fork_waits_until_nothing_is_compiled(lock):
 # ---------------------------------------------------------------- versions that were not seen
 
 UNSEEN = "import numba\nnumba.__version__ = '0.99.0'\n"
-TINY = """
-import logging
-logging.basicConfig(level=logging.INFO, format="%(message)s")
-import numpy as np
-from rasterizer.compiler import kernels
-from rasterizer.geometry.surfaces import compute_clearance
-
-corners = np.array([(0.0, 3.0, 0.0), (0.0, 0.0, 4.0), (0.0, 0.0, 0.0)])
-clearance = compute_clearance(corners, np.array([[0], [1], [2]], np.uint32), 101.0, 0.0, 0.0)
-assert 97 < clearance < 100, clearance
-print(kernels.STORE.is_used, kernels.STORE.own, kernels.STORE.reasons)
-"""
-
 
 def test_a_version_that_was_not_seen_calls_kernels_itself_and_keeps_nothing(tmp_path):
-    told = run(UNSEEN + TINY, tmp_path, RASTER_STORE=tmp_path / "kernels")
+    told = "print(STORE.is_used, STORE.own, STORE.reasons)"
+    told = run(UNSEEN + TINY + told, tmp_path, RASTER_STORE=tmp_path / "kernels")
     assert told == "False None ('numba 0.99.0 is newer or older than the versions that were tried',)"
     assert not (tmp_path / "kernels").exists()
 

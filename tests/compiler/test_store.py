@@ -200,19 +200,16 @@ def test_a_code_is_found_for_its_title_and_signature_alone(own):
     assert [list(own.find(*other)) for other in others] == [[]] * 3
 
 
-def test_the_code_for_this_processor_goes_before_that_for_many_and_none_is_of_a_better_one(own, monkeypatch):
-    levels = ["this one +all", *fingerprint.PROCESSOR_LEVELS, "another one"]
-    for processor in levels:
-        monkeypatch.setattr(fingerprint, "host_processor", lambda processor=processor: processor)
-        own.keep(TITLE, SIGNATURE, processor.encode())
-    monkeypatch.setattr(fingerprint, "usable_processors", lambda: ["this one +all", "x86-64-v3", "x86-64-v2"])
-    assert list(own.find(TITLE, SIGNATURE)) == [b"this one +all", b"x86-64-v3", b"x86-64-v2"]
-    monkeypatch.setattr(fingerprint, "usable_processors", lambda: ["unknown"])
-    assert list(own.find(TITLE, SIGNATURE)) == []
+def test_the_best_code_that_runs_here_is_found_first(own):
+    for processor in ("this one +all", *fingerprint.PROCESSOR_LEVELS, "another one"):
+        own._replace(processors=(processor,)).keep(TITLE, SIGNATURE, processor.encode())
+    here = own._replace(processors=("this one +all", "x86-64-v3", "x86-64-v2"))
+    assert list(here.find(TITLE, SIGNATURE)) == [b"this one +all", b"x86-64-v3", b"x86-64-v2"]
+    assert list(own._replace(processors=("unknown",)).find(TITLE, SIGNATURE)) == []
 
 
 def test_a_store_without_a_folder_finds_and_keeps_nothing(tmp_path):
-    nowhere = Store(is_used=True)
+    nowhere = Store(is_used=True, processors=("any",))
     nowhere.keep(TITLE, SIGNATURE, CODE)
     assert list(nowhere.find(TITLE, SIGNATURE)) == [] and not nowhere.is_kept
 
@@ -220,7 +217,7 @@ def test_a_store_without_a_folder_finds_and_keeps_nothing(tmp_path):
 def test_what_was_shipped_is_looked_into_first_and_never_written_to(tmp_path, own):
     shipped = Store.into(tmp_path / "shipped")
     shipped.keep(TITLE, SIGNATURE, b"shipped")
-    both = Store((shipped.own, own.own), own.own, True)
+    both = own._replace(folders=(shipped.own, own.own))
     both.keep(TITLE, SIGNATURE, b"own")
     assert list(both.find(TITLE, SIGNATURE)) == [b"shipped", b"own"]
     assert list(shipped.find(TITLE, SIGNATURE)) == [b"shipped"]
