@@ -1,9 +1,13 @@
-"""The threads that a frame is drawn with: kernels release the GIL, so plain Python threads run them side by side."""
+"""The threads that a frame is drawn with: kernels release the GIL, so plain Python threads run them side by side.
+
+A thread waits for calls in a queue. An executor of `concurrent.futures` would do, but a call through it takes twenty
+times as long, and importing it 4 ms.
+"""
 
 import os
 import threading
 import weakref
-from concurrent.futures import ThreadPoolExecutor, wait
+from queue import SimpleQueue
 
 # A part of a stage is worth a thread of its own from here on: waking a thread costs about as much as this many
 # vertices.
@@ -25,11 +29,12 @@ class Workers:
 
     def _start(self) -> None:
         self.turn = threading.RLock()
-        self._pool = ThreadPoolExecutor(self.n_thread - 1) if self.n_thread > 1 else None
+        self._calls, self._helpers = SimpleQueue(), []  # the threads, but for the caller's, are started when needed
+        self._end = weakref.finalize(self, self._calls.put, None)
 
     def ranges(self, n: int) -> list[tuple[int, int]]:
         """Divide range(n) into parts that are worth a thread each, in order; at least one part."""
-        n_part = 1 if self._pool is None else max(1, min(self.n_thread * PARTS_PER_THREAD, n // MIN_PART))
+        n_part = 1 if self.n_thread == 1 else max(1, min(self.n_thread * PARTS_PER_THREAD, n // MIN_PART))
         cuts = [n * k // n_part for k in range(n_part + 1)]
         return list(zip(cuts[:-1], cuts[1:], strict=True))
 
@@ -40,41 +45,83 @@ class Workers:
         waking. What one of them raises is raised here, when all have stopped: they take no further item then.
         """
         items = list(items)
-        if self._pool is None or len(items) < 2:
+        n_helper = min(self.n_thread, len(items)) - 1
+        if n_helper < 1:
             return [function(item) for item in items]
-        results, turns, others = [None] * len(items), iter(range(len(items))), []
-        failed = threading.Event()
+        self._hire(n_helper)
+        results, turns, failures = [None] * len(items), iter(range(len(items))), []
 
         def work():
             try:
                 for turn in turns:  # a range's iterator hands every number to one thread only
-                    if failed.is_set():
+                    if failures:
                         return
                     results[turn] = function(items[turn])
-            except BaseException:
-                failed.set()
-                raise
+            except BaseException as fault:  # noqa: BLE001  raised where `map` was called
+                failures.append(fault)
 
+        calls = [_Call(work) for _ in range(n_helper)]
         try:
-            for _ in range(min(self.n_thread, len(items)) - 1):
-                try:
-                    others.append(self._pool.submit(work))
-                except RuntimeError:  # no more can be started, as when the interpreter ends: those there are do it all
-                    break
+            for call in calls:
+                self._calls.put(call)
             work()
-            wait(others)
-        except BaseException:  # also Ctrl-C while waiting: nobody may go on drawing into what the caller has given up
-            failed.set()
-            wait(others)
+            for call in calls:
+                call.settle()
+        except BaseException as fault:  # Ctrl-C: nobody may go on drawing into what the caller has given up
+            failures.append(fault)
+            for call in calls:
+                call.settle()
             raise
-        for other in others:
-            other.result()  # raises what went wrong there
+        if failures:
+            raise next((fault for fault in failures if not isinstance(fault, Exception)), failures[0])
         return results
 
+    def _hire(self, n: int) -> None:
+        """Start threads, so that there are at least `n`; where no more can be started, those there are do it all."""
+        while len(self._helpers) < n:
+            helper = threading.Thread(target=_serve, args=(self._calls,), daemon=True)
+            try:
+                helper.start()
+            except RuntimeError:  # the process may have no more of them, or is ending
+                return
+            self._helpers.append(helper)
+
     def close(self) -> None:
-        """End the threads."""
-        if self._pool is not None:
-            self._pool.shutdown()
+        """End the threads; what is mapped afterwards is done on the caller's."""
+        self._end()
+        for helper in self._helpers:
+            helper.join()
+
+
+class _Call:
+    """One helper's share of a `map`: made by a helper, or taken back by the caller, whoever comes first."""
+
+    def __init__(self, work):
+        self._work, self._comers = work, []
+        self._is_running = threading.Lock()
+        self._is_running.acquire()
+
+    def make(self) -> None:
+        """Do the work, unless it was taken back."""
+        self._comers.append("helper")
+        if self._comers[0] == "helper":
+            self._work()
+            self._is_running.release()
+
+    def settle(self) -> None:
+        """Take the call back if no helper has begun, else wait until it is made; may be called again, after Ctrl-C."""
+        self._comers.append("caller")
+        if self._comers[0] == "helper":
+            with self._is_running:
+                pass
+
+
+def _serve(calls: SimpleQueue) -> None:
+    """Make the calls that come, until None does."""
+    while (call := calls.get()) is not None:
+        call.make()
+        del call  # it holds what is drawn
+    calls.put(None)  # for the next one
 
 
 _living = weakref.WeakSet()  # whom a forked process must start anew: a fork concerns the process as a whole
@@ -82,6 +129,7 @@ _living = weakref.WeakSet()  # whom a forked process must start anew: a fork con
 
 def _start_anew() -> None:
     for workers in _living:
+        workers._end.detach()
         workers._start()
 
 

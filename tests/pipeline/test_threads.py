@@ -1,6 +1,8 @@
 """Check that the picture is the same, byte for byte, for any number of threads and height of the bands."""
 
+import gc
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -134,6 +136,19 @@ def test_an_error_on_any_thread_is_raised(n_thread):
     workers.close()
 
 
+def test_an_interrupt_is_raised_rather_than_other_errors():
+    workers = Workers(2)
+
+    def fail(item):
+        time.sleep(0.01 * (item == 0))
+        raise (KeyboardInterrupt if item == 0 else ValueError)
+
+    for _ in range(5):
+        with pytest.raises(KeyboardInterrupt):
+            workers.map(fail, range(2))
+    workers.close()
+
+
 @pytest.mark.parametrize("n_started", [0, 1, 2])
 def test_where_no_more_threads_can_be_started_those_there_are_do_it_all(n_started, monkeypatch):
     """As in a process that may have no more of them, or in one that is ending."""
@@ -150,3 +165,42 @@ def test_where_no_more_threads_can_be_started_those_there_are_do_it_all(n_starte
         assert workers.map(lambda item: 10 * item, range(100)) == list(range(0, 1000, 10))
     workers.close()
     assert len(started) <= n_started
+
+
+def test_threads_end_when_their_workers_do():
+    """Closed once, twice or never: in the end no thread is left, and a call afterwards is made on the caller's."""
+    before = threading.active_count()
+    workers = Workers(4)
+    workers.map(abs, range(40))
+    assert before < threading.active_count() <= before + 3
+    workers.close()
+    workers.close()
+    assert threading.active_count() == before and workers.map(abs, range(-3, 0)) == [3, 2, 1]
+    forgotten = Workers(4)
+    forgotten.map(abs, range(40))
+    del forgotten
+    gc.collect()
+    end = time.monotonic() + 5
+    while threading.active_count() > before and time.monotonic() < end:
+        time.sleep(0.01)
+    assert threading.active_count() == before
+
+
+def test_what_was_drawn_is_not_kept_by_threads_that_wait():
+    class Picture:
+        living = 0
+
+        def __init__(self):
+            Picture.living += 1
+
+        def __del__(self):
+            Picture.living -= 1
+
+    workers, picture = Workers(3), Picture()
+    workers.map(lambda item, picture=picture: picture and item, range(20))
+    del picture
+    end = time.monotonic() + 5
+    while Picture.living and time.monotonic() < end:
+        time.sleep(0.01)
+    workers.close()
+    assert Picture.living == 0
