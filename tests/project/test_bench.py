@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 
 import rasterizer as rz
-from bench import analytic, before_after, features, frame, margins, measure, scenes, speed_vs_error, stages, startup
+from bench import (
+    analytic,
+    before_after,
+    encode,
+    features,
+    frame,
+    margins,
+    measure,
+    scenes,
+    speed_vs_error,
+    stages,
+    startup,
+)
 from rasterizer import reference
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -80,6 +92,19 @@ def test_frame_in_fresh_processes(capsys):
     steps = {"import_ms", "build_ms", "prepare_ms", "first_ms", "warm_ms"}
     assert set(row) == {"case", "triangles", "size", "shading", "threads", "peak_mib"} | steps
     assert all(row[step] > 0 for step in steps) and row["triangles"] == 12
+
+
+def test_encode(capsys):
+    arguments = ["cube", "noise", "--sizes", "40x30", "64", "--levels", "1", "6", "--threads", "1", "2"]
+    assert encode.main([*arguments, "--rounds", "3", "--seconds", "0.01"]) == 0
+    rows = record_of(capsys, "encode")["rows"]
+    writers = ["own 1T", "own 2T", "Pillow 1", "Pillow 6"]
+    assert [row["writer"] for row in rows] == writers * 6
+    assert [row["case"] for row in rows[::4]] == ["cube", "noise", "mean"] * 2
+    assert [row["size"] for row in rows[::12]] == ["40x30", "64x64"]
+    for row in rows:
+        assert row["ms"] > 0 and row["kib"] > 0 and (row["share"] == 1.0 or row["writer"] != "Pillow 6")
+        assert set(row) == {"case", "size", "writer", "ms", "kib", "share"}
 
 
 @pytest.mark.slow
