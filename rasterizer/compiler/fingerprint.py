@@ -91,9 +91,9 @@ def hash_sources() -> str:
 def host_processor() -> str:
     """Return what code that is made here is made for: the processor's name and what it can do."""
     name = setting("CPU_NAME") or llvm.get_host_cpu_name()
-    if name in PROCESSOR_LEVELS:
-        return name
     features = os.environ.get("NUMBA_CPU_FEATURES")
+    if name in PROCESSOR_LEVELS and features == features_of(name):
+        return name  # with any other features the code would not run on all of them
     return f"{name} {llvm.get_host_cpu_features().flatten() if features is None else features}"
 
 

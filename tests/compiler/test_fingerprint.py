@@ -150,7 +150,7 @@ def processor_with(monkeypatch, features, **settings):
     map_of_features = llvm.FeatureMap(dict.fromkeys(features, True))
     monkeypatch.setattr(fingerprint.llvm, "get_host_cpu_features", lambda: map_of_features)
     monkeypatch.setattr(fingerprint.llvm, "get_host_cpu_name", lambda: "toy")
-    return fingerprint.usable_processors()
+    return list(fingerprint.usable_processors())
 
 
 def test_code_for_a_level_is_used_where_the_processor_can_do_all_of_it(monkeypatch):
@@ -163,9 +163,19 @@ def test_code_for_a_level_is_used_where_the_processor_can_do_all_of_it(monkeypat
 
 
 def test_a_processor_that_is_asked_for_is_the_only_one(monkeypatch):
-    every = PROCESSOR_LEVELS["x86-64-v4"]
-    assert processor_with(monkeypatch, every, CPU_NAME="x86-64-v3", CPU_FEATURES="+avx") == ["x86-64-v3"]
+    every, level = PROCESSOR_LEVELS["x86-64-v4"], "x86-64-v3"
+    features = fingerprint.features_of(level)
+    assert processor_with(monkeypatch, every, CPU_NAME=level, CPU_FEATURES=features) == [level]
     assert processor_with(monkeypatch, every, CPU_NAME="generic", CPU_FEATURES="") == ["generic "]
+
+
+def test_code_with_other_features_is_not_taken_for_that_of_a_level(monkeypatch):
+    """It would be shipped to processors that can't run it."""
+    every, level = PROCESSOR_LEVELS["x86-64-v4"], "x86-64-v3"
+    for features in ("+avx512f", "", fingerprint.features_of("x86-64-v4")):
+        assert processor_with(monkeypatch, every, CPU_NAME=level, CPU_FEATURES=features) == [f"{level} {features}"]
+    (only,) = processor_with(monkeypatch, every, CPU_NAME=level)
+    assert only.startswith(f"{level} +") and "avx512f" in only  # this machine's are taken where none are asked for
 
 
 def test_features_that_are_asked_for_tell_this_processor_from_others(monkeypatch):

@@ -91,10 +91,11 @@ def test_a_batch_function_is_called_by_its_address(dtype, way):
 @pytest.fixture
 def without_jit(monkeypatch):
     """The module of decorators as it is where nothing is compiled."""
-    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
     spec = importlib.util.spec_from_file_location("rasterizer.compiler.kernels_again", kernels.__file__)
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    with monkeypatch.context() as patch:  # no longer: numba reads it again whenever it compiles
+        patch.setenv("NUMBA_DISABLE_JIT", "1")
+        spec.loader.exec_module(module)
     assert not module.IS_COMPILING and not module.STORE.is_used
     return module
 

@@ -14,7 +14,6 @@ from rasterizer.compiler.machine_code import LoadedCode
 from rasterizer.compiler.signatures import Table, signature_of
 from rasterizer.compiler.store import FORMAT
 
-
 # The kernel and the batch function of the package that take the least time to compile.
 TINY = """
 import numpy as np
