@@ -9,6 +9,7 @@ bench/README.md; the last line of the output is the same as JSON.
 """
 
 import argparse
+import compileall
 import importlib.util
 import json
 import os
@@ -42,7 +43,7 @@ class Launcher:
         `store` is the folder of compiled kernels; "" leaves them where they are kept anyway.
         """
         kept = {"RASTER_STORE": store, "NUMBA_CACHE_DIR": store} if store else {}
-        environment = os.environ | kept | {"PYTHONPATH": str(ROOT)}
+        environment = os.environ | kept | {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": ""}
         print(json.dumps([command, environment]), file=self._process.stdin, flush=True)
         found = json.loads(self._process.stdout.readline())
         if found["code"]:
@@ -59,6 +60,7 @@ def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
     args = make_parser().parse_args(argv)
     machine, launcher = measure.Machine(), Launcher()
+    compileall.compile_dir(ROOT / "rasterizer", quiet=1)  # as pip does when it installs a package
     with tempfile.TemporaryDirectory() as folder:
         if args.model is None:
             args.model = write_torus(Path(folder) / "torus.obj")
