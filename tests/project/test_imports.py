@@ -46,7 +46,7 @@ RENDER = "from rasterizer.cli import main; assert main({}) == 0"
 
 
 def modules_after(code: str) -> set[str]:
-    """Return the modules that a process of its own has loaded when it has run some lines, without those of its start."""
+    """Return the modules that a process of its own has loaded when it has run some lines, without its own at start."""
     lines = f"import sys; before = set(sys.modules)\n{code}\nprint(*sorted(set(sys.modules) - before))"
     done = subprocess.run([sys.executable, "-I", "-c", lines], capture_output=True, text=True, check=True)
     return set(done.stdout.splitlines()[-1].split())
