@@ -12,6 +12,8 @@ from numpy.typing import DTypeLike, NDArray
 from .choices import BUFFERS, SAVED_ARRAYS, SavedArray
 from .errors import OutputError, SceneError, shown
 from .io.files import write_and_move
+from .io.png import encode_png
+from .pipeline.threads import Workers
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -171,8 +173,11 @@ class Frame:
         """Return the picture as a `PIL.Image`: RGB where every pixel is opaque, else RGBA."""
         from PIL import Image
 
-        is_opaque = bool((self.rgba[..., 3] == 255).all())
-        return Image.fromarray(np.ascontiguousarray(self.rgb if is_opaque else self.rgba))
+        return Image.fromarray(np.ascontiguousarray(self._pixels()))
+
+    def _pixels(self) -> NDArray[np.uint8]:
+        """The picture as it is saved: (height, width, 3) where every pixel is opaque, else (height, width, 4)."""
+        return self.rgb if self.rgba[..., 3].min() == 255 else self.rgba
 
     def _repr_png_(self) -> bytes | None:
         """What a notebook shows: the picture, if there is one."""
@@ -195,7 +200,8 @@ class Frame:
         array : which array a `.npy` file holds: "color" (when None), "rgb", "rgba", "alpha", "depth", "face",
             "normal"
         format : overrides the suffix: "npy" or a name of Pillow's: "PNG", "JPEG", ...
-        options : passed to Pillow, e.g. compress_level=1 or quality=95
+        options : passed to Pillow, e.g. quality=95 for a JPEG file; a PNG file without options is written by
+            `io.png`, which is faster
 
         Returns
         -------
@@ -230,9 +236,13 @@ class Frame:
     def encode(self, format: str = "PNG", **options: Any) -> bytes:
         """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix.
 
-        Transparency is laid on white where the format has none; `options` are passed to Pillow.
+        Transparency is laid on white where the format has none; `options` are passed to Pillow. A PNG file without
+        options is written by `io.png`, on as many threads as have drawn the picture.
         """
-        name, image = picture_format(format), self.to_pil()
+        name = picture_format(format)
+        if name == "PNG" and not options:
+            return self._encode_png()
+        image = self.to_pil()
         try:
             return _encoded(image, name, options)
         except (OSError, ValueError) as error:
@@ -243,15 +253,24 @@ class Frame:
         except (OSError, ValueError) as error:
             raise OutputError(f"can't write a {name} file: {error}") from error
 
+    def _encode_png(self) -> bytes:
+        workers = Workers(getattr(self.stats, "threads", 1))  # a sheet of pictures has no stats
+        try:
+            return encode_png(self._pixels(), workers.map)
+        finally:
+            workers.close()
+
 
 def picture_format(name: str) -> str:
     """Return Pillow's name of a format that it writes, given by name or suffix; OutputError if none."""
-    from PIL import Image
-
     if not isinstance(name, str):
         raise SceneError(f"format must be text; given {shown(name)}")
-    Image.init()
     word = name.upper().lstrip(".")
+    if word == "PNG":
+        return word  # without importing Pillow, which takes as long as to encode
+    from PIL import Image
+
+    Image.init()
     found = Image.EXTENSION.get(f".{word.lower()}", word)
     if found in Image.SAVE:
         return found

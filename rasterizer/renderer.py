@@ -1,17 +1,22 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import fields
 from time import perf_counter
 
 from .choices import ColorRange, Cull, Output, Samples, Shading
+from .compiler.kernels import compiling_ahead, noting_needs
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
-from .errors import SceneError, shown
+from .errors import RasterizerError, SceneError, shown
 from .frame import Frame, Stats
 from .options import Options
 from .scene.camera import Camera
+from .scene.sample import SIZE, sample_scene
 from .scene.scene import Scene, SceneLike
+
+_log = logging.getLogger("rasterizer")
 
 
 def render(
@@ -106,7 +111,8 @@ class Renderer:
             spectral=spectral,
             threads=threads,
         )
-        self._prepared = PreparedScene(self.scene, self.options)
+        with compiling_ahead(self._list_needs):
+            self._prepared = PreparedScene(self.scene, self.options)
         self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
         self._is_closed = False
 
@@ -135,8 +141,20 @@ class Renderer:
 
         Raises SceneError for what is no camera, and after `close`.
         """
-        with self._prepared.threads.turn:
+        with self._prepared.threads.turn, compiling_ahead(self._list_needs):
             return self._render(camera)
+
+    def _list_needs(self) -> dict:
+        """Return the kernels that a picture needs, {(function, signature): True}, found out by drawing a small one in
+        Python; what only the whole scene needs, such as clipping, is compiled when it is met."""
+        options = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
+        with noting_needs() as needs:
+            try:
+                with Renderer(sample_scene(self.scene), **options | {"size": SIZE, "threads": 1}) as renderer:
+                    renderer.render()
+            except RasterizerError as fault:  # what was noted until then is of use
+                _log.info("not all kernels that the picture needs are known ahead: %s", fault)
+        return needs
 
     def _render(self, camera) -> Frame:
         """Draw the picture if one is wanted, then the buffers."""

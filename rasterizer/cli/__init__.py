@@ -129,7 +129,7 @@ def _run(arguments, messages, is_imported) -> int:
         from .warmup_command import warm_up
 
         is_imported()
-        warm_up(messages)
+        warm_up(messages, arguments.into, arguments.cpu)
         return DONE
     if arguments.command == "compare":
         from .compare_command import compare_models as run

@@ -13,7 +13,7 @@ from .messages import NORMAL, QUIET, VERBOSE
 
 def add_flags(parser, command: str) -> None:
     """Add the flags of a command, "render", "compare" or "warmup", to its parser."""
-    {"render": _add_render, "compare": _add_compare, "warmup": _add_messages}[command](parser)
+    {"render": _add_render, "compare": _add_compare, "warmup": _add_warmup}[command](parser)
 
 
 def fill_in_defaults(arguments) -> None:
@@ -49,6 +49,17 @@ def _add_compare(parser) -> None:
     _add_camera(parser)
     _add_look(parser.add_argument_group("look"))
     _add_loading(parser.add_argument_group("loading and speed"))
+    _add_messages(parser)
+
+
+def _add_warmup(parser) -> None:
+    parser.add_argument(
+        "--into",
+        metavar="FOLDER",
+        help="make a store that can be shipped: it is found where FOLDER is the installed package's folder `kernels`",
+    )
+    levels = ("x86-64-v2", "x86-64-v3", "x86-64-v4")
+    parser.add_argument("--cpu", choices=levels, help="what the code shall run on (default: this machine's processor)")
     _add_messages(parser)
 
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from ..errors import OutputError
 
 QUIET, NORMAL, VERBOSE = -1, 0, 1
+BAR_WIDTH = 24
 
 
 class Messages:
@@ -125,25 +126,51 @@ def write_stdout(content: bytes) -> None:
 
 
 @contextmanager
-def compiling_announced(messages):
-    """Say once, inside the block, that kernels are being compiled, as soon as the first one is; as a detail, what is
-    wrong with those on disk.
+def compilation_shown(messages):
+    """Show inside the block which kernel is being compiled and how many are done; as a detail, what is wrong with those
+    on disk.
 
-    Yields a list, empty until then.
+    Yields the Progress that is shown.
     """
-    from ..compiler import internals, kernels
+    from ..compiler import kernels
 
-    announced = []
-    for reason in kernels.CACHE_REASONS:
-        messages.detail(f"no kernels are kept in {reason}")
+    for reason in kernels.STORE.reasons:
+        messages.detail(f"the store of kernels: {reason}")
+    progress = Progress(messages, not kernels.STORE.is_kept)
+    with kernels.noticing_compilation(progress.show), _details_told(messages):
+        try:
+            yield progress
+        finally:
+            progress.end()
 
-    def announce():
-        if not announced:
-            announced.append(_ONCE if kernels.CACHE_FOLDER is not None else _ALWAYS)
-            messages.notice(announced[0])
 
-    with internals.watch_compiling(announce), _details_told(messages):
-        yield announced
+class Progress:
+    """Lines about kernels that are being compiled: a bar on a terminal, else a line for each."""
+
+    def __init__(self, messages, is_every_run: bool):
+        self._messages, self._is_every_run = messages, is_every_run
+        self._is_bar = messages.level == NORMAL and sys.stderr is not None and sys.stderr.isatty()
+        self.n_shown = 0
+
+    def show(self, name: str, n_done: int, n_kernel: int) -> None:
+        """Show that a kernel is begun."""
+        self.n_shown += 1
+        if self._is_every_run and self.n_shown == 1:
+            self._messages.notice(_EVERY_RUN)
+        if not self._is_bar:
+            self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
+            return
+        n_filled = BAR_WIDTH * n_done // n_kernel
+        bar = "#" * n_filled + "." * (BAR_WIDTH - n_filled)
+        # An escape sequence of terminals clears the rest of the line.
+        sys.stderr.write(f"\rraster: compiling kernels [{bar}] {n_done}/{n_kernel} {name}\x1b[K")
+        sys.stderr.flush()
+
+    def end(self) -> None:
+        """Take the bar off the terminal."""
+        if self._is_bar and self.n_shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
 
 
 @contextmanager
@@ -170,8 +197,7 @@ def _details_told(messages):
         log.removeHandler(teller)
 
 
-_ONCE = "compiling kernels for the first time, some 10 to 30 seconds a way of shading; `raster warmup` does it ahead"
-_ALWAYS = (
-    "compiling kernels, some 10 to 30 seconds a way of shading in every run, as there is no folder that could keep "
-    "them (-v says why); NUMBA_CACHE_DIR names one"
+_EVERY_RUN = (
+    "compiling kernels takes some seconds in every run, as there is no folder that could keep them (-v says why); "
+    "RASTER_STORE names one"
 )

@@ -11,13 +11,12 @@ from ..renderer import Renderer
 from .cameras_lights import camera_of, check_camera
 from .defaults import PICTURE_SAMPLES
 from .load_scene import load_scene, make_settings, with_options
-from .messages import compiling_announced, print_record
+from .messages import compilation_shown, print_record
 from .targets import STDIO, plan_targets
 from .warnings import find_doubts
 from .write_targets import Outputs
 
-# Level 1 takes half the time of Pillow's 6, which is longer than that of the drawing; files grow by a third.
-_ENCODING = {"PNG": {"compress_level": 1}, "JPEG": {"quality": 92}}
+_ENCODING = {"JPEG": {"quality": 92}}
 
 
 def render_models(arguments, messages) -> tuple[list, int]:
@@ -50,7 +49,7 @@ def draw_models(arguments, messages, draw) -> tuple[list, int]:
     check_camera(arguments)
     plan = plan_targets(arguments)
     failures = []
-    with compiling_announced(messages), Outputs(plan, arguments) as outputs:
+    with compilation_shown(messages), Outputs(plan, arguments) as outputs:
         for number, targets in enumerate(plan):
             try:
                 draw(targets, arguments, settings, messages, outputs.of_model(number))

@@ -1,11 +1,15 @@
 """`raster warmup`: compile what any picture may need, by drawing small ones of every kind."""
 
+import os
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from ..compiler import kernels
+from ..compiler import fingerprint, kernels
+from ..compiler.store import Store
 from ..errors import OutputError
 from ..renderer import render
 from ..scene.camera import Camera
@@ -13,26 +17,74 @@ from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTIONS, Material
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
-from .messages import compiling_announced
+from ..scene.shadow import Shadow
+from .messages import compilation_shown
 
 _VERTICES = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.5), (0, 0, 9)])
 _FACES = np.array([(0, 1, 2), (0, 2, 3), (2, 3, 4)])
+SIZE = 4  # pixels
 _SHADINGS = ("flat", "gouraud", "phong")
 
 
-def warm_up(messages) -> None:
-    """Compile the kernels of all ways to shade, and keep them on disk.
+def warm_up(messages, folder: str | None = None, processor: str | None = None) -> None:
+    """Compile the kernels of all ways to shade, on all cores, and put them into the store.
+
+    Parameters
+    ----------
+    folder : where a store that can be shipped is made; None = the user's own
+    processor : what the code shall run on, one of PROCESSOR_LEVELS; None = this machine's
 
     Raises OutputError where there is no folder for them, and says why.
     """
-    if kernels.CACHE_FOLDER is None:
-        reasons = "; ".join(kernels.CACHE_REASONS) or "there is no folder for them"
-        raise OutputError(f"compiled kernels can't be kept: {reasons}; NUMBA_CACHE_DIR names another")
+    settings = {}
+    if processor is not None:
+        settings = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": fingerprint.features_of(processor)}
+    with _environment_with(settings):
+        _warm_up(messages, folder)
+
+
+@contextmanager
+def _environment_with(settings: dict):
+    """Set variables of the environment inside the block: processes that compile inherit them."""
+    before = dict(os.environ)
+    os.environ.update(settings)
+    try:
+        yield
+    finally:
+        for name in settings:
+            del os.environ[name]
+        os.environ.update({name: before[name] for name in settings if name in before})
+
+
+def _warm_up(messages, folder) -> None:
     start = perf_counter()
-    with compiling_announced(messages) as announced:
+    store = _store_in(folder) if folder is not None else kernels.STORE
+    if store.own is None:
+        reasons = "; ".join(store.reasons) or "there is no folder for them"
+        raise OutputError(f"compiled kernels can't be kept: {reasons}; RASTER_STORE names another folder")
+    with compilation_shown(messages):
+        missing = kernels.missing_in(store, list_all_needs())
+        kernels.compile_into(store, missing)
+        failed = kernels.missing_in(store, dict.fromkeys(missing))
+    if failed:
+        names = ", ".join(sorted({function.__name__ for function, _ in failed}))
+        raise OutputError(f"not all kernels could be compiled into {store.own}: {names} (-v says why)")
+    text = "ready" if missing else "were ready already"
+    messages.notice(f"kernels {text} after {perf_counter() - start:.1f} s, in {store.own}")
+
+
+def _store_in(folder):
+    try:
+        return Store.into(Path(folder))
+    except OSError as fault:
+        raise OutputError(f"no store can be made in {folder}: {fault.strerror or fault}") from fault
+
+
+def list_all_needs() -> dict:
+    """Return the kernels of all kinds of pictures, {(function, signature): True}: Python draws small ones."""
+    with kernels.noting_needs() as needs:
         draw_all_kinds()
-    text = "ready" if announced else "were ready already"
-    messages.notice(f"kernels {text} after {perf_counter() - start:.1f} s, in {kernels.CACHE_FOLDER}")
+    return needs
 
 
 def draw_all_kinds() -> None:
@@ -41,26 +93,27 @@ def draw_all_kinds() -> None:
     for scene in scenes:
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):
-                render(scene, 16, shading=shading, tolerance=tolerance, threads=1, color_range="global")
+                render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, color_range="global")
     for samples in (1, 4):
-        render(scenes[0], 16, samples=samples, outputs=("rgb",), threads=1, cull="back")
-    render(scenes[0], 16, outputs=("depth", "face", "normal"), threads=1)
+        render(scenes[0], SIZE, samples=samples, outputs=("rgb",), threads=1, cull="back")
+    render(scenes[0], SIZE, outputs=("depth", "face", "normal"), threads=1)
     polygons = replace(
         scenes[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])]
     )  # a convex one, and one with ears
     for tolerance in (0.0, 1 / 4096):
-        render(polygons, 16, tolerance=tolerance, threads=1, outputs=("rgb",))
+        render(polygons, SIZE, tolerance=tolerance, threads=1, outputs=("rgb",))
     for scene in _rarer_scenes():
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):
-                render(scene, 16, shading=shading, tolerance=tolerance, threads=1, outputs=("rgb",))
+                render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, outputs=("rgb",))
 
 
 def _rarer_scenes():
     """Transparent, textured and shadowed scenes, and lights and reflection models that not every scene has."""
     plain = _scene("phong", False)
     colored, checks = _scene("phong", True), np.eye(4)
-    sun, lamp = DirectionalLight((0, -1, -1), 0.5, shadow=True), PointLight((0, 0, 1), 0.5, shadow=True)
+    shadow = Shadow(size=16)
+    sun, lamp = DirectionalLight((0, -1, -1), 0.5, shadow=shadow), PointLight((0, 0, 1), 0.5, shadow=shadow)
     for scene in (plain, colored):
         clear = [replace(mesh, material=replace(mesh.material, opacity=0.5)) for mesh in scene.meshes]
         yield replace(scene, meshes=[*clear, scene.meshes[0]])

@@ -1,170 +1,60 @@
-"""What the package uses of numba beyond what numba's manual promises; no other module touches it.
+"""What the package uses of numba beyond what numba's manual promises; loaded only where something is compiled.
 
-Each of these may change in any version without notice. All were seen to work in the versions SEEN, which setup.cfg
-admits; tests/compiler/test_internals.py tries each one alone in the version that is installed.
+Each of these may change in any version without notice. All were seen to work in the versions fingerprint.SEEN, which
+setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the version that is installed.
 
-    name in numba (0.61 to 0.68)                     used for                                      instead, elsewhere
-    ------------------------------------------------ --------------------------------------------- --------------------
-    Dispatcher._cache, CFunc._cache                  files of our own for machine code             nothing on disk
-    core.caching.NullCache                           what numba asks of a cache                    nothing on disk
-    core.compiler.CompileResult._rebuild, ._reduce   machine code from bytes, and to bytes         nothing on disk
-    core.serialize.dumps                             the same                                      nothing on disk
-    codegen().magic_tuple()                          which processor the code is for               nothing on disk
-    core.ccallback.CFunc, core.sigutils              a C callback whose cache can be set           numba.cfunc
-    njit(forceinline=, no_cpython_wrapper=,          inlining, and a quarter less to compile       njit without them
-         no_cfunc_wrapper=)
-    core.config.NAME                                 settings that change the code                 nothing on disk
-    core.compiler_lock.global_compiler_lock          forks that don't inherit a held lock          forks are not guarded
-    core.event, "numba:run_pass"                     telling that a compilation begins             it isn't told
-    context.make_array, .meminfo, .parent            arrays without reference counts (`borrow`)    the array itself
-    context.get_dummy_value                          what an intrinsic returns that returns None   (the same)
-    core.cgutils; typed pointers of llvmlite.ir      vector instructions (simd_ops.py)             plain loops, compiled
+    name in numba (0.61 to 0.68)                       used for
+    -------------------------------------------------- -----------------------------------------------------------
+    core.compiler, compiler_machinery, typed_passes    a pipeline of our own (its interface is in the manual)
+    core.codegen.JITCodeLibrary: _optimize_functions,  object code without loading it, and helpers that are
+      _optimize_final_module, _finalize_final_module,    optimised once, inside the kernel that they are inlined
+      _finalize_dynamic_globals, _final_module,          into
+      _codegen._tm
+    flags.no_compile, .forceinline,                    the same
+      target context .insert_user_function
+    njit(forceinline=, no_cpython_wrapper=,            inlining, and a quarter less to compile
+      no_cfunc_wrapper=)
+    context.declare_function, .call_conv, .make_array, entry points (entry_points.py)
+      .make_tuple, core.cgutils
+    registry.cpu_target                                the type of what is compiled when a kernel asks for it
+    core.compiler_lock.global_compiler_lock            forks that don't inherit a held lock
+    core.cgutils; typed pointers of llvmlite.ir        vector instructions (simd_ops.py)
 
-In other versions the last column holds, with a warning in the log: slower, never broken. What the manual documents is
-used everywhere: njit, cfunc, carray, from_dtype, types, config.DISABLE_JIT, and of numba.extending `intrinsic`,
-`overload` and `register_jitable`.
-
-With the JIT switched off (NUMBA_DISABLE_JIT=1) nothing here compiles anything: see `lowered_by` and
-kernels.PlainBatchFunction.
+In other versions kernels are compiled by `numba.njit` in every process: slower, never broken.
 """
 
-import contextlib
-import functools
+import gc
 import logging
 import os
-import pickle
-import re
-import sys
 from collections.abc import Callable
-from pathlib import Path
+from ctypes import CDLL, pythonapi
 
-import llvmlite
 import numba
 import numba.extending
-import numpy
-from llvmlite import ir
+import numpy as np
+from numba import types
 
-from . import store
+from . import intrinsics
+from .fingerprint import SEEN, is_seen
+from .machine_code import Code
+from .signatures import class_of
 
-SEEN = (0, 61), (0, 68)  # the first and the last version of numba; each brings one version of llvmlite, 0.44 to 0.50
-# Settings of numba that change the code that it makes; each is also an environment variable, NUMBA_...
-CODE_SETTINGS = (
-    "BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO_DEFAULT", "DEBUG_NRT", "DISABLE_INTEL_SVML", "ENABLE_AVX",
-    "ENABLE_PROFILING", "ENABLE_SYS_MONITORING", "EXTEND_VARIABLE_LIFETIMES", "LLVM_REFPRUNE_FLAGS",
-    "LLVM_REFPRUNE_PASS",
-    "LOOP_VECTORIZE", "NRT_STATS", "OPT", "SLP_VECTORIZE", "USING_SVML",
-)  # fmt: skip
+IS_SEEN = is_seen(numba.__version__)
+_OPTIONS = {"nogil": True, "error_model": "numpy"}
+# Options of njit for what Python never calls through numba: no wrappers are made.
+_UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 _log = logging.getLogger("rasterizer")
 
-
-def is_seen(version: str) -> bool:
-    """Tell whether a version of numba, such as "0.68.1", is one that this module was tried in."""
-    numbers = re.match(r"(\d+)\.(\d+)", version)
-    return numbers is not None and SEEN[0] <= (int(numbers[1]), int(numbers[2])) <= SEEN[1]
-
-
-IS_SEEN = is_seen(numba.__version__)
-IS_COMPILING = not numba.config.DISABLE_JIT
-
 if IS_SEEN:
-    from numba.core import cgutils, compiler, event, serialize, sigutils
-    from numba.core.caching import NullCache
-    from numba.core.ccallback import CFunc
+    from numba.core import codegen, compiler_machinery, typed_passes
+    from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
-else:
-    NullCache, cgutils = object, None
-    _log.warning(
-        "numba %s is not among the versions that rasterizer was tried with, %d.%d to %d.%d: "
-        "compiled kernels are not kept on disk, so that every run begins with compiling",
-        numba.__version__, *SEEN[0], *SEEN[1],
-    )  # fmt: skip
+    from numba.core.registry import cpu_target
 
-# Options of njit for functions that are inlined into kernels, and that Python never calls.
-INLINED = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True} if IS_SEEN else {}
+    from . import entry_points
 
-
-# ---------------------------------------------------------------- machine code on disk
-
-
-def describe_compiler() -> str:
-    """Say what decides, beside the sources, what code is made."""
-    versions = numba.__version__, llvmlite.__version__, numpy.__version__, sys.implementation.cache_tag
-    return repr((versions, [(name, str(getattr(numba.config, name, None))) for name in CODE_SETTINGS]))
-
-
-class KernelFiles(NullCache):
-    """One function's compiled forms in a folder: what dispatchers and CFuncs ask for and hand over.
-
-    function : the function that is compiled
-    folder : where the files are, see store.py
-    """
-
-    def __init__(self, function: Callable, folder: Path):
-        self._function = function
-        self._folder = folder
-        self._title = f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
-
-    @property
-    def cache_path(self) -> str:
-        """The folder, as numba's statistics tell it."""
-        return str(self._folder)
-
-    def _key(self, signature, codegen) -> bytes:
-        where = self._function.__module__, self._function.__qualname__, self._function.__code__.co_firstlineno
-        return repr((describe_compiler(), where, str(signature), codegen.magic_tuple())).encode()
-
-    def load_overload(self, sig, target_context):
-        """Return what was compiled for a signature, or None."""
-        target_context.refresh()
-        code = store.read_code(self._folder, self._title, self._key(sig, target_context.codegen()))
-        if code is None:
-            return None
-        try:
-            return compiler.CompileResult._rebuild(target_context, *pickle.loads(code))
-        # Unpickling raises anything: here what numba of this very version doesn't know any more.
-        except Exception as fault:  # noqa: BLE001
-            _log.info("kernel %s can't be loaded and is compiled again (%s)", self._title, fault)
-            return None
-
-    def save_overload(self, sig, data) -> None:
-        """Keep what was compiled; code that holds addresses of this process can't be kept."""
-        if not data.lifted and not data.library.has_dynamic_globals:
-            store.write_code(self._folder, self._title, self._key(sig, data.codegen), serialize.dumps(data._reduce()))
-
-
-def keep_on_disk(dispatcher, folder: Path | None):
-    """Let a function that `numba.njit` returned find its machine code in a folder; return it.
-
-    Nobody else's functions, and not numba's setting for its own cache, are touched. Nothing is kept where `folder` is
-    None.
-    """
-    if folder is not None and IS_SEEN and IS_COMPILING:
-        dispatcher._cache = KernelFiles(dispatcher.py_func, folder)
-    return dispatcher
-
-
-def compile_callback(function: Callable, signature, folder: Path | None):
-    """Compile a C callback, as `numba.cfunc` does, with its machine code in a folder, and return it.
-
-    signature : numba's types of the result and of the arguments
-    """
-    options = {"error_model": "numpy", "nopython": True}
-    if not IS_SEEN:
-        return numba.cfunc(signature, **options)(function)
-    callback = CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options)
-    if folder is not None:
-        callback._cache = KernelFiles(function, folder)
-    callback.compile()
-    return callback
-
-
-# ---------------------------------------------------------------- while something is compiled
-
-
-def guard_forks() -> None:
-    """Let no process be forked while another thread compiles: it would find the compiler locked for ever."""
-    if IS_SEEN and hasattr(os, "register_at_fork"):
+    if hasattr(os, "register_at_fork"):  # a child would find the compiler locked for ever
         os.register_at_fork(
             before=global_compiler_lock.acquire,
             after_in_parent=global_compiler_lock.release,
@@ -172,69 +62,239 @@ def guard_forks() -> None:
         )
 
 
-def watch_compiling(notice: Callable[[], None]) -> contextlib.AbstractContextManager:
-    """Call `notice` whenever the compiler begins with something, inside the block; never for code from the disk."""
+class NotStandalone(Exception):
+    """A kernel whose machine code can't be used without numba, and why."""
+
+
+if not IS_SEEN:
+    _log.warning(
+        "numba %s is not among the versions that rasterizer was tried with, %d.%d to %d.%d: "
+        "compiled kernels are not kept on disk, so that every run begins with compiling",
+        numba.__version__, *SEEN[0], *SEEN[1],
+    )  # fmt: skip
+
+# ---------------------------------------------------------------- what numba compiles when it meets a name in a kernel
+
+
+def compile_helper(function: Callable, is_inlined: bool = True):
+    """Return a function that kernels call, as numba has it; inlined wherever it is called, or wherever LLVM likes."""
     if not IS_SEEN:
-        return contextlib.nullcontext()
+        return numba.njit(**_OPTIONS)(function)
+    return numba.njit(forceinline=is_inlined, pipeline_class=HelperCompiler, **_UNWRAPPED, **_OPTIONS)(function)
 
-    class Watcher(event.Listener):
-        def on_start(self, _event):
-            notice()
 
-        def on_end(self, _event):
+def compile_choice(function: Callable, choose: Callable):
+    """Return a function that is compiled differently for different types: `choose` gets the types and returns a plain
+    function with the same parameters."""
+    numba.extending.overload(function, jit_options={"error_model": "numpy"})(choose)
+    return function
+
+
+def compile_intrinsic(function: Callable, name: str, is_documented: bool):
+    """Return a function whose instructions are written by the function `name` of intrinsics.py."""
+    if IS_SEEN or is_documented:
+        return numba.extending.intrinsic(getattr(intrinsics, name))
+    return numba.extending.register_jitable(function)
+
+
+def compile_by_numba(function: Callable):
+    """Return a kernel as `numba.njit` makes it."""
+    return numba.njit(**_OPTIONS)(function)
+
+
+def compile_callback(function: Callable, dtype):
+    """Return a batch function as `numba.cfunc` makes it."""
+    return numba.cfunc(_batch_signature(dtype), error_model="numpy", nopython=True)(function)
+
+
+def type_of(thing):
+    """Return numba's type of something that it has compiled."""
+    if not IS_SEEN:
+        return numba.typeof(thing)
+    context = cpu_target.typing_context
+    context.refresh()
+    return context.resolve_value_type(thing)
+
+
+# ---------------------------------------------------------------- object code
+
+
+def compile_kernel(function: Callable, signature: tuple) -> Code:
+    """Compile a kernel for a signature (signatures.py) to object code with an entry point.
+
+    Raises NotStandalone where its code would need numba's runtime: it allocates, raises or prints; and where a class of
+    the signature is not found by its name.
+    """
+    kinds = tuple(type_of_part(part) for part in signature)
+    return _compile(function, kinds, KernelCompiler)
+
+
+def compile_batch_function(function: Callable, dtype) -> Code:
+    """Compile `function(batch, n, coefficients)` to object code with an entry point; raises as `compile_kernel`."""
+    return _compile(function, tuple(_batch_signature(dtype).args), BatchFunctionCompiler)
+
+
+def compile_signature(function: Callable, signature: tuple) -> Code:
+    """Compile a kernel, or a batch function, whose signature is ("batch function", dtype)."""
+    if signature[:1] == ("batch function",):
+        return compile_batch_function(function, signature[1])
+    return compile_kernel(function, signature)
+
+
+def _compile(function, kinds, pipeline) -> Code:
+    dispatcher = numba.njit(pipeline_class=pipeline, **_UNWRAPPED, **_OPTIONS)(function)
+    was_collecting = gc.isenabled()
+    gc.disable()  # the compiler makes a million objects that all live on: looking for garbage takes a tenth of the time
+    try:
+        dispatcher.compile(kinds)
+        (result,) = dispatcher.overloads.values()
+    except entry_points.Unsupported as reason:
+        raise NotStandalone(str(reason)) from None
+    finally:
+        if was_collecting:
+            gc.enable()
+    library = result.library
+    strange = [name for name in library.needs if not _is_of_system(name)]
+    if strange:
+        raise NotStandalone(f"it calls {', '.join(strange)}")
+    return Code(library.object_code, library.needs)
+
+
+def _is_of_system(name: str) -> bool:
+    """Tell whether a function is one of the C library, its mathematics, or Python's C interface; numba's own aren't."""
+    return hasattr(pythonapi, name) if name.startswith("Py") else hasattr(CDLL(None), name)
+
+
+def _batch_signature(dtype):
+    pointer = types.CPointer(numba.from_dtype(np.dtype(dtype)))
+    return types.void(pointer, types.intp, pointer)
+
+
+def type_of_part(part):
+    """Return numba's type of a part of a signature."""
+    if part == "none":
+        return types.none
+    if isinstance(part, str):
+        return numba.from_dtype(np.dtype(part))
+    if part[0] == "array":
+        _, dtype, n_axis, layout = part
+        return types.Array(numba.from_dtype(np.dtype(dtype)), n_axis, layout)
+    _, name, items = part
+    try:
+        found = class_of(name) if name else None
+    except (ImportError, AttributeError) as fault:
+        raise NotStandalone(f"no class {name} ({fault})") from fault
+    return types.BaseTuple.from_types(tuple(map(type_of_part, items)), found)
+
+
+if IS_SEEN:
+
+    class HelperLibrary(codegen.JITCodeLibrary):
+        """The instructions of a helper: kept as they were written, since they are optimised where they are inlined."""
+
+        def _optimize_functions(self, ll_module):
+            ll_module.data_layout = self._codegen._data_layout
+
+        def _optimize_final_module(self):
             pass
 
-    # Passes of the compiler run only where machine code wasn't found on disk.
-    return event.install_listener("numba:run_pass", Watcher())
+        def _finalize_final_module(self):
+            self._finalize_dynamic_globals()
+            self._finalized = True
 
+    class KernelLibrary(codegen.JITCodeLibrary):
+        """The instructions of a kernel, which become an object file; nothing is loaded into this process.
 
-# ---------------------------------------------------------------- functions that are spelled out for the compiler
+        object_code : the content of the file · needs : the functions that it calls and doesn't hold
+        """
 
+        object_code, needs = b"", ()
 
-def lowered_by(build: Callable, is_documented: bool = False) -> Callable:
-    """Decorate a plain function whose instructions `build` spells out, where the compiler wouldn't find them itself.
+        def _finalize_final_module(self):
+            self._finalize_dynamic_globals()
+            self._finalized = True
+            functions = self._final_module.functions
+            names = {f.name for f in functions if f.is_declaration and not f.name.startswith("llvm.")}
+            self.needs = tuple(sorted(names))
+            self.object_code = self._codegen._tm.emit_object(self._final_module)
 
-    The plain function says what is computed. It is what runs with the JIT switched off; in a version of numba that was
-    not seen it is compiled like any other.
+    _register = compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
 
-    Parameters
-    ----------
-    build : as `numba.extending.intrinsic` takes it: (typing_context, *types) -> (signature, code generator)
-    is_documented : `build` uses nothing but what the manuals of numba and llvmlite describe, so it does in any version
-    """
+    @_register
+    class _BeginHelper(compiler_machinery.LoweringPass):
+        """Before instructions are written: say into what."""
 
-    def choose(plain):
-        if not IS_COMPILING:
-            return plain
-        if IS_SEEN or is_documented:
-            spelled_out = functools.update_wrapper(numba.extending.intrinsic(build), plain)
-            spelled_out.py_func = plain  # as numba's own dispatchers have it
-            return spelled_out
-        return numba.extending.register_jitable(plain)
+        _name, library = "rasterizer_begin_helper", HelperLibrary
 
-    return choose
+        def __init__(self):
+            super().__init__()
 
+        def run_pass(self, state):
+            state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
+            state.flags.no_compile = True  # no entry for Python
+            return True
 
-def build_borrow(typing_context, array):
-    """Build `kernels.borrow`: the array's struct without the object that counts its references."""
+    @_register
+    class _BeginKernel(_BeginHelper):
+        _name, library = "rasterizer_begin_kernel", KernelLibrary
 
-    def generate(context, builder, signature, arguments):
-        struct = context.make_array(signature.args[0])(context, builder, arguments[0])
-        struct.meminfo = cgutils.get_null_value(struct.meminfo.type)
-        struct.parent = cgutils.get_null_value(struct.parent.type)
-        return struct._getvalue()
+    @_register
+    class _FinishHelper(compiler_machinery.LoweringPass):
+        """After instructions were written: make the function known to kernels that call it."""
 
-    return array(array), generate
+        _name = "rasterizer_finish_helper"
 
+        def __init__(self):
+            super().__init__()
 
-def build_call(typing_context, address, batch, n, coefficients):
-    """Build `kernels.call_batch_function`: a call through a pointer to a function."""
-    signature = numba.types.void(numba.types.intp, numba.types.intp, numba.types.intp, numba.types.intp)
+        def run_pass(self, state):
+            lowered, context = state["cr"], state.targetctx
+            self.add_entry_point(context, state.library, lowered.fndesc)
+            state.library._ensure_finalized()
+            token = object().__reduce__  # numba wants a built-in function; it is never called
+            context.insert_user_function(token, lowered.fndesc, [state.library])
+            state["cr"] = lowered._replace(cfunc=token)
+            return True
 
-    def generate(context, builder, _signature, arguments):
-        whole = ir.IntType(64)
-        function_type = ir.FunctionType(ir.VoidType(), [whole, whole, whole])
-        builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
-        return context.get_dummy_value()
+        def add_entry_point(self, context, library, fndesc):
+            """Helpers have none."""
 
-    return signature, generate
+    @_register
+    class _FinishKernel(_FinishHelper):
+        _name = "rasterizer_finish_kernel"
+        build = staticmethod(entry_points.build_entry_point)
+
+        def add_entry_point(self, context, library, fndesc):
+            module = library.create_ir_module("entry")
+            entry_points.add_reference_counts(module)
+            self.build(context, module, fndesc)
+            library.add_ir_module(module)
+
+    @_register
+    class _FinishBatchFunction(_FinishKernel):
+        _name = "rasterizer_finish_batch_function"
+        build = staticmethod(entry_points.build_batch_entry_point)
+
+    class HelperCompiler(CompilerBase):
+        """Numba's way of compiling, but for where the instructions go."""
+
+        begin, finish = _BeginHelper, _FinishHelper
+
+        def define_pipelines(self):
+            """Return the one pipeline."""
+            pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
+            lowering = [step for step, _ in pipeline.passes].index(typed_passes.NativeLowering)
+            pipeline.passes.insert(lowering, (self.begin, "choose where instructions go"))
+            pipeline.add_pass_after(self.finish, typed_passes.NativeLowering)
+            pipeline.finalize()
+            return [pipeline]
+
+    class KernelCompiler(HelperCompiler):
+        """For kernels, with an entry point."""
+
+        begin, finish = _BeginKernel, _FinishKernel
+
+    class BatchFunctionCompiler(HelperCompiler):
+        """For batch functions, with theirs."""
+
+        begin, finish = _BeginKernel, _FinishBatchFunction

@@ -1,125 +1,355 @@
-"""The decorators of every compiled function, and where compiled code is kept.
+"""The decorators of every compiled function.
 
-`kernel` is for loops over arrays: it releases the GIL, so that bands run on threads, and its machine code is kept on
-disk. `helper` is for scalar functions that kernels call: the compiler inlines them. `batch_function` is for functions
-that kernels call by their address.
+`kernel` is for loops over arrays: it releases the GIL, so that bands run on threads. `helper` is for scalar functions
+that kernels call: the compiler inlines them. `choice` is for those that are different functions for different types,
+`spelled_out` for those whose instructions the compiler is told. `batch_function` is for functions that kernels call by
+their address.
 
-The code is kept in files of our own (store.py). Numba's would be stamped with one file's time and size only, so a
-changed helper in another file would leave stale kernels behind; they have no checksum, and a damaged one ends every
-run. Here the folder's name carries a hash of all the sources that kernels are made of, and of what else decides what
-the compiler makes of them. Where no folder will do, the kernels are compiled in every process: slower, never broken.
+Nothing here loads the compiler. A kernel's machine code comes from the store (store.py), for each signature
+(signatures.py) that it is called with, and is called through its entry point (entry_points.py). Only where the store
+has none is it compiled (internals.py) and kept. Where anything about that goes wrong, `numba.njit` compiles the kernel
+and calls it: slower to begin with, never broken, with the same results. RASTER_STORE=off in the environment asks for
+that.
 
-With NUMBA_DISABLE_JIT=1 nothing is compiled: every function is the plain Python that stands in its source, which a
-debugger steps through. A small picture takes seconds then.
+From Python every helper is the plain function that stands in its source. With NUMBA_DISABLE_JIT=1 kernels are, too: a
+debugger steps through them, and a small picture takes seconds.
 """
 
+import contextlib
+import contextvars
 import ctypes
 import functools
-import hashlib
+import logging
 import os
+import sys
+import threading
 from collections.abc import Callable
-from pathlib import Path
 
-import numba
 import numpy as np
 
-from . import store
-from .internals import (
-    INLINED,
-    IS_COMPILING,
-    IS_SEEN,
-    build_borrow,
-    build_call,
-    compile_callback,
-    describe_compiler,
-    guard_forks,
-    keep_on_disk,
-    lowered_by,
-)
+from . import fingerprint
+from .machine_code import Code, LoadedCode
+from .signatures import Table, plain, signature_of
+from .store import Store
 
 # The type that hot loops count with. A signed index may count from the end of an array: numba tests for that at every
 # access, and the test keeps loops from becoming vector instructions. A sum of a signed and an unsigned integer is a
 # float64, so what is added to such an index has this type, too. Constants alone may be plain integers.
 index = np.uint64
 
-_OPTIONS = {"nogil": True, "error_model": "numpy"}
-_PACKAGE = Path(__file__).resolve().parents[1]
+IS_COMPILING = not fingerprint.setting("DISABLE_JIT")
+STORE = Store.of_process(IS_COMPILING)
+
+_log = logging.getLogger("rasterizer")
+_turn = threading.RLock()  # who loads or compiles
+if hasattr(os, "register_at_fork"):  # a child would find it locked for ever, if another thread holds it
+    os.register_at_fork(before=_turn.acquire, after_in_parent=_turn.release, after_in_child=_turn.release)
 
 
-# ---------------------------------------------------------------- where compiled code is kept
+def _internals():
+    """Load the compiler."""
+    from . import internals
+
+    return internals
 
 
-def _name_folder() -> str:
-    """The name of the folder for what these sources are compiled to."""
-    digest = hashlib.sha256(describe_compiler().encode())
-    for source in sorted(_PACKAGE.rglob("*.py")):
-        content = source.read_bytes()
-        if source.parent.name in ("pipeline", "compiler") or b"compiler.kernels import" in content:
-            digest.update(content)
-    return f"{store.PREFIX}{digest.hexdigest()[:16]}"
-
-
-def _find_cache_folder() -> tuple[Path | None, list[str]]:
-    """Return the folder that holds compiled kernels, or None where none will do, and why others won't do.
-
-    NUMBA_CACHE_DIR names the only one that is tried. What others can write to is refused there, too: code is loaded
-    from it.
-    """
-    if not IS_SEEN:
-        return None, [f"any folder: numba {numba.__version__} is newer or older than the versions that were tried"]
-    asked = os.environ.get("NUMBA_CACHE_DIR")
-    candidates = [Path(asked)] if asked else [_PACKAGE / "__pycache__"]
-    if not asked:
-        candidates += [folder / "rasterizer" for folder in store.home_folders()]
-    folder, reasons = store.choose_folder(candidates, _name_folder())
-    if folder is not None:
-        store.remove_old(folder)
-    return folder, reasons
-
-
-CACHE_FOLDER, CACHE_REASONS = _find_cache_folder()
-
-
-def is_cache_cold() -> bool:
-    """Tell whether the cache folder holds no kernel yet, so that the first picture will take seconds."""
-    return CACHE_FOLDER is None or next(CACHE_FOLDER.glob(f"*{store.SUFFIX}"), None) is None
-
-
-guard_forks()
-
-
-# ---------------------------------------------------------------- loops, and what is inlined into them
+# ---------------------------------------------------------------- loops
 
 
 def kernel(function: Callable) -> Callable:
-    """Compile a loop over arrays on first use: without the GIL, kept on disk.
+    """Compile a loop over arrays on first use: without the GIL, kept in the store.
 
-    Division by zero yields inf or nan, and integers wrap, both in silence.
+    Division by zero yields inf or nan, and integers wrap, both in silence. Arguments are given by position. A kernel
+    doesn't allocate, raise or print, and returns None, a bool, a number or a tuple of these: else it can't be kept.
     """
-    if not IS_COMPILING:
-        return np.errstate(all="ignore")(function)
-    return keep_on_disk(numba.njit(**_OPTIONS)(function), CACHE_FOLDER)
+    return Kernel(function) if IS_COMPILING else np.errstate(all="ignore")(function)
+
+
+class Kernel:
+    """A compiled loop: it is called like the plain function `py_func`."""
+
+    def __init__(self, function: Callable):
+        functools.update_wrapper(self, function)
+        self.py_func = function
+        self._entries = []  # (entry point, address of a table) of the kinds of arguments met so far
+        self._known = {}  # (signature, numbers of a table) -> (entry, the table)
+        self._loaded = {}  # signature -> (entry point, its LoadedCode)
+        self._by_numba = None  # what numba made of it, where it has no entry points
+
+    def __call__(self, *arguments):
+        """Run the loop."""
+        if _needs.get() is not None:
+            return self._note(arguments)
+        for entry_point, table in self._entries:
+            result = entry_point(arguments, table)
+            if result is not NotImplemented:
+                return result
+        return self._call_first(arguments)
+
+    @functools.cached_property
+    def _numba_type_(self):
+        """What numba takes this for where another kernel calls it."""
+        internals = _internals()
+        self._compiled = internals.compile_helper(self.py_func, is_inlined=False)  # kept: its type doesn't hold it
+        return internals.type_of(self._compiled)
+
+    def _call_first(self, arguments):
+        """Call the kernel with arguments of a kind that was not met before, or not as the last one."""
+        arguments = plain(arguments)
+        signature, table = signature_of(arguments), Table(arguments)
+        with _turn:
+            entry, _ = self._known.get((signature, table.numbers), (None, None))
+            if entry is None and self._by_numba is None:
+                entry_point = self._find_entry_point(signature)
+                if entry_point is not None:
+                    entry = entry_point, table.address
+                    self._known[signature, table.numbers] = entry, table
+                    self._entries.append(entry)
+        result = entry[0](arguments, entry[1]) if entry else NotImplemented
+        if result is not NotImplemented:
+            return result
+        if self._by_numba is None:  # the signature tells of more than the entry point can read
+            _log.info("kernel %s is left to numba: its entry point doesn't know %s", title_of(self.py_func), signature)
+            self._by_numba = _internals().compile_by_numba(self.py_func)
+        return self._by_numba(*arguments)
+
+    def _note(self, arguments):
+        """Note what is called, and let Python do it; numbers are returned as compiled code returns them."""
+        arguments = plain(arguments)
+        _needs.get()[self.py_func, signature_of(arguments)] = True
+        token = _needs.set({})  # what a kernel calls is compiled with it
+        try:
+            with np.errstate(all="ignore"):
+                result = self.py_func(*arguments)
+        finally:
+            _needs.reset(token)
+        if isinstance(result, tuple):
+            return tuple(item.item() if isinstance(item, np.generic) else item for item in result)
+        return result.item() if isinstance(result, np.generic) else result
+
+    def _find_entry_point(self, signature: tuple):
+        """Return the entry point for a signature; None where numba calls the kernel from now on."""
+        if signature not in self._loaded:
+            loaded = load(self.py_func, signature) if STORE.is_used else None
+            if loaded is None:
+                self._by_numba = _internals().compile_by_numba(self.py_func)
+                return None
+            entry_point = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(loaded.address)
+            self._loaded[signature] = entry_point, loaded
+        return self._loaded[signature][0]
+
+
+def load(function: Callable, signature: tuple) -> LoadedCode | None:
+    """Return the machine code of a function in memory: from the store, else compiled and put there.
+
+    None where neither is possible: the log says why.
+    """
+    loaded = _load_stored(function, signature)
+    if loaded is None and _ahead.get() is not None:
+        _compile_ahead((function, signature))
+        loaded = _load_stored(function, signature)
+    return loaded or _load_compiled(function, signature)
+
+
+def _load_stored(function, signature):
+    for code in STORE.find(title_of(function), signature) if is_own(function) else ():
+        try:
+            return LoadedCode(Code.of_bytes(code), "entry")
+        except (LookupError, RuntimeError, ValueError) as fault:
+            _log.info("kernel %s can't be loaded and is compiled again (%s)", title_of(function), fault)
+    return None
+
+
+def _load_compiled(function, signature):
+    internals = _internals()
+    if not internals.IS_SEEN:
+        return None
+    _notice.get()(function.__name__, 0, 1)
+    try:
+        code = internals.compile_signature(function, signature)
+        if is_own(function):
+            STORE.keep(title_of(function), signature, code.as_bytes())
+        return LoadedCode(code, "entry")
+    except (internals.NotStandalone, LookupError, RuntimeError, ValueError) as reason:
+        _log.info("kernel %s is left to numba: %s", title_of(function), reason)
+        return None
+
+
+def title_of(function: Callable) -> str:
+    """Return a kernel's name as its file in the store has it: that of its module, and its own."""
+    return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
+
+
+def is_own(function: Callable) -> bool:
+    """Tell whether a function is of this package: the store's key tells of no other sources."""
+    return function.__module__.partition(".")[0] == __name__.partition(".")[0]
+
+
+# ---------------------------------------------------------------- many at once
+
+# What the current context does about kernels that are not in the store.
+_needs = contextvars.ContextVar("needs", default=None)  # {(function, signature): True} while they are noted
+_ahead = contextvars.ContextVar("ahead", default=None)  # what lists the needs, until the first kernel is missing
+_notice = contextvars.ContextVar("notice", default=lambda name, n_done, n_job: None)
+
+
+@contextlib.contextmanager
+def noting_needs():
+    """Let Python run all kernels inside the block; yield what notes them, {(function, signature): True}."""
+    needs = {}
+    token = _needs.set(needs)
+    try:
+        yield needs
+    finally:
+        _needs.reset(token)
+
+
+@contextlib.contextmanager
+def compiling_ahead(list_needs: Callable[[], dict]):
+    """Where a kernel is missing inside the block, compile what `list_needs()` returns at once, on all cores.
+
+    Without effect where there is no folder for new kernels, or no Python to start.
+    """
+    is_possible = STORE.own is not None and bool(sys.executable) and not getattr(sys, "frozen", False)
+    token = _ahead.set(list_needs if is_possible else None)
+    try:
+        yield
+    finally:
+        _ahead.reset(token)
+
+
+@contextlib.contextmanager
+def noticing_compilation(notice: Callable[[str, int, int], None]):
+    """Call `notice(name, n_done, n_job)` whenever inside the block a kernel begins to be compiled."""
+    token = _notice.set(notice)
+    try:
+        yield
+    finally:
+        _notice.reset(token)
+
+
+def _compile_ahead(missing) -> None:
+    """Compile a missing kernel and what else is needed, as far as it isn't stored."""
+    list_needs = _ahead.get()
+    _ahead.set(None)  # once: what is still missing afterwards is compiled where it is met
+    compile_into(STORE, missing_in(STORE, {missing: True} | list_needs()))
+
+
+def missing_in(store: Store, needs: dict) -> list:
+    """Return those of the needs, (function, signature) each, that a store doesn't have, and can."""
+    return [
+        (function, signature)
+        for function, signature in needs
+        if is_own(function) and not any(store.find(title_of(function), signature))
+    ]
+
+
+def compile_into(store: Store, jobs: list) -> None:
+    """Compile kernels, (function, signature) each, into a store, in as many processes as there are cores."""
+    from .jobs import compile_together  # it starts processes: most runs have no need of it
+
+    compile_together(jobs, store.own, _notice.get())
+
+
+# ---------------------------------------------------------------- what kernels call
+
+
+class Helper:
+    """A function that kernels call; from Python it is the plain function `py_func`.
+
+    `compile` makes of it what numba knows, when a kernel is compiled that calls it.
+    """
+
+    def __init__(self, function: Callable, compile: Callable):
+        functools.update_wrapper(self, function)
+        self.py_func, self._compile = function, compile
+
+    def __call__(self, *arguments):
+        """Run the plain function."""
+        return self.py_func(*arguments)
+
+    @functools.cached_property
+    def _numba_type_(self):
+        """What numba takes this for in a kernel."""
+        self._compiled = self._compile()  # kept: its type doesn't hold it
+        return _internals().type_of(self._compiled)
 
 
 def helper(function: Callable) -> Callable:
-    """Compile a scalar function that kernels call; it is inlined into them and needs no cache entry of its own.
+    """Compile a scalar function with the kernels that call it; it is inlined into them."""
+    return Helper(function, lambda: _internals().compile_helper(function)) if IS_COMPILING else function
 
-    It has no entry for Python, which would take a quarter of all compile time: from Python call its `py_func`.
+
+def choice(choose: Callable) -> Callable:
+    """Decorate a plain function that is compiled differently for different types.
+
+    choose : the types of the arguments -> the function that is compiled, with the same parameters
     """
-    return numba.njit(**INLINED, **_OPTIONS)(function)
+
+    def decorate(function):
+        def choose_plain(*types):
+            chosen = choose(*types)
+            return getattr(chosen, "py_func", chosen)
+
+        functools.update_wrapper(choose_plain, choose)  # numba compares the parameters' names
+        return Helper(function, lambda: _internals().compile_choice(function, choose_plain))
+
+    return decorate if IS_COMPILING else lambda function: function
 
 
-@lowered_by(build_borrow)
+def spelled_out(name: str, is_documented: bool = False) -> Callable:
+    """Decorate a plain function whose instructions the compiler is told: it wouldn't find them itself.
+
+    The plain function says what is computed. It is what runs with the JIT switched off; in a version of numba that was
+    not tried it is compiled like any other.
+
+    name : the function in intrinsics.py that builds the instructions
+    is_documented : it uses nothing but what the manuals of numba and llvmlite describe, so it does in any version
+    """
+
+    def decorate(function):
+        return Helper(function, lambda: _internals().compile_intrinsic(function, name, is_documented))
+
+    return decorate if IS_COMPILING else lambda function: function
+
+
+@spelled_out("build_borrow")
 def borrow(array):
     """Return an array that counts no references (inside kernels only).
 
-    A slice of a counted array costs two atomic operations, about 10 ns: more than a span of a small triangle. The
-    caller of a kernel holds its arguments for the kernel's whole run, so what is borrowed from them stays valid.
+    Where numba calls the kernel, a slice of a counted array costs two atomic operations, about 10 ns: more than a span
+    of a small triangle. The caller of a kernel holds its arguments for the kernel's whole run, so what is borrowed from
+    them stays valid.
     """
     return array
 
 
+def as_array(pointer, shape):
+    """Return the array of a known shape at a typed pointer (inside batch functions only)."""
+    return np.ctypeslib.as_array(pointer, shape)
+
+
+if IS_COMPILING:
+    as_array = Helper(as_array, lambda: _internals().numba.carray)
+
+
 # ---------------------------------------------------------------- functions that are called by their address
+
+
+class BatchFunction:
+    """A compiled function `(batch, n, coefficients)` with addresses of arrays, which kernels call by its `address`."""
+
+    def __init__(self, function: Callable, dtype):
+        self.py_func = function
+        self._pointer = ctypes.POINTER(np.ctypeslib.as_ctypes_type(dtype))
+        with _turn:
+            loaded = load(function, ("batch function", np.dtype(dtype).name)) if STORE.is_used else None
+            self._kept = loaded or _internals().compile_callback(function, dtype)
+        self.address = self._kept.address
+
+    def __call__(self, batch: int, n: int, coefficients: int) -> None:
+        """Call the function with the addresses of two arrays."""
+        ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(self.address)(batch, n, coefficients)
 
 
 class PlainBatchFunction:
@@ -129,33 +359,34 @@ class PlainBatchFunction:
     """
 
     def __init__(self, function: Callable, dtype):
-        self._function = function
+        self.py_func = function
         self._pointer = ctypes.POINTER(np.ctypeslib.as_ctypes_type(dtype))
         self.address = id(self)
 
     def __call__(self, batch: int, n: int, coefficients: int) -> None:
-        """Call the function with typed pointers, which `numba.carray` takes in Python as well."""
-        self._function(ctypes.cast(batch, self._pointer), n, ctypes.cast(coefficients, self._pointer))
+        """Call the function with typed pointers to two arrays."""
+        self.py_func(ctypes.cast(batch, self._pointer), n, ctypes.cast(coefficients, self._pointer))
 
 
-@functools.cache
-def batch_function(function: Callable, dtype):
-    """Compile `function(batch, n, coefficients)`, where both are addresses of arrays of `dtype`; return a numba CFunc.
+def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunction:
+    """Compile `function(batch, n, coefficients)`, where both are addresses of arrays of `dtype`.
 
     A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every kind of light and
-    every reflection model, and only those that a scene uses are ever compiled. Keep the CFunc as long as the address is
-    in use.
+    every reflection model, and only those that a scene uses are ever compiled.
     """
     if not IS_COMPILING:
-        return PlainBatchFunction(function, dtype)
-    pointer = numba.types.CPointer(numba.from_dtype(np.dtype(dtype)))
-    signature = numba.types.void(pointer, numba.types.intp, pointer)
-    # The folder's name tells of this package's sources alone, not of those of a light that somebody registered.
-    is_own = function.__module__.partition(".")[0] == __name__.partition(".")[0]
-    return compile_callback(function, signature, CACHE_FOLDER if is_own else None)
+        return _plain_batch_function(function, dtype)
+    if _needs.get() is not None:
+        _needs.get()[function, ("batch function", np.dtype(dtype).name)] = True
+        return _plain_batch_function(function, dtype)
+    return _batch_function(function, dtype)
 
 
-@lowered_by(build_call, is_documented=True)
+# Kept for good: whoever has an address may call it.
+_batch_function, _plain_batch_function = functools.cache(BatchFunction), functools.cache(PlainBatchFunction)
+
+
+@spelled_out("build_call", is_documented=True)
 def call_batch_function(address, batch, n, coefficients):
     """Call the batch function at `address` with the addresses of two arrays and a count (inside kernels only)."""
     ctypes.cast(int(address), ctypes.py_object).value(int(batch), int(n), int(coefficients))

@@ -16,18 +16,23 @@ of another version, is as good as no file: the kernel is compiled again. What ca
 """
 
 import contextlib
+import errno
 import hashlib
 import logging
 import os
 import stat
-import tempfile
 import time
 from pathlib import Path
+from typing import NamedTuple
+
+from . import fingerprint
+from .layouts import are_layouts_known
 
 PREFIX, SUFFIX, HALF_WRITTEN = "rasterizer-kernels-", ".kernel", ".kernel-part"
 MARKER, MARK = "of-rasterizer", b"Compiled kernels of rasterizer. This folder may be removed at any time.\n"
 FORMAT = b"rasterizer kernel 1\n"
 MOST_BYTES = 2**28  # of a file: kernels have less than a thousandth of it
+SHIPPED = Path(__file__).resolve().parents[1] / "kernels"  # what came with the package; read only
 MONTH = 30 * 24 * 3600  # seconds
 
 _log = logging.getLogger("rasterizer")
@@ -52,8 +57,8 @@ def choose_folder(candidates, name: str) -> tuple[Path | None, list[str]]:
                 folder = Path(os.path.realpath(folder))
                 reason = find_distrust(folder)
             if not reason:
-                with tempfile.TemporaryFile(dir=folder):
-                    pass
+                if not os.access(folder, os.W_OK | os.X_OK):
+                    raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
                 _mark(folder)
                 return folder, reasons
         except (OSError, ValueError) as fault:  # ValueError: a name with a null character
@@ -195,8 +200,8 @@ def write_code(folder: Path, title: str, key: bytes, code: bytes) -> None:
     rest = len(key).to_bytes(4, "little") + key + code
     path, part = folder / file_name(title, key), None
     try:
-        number, part = tempfile.mkstemp(suffix=HALF_WRITTEN, dir=folder)
-        with open(number, "wb") as file:
+        part = folder / f"{os.urandom(8).hex()}{HALF_WRITTEN}"
+        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "wb") as file:
             file.write(FORMAT + hashlib.sha256(rest).digest() + rest)
         os.replace(part, path)
     except OSError as fault:
@@ -204,3 +209,102 @@ def write_code(folder: Path, title: str, key: bytes, code: bytes) -> None:
         if part is not None:
             with contextlib.suppress(OSError):
                 os.unlink(part)
+
+
+# ---------------------------------------------------------------- the store of this process
+
+
+class Store(NamedTuple):
+    """Where compiled kernels are looked for and kept.
+
+    folders : where they are looked for: what came with the package, then the user's own
+    own : the one that new ones are written to; None where there is none
+    is_used : False where numba compiles and calls the kernels
+    reasons : why folders, or all of it, won't do
+    processors : those whose code runs here, the best one first
+    """
+
+    folders: tuple[Path, ...] = ()
+    own: Path | None = None
+    is_used: bool = False
+    reasons: tuple[str, ...] = ()
+    processors: tuple[str, ...] = ()
+
+    @classmethod
+    def of_process(cls, is_compiling: bool) -> "Store":
+        """Return the store that the environment asks for.
+
+        RASTER_STORE is "off" or the only folder; NUMBA_CACHE_DIR is the only folder, too, where RASTER_STORE is not
+        set. Otherwise the user's folder for caches is taken, and a folder in the package is looked into first.
+        """
+        asked = os.environ.get("RASTER_STORE") or os.environ.get("NUMBA_CACHE_DIR", "")
+        reason = _find_hindrance(asked) if is_compiling else "the JIT is switched off"
+        if reason:
+            return cls(reasons=(reason,))
+        name = f"{PREFIX}{fingerprint.hash_sources()}"
+        candidates = [Path(asked)] if asked else [folder / "rasterizer" for folder in home_folders()]
+        shipped = SHIPPED / name
+        own, reasons = choose_folder(candidates, name)
+        if own is not None:
+            remove_old(own)
+        folders = [shipped] if not asked and shipped.is_dir() and not _distrust_of(shipped, reasons) else []
+        found = (*folders, *([own] if own else []))
+        return cls(found, own, True, tuple(reasons), fingerprint.usable_processors())
+
+    @property
+    def is_kept(self) -> bool:
+        """Tell whether what is compiled is kept for other processes."""
+        return self.own is not None
+
+    @classmethod
+    def into(cls, folder: Path) -> "Store":
+        """Return a store of its own in a folder, for others to read.
+
+        Raises OSError where the folder can't be made or written, or others can write to it.
+        """
+        own = Path(os.path.realpath(folder)) / f"{PREFIX}{fingerprint.hash_sources()}"
+        own.mkdir(mode=0o755, parents=True, exist_ok=True)
+        reason = find_distrust(own)
+        if not reason and not os.access(own, os.W_OK | os.X_OK):
+            reason = os.strerror(errno.EACCES)
+        if reason:
+            raise PermissionError(errno.EACCES, reason, str(own))
+        _mark(own)
+        return cls((own,), own, True, (), fingerprint.usable_processors())
+
+    def find(self, title: str, signature: tuple):
+        """Yield the codes that were kept for a signature and run on this processor, the best one first."""
+        for folder in self.folders:
+            for processor in self.processors:
+                code = read_code(folder, title, _key(title, signature, processor))
+                if code is not None:
+                    yield code
+
+    def keep(self, title: str, signature: tuple, code: bytes) -> None:
+        """Keep a code for a signature and this processor, where there is a folder for it."""
+        if self.own is not None:
+            write_code(self.own, title, _key(title, signature, self.processors[0]), code)
+
+
+def _key(title: str, signature: tuple, processor: str) -> bytes:
+    return repr((title, signature, processor)).encode()
+
+
+def _find_hindrance(asked: str) -> str:
+    """Say why numba compiles and calls the kernels in this process; nothing where the store does."""
+    if asked == "off":
+        return "RASTER_STORE is off"
+    if fingerprint.setting("BOUNDSCHECK"):
+        return "NUMBA_BOUNDSCHECK is set: kernels raise errors, for which they need numba"
+    version = fingerprint.numba_version()
+    if version and not fingerprint.is_seen(version):
+        return f"numba {version} is newer or older than the versions that were tried"
+    return "" if are_layouts_known() else "arrays look different in memory here"
+
+
+def _distrust_of(folder: Path, reasons: list) -> str:
+    """Say why code in a folder that is there may not be used, also in the list of reasons."""
+    reason = find_distrust(Path(os.path.realpath(folder)))
+    if reason:
+        reasons.append(f"{folder}: {reason}")
+    return reason

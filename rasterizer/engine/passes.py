@@ -128,7 +128,7 @@ class ColorPass(Pass):
         a_buffer = workspace.a_buffer if self.opacity is not None else None
         return resolve(
             workspace.visibility, workspace.radiance, a_buffer, band.y_start // self.factor, band.y_end // self.factor,
-            self.factor, self.encoding, self.picture,
+            self.factor, self.encoding, workspace.pixels, self.picture,
         )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from ..pipeline.a_buffer import (
     FEW,
     FragmentLists,
     Opacity,
+    TransparentTriangles,
     composite,
     divide_room,
     list_fragments,
@@ -25,29 +26,33 @@ def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace) -> in
 
     `drawn` holds the triangles (draw.py).
     """
-    transparent = np.empty(len(band.faces), np.int64)  # where they stand in band.faces
+    listed = np.empty(len(band.faces), np.int64)  # where the transparent ones stand in band.faces
     n_transparent = scan_opaque(
         band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
-        opacity_of(drawn, render_pass), transparent,
+        opacity_of(drawn, render_pass), listed,
     )  # fmt: skip
-    transparent = count_fragments(band, drawn, workspace, transparent[:n_transparent])
+    listed = listed[:n_transparent]
+    transparent = count_fragments(band, drawn, workspace, TransparentTriangles(listed, band.faces[listed]))
     pitch = workspace.visibility.pitch
     for first, last in split_samples(workspace.a_buffer.starts[: band.n_row * pitch + 1], pitch):
         composite_range(band, drawn, render_pass, workspace, transparent, (first, last))
     return len(band.faces)
 
 
-def count_fragments(band: Band, drawn, workspace, transparent) -> np.ndarray:
+def count_fragments(band: Band, drawn, workspace, transparent: TransparentTriangles) -> TransparentTriangles:
     """Count the fragments of each sample and divide the room among their lists; return the transparent triangles in the
     order in which the lists are filled."""
     a_buffer, n_sample = workspace.a_buffer, band.n_row * workspace.visibility.pitch
     counting = FragmentLists(0, n_sample, 0, band.n_row, np.empty(0, np.int64), a_buffer.cursors, a_buffer.starts, True)
     rows = Rows(band.y_start, band.y_end)
     open_lists(a_buffer)
-    list_fragments(band, transparent, drawn.drawables, rows, workspace.block, workspace.visibility, counting)
+    triangles, vertices, _ = drawn.drawables
+    list_fragments(
+        band.y_start, transparent, triangles, vertices, rows, workspace.block, workspace.visibility, counting
+    )
     n_fragment, n_list = divide_room(a_buffer, n_sample)
     if n_fragment > FEW * n_list:
-        return order_by_depth(transparent, band.faces, drawn.drawables)
+        return order_by_depth(transparent, drawn.drawables)
     return transparent
 
 
@@ -59,7 +64,8 @@ def composite_range(band: Band, drawn, render_pass: Pass, workspace, transparent
     rows = Rows(band.y_start + first_row, band.y_start + end_row)
     entries = np.empty(a_buffer.starts[last] - a_buffer.starts[first], np.int64)
     lists = FragmentLists(first, last, first_row, end_row, entries, a_buffer.cursors, a_buffer.starts, False)
-    list_fragments(band, transparent, drawn.drawables, rows, workspace.block, visibility, lists)
+    triangles, vertices, _ = drawn.drawables
+    list_fragments(band.y_start, transparent, triangles, vertices, rows, workspace.block, visibility, lists)
     show_nearest(visibility, a_buffer, lists)
     layer = workspace._replace(visibility=a_buffer.layer)
     n_composited, is_more = 0, True

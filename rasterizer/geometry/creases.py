@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import helper, kernel
+from ..compiler.kernels import borrow, helper, kernel
 from .vectors import cross, divide, dot, length, subtract, vector_of_row
 
 _ANGLE, _AREA, _UNIFORM = range(3)  # as in scene.mesh.WEIGHTINGS
@@ -50,6 +50,42 @@ class Fans(NamedTuple):
     first: NDArray[np.uint32]  # (n_vertex + 2,) where each vertex's corners begin; the last entry is working space
     corners: NDArray[np.uint32]  # (n_corner,) those of vertex v are corners[first[v] : first[v + 1]]
     valence: int  # the most that one vertex has
+
+
+class FanScratch(NamedTuple):
+    """What is known of one fan while it is worked on; a row or an entry for each corner with an area."""
+
+    corners: NDArray[np.float64]  # (valence, 4) the face's unit normal there, and the weight
+    keys: NDArray[np.int64]  # (2 * valence,) the edges: far vertex << 32 | index in the fan << 1 | leaves
+    members: NDArray[np.uint32]  # (valence,) the corner
+    parents: NDArray[np.int64]  # (valence,) the walk: see _find
+    signs: NDArray[np.int64]  # (valence,)
+    sums: NDArray[np.float64]  # (valence, 4) at the root of each group: weighted normals and weights
+    split_of: NDArray[np.int64]  # (valence, 2) there: the split vertices of both sides, or -1
+
+
+class CreaseRule(NamedTuple):
+    """Which corners are joined, and how they are averaged."""
+
+    smoothing: NDArray[np.int32]  # (n_face,) or empty: then the angle decides
+    cos_crease: float
+    weighting: int  # 0 to 2
+
+
+class SplitVertices(NamedTuple):
+    """Room for split vertices."""
+
+    source: NDArray[np.uint32]  # (n,) the vertex that each was split from
+    normals: NDArray[np.float64]  # (n, 3) unit length, or zero
+
+
+def make_fan_scratch(valence: int) -> FanScratch:
+    """Return room for the fans of a mesh in which no vertex has more corners than `valence`."""
+    return FanScratch(
+        np.empty((valence, 4)), np.empty(2 * valence, np.int64), np.empty(valence, np.uint32),
+        np.empty(valence, np.int64), np.empty(valence, np.int64), np.empty((valence, 4)),
+        np.empty((valence, 2), np.int64),
+    )  # fmt: skip
 
 
 @kernel
@@ -96,17 +132,23 @@ def list_corners(corner_vertices, out_first, out_corners):
 
 
 @kernel
-def average_fans(vertices, fans, weighting, out_normals):
+def average_fans(vertices, fans, weighting, scratch, out_normals):
     """Average each fan as one group.
 
-    vertices (n_vertex, 3) f64; fans: Fans; weighting 0 to 2; out_normals (n_vertex, 3) f64 comes in as zero.
+    vertices (n_vertex, 3) f64; fans: Fans; weighting 0 to 2; scratch: FanScratch; out_normals (n_vertex, 3) f64 comes
+    in as zero.
     """
-    corner_vertices, first, corners, valence = fans
-    fan, keys = np.empty((valence, 4)), np.empty(2 * valence, dtype=np.int64)
-    members = np.empty(valence, dtype=np.uint32)
+    vertices, corner_vertices = borrow(vertices), borrow(fans.corner_vertices)
+    first, corners, scratch, out_normals = (
+        borrow(fans.first),
+        borrow(fans.corners),
+        _borrow(scratch),
+        borrow(out_normals),
+    )
+    fan = scratch.corners
     for vertex in range(len(vertices)):
         around = corners[first[vertex] : first[vertex + 1]]
-        n_fan = _gather_fan(vertices, corner_vertices, around, weighting, fan, members, keys)
+        n_fan = _gather_fan(vertices, corner_vertices, around, weighting, scratch)
         weight = 0.0
         for i in range(n_fan):
             weight += fan[i, 3]
@@ -119,37 +161,37 @@ def average_fans(vertices, fans, weighting, out_normals):
 
 
 @kernel
-def split_fans(vertices, fans, smoothing, cos_crease, weighting, out_faces):
-    """Join the corners of each fan into groups, and write split vertices for each; return (source, normals).
+def split_fans(vertices, fans, rule, scratch, first_corner, n_split, out_faces, out):
+    """Join the corners of each fan into groups, and write split vertices for each, as long as there is room.
 
-    vertices (n_vertex, 3) f64; fans: Fans; smoothing (n_face,) i32 or empty; weighting 0 to 2; out_faces (n_corner,)
-    u32 comes in as UNSET. source (n_split,) u32, normals (n_split, 3) f64.
+    Return the first corner whose fan is still to be split, for which there is no room, or n_corner; and how many split
+    vertices there are. To go on, call again with both, and with more room in `out`: for `valence` more there is always
+    room for one more fan.
+
+    vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; first_corner, n_split: 0 at first;
+    out_faces (n_corner,) u32 comes in as UNSET; out: SplitVertices, with what was written before.
     """
-    corner_vertices, first, corners, valence = fans
-    # What is known of one fan: unit normal and weight, edges, corner, the walk, groups at their roots.
-    fan, keys = np.empty((valence, 4)), np.empty(2 * valence, dtype=np.int64)
-    members = np.empty(valence, dtype=np.uint32)
-    parents, signs = np.empty(valence, dtype=np.int64), np.empty(valence, dtype=np.int64)
-    sums, split_of = np.empty((valence, 4)), np.empty((valence, 2), dtype=np.int64)
-    # Room for a smooth mesh; it grows with the creases.
-    capacity = min(len(vertices), len(corner_vertices)) + valence
-    source, normals = np.empty(capacity, dtype=np.uint32), np.empty((capacity, 3))
-    n_split = 0
-    for corner in range(len(corner_vertices)):
+    vertices, corner_vertices = borrow(vertices), borrow(fans.corner_vertices)
+    first, corners, scratch, out_faces = borrow(fans.first), borrow(fans.corners), _borrow(scratch), borrow(out_faces)
+    rule = CreaseRule(borrow(rule.smoothing), rule.cos_crease, rule.weighting)
+    source, normals, n_corner = borrow(out.source), borrow(out.normals), len(corner_vertices)
+    fan, sums, split_of = scratch.corners, scratch.sums, scratch.split_of
+    for corner in range(first_corner, n_corner):
         if out_faces[corner] != UNSET:
             continue
         vertex = corner_vertices[corner]
         around = corners[first[vertex] : first[vertex + 1]]
+        # No corner has more than one split vertex.
         if n_split + len(around) > len(source):
-            source, normals = _grow(source, normals, n_split, valence)
-        n_fan = _gather_fan(vertices, corner_vertices, around, weighting, fan, members, keys)
-        _sort(keys[: 2 * n_fan])
-        _link_fan(fan[:n_fan], keys, members, smoothing, cos_crease, parents, signs)
-        _sum_groups(fan[:n_fan], parents, signs, sums, split_of)
+            return corner, n_split
+        n_fan = _gather_fan(vertices, corner_vertices, around, rule.weighting, scratch)
+        _sort(scratch.keys[: 2 * n_fan])
+        _link_fan(n_fan, rule, scratch)
+        _sum_groups(n_fan, scratch)
         # Write a split vertex for each side of a group, or for each corner where the group's normals cancel.
         n_before = n_split
         for i in range(n_fan):
-            root, sign = _find(parents, signs, i)
+            root, sign = _find(scratch.parents, scratch.signs, i)
             size = length(vector_of_row(sums, root))
             has_average = size > _CANCELLED * sums[root, 3]
             side = (sign + 1) >> 1
@@ -159,7 +201,7 @@ def split_fans(vertices, fans, smoothing, cos_crease, weighting, out_faces):
                 for axis in range(3):
                     normals[n_split, axis] = sign * sums[root, axis] / size if has_average else fan[i, axis]
                 n_split += 1
-            out_faces[members[i]] = split_of[root, side]
+            out_faces[scratch.members[i]] = split_of[root, side]
         # The corners without area take the first of these, or a zero normal where there is none.
         if n_fan == 0:
             source[n_split] = vertex
@@ -169,27 +211,24 @@ def split_fans(vertices, fans, smoothing, cos_crease, weighting, out_faces):
         for other in around[: len(around) if n_fan < len(around) else 0]:
             if out_faces[other] == UNSET:
                 out_faces[other] = n_before
-    return source[:n_split], normals[:n_split]
+    return n_corner, n_split
 
 
 @helper
-def _grow(source, normals, n_split, valence):
-    """Return both outputs with room for half as many entries again and for one more fan."""
-    capacity = n_split + n_split // 2 + valence
-    more_source, more_normals = np.empty(capacity, dtype=np.uint32), np.empty((capacity, 3))
-    # A loop, because numba takes 3 s to compile the copying of one slice to another.
-    for i in range(n_split):
-        more_source[i] = source[i]
-        for axis in range(3):
-            more_normals[i, axis] = normals[i, axis]
-    return more_source, more_normals
+def _borrow(scratch):
+    """Return the scratch with arrays that count no references."""
+    return FanScratch(
+        borrow(scratch.corners), borrow(scratch.keys), borrow(scratch.members), borrow(scratch.parents),
+        borrow(scratch.signs), borrow(scratch.sums), borrow(scratch.split_of),
+    )  # fmt: skip
 
 
 @helper
-def _gather_fan(vertices, corner_vertices, around, weighting, out_fan, out_members, out_keys):
-    """Measure the corners with an area; list their edges as far vertex << 32 | index in fan << 1 | leaves."""
+def _gather_fan(vertices, corner_vertices, around, weighting, out):
+    """Measure the corners with an area, and list their edges; return how many corners there are; out: FanScratch."""
     n_fan = 0
-    for corner in around:
+    for slot in range(len(around)):
+        corner = around[slot]
         k = corner % 3
         after = corner_vertices[corner - 2 if k == 2 else corner + 1]
         before = corner_vertices[corner + 2 if k == 0 else corner - 1]
@@ -198,10 +237,11 @@ def _gather_fan(vertices, corner_vertices, around, weighting, out_fan, out_membe
             here, vector_of_row(vertices, after), vector_of_row(vertices, before), weighting
         )
         if weight > 0.0:
-            out_fan[n_fan, 0], out_fan[n_fan, 1], out_fan[n_fan, 2], out_fan[n_fan, 3] = *normal, weight
-            out_members[n_fan] = corner
-            out_keys[2 * n_fan] = np.int64(after) << 32 | n_fan << 1 | 1
-            out_keys[2 * n_fan + 1] = np.int64(before) << 32 | n_fan << 1
+            out.corners[n_fan, 0], out.corners[n_fan, 1], out.corners[n_fan, 2] = normal
+            out.corners[n_fan, 3] = weight
+            out.members[n_fan] = corner
+            out.keys[2 * n_fan] = np.int64(after) << 32 | n_fan << 1 | 1
+            out.keys[2 * n_fan + 1] = np.int64(before) << 32 | n_fan << 1
             n_fan += 1
     return n_fan
 
@@ -226,15 +266,17 @@ def _sort(keys):
 
 
 @helper
-def _link_fan(fan, keys, members, smoothing, cos_crease, out_parents, out_signs):
-    """Unite the corners of a fan across every edge that isn't a crease; keys as gathered, sorted."""
-    for i in range(len(fan)):
-        out_parents[i], out_signs[i] = i, 1
+def _link_fan(n_fan, rule, fan):
+    """Unite the corners of a fan across every edge that isn't a crease; fan: FanScratch, its keys sorted."""
+    keys, smoothing = fan.keys, rule.smoothing
+    for i in range(n_fan):
+        fan.parents[i], fan.signs[i] = i, 1
     end = 0
-    for a in range(2 * len(fan)):
+    is_surface = True
+    for a in range(2 * n_fan):
         if a == end:  # the corners at one edge stand side by side
             end = a + 1
-            while end < 2 * len(fan) and keys[a] >> 32 == keys[end] >> 32:
+            while end < 2 * n_fan and keys[a] >> 32 == keys[end] >> 32:
                 end += 1
             is_surface = end - a <= MOST_AT_EDGE
         i = (keys[a] & 0xFFFFFFFF) >> 1
@@ -242,12 +284,12 @@ def _link_fan(fan, keys, members, smoothing, cos_crease, out_parents, out_signs)
             j = (keys[b] & 0xFFFFFFFF) >> 1
             sign = 1 if (keys[a] ^ keys[b]) & 1 else -1
             if len(smoothing) > 0:
-                group = smoothing[members[i] // 3]
-                is_joined = group != 0 and group == smoothing[members[j] // 3]
+                group = smoothing[fan.members[i] // 3]
+                is_joined = group != 0 and group == smoothing[fan.members[j] // 3]
             else:
-                is_joined = sign * dot(vector_of_row(fan, i), vector_of_row(fan, j)) >= cos_crease
+                is_joined = sign * dot(vector_of_row(fan.corners, i), vector_of_row(fan.corners, j)) >= rule.cos_crease
             if is_joined:
-                _unite(out_parents, out_signs, i, j, sign)
+                _unite(fan.parents, fan.signs, i, j, sign)
 
 
 @helper
@@ -277,17 +319,21 @@ def _unite(parents, signs, i, j, sign):
 
 
 @helper
-def _sum_groups(fan, parents, signs, out_sums, out_split_of):
-    """Sum each group's weights and weighted normals, turned to its root's side; clear its split vertices."""
-    for i in range(len(fan)):
-        out_split_of[i, 0], out_split_of[i, 1] = -1, -1
+def _sum_groups(n_fan, fan):
+    """Sum each group's weights and weighted normals, turned to its root's side; clear its split vertices.
+
+    fan: FanScratch.
+    """
+    corners, sums = fan.corners, fan.sums
+    for i in range(n_fan):
+        fan.split_of[i, 0], fan.split_of[i, 1] = -1, -1
         for column in range(4):
-            out_sums[i, column] = 0.0
-    for i in range(len(fan)):
-        root, sign = _find(parents, signs, i)
+            sums[i, column] = 0.0
+    for i in range(n_fan):
+        root, sign = _find(fan.parents, fan.signs, i)
         for axis in range(3):
-            out_sums[root, axis] += sign * fan[i, 3] * fan[i, axis]
-        out_sums[root, 3] += fan[i, 3]
+            sums[root, axis] += sign * corners[i, 3] * corners[i, axis]
+        sums[root, 3] += corners[i, 3]
 
 
 @helper

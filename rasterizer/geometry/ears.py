@@ -11,11 +11,9 @@ corners on a straight line when no ear is left. A cut changes only the ears at b
 corners wait in a heap, the next one on top (Williams 1964, Comm. ACM 7(6), 347-348). So n corners take some n² steps at
 most, of which nearly all compare boxes.
 
-A corner's turn is decided exactly: the sign of a 2 x 2 determinant of differences, in floating point where its error
-bound leaves no doubt, else as the sum of six exact products (Shewchuk 1997, Discrete & Computational Geometry 18(3),
-305-363). One coordinate is dropped, that of Newell's largest component, so nothing is rounded on the way into the
-plane. All coordinates are multiplied by one power of two, so that the largest is near 1; then products can underflow
-only where they are 2^-900 of the largest one, and count as zero.
+A corner's turn is decided exactly (turns.py). One coordinate is dropped, that of Newell's largest component, so nothing
+is rounded on the way into the plane. All coordinates are multiplied by one power of two, so that the largest is near 1;
+then products can underflow only where they are 2^-900 of the largest one, and count as zero.
 """
 
 import math
@@ -24,13 +22,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import helper, kernel
+from ..compiler.kernels import borrow, helper, kernel
+from .turns import N_PART, turn_of
 
-_SPLITTER = 2.0**27 + 1.0
-# The error of a computed turn, relative to the sum of its products (Shewchuk 1997, section 4.3).
-_TURN_ERROR = (3.0 + 16.0 * 2.0**-53) * 2.0**-53
-_LEAST = 2.0**-900  # below it products lose digits
+_MOST_SCALE = 2.0**1022
 SPIKE, EAR, STRAIGHT, BLOCKED, REFLEX = range(5)
+
+
+class Polygons(NamedTuple):
+    """Polygons that are cut."""
+
+    vertices: NDArray[np.float64]  # (n_vertex, 3)
+    corners: NDArray[np.int64]  # (n_corner,) indices of vertices, polygon by polygon
+    starts: NDArray[np.int64]  # (n,) where each polygon's corners begin
+    counts: NDArray[np.int64]  # (n,) how many there are, at least 3
+    first_triangle: NDArray[np.int64]  # (n,) where each polygon's triangles begin
 
 
 class Outline(NamedTuple):
@@ -41,10 +47,28 @@ class Outline(NamedTuple):
     points: NDArray[np.float64]  # (n, 3) in space
     before: NDArray[np.int64]  # (n,) the corner before each
     after: NDArray[np.int64]  # (n,) the corner after each
+    parts: NDArray[np.float64]  # (N_PART,) scratch of turns
 
 
-@kernel
-def cut_ears(vertices, corners, starts, counts, first_triangle, most, triangles, out_is_crossing):
+class Heap(NamedTuple):
+    """The corners that are left, the one that is cut next on top."""
+
+    corners: NDArray[np.int64]  # (n,)
+    rank: NDArray[np.int64]  # (n,) where each corner stands in the heap
+    kind: NDArray[np.int64]  # (n,) of each corner, SPIKE to REFLEX
+    shape: NDArray[np.float64]  # (n,) of each corner's triangle: the larger, the better
+
+
+class EarScratch(NamedTuple):
+    """What is known of one polygon while it is cut."""
+
+    outline: Outline
+    heap: Heap
+    order: NDArray[np.int64]  # (n,) its corners as they are listed, in the order in which it is cut
+    keep: NDArray[np.int64]  # (n,) the same the other way round
+
+
+def cut_ears(vertices, corners, starts, counts, first_triangle, most, triangles, out_is_crossing) -> None:
     """Cut polygons into triangles.
 
     Parameters
@@ -56,46 +80,57 @@ def cut_ears(vertices, corners, starts, counts, first_triangle, most, triangles,
     triangles : (n_triangle, 3) int64, gets indices into the corners
     out_is_crossing : (n,) bool, whether the polygon crosses itself
     """
-    order, keep = np.empty(most, np.int64), np.empty(most, np.int64)
-    before, after = np.empty(most, np.int64), np.empty(most, np.int64)
-    outline = Outline(np.empty(most), np.empty(most), np.empty((most, 3)), before, after)
-    # Of each corner its kind, the shape of its triangle (the larger, the better), and its rank in the heap.
-    kind, shape = np.empty(most, np.int64), np.empty(most)
-    heap, rank = np.empty(most, np.int64), np.empty(most, np.int64)
-    for polygon in range(len(starts)):
-        start, n, row = starts[polygon], counts[polygon], first_triangle[polygon]
-        is_reversed = _put_in_order(vertices, corners, start, n, keep, order)
+    polygons = Polygons(vertices, corners, starts, counts, first_triangle)
+    cut_outlines(polygons, make_ear_scratch(most), triangles, out_is_crossing)
+
+
+def make_ear_scratch(most: int) -> EarScratch:
+    """Return room for polygons with `most` corners at most."""
+    real, whole = (lambda *shape: np.empty(shape)), (lambda: np.empty(most, np.int64))
+    outline = Outline(real(most), real(most), real(most, 3), whole(), whole(), real(N_PART))
+    return EarScratch(outline, Heap(whole(), whole(), whole(), real(most)), whole(), whole())
+
+
+@kernel
+def cut_outlines(polygons, scratch, triangles, out_is_crossing):
+    """Cut polygons into triangles, see `cut_ears`; polygons: Polygons, scratch: EarScratch."""
+    outline, heap, order = _borrow_outline(scratch.outline), _borrow_heap(scratch.heap), borrow(scratch.order)
+    before, after, triangles = outline.before, outline.after, borrow(triangles)
+    polygons, keep = _borrow_polygons(polygons), borrow(scratch.keep)
+    for polygon in range(len(polygons.starts)):
+        start, n, row = polygons.starts[polygon], polygons.counts[polygon], polygons.first_triangle[polygon]
+        is_reversed = _put_in_order(polygons.vertices, polygons.corners, start, n, keep, order)
         for i in range(n):
-            before[i], after[i] = (i - 1) % n, (i + 1) % n
+            before[i], after[i], heap.corners[i] = (i - 1) % n, (i + 1) % n, i
             for axis in range(3):
-                outline.points[i, axis] = vertices[corners[start + order[i]], axis]
+                outline.points[i, axis] = polygons.vertices[polygons.corners[start + order[i]], axis]
         _project(outline.points, n, outline.x, outline.y)
-        for i in range(n):
-            kind[i], shape[i] = _classify(outline, i, n)
-            heap[i] = i
-            _settle(heap, rank, i + 1, i, kind, shape)
-        tip, is_crossing = 0, False
-        for left in range(n, 3, -1):
-            if kind[heap[0]] > STRAIGHT and not is_crossing:
-                is_crossing = not _classify_all(heap, rank, kind, shape, outline, left)
-            # Cut the next corner off, and classify its neighbours again.
-            tip = heap[0]
+        is_crossing, is_cut, left, tip, a, c = False, False, n, np.int64(0), np.int64(0), np.int64(0)
+        while True:
+            # Classify both neighbours of a corner that was cut off, or, one after the other, all that are left.
+            for k in range(2 if is_cut else left):
+                i = heap.corners[k] if not is_cut else (a if k == 0 else c)
+                heap.kind[i], heap.shape[i] = _classify(outline, i, left)
+                _settle(heap, left if is_cut else k + 1, heap.rank[i] if is_cut else k)
+            if left == 3:
+                break
+            if heap.kind[heap.corners[0]] > STRAIGHT and not is_crossing:
+                # Cuts elsewhere never clear an ear of a polygon that doesn't cross itself; others may have got one.
+                is_crossing, is_cut = not is_cut, False
+                if not is_crossing:
+                    continue
+            # Cut the next corner off.
+            tip = heap.corners[0]
             a, c = before[tip], after[tip]
             _emit(triangles, row, start, order, a, tip, c, is_reversed)
             row += 1
+            left -= 1
             after[a], before[c] = c, a
-            heap[0] = heap[left - 1]
-            _settle(heap, rank, left - 1, 0, kind, shape)
-            for i in (a, c):
-                kind[i], shape[i] = _classify(outline, i, left - 1)
-                _settle(heap, rank, left - 1, rank[i], kind, shape)
-            tip = c
-        a, c = before[tip], after[tip]
-        _emit(triangles, row, start, order, a, tip, c, is_reversed)
-        is_turned = (
-            _turn((outline.x[a], outline.y[a]), (outline.x[tip], outline.y[tip]), (outline.x[c], outline.y[c])) < 0
-        )
-        out_is_crossing[polygon] = is_crossing or is_turned
+            heap.corners[0] = heap.corners[left]
+            _settle(heap, left, 0)
+            tip, is_cut = c, True
+        _emit(triangles, row, start, order, before[tip], tip, after[tip], is_reversed)
+        out_is_crossing[polygon] = is_crossing or heap.kind[tip] == REFLEX
 
 
 @helper
@@ -165,7 +200,11 @@ def _project(points, n, out_x, out_y):
     for i in range(n):
         for axis in range(3):
             largest = max(largest, abs(points[i, axis]))
-    scale = math.ldexp(1.0, -math.frexp(largest)[1]) if largest > 0.0 else 1.0
+    scale = 1.0  # a power of two
+    while largest * scale >= 1.0:
+        scale *= 0.5
+    while 0.0 < largest * scale < 0.5 and scale < _MOST_SCALE:
+        scale *= 2.0
     extent = 0.0
     for i in range(n):
         for axis in range(3):
@@ -203,72 +242,52 @@ def _extent(points, n, axis):
 
 
 @helper
-def _classify_all(heap, rank, kind, shape, outline, n):
-    """Classify all n corners again; return whether one may be cut off: a polygon that crosses itself runs out of ears.
-
-    Cuts elsewhere never clear an ear of a polygon that doesn't cross itself; others may have got one.
-    """
-    for k in range(n):
-        i = heap[k]
-        kind[i], shape[i] = _classify(outline, i, n)
-    for k in range(n):
-        _settle(heap, rank, k + 1, k, kind, shape)
-    return kind[heap[0]] <= STRAIGHT
-
-
-@helper
-def _is_before(i, j, kind, shape):
+def _is_before(i, j, heap):
     """Tell whether corner i is cut before j: by kind, then the one of the better shape, of equal ones the first in
     order."""
+    kind, shape = heap.kind, heap.shape
     if kind[i] != kind[j]:
         return kind[i] < kind[j]
     return shape[i] > shape[j] or (shape[i] == shape[j] and i < j)
 
 
 @helper
-def _settle(heap, rank, n, k, kind, shape):
+def _settle(heap, n, k):
     """Move corner k of a heap of n up or down to where it belongs, and note the ranks."""
-    i = heap[k]
-    while k > 0 and _is_before(i, heap[(k - 1) // 2], kind, shape):
-        heap[k] = heap[(k - 1) // 2]
-        rank[heap[k]] = k
+    corners, rank = heap.corners, heap.rank
+    i = corners[k]
+    while k > 0 and _is_before(i, corners[(k - 1) // 2], heap):
+        corners[k] = corners[(k - 1) // 2]
+        rank[corners[k]] = k
         k = (k - 1) // 2
     while 2 * k + 1 < n:
         child = 2 * k + 1
-        if child + 1 < n and _is_before(heap[child + 1], heap[child], kind, shape):
+        if child + 1 < n and _is_before(corners[child + 1], corners[child], heap):
             child += 1
-        if not _is_before(heap[child], i, kind, shape):
+        if not _is_before(corners[child], i, heap):
             break
-        heap[k] = heap[child]
-        rank[heap[k]] = k
+        corners[k] = corners[child]
+        rank[corners[k]] = k
         k = child
-    heap[k] = i
+    corners[k] = i
     rank[i] = k
 
 
 @helper
 def _classify(outline, i, n):
-    """Return the kind of corner i of the n that are left, and the shape of its triangle."""
-    return _classify_corner(i, n, outline.x, outline.y, outline.points, outline.before, outline.after)
-
-
-@kernel
-def _classify_corner(i, n, x, y, points, before, after):
-    """Return the kind of a corner of the n that are left, and the shape of its triangle: its area over the sum of its
-    sides' squares.
-
-    The arrays are those of `Outline`, one by one: a tuple of arrays costs a call ten atomic operations.
-    """
-    i_before, i_after = before[i], after[i]
+    """Return the kind of corner i of the n that are left, and the shape of its triangle: its area over the sum of its
+    sides' squares."""
+    x, y, after = outline.x, outline.y, outline.after
+    i_before, i_after = outline.before[i], after[i]
     a, b, c = (x[i_before], y[i_before]), (x[i], y[i]), (x[i_after], y[i_after])
-    turn = _turn(a, b, c)
+    turn = turn_of(a, b, c, outline.parts)
     if turn < 0:
         return REFLEX, 0.0
     if turn == 0:
         is_repeated = (a[0] == b[0] and a[1] == b[1]) or (b[0] == c[0] and b[1] == c[1])
         goes_on = _goes_on(a[0], b[0], c[0]) and _goes_on(a[1], b[1], c[1])
         return (STRAIGHT if goes_on and not is_repeated else SPIKE), 0.0
-    shape = _shape(points, i_before, i, i_after)
+    shape = _shape(outline.points, i_before, i, i_after)
     x_low, x_high = min(a[0], b[0], c[0]), max(a[0], b[0], c[0])
     y_low, y_high = min(a[1], b[1], c[1]), max(a[1], b[1], c[1])
     here, p = i_after, c
@@ -277,7 +296,7 @@ def _classify_corner(i, n, x, y, points, before, after):
         q = (x[here], y[here])
         is_apart = (p[0] <= x_low and q[0] <= x_low) or (p[0] >= x_high and q[0] >= x_high)
         is_apart = is_apart or (p[1] <= y_low and q[1] <= y_low) or (p[1] >= y_high and q[1] >= y_high)
-        if not is_apart and _passes_through(a, b, c, p, q):
+        if not is_apart and _passes_through(a, b, c, p, q, outline.parts):
             return BLOCKED, shape
         p = q
     return EAR, shape
@@ -311,70 +330,47 @@ def _shape(points, a, b, c):
 
 
 @helper
-def _passes_through(a, b, c, p, q):
+def _passes_through(a, b, c, p, q, parts):
     """Tell whether the segment p q has a point strictly inside the counter-clockwise triangle a b c.
 
     It has none if and only if a line separates them, and then one along a side of the triangle or along the segment
     does (separating axes of convex figures: Gottschalk, Lin & Manocha 1996, SIGGRAPH).
     """
-    if _turn(a, b, p) <= 0 and _turn(a, b, q) <= 0:
-        return False
-    if _turn(b, c, p) <= 0 and _turn(b, c, q) <= 0:
-        return False
-    if _turn(c, a, p) <= 0 and _turn(c, a, q) <= 0:
-        return False
-    if p[0] == q[0] and p[1] == q[1]:
-        return True  # a point that no side separates
-    of_a, of_b, of_c = _turn(p, q, a), _turn(p, q, b), _turn(p, q, c)
-    return min(of_a, of_b, of_c) < 0 and max(of_a, of_b, of_c) > 0
+    is_point = p[0] == q[0] and p[1] == q[1]  # one that no side separates is inside
+    is_left = is_right = is_point
+    u, v, w = a, b, c
+    for _ in range(3):
+        if turn_of(u, v, p, parts) <= 0 and turn_of(u, v, q, parts) <= 0:
+            return False
+        if not (is_left and is_right):
+            side = turn_of(p, q, u, parts)
+            is_left, is_right = is_left or side > 0, is_right or side < 0
+        u, v, w = v, w, u
+    return is_left and is_right
+
+
+# ---------------------------------------------------------------- arrays that count no references
 
 
 @helper
-def _turn(a, b, c):
-    """Return the sign of the turn a b c, exactly: 1 is counter-clockwise, 0 straight."""
-    left, right = (a[0] - c[0]) * (b[1] - c[1]), (a[1] - c[1]) * (b[0] - c[0])
-    area, total = left - right, abs(left) + abs(right)
-    if abs(area) > _TURN_ERROR * total and total > _LEAST:
-        return 1 if area > 0.0 else -1
-    return _exact_turn(a, b, c)
+def _borrow_polygons(polygons):
+    """Return the polygons with arrays that count no references."""
+    return Polygons(
+        borrow(polygons.vertices), borrow(polygons.corners), borrow(polygons.starts), borrow(polygons.counts),
+        borrow(polygons.first_triangle),
+    )  # fmt: skip
 
 
-@kernel
-def _exact_turn(a, b, c):
-    """Return the sign of ax by - ay bx + bx cy - by cx + cx ay - cy ax, summed without an error.
+@helper
+def _borrow_outline(outline):
+    """Return the outline with arrays that count no references."""
+    return Outline(
+        borrow(outline.x), borrow(outline.y), borrow(outline.points), borrow(outline.before), borrow(outline.after),
+        borrow(outline.parts),
+    )  # fmt: skip
 
-    Twelve parts of six products are added one by one to a sum that is kept as parts that don't overlap; the sign is
-    that of its largest part (Shewchuk 1997: GROW-EXPANSION, theorem 10).
-    """
-    parts, n = np.zeros(13), 0
-    for k in range(6):
-        if k == 0:
-            u, v = a[0], b[1]
-        elif k == 1:
-            u, v = -a[1], b[0]
-        elif k == 2:
-            u, v = b[0], c[1]
-        elif k == 3:
-            u, v = -b[1], c[0]
-        elif k == 4:
-            u, v = c[0], a[1]
-        else:
-            u, v = -c[1], a[0]
-        product = u * v
-        # The rounding error of the product (Dekker 1971, Numerische Mathematik 18, 224-242).
-        u_high, v_high = _SPLITTER * u - (_SPLITTER * u - u), _SPLITTER * v - (_SPLITTER * v - v)
-        u_low, v_low = u - u_high, v - v_high
-        error = u_low * v_low - (((product - u_high * v_high) - u_low * v_high) - u_high * v_low)
-        for number in (error, product):
-            carried = number
-            for i in range(n):
-                total = carried + parts[i]
-                taken = total - carried
-                parts[i] = (carried - (total - taken)) + (parts[i] - taken)
-                carried = total
-            parts[n] = carried
-            n += 1
-    for i in range(n - 1, -1, -1):
-        if parts[i] != 0.0:
-            return 1 if parts[i] > 0.0 else -1
-    return 0
+
+@helper
+def _borrow_heap(heap):
+    """Return the heap with arrays that count no references."""
+    return Heap(borrow(heap.corners), borrow(heap.rank), borrow(heap.kind), borrow(heap.shape))

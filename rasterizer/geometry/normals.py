@@ -13,7 +13,18 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ..errors import ModelError, SceneError
 from ..scene.mesh import WEIGHTINGS
 from ..scene.validate import choice, number
-from .creases import DOT_ERROR, UNSET, Fans, average_fans, list_corners, split_fans, sum_by_polygon
+from .creases import (
+    DOT_ERROR,
+    UNSET,
+    CreaseRule,
+    Fans,
+    SplitVertices,
+    average_fans,
+    list_corners,
+    make_fan_scratch,
+    split_fans,
+    sum_by_polygon,
+)
 
 # Two faces meet at the crease angle when they do so within this many degrees. Coordinates with six decimals
 # (usual in OBJ) are off by 5e-7; the walls of a 12-sided unit cylinder are 0.52 wide, so each is tilted by up
@@ -99,7 +110,8 @@ def vertex_normals(vertices: ArrayLike, faces: ArrayLike, weighting: WeightingNa
     weighting = WEIGHTINGS.index(choice(weighting, WEIGHTINGS, "weighting"))
     vertices, faces = _check_mesh(vertices, faces)
     normals = np.zeros((len(vertices), 3))
-    average_fans(vertices, _list_fans(vertices, faces), weighting, normals)
+    fans = _list_fans(vertices, faces)
+    average_fans(vertices, fans, weighting, make_fan_scratch(fans.valence), normals)
     return normals
 
 
@@ -146,10 +158,29 @@ def split_creases(
     groups = _freeze(groups, np.int32)
     # Angles are compared by their cosines, which fall where angles grow.
     cos_crease = math.cos(math.radians(min(180.0, crease_angle + _ANGLE_SLACK))) - DOT_ERROR
-    split_faces = np.full(faces.size, UNSET)
-    fans = _list_fans(vertices, faces)
-    source, normals = split_fans(vertices, fans, groups, cos_crease, weighting, split_faces)
-    return Split(split_faces.reshape(-1, 3), source, normals)
+    return _split(vertices, faces, CreaseRule(groups, cos_crease, weighting))
+
+
+def _split(vertices: NDArray, faces: NDArray, rule: CreaseRule) -> Split:
+    """Split the fans of a mesh, and make room for more split vertices whenever there is none left."""
+    fans, split_faces = _list_fans(vertices, faces), np.full(faces.size, UNSET)
+    scratch = make_fan_scratch(fans.valence)
+    # Room for a smooth mesh; it grows with the creases.
+    split = _grow(
+        SplitVertices(np.empty(0, np.uint32), np.empty((0, 3))), 0, min(len(vertices), faces.size) + fans.valence
+    )
+    corner, n_split = split_fans(vertices, fans, rule, scratch, 0, 0, split_faces, split)
+    while corner < faces.size:
+        split = _grow(split, n_split, n_split + n_split // 2 + fans.valence)
+        corner, n_split = split_fans(vertices, fans, rule, scratch, corner, n_split, split_faces, split)
+    return Split(split_faces.reshape(-1, 3), split.source[:n_split], split.normals[:n_split])
+
+
+def _grow(split: SplitVertices, n_split: int, capacity: int) -> SplitVertices:
+    """Return room for so many split vertices, with those that there are."""
+    larger = SplitVertices(np.empty(capacity, np.uint32), np.empty((capacity, 3)))
+    larger.source[:n_split], larger.normals[:n_split] = split.source[:n_split], split.normals[:n_split]
+    return larger
 
 
 def _freeze(array: NDArray, dtype: DTypeLike) -> NDArray:

@@ -35,7 +35,7 @@ import numpy as np
 
 from ..compiler.kernels import borrow, helper, index, kernel
 from . import setup as s
-from .drawables import borrow_drawables
+from .drawables import borrow_drawables, borrow_triangles, borrow_vertices
 from .records import FACE, borrow_records, write_exact
 from .scan import Payload, borrow_block, box_of, fill, fill_spans, surface_of
 from .visibility import (
@@ -70,6 +70,13 @@ class ABuffer(NamedTuple):
     transmittance: np.ndarray  # (n_row * pitch,) float64: the part of the light from behind that arrives
     opacity: np.ndarray  # (n_row * pitch,) float64: summed up, because 1 - transmittance loses the digits of small ones
     color: np.ndarray  # (n_channel, n_row * pitch) float64; anything where the opacity is 0
+
+
+class TransparentTriangles(NamedTuple):
+    """The triangles of a band that are neither opaque nor invisible, in the order in which the lists are filled."""
+
+    listed: np.ndarray  # (n,) int64, where they stand in the band's list
+    faces: np.ndarray  # (n,) uint32, the triangles
 
 
 class FragmentLists(NamedTuple):
@@ -117,16 +124,11 @@ def least_transmittance(tolerance, bound, is_single) -> float:
     return min(tolerance / (4.0 * max(bound, 1.0)), INVISIBLE_ALPHA) if is_single else INVISIBLE
 
 
-def order_by_depth(transparent, faces, drawables) -> np.ndarray:
-    """Order transparent triangles by the least depth of each.
-
-    Parameters
-    ----------
-    transparent : (n,) int64, where they stand in `faces`
-    faces : (n_face,) uint32, the band's list
-    """
-    z = drawables.vertices.z[drawables.triangles.vertex_idx[:, faces[transparent]]]
-    return transparent[np.argsort(z.min(axis=0), kind="stable")]
+def order_by_depth(transparent: TransparentTriangles, drawables) -> TransparentTriangles:
+    """Order transparent triangles by the least depth of each."""
+    z = drawables.vertices.z[drawables.triangles.vertex_idx[:, transparent.faces]]
+    order = np.argsort(z.min(axis=0), kind="stable")
+    return TransparentTriangles(transparent.listed[order], transparent.faces[order])
 
 
 def split_samples(starts, pitch):
@@ -182,29 +184,29 @@ def scan_opaque(band, drawables, coding, block, visibility, records, opacity, ou
             n_transparent += index(not opacity.is_opaque[material] and opacity.opacity[material] > 0.0)
             if box.left < box.right and box.top < box.bottom and opacity.is_opaque[material]:
                 note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
-                fill(visibility, band, box, k, exact_payload(listed), block)
-    return n_transparent
+                fill(visibility, band.y_start, box, k, exact_payload(listed), block)
+    return np.int64(n_transparent)
 
 
 @kernel
-def list_fragments(band, transparent, drawables, rows, block, visibility, lists):
+def list_fragments(y_start, transparent, triangles, vertices, rows, block, visibility, lists):
     """Count or list the fragments of a band's transparent triangles that lie before the opaque surfaces.
 
     Parameters
     ----------
-    transparent : (n,) int64, where in the band's list the transparent ones are
+    y_start : the band's first row in the picture, samples
+    transparent : TransparentTriangles of the band
+    triangles, vertices : all of the picture
     rows : Rows of the picture, those of the band that are worked on
     visibility : VisibilityBuffer, the opaque surfaces; its extents are widened where fragments are counted
     lists : FragmentLists
     """
-    faces, transparent, drawables = borrow(band.faces), borrow(transparent), borrow_drawables(drawables)
+    faces, listed = borrow(transparent.faces), borrow(transparent.listed)
+    triangles, vertices = borrow_triangles(triangles), borrow_vertices(vertices)
     visibility, block, lists = borrow_visibility(visibility), borrow_block(block), borrow_lists(lists)
-    some = np.empty(s.BLOCK, faces.dtype)
-    for first in range(0, len(transparent), s.BLOCK):
-        n = index(min(len(transparent) - first, s.BLOCK))
-        for k in range(n):
-            some[k] = faces[index(transparent[index(first) + k])]
-        s.gather_vertices(some[:n], drawables.triangles, drawables.vertices, block)
+    for first in range(0, len(faces), s.BLOCK):
+        n = index(min(len(faces) - first, s.BLOCK))
+        s.gather_vertices(faces[index(first) : index(first) + n], triangles, vertices, block)
         s.order_vertices(block)
         s.compute_boxes(rows, visibility.width, block)
         s.compute_depth_planes(block)
@@ -212,9 +214,9 @@ def list_fragments(band, transparent, drawables, rows, block, visibility, lists)
             box = box_of(k, block)
             if box.left < box.right and box.top < box.bottom:
                 if lists.is_counting:
-                    note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
-                surface = surface_of(k, exact_payload(transparent[index(first) + k]), block)
-                fill_spans(visibility, band, box, surface, lists)
+                    note_extent(visibility, box.left, box.right, box.top - y_start, box.bottom - y_start)
+                surface = surface_of(k, exact_payload(listed[index(first) + k]), block)
+                fill_spans(visibility, y_start, box, surface, lists)
 
 
 @helper

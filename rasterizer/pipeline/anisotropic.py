@@ -12,9 +12,8 @@ So it is the isotropic formula (cook_torrance.py) where αx = αy.
 """
 
 import numpy as np
-from numba import carray
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import as_array, helper, index
 from ..geometry.vectors import add, cross, dot, length, scale, subtract
 from . import fragments as f
 from . import material_coefficients as m
@@ -31,12 +30,12 @@ def anisotropic_ggx(batch, n, material):
     The plan takes float64 for this model: where the direction nearly stands upright on the surface its projection, and
     all that depends on it, has no bound in float32.
     """
-    reflect_anisotropically(carray(batch, f.BATCH_SHAPE), n, carray(material, m.REFLECTION_SHAPE))
+    reflect_anisotropically(as_array(batch, f.BATCH_SHAPE), n, as_array(material, m.REFLECTION_SHAPE))
 
 
 def anisotropic_ggx_by_axis(batch, n, material):
     """The same, the direction being an axis of the world: TANGENT_AXIS."""
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     axis = read_vector(material, m.TANGENT_AXIS)
     for k in range(index(n)):
         set_vector(batch, f.TANGENT, k, axis)

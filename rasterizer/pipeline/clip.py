@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import borrow, helper, index, kernel
 from .drawables import Triangles
 from .face_planes import LARGEST_SUM, LEAST_SUM, compute_face_planes
 from .transform import LIMIT, LIMIT_PX, OUTSIDE, Vertices, compute_z, project
@@ -52,6 +52,18 @@ class Window(NamedTuple):
 GUARD_BAND = Window(-float(LIMIT_PX), float(LIMIT_PX), -float(LIMIT_PX), float(LIMIT_PX))
 
 
+class ClipScratch(NamedTuple):
+    """Room for two polygons: what is clipped goes from one to the other and back."""
+
+    even: np.ndarray  # (ROOM, N_CORNER_COLUMN) float64
+    odd: np.ndarray  # the same
+
+
+def make_clip_scratch() -> ClipScratch:
+    """Return room for two polygons."""
+    return ClipScratch(np.empty((ROOM, N_CORNER_COLUMN)), np.empty((ROOM, N_CORNER_COLUMN)))
+
+
 class Clipped(NamedTuple):
     """What takes the place of the triangles and vertices; new vertices stand behind the old ones."""
 
@@ -71,11 +83,11 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
     """
     vertex_idx = triangles.vertex_idx
     touched = np.flatnonzero((vertices.x[vertex_idx] == OUTSIDE).any(axis=0))
-    crossing = np.empty(len(touched), np.uint32)
-    crossing = crossing[: find_crossing(positions, vertex_idx, touched.astype(np.uint32), screen, crossing)]
+    crossing, scratch = np.empty(len(touched), np.uint32), make_clip_scratch()
+    crossing = crossing[: find_crossing(positions, vertex_idx, touched.astype(np.uint32), screen, scratch, crossing)]
     most = len(crossing) * (MOST_CORNERS - 2)
     parts, owners = np.empty((most, 3, N_CORNER_COLUMN)), np.empty(most, np.uint32)
-    n_part = clip_faces(positions, vertex_idx, crossing, screen, parts, owners)
+    n_part = clip_faces(positions, vertex_idx, crossing, screen, scratch, parts, owners)
     parts, owners = parts[:n_part], owners[:n_part]
 
     planes, z_planes = compute_face_planes(positions, vertex_idx[:, crossing], screen)
@@ -153,7 +165,7 @@ def compute_depth_ranges(w, owners, n_clipped):
 
 
 @kernel
-def find_crossing(positions, vertex_idx, faces, screen, out_faces):
+def find_crossing(positions, vertex_idx, faces, screen, scratch, out_faces):
     """Find those of some triangles that don't lie wholly beyond one of the planes; return how many.
 
     Nothing is left of the others.
@@ -162,15 +174,16 @@ def find_crossing(positions, vertex_idx, faces, screen, out_faces):
     ----------
     positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are looked at
+    scratch : ClipScratch
     out_faces : (n,) uint32
     """
-    corners = np.empty((3, N_CORNER_COLUMN))
-    n_out = index(0)
-    for face in faces:
+    corners, n_out = borrow(scratch.even), index(0)
+    for k in range(index(len(faces))):
+        face = faces[k]
         gather_corners(positions, vertex_idx, face, screen, corners)
         out_faces[n_out] = face
         n_out += index(not is_beyond(corners, screen, GUARD_BAND))
-    return n_out
+    return np.int64(n_out)
 
 
 @helper
@@ -184,24 +197,24 @@ def is_beyond(corners, screen, window):
 
 
 @kernel
-def clip_faces(positions, vertex_idx, faces, screen, out_parts, out_owners):
+def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_owners):
     """Clip triangles; write what is left of each as a fan of triangles; return how many they are.
 
     Parameters
     ----------
     positions : (3, n) float64, world space · vertex_idx : (3, n_face) uint32
     faces : (n,) uint32, the triangles that are clipped
+    scratch : ClipScratch
     out_parts : (n (MOST_CORNERS - 2), 3, N_CORNER_COLUMN) float64
     out_owners : (n (MOST_CORNERS - 2),) uint32, where in `faces` the triangle is that a part is left of
     """
-    polygon, scratch = np.empty((ROOM, N_CORNER_COLUMN)), np.empty((ROOM, N_CORNER_COLUMN))
-    n_out = index(0)
+    polygon, other, n_out = borrow(scratch.even), borrow(scratch.odd), index(0)
     for owner in range(index(len(faces))):
         gather_corners(positions, vertex_idx, faces[owner], screen, polygon)
         n = 3
         for plane in range(N_CLIP_PLANE):
-            n = clip_polygon(polygon, n, plane, screen, GUARD_BAND, scratch)
-            polygon, scratch = scratch, polygon
+            n = clip_polygon(polygon, n, plane, screen, GUARD_BAND, other)
+            polygon, other = other, polygon
         first = find_topmost(polygon, n, screen)
         for k in range(index(2), index(min(max(n, 2), MOST_CORNERS))):
             for column in range(N_CORNER_COLUMN):
@@ -210,7 +223,7 @@ def clip_faces(positions, vertex_idx, faces, screen, out_parts, out_owners):
                 out_parts[n_out, 2, column] = polygon[(first + k) % index(n), column]
             out_owners[n_out] = owner
             n_out += index(1)
-    return n_out
+    return np.int64(n_out)
 
 
 @helper
@@ -226,8 +239,7 @@ def find_topmost(polygon, n, screen):
     return topmost
 
 
-@kernel
-def find_nearest(positions, vertex_idx, screen, width, height):
+def find_nearest(positions, vertex_idx, screen, width, height) -> float:
     """Find the least distance along the viewing axis at which any triangle is seen in the picture; infinite if none is.
 
     For a camera inside the scene: what is behind it or beside the picture says nothing about the depths that are seen.
@@ -238,17 +250,28 @@ def find_nearest(positions, vertex_idx, screen, width, height):
     vertex_idx : (3, n_face) uint32
     width, height : of the picture, px
     """
-    polygon, scratch = np.empty((ROOM, N_CORNER_COLUMN)), np.empty((ROOM, N_CORNER_COLUMN))
     window = Window(0.0, float(width), 0.0, float(height))
-    nearest = np.inf
+    return search_nearest(positions, vertex_idx, screen, window, make_clip_scratch())
+
+
+@kernel
+def search_nearest(positions, vertex_idx, screen, window, scratch):
+    """Clip every triangle that may lie nearer than those before it; return the least distance, see `find_nearest`.
+
+    Parameters
+    ----------
+    window : Window, the picture
+    scratch : ClipScratch
+    """
+    polygon, other, nearest = borrow(scratch.even), borrow(scratch.odd), np.inf
     for face in range(index(vertex_idx.shape[1])):
         gather_corners(positions, vertex_idx, face, screen, polygon)
         if min(polygon[0, W], polygon[1, W], polygon[2, W]) >= nearest or is_beyond(polygon, screen, window):
             continue
         n = 3
         for plane in range(N_CLIP_PLANE):
-            n = clip_polygon(polygon, n, plane, screen, window, scratch)
-            polygon, scratch = scratch, polygon
+            n = clip_polygon(polygon, n, plane, screen, window, other)
+            polygon, other = other, polygon
         for k in range(index(n)):
             nearest = min(nearest, polygon[k, W])
     return nearest

@@ -11,9 +11,8 @@ Sources: Cook & Torrance 1981, Proc. SIGGRAPH, 307-316; Walter, Marschner, Li & 
 """
 
 import numpy as np
-from numba import carray
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import as_array, helper, index
 from ..geometry.vectors import add, cross, dot
 from . import fragments as f
 from . import material_coefficients as m
@@ -33,7 +32,7 @@ def ggx(batch, n, material):
     highlight. G1(V) / (2 N·V) = 1 / (N·V + √(α² + (1-α²)(N·V)²)) is finite at N·V = 0, unlike with the V-shaped grooves
     of 1981.
     """
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
     alpha_square = material[m.ROUGHNESS] * material[m.ROUGHNESS]
     rest = one - alpha_square
@@ -55,7 +54,7 @@ def beckmann(batch, n, material):
     Cook & Torrance 1981; Smith's G in the approximation of Walter et al. 2007, section 5.2. Mirrors tilted by more than
     89.9° count as none: exp(-2^20).
     """
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     real, roughness = batch.dtype.type, material[m.ROUGHNESS]
     zero, one, two, four, steep = real(0), real(1), real(2), real(4), real(STEEP)
     scale = one / (roughness * roughness)

@@ -39,6 +39,18 @@ class Visible(NamedTuple):
     n_culled: int
 
 
+class CullScratch(NamedTuple):
+    """What is noted of PASS triangles between the three loops."""
+
+    is_kept: np.ndarray  # (PASS,) uint8
+    candidates: np.ndarray  # (PASS,) uint32
+
+
+def make_cull_scratch() -> CullScratch:
+    """Return room for what is noted of PASS triangles."""
+    return CullScratch(np.empty(PASS, np.uint8), np.empty(PASS, np.uint32))
+
+
 @helper
 def first_sample(coordinate):
     """Compute the column or row of the first sample at or beyond a coordinate in 1/256 px, int64; exact."""
@@ -60,26 +72,26 @@ def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers) -> list[V
     def find(part):
         n = part[1] - part[0]
         out = Visible(np.empty(n, np.uint32), np.empty(n, dtype), np.empty(n, dtype), np.zeros(n_band + 1, np.int64), 0)
-        n_kept, n_culled = find_visible_range(*part, vertex_idx, vertices, grid, cull_back, out)
+        n_kept, n_culled = find_visible_range(*part, vertex_idx, vertices, grid, cull_back, make_cull_scratch(), out)
         return Visible(*(column[:n_kept] for column in out[:3]), out.histogram[:n_band], n_culled)
 
     return workers.map(find, workers.ranges(vertex_idx.shape[1]))
 
 
 @kernel
-def find_visible_range(start, end, vertex_idx, vertices, grid, cull_back, out):
+def find_visible_range(start, end, vertex_idx, vertices, grid, cull_back, scratch, out):
     """Write the visible ones of the triangles start..end to `out`; return how many they are, and how many were culled.
 
     Parameters
     ----------
     vertex_idx : (3, n) uint32
+    scratch : CullScratch
     out : Visible with room for all triangles; its histogram is zero and has n_band + 1 places
     """
     a, b, c = vertex_idx[0], vertex_idx[1], vertex_idx[2]
     x, y = vertices.x, vertices.y
     out_faces, out_first, out_last, histogram = out.faces, out.first_bands, out.last_bands, out.histogram
-    is_kept = np.empty(PASS, np.uint8)
-    candidates = np.empty(PASS, np.uint32)
+    is_kept, candidates = scratch.is_kept, scratch.candidates
     bands_a_row = 1.0 / grid.band_rows
     n_kept = index(0)
     n_culled = 0
@@ -112,7 +124,7 @@ def find_visible_range(start, end, vertex_idx, vertices, grid, cull_back, out):
             histogram[last + index(1)] -= is_hit
     for band in range(1, len(histogram)):
         histogram[band] += histogram[band - 1]
-    return n_kept, n_culled
+    return np.int64(n_kept), n_culled
 
 
 @helper

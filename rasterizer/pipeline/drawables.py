@@ -37,12 +37,21 @@ class Drawables(NamedTuple):
 @helper
 def borrow_drawables(drawables):
     """Return the drawables with arrays that count no references."""
-    triangles, vertices = drawables.triangles, drawables.vertices
     return Drawables(
-        Triangles(
-            borrow(triangles.vertex_idx), borrow(triangles.corner_idx), borrow(triangles.is_inverted),
-            borrow(triangles.clipped_idx), borrow(triangles.z_ranges),
-        ),
-        Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z)),
-        borrow(drawables.attributes),
+        borrow_triangles(drawables.triangles), borrow_vertices(drawables.vertices), borrow(drawables.attributes)
+    )
+
+
+@helper
+def borrow_triangles(triangles):
+    """Return the triangles with arrays that count no references."""
+    return Triangles(
+        borrow(triangles.vertex_idx), borrow(triangles.corner_idx), borrow(triangles.is_inverted),
+        borrow(triangles.clipped_idx), borrow(triangles.z_ranges),
     )  # fmt: skip
+
+
+@helper
+def borrow_vertices(vertices):
+    """Return the vertices with arrays that count no references."""
+    return Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z))

@@ -11,9 +11,7 @@ and make s·h of the h that still stands in SPECULAR. With F0 within 0..1 neithe
 Source: Schlick 1994, Computer Graphics Forum 13(3), 233-246.
 """
 
-from numba import carray
-
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import as_array, helper, index
 from ..geometry.vectors import add, length
 from . import fragments as f
 from .fragments import get_vector
@@ -33,7 +31,7 @@ def schlick(fresnel, cosine):
 
 def grazing_term(batch, n, material):
     """The second term of Phong's and Blinn's highlights: times s with cos θ = N·L."""
-    batch = carray(batch, f.BATCH_SHAPE)
+    batch = as_array(batch, f.BATCH_SHAPE)
     zero = batch.dtype.type(0)
     for k in range(index(n)):
         share = schlick(zero, max(batch[f.N_DOT_L + k], zero))
@@ -44,7 +42,7 @@ def grazing_term(batch, n, material):
 
 def grazing_term_of_mirrors(batch, n, material):
     """The second term of Cook-Torrance's: θ is the angle of incidence on the mirrors, cos θ = |L + V|/2."""
-    batch = carray(batch, f.BATCH_SHAPE)
+    batch = as_array(batch, f.BATCH_SHAPE)
     zero, two = batch.dtype.type(0), batch.dtype.type(2)
     for k in range(index(n)):
         half = add(get_vector(batch, f.LIGHT_DIR, k), get_vector(batch, f.VIEW_DIR, k))
@@ -55,7 +53,7 @@ def grazing_term_of_mirrors(batch, n, material):
 
 def no_second_term(batch, n, material):
     """The second term of a material whose F0 has no colour, in a scene where another one's has: nothing."""
-    batch = carray(batch, f.BATCH_SHAPE)
+    batch = as_array(batch, f.BATCH_SHAPE)
     zero = batch.dtype.type(0)
     for k in range(index(n)):
         batch[f.DIFFUSE + k] = batch[f.SPECULAR + k] = zero

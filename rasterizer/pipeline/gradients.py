@@ -22,9 +22,8 @@ are slopes.
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import choice, helper, index
 from . import setup as s
 from .visibility import LEVEL_MASK
 
@@ -58,22 +57,22 @@ class NormalCoding(Coding):
 CODINGS = {EXACT: Coding, IN_ENTRIES: LevelCoding, LEVEL_PLANES: LevelCoding, NORMAL_PLANES: NormalCoding}
 
 
+def choose_gradients(n_attribute, coding, block):
+    """Return what is compiled in the place of `compute_gradients`: only what the coding needs."""
+    if coding.instance_class is LevelCoding:
+        return compute_levels
+    if coding.instance_class is NormalCoding:
+        return compute_normals
+    return lambda n_attribute, coding, block: None
+
+
+@choice(choose_gradients)
 def compute_gradients(n_attribute, coding, block):
     """Compute the planes of a block's attributes; clear HAS_PLANES where they aren't good enough."""
     if isinstance(coding, LevelCoding):
         compute_levels(n_attribute, coding, block)
     elif isinstance(coding, NormalCoding):
         compute_normals(n_attribute, coding, block)
-
-
-@overload(compute_gradients)
-def _compile_gradients(n_attribute, coding, block):
-    """Compile only what the coding needs."""
-    if coding.instance_class is LevelCoding:
-        return lambda n_attribute, coding, block: compute_levels(n_attribute, coding, block)
-    if coding.instance_class is NormalCoding:
-        return lambda n_attribute, coding, block: compute_normals(n_attribute, coding, block)
-    return lambda n_attribute, coding, block: None
 
 
 @helper

@@ -14,9 +14,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import carray
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import as_array, helper, index
 from ..errors import SceneError
 from ..geometry.vectors import dot, scale, subtract
 from . import fragments as f
@@ -39,7 +38,7 @@ class LightFunction(NamedTuple):
 
 def directional(batch, n, light):
     """Light from infinity: VECTOR is the unit direction to the light, the same everywhere."""
-    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
+    batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
     one = light.dtype.type(1)
     light_dir = read_vector(light, VECTOR)
     for k in range(index(n)):
@@ -50,14 +49,14 @@ def directional(batch, n, light):
 
 def point(batch, n, light):
     """Light from a point: VECTOR is its position relative to the eye; it falls off as 1/(kc + kl·d + kq·d²)."""
-    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
+    batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
     light_from_point(batch, n, light)
     end_at_range(batch, n, light)
 
 
 def spot(batch, n, light):
     """Light from a point within a cone about AXIS, the direction in which it travels."""
-    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
+    batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
     light_from_point(batch, n, light)
     end_at_range(batch, n, light)
     keep_to_cone(batch, n, light)
@@ -66,7 +65,7 @@ def spot(batch, n, light):
 
 def shaped_spot(batch, n, light):
     """A spot light whose fall between the cones is raised to the power CONE_FALLOFF."""
-    batch, light = carray(batch, f.BATCH_SHAPE), carray(light, LIGHT_SHAPE)
+    batch, light = as_array(batch, f.BATCH_SHAPE), as_array(light, LIGHT_SHAPE)
     light_from_point(batch, n, light)
     end_at_range(batch, n, light)
     keep_to_shaped_cone(batch, n, light)

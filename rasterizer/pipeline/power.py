@@ -6,7 +6,8 @@ argument's type, as plain Python does.
 """
 
 import numpy as np
-from numba.extending import overload, register_jitable
+
+from ..compiler.kernels import choice, helper
 
 
 def is_single(kind) -> bool:
@@ -14,6 +15,7 @@ def is_single(kind) -> bool:
     return kind == np.float32 or getattr(kind, "bitwidth", 64) == 32
 
 
+@choice(lambda cosine: (lambda cosine: np.float32(2.0**-20)) if is_single(cosine) else (lambda cosine: 2.0**-40))
 def grazing(cosine):
     """Return the largest cosine that counts as 0 where a step lies at 0: 2^-40 in float64, 2^-20 in float32.
 
@@ -29,11 +31,7 @@ def grazing(cosine):
     return np.float32(2.0**-20) if isinstance(cosine, np.float32) else 2.0**-40
 
 
-@overload(grazing, inline="never")
-def _compile_grazing(cosine):
-    return (lambda cosine: np.float32(2.0**-20)) if is_single(cosine) else (lambda cosine: 2.0**-40)
-
-
+@choice(lambda base, exponent: power_single if is_single(base) else power_double)
 def power(base, exponent):
     """Return base ** exponent of a cosine, within 0..1, for any positive exponent.
 
@@ -42,27 +40,18 @@ def power(base, exponent):
     return power_single(base, exponent) if isinstance(base, np.float32) else power_double(base, exponent)
 
 
-@overload(power, inline="never")
-def _compile_power(base, exponent):
-    return power_single if is_single(base) else power_double
-
-
 def power_double(base, exponent):
     """Return base ** exponent in float64, see `power`."""
     return min(base, 1.0) ** exponent if base > 0.0 else 0.0
 
 
+@choice(lambda x: exponential_single if is_single(x) else (lambda x: np.exp(x)))
 def exponential(x):
     """Return e ** x for x <= 0. Float32: see `exponential_single`."""
     return exponential_single(x) if isinstance(x, np.float32) else np.exp(x)
 
 
-@overload(exponential, inline="never")
-def _compile_exponential(x):
-    return exponential_single if is_single(x) else (lambda x: np.exp(x))
-
-
-@register_jitable
+@helper
 def exponential_single(x):
     """Return e ** x in float32 for x <= 0, as 2 ** (x·log2 e), without a branch.
 
@@ -76,7 +65,7 @@ def exponential_single(x):
     return power_of_two(y) if y > low else np.float32(0)
 
 
-@register_jitable
+@helper
 def power_single(base, exponent):
     """Return base ** exponent in float32, as 2 ** (exponent·log2 base), without a branch: so loops of it vectorise.
 
@@ -108,7 +97,7 @@ def power_single(base, exponent):
     return power_of_two(y) if (base > 0) & (y > low) else np.float32(0)
 
 
-@register_jitable
+@helper
 def power_of_two(y):
     """Return 2 ** y in float32 for -126 <= y < 128, with the series of `power_single`."""
     whole = np.float32(np.rint(y))

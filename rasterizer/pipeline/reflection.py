@@ -17,9 +17,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import carray
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import as_array, helper, index
 from ..errors import SceneError
 from ..geometry.vectors import add, dot, scale, subtract
 from . import fragments as f
@@ -48,7 +47,7 @@ class ReflectionFunction(NamedTuple):
 
 def lambert(batch, n, material):
     """Diffuse reflection alone: the cosine of the angle of incidence (Lambert 1760)."""
-    batch = carray(batch, f.BATCH_SHAPE)
+    batch = as_array(batch, f.BATCH_SHAPE)
     zero = batch.dtype.type(0)  # of the batch's own type: an int would widen float32 to float64
     for k in range(index(n)):
         n_dot_l = batch[f.N_DOT_L + k]
@@ -58,28 +57,28 @@ def lambert(batch, n, material):
 
 def phong(batch, n, material):
     """Lambert and a highlight (R·V)^n about the mirrored light direction (Phong 1975)."""
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_r_dot_v(batch, n)
     finish_highlights(batch, n, material)
 
 
 def blinn(batch, n, material):
     """Lambert and a highlight (N·H)^n about the half vector (Blinn 1977)."""
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_n_dot_h(batch, n)
     finish_highlights(batch, n, material)
 
 
 def distant_blinn(batch, n, material):
     """Blinn's highlight where light and viewer are at infinity."""
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_distant_n_dot_h(batch, n)
     finish_highlights(batch, n, material)
 
 
 def weighted_phong(batch, n, material):
     """Phong's highlight times W(θ), or normalised, or both."""
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_r_dot_v(batch, n)
     finish_highlights(batch, n, material)
     weight_highlights(batch, n, material)
@@ -87,7 +86,7 @@ def weighted_phong(batch, n, material):
 
 def weighted_blinn(batch, n, material):
     """Blinn's highlight times W(θ), or normalised, or both."""
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_n_dot_h(batch, n)
     finish_highlights(batch, n, material)
     weight_highlights(batch, n, material)
@@ -95,7 +94,7 @@ def weighted_blinn(batch, n, material):
 
 def weighted_distant_blinn(batch, n, material):
     """The same where light and viewer are at infinity."""
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     fill_distant_n_dot_h(batch, n)
     finish_highlights(batch, n, material)
     weight_highlights(batch, n, material)
@@ -112,7 +111,7 @@ def oren_nayar(batch, n, material):
     continuous, keeps the model reciprocal and changes only the last 1/8192 of a sphere's radius. Never above 1, because
     A² + B² <= 1.
     """
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     real = batch.dtype.type
     zero, least = real(0), real(LEAST_COSINE)
     square = material[m.ROUGHNESS] * material[m.ROUGHNESS]
@@ -135,7 +134,7 @@ def toon(batch, n, material):
     or at 60 degrees with two levels) falls on the same side everywhere. After Lake, Marshall, Harris & Blackstein 2000,
     NPAR, 13-20.
     """
-    batch, material = carray(batch, f.BATCH_SHAPE), carray(material, m.REFLECTION_SHAPE)
+    batch, material = as_array(batch, f.BATCH_SHAPE), as_array(material, m.REFLECTION_SHAPE)
     real = batch.dtype.type
     zero, one, two = real(0), real(1), real(2)
     slack = grazing(zero)

@@ -35,8 +35,20 @@ class Picture(NamedTuple):
     alpha: np.ndarray  # (height, width) float32
 
 
+class PixelBatch(NamedTuple):
+    """A batch of pixels on their way into the picture; see encode.py for what stands where."""
+
+    values: np.ndarray  # PIXELS_SHAPE float32, linear colours and alpha
+    levels: np.ndarray  # PIXELS_SHAPE int32
+
+
+def make_pixel_batch() -> PixelBatch:
+    """Return the batch of pixels of one thread."""
+    return PixelBatch(np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32))
+
+
 @kernel
-def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, out):
+def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, batch, out):
     """Write rows of the picture from a band; clear the band.
 
     Parameters
@@ -47,6 +59,7 @@ def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, out)
     y_start, y_end : the rows of pixels; the band's rows are y_start*factor .. y_end*factor
     factor : samples a pixel along each axis
     encoding : Encoding
+    batch : PixelBatch, scratch
     out : Picture
 
     Returns
@@ -56,7 +69,7 @@ def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, out)
     entries, radiance = borrow(visibility.entries), borrow(radiance)
     out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
     encoding, n_covered = borrow_encoding(encoding), 0
-    pixels, levels = np.empty(PIXELS_SHAPE, np.float32), np.empty(PIXELS_SHAPE, np.int32)
+    pixels, levels = borrow(batch.values), borrow(batch.levels)
     # The usual case: bytes alone, a sample a pixel, nothing to mix or to scale.
     is_bytes = out.color.shape[0] == 0
     is_plain = (factor == 1) & is_bytes & (encoding.policy == RANGE_CLAMP) & (not encoding.has_background)

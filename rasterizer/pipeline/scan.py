@@ -145,7 +145,7 @@ def scan(band, drawables, coding, block, visibility, records):
                 n_record += 1
                 n_exact += 1
             note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
-            fill(visibility, band, box, k, payload, block)
+            fill(visibility, band.y_start, box, k, payload, block)
     return n_record, n_exact
 
 
@@ -156,14 +156,14 @@ def borrow_block(block):
 
 
 @helper
-def fill(visibility, band, box, k, payload, block):
+def fill(visibility, y_start, box, k, payload, block):
     """Fill triangle k of the block: all samples of a small box side by side, else span by span."""
     surface = surface_of(k, payload, block)
     is_small = block.ints[s.EXTENT_X + k] <= MOST_WIDE and block.ints[s.EXTENT_Y + k] <= MOST_HIGH
     if is_small and not surface.is_sliver:
-        fill_box(visibility, band, box, surface)
+        fill_box(visibility, y_start, box, surface)
     else:
-        fill_spans(visibility, band, box, surface, None)
+        fill_spans(visibility, y_start, box, surface, None)
 
 
 @helper
@@ -203,10 +203,10 @@ def surface_of(k, payload, block):
 
 
 @helper
-def fill_box(visibility, band, box, surface):
+def fill_box(visibility, y_start, box, surface):
     """Test every sample of a small box against the three edges, LANES at a time, without a branch."""
     triangle, plane = surface.triangle, surface.plane
-    base = (box.top - band.y_start) * visibility.pitch
+    base = (box.top - y_start) * visibility.pitch
     for first in range(box.left, box.right, LANES):
         sx, sy = first * SUBPIXEL + HALF, box.top * SUBPIXEL + HALF
         e0, e0_dx, e0_dy = edge_function(triangle.x0, triangle.y0, triangle.x1, triangle.y1, sx, sy)
@@ -243,23 +243,24 @@ def entry_at(plane, x, y):
 
 
 @helper
-def fill_spans(visibility, band, box, surface, lists):
+def fill_spans(visibility, y_start, box, surface, lists):
     """Walk the left and the right chain down the rows and fill the samples between them.
 
+    `y_start` is the band's first row in the picture.
     `lists` is None, or the FragmentLists that take what lies before the buffer, which is then left as it is: see
     a_buffer.py.
     """
     triangle = surface.triangle
     middle = first_sample(min(triangle.y1, triangle.y2))
     for half in range(2):
-        y_start, y_end = (box.top, min(box.bottom, middle)) if half == 0 else (max(box.top, middle), box.bottom)
-        if y_start >= y_end:
+        top, bottom = (box.top, min(box.bottom, middle)) if half == 0 else (max(box.top, middle), box.bottom)
+        if top >= bottom:
             continue
-        left, right = left_edge(triangle, half, y_start), right_edge(triangle, half, y_start)
-        for y in range(y_start, y_end):
+        left, right = left_edge(triangle, half, top), right_edge(triangle, half, top)
+        for y in range(top, bottom):
             x_start, x_end = max(left.x, 0), min(right.x, visibility.width)
             if x_start < x_end:
-                first = (y - band.y_start) * visibility.pitch + x_start
+                first = (y - y_start) * visibility.pitch + x_start
                 span = visibility.entries[index(first) : index(first + x_end - x_start)]
                 if lists is not None:
                     list_span(span, first, x_start, y, surface, lists)

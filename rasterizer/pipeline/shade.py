@@ -71,7 +71,6 @@ def shade_interpolated(band, n_channel, level_step, out_radiance):
     """
     band, radiance = borrow_band(band), borrow(out_radiance)
     visibility, records = band.visibility, band.records
-    flat = radiance.reshape(radiance.size)
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
         for first in range(left, right, BATCH_SIZE):
@@ -81,7 +80,7 @@ def shade_interpolated(band, n_channel, level_step, out_radiance):
                 decode_levels(entries, level_step, radiance[0, start : start + n])
             elif band.kind == LEVEL_PLANES:
                 group = plane_group(records, records.int_planes, 0, level_step)
-                evaluate_planes(entries, group, first, band.y_start + j, flat, start, index(radiance.shape[1]))
+                evaluate_planes(entries, group, first, band.y_start + j, radiance, start, index(radiance.shape[1]))
             if band.n_exact > 0 and has_exact(entries):
                 out = radiance[:, start : start + n]
                 interpolate_intensities(entries, records, (first, band.y_start + j), n_channel, out)

@@ -29,9 +29,8 @@ light, it is lit.
 from typing import NamedTuple
 
 import numpy as np
-from numba import carray
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import as_array, borrow, helper, index, kernel
 from ..geometry.vectors import add, dot, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
@@ -66,9 +65,9 @@ class MapView(NamedTuple):
 
 def occlude(batch, n, shadow_map):
     """Multiply STRENGTH by the part of the light that isn't occluded."""
-    batch, header = carray(batch, f.BATCH_SHAPE), carray(shadow_map, (HEADER,))
+    batch, header = as_array(batch, f.BATCH_SHAPE), as_array(shadow_map, (HEADER,))
     size, n_map = np.int64(header[SIZE]), np.int64(header[N_MAP])
-    texels = carray(shadow_map, (HEADER + n_map * size * size,))
+    texels = as_array(shadow_map, (HEADER + n_map * size * size,))
     n = index(n)
     move_points(batch, header, n)
     start = index(0)

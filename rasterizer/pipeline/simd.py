@@ -1,6 +1,6 @@
 """Two inner loops as vector instructions: a small box of samples, and the planes of one sample.
 
-They stand here in Python, which is what runs with the JIT switched off; compiler/simd_ops.py spells them out for the
+They stand here in Python, which is what runs with the JIT switched off; compiler/intrinsics.py spells them out for the
 compiler, which wouldn't find vector instructions for loops of eight or four by itself. tests/pipeline/test_simd.py
 compares both.
 """
@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.internals import lowered_by
-from ..compiler.simd_ops import LANES, PLANE_GROUP, build_evaluate_planes, build_merge_box
+from ..compiler.kernels import spelled_out
+from ..compiler.widths import LANES, PLANE_GROUP
 
 # Edge functions of a box up to so many samples wide and high fit 32 bits: 2 · (16 · 256) · (128 · 256) = 2^28.
 MOST_WIDE, MOST_HIGH = 2 * LANES, 128
 
 
-@lowered_by(build_merge_box)
+@spelled_out("build_merge_box")
 def merge_box(entries, start, pitch, n_row, plane, edges, depth_mask):
     """Merge a box LANES samples wide into a visibility buffer: the inner loop of the scan stage for small triangles.
 
@@ -51,7 +51,7 @@ class PlaneGroup(NamedTuple):
     scale: float  # what integers are multiplied by at the end, in the type of the output
 
 
-@lowered_by(build_evaluate_planes)
+@spelled_out("build_evaluate_planes")
 def evaluate_planes(entries, group, x, y, out, start, stride):
     """Evaluate a group of four planes at every sample of a row: the inner loop of the shade stage.
 
@@ -65,8 +65,9 @@ def evaluate_planes(entries, group, x, y, out, start, stride):
     entries : (n,) int64, which hold indices of records
     group : PlaneGroup
     x, y : int64, the first sample
-    out : float32 or float64, a row a plane, `stride` apart, from `start` on, both uint64
+    out : float32 or float64, of any shape; counted through from `start` on, a row a plane, `stride` apart, both uint64
     """
+    out = out.reshape(-1)
     numbers = group.numbers
     kind, real, whole = numbers.dtype.type, out.dtype.type, numbers.view(np.int32)
     is_integer = numbers.dtype.kind == "i"

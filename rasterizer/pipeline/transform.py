@@ -19,9 +19,8 @@ sample; how much that is in a colour depends on how fast the colour changes ther
 from typing import NamedTuple
 
 import numpy as np
-from numba.extending import register_jitable
 
-from ..compiler.kernels import kernel
+from ..compiler.kernels import helper, kernel
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
 HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner
@@ -112,10 +111,10 @@ def transform_range(positions, start, end, screen, out):
     positions : (3, n) float64, world space, scene units
     out : Vertices, of which start..end is written
     """
-    eye_x, eye_y, eye_z = screen.eye
-    right_x, right_y, right_z = screen.right
-    up_x, up_y, up_z = screen.up
-    forward_x, forward_y, forward_z = screen.forward
+    eye_x, eye_y, eye_z = screen.eye[0], screen.eye[1], screen.eye[2]
+    right_x, right_y, right_z = screen.right[0], screen.right[1], screen.right[2]
+    up_x, up_y, up_z = screen.up[0], screen.up[1], screen.up[2]
+    forward_x, forward_y, forward_z = screen.forward[0], screen.forward[1], screen.forward[2]
     px, py, pz = positions[0, start:end], positions[1, start:end], positions[2, start:end]
     out_x, out_y, out_z = out.x[start:end], out.y[start:end], out.z[start:end]
     n_outside = 0
@@ -134,7 +133,7 @@ def transform_range(positions, start, end, screen, out):
     return n_outside
 
 
-@register_jitable
+@helper
 def project(across, upward, w, screen):
     """Project view space to the screen: (x, y) in 1/256 px, not rounded; numbers in kernels, or float64 arrays.
 
@@ -148,7 +147,7 @@ def project(across, upward, w, screen):
     return x, y
 
 
-@register_jitable
+@helper
 def compute_z(depth, screen):
     """Turn distances along the viewing axis, scene units, into units of the z-buffer; numbers or float64 arrays."""
     return screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)

@@ -7,7 +7,7 @@ import numpy as np
 from .a_buffer import ABuffer, make_a_buffer
 from .fragments import make_batch
 from .records import Records, make_records
-from .resolve import Picture
+from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
 from .visibility import VisibilityBuffer, make_visibility_buffer
 
@@ -20,6 +20,7 @@ class Workspace(NamedTuple):
     block: Block  # of triangles, for the scan stage
     radiance: np.ndarray  # (n_channel, n_row * pitch), linear intensities
     batch: np.ndarray  # of fragments, for lighting
+    pixels: PixelBatch  # for the resolve stage
     texels: np.ndarray  # (4, n_row * pitch); (0, n_row * pitch) where the scene has no textures
     a_buffer: ABuffer  # with room only where the scene has transparent surfaces
 
@@ -73,6 +74,7 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
         make_block(),
         np.zeros((kind.n_channel, n_sample), kind.dtype),
         make_batch(kind.dtype),
+        make_pixel_batch(),
         np.zeros((4 if kind.is_textured else 0, n_sample), kind.dtype),
         make_a_buffer(visibility, kind.n_channel, kind.is_transparent),
     )

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import rasterizer as rz
-from rasterizer.geometry.ears import _exact_turn
 from rasterizer.geometry.polygons import find_rings
 from rasterizer.scene.triangulation import classify_polygons, cut_polygons
 
@@ -204,19 +203,6 @@ def test_ten_thousand_corners():
     assert (parts >= 0).all() and abs(parts.sum() - total) < 1e-12
     round_one = in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))
     assert (cut_one(round_one).corners[:, 0] == 0).all()
-
-
-def test_turns_are_exact():
-    """Against whole numbers: points on a line, and a little beside it."""
-    rng = np.random.default_rng(7)
-    for _ in range(2000):
-        a, b, c = rng.integers(-(2**26), 2**26, (3, 2)) * 2 ** int(rng.integers(0, 26))
-        if rng.random() < 0.7:
-            c = a + (b - a) * int(rng.integers(-3, 4)) + (0, int(rng.integers(-1, 2)))
-        (ax, ay), (bx, by), (cx, cy) = ([int(value) for value in point] for point in (a, b, c))
-        expected = (ax - cx) * (by - cy) - (ay - cy) * (bx - cx)
-        scaled = [tuple(float(value) * 2.0**-54 for value in point) for point in ((ax, ay), (bx, by), (cx, cy))]
-        assert _exact_turn(*scaled) == (expected > 0) - (expected < 0)
 
 
 def test_rings_are_found_again():

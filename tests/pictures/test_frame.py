@@ -3,6 +3,9 @@
 import io
 import os
 import stat
+import subprocess
+import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,6 +75,52 @@ def test_transparency_is_laid_on_white_where_a_format_has_none(tmp_path, suffix)
     if suffix not in (".eps", ".ppm"):
         assert np.asarray(Image.open(path)).min() >= 250
     assert path.stat().st_size
+
+
+def noisy_frame(n_thread, alpha=None) -> Frame:
+    """A frame of several bands of PNG's rows, noisy in one half."""
+    rgba = np.zeros((400, 500, 4), np.uint8)
+    rgba[200:] = np.random.default_rng(1).integers(0, 256, (200, 500, 4))
+    if alpha is not None:
+        rgba[..., 3] = alpha
+    return Frame(rgba, {}, replace(STATS, threads=n_thread), (500, 400))
+
+
+@pytest.mark.parametrize(("alpha", "mode"), [(None, "RGBA"), (255, "RGB"), (254, "RGBA")])
+def test_a_png_file_is_the_same_for_any_number_of_threads(alpha, mode):
+    files = [noisy_frame(n_thread, alpha).encode("png") for n_thread in (1, 2, 5)]
+    image = Image.open(io.BytesIO(files[0]))
+    assert files[0] == files[1] == files[2] and image.mode == mode
+    assert np.array_equal(np.asarray(image.convert("RGBA")), noisy_frame(1, alpha).rgba)
+
+
+def test_options_of_a_png_file_are_passed_to_pillow():
+    frame = noisy_frame(2)
+    plain, small = frame.encode("PNG"), frame.encode("PNG", compress_level=9, dpi=(72, 72))
+    assert "dpi" in Image.open(io.BytesIO(small)).info and not Image.open(io.BytesIO(plain)).info
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(small))), frame.rgba)
+
+
+def test_a_png_file_is_written_without_pillow(tmp_path):
+    """Importing it takes as long as to encode a picture."""
+    code = (
+        "import sys, numpy; from rasterizer.frame import Frame, Stats\n"
+        "Frame(numpy.zeros((2, 3, 4), 'u1'), {}, Stats(*[1] * 8), (3, 2)).save('x.png')\n"
+        "print(sorted({'PIL', 'numba'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.stdout.strip(), done.stderr) == ("[]", "") and Image.open(tmp_path / "x.png").size == (3, 2)
+
+
+def test_a_picture_can_be_saved_while_the_interpreter_ends(tmp_path):
+    """When no thread can be started any more."""
+    code = (
+        "import atexit, numpy; from rasterizer.frame import Frame, Stats\n"
+        "frame = Frame(numpy.zeros((600, 600, 4), 'u1'), {}, Stats(*[2] * 8), (600, 600))\n"
+        "atexit.register(frame.save, 'x.png')"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert done.stderr == "" and Image.open(tmp_path / "x.png").size == (600, 600)
 
 
 def test_format_overrides_the_suffix(tmp_path):

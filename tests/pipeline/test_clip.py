@@ -34,7 +34,7 @@ def clip_shares(points, screen, faces=((0, 1, 2),)):
     parts, owners = np.empty((7 * len(faces), 3, N_CORNER_COLUMN)), np.empty(7 * len(faces), np.uint32)
     numbers = np.arange(len(faces), dtype=np.uint32)
     columns = np.ascontiguousarray(points.T), np.ascontiguousarray(faces.T)
-    n = stage.clip_faces(*columns, numbers, screen, parts, owners)
+    n = stage.clip_faces(*columns, numbers, screen, stage.make_clip_scratch(), parts, owners)
     parts, owners = parts[:n], owners[:n]
     of_eye = points[faces] * (1, 1, -1)  # across, upward, depth
     return np.linalg.solve(of_eye.swapaxes(1, 2)[owners], parts[:, :, [1, 2, 0]].swapaxes(1, 2)).swapaxes(1, 2), owners
@@ -128,7 +128,7 @@ def test_both_faces_of_an_edge_get_the_same_new_vertices(corners, is_perspective
     columns = np.ascontiguousarray(np.array(corners).T), np.ascontiguousarray(faces.T.astype(np.uint32))
     with np.errstate(all="ignore"):
         vertices, _ = transform(columns[0], screen, SERIAL)
-        n = stage.clip_faces(*columns, np.arange(2, dtype=np.uint32), screen, parts, owners)
+        n = stage.clip_faces(*columns, np.arange(2, dtype=np.uint32), screen, stage.make_clip_scratch(), parts, owners)
         flat, ranges = np.zeros((2, 3)), np.zeros((2, 2))
         (x, y, _), _ = stage.snap_corners(parts[:n], np.repeat(owners[:n], 3), flat, ranges, screen)
     assume((vertices.x[faces] == OUTSIDE).any(axis=1).all() and {0, 1} <= set(owners[:n]))
@@ -427,7 +427,7 @@ def test_without_the_compiler_the_same_comes_out(monkeypatch):
 
     def run():
         triangles, owner = np.zeros((30 * 7, 3, N_CORNER_COLUMN)), np.zeros(30 * 7, np.uint32)
-        n = int(stage.clip_faces(positions, vertex, faces, screen, triangles, owner))
+        n = int(stage.clip_faces(positions, vertex, faces, screen, stage.make_clip_scratch(), triangles, owner))
         nearest = float(stage.find_nearest(positions, vertex, screen, 40, 30))
         return n, triangles.tobytes(), owner.tobytes(), nearest
 

@@ -86,7 +86,7 @@ def test_every_pixel_of_the_band_is_written():
         workspace, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
         for array in picture:
             array.fill(77)
-        resolve(workspace.visibility, workspace.radiance, None, 0, 24, 1, encoding(), picture)
+        resolve(workspace.visibility, workspace.radiance, None, 0, 24, 1, encoding(), workspace.pixels, picture)
         assert not picture.rgba[~covered].any() and (picture.rgba[covered] != 77).all()
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
 
@@ -137,7 +137,8 @@ def test_what_lanes_wrote_behind_a_row_is_cleaned():
     entries = workspace.visibility.entries.reshape(9, workspace.visibility.pitch)
     assert workspace.visibility.pitch >= 40 + PADDING
     entries[2, 10 : 10 + PADDING] = entries[8, 40 : 40 + PADDING] = 7
-    resolve(workspace.visibility, workspace.radiance, None, 0, 9, 1, encoding(), make_picture((40, 9), True))
+    picture = make_picture((40, 9), True)
+    resolve(workspace.visibility, workspace.radiance, None, 0, 9, 1, encoding(), workspace.pixels, picture)
     assert (entries == CLEAR).all()
 
 

@@ -1,22 +1,24 @@
-"""Vector instructions of LLVM for two inner loops of the pipeline, which says in Python what they compute.
+"""Functions of kernels whose instructions are written here, in LLVM's own terms: kernels.spelled_out asks for them.
 
-The compiler turns long loops into vector instructions by itself, but not loops of eight or four: left to it, these take
-two to four times as long. So they are spelled out here in LLVM's own vector operations, each as `lowered_by`
-(internals.py) takes it; the function in Python that it stands in for is in pipeline/simd.py, with what the parameters
-are.
+Two inner loops of the pipeline are vector instructions. The compiler turns long loops into vector instructions by
+itself, but not loops of eight or four: left to it, these take two to four times as long. The functions in Python that
+they stand in for are in pipeline/simd.py, with what the parameters are; those of the other two are in kernels.py.
 
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
 """
 
 from functools import partial
 
+import numba
 from llvmlite import ir
 from numba import types
 
-from .internals import cgutils
+from .fingerprint import is_seen
+from .widths import LANES, PLANE_GROUP
 
-LANES = 8  # samples of a box that are merged side by side
-PLANE_GROUP = 4  # planes that are evaluated side by side
+if is_seen(numba.__version__):
+    from numba.core import cgutils
+
 _EDGES = ir.VectorType(ir.IntType(32), LANES)
 _ENTRIES = ir.VectorType(ir.IntType(64), LANES)
 
@@ -111,6 +113,31 @@ def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stri
                 address = builder.bitcast(builder.gep(out, [target]), out_kind.as_pointer())
                 builder.store(finish(values), address, align=out.type.pointee.get_abi_alignment(context.target_data))
                 target = builder.add(target, stride)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def build_borrow(typing_context, array):
+    """Build `kernels.borrow`: the array's struct without the object that counts its references."""
+
+    def generate(context, builder, signature, arguments):
+        struct = context.make_array(signature.args[0])(context, builder, arguments[0])
+        struct.meminfo = cgutils.get_null_value(struct.meminfo.type)
+        struct.parent = cgutils.get_null_value(struct.parent.type)
+        return struct._getvalue()
+
+    return array(array), generate
+
+
+def build_call(typing_context, address, batch, n, coefficients):
+    """Build `kernels.call_batch_function`: a call through a pointer to a function."""
+    signature = types.void(types.intp, types.intp, types.intp, types.intp)
+
+    def generate(context, builder, _signature, arguments):
+        whole = ir.IntType(64)
+        function_type = ir.FunctionType(ir.VoidType(), [whole, whole, whole])
+        builder.call(builder.inttoptr(arguments[0], function_type.as_pointer()), arguments[1:])
         return context.get_dummy_value()
 
     return signature, generate

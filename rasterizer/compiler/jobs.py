@@ -1,0 +1,131 @@
+"""Compiling many kernels at once, in as many processes as there are cores: numba's lock makes threads useless.
+
+A job is (function, signature). Each process (worker.py) gets the next one when it is done with one, the largest first,
+and writes the code to the store itself. What a process can't compile, and what is left where none can be started, is
+compiled later by who needs it.
+"""
+
+import logging
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+_PARENT = str(Path(__file__).resolve().parents[2])  # what the package is imported from
+_PROGRAM = """
+import sys
+sys.path[:] = [sys.argv[1], *filter(None, sys.path)]  # "" is the folder where the program is started: nothing of ours
+from rasterizer.compiler.worker import main
+sys.exit(main(sys.argv[2]))
+"""
+_log = logging.getLogger("rasterizer")
+
+
+def n_core() -> int:
+    """Return how many processes can work at the same time."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int], None]) -> None:
+    """Compile kernels and put them into the store.
+
+    Parameters
+    ----------
+    jobs : (function, signature) each
+    folder : the store's own, to which the processes write
+    notice : is called with a kernel's name, how many are done and how many there are, whenever one is begun
+
+    Whatever ends it, such as Ctrl-C, ends the processes, too.
+    """
+    crew = _Crew(jobs, folder, notice)
+    threads = [threading.Thread(target=crew.serve, daemon=True) for _ in range(min(n_core(), len(jobs)))]
+    try:
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        crew.end()
+
+
+class _Crew:
+    """Processes that share jobs; each is led by a thread, which runs `serve`."""
+
+    def __init__(self, jobs, folder, notice):
+        self._waiting = sorted(jobs, key=lambda job: measure_code(job[0]), reverse=True)
+        self._folder, self._notice = folder, notice
+        self._total, self._n_done = len(jobs), 0
+        self._turn, self._workers = threading.Lock(), []
+
+    def serve(self):
+        """Start a process and give it one job after the other."""
+        try:
+            with self._turn:
+                if not self._waiting:
+                    return
+                worker = start_worker(self._folder)
+                self._workers.append(worker)
+            with worker:
+                while (job := self._next_job()) is not None and self._is_answered(worker, job):
+                    pass
+        except OSError as fault:  # it can't be started, or has ended
+            _log.info("kernels are not compiled ahead: %s", fault)
+
+    def _next_job(self):
+        with self._turn:
+            if not self._waiting:
+                return None
+            function, signature = self._waiting.pop(0)
+            self._notice(function.__name__, self._n_done, self._total)
+            return function, signature
+
+    def _is_answered(self, worker, job) -> bool:
+        """Give a process a job and wait until it is done; False where the process has ended."""
+        function, signature = job
+        print(repr((function.__module__, function.__name__, signature)), file=worker.stdin, flush=True)
+        answer = worker.stdout.readline().strip()
+        if answer != "done":
+            _log.info("kernel %s is not compiled ahead: %s", function.__name__, answer or "the process ended")
+        with self._turn:
+            self._n_done += bool(answer)
+        return bool(answer)
+
+    def end(self):
+        """End all processes; those that have ended by themselves are left alone."""
+        with self._turn:
+            self._waiting.clear()
+            for worker in self._workers:
+                worker.kill()
+
+
+def start_worker(folder: Path) -> subprocess.Popen:
+    """Start a process that takes jobs."""
+    return subprocess.Popen(
+        [sys.executable, "-c", _PROGRAM, _PARENT, str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+        env=os.environ | {"RASTER_STORE": str(folder.parent)},
+    )
+
+
+def measure_code(function: Callable) -> int:
+    """Return the size of a function's bytecode with that of all helpers it reaches: how long it takes to compile."""
+    seen, size = set(), 0
+    open_ones = [function]
+    while open_ones:
+        code, names = open_ones[-1].__code__, open_ones.pop().__globals__
+        if code in seen:
+            continue
+        seen.add(code)
+        size += len(code.co_code)
+        for name in code.co_names:
+            plain = getattr(names.get(name), "py_func", None)
+            if plain is not None:
+                open_ones.append(plain)
+    return size

@@ -1,0 +1,110 @@
+"""Signatures: what kinds of arguments a kernel is called with, in plain tuples that are written, read and compared.
+
+    argument                          its part of a signature
+    --------------------------------- -----------------------------------------------------------------
+    array                             ("array", dtype, number of axes, layout), layout "C", "F" or "A" (any)
+    tuple, NamedTuple                 ("tuple", class, parts), the class as "module:name", "" of a plain tuple
+    int, float, bool, NumPy's scalar  the name of its dtype, such as "int64"
+    None                              "none"
+
+One machine code serves all arguments with the same signature. Whether an array may be written to is no part of it:
+kernels write to their outputs only.
+"""
+
+import ctypes
+import sys
+
+import numpy as np
+
+LEAST_INT, MOST_INT = -(2**63), 2**63 - 1
+_PLAIN = {int: "int64", float: "float64", bool: "bool", type(None): "none"}
+
+
+def signature_of(arguments: tuple) -> tuple:
+    """Return the signature of a kernel's arguments.
+
+    Raises TypeError for what kernels don't take: other objects, arrays of other than numbers, and arrays that are not
+    aligned or not in the machine's order of bytes; OverflowError for an int that has more than 64 bits.
+    """
+    return tuple(_part_of(argument) for argument in arguments)
+
+
+def _part_of(value):
+    kind = type(value)
+    if kind in _PLAIN:
+        if kind is int and not LEAST_INT <= value <= MOST_INT:
+            raise OverflowError(f"a kernel takes integers from -2^63 to 2^63 - 1, not {value}; others as numpy.uint64")
+        return _PLAIN[kind]
+    if isinstance(value, tuple):
+        name = "" if kind is tuple else f"{kind.__module__}:{kind.__qualname__}"
+        return ("tuple", name, tuple(_part_of(item) for item in value))
+    if isinstance(value, np.generic) and _is_number(value.dtype):
+        return value.dtype.name
+    if isinstance(value, np.ndarray):
+        flags, dtype = value.flags, value.dtype
+        if _is_number(dtype) and dtype.isnative and flags.aligned:
+            layout = "C" if flags.c_contiguous else "F" if flags.f_contiguous else "A"
+            return ("array", dtype.name, value.ndim, layout)
+        raise TypeError(f"a kernel takes aligned arrays of numbers; this one is {dtype.str}, aligned: {flags.aligned}")
+    raise TypeError(f"a kernel takes arrays, numbers, tuples and None, not {kind.__name__}")
+
+
+def _is_number(dtype) -> bool:
+    """Tell whether kernels take numbers of a dtype: bool, integers, float32 and float64."""
+    return dtype.kind in "biu" or dtype.char in "fd"
+
+
+def class_of(name: str) -> type:
+    """Return the class of a tuple from its name in a signature.
+
+    Raises ImportError or AttributeError where there is none.
+    """
+    module, _, path = name.partition(":")
+    __import__(module)
+    found = sys.modules[module]
+    for step in path.split("."):
+        found = getattr(found, step)
+    return found
+
+
+# ---------------------------------------------------------------- what an entry point compares arguments with
+
+# The first entries of a table, the same in every one: objects that an entry point needs.
+COMMON = np.ndarray, NotImplemented, None, RuntimeError
+NDARRAY, NOT_IMPLEMENTED, NONE, ERROR = range(len(COMMON))
+
+
+class Table:
+    """The table that an entry point compares its arguments with, see entry_points.py: addresses of the objects COMMON,
+    then, for every part of the signature in order, what tells that an argument is of this kind.
+
+    Of an array that is the number of its dtype, of anything else the address of its class; after a tuple's class come
+    its items. Classes have other addresses in every process: so the table is made from the first arguments met.
+    """
+
+    def __init__(self, arguments: tuple):
+        self._classes = []  # kept, so that no address is used again
+        numbers = [id(thing) for thing in COMMON]
+        for argument in arguments:
+            self._append(argument, numbers)
+        self.numbers = tuple(numbers)
+        self._memory = (ctypes.c_int64 * len(numbers))(*numbers)
+        self.address = ctypes.addressof(self._memory)
+
+    def _append(self, value, numbers: list) -> None:
+        if type(value) is np.ndarray:
+            numbers.append(value.dtype.num)
+            return
+        self._classes.append(type(value))
+        numbers.append(id(type(value)))
+        if isinstance(value, tuple):
+            for item in value:
+                self._append(item, numbers)
+
+
+def plain(value):
+    """Return an argument with arrays of subclasses, such as memory maps, as plain arrays."""
+    if isinstance(value, tuple):
+        items = [plain(item) for item in value]
+        return value._make(items) if hasattr(value, "_fields") else tuple(items)
+    return value.view(np.ndarray) if isinstance(value, np.ndarray) else value

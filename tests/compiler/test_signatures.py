@@ -1,0 +1,209 @@
+"""Signatures of arguments: one for each kind, refusals that say why, and tables that tell classes apart."""
+
+import ast
+import collections
+import enum
+import gc
+import pickle
+import weakref
+
+import numpy as np
+import pytest
+from helpers.stores import Other, Pair
+
+from rasterizer.compiler.signatures import COMMON, NDARRAY, Table, class_of, plain, signature_of
+
+NUMBERS = ["bool", *(f"{sign}int{n}" for sign in ("", "u") for n in (8, 16, 32, 64)), "float32", "float64"]
+MATRIX = np.arange(12.0).reshape(3, 4)
+
+
+def part_of(value):
+    (part,) = signature_of((value,))
+    return part
+
+
+def unaligned(values):
+    """The same values one byte beside where they should be."""
+    memory = np.empty(values.nbytes + 1, np.uint8)
+    shifted = memory[1:].view(values.dtype).reshape(values.shape)
+    shifted[...] = values
+    return shifted
+
+
+# ---------------------------------------------------------------- what there is
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_number_is_named_by_its_dtype(name):
+    assert part_of(np.dtype(name).type(1)) == name
+    assert part_of(np.array([1], name)) == ("array", name, 1, "C")
+
+
+@pytest.mark.parametrize("value, part", [(1, "int64"), (-(2**63), "int64"), (2**63 - 1, "int64"), (1.5, "float64")])
+def test_a_number_of_python_is_a_wide_one(value, part):
+    assert part_of(value) == part
+
+
+def test_true_and_none_are_no_integers():
+    assert part_of(True) == "bool" and part_of(None) == "none"
+
+
+@pytest.mark.parametrize(
+    "array, part",
+    [
+        (np.zeros(()), ("array", "float64", 0, "C")),
+        (np.zeros((0, 3)), ("array", "float64", 2, "C")),
+        (MATRIX, ("array", "float64", 2, "C")),
+        (MATRIX.T, ("array", "float64", 2, "F")),
+        (MATRIX[:, ::2], ("array", "float64", 2, "A")),
+        (MATRIX[::-1], ("array", "float64", 2, "A")),
+        (MATRIX[:, 1], ("array", "float64", 1, "A")),
+        (MATRIX[1], ("array", "float64", 1, "C")),
+        (np.broadcast_to(1.5, (3, 4)), ("array", "float64", 2, "A")),
+        (np.zeros((2, 3, 4, 5), np.uint8), ("array", "uint8", 4, "C")),
+    ],
+)
+def test_an_array_is_told_by_dtype_axes_and_layout(array, part):
+    assert part_of(array) == part
+
+
+def test_what_may_not_be_written_to_has_the_same_signature():
+    fixed = MATRIX.copy()
+    fixed.flags.writeable = False
+    assert part_of(fixed) == part_of(MATRIX)
+
+
+@pytest.mark.parametrize(
+    "dtype",
+    [
+        pickle.loads(pickle.dumps(np.dtype("float64"))),
+        np.dtype("float64", metadata={"unit": "m"}),
+        np.dtype("float64").newbyteorder("="),
+        np.dtype("float64").newbyteorder("<" if np.little_endian else ">"),
+    ],
+)
+def test_dtypes_that_are_equal_make_one_signature(dtype):
+    assert part_of(MATRIX.view(dtype)) == part_of(MATRIX)
+
+
+def test_two_names_of_one_integer_make_one_signature_and_two_tables():
+    """On most systems `q` and `l` are two dtypes of the same numbers."""
+    long, longlong = np.zeros(3, "l"), np.zeros(3, "q")
+    assert long.dtype == longlong.dtype and part_of(long) == part_of(longlong)
+    assert Table((long,)).numbers[len(COMMON) :] == (np.dtype("l").num,)
+    assert Table((longlong,)).numbers[len(COMMON) :] == (np.dtype("q").num,)
+
+
+def test_tuples_are_told_by_their_class_and_items():
+    name = f"{Pair.__module__}:Pair"
+    assert part_of(Pair(1, (2.0, None))) == ("tuple", name, ("int64", ("tuple", "", ("float64", "none"))))
+    assert part_of(()) == ("tuple", "", ())
+    assert part_of(Pair(1, 2)) != part_of(Other(1, 2)) != part_of((1, 2))
+
+
+def test_a_signature_is_written_and_read_back():
+    """A file's name and a compiling process need that."""
+    signature = signature_of((MATRIX.T, Pair(1, (True, None)), np.float32(2), ()))
+    assert ast.literal_eval(repr(signature)) == signature
+
+
+# ---------------------------------------------------------------- what is refused
+
+
+class Size(enum.IntEnum):
+    SMALL = 1
+
+
+REFUSED = {
+    "text": "x", "bytes": b"x", "list": [1.0], "dict": {}, "function": len, "class": int, "complex": 1j,
+    "enum": Size.SMALL, "set": {1}, "complex128": np.complex128(1), "str_": np.str_("x"),
+    "datetime64": np.datetime64("2020"), "timedelta64": np.timedelta64(1), "float16": np.float16(1),
+    "range": range(3), "memoryview": memoryview(b"x"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_other_objects_are_refused_by_name(name):
+    with pytest.raises(TypeError, match="a kernel takes arrays, numbers, tuples and None, not"):
+        signature_of((REFUSED[name],))
+    with pytest.raises(TypeError, match="a kernel takes"):
+        signature_of((1.0, Pair((), (1, REFUSED[name]))))
+
+
+@pytest.mark.parametrize("dtype", ["O", "U3", "S3", "M8[s]", "m8[s]", "c8", "c16", "f2", "V4", "i4,f4", np.longdouble])
+def test_arrays_of_anything_else_are_refused(dtype):
+    if np.dtype(dtype) == np.float64:
+        pytest.skip("long doubles are no longer than doubles here")
+    with pytest.raises(TypeError, match="a kernel takes aligned arrays of numbers; this one is"):
+        signature_of((np.zeros(3, dtype),))
+
+
+@pytest.mark.parametrize("name", [name for name in NUMBERS if np.dtype(name).itemsize > 1])
+def test_arrays_in_another_order_of_bytes_or_unaligned_are_refused(name):
+    values = np.arange(6).astype(name)
+    with pytest.raises(TypeError, match=r"this one is [<>]\w\d, aligned: True"):
+        signature_of((values.astype(values.dtype.newbyteorder()),))
+    with pytest.raises(TypeError, match=r"this one is [<>]\w\d, aligned: False"):
+        signature_of((unaligned(values),))
+
+
+@pytest.mark.parametrize("value", [2**63, -(2**63) - 1, 2**64, 10**400])
+def test_an_int_beyond_64_bits_is_refused(value):
+    with pytest.raises(OverflowError, match="a kernel takes integers from -2\\^63 to 2\\^63 - 1, not"):
+        signature_of(((value,),))
+
+
+# ---------------------------------------------------------------- classes by name, plain arrays
+
+
+def test_a_class_is_found_by_its_name():
+    for cls in (Pair, Other, collections.OrderedDict):
+        assert class_of(f"{cls.__module__}:{cls.__qualname__}") is cls
+    with pytest.raises(ImportError):
+        class_of("nowhere.at_all:Thing")
+    with pytest.raises(AttributeError):
+        class_of("collections:Nothing")
+
+
+def test_subclasses_of_arrays_become_plain_arrays_of_the_same_memory(tmp_path):
+    path = tmp_path / "values"
+    MATRIX.tofile(path)
+    mapped = np.memmap(path, np.float64, "r+", shape=(3, 4))
+    given = (mapped, Pair((mapped, 1), None), MATRIX, 2.5)
+    found = plain(given)
+    assert type(found[1]) is Pair and type(found[1].first) is tuple and found[3] == 2.5
+    assert np.shares_memory(found[2], MATRIX)
+    for array in (found[0], found[1].first[0]):
+        assert type(array) is np.ndarray and np.shares_memory(array, mapped) and array.shape == (3, 4)
+    assert signature_of(found)[0] == ("array", "float64", 2, "C")
+
+
+# ---------------------------------------------------------------- tables
+
+
+def test_a_table_is_the_same_for_the_same_kinds_alone():
+    first = Table((MATRIX, Pair(1, (2.0, None)))).numbers
+    assert Table((MATRIX[:2], Pair(7, (8.0, None)))).numbers == first
+    others = [(MATRIX, Other(1, (2.0, None))), (MATRIX, Pair(True, (2.0, None))), (MATRIX, Pair(1, (2, None)))]
+    others += [(MATRIX.astype(np.float32), Pair(1, (2.0, None))), (MATRIX, Pair(1, (np.float64(2), None)))]
+    assert all(Table(other).numbers != first for other in others)
+
+
+def test_a_table_begins_with_what_entry_points_need_and_keeps_its_numbers_in_memory():
+    import ctypes
+
+    table = Table((MATRIX, 3))
+    assert table.numbers == (*map(id, COMMON), MATRIX.dtype.num, id(int)) and table.numbers[NDARRAY] == id(np.ndarray)
+    held = (ctypes.c_int64 * len(table.numbers)).from_address(table.address)
+    assert tuple(held) == table.numbers
+
+
+def test_a_table_keeps_its_classes_so_that_no_other_gets_their_address():
+    brief = collections.namedtuple("brief", ["x"])
+    table, alive = Table((brief(1),)), weakref.ref(brief)
+    del brief
+    gc.collect()
+    assert alive() is not None
+    del table
+    gc.collect()
+    assert alive() is None

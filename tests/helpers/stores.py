@@ -1,0 +1,78 @@
+"""Kernels that tests compile for themselves, and processes with a store of their own."""
+
+import ctypes
+import os
+import subprocess
+import sys
+from typing import NamedTuple
+
+import numpy as np
+
+from helpers.raster import ROOT
+from rasterizer.compiler import internals
+from rasterizer.compiler.machine_code import LoadedCode
+from rasterizer.compiler.signatures import Table, signature_of
+from rasterizer.compiler.store import FORMAT
+
+
+class Pair(NamedTuple):
+    """A class of tuples that kernels take."""
+
+    first: object
+    second: object
+
+
+class Other(NamedTuple):
+    """Another one with the same fields."""
+
+    first: object
+    second: object
+
+
+class EntryPoint:
+    """The entry point of a kernel for arguments like `examples`, called without what a Kernel does around it."""
+
+    def __init__(self, function, examples):
+        self._loaded = LoadedCode(internals.compile_kernel(function, signature_of(examples)), "entry")
+        self._table = Table(examples)
+        self._call = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.py_object, ctypes.c_void_p)(self._loaded.address)
+
+    def __call__(self, *arguments):
+        return self._call(arguments, self._table.address)
+
+
+def environment_with(**variables) -> dict:
+    """Return an environment without any setting of kernels, and with variables; None takes one away."""
+    own = {name: value for name, value in os.environ.items() if not name.startswith(("NUMBA_", "RASTER_"))}
+    own |= {"PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"} | variables
+    return {name: str(value) for name, value in own.items() if value is not None}
+
+
+def start(program: str, cwd, *arguments, **variables) -> subprocess.Popen:
+    """Start a program in a process of its own."""
+    command = [sys.executable, "-c", program, *map(str, arguments)]
+    pipe, environment = subprocess.PIPE, environment_with(**variables)
+    return subprocess.Popen(command, env=environment, cwd=cwd, stdout=pipe, stderr=pipe, text=True)
+
+
+def run(program: str, cwd, *arguments, **variables) -> str:
+    """Run a program that complains of nothing; return what it printed."""
+    with start(program, cwd, *arguments, **variables) as process:
+        out, complaint = process.communicate()
+    assert process.returncode == 0, f"ended with {process.returncode}: {complaint[-1500:]}"
+    assert not complaint, complaint
+    return out.strip()
+
+
+def split_file(content: bytes) -> tuple[bytes, bytes]:
+    """Return the key and the code that a file of the store has."""
+    rest = content[len(FORMAT) + 32 :]
+    size = int.from_bytes(rest[:4], "little")
+    return rest[4 : 4 + size], rest[4 + size :]
+
+
+def bits_of(value):
+    """Return a result as what can be compared to the bit, with the classes of its numbers."""
+    if isinstance(value, tuple):
+        return tuple(map(bits_of, value))
+    return type(value), np.float64(value).tobytes() if isinstance(value, float) else value
