@@ -36,3 +36,12 @@ def plain_array(values: ArrayLike) -> NDArray:
 def is_masked(values: object) -> bool:
     """Tell whether an array has masked values. `np.ma` would say so, but takes as long to import as a small model."""
     return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))
+
+
+def distinct(values: NDArray) -> NDArray:
+    """Return the distinct ones of whole numbers (n,), ascending.
+
+    `np.unique` would do, but imports `np.ma`, to see whether some are masked.
+    """
+    ordered = np.sort(values)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]
