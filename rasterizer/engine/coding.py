@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding
-from ..pipeline.gradients import CODINGS, NORMAL_PLANES, Coding
+from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
+from ..pipeline.gradients import CODINGS, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES, Coding
 from .light_table import entry_of
 from .plan import Plan
 
@@ -22,9 +22,9 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         inv_w_scale, inv_w_offset = 0.0, 1.0
     return CODINGS[plan.coding](
         kind=plan.coding,
-        level_scale=plan.level_scale,
+        level_scale=plan.level_scale if plan.coding in (IN_ENTRIES, LEVEL_PLANES) else None,
         level_tolerance=max(0.0, tolerance - plan.rounding) * plan.level_scale,
-        normal_limit=plan.normal_limit,
+        normal_limit=plan.normal_limit if plan.coding == NORMAL_PLANES else None,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
         needs_distance=plan.coding == NORMAL_PLANES
         and any(entry_of(light).function(light).needs_position for light in plan.lights),
@@ -40,4 +40,4 @@ def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
     behind = np.array(background or (0, 0, 0), np.float32)
     policy = {"clamp": RANGE_CLAMP, "global": RANGE_GLOBAL, "local": RANGE_LOCAL}[color_range]
     is_grey = plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0
-    return Encoding(is_grey, plan.tint, behind, background is not None, policy, scale)
+    return with_blank(Encoding(is_grey, plan.tint, behind, background is not None, policy, scale))

@@ -139,8 +139,7 @@ class InterpolatedPass(ColorPass):
     def light(self, workspace, band, face_table):
         """Interpolate the intensities, with textures those of the parts that these weaken and don't weaken."""
         if self.textures is None:
-            level_step = self.plan.dtype.type(1.0 / self.plan.level_scale)
-            shade_interpolated(band, self.n_channel, level_step, workspace.radiance)
+            shade_interpolated(band, self.n_channel, 1.0 / self.plan.level_scale, workspace.radiance)
         else:
             shade_textured(band, workspace.texels, workspace.radiance)
 

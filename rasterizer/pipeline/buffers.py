@@ -82,7 +82,7 @@ def write_normal(surfaces, band, out):
 @helper
 def normal_of(records, record, p):
     """Interpolate the normal of an exact record with weights p_i, Σ p_i = 1: unit length, on the side that is seen."""
-    normal = mean_vector(corner_vectors(records, record, 0), p)
+    normal = mean_vector(corner_vectors(records, record, index(0)), p)
     norm = length(normal)
     return scale(normal, records.integers[record, SIDE] / norm if norm > 0 else 0.0)
 

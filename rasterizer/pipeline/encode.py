@@ -31,6 +31,7 @@ class Encoding(NamedTuple):
     has_background: bool
     policy: int  # RANGE_CLAMP, RANGE_GLOBAL or RANGE_LOCAL
     scale: float  # RANGE_GLOBAL: 1 / the picture's largest component, if that is above 1
+    blank: int = 0  # the bytes of a pixel in which nothing is drawn, see `with_blank`
 
 
 # ---------------------------------------------------------------- the sRGB curve
@@ -134,8 +135,17 @@ def borrow_encoding(encoding):
     """The encoding with arrays that count no references."""
     return Encoding(
         encoding.is_grey, borrow(encoding.tint), borrow(encoding.background), encoding.has_background, encoding.policy,
-        encoding.scale,
+        encoding.scale, encoding.blank,
     )  # fmt: skip
+
+
+def with_blank(encoding: Encoding) -> Encoding:
+    """Return the encoding with the bytes of a pixel in which nothing is drawn: the background, or transparent black."""
+    if not encoding.has_background:
+        return encoding._replace(blank=0)
+    rgba = np.empty((1, 1), np.uint32)
+    encode_picture(encoding.background.reshape(1, 1, 3), np.ones((1, 1), np.float32), encoding, rgba)
+    return encoding._replace(blank=int(rgba[0, 0]))
 
 
 @kernel

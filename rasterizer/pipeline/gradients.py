@@ -32,12 +32,12 @@ DISTANCE_PLANE = s.MOST_ATTRIBUTE_PLANES - 1
 
 
 class Coding(NamedTuple):
-    """How this frame's attributes reach the samples. Its subclass decides what is compiled."""
+    """How this frame's attributes reach the samples. Its subclass, and what is None, decide what is compiled."""
 
     kind: int  # EXACT, IN_ENTRIES, LEVEL_PLANES or NORMAL_PLANES
-    level_scale: float  # levels a unit of intensity
+    level_scale: float | None  # levels a unit of intensity; None where attributes are no intensities
     level_tolerance: float  # error that is accepted, in levels
-    normal_limit: float  # NORMAL_PLANES: how far a normal may turn, in units of 2^-24; see compute_normal_planes
+    normal_limit: float | None  # how far a normal may turn, in units of 2^-24, see compute_normal_planes; or None
     albedo_tolerance: float  # NORMAL_PLANES: error that is accepted in an attribute behind the normals
     needs_distance: bool  # NORMAL_PLANES: a plane of 1/w (orthographic: of depth) stands beside those of the normals
     inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z

@@ -121,14 +121,14 @@ def exact_triangle(records, record):
     row, first = records.integers[record], index(EDGES)
     dx1, dy1 = np.int64(row[first + index(2)]), np.int64(row[first + index(3)])
     dx2, dy2 = np.int64(row[first + index(4)]), np.int64(row[first + index(5)])
-    w0, w1, w2 = corner_values(records.reals, record, INV_W)
+    w0, w1, w2 = corner_values(records.reals, record, index(INV_W))
     inv_w = (float(w0), float(w1), float(w2))
     clipped = row[index(CLIPPED_IDX)]
     if clipped >= 0:
         planes, k = borrow(records.clipped_planes), index(clipped)
         sums = (planes[k, index(LEAST_SUM)], planes[k, index(LARGEST_SUM)])
-        q, q_x = corner_values(planes, k, WEIGHT), corner_values(planes, k, WEIGHT_X)
-        q_y = corner_values(planes, k, WEIGHT_Y)
+        q, q_x = corner_values(planes, k, index(WEIGHT)), corner_values(planes, k, index(WEIGHT_X))
+        q_y = corner_values(planes, k, index(WEIGHT_Y))
         area = 1.0
     else:
         q = q_x = q_y = (0.0, 0.0, 0.0)
@@ -140,19 +140,22 @@ def exact_triangle(records, record):
 
 @helper
 def corner_values(reals, record, column):
-    """Return three neighbouring numbers of an exact record: what it holds for its three corners."""
-    column = index(column)
+    """Return three neighbouring numbers of an exact record: what it holds for its three corners.
+
+    `column` is an `index`: of plain numbers every single one would be compiled anew.
+    """
     return reals[record, column], reals[record, column + index(1)], reals[record, column + index(2)]
 
 
 @helper
 def corner_vectors(records, record, attribute):
-    """Return three neighbouring attributes of an exact record, each at the three corners."""
-    column = ATTRIBUTE + 3 * attribute
+    """Return three neighbouring attributes of an exact record from `attribute`, an `index`, on; each at the three
+    corners."""
+    column = index(ATTRIBUTE) + index(3) * attribute
     return (
         corner_values(records.reals, record, column),
-        corner_values(records.reals, record, column + 3),
-        corner_values(records.reals, record, column + 6),
+        corner_values(records.reals, record, column + index(3)),
+        corner_values(records.reals, record, column + index(6)),
     )
 
 
@@ -240,4 +243,4 @@ def depth_at(records, record, triangle, q, is_perspective):
     if is_perspective:
         # A mean of 1/w may not leave its range by a rounding error.
         return 1.0 / min(max(total / triangle.area, triangle.sums[0]), triangle.sums[1])
-    return float(mean(corner_values(records.reals, record, DEPTH), (q[0] / total, q[1] / total, q[2] / total)))
+    return float(mean(corner_values(records.reals, record, index(DEPTH)), (q[0] / total, q[1] / total, q[2] / total)))

@@ -79,24 +79,38 @@ def write_planes(records, n_record, k, face, n_attribute, coding, block):
     planes[record + index(PLANES_ANCHOR_Y)] = ints[s.ANCHOR_Y + k]
     first = record + index(FIRST_PLANE)
     if coding.kind == LEVEL_PLANES:
+        write_levels(planes, first, k, coding.level_scale, block)
+    else:
+        write_normals(records.float_planes, first, k, n_attribute, coding.needs_distance, coding.normal_limit, block)
+
+
+@helper
+def write_levels(planes, first, k, level_scale, block):
+    """Write the planes of levels of triangle k to a record; `level_scale` is None where a coding has none."""
+    if level_scale is not None:
         # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right
         # again.
-        copy_planes(block.longs, s.PLANE_LEVEL + k, 3, planes, first)
-        return
-    planes = records.float_planes
-    copy_planes(block.reals, s.PLANE_ATTRIBUTE + k, 3, planes, first)
-    if coding.needs_distance:
-        source = s.PLANE_ATTRIBUTE + index(DISTANCE_PLANE) * s.NEXT_PLANE + k
-        copy_planes(block.reals, source, 1, planes, first + index(DISTANCE))
-    if n_attribute > 3:
-        source = s.PLANE_ATTRIBUTE + index(3) * s.NEXT_PLANE + k
-        copy_planes(block.reals, source, 3, planes, first + index(3 * PLANE_GROUP))
+        copy_planes(block.longs, s.PLANE_LEVEL + k, index(3), planes, first)
+
+
+@helper
+def write_normals(planes, first, k, n_attribute, needs_distance, normal_limit, block):
+    """Write the planes of normals of triangle k, and what stands behind them, to a record; `normal_limit` is None where
+    a coding has none."""
+    if normal_limit is not None:
+        copy_planes(block.reals, s.PLANE_ATTRIBUTE + k, index(3), planes, first)
+        if needs_distance:
+            source = s.PLANE_ATTRIBUTE + index(DISTANCE_PLANE) * s.NEXT_PLANE + k
+            copy_planes(block.reals, source, index(1), planes, first + index(DISTANCE))
+        if n_attribute > 3:
+            source = s.PLANE_ATTRIBUTE + index(3) * s.NEXT_PLANE + k
+            copy_planes(block.reals, source, index(3), planes, first + index(3 * PLANE_GROUP))
 
 
 @helper
 def copy_planes(rows, source, n, planes, target):
-    """Copy the planes of n neighbouring attributes from a block's rows to a record."""
-    for attribute in range(index(n)):
+    """Copy the planes of n, an `index`, neighbouring attributes from a block's rows to a record."""
+    for attribute in range(n):
         for part in range(index(3)):
             value = rows[source + attribute * s.NEXT_PLANE + part * s.NEXT]
             planes[target + attribute + part * index(PLANE_GROUP)] = planes.dtype.type(value)

@@ -20,7 +20,6 @@ from .encode import (
     borrow_encoding,
     encode_batch,
     encode_channel,
-    encode_pixel,
     pack_bytes,
 )
 from .fragments import BATCH_SIZE, NEXT
@@ -47,8 +46,7 @@ def make_pixel_batch() -> PixelBatch:
     return PixelBatch(np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32))
 
 
-@kernel
-def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, batch, out):
+def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, batch, out) -> int:
     """Write rows of the picture from a band; clear the band.
 
     Parameters
@@ -66,43 +64,116 @@ def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, batc
     -------
     how many samples are covered
     """
-    entries, radiance = borrow(visibility.entries), borrow(radiance)
-    out = Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
-    encoding, n_covered = borrow_encoding(encoding), 0
-    pixels, levels = borrow(batch.values), borrow(batch.levels)
-    # The usual case: bytes alone, a sample a pixel, nothing to mix or to scale.
-    is_bytes = out.color.shape[0] == 0
-    is_plain = (factor == 1) & is_bytes & (encoding.policy == RANGE_CLAMP) & (not encoding.has_background)
-    is_plain &= (radiance.shape[0] == 3) | encoding.is_grey
-    # One channel of pixels is enough where no more is read: in a grey picture of bytes.
-    is_single = encoding.is_grey and encoding.policy == RANGE_CLAMP and is_bytes
+    if layers is not None:
+        return resolve_layers(visibility, layers, y_start, y_end, factor, encoding, batch, out)
+    if factor == 1 and is_plain(radiance.shape[0], encoding, out):
+        return resolve_bytes(visibility, radiance, y_start, y_end, encoding, out)
+    if factor == 1:
+        return resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out)
+    return resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, batch, out)
+
+
+def is_plain(n_channel, encoding, out) -> bool:
+    """Tell whether pixels are encoded as they are: bytes alone are asked for, and nothing is to mix or to scale."""
+    is_clamped = encoding.policy == RANGE_CLAMP and not encoding.has_background
+    return is_clamped and len(out.color) == 0 and (n_channel == 3 or encoding.is_grey)
+
+
+# ---------------------------------------------------------------- kernels
+
+
+@kernel
+def resolve_bytes(visibility, radiance, y_start, y_end, encoding, out):
+    """Encode a sample a pixel into bytes, a row in one loop; clear the band; return how many samples are covered."""
+    entries, radiance, n_covered = borrow(visibility.entries), borrow(radiance), np.int64(0)
+    encoding, out = borrow_encoding(encoding), borrow_picture(out)
+    for j in range(y_start, y_end):
+        row = j - y_start
+        first, end = covered_columns(visibility, row, 1)
+        fill_blank(out, j, first, end, encoding)
+        start, n = index(row * visibility.pitch + first), index(end - first)
+        n_covered += encode_samples(entries[start : start + n], radiance, start, out.rgba[index(j), index(first) :])
+    clear(visibility, y_end - y_start)
+    return n_covered
+
+
+@kernel
+def resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out):
+    """Write a sample a pixel; clear the band; return how many samples are covered."""
+    entries, radiance, n_covered = borrow(visibility.entries), borrow(radiance), np.int64(0)
+    encoding, batch, out = borrow_encoding(encoding), borrow_pixels(batch), borrow_picture(out)
+    for j in range(y_start, y_end):
+        row = j - y_start
+        first, end = covered_columns(visibility, row, 1)
+        fill_blank(out, j, first, end, encoding)
+        for left in range(first, end, BATCH_SIZE):
+            start, n = index(row * visibility.pitch + left), index(min(end - left, BATCH_SIZE))
+            n_covered += gather_samples(entries[start : start + n], radiance, start, batch.values)
+            write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
+    clear(visibility, y_end - y_start)
+    return n_covered
+
+
+@kernel
+def resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, batch, out):
+    """Average the samples of each pixel and write it; clear the band; return how many samples are covered."""
+    entries, radiance, n_covered = borrow(visibility.entries), borrow(radiance), np.int64(0)
+    encoding, batch, out = borrow_encoding(encoding), borrow_pixels(batch), borrow_picture(out)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = covered_columns(visibility, row, factor)
         fill_blank(out, j, first, end, encoding)
-        if layers is None and is_plain:
-            start, n = index(row * visibility.pitch + first), index(end - first)
-            n_covered += encode_samples(entries[start : start + n], radiance, start, out.rgba[index(j), index(first) :])
-            continue
         for left in range(first, end, BATCH_SIZE):
             n = index(min(end - left, BATCH_SIZE))
-            if layers is not None:
-                n_covered += average_layers(layers, visibility.pitch, (row, left), factor, n, pixels)
-            elif factor == 1:
-                start = index(row * visibility.pitch + left)
-                n_covered += gather_samples(entries[start : start + n], radiance, start, pixels)
-            else:
-                n_covered += average_samples(entries, visibility.pitch, radiance, (row, left), factor, n, pixels)
-            if radiance.shape[0] == 1 and not is_single:
-                tint_pixels(pixels, n, encoding)
-            if encoding.has_background:
-                show_background(pixels, n, encoding, 1 if is_single else 3)
-            if out.color.shape[0] > 0:
-                write_colors(pixels, n, out.color[index(j), index(left) :], out.alpha[index(j), index(left) :])
-            if out.rgba.shape[0] > 0:
-                encode_batch(pixels, levels, n, encoding, out.rgba[index(j), index(left) :])
+            n_covered += average_samples(entries, visibility.pitch, radiance, (row, left), factor, n, batch.values)
+            write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
+
+
+@kernel
+def resolve_layers(visibility, layers, y_start, y_end, factor, encoding, batch, out):
+    """As `resolve_samples`, from the layers of an A-buffer."""
+    n_covered, n_channel = np.int64(0), layers.color.shape[0]
+    encoding, batch, out = borrow_encoding(encoding), borrow_pixels(batch), borrow_picture(out)
+    for j in range(y_start, y_end):
+        row = (j - y_start) * factor
+        first, end = covered_columns(visibility, row, factor)
+        fill_blank(out, j, first, end, encoding)
+        for left in range(first, end, BATCH_SIZE):
+            n = index(min(end - left, BATCH_SIZE))
+            n_covered += average_layers(layers, visibility.pitch, (row, left), factor, n, batch.values)
+            write_pixels(batch, n, n_channel, encoding, (j, left), out)
+    clear(visibility, (y_end - y_start) * factor)
+    return n_covered
+
+
+@helper
+def borrow_pixels(batch):
+    """Return the batch with arrays that count no references."""
+    return PixelBatch(borrow(batch.values), borrow(batch.levels))
+
+
+@helper
+def borrow_picture(out):
+    """Return the picture with arrays that count no references."""
+    return Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
+
+
+@helper
+def write_pixels(batch, n, n_channel, encoding, first, out):
+    """Write n pixels of a batch that have `n_channel` channels; `first` is the row and the column of the first one."""
+    (j, left), pixels = first, batch.values
+    # One channel of pixels is enough where no more is read: in a grey picture of bytes.
+    is_single = encoding.is_grey and encoding.policy == RANGE_CLAMP and out.color.shape[0] == 0
+    if n_channel == 1 and not is_single:
+        tint_pixels(pixels, n, encoding)
+    if encoding.has_background:
+        show_background(pixels, n, encoding, 1 if is_single else 3)
+    if out.color.shape[0] > 0:
+        write_colors(pixels, n, out.color[index(j), index(left) :], out.alpha[index(j), index(left) :])
+    if out.rgba.shape[0] > 0:
+        encode_batch(pixels, batch.levels, n, encoding, out.rgba[index(j), index(left) :])
 
 
 @helper
@@ -121,8 +192,7 @@ def fill_blank(out, j, first, end, encoding):
     """Fill a row's pixels on both sides of first..end, where nothing is drawn, with the background, or with
     transparent black."""
     red, green, blue = encoding.background[0], encoding.background[1], encoding.background[2]
-    alpha, one = np.float32(1) if encoding.has_background else np.float32(0), np.float32(1)
-    blank = encode_pixel(red, green, blue, one, encoding) if encoding.has_background else np.uint32(0)
+    alpha, blank = np.float32(1) if encoding.has_background else np.float32(0), np.uint32(encoding.blank)
     for left, right in ((0, first), (end, out.rgba.shape[1])):
         for i in range(index(left), index(right)):
             out.rgba[index(j), i] = blank
@@ -200,7 +270,7 @@ def average_samples(entries, pitch, radiance, first, factor, n, pixels):
                     if n_channel > index(1):
                         sum1 += radiance[1, k]
                         sum2 += radiance[2, k]
-        scale = 1.0 / max(n_covered, np.int32(1))
+        scale = 1.0 / (n_covered if n_covered > 0 else 1)
         pixels[i] = sum0 * scale
         if n_channel > index(1):
             pixels[NEXT + i] = sum1 * scale

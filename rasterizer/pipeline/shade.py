@@ -66,11 +66,12 @@ def shade_interpolated(band, n_channel, level_step, out_radiance):
     ----------
     band : ScannedBand, of any kind but NORMAL_PLANES
     n_channel : 1 or 3
-    level_step : intensity of a level, in the type of the radiance
+    level_step : intensity of a level
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
     band, radiance = borrow_band(band), borrow(out_radiance)
     visibility, records = band.visibility, band.records
+    level_step = radiance.dtype.type(level_step)
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
         for first in range(left, right, BATCH_SIZE):
@@ -103,9 +104,9 @@ def interpolate_intensities(entries, records, first, n_channel, out):
         # read.
         record = min(index(entries[start] & RECORD_MASK), last_record)
         triangle = exact_triangle(records, record)
-        red = corner_values(records.reals, record, ATTRIBUTE)
-        green = corner_values(records.reals, record, ATTRIBUTE + 3) if n_channel > 1 else red
-        blue = corner_values(records.reals, record, ATTRIBUTE + 6) if n_channel > 1 else red
+        red = corner_values(records.reals, record, index(ATTRIBUTE))
+        green = corner_values(records.reals, record, index(ATTRIBUTE + 3)) if n_channel > 1 else red
+        blue = corner_values(records.reals, record, index(ATTRIBUTE + 6)) if n_channel > 1 else red
         for k in range(start, end):
             q = corner_weights(triangle, first[0] + np.int64(k), first[1])
             p = rounded(scale(q, inverse_sum(q)), real)
@@ -229,9 +230,9 @@ def interpolate_fragments(entries, records, first, has_albedo, is_perspective, b
     while start < end:
         record = index(entries[start] & RECORD_MASK)
         triangle, side = exact_triangle(records, record), real(records.integers[record, index(SIDE)])
-        normals = corner_vectors(records, record, 0)
-        depths = corner_values(records.reals, record, DEPTH)
-        colors = corner_vectors(records, record, 3) if has_albedo else normals
+        normals = corner_vectors(records, record, index(0))
+        depths = corner_values(records.reals, record, index(DEPTH))
+        colors = corner_vectors(records, record, index(3)) if has_albedo else normals
         # Component by component: by vector helpers and a choice between two values this loop takes a tenth longer.
         for k in range(start, end):
             q0, q1, q2 = corner_weights(triangle, first[0] + np.int64(k), first[1])
@@ -259,7 +260,7 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
         while start < end:
             record = index(entries[start] & RECORD_MASK)
             triangle = exact_triangle(records, record)
-            tangents = corner_vectors(records, record, tangent_attribute)
+            tangents = corner_vectors(records, record, index(tangent_attribute))
             for k in range(start, end):
                 q = corner_weights(triangle, first[0] + np.int64(k), first[1])
                 p = rounded(scale(q, inverse_sum(q)), real)

@@ -175,8 +175,8 @@ def fill_mip_levels(records, record, n, size, coarsest, batch):
 @helper
 def corner_texcoords(records, record):
     """Return u and v of an exact record, each at the three corners."""
-    column = ATTRIBUTE + 3 * LIGHT_COLUMNS
-    return corner_values(records.reals, record, column), corner_values(records.reals, record, column + 3)
+    column = index(ATTRIBUTE + 3 * LIGHT_COLUMNS)
+    return corner_values(records.reals, record, column), corner_values(records.reals, record, column + index(3))
 
 
 @helper

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rasterizer.pipeline.encode import RANGE_CLAMP, Encoding
+from rasterizer.pipeline.encode import RANGE_CLAMP, Encoding, with_blank
 from rasterizer.pipeline.resolve import resolve
 from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.pipeline.workspace import WorkspaceKind, make_picture, make_workspace
@@ -12,14 +12,7 @@ from rasterizer.scene.color import srgb_from_linear
 def encoding(policy=RANGE_CLAMP, background=None, scale=1.0, tint=(1.0, 1.0, 1.0), is_grey=False):
     """How linear colour becomes 8 bits."""
     behind = np.array(background or (0, 0, 0), np.float32)
-    return Encoding(
-        is_grey,
-        np.array(tint, np.float32),
-        behind,
-        background is not None,
-        policy,
-        scale,
-    )
+    return with_blank(Encoding(is_grey, np.array(tint, np.float32), behind, background is not None, policy, scale))
 
 
 def fill(covered, radiance, factor=1, dtype=np.float32):

@@ -1,13 +1,26 @@
 """The scripts of bench/ run, and their last line is JSON with what they promise."""
 
 import json
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import rasterizer as rz
-from bench import analytic, before_after, features, frame, margins, measure, scenes, speed_vs_error
+from bench import (
+    analytic,
+    before_after,
+    encode,
+    features,
+    frame,
+    margins,
+    measure,
+    scenes,
+    speed_vs_error,
+    stages,
+    startup,
+)
 from rasterizer import reference
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -79,6 +92,59 @@ def test_frame_in_fresh_processes(capsys):
     steps = {"import_ms", "build_ms", "prepare_ms", "first_ms", "warm_ms"}
     assert set(row) == {"case", "triangles", "size", "shading", "threads", "peak_mib"} | steps
     assert all(row[step] > 0 for step in steps) and row["triangles"] == 12
+
+
+def test_encode(capsys):
+    arguments = ["cube", "noise", "--sizes", "40x30", "64", "--levels", "1", "6", "--threads", "1", "2"]
+    assert encode.main([*arguments, "--rounds", "3", "--seconds", "0.01"]) == 0
+    rows = record_of(capsys, "encode")["rows"]
+    writers = ["own 1T", "own 2T", "Pillow 1", "Pillow 6"]
+    assert [row["writer"] for row in rows] == writers * 6
+    assert [row["case"] for row in rows[::4]] == ["cube", "noise", "mean"] * 2
+    assert [row["size"] for row in rows[::12]] == ["40x30", "64x64"]
+    for row in rows:
+        assert row["ms"] > 0 and row["kib"] > 0 and (row["share"] == 1.0 or row["writer"] != "Pillow 6")
+        assert set(row) == {"case", "size", "writer", "ms", "kib", "share"}
+
+
+@pytest.mark.slow
+def test_startup(capsys):
+    """With the kernels that are there: compiling them takes too long here."""
+    assert startup.main([str(ROOT / "models/cube.obj"), "--size", "32x24", "--runs", "1", "--cold", "0"]) == 0
+    out, err = capsys.readouterr()
+    assert "no function was found" not in err, f"hooks of bench/stages.py are out of date: {err}"
+    record = json.loads(out.splitlines()[-1])
+    assert record["bench"] == "startup" and set(record["machine"]) == MACHINE
+    programs = {row["program"]: row for row in record["rows"] if "program" in row}
+    assert {"import numba", "python alone", "raster --help", "raster render", "in a worker"} <= set(programs)
+    assert programs["import numba"]["yards"] == 1.0
+    for name, row in programs.items():
+        assert row["ms"] > 0 and (row["peak_mib"] is None or row["peak_mib"] > 1), name
+    for name in ("first picture", "in a worker"):
+        assert all(programs[name][f"{step}_ms"] >= 0 for step in ("process", "import", "first", "next")), name
+    of_stages = {row["stage"]: row for row in record["rows"] if "stage" in row}
+    expected = {"python", "numpy", "own modules", "read", "normals", "kernels", "draw", "encode", "write", "exit"}
+    assert expected <= set(of_stages) <= {*stages.STAGES, "whole process"}
+    whole = of_stages.pop("whole process")["warm_ms"]
+    total = sum(row["warm_ms"] for row in of_stages.values())
+    assert total <= whole, f"stages take {total:.0f} > {whole:.0f} ms of the whole process"
+    assert all(row["cold_ms"] is None for row in of_stages.values())
+
+
+def test_time_belongs_to_the_innermost_stage_of_the_main_thread(monkeypatch):
+    ticks = iter(range(0, 100_000_000, 1_000_000))
+    monkeypatch.setattr(stages, "monotonic_ns", lambda: next(ticks))
+    clock = stages.Clock(-2_000_000)
+    encode = clock.around(lambda: None, "encode")
+    draw = clock.around(lambda n: [encode() for _ in range(n)], "draw")
+    draw(2)
+    with pytest.raises(ZeroDivisionError):
+        clock.around(lambda: 1 / 0, "write")()
+    thread = threading.Thread(target=draw, args=(3,))
+    thread.start()
+    thread.join()
+    spent = {stage: n // 1_000_000 for stage, n in clock.nanoseconds.items() if n}
+    assert spent == {"python": 3, "draw": 3, "encode": 2, "write": 1}
 
 
 def test_speed_vs_error(capsys):
