@@ -93,10 +93,13 @@ def build_batch_entry_point(context, module, fndesc) -> None:
 
 
 def add_reference_counts(module) -> None:
-    """Add to a module the two functions with which numba counts references; they do nothing: nothing here is owned."""
+    """Add to a module the two functions with which numba counts references; they do nothing: nothing here is owned.
+
+    They go before those of numba, which come with helpers and would need its runtime: the linker keeps one that is
+    `linkonce` only where nothing else has the name.
+    """
     for name in ("NRT_incref", "NRT_decref"):
         function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_OBJECT]), name)
-        function.linkage = "linkonce_odr"
         function.attributes.add("alwaysinline")
         ir.IRBuilder(function.append_basic_block("entry")).ret_void()
 

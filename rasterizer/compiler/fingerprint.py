@@ -19,7 +19,7 @@ SEEN = (0, 61), (0, 68)  # the first and the last version of numba; each brings 
 
 # Settings of numba that change the code that it makes; each is an environment variable, NUMBA_...
 CODE_SETTINGS = (
-    "BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO", "DEBUGINFO_DEFAULT", "DEBUG_NRT", "DISABLE_INTEL_SVML",
+    "BOUNDSCHECK", "CPU_FEATURES", "CPU_NAME", "DEBUGINFO", "DEBUG_NRT", "DISABLE_INTEL_SVML",
     "ENABLE_AVX", "ENABLE_PROFILING", "ENABLE_SYS_MONITORING", "EXTEND_VARIABLE_LIFETIMES", "FUNCTION_CACHE_SIZE",
     "LLVM_REFPRUNE_FLAGS", "LLVM_REFPRUNE_PASS", "LOOP_VECTORIZE", "NRT_STATS", "OPT", "SLP_VECTORIZE", "USING_SVML",
 )  # fmt: skip
@@ -91,9 +91,9 @@ def hash_sources() -> str:
 def host_processor() -> str:
     """Return what code that is made here is made for: the processor's name and what it can do."""
     name = setting("CPU_NAME") or llvm.get_host_cpu_name()
-    if name in PROCESSOR_LEVELS:
-        return name
     features = os.environ.get("NUMBA_CPU_FEATURES")
+    if name in PROCESSOR_LEVELS and features == features_of(name):
+        return name  # with any other features the code would not run on all of them
     return f"{name} {llvm.get_host_cpu_features().flatten() if features is None else features}"
 
 

@@ -6,13 +6,12 @@ import subprocess
 import sys
 
 import pytest
-from helpers.command import CUBE, SMALL, errors, one_error, run, start
+from helpers.command import CUBE, SMALL, run, start
 from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer.cli import arguments, main
-from rasterizer.cli.messages import Messages, compiling_announced
-from rasterizer.compiler import kernels
+from rasterizer.cli.messages import Messages, compilation_shown
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -38,7 +37,7 @@ def test_the_examples_of_the_help_parse(capsys):
 
 
 def test_warmup_leaves_nothing_to_compile(capsys):
-    with compiling_announced(Messages()) as announced:
+    with compilation_shown(Messages()) as progress:
         for model in ("still_life.obj", "globe.obj", "glass.obj", "room.json", "knot.ply", "gear.stl", "torus.glb"):
             path = ROOT / "models" / model
             for flags in (
@@ -73,30 +72,13 @@ def test_warmup_leaves_nothing_to_compile(capsys):
             ):
                 output = "x.npy" if "--array" in flags else "x.png"
                 assert run(path, *flags, "-o", output, "-q") == 0
-    assert announced == [] and capsys.readouterr().err == ""
-
-
-def test_compiling_is_announced_once(capsys):
-    import numba
-
-    with compiling_announced(Messages()) as announced:
-        for increment in (1, 2):
-            numba.njit(lambda x, increment=increment: x + increment)(1)
-    assert len(announced) == 1
-    assert errors(capsys).startswith("raster: compiling kernels for the first time")
-
-
-def test_warmup_says_where_kernels_are(capsys, monkeypatch):
-    assert main(["warmup"]) == 0
-    assert re.match(r"raster: kernels were ready already after [\d.]+ s, in ", errors(capsys))
-    monkeypatch.setattr(kernels, "CACHE_FOLDER", None)
-    assert main(["warmup"]) == 4 and "NUMBA_CACHE_DIR" in one_error(capsys)
+    assert progress.n_shown == 0 and capsys.readouterr().err == ""
 
 
 def test_a_cache_folder_that_cannot_be_written_breaks_nothing(folder):
     (folder / "file").write_bytes(b"")
-    code = "from rasterizer.compiler import kernels; print(kernels.CACHE_FOLDER, kernels.is_cache_cold())"
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder / "file" / "below")}
+    code = "from rasterizer.compiler.kernels import STORE; print(STORE.own, STORE.is_used)"
+    environment = os.environ | {"RASTER_STORE": str(folder / "file" / "below")}
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=True)
     assert done.stdout == "None True\n"

@@ -1,21 +1,21 @@
 """Try each use of what numba doesn't document, alone, in the version that is installed; and do without in others."""
 
 import ast
-import configparser
 import gc
-import importlib.util
 import os
 import re
-import subprocess
-import sys
 import threading
 
 import numba
 import numpy as np
 import pytest
 from helpers.raster import ROOT
+from helpers.stores import TINY, EntryPoint, Pair, run, start
 
-from rasterizer.compiler import internals, kernels, store
+from rasterizer.compiler import internals, kernels
+from rasterizer.compiler.object_file import read_names
+
+ARRAY = ("array", "float64", 1, "C")
 
 
 def halves(x):
@@ -23,131 +23,222 @@ def halves(x):
     return x.sum() * 0.5
 
 
-def doubles(rows, n, params):
-    """A batch function."""
-    values = numba.carray(rows, (8,))
-    for k in range(n):
-        values[k] *= params[0]
+# ---------------------------------------------------------------- which modules
 
 
-def compiled(folder):
-    """Compile `halves` anew."""
-    return internals.keep_on_disk(numba.njit(halves), folder)
-
-
-# ── which versions, and which modules ───────────────────────────────────────────────────────────────────
-
-
-def test_the_versions_that_may_be_installed_are_those_that_were_seen():
-    setup = configparser.ConfigParser()
-    setup.read(ROOT / "setup.cfg")
-    (line,) = re.findall(r"^numba.*$", setup["options"]["install_requires"], re.MULTILINE)
-    (first, last) = internals.SEEN
-    assert line == f"numba>={first[0]}.{first[1]},<{last[0]}.{last[1] + 1}"
-    assert internals.IS_SEEN and internals.is_seen(numba.__version__)
-
-
-@pytest.mark.parametrize("version", ["0.61.0", "0.61.2", "0.65.0rc1", "0.68.1", "0.68.9+4.gabc"])
-def test_versions_that_were_seen(version):
-    assert internals.is_seen(version)
-
-
-@pytest.mark.parametrize("version", ["0.60.9", "0.69.0", "0.69.0dev0", "0.100.0", "1.61.0", "1.0", "0+unknown", ""])
-def test_versions_that_were_not_seen(version):
-    assert not internals.is_seen(version)
-
-
-def test_no_other_module_touches_the_insides_of_numba_or_llvmlite():
-    """Else a new version would have to be tried everywhere."""
-    own = {"rasterizer/compiler/internals.py", "rasterizer/compiler/simd_ops.py"}
+def test_no_other_module_touches_the_compiler():
+    """Else a new version would have to be tried everywhere, and it would be loaded where it isn't needed."""
+    own = {
+        "rasterizer/compiler/internals.py",
+        "rasterizer/compiler/intrinsics.py",
+        "rasterizer/compiler/entry_points.py",
+    }
     strangers = {}
     for path in sorted((ROOT / "rasterizer").rglob("*.py")):
         name = path.relative_to(ROOT).as_posix()
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            if name not in own and any(re.match(r"numba\.core|numba\.np|llvmlite", module) for module in modules):
+            if name not in own and any(re.match(r"numba|llvmlite\.ir", module) for module in modules):
                 strangers.setdefault(name, []).append(node.lineno)
-    assert not strangers, f"import internals of the compiler: {strangers}"
+    assert not strangers, f"import the compiler: {strangers}"
 
 
-# ── machine code on disk ────────────────────────────────────────────────────────────────────────────────
+def test_all_the_names_of_numba_that_are_used_are_listed():
+    text = internals.__doc__
+    source = (ROOT / "rasterizer/compiler/internals.py").read_text() + (
+        ROOT / "rasterizer/compiler/entry_points.py"
+    ).read_text()
+    used = set(re.findall(r"^\s*from numba\.core(?:\.\w+)? import (.*)$", source, re.MULTILINE))
+    names = {name.strip() for line in used for name in line.split(",")}
+    missing = {name for name in names - {"CompilerBase", "DefaultPassBuilder"} if name not in text}
+    assert names and not missing, f"{missing} are not in the table"
 
 
-def test_machine_code_goes_to_a_file_and_comes_back(tmp_path):
-    """Dispatcher._cache, NullCache, CompileResult._rebuild and ._reduce, serialize.dumps."""
-    first, second = compiled(tmp_path), compiled(tmp_path)
-    assert first(np.arange(5.0)) == 5.0 and sum(first.stats.cache_hits.values()) == 0
-    assert len(list(tmp_path.glob(f"*{store.SUFFIX}"))) == 1
-    assert second(np.arange(5.0)) == 5.0 and sum(second.stats.cache_hits.values()) == 1
-    assert second.stats.cache_path == str(tmp_path)
+# ---------------------------------------------------------------- object code
 
 
-def test_a_callback_goes_to_a_file_and_comes_back(tmp_path):
-    """CFunc._cache, sigutils."""
-    real = numba.types.CPointer(numba.float64)
-    signature = numba.types.void(real, numba.types.intp, real)
-    for n_hit in (0, 1):
-        callback = internals.compile_callback(doubles, signature, tmp_path)
-        values, factor = np.arange(8.0), np.array([2.0])
-        pointer = callback.ctypes.argtypes[0]
-        callback.ctypes(values.ctypes.data_as(pointer), 3, factor.ctypes.data_as(pointer))
-        assert values.tolist() == [0, 2, 4, 3, 4, 5, 6, 7] and callback.cache_hits == n_hit
+def test_object_code_defines_an_entry_and_needs_what_it_says():
+    code = internals.compile_kernel(halves, (ARRAY,))
+    defined, needed = read_names(code.content)
+    assert "entry" in defined and needed - {"_GLOBAL_OFFSET_TABLE_"} <= {*code.needs, "memset", "memcpy"}
+    assert all(name.startswith("Py") for name in code.needs), code.needs
+    code = internals.compile_batch_function(doubles, "float32")
+    assert "entry" in read_names(code.content)[0] and code.needs == ()
 
 
-def test_the_processor_is_part_of_what_a_file_is_found_by(tmp_path):
-    """codegen().magic_tuple()."""
-
-    class OtherProcessor:
-        def magic_tuple(self):
-            return ("a triple", "another processor", "+features")
-
-    files = internals.KernelFiles(halves, tmp_path)
-    function = compiled(None)
-    function(np.arange(5.0))
-    (result,) = function.overloads.values()
-    here = result.library.codegen
-    assert len(here.magic_tuple()) == 3 and all(isinstance(part, str) for part in here.magic_tuple())
-    assert files._key("()", here) != files._key("()", OtherProcessor())
+def doubles(batch, n, coefficients):
+    """A batch function."""
+    for k in range(n):
+        batch[k] *= coefficients[0]
 
 
-@pytest.mark.parametrize("name", internals.CODE_SETTINGS)
-def test_every_setting_that_changes_code_changes_what_describes_the_compiler(name, monkeypatch):
-    before = internals.describe_compiler()
-    monkeypatch.setattr(numba.config, name, "something else", raising=False)
-    assert internals.describe_compiler() != before
+def test_compiling_loads_nothing_and_makes_no_entry_for_python():
+    """KernelLibrary, no_cpython_wrapper, no_cfunc_wrapper."""
+    defined, _ = read_names(internals.compile_kernel(halves, (ARRAY,)).content)
+    assert not [name for name in defined if "cpython" in name or "cfunc" in name], defined
 
 
-def test_most_settings_are_known_to_this_version():
-    """One that was renamed would no longer be seen to change."""
-    unknown = [name for name in internals.CODE_SETTINGS if not hasattr(numba.config, name)]
-    optional = {"ENABLE_SYS_MONITORING", "EXTEND_VARIABLE_LIFETIMES", "USING_SVML"}  # not in every version
-    assert set(unknown) <= optional, f"{unknown} are no settings of numba {numba.__version__}"
+def allocates(n):
+    return np.zeros(n).sum()
 
 
-# ── the compiler at work ────────────────────────────────────────────────────────────────────────────────
+def prints(n):
+    print(n)
 
 
-def test_the_compiler_is_watched_and_the_disk_is_not(tmp_path):
-    """core.event."""
-    seen = []
-    with internals.watch_compiling(lambda: seen.append(1)):
-        compiled(tmp_path)(np.arange(5.0))
-        assert seen
-        seen.clear()
-        assert compiled(tmp_path)(np.arange(5.0)) == 5.0 and not seen
-    compiled(None)(np.arange(5.0))
-    assert not seen, "told after the block"
+def gives_complex(n):
+    return 1j * n
+
+
+def gives_pair(n):
+    return Pair(n, n)
+
+
+def gives_array(n, values=None):
+    return values
+
+
+def gives_none_or_number(n):
+    if n > 3:
+        return None
+    return n
+
+
+@pytest.mark.parametrize("function, reason", [
+    (allocates, "it calls NRT_"),
+    (prints, "it calls numba_gil_ensure"),
+    (gives_complex, "a kernel that returns complex128"),
+    (gives_pair, "a kernel that returns Pair"),
+    (gives_none_or_number, "a kernel that returns OptionalType"),
+])  # fmt: skip
+def test_what_needs_numba_is_left_to_it_and_says_why(function, reason):
+    with pytest.raises(internals.NotStandalone, match=reason):
+        internals.compile_kernel(function, ("int64",))
+
+
+def test_arrays_are_no_results():
+    with pytest.raises(internals.NotStandalone, match="a kernel that returns array"):
+        internals.compile_kernel(gives_array, ("int64", ARRAY))
+
+
+@pytest.mark.parametrize("name", ["nowhere.at_all:Thing", "collections:Nothing", "collections:x.<locals>.Thing"])
+def test_a_class_that_is_not_found_is_left_to_numba(name):
+    with pytest.raises(internals.NotStandalone, match="no class"):
+        internals.compile_kernel(gives_array, ("int64", ("tuple", name, ())))
+
+
+@pytest.mark.parametrize("is_collecting", [True, False])
+def test_garbage_is_collected_after_compiling_as_before(is_collecting):
+    was_collecting = gc.isenabled()
+    try:
+        (gc.enable if is_collecting else gc.disable)()
+        internals.compile_kernel(halves, (ARRAY,))
+        with pytest.raises(internals.NotStandalone):
+            internals.compile_kernel(allocates, ("int64",))
+        assert gc.isenabled() == is_collecting
+    finally:
+        (gc.enable if was_collecting else gc.disable)()
+
+
+def test_numba_knows_every_part_of_a_signature():
+    pair = ("tuple", f"{Pair.__module__}:Pair", ("float32", ("tuple", "", ("none", "bool"))))
+    found = internals.type_of_part(pair)
+    assert found.instance_class is Pair and found.types[0] == numba.float32
+    assert found.types[1] == numba.types.Tuple((numba.none, numba.boolean))
+    assert internals.type_of_part(("array", "uint8", 3, "A")) == numba.types.Array(numba.uint8, 3, "A")
+
+
+# ---------------------------------------------------------------- what kernels call
+
+
+@kernels.helper
+def thrice(x):
+    """A helper."""
+    return 3.0 * x
+
+
+def through_helper(values):
+    """A loop that calls a helper."""
+    return thrice(values[0]) + thrice(values[1])
+
+
+def through_kernel(values):
+    """A kernel that calls another."""
+    return called_kernel(values, 2.0) + called_kernel(values, 3.0)
+
+
+@kernels.kernel
+def called_kernel(values, factor):
+    return values[0] * factor
+
+
+def choose_by_type(x):
+    return say_float if isinstance(x, numba.types.Float) else say_other
+
+
+def say_float(x):
+    return 1
+
+
+def say_other(x):
+    return 2
+
+
+@kernels.choice(choose_by_type)
+def say_kind(x):
+    """Tell floats from others."""
+    return 1 if isinstance(x, float) else 2
+
+
+def through_choice(values, n):
+    return say_kind(values[0]), say_kind(n)
+
+
+def test_helpers_are_inlined():
+    """forceinline: HelperLibrary, insert_user_function."""
+    values = np.array([2.0, 3.0])
+    assert EntryPoint(through_helper, (values,))(values) == 15.0 == through_helper(values)
+    defined, needed = read_names(internals.compile_kernel(through_helper, (ARRAY,)).content)
+    called = [name for name in defined | needed if "thrice" in name and "NumbaEnv" not in name]
+    assert not called, "a helper is called, not inlined"
+
+
+def test_a_kernel_calls_another():
+    values = np.array([2.0, 3.0])
+    assert EntryPoint(through_kernel, (values,))(values) == 10.0 == through_kernel(values)
+
+
+def test_a_choice_is_made_by_types():
+    assert EntryPoint(through_choice, (np.zeros(1), 1))(np.zeros(1), 1) == (1, 2) == through_choice([0.0], 1)
+
+
+def test_helpers_are_known_to_kernels_that_numba_calls():
+    assert internals.compile_by_numba(through_helper)(np.array([2.0, 3.0])) == 15.0
+
+
+def divides(a, b):
+    return a / b
+
+
+def test_dividing_by_zero_is_silent_both_ways():
+    """error_model="numpy"."""
+    for divide in (EntryPoint(divides, (1.0, 2.0)), internals.compile_by_numba(divides), kernels.kernel(divides)):
+        assert divide(1.0, 0.0) == np.inf and np.isnan(divide(0.0, 0.0))
+
+
+# ---------------------------------------------------------------- forks
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
-def test_a_fork_waits_until_nothing_is_compiled():
-    """global_compiler_lock: a child that inherited it locked would wait for it for ever."""
+@pytest.mark.parametrize("lock", [internals.global_compiler_lock, kernels._turn], ids=["numba's", "ours"])
+def test_a_fork_waits_until_nothing_is_compiled(lock):
+    """A child that inherited a lock locked would wait for it for ever."""
     held, order = threading.Event(), []
 
     def hold():
-        with internals.global_compiler_lock:
+        with lock:
             held.set()
             held_long_enough.wait(0.3)
             order.append("released")
@@ -158,7 +249,7 @@ def test_a_fork_waits_until_nothing_is_compiled():
     held.wait()
     child = os.fork()
     if child == 0:
-        with internals.global_compiler_lock:
+        with lock:
             os._exit(7)
     order.append("forked")
     _, status = os.waitpid(child, 0)
@@ -166,176 +257,52 @@ def test_a_fork_waits_until_nothing_is_compiled():
     assert order == ["released", "forked"] and os.waitstatus_to_exitcode(status) == 7
 
 
-# ── what kernels are made of ────────────────────────────────────────────────────────────────────────────
+# ---------------------------------------------------------------- versions that were not seen
+
+UNSEEN = "import numba\nnumba.__version__ = '0.99.0'\n"
 
 
-@kernels.helper
-def thrice(x):
-    """A helper."""
-    return 3.0 * x
+def told_by(program, tmp_path, **variables) -> str:
+    """Run a program with a version that was not seen; return what it printed. One line complains."""
+    with start(UNSEEN + program, tmp_path, **variables) as process:
+        out, complaint = process.communicate()
+    assert process.returncode == 0, complaint[-1500:]
+    assert complaint.count("\n") == 1 and "numba 0.99.0 is not among the versions" in complaint, complaint
+    return out.strip()
 
 
-@numba.njit
-def through_helper(x):
-    """A loop that calls a helper."""
-    return thrice(x) + thrice(x + 1.0)
-
-
-@numba.njit
-def through_borrow(values, n):
-    """Slice a borrowed array in a loop."""
-    values, total = kernels.borrow(values), 0.0
-    for k in range(n):
-        part = values[k : k + 2]
-        total += part[0] * part[1]
-    return total, values
-
-
-@numba.njit
-def through_address(address, values, n, params):
-    """Call a batch function."""
-    kernels.call_batch_function(address, values.ctypes.data, n, params.ctypes.data)
-
-
-def test_helpers_are_inlined_and_have_no_entry_for_python():
-    """forceinline, no_cpython_wrapper, no_cfunc_wrapper."""
-    assert through_helper(2.0) == 15.0
-    (code,) = through_helper.inspect_llvm().values()
-    assert not re.search(r"call [^\n]*thrice", code), "a helper is called, not inlined"
-    alone = numba.njit(**internals.INLINED)(thrice.py_func)
-    alone.compile((numba.float64,))
-    (code,) = alone.inspect_llvm().values()
-    assert "thrice" in code and "cpython" not in code and "cfunc" not in code
-
-
-def test_a_borrowed_array_is_the_array_and_counts_no_references():
-    """context.make_array, meminfo, parent."""
-    values = np.arange(6.0)
-    before = sys.getrefcount(values)
-    total, again = through_borrow(values, 3)
-    assert total == 0 * 1 + 1 * 2 + 2 * 3
-    assert again.ctypes.data == values.ctypes.data and again.shape == values.shape
-    del again
-    gc.collect()
-    assert sys.getrefcount(values) == before and values.tolist() == list(range(6))
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_batch_function_is_called_by_its_address(dtype):
-    values, factor = np.arange(8, dtype=dtype), np.array([2], dtype)
-    through_address(kernels.batch_function(doubles, dtype).address, values, 3, factor)
-    assert values.tolist() == [0, 2, 4, 3, 4, 5, 6, 7]
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_batch_function_is_called_by_its_address_without_the_jit(monkeypatch, dtype):
-    monkeypatch.setattr(kernels, "IS_COMPILING", False)
-    function = kernels.batch_function.__wrapped__(doubles, dtype)
-    assert isinstance(function, kernels.PlainBatchFunction)
-    values, factor = np.arange(8, dtype=dtype), np.array([2], dtype)
-    call, addresses = call_batch_function_without_the_jit(monkeypatch), np.array([function.address], np.int64)
-    call(addresses[0], values.ctypes.data, np.uint64(3), factor.ctypes.data)
-    assert values.tolist() == [0, 2, 4, 3, 4, 5, 6, 7]
-
-
-def call_batch_function_without_the_jit(monkeypatch):
-    """`call_batch_function` as it is where nothing is compiled."""
-    monkeypatch.setattr(internals, "IS_COMPILING", False)
-    spec = importlib.util.spec_from_file_location("rasterizer.compiler.kernels_again", kernels.__file__)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.call_batch_function
-
-
-def test_a_fault_in_a_batch_function_is_raised_without_the_jit(monkeypatch):
-    """A ctypes callback would only print it."""
-
-    def fails(rows, n, params):
-        raise ValueError("in the batch function")
-
-    monkeypatch.setattr(kernels, "IS_COMPILING", False)
-    function = kernels.batch_function.__wrapped__(fails, np.float32)
-    call = call_batch_function_without_the_jit(monkeypatch)
-    with pytest.raises(ValueError, match="in the batch function"):
-        call(function.address, 0, 1, 0)
-
-
-def plain_sum(a, b):
-    """Add."""
-    return a + b
-
-
-def build_difference(typing_context, a, b):
-    """Spell out something else than `plain_sum`, so that it is seen which of them runs."""
-
-    def generate(_context, builder, _signature, arguments):
-        return builder.sub(*arguments)
-
-    return numba.int64(numba.int64, numba.int64), generate
-
-
-@pytest.mark.parametrize(
-    "is_compiling, is_seen, is_documented, expected",
-    [(True, True, False, 3), (True, False, False, 7), (True, False, True, 3), (False, True, True, 7)],
-)
-def test_instructions_stand_in_for_a_plain_function_only_where_they_are_known(
-    monkeypatch, is_compiling, is_seen, is_documented, expected
-):
-    monkeypatch.setattr(internals, "IS_COMPILING", is_compiling)
-    monkeypatch.setattr(internals, "IS_SEEN", is_seen)
-    chosen = internals.lowered_by(build_difference, is_documented)(plain_sum)
-    if is_compiling:
-        assert numba.njit(lambda a, b: chosen(a, b))(5, 2) == expected
-    else:
-        assert chosen(5, 2) == expected
-
-
-# ── versions that were not seen ─────────────────────────────────────────────────────────────────────────
-
-DRAWS = """
-import hashlib
-import numpy as np
-import rasterizer as rz
-from rasterizer.compiler import kernels
-
-vertices = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
-mesh = rz.Mesh(vertices, [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)], crease_angle=60)
-scene = rz.Scene([mesh], camera=rz.Camera.framing(mesh))
-digest = hashlib.sha256()
-for shading in ("flat", "phong"):
-    frame = rz.render(scene, (40, 30), shading=shading, outputs=("color", "depth", "face"))
-    for values in (frame.color, frame.depth, frame.face):
-        digest.update(values.tobytes())
-"""
-
-
-def told_by(program, tmp_path, **variables):
-    """Run a program with a cache folder of its own; return what it printed, and what it complained of."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path / "kernels")} | variables
-    command = [sys.executable, "-c", program]
-    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
-    return done.stdout.strip(), done.stderr
+def test_a_version_that_was_not_seen_calls_kernels_itself_and_keeps_nothing(tmp_path):
+    program = TINY + "print(STORE.is_used, STORE.own, STORE.reasons)"
+    told = told_by(program, tmp_path, RASTER_STORE=tmp_path / "kernels")
+    assert told == "False None ('numba 0.99.0 is newer or older than the versions that were tried',)"
+    assert not (tmp_path / "kernels").exists()
 
 
 @pytest.mark.slow
-def test_a_version_that_was_not_seen_draws_the_same_and_keeps_nothing_on_disk(tmp_path):
-    """Only what is documented is used there: the same pictures, compiled in every run, and one line that says so."""
-    unseen = "import numba\nnumba.__version__ = '0.99.0'\n"
-    tail = "print(digest.hexdigest(), kernels.CACHE_FOLDER, len(kernels.CACHE_REASONS))"
-    told, complaint = told_by(unseen + DRAWS + tail, tmp_path)
-    space = {}
-    exec(DRAWS, space)
-    assert told == f"{space['digest'].hexdigest()} None 1"
-    assert complaint.count("\n") == 1 and "numba 0.99.0 is not among the versions" in complaint, complaint
-    assert not (tmp_path / "kernels").exists()
+def test_a_version_that_was_not_seen_draws_the_same(tmp_path):
+    """Only what is documented is used there, also by vector instructions and batch functions."""
+    told = run(DRAWS, tmp_path, RASTER_STORE=kernels.STORE.own.parent)
+    assert len(told) == 64 and told_by(DRAWS, tmp_path) == told
+
+
+DRAWS = """
+import hashlib
+from helpers.small_scenes import draw
+
+digest = hashlib.sha256()
+for shading in ("flat", "phong"):
+    for name, values in sorted(draw("many lights", shading).items()):
+        digest.update(values.tobytes())
+print(digest.hexdigest())
+"""
 
 
 def test_a_version_that_was_not_seen_is_told_by_the_program(tmp_path):
     """`warmup` can't keep anything, and says why."""
     program = (
-        "import numba, sys\nnumba.__version__ = '0.60.0'\n"
-        "from rasterizer.cli import main\nassert main(['warmup']) == 4\n"
+        "import numba, sys\nnumba.__version__ = '0.60.0'\nfrom rasterizer.cli import main\nsys.exit(main(['warmup']))"
     )
-    _, complaint = told_by(program, tmp_path)
+    with start(program, tmp_path, RASTER_STORE=tmp_path / "kernels") as process:
+        out, complaint = process.communicate()
+    assert process.returncode == 4 and out == ""
     assert "numba 0.60.0 is newer or older than the versions that were tried" in complaint, complaint

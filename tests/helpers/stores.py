@@ -14,6 +14,21 @@ from rasterizer.compiler.machine_code import LoadedCode
 from rasterizer.compiler.signatures import Table, signature_of
 from rasterizer.compiler.store import FORMAT
 
+# The kernel and the batch function of the package that take the least time to compile.
+TINY = """
+import numpy as np
+from rasterizer.compiler import kernels
+from rasterizer.compiler.kernels import STORE
+from rasterizer.geometry.creases import list_corners
+
+corners = np.array([2, 0, 2, 1], np.uint32)
+assert list_corners(corners, np.zeros(5, np.uint32), np.zeros(4, np.uint32)) == 2
+"""
+LIGHT = """
+from rasterizer.pipeline.reflection import lambert
+assert kernels.batch_function(lambert, np.float64).address
+"""
+
 
 class Pair(NamedTuple):
     """A class of tuples that kernels take."""

@@ -30,7 +30,7 @@ from helpers.toy_kinds import (
 import rasterizer as rz
 from rasterizer import reference, registries
 from rasterizer.cli import main
-from rasterizer.compiler.kernels import CACHE_FOLDER
+from rasterizer.compiler.kernels import STORE
 from rasterizer.engine import light_table, reflection_table
 from rasterizer.engine.output_buffers import OutputBuffer
 from rasterizer.engine.plan import make_plan
@@ -450,6 +450,6 @@ def test_functions_from_outside_the_package_stay_out_of_the_disk_cache(toys):
     """The cache's folder is named after this package's sources: a user's function that changes would stay as it was."""
     rz.render(scene_of(moon(), slab_light()), SIZE)
     assert slab.__module__ == "helpers.toy_kinds"
-    if CACHE_FOLDER is not None:
-        names = [path.name for path in CACHE_FOLDER.iterdir()]
+    if STORE.own is not None:
+        names = [path.name for path in STORE.own.iterdir()]
         assert names and not [name for name in names if "toy_kinds" in name]

@@ -1,0 +1,77 @@
+"""`raster warmup`: all kernels into a store, the user's own or one that can be shipped."""
+
+import os
+import re
+
+import pytest
+from helpers.command import errors, one_error
+
+from rasterizer.cli import main, warmup_command
+from rasterizer.compiler import fingerprint, kernels, store
+from rasterizer.compiler.store import Store
+from rasterizer.pipeline.reflection import lambert
+
+FEW = {(lambert, ("batch function", name)): True for name in ("float32", "float64")}
+
+
+@pytest.fixture
+def few(monkeypatch, tmp_path):
+    """All that there is to compile: two batch functions."""
+    tmp_path.chmod(0o700)
+    monkeypatch.setattr(warmup_command, "list_all_needs", lambda: dict(FEW))
+    return tmp_path
+
+
+def test_kernels_that_are_there_are_not_compiled_again(capsys):
+    assert main(["warmup"]) == 0
+    assert re.match(r"raster: kernels were ready already after [\d.]+ s, in ", errors(capsys))
+
+
+def test_no_folder_is_an_error_that_says_why_and_what_to_do(capsys, monkeypatch):
+    monkeypatch.setattr(kernels, "STORE", Store(is_used=True, reasons=("/home: it can't be written",)))
+    assert main(["warmup"]) == 4
+    error = one_error(capsys)
+    assert "/home: it can't be written" in error and "RASTER_STORE names another folder" in error
+
+
+def test_a_store_to_be_shipped_is_made_in_a_folder(capsys, few):
+    folder = few / "made" / "kernels"
+    for text in ("ready", "were ready already"):
+        assert main(["warmup", "--into", str(folder)]) == 0
+        assert f"raster: kernels {text} after" in errors(capsys)
+    (own,) = folder.iterdir()
+    assert own.name == f"{store.PREFIX}{fingerprint.hash_sources()}"
+    names = sorted(path.name.rpartition("-")[0] for path in own.iterdir() if path.name != store.MARKER)
+    assert names == ["reflection.lambert"] * 2 and (own / store.MARKER).read_bytes() == store.MARK
+
+
+def test_code_for_a_level_of_processors_is_found_where_they_reach_it(capsys, few):
+    before = dict(os.environ)
+    assert main(["warmup", "--into", str(few / "kernels"), "--cpu", "x86-64-v2", "-q"]) == 0
+    assert dict(os.environ) == before, "the environment is given back"
+    made = Store.into(few / "kernels")
+    reached = "x86-64-v2" in fingerprint.usable_processors()
+    assert kernels.missing_in(made, FEW) == ([] if reached else list(FEW))
+    assert kernels.missing_in(made._replace(processors=(fingerprint.host_processor(),)), FEW) == list(FEW)
+    assert kernels.missing_in(made._replace(processors=("x86-64-v2",)), FEW) == []
+
+
+def test_the_environment_is_given_back_after_an_error(few, monkeypatch):
+    monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
+    before = dict(os.environ)
+    (few / "file").write_text("precious")
+    assert main(["warmup", "--into", str(few / "file"), "--cpu", "x86-64-v2", "-q"]) == 4
+    assert dict(os.environ) == before and (few / "file").read_text() == "precious"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are looked at on POSIX alone")
+def test_a_folder_that_others_can_write_to_is_no_place_for_a_store(capsys, few):
+    few.chmod(0o777)
+    assert main(["warmup", "--into", str(few / "kernels")]) == 4
+    assert f"others can write to {few}" in one_error(capsys)
+
+
+def test_kernels_that_could_not_be_compiled_are_named(capsys, few, monkeypatch):
+    monkeypatch.setattr(kernels, "compile_into", lambda _store, _jobs: None)
+    assert main(["warmup", "--into", str(few / "kernels")]) == 4
+    assert "not all kernels could be compiled into" in (error := one_error(capsys)) and "lambert" in error

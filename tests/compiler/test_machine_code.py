@@ -1,0 +1,122 @@
+"""Machine code in memory: it needs nothing but the C library and Python, and what is none is refused, not run."""
+
+import ctypes
+
+import numpy as np
+import pytest
+from helpers.raster import assert_runs
+from helpers.stores import split_file
+
+from rasterizer.compiler import internals, kernels, store
+from rasterizer.compiler.machine_code import IN_EVERY_FILE, Code, LoadedCode, is_found
+from rasterizer.compiler.object_file import read_names
+
+# What machine code of the package may call.
+PYTHON = {
+    "PyBool_FromLong", "PyErr_Clear", "PyErr_Occurred", "PyErr_SetString", "PyEval_RestoreThread", "PyEval_SaveThread",
+    "PyFloat_AsDouble", "PyFloat_FromDouble", "PyLong_AsLongLong", "PyLong_AsUnsignedLongLongMask",
+    "PyLong_FromLongLong", "PyLong_FromUnsignedLongLong", "PyObject_IsTrue", "PyTuple_New", "PyTuple_SetItem",
+    "Py_IncRef",
+}  # fmt: skip
+MATHEMATICS = {
+    "acos", "asin", "atan", "atan2", "ceil", "cos", "exp", "exp2", "floor", "fma", "fmod", "hypot", "ldexp", "log",
+    "log10", "log1p", "log2", "nearbyint", "pow", "rint", "round", "sin", "sincos", "sqrt", "tan", "trunc",
+}  # fmt: skip
+ALLOWED = PYTHON | MATHEMATICS | {f"{name}f" for name in MATHEMATICS} | {"memcpy", "memmove", "memset"} | IN_EVERY_FILE
+
+
+def halves(x):
+    return x.sum() * 0.5
+
+
+def halves_code() -> Code:
+    return internals.compile_kernel(halves, (("array", "float64", 1, "C"),))
+
+
+# ---------------------------------------------------------------- what there is
+
+
+def test_code_becomes_bytes_and_back():
+    for code in (halves_code(), Code(b"", ()), Code(b"\nx y\n\n", ("a", "b"))):
+        assert Code.of_bytes(code.as_bytes()) == code
+
+
+def test_code_runs_as_long_as_it_is_held():
+    loaded = LoadedCode(halves_code(), "entry")
+    assert loaded.address
+
+
+def test_functions_of_the_c_library_and_of_python_are_found():
+    assert is_found("pow") and is_found("PyLong_FromLongLong") and not is_found("nowhere_at_all")
+
+
+def test_every_kernel_of_the_package_needs_nothing_of_numba():
+    """So it runs where numba is not loaded. Looks at all that `raster warmup` has put into the store."""
+    if kernels.STORE.own is None:
+        pytest.skip("there is no store")
+    paths = sorted(kernels.STORE.own.glob(f"*{store.SUFFIX}"))
+    assert len(paths) > 40, f"only {len(paths)} kernels are stored <= 40"
+    for path in paths:
+        code = Code.of_bytes(split_file(path.read_bytes())[1])
+        _, needed = read_names(code.content)
+        strange = {*code.needs, *needed} - ALLOWED
+        assert not strange, f"{path.name} needs {', '.join(sorted(strange))}"
+
+
+# ---------------------------------------------------------------- what is none
+
+
+def test_code_that_needs_what_is_nowhere_is_refused():
+    code = halves_code()
+    with pytest.raises(LookupError, match="no function nowhere_at_all, numba_nothing"):
+        LoadedCode(code._replace(needs=("numba_nothing", *code.needs, "nowhere_at_all")), "entry")
+
+
+def test_code_without_the_entry_point_is_refused():
+    with pytest.raises(LookupError, match="no entry point another"):
+        LoadedCode(halves_code(), "another")
+
+
+WRONG = """
+import llvmlite.binding as llvm
+import numpy as np
+from rasterizer.compiler import internals
+from rasterizer.compiler.machine_code import Code, LoadedCode
+from test_machine_code import halves_code
+
+code = halves_code()
+content, rng = code.content, np.random.default_rng(7)
+wrong = [b"", b"hello" * 99, rng.bytes(len(content)), bytes(len(content)), content[1:], b"BC" + content]
+wrong += [content[: len(content) * k // 50] for k in range(50)]
+wrong += [content[:64] + rng.bytes(len(content) - 64), content[:-600] + rng.bytes(600)]
+machine = llvm.Target.from_default_triple().create_target_machine(codemodel="jitdefault", jit=True)
+lacking = "declare i64 @nowhere()\\ndefine i64 @entry() {\\n %r = call i64 @nowhere()\\n ret i64 %r }"
+wrong += [machine.emit_object(llvm.parse_assembly(lacking))]
+wrong += [machine.emit_object(llvm.parse_assembly("define i64 @other() { ret i64 3 }"))]
+for each in wrong:
+    try:
+        LoadedCode(Code(each, ()), "entry")
+    except (LookupError, ValueError):
+        continue
+    raise AssertionError(f"took {len(each)} bytes that are no code: {each[:20]}")
+assert LoadedCode(code, "entry").address
+"""
+
+
+def test_what_is_no_object_code_is_refused_and_ends_no_process():
+    """As a wrong program may store it, under a checksum that is right: LLVM would end the process."""
+    assert_runs("import sys; sys.path.insert(0, 'compiler')" + WRONG)
+
+
+def test_a_callback_has_the_convention_that_is_told():
+    """void entry(void *batch, int64 n, void *coefficients)."""
+
+    def scales(batch, n, coefficients):
+        for k in range(n):
+            batch[k] *= coefficients[0]
+
+    loaded = LoadedCode(internals.compile_batch_function(scales, np.float32), "entry")
+    values, factor = np.arange(4, dtype=np.float32), np.array([3], np.float32)
+    call = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64)(loaded.address)
+    call(values.ctypes.data, 3, factor.ctypes.data)
+    assert values.tolist() == [0, 3, 6, 3]
