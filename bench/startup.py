@@ -4,11 +4,12 @@
     python bench/startup.py path/to/scan.obj --runs 15 --cold 3
 
 Programs take turns: the command line, what a user may compare it with, and parts of it. Each is a process of its own,
-timed from its start to its end. Columns are explained in
-bench/README.md; the last line of the output is the same as JSON.
+timed from its start to its end. Columns are explained in bench/README.md; the last line of the output is the same as
+JSON.
 """
 
 import argparse
+import compileall
 import importlib.util
 import json
 import os
@@ -42,7 +43,7 @@ class Launcher:
         `store` is the folder of compiled kernels; "" leaves them where they are kept anyway.
         """
         kept = {"RASTER_STORE": store, "NUMBA_CACHE_DIR": store} if store else {}
-        environment = os.environ | kept | {"PYTHONPATH": str(ROOT)}
+        environment = os.environ | kept | {"PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": ""}
         print(json.dumps([command, environment]), file=self._process.stdin, flush=True)
         found = json.loads(self._process.stdout.readline())
         if found["code"]:
@@ -59,6 +60,7 @@ def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
     args = make_parser().parse_args(argv)
     machine, launcher = measure.Machine(), Launcher()
+    compileall.compile_dir(ROOT / "rasterizer", quiet=1)  # as pip does when it installs a package
     with tempfile.TemporaryDirectory() as folder:
         if args.model is None:
             args.model = write_torus(Path(folder) / "torus.obj")
@@ -95,10 +97,10 @@ def write_torus(path: Path) -> Path:
 # --- programs -----------------------------------------------------------------------------------------------
 
 
-def list_programs(drawing: list, size: str) -> dict:
-    """Programs by name: the yardstick, the command line and its parts, and others that are installed."""
+def list_programs(drawing: list) -> dict:
+    """Programs by name: the yardstick, the command line, and parts of it."""
     python = [sys.executable, "-c"]
-    programs = {
+    return {
         YARDSTICK: [*python, YARDSTICK],
         "python alone": [*python, "pass"],
         "import numpy": [*python, "import numpy"],
@@ -109,21 +111,30 @@ def list_programs(drawing: list, size: str) -> dict:
         "first picture": [sys.executable, str(HERE / "first_picture.py")],
         "in a worker": [sys.executable, str(HERE / "first_picture.py"), "--spawn"],
     }
-    model, output, width_height = drawing[1], drawing[-1], [str(number) for number in scenes.size_of(size)]
+
+
+def list_others(launcher: Launcher, drawing: list, size: str) -> dict:
+    """Other programs that draw the same model, by name, as far as they are installed and run here."""
+    model, output, numbers = drawing[1], drawing[-1], [str(number) for number in scenes.size_of(size)]
+    others, why_not = {}, {"f3d": "it is not installed", "moderngl": "it is not installed, or trimesh is not"}
     if shutil.which("f3d"):
-        programs["f3d"] = ["f3d", model, "--output", output, "--resolution", ",".join(width_height)]
-    else:
-        print("f3d is not installed: left out")
+        others["f3d"] = ["f3d", model, "--output", output, "--resolution", ",".join(numbers)]
     if all(importlib.util.find_spec(name) for name in ("moderngl", "trimesh")):
-        programs["moderngl"] = [sys.executable, str(HERE / "moderngl_picture.py"), model, output, *width_height]
-    else:
-        print("moderngl is not installed: left out")
-    return programs
+        others["moderngl"] = [sys.executable, str(HERE / "moderngl_picture.py"), model, output, *numbers]
+    for name, command in list(others.items()):
+        try:
+            launcher.run(command, "")
+        except SystemExit as fault:  # as where there is no display
+            why_not[name] = str(fault).splitlines()[-1]
+            del others[name]
+    for name in why_not.keys() - others.keys():
+        print(f"{name} is left out: {why_not[name]}")
+    return others
 
 
 def measure_programs(launcher: Launcher, drawing: list, store: str, args) -> tuple[list, list]:
     """Run programs in turns; return a row for each, and the milliseconds of each stage in each run."""
-    programs = list_programs(drawing, args.size)
+    programs = list_programs(drawing) | list_others(launcher, drawing, args.size)
     found = {name: [] for name in programs}
     for turn in range(1 + args.runs):
         for name, command in programs.items():

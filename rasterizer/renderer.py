@@ -1,6 +1,5 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
-import logging
 from collections.abc import Sequence
 from dataclasses import fields
 from time import perf_counter
@@ -13,10 +12,7 @@ from .errors import RasterizerError, SceneError, shown
 from .frame import Frame, Stats
 from .options import Options
 from .scene.camera import Camera
-from .scene.sample import SIZE, sample_scene
 from .scene.scene import Scene, SceneLike
-
-_log = logging.getLogger("rasterizer")
 
 
 def render(
@@ -147,13 +143,19 @@ class Renderer:
     def _list_needs(self) -> dict:
         """Return the kernels that a picture needs, {(function, signature): True}, found out by drawing a small one in
         Python; what only the whole scene needs, such as clipping, is compiled when it is met."""
+        import logging
+
+        from .scene.sample import SIZE, sample_scene
+
         options = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
         with noting_needs() as needs:
             try:
                 with Renderer(sample_scene(self.scene), **options | {"size": SIZE, "threads": 1}) as renderer:
                     renderer.render()
             except RasterizerError as fault:  # what was noted until then is of use
-                _log.info("not all kernels that the picture needs are known ahead: %s", fault)
+                logging.getLogger("rasterizer").info(
+                    "not all kernels that the picture needs are known ahead: %s", fault
+                )
         return needs
 
     def _render(self, camera) -> Frame:

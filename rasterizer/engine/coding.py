@@ -23,8 +23,8 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
     return CODINGS[plan.coding](
         kind=plan.coding,
         level_scale=plan.level_scale if plan.coding in (IN_ENTRIES, LEVEL_PLANES) else None,
-        level_tolerance=max(0.0, tolerance - plan.rounding) * plan.level_scale,
-        normal_limit=plan.normal_limit if plan.coding == NORMAL_PLANES else None,
+        level_tolerance=float(max(0.0, tolerance - plan.rounding) * plan.level_scale),
+        normal_limit=float(plan.normal_limit) if plan.coding == NORMAL_PLANES else None,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
         needs_distance=plan.coding == NORMAL_PLANES
         and any(entry_of(light).function(light).needs_position for light in plan.lights),
@@ -39,5 +39,5 @@ def make_encoding(plan: Plan, background, color_range, scale=1.0) -> Encoding:
     """Say how linear colour becomes 8 bits; `background` is a linear colour or None."""
     behind = np.array(background or (0, 0, 0), np.float32)
     policy = {"clamp": RANGE_CLAMP, "global": RANGE_GLOBAL, "local": RANGE_LOCAL}[color_range]
-    is_grey = plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0
+    is_grey = bool(plan.n_channel == 1 and np.ptp(plan.tint) == 0.0 and np.ptp(behind) == 0.0)
     return with_blank(Encoding(is_grey, plan.tint, behind, background is not None, policy, scale))

@@ -181,7 +181,7 @@ class ShadowMapPass(Pass):
 
     def finish(self, workspace, band, loaded_face):
         """Write the texels' depths."""
-        write_map(workspace.visibility, band.y_start, band.n_row, self.depth, self.texels)
+        write_map(workspace.visibility, band.y_start, band.n_row, *self.depth, self.texels)
         return 0
 
 

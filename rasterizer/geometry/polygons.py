@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..scene.arrays import distinct
 from ..scene.triangulation import CHUNK, classify_polygons, rotate_to_first
 
 
@@ -50,7 +51,7 @@ def find_rings(triangles: NDArray, polygons: NDArray | None, points: NDArray) ->
         _, name, n_run = np.unique(polygons[start], return_inverse=True, return_counts=True)
         is_whole = n_run[name.ravel()] == 1
     found = [(nothing, nothing.reshape(0, 1), nothing.reshape(0, 1))]
-    for n in np.unique(count[is_whole & (count > 1)]).tolist():
+    for n in distinct(count[is_whole & (count > 1)]).tolist():
         of_size = start[is_whole & (count == n)]
         step = max(1, CHUNK // (n + 2))
         for begin in range(0, len(of_size), step):

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
 from .model_file import WHITE, ModelFile, Part, bytes_of, cut_faces
@@ -192,7 +193,7 @@ def _with_materials(model, part: Part, palette, name) -> Part:
     palette = list(palette)
     if has_uv is not None and not has_uv.all():
         numbers = numbers.copy()
-        for number in np.unique(numbers[~has_uv]).tolist():
+        for number in distinct(numbers[~has_uv]).tolist():
             if palette[number].texture is not None:
                 is_bare = (numbers == number) & ~has_uv
                 palette.insert(-1, replace(palette[number], texture=None))  # the last one is the unnamed, -1

@@ -144,8 +144,10 @@ def _read_rows(keyword, lines, words) -> NDArray[np.float64]:
     """Return the numbers of some lines, as many as all of these have."""
     counts, least = np.diff(words.first), _LEAST[keyword]
     column = np.arange(max(int(counts.min(initial=len(words.starts))), least, 2))
-    places = np.where(column < counts[:, None], words.first[:-1, None] + column, -1)
     values, is_number = read_decimals(words)
+    if is_number.all() and (counts == len(column)).all():  # as nearly always
+        return values.reshape(-1, len(column))
+    places = np.where(column < counts[:, None], words.first[:-1, None] + column, -1)
     is_bad = np.append(~is_number, False)[places]
     if is_bad.any() or counts.min(initial=least) < least:
         row = int(((counts < least) | is_bad.any(axis=1)).argmax())

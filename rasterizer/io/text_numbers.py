@@ -25,7 +25,13 @@ _DIGIT, _PLUS, _MINUS, _POINT = b"0+-."
 _NEVER = re.compile(rb"[+-]?nan\(.*\)", re.IGNORECASE)  # what C libraries write for what is no number
 _POWERS = 10 ** np.arange(MOST_DIGITS + 1)
 _BYTES = 0x0101010101010101
-_ZEROS, _SIXES, _HIGHS, _THREES = (np.uint64(byte * _BYTES) for byte in (_DIGIT, 0x06, 0xF0, 0x33))
+# The highest bit of a byte is set above 9 once 0x76 is added, if it wasn't before.
+_ZEROS, _TO_HIGH, _HIGH = (np.uint64(byte * _BYTES) for byte in (_DIGIT, 0x76, 0x80))
+# Neighbours become one number in the higher place: times 10 plus itself a place further, moved down, the rest cleared.
+_JOINS = tuple(
+    (np.uint64(10**n * 2 ** (8 * n) + 1), np.uint64(8 * n), np.uint64(kept))
+    for n, kept in ((1, 0x00FF00FF00FF00FF), (2, 0x0000FFFF0000FFFF), (4, 0x00000000FFFFFFFF))
+)
 _KEPT = np.array([(_BYTES * 255 << 8 * (8 - n)) % 2**64 for n in range(9)], np.uint64)  # the last n of eight letters
 
 
@@ -71,7 +77,7 @@ def read_integers(words: Words) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     values : (n_word,) int64, and is_integer : (n_word,) bool, False for what is none
     """
     begins, is_negative = _skip_sign(words)
-    values, is_integer = _read_digits(words.letters, begins, words.ends)
+    values, is_integer = _read_digits(words.letters, words.ends, words.ends - begins)
     is_integer &= (begins < words.ends) | (begins == words.starts)
     return np.negative(values, where=is_negative, out=values), is_integer
 
@@ -90,16 +96,16 @@ def read_decimals(words: Words) -> tuple[NDArray[np.float64], NDArray[np.bool_]]
     letters, starts, ends, _ = words
     begins, is_negative = _skip_sign(words)
     points = np.flatnonzero(letters == _POINT)
-    middles = ends.copy()
-    middles[np.searchsorted(starts, points, side="right") - 1] = points
-    n_behind = np.maximum(ends - middles - 1, 0)
-    n_digit = middles - begins + n_behind
-    whole, is_whole = _read_digits(letters, begins, middles)
-    behind, is_number = _read_digits(letters, ends - n_behind, ends)
-    power = _POWERS.take(n_behind, mode="clip")
-    mantissa = whole * power + behind
-    is_number &= is_whole & (n_digit > 0) & (n_digit <= MOST_DIGITS) & (mantissa <= 2**53)
-    values = mantissa / power
+    pointed = slice(None)  # the words that have one: most often all of them
+    if len(points) != len(ends) or ((points < starts) | (points >= ends)).any():
+        pointed = np.searchsorted(starts, points, side="right") - 1
+    n_behind, n_digit = np.zeros(len(ends), np.int64), ends - begins
+    n_tail = n_digit.copy()  # letters behind the point, all where there is none
+    n_behind[pointed] = n_tail[pointed] = ends[pointed] - points - 1
+    n_digit -= n_tail < n_digit
+    mantissa, is_number = _read_digits(letters, ends, n_digit, n_tail)
+    is_number &= (n_digit > 0) & (mantissa <= 2**53)
+    values = mantissa / _POWERS.take(n_behind, mode="clip")
     np.negative(values, where=is_negative, out=values)
     others = np.flatnonzero(~is_number)
     if len(others):
@@ -136,21 +142,37 @@ def _skip_sign(words) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     return words.starts + has_sign, is_negative & has_sign
 
 
-def _read_digits(letters, starts, ends) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Read ranges of letters as whole numbers, (n,) int64, an empty one as 0; and tell which are such numbers."""
+def _read_digits(letters, ends, n_digit, n_tail=None) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Read the last letters before some places as whole numbers, and tell which are such numbers.
+
+    Parameters
+    ----------
+    ends : (n,) int64 places
+    n_digit : (n,) int64, how many letters each number has; none is 0
+    n_tail : (n,) int64, how many of them stand behind a letter that is left out, the point; None = none is left out
+
+    Returns
+    -------
+    values : (n,) int64, and is_whole : (n,) bool, False for what has another letter than a digit, or too many
+    """
     eights = np.ndarray(len(letters) - 7, "<u8", letters, 0, (1,))  # the eight letters from each place on
-    n_digit = ends - starts
-    values, is_whole = np.zeros(len(starts), np.int64), n_digit <= MOST_DIGITS
+    values, is_whole = np.zeros(len(ends), np.int64), n_digit <= MOST_DIGITS
     for done in range(0, min(int(n_digit.max(initial=0)), MOST_DIGITS), 8):
-        kept = _KEPT.take(n_digit - done, mode="clip")
-        eight = (eights[ends - (done + 8)] & kept) | (_ZEROS & ~kept)
-        # '0'..'9' are 0x30..0x39: the high half of each byte is 3, and still is when 6 is added.
-        highs = (eight & _HIGHS) | ((eight + _SIXES & _HIGHS) >> np.uint64(4))
-        is_whole &= highs == _THREES
-        eight = (eight & np.uint64(0x0F * _BYTES)) * np.uint64(10 * 2**8 + 1) >> np.uint64(8)
-        eight = (eight & np.uint64(0x00FF00FF00FF00FF)) * np.uint64(100 * 2**16 + 1) >> np.uint64(16)
-        eight = (eight & np.uint64(0x0000FFFF0000FFFF)) * np.uint64(10000 * 2**32 + 1) >> np.uint64(32)
-        values += eight.view(np.int64) * 10**done
+        places = ends - (done + 8)
+        eight = eights[places]
+        if n_tail is not None:  # what stands before the point moves up by one letter
+            moved = eights[places - 1]
+            moved ^= eight
+            moved &= ~_KEPT.take(n_tail - done, mode="clip")
+            eight ^= moved
+        eight ^= _ZEROS  # '0'..'9' are 0x30..0x39, and become 0..9; what is no digit becomes more
+        eight &= _KEPT.take(n_digit - done, mode="clip")
+        is_whole &= (((eight + _TO_HIGH) | eight) & _HIGH) == 0
+        for factor, shift, kept in _JOINS:
+            eight *= factor
+            eight >>= shift
+            eight &= kept
+        values += eight.view(np.int64) * 10**done if done else eight.view(np.int64)
     return values, is_whole
 
 

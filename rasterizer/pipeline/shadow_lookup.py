@@ -190,17 +190,16 @@ def compare(batch, header, texels, first, start, end):
 
 
 @kernel
-def write_map(visibility, y_start, n_row, depth_line, out_texels):
+def write_map(visibility, y_start, n_row, offset, slope, out_texels):
     """Turn the depths of n_row rows from y_start on into texels of a map; clean the band.
 
     Parameters
     ----------
     visibility : of the band
-    depth_line : (offset, slope), float64: the texels are offset + slope·z, 1/w or minus the depth
+    offset, slope : the texels are offset + slope·z, 1/w or minus the depth
     out_texels : (size, size) float64, row y_start.. of it; -inf where nothing is
     """
-    entries, (offset, slope) = borrow(visibility.entries), depth_line
-    nothing = out_texels.dtype.type(-np.inf)
+    entries, nothing = borrow(visibility.entries), out_texels.dtype.type(-np.inf)
     for j in range(n_row):
         left, right = row_extent(visibility, j)
         row = out_texels[index(y_start + j)]

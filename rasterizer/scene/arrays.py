@@ -24,10 +24,24 @@ def plain_array(values: ArrayLike) -> NDArray:
     ------
     TypeError, ValueError : no array, or a masked one, whose masked values would count
     """
-    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+    if is_masked(values):
         raise ValueError("masked values are no numbers")
     array = np.asarray(values)
     if array.dtype.kind == "f" and array.dtype.itemsize > 8:
         with np.errstate(over="ignore"):
             array = array.astype(np.float64)
     return array
+
+
+def is_masked(values: object) -> bool:
+    """Tell whether an array has masked values. `np.ma` would say so, but takes as long to import as a small model."""
+    return isinstance(values, np.ndarray) and bool(np.any(getattr(values, "mask", False)))
+
+
+def distinct(values: NDArray) -> NDArray:
+    """Return the distinct ones of whole numbers (n,), ascending.
+
+    `np.unique` would do, but imports `np.ma`, to see whether some are masked.
+    """
+    ordered = np.sort(values)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]

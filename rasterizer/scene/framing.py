@@ -129,7 +129,8 @@ def _center(cloud: "_Cloud", touched: Array, depth: float) -> Array:
     while (slopes > before).any():
         (s, r), before = slopes, slopes
         found = cloud.farthest(np.array([(1, 0, -s), (-1, 0, -s), (0, 1, -r), (0, -1, -r)]))
-        known = np.unique(np.concatenate([known, found]), axis=0)
+        # Asked for indices, too, np.unique doesn't import np.ma.
+        known = np.unique(np.concatenate([known, found]), axis=0, return_index=True)[0]
         slopes = np.maximum(_half_extents(known, depth)[0], before)
     return np.append(_half_extents(known, depth)[1], depth)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import ModelError, shown
-from .arrays import plain_array
+from .arrays import is_masked, plain_array
 from .color import linear_from_srgb_bytes
 from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT
@@ -135,7 +135,7 @@ def triangulate(faces: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.u
 
 def _flattened(faces: Any) -> tuple[NDArray, NDArray[np.int64]]:
     """Return all corners one after the other, any integer dtype, and how many each face has."""
-    if isinstance(faces, np.ma.MaskedArray) and np.ma.is_masked(faces):
+    if is_masked(faces):
         raise ModelError(f"faces must be integers, none of them masked; given {shown(faces)}")
     try:
         array = np.asarray(faces)

@@ -4,12 +4,14 @@ So what a picture needs is found out in no time, such as the kernels that are to
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from .lights import Light
+from .lights import AmbientLight, Light
 from .mesh import Mesh
 from .scene import Scene
+from .shadow import Shadow
 
 SIZE = 6  # of a picture of it, pixels
 MOST_MESHES = 16
@@ -20,23 +22,24 @@ _ATTRIBUTES = "normals", "uv", "colors", "face_colors", "smoothing", "face_mater
 
 def sample_scene(scene: Scene) -> Scene:
     """Return a scene of a few faces that is drawn in the same way: one mesh of every kind there is."""
-    kinds = {}
+    kinds: dict[tuple, Mesh] = {}
     for mesh in scene.meshes:
         given = tuple(getattr(mesh, name) is None for name in _ATTRIBUTES)
         kinds.setdefault((given, mesh.weighting, mesh.crease_angle is None, mesh.palette), mesh)
-    meshes = [sample_mesh(mesh) for mesh in list(kinds.values())[:MOST_MESHES]]
+    meshes = tuple(sample_mesh(mesh) for mesh in list(kinds.values())[:MOST_MESHES])
     camera = None
     if scene.camera is not None and not scene.camera.is_perspective:
         camera = replace(scene, meshes=meshes, camera=None).camera_for((SIZE, SIZE))
-    lights = [_with_small_map(light) for light in scene.lights]
+    lights = tuple(_with_small_map(light) for light in scene.lights)
     return replace(scene, meshes=meshes, camera=camera, lights=lights)
 
 
 def _with_small_map(light: Light) -> Light:
     """Return a light whose shadow map, if it has one, is small: Python draws it."""
-    if not getattr(light, "shadow", None):
+    shadow = getattr(light, "shadow", None)
+    if not isinstance(shadow, Shadow) or isinstance(light, AmbientLight):
         return light
-    return replace(light, shadow=replace(light.shadow, size=SMALL_MAP))
+    return replace(light, shadow=replace(shadow, size=SMALL_MAP))
 
 
 def sample_mesh(mesh: Mesh) -> Mesh:
@@ -56,10 +59,10 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         chosen += first[:MOST_FACES].tolist()
     faces = np.unique(chosen)
     vertices, corners = np.unique(mesh.faces[faces], return_inverse=True)
-    changes = {}
+    changes: dict[str, Any] = {}
     for name in _ATTRIBUTES:
         array = getattr(mesh, name)
         if array is not None:
             of_vertices = name in ("normals", "uv", "colors") and array.ndim == 2
             changes[name] = array[vertices if of_vertices else faces]
-    return replace(mesh, vertices=mesh.vertices[vertices], faces=corners.reshape(-1, 3), **changes)
+    return replace(mesh, vertices=mesh.vertices[vertices], faces=corners.reshape(-1, 3).astype(np.uint32), **changes)

@@ -31,6 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import distinct
 from .services import service
 
 # The squares of the corners of polygons that are cut by ears may sum up to this: one polygon of 23170, or 53687 of 100.
@@ -100,7 +101,7 @@ def cut_polygons(vertices: NDArray, corners: NDArray, counts: ArrayLike) -> Cut:
     starts = np.cumsum(counts) - counts
     first_triangle = np.cumsum(np.maximum(counts - 2, 0)) - np.maximum(counts - 2, 0)
     found = []
-    for k in np.unique(counts[counts > 3]).tolist():
+    for k in distinct(counts[counts > 3]).tolist():
         of_size = np.flatnonzero(counts == k)
         step = max(1, CHUNK // k)
         for begin in range(0, len(of_size), step):

@@ -97,6 +97,19 @@ def test_help_imports_neither_numpy_nor_numba_nor_trimesh():
     assert heavy == "[]" and int(n_module) < 150
 
 
+def test_garbage_is_collected_while_models_are_drawn_but_not_what_imports_made(folder):
+    """Also: who calls `main` with arguments keeps the collector as he has set it."""
+    code = (
+        "import gc, sys; from rasterizer.cli import main, render_command\n"
+        "def draw(*_): print(gc.isenabled(), gc.get_freeze_count() > 0); return [], 1\n"
+        "render_command.render_models = draw\n"
+        "gc.disable(); assert main(['render', 'x']) == 0\n"
+        "gc.enable(); sys.argv[1:] = ['render', 'x']; assert main() == 0"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.split() == ["False", "False", "True", "True"]
+
+
 def test_the_program_itself(folder):
     done = start("render", CUBE, *SMALL, "-o", "-", cwd=folder)
     assert done.returncode == 0 and done.stdout.startswith(b"\x89PNG") and b"error" not in done.stderr

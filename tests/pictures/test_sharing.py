@@ -145,9 +145,12 @@ def test_a_fork_while_others_draw(n_thread):
 
 @forking
 def test_a_fork_while_a_kernel_is_compiled():
-    """The child would wait for ever for the compiler's lock."""
+    """The child would wait for ever for the compiler's lock: it is guarded from when a kernel is first compiled."""
     import numba
 
+    from rasterizer.compiler import internals
+
+    assert internals.IS_SEEN
     is_begun = threading.Event()
 
     def compile_many():

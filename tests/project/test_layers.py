@@ -73,6 +73,8 @@ IN_FUNCTIONS = {
     ("io.scene_file", "tomllib"): "since Python 3.11",
     ("io.scene_file", "tomli"): "optional: the extra toml, for Python 3.10",
     ("io.scene_file_write", "PIL"): "heavy: only scenes with textures need it",
+    ("renderer", "logging"): "only where kernels are compiled",
+    ("renderer", "scene.sample"): "as logging",
     ("scene.color", "PIL"): "heavy: only colours written as text need it",
     ("scene.texture", "PIL"): "heavy: only pictures that are read need it",
     ("scene.texture", "logging"): "as PIL, which imports it",
