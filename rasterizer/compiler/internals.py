@@ -87,14 +87,21 @@ def compile_choice(function: Callable, choose: Callable):
     """Return a function that is compiled differently for different types: `choose` gets the types and returns a plain
     function with the same parameters."""
     numba.extending.overload(function, jit_options={"error_model": "numpy"})(choose)
-    return function
+    return as_callee(function)
 
 
 def compile_intrinsic(function: Callable, name: str, is_documented: bool):
     """Return a function whose instructions are written by the function `name` of intrinsics.py."""
     if IS_SEEN or is_documented:
-        return numba.extending.intrinsic(getattr(intrinsics, name))
-    return numba.extending.register_jitable(function)
+        return as_callee(numba.extending.intrinsic(getattr(intrinsics, name)))
+    return numba.njit(**_OPTIONS)(function)
+
+
+def as_callee(function: Callable):
+    """Return a function that numba knows in a form that has a type of its own in every version."""
+    if IS_SEEN:
+        return function
+    return numba.njit(**_OPTIONS)(lambda *arguments: function(*arguments))
 
 
 def compile_by_numba(function: Callable):
