@@ -94,8 +94,8 @@ def draw_all_kinds() -> None:
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):
                 render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, color_range="global")
-    for samples in (1, 4):
-        render(scenes[0], SIZE, samples=samples, outputs=("rgb",), threads=1, cull="back")
+    for samples, tolerance in ((1, 1 / 4096), (4, 1 / 4096), (4, 0.0)):
+        render(scenes[0], SIZE, samples=samples, tolerance=tolerance, outputs=("rgb",), threads=1, cull="back")
     render(scenes[0], SIZE, outputs=("depth", "face", "normal"), threads=1)
     polygons = replace(
         scenes[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])]
