@@ -45,7 +45,10 @@ def _with_small_map(light: Light) -> Light:
 def sample_mesh(mesh: Mesh) -> Mesh:
     """Return a mesh of a few faces with an area: those of the first polygon that has several, and of each material."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    has_area = np.cross(b - a, c - a).any(axis=1)
+    edges = np.stack([b - a, c - a])
+    with np.errstate(under="ignore"):
+        has_area = np.cross(*edges / (np.abs(edges).max() or 1.0)).any(axis=1)
+    has_area |= not has_area.any()  # too thin for a number: then any face will do
     chosen = np.flatnonzero(has_area)[:2].tolist()
     if mesh.polygons is not None:
         numbers, counts = np.unique(mesh.polygons, return_counts=True)

@@ -67,7 +67,7 @@ def start(program: str, cwd, *arguments, **variables) -> subprocess.Popen:
     """Start a program in a process of its own."""
     command = [sys.executable, "-c", program, *map(str, arguments)]
     pipe, environment = subprocess.PIPE, environment_with(**variables)
-    return subprocess.Popen(command, env=environment, cwd=cwd, stdout=pipe, stderr=pipe, text=True)
+    return subprocess.Popen(command, env=environment, cwd=cwd, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
 
 
 def run(program: str, cwd, *arguments, **variables) -> str:

@@ -1,0 +1,144 @@
+"""Pictures by kernels of the store: the bytes are those of numba's way, no compiler is loaded, and many processes may
+begin with an empty store together."""
+
+import os
+
+import pytest
+from helpers.raster import ROOT
+from helpers.stores import run, start
+
+from rasterizer.compiler import kernels, store
+
+NAMES = (
+    "many lights", "many lights, as exact as float64", "clipped all round", "a polygon with ears", "four samples",
+    "transparent and textured", "shadows", "texture, trilinear", "reflection, cook-torrance, with W", "small triangles",
+)  # fmt: skip
+DRAWS = """
+import hashlib, sys
+from helpers.small_scenes import draw
+
+for name in sys.argv[1:]:
+    digest = hashlib.sha256()
+    for shading in ("flat", "gouraud", "phong"):
+        for buffer, values in sorted(draw(name, shading).items()):
+            digest.update(buffer.encode() + values.tobytes())
+    print(digest.hexdigest())
+"""
+# Numba can be found, as its version is part of what kernels are found by, but not imported.
+NO_COMPILER = """
+import importlib.machinery, sys
+
+class Refuses:
+    def create_module(self, spec):
+        return None
+
+    def exec_module(self, module):
+        raise ImportError(f"{module.__name__} is imported")
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name not in ("numba", "trimesh"):
+            return None
+        spec = importlib.machinery.PathFinder.find_spec(name, path)
+        spec.loader = Refuses()
+        return spec
+
+sys.meta_path.insert(0, Finder())
+"""
+filled = pytest.mark.skipif(kernels.STORE.own is None, reason="there is no store")
+
+
+def folder():
+    """The folder of the store that this process uses."""
+    return kernels.STORE.own.parent
+
+
+@filled
+@pytest.mark.slow
+def test_the_bytes_are_the_same_with_a_store_and_without(tmp_path):
+    """Numba compiles all of it in the second process, and keeps nothing."""
+    stored = run(DRAWS, tmp_path, *NAMES, RASTER_STORE=folder())
+    compiled = run(DRAWS, tmp_path, *NAMES, RASTER_STORE="off")
+    differing = [
+        name for name, *both in zip(NAMES, stored.split(), compiled.split(), strict=True) if both[0] != both[1]
+    ]
+    assert not differing and len(set(stored.split())) == len(NAMES)
+
+
+@filled
+def test_a_picture_with_a_filled_store_loads_no_compiler(tmp_path):
+    program = NO_COMPILER + DRAWS + "print(*sorted({'numba', 'trimesh'} & set(sys.modules)))"
+    assert len(run(program, tmp_path, *NAMES[:3], RASTER_STORE=folder()).split()) == 3
+
+
+@filled
+@pytest.mark.parametrize("model", ["cube.obj", "gear.stl"])
+def test_the_command_line_with_a_filled_store_loads_neither_the_compiler_nor_trimesh(tmp_path, model):
+    program = NO_COMPILER + (
+        "from rasterizer.cli import main\n"
+        "assert main(['render', *sys.argv[1:]]) == 0\n"
+        "print(*sorted({'numba', 'trimesh', 'rasterizer.compiler.internals'} & set(sys.modules)))"
+    )
+    path = ROOT / "models" / model
+    assert run(program, tmp_path, path, "-o", "x.png", "-s", "40x30", RASTER_STORE=folder()) == ""
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+
+
+WORKERS = """
+import multiprocessing, sys
+import rasterizer as rz
+
+def draw(color):
+    corners = [(-1, -1, 0), (1, -1, 0), (0, 1, 0.5)]
+    mesh = rz.Mesh(corners, [(0, 1, 2)], material=rz.Material(diffuse=color))
+    frame = rz.render(rz.Scene([mesh]), (20, 16), shading="flat")
+    return frame.rgb.tobytes(), sorted({"numba", "trimesh"} & set(sys.modules))
+
+if __name__ == "__main__":
+    expected = draw("#cc8844")
+    with multiprocessing.get_context(sys.argv[1]).Pool(2) as pool:
+        assert pool.map(draw, ["#cc8844"] * 4) == [expected] * 4
+    print(len(set(expected[0])) > 2, expected[1])
+"""
+
+
+@filled
+@pytest.mark.parametrize(
+    "method", ["spawn", pytest.param("fork", marks=pytest.mark.skipif(os.name != "posix", reason="no fork"))]
+)
+def test_worker_processes_load_no_compiler(tmp_path, method):
+    script = tmp_path / "script.py"
+    script.write_text(WORKERS)
+    program = "import runpy, sys; sys.argv.pop(0); runpy.run_path(sys.argv[0], run_name='__main__')"
+    if method == "spawn":  # a child has to find the script by its name
+        program = "import subprocess, sys; sys.exit(subprocess.run([sys.executable, *sys.argv[1:]]).returncode)"
+    assert run(program, tmp_path, script, method, RASTER_STORE=folder()) == "True []"
+
+
+TOGETHER = """
+import hashlib, sys
+import numpy as np
+from rasterizer.compiler import kernels
+from rasterizer.geometry.creases import list_corners
+from rasterizer.pipeline.reflection import lambert
+
+sys.stdin.readline()
+rng = np.random.default_rng(3)
+corners, first, order = rng.integers(0, 50, 400).astype(np.uint32), np.zeros(52, np.uint32), np.zeros(400, np.uint32)
+with kernels.compiling_ahead(lambda: {(lambert, ("batch function", "float64")): True}):
+    valence = list_corners(corners, first, order)
+    assert kernels.batch_function(lambert, np.float64).address
+print(valence, hashlib.sha256(first.tobytes() + order.tobytes()).hexdigest())
+"""
+
+
+def test_many_processes_may_begin_with_an_empty_store_together(tmp_path):
+    """All get the same numbers, each file is there once and whole, and nothing else is left."""
+    processes = [start(TOGETHER, tmp_path, RASTER_STORE=tmp_path / "store") for _ in range(8)]
+    told = {process.communicate("\n") + (process.returncode,) for process in processes}
+    assert len(told) == 1, told
+    ((out, complaint, code),) = told
+    assert (complaint, code) == ("", 0) and len(out) > 64
+    (own,) = (tmp_path / "store").iterdir()
+    names = sorted(path.name.rpartition("-")[0] for path in own.iterdir() if path.name != store.MARKER)
+    assert names == ["creases.list_corners", "reflection.lambert"]
