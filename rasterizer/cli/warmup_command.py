@@ -94,8 +94,8 @@ def draw_all_kinds() -> None:
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):
                 render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, color_range="global")
-    for samples in (1, 4):
-        render(scenes[0], SIZE, samples=samples, outputs=("rgb",), threads=1, cull="back")
+    for samples, tolerance in ((1, 1 / 4096), (4, 1 / 4096), (4, 0.0)):
+        render(scenes[0], SIZE, samples=samples, tolerance=tolerance, outputs=("rgb",), threads=1, cull="back")
     render(scenes[0], SIZE, outputs=("depth", "face", "normal"), threads=1)
     polygons = replace(
         scenes[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])]
@@ -125,13 +125,14 @@ def _rarer_scenes():
         yield replace(plain, meshes=papered, lights=[sun])
     models = [Material(reflection=name, **extra) for name in REFLECTIONS for extra in ({}, {"fresnel": 0.1})]
     models += [Material(reflection="cook-torrance", distribution="beckmann")]
-    meshes = [replace(plain.meshes[0], material=model) for model in models]
     models += [Material(reflection=name, fresnel=(0.9, 0.5, 0.1), roughness=0.5) for name in ("phong", "cook-torrance")]
     models += [Material(reflection="cook-torrance", roughness=(0.2, 0.5), tangent=(0, 1, 0))]
+    meshes = [replace(plain.meshes[0], material=model) for model in models]
     spot = SpotLight((50, 50, 50), (-1, -1, -1), 0.5)
     far_away = Camera.orthographic((0, 0, 5))
     lights = [spot, replace(spot, falloff=2.0), DirectionalLight((0, -1, -1), 0.5)]
     yield replace(plain, meshes=meshes, lights=lights, camera=far_away, depth_cue=10.0)
+    yield replace(plain, meshes=meshes, lights=[AmbientLight(0.1), *lights])
     brushed = Material(reflection="cook-torrance", roughness=(0.2, 0.5))
     yield replace(plain, meshes=[replace(plain.meshes[0], uv=plain.meshes[0].vertices[:, :2], material=brushed)])
 

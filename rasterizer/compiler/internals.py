@@ -40,7 +40,7 @@ from .machine_code import Code
 from .signatures import class_of
 
 IS_SEEN = is_seen(numba.__version__)
-_OPTIONS = {"nogil": True, "error_model": "numpy"}
+_OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
 # Options of njit for what Python never calls through numba: no wrappers are made.
 _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -102,6 +102,11 @@ def as_callee(function: Callable):
     if IS_SEEN:
         return function
     return numba.njit(**_OPTIONS)(lambda *arguments: function(*arguments))
+
+
+def compile_array_maker(function: Callable):
+    """Return what makes an array of a typed pointer and a shape."""
+    return compile_intrinsic(function, "build_array", False) if IS_SEEN else numba.carray
 
 
 def compile_by_numba(function: Callable):

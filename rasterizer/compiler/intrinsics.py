@@ -130,6 +130,27 @@ def build_borrow(typing_context, array):
     return array(array), generate
 
 
+def build_array(typing_context, pointer, shape):
+    """Build `kernels.as_array`: the struct of an array that nobody owns, at a pointer."""
+    kind = types.Array(pointer.dtype, len(shape), "C")
+
+    def generate(context, builder, signature, arguments):
+        array = context.make_array(kind)(context, builder)
+        lengths = cgutils.unpack_tuple(builder, arguments[1])
+        step = ir.Constant(ir.IntType(64), context.get_abi_sizeof(context.get_data_type(kind.dtype)))
+        steps, n_item = [], ir.Constant(ir.IntType(64), 1)
+        for length in reversed(lengths):
+            steps.append(builder.mul(n_item, step))
+            n_item = builder.mul(n_item, length)
+        array.data, array.itemsize, array.nitems = arguments[0], step, n_item
+        array.shape = cgutils.pack_array(builder, lengths)
+        array.strides = cgutils.pack_array(builder, steps[::-1])
+        array.meminfo, array.parent = (cgutils.get_null_value(x.type) for x in (array.meminfo, array.parent))
+        return array._getvalue()
+
+    return kind(pointer, shape), generate
+
+
 def build_call(typing_context, address, batch, n, coefficients):
     """Build `kernels.call_batch_function`: a call through a pointer to a function."""
     signature = types.void(types.intp, types.intp, types.intp, types.intp)

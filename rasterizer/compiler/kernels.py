@@ -330,7 +330,7 @@ def as_array(pointer, shape):
 
 
 if IS_COMPILING:
-    as_array = Helper(as_array, lambda: _internals().as_callee(_internals().numba.carray))
+    as_array = Helper(as_array, lambda: _internals().compile_array_maker(as_array.py_func))
 
 
 # ---------------------------------------------------------------- functions that are called by their address

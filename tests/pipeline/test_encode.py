@@ -3,7 +3,16 @@
 import numpy as np
 from helpers.bands import encoding, levels, run
 
-from rasterizer.pipeline.encode import BUCKET_SHIFT, LEAST, LEVEL_TABLE, srgb_thresholds
+from rasterizer.pipeline.encode import (
+    BUCKET_SHIFT,
+    LEAST,
+    LEVEL_TABLE,
+    RANGE_CLAMP,
+    RANGE_GLOBAL,
+    RANGE_LOCAL,
+    encode_picture,
+    srgb_thresholds,
+)
 
 
 def neighbours(values, reach=4):
@@ -55,3 +64,14 @@ def test_what_is_out_of_range_or_no_number():
     _, rgba, _, _ = run(np.ones(values.shape, bool), np.stack([values] * 3), encoding())
     assert rgba[0, :, 0].tolist() == [0, 0, 255, 255, 255, 255, 0, 0]
     assert (rgba[..., :3] == rgba[..., :1]).all()
+
+
+def test_a_blank_pixel_has_the_bytes_of_the_background():
+    """With alpha 255; without a background it is transparent black."""
+    behind = (0.2, 0.5, 1.5)
+    assert encoding().blank == 0
+    for policy, scale in ((RANGE_CLAMP, 1.0), (RANGE_LOCAL, 1.0), (RANGE_GLOBAL, 0.5)):
+        how = encoding(policy, behind, scale)
+        color, rgba = np.array(behind, np.float32).reshape(1, 1, 3), np.empty((1, 1), np.uint32)
+        encode_picture(color, np.ones((1, 1), np.float32), how, rgba)
+        assert how.blank == rgba[0, 0] and how.blank >> 24 == 255
