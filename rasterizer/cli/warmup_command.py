@@ -84,6 +84,9 @@ def list_all_needs() -> dict:
     """Return the kernels of all kinds of pictures, {(function, signature): True}: Python draws small ones."""
     with kernels.noting_needs() as needs:
         draw_all_kinds()
+    # Which of the two a picture takes depends on its size and its lights.
+    for function in [function for function, signature in needs if signature[:1] == ("batch function",)]:
+        needs |= {(function, ("batch function", dtype)): True for dtype in ("float32", "float64")}
     return needs
 
 

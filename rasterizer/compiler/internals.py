@@ -106,7 +106,7 @@ def as_callee(function: Callable):
 
 def compile_array_maker(function: Callable):
     """Return what makes an array of a typed pointer and a shape."""
-    return compile_intrinsic(function, "build_array", False) if IS_SEEN else numba.carray
+    return compile_intrinsic(function, "build_array", False) if IS_SEEN else as_callee(numba.carray)
 
 
 def compile_by_numba(function: Callable):
