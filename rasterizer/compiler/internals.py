@@ -18,6 +18,7 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
       .make_tuple, core.cgutils
     registry.cpu_target                                the type of what is compiled when a kernel asks for it
     core.compiler_lock.global_compiler_lock            forks that don't inherit a held lock
+    core.errors.NumbaError                             what is left to numba
     core.cgutils; typed pointers of llvmlite.ir        vector instructions (simd_ops.py)
 
 In other versions kernels are compiled by `numba.njit` in every process: slower, never broken.
@@ -40,7 +41,8 @@ from .machine_code import Code
 from .signatures import class_of
 
 IS_SEEN = is_seen(numba.__version__)
-_OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False}
+_DOCUMENTED = {"nogil": True, "error_model": "numpy"}
+_OPTIONS = _DOCUMENTED | {"_nrt": False}
 # Options of njit for what Python never calls through numba: no wrappers are made.
 _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -50,6 +52,7 @@ if IS_SEEN:
     from numba.core import codegen, compiler_machinery, typed_passes
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
+    from numba.core.errors import NumbaError
     from numba.core.registry import cpu_target
 
     from . import entry_points
@@ -79,7 +82,7 @@ if not IS_SEEN:
 def compile_helper(function: Callable, is_inlined: bool = True):
     """Return a function that kernels call, as numba has it; inlined wherever it is called, or wherever LLVM likes."""
     if not IS_SEEN:
-        return numba.njit(**_OPTIONS)(function)
+        return numba.njit(**_DOCUMENTED)(function)
     return numba.njit(forceinline=is_inlined, pipeline_class=HelperCompiler, **_UNWRAPPED, **_OPTIONS)(function)
 
 
@@ -94,14 +97,14 @@ def compile_intrinsic(function: Callable, name: str, is_documented: bool):
     """Return a function whose instructions are written by the function `name` of intrinsics.py."""
     if IS_SEEN or is_documented:
         return as_callee(numba.extending.intrinsic(getattr(intrinsics, name)))
-    return numba.njit(**_OPTIONS)(function)
+    return numba.njit(**_DOCUMENTED)(function)
 
 
 def as_callee(function: Callable):
     """Return a function that numba knows in a form that has a type of its own in every version."""
     if IS_SEEN:
         return function
-    return numba.njit(**_OPTIONS)(lambda *arguments: function(*arguments))
+    return numba.njit(**_DOCUMENTED)(lambda *arguments: function(*arguments))
 
 
 def compile_array_maker(function: Callable):
@@ -111,7 +114,7 @@ def compile_array_maker(function: Callable):
 
 def compile_by_numba(function: Callable):
     """Return a kernel as `numba.njit` makes it."""
-    return numba.njit(**_OPTIONS)(function)
+    return numba.njit(**_DOCUMENTED)(function)
 
 
 def compile_callback(function: Callable, dtype):
@@ -162,6 +165,8 @@ def _compile(function, kinds, pipeline) -> Code:
         (result,) = dispatcher.overloads.values()
     except entry_points.Unsupported as reason:
         raise NotStandalone(str(reason)) from None
+    except NumbaError as fault:  # where it is no fault of the runtime's absence, numba tells it to the caller
+        raise NotStandalone("it allocates memory, or numba can't compile it") from fault
     finally:
         if was_collecting:
             gc.enable()

@@ -106,7 +106,7 @@ def gives_none_or_number(n):
 
 
 @pytest.mark.parametrize("function, reason", [
-    (allocates, "it calls NRT_"),
+    (allocates, "it allocates memory"),
     (prints, "it calls numba_gil_ensure"),
     (gives_complex, "a kernel that returns complex128"),
     (gives_pair, "a kernel that returns Pair"),
