@@ -8,8 +8,8 @@ the dtype, the number of axes, the layout and the alignment. Where one differs i
 has been called. Else it calls the kernel without the GIL and returns what that returns: None, a bool, a number, or a
 tuple of these.
 
-The arrays it hands over have no owner that numba knows of. So counting their references does nothing
-(`add_reference_counts`), and the caller holds the arguments for the whole call.
+The arrays it hands over have no owner that numba knows of, and kernels count no references: the caller holds the
+arguments for the whole call.
 """
 
 from functools import reduce
@@ -90,18 +90,6 @@ def build_batch_entry_point(context, module, fndesc) -> None:
     ]
     context.call_conv.call_function(builder, callee, fndesc.restype, fndesc.argtypes, arguments)
     builder.ret_void()
-
-
-def add_reference_counts(module) -> None:
-    """Add to a module the two functions with which numba counts references; they do nothing: nothing here is owned.
-
-    They go before those of numba, which come with helpers and would need its runtime: the linker keeps one that is
-    `linkonce` only where nothing else has the name.
-    """
-    for name in ("NRT_incref", "NRT_decref"):
-        function = ir.Function(module, ir.FunctionType(ir.VoidType(), [_OBJECT]), name)
-        function.attributes.add("alwaysinline")
-        ir.IRBuilder(function.append_basic_block("entry")).ret_void()
 
 
 class _Reader:

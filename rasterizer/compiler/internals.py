@@ -283,7 +283,6 @@ if IS_SEEN:
 
         def add_entry_point(self, context, library, fndesc):
             module = library.create_ir_module("entry")
-            entry_points.add_reference_counts(module)
             self.build(context, module, fndesc)
             library.add_ir_module(module)
 

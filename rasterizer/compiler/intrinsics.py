@@ -118,18 +118,6 @@ def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stri
     return signature, generate
 
 
-def build_borrow(typing_context, array):
-    """Build `kernels.borrow`: the array's struct without the object that counts its references."""
-
-    def generate(context, builder, signature, arguments):
-        struct = context.make_array(signature.args[0])(context, builder, arguments[0])
-        struct.meminfo = cgutils.get_null_value(struct.meminfo.type)
-        struct.parent = cgutils.get_null_value(struct.parent.type)
-        return struct._getvalue()
-
-    return array(array), generate
-
-
 def build_array(typing_context, pointer, shape):
     """Build `kernels.as_array`: the struct of an array that nobody owns, at a pointer."""
     kind = types.Array(pointer.dtype, len(shape), "C")

@@ -313,17 +313,6 @@ def spelled_out(name: str, is_documented: bool = False) -> Callable:
     return decorate if IS_COMPILING else lambda function: function
 
 
-@spelled_out("build_borrow")
-def borrow(array):
-    """Return an array that counts no references (inside kernels only).
-
-    Where numba calls the kernel, a slice of a counted array costs two atomic operations, about 10 ns: more than a span
-    of a small triangle. The caller of a kernel holds its arguments for the kernel's whole run, so what is borrowed from
-    them stays valid.
-    """
-    return array
-
-
 def as_array(pointer, shape):
     """Return the array of a known shape at a typed pointer (inside batch functions only)."""
     return np.ctypeslib.as_array(pointer, shape)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import borrow, helper, kernel
+from ..compiler.kernels import helper, kernel
 from .vectors import cross, divide, dot, length, subtract, vector_of_row
 
 _ANGLE, _AREA, _UNIFORM = range(3)  # as in scene.mesh.WEIGHTINGS
@@ -138,13 +138,8 @@ def average_fans(vertices, fans, weighting, scratch, out_normals):
     vertices (n_vertex, 3) f64; fans: Fans; weighting 0 to 2; scratch: FanScratch; out_normals (n_vertex, 3) f64 comes
     in as zero.
     """
-    vertices, corner_vertices = borrow(vertices), borrow(fans.corner_vertices)
-    first, corners, scratch, out_normals = (
-        borrow(fans.first),
-        borrow(fans.corners),
-        _borrow(scratch),
-        borrow(out_normals),
-    )
+    corner_vertices = fans.corner_vertices
+    first, corners = fans.first, fans.corners
     fan = scratch.corners
     for vertex in range(len(vertices)):
         around = corners[first[vertex] : first[vertex + 1]]
@@ -171,10 +166,9 @@ def split_fans(vertices, fans, rule, scratch, first_corner, n_split, out_faces, 
     vertices (n_vertex, 3) f64; fans: Fans; rule: CreaseRule; scratch: FanScratch; first_corner, n_split: 0 at first;
     out_faces (n_corner,) u32 comes in as UNSET; out: SplitVertices, with what was written before.
     """
-    vertices, corner_vertices = borrow(vertices), borrow(fans.corner_vertices)
-    first, corners, scratch, out_faces = borrow(fans.first), borrow(fans.corners), _borrow(scratch), borrow(out_faces)
-    rule = CreaseRule(borrow(rule.smoothing), rule.cos_crease, rule.weighting)
-    source, normals, n_corner = borrow(out.source), borrow(out.normals), len(corner_vertices)
+    corner_vertices = fans.corner_vertices
+    first, corners = fans.first, fans.corners
+    source, normals, n_corner = out.source, out.normals, len(corner_vertices)
     fan, sums, split_of = scratch.corners, scratch.sums, scratch.split_of
     for corner in range(first_corner, n_corner):
         if out_faces[corner] != UNSET:
@@ -212,15 +206,6 @@ def split_fans(vertices, fans, rule, scratch, first_corner, n_split, out_faces, 
             if out_faces[other] == UNSET:
                 out_faces[other] = n_before
     return n_corner, n_split
-
-
-@helper
-def _borrow(scratch):
-    """Return the scratch with arrays that count no references."""
-    return FanScratch(
-        borrow(scratch.corners), borrow(scratch.keys), borrow(scratch.members), borrow(scratch.parents),
-        borrow(scratch.signs), borrow(scratch.sums), borrow(scratch.split_of),
-    )  # fmt: skip
 
 
 @helper

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compiler.kernels import borrow, helper, kernel
+from ..compiler.kernels import helper, kernel
 from .turns import N_PART, turn_of
 
 _MOST_SCALE = 2.0**1022
@@ -94,9 +94,9 @@ def make_ear_scratch(most: int) -> EarScratch:
 @kernel
 def cut_outlines(polygons, scratch, triangles, out_is_crossing):
     """Cut polygons into triangles, see `cut_ears`; polygons: Polygons, scratch: EarScratch."""
-    outline, heap, order = _borrow_outline(scratch.outline), _borrow_heap(scratch.heap), borrow(scratch.order)
-    before, after, triangles = outline.before, outline.after, borrow(triangles)
-    polygons, keep = _borrow_polygons(polygons), borrow(scratch.keep)
+    outline, heap, order = scratch.outline, scratch.heap, scratch.order
+    before, after = outline.before, outline.after
+    keep = scratch.keep
     for polygon in range(len(polygons.starts)):
         start, n, row = polygons.starts[polygon], polygons.counts[polygon], polygons.first_triangle[polygon]
         is_reversed = _put_in_order(polygons.vertices, polygons.corners, start, n, keep, order)
@@ -347,30 +347,3 @@ def _passes_through(a, b, c, p, q, parts):
             is_left, is_right = is_left or side > 0, is_right or side < 0
         u, v, w = v, w, u
     return is_left and is_right
-
-
-# ---------------------------------------------------------------- arrays that count no references
-
-
-@helper
-def _borrow_polygons(polygons):
-    """Return the polygons with arrays that count no references."""
-    return Polygons(
-        borrow(polygons.vertices), borrow(polygons.corners), borrow(polygons.starts), borrow(polygons.counts),
-        borrow(polygons.first_triangle),
-    )  # fmt: skip
-
-
-@helper
-def _borrow_outline(outline):
-    """Return the outline with arrays that count no references."""
-    return Outline(
-        borrow(outline.x), borrow(outline.y), borrow(outline.points), borrow(outline.before), borrow(outline.after),
-        borrow(outline.parts),
-    )  # fmt: skip
-
-
-@helper
-def _borrow_heap(heap):
-    """Return the heap with arrays that count no references."""
-    return Heap(borrow(heap.corners), borrow(heap.rank), borrow(heap.kind), borrow(heap.shape))

@@ -33,11 +33,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from . import setup as s
-from .drawables import borrow_drawables, borrow_triangles, borrow_vertices
-from .records import FACE, borrow_records, write_exact
-from .scan import Payload, borrow_block, box_of, fill, fill_spans, surface_of
+from .records import FACE, write_exact
+from .scan import Payload, box_of, fill, fill_spans, surface_of
 from .visibility import (
     CLEAR,
     IS_EXACT,
@@ -47,7 +46,6 @@ from .visibility import (
     RECORD_MASK,
     STRIP_SHIFT,
     VisibilityBuffer,
-    borrow_visibility,
     note_extent,
     strip_of,
 )
@@ -166,8 +164,7 @@ def scan_opaque(band, drawables, coding, block, visibility, records, opacity, ou
     -------
     how many are transparent
     """
-    faces, drawables, records = borrow(band.faces), borrow_drawables(drawables), borrow_records(records)
-    visibility, block = borrow_visibility(visibility), borrow_block(block)
+    faces = band.faces
     n_transparent = index(0)
     for first in range(0, len(faces), s.BLOCK):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
@@ -201,9 +198,7 @@ def list_fragments(y_start, transparent, triangles, vertices, rows, block, visib
     visibility : VisibilityBuffer, the opaque surfaces; its extents are widened where fragments are counted
     lists : FragmentLists
     """
-    faces, listed = borrow(transparent.faces), borrow(transparent.listed)
-    triangles, vertices = borrow_triangles(triangles), borrow_vertices(vertices)
-    visibility, block, lists = borrow_visibility(visibility), borrow_block(block), borrow_lists(lists)
+    faces, listed = transparent.faces, transparent.listed
     for first in range(0, len(faces), s.BLOCK):
         n = index(min(len(faces) - first, s.BLOCK))
         s.gather_vertices(faces[index(first) : index(first) + n], triangles, vertices, block)
@@ -217,15 +212,6 @@ def list_fragments(y_start, transparent, triangles, vertices, rows, block, visib
                     note_extent(visibility, box.left, box.right, box.top - y_start, box.bottom - y_start)
                 surface = surface_of(k, exact_payload(listed[index(first) + k]), block)
                 fill_spans(visibility, y_start, box, surface, lists)
-
-
-@helper
-def borrow_lists(lists):
-    """Return the lists with arrays that count no references."""
-    return FragmentLists(
-        lists.first, lists.last, lists.first_row, lists.end_row, borrow(lists.entries), borrow(lists.cursors),
-        borrow(lists.starts), lists.is_counting,
-    )  # fmt: skip
 
 
 @helper
@@ -243,7 +229,7 @@ def material_of(face, opacity):
 @kernel
 def open_lists(a_buffer):
     """Begin with empty lists, and with nothing shown; the rest of a sample is written with its first layer."""
-    cursors, opacity = borrow(a_buffer.cursors), borrow(a_buffer.opacity)
+    cursors, opacity = a_buffer.cursors, a_buffer.opacity
     for k in range(index(len(cursors))):
         cursors[k], opacity[k] = 0, 0.0
 
@@ -251,7 +237,7 @@ def open_lists(a_buffer):
 @kernel
 def divide_room(a_buffer, n_sample):
     """Turn the lengths of the lists into where they begin; return how many fragments there are, and how many lists."""
-    cursors, starts = borrow(a_buffer.cursors), borrow(a_buffer.starts)
+    cursors, starts = a_buffer.cursors, a_buffer.starts
     total = n_list = np.int64(0)
     for k in range(index(n_sample)):
         n = cursors[k]
@@ -275,8 +261,8 @@ def show_nearest(visibility, a_buffer, lists):
     lists : FragmentLists
     """
     layer = a_buffer.layer
-    opaque, entries = borrow(visibility.entries), borrow(layer.entries)
-    fragments, starts = borrow(lists.entries), borrow(lists.starts)
+    opaque, entries = visibility.entries, layer.entries
+    fragments, starts = lists.entries, lists.starts
     base = starts[index(lists.first)]
     for strip in range(index(len(layer.left))):
         layer.left[strip], layer.right[strip] = NO_START, NO_END
@@ -309,10 +295,9 @@ def composite(visibility, records, a_buffer, lists, depth, radiance, texels, opa
     texels : (4, n_row * pitch), of which the last is alpha; (0, n_row * pitch) where the scene has no textures
     """
     layer = a_buffer.layer
-    opaque, entries = borrow(visibility.entries), borrow(layer.entries)
-    fragments, starts = borrow(lists.entries), borrow(lists.starts)
-    records, radiance, texels = borrow_records(records), borrow(radiance), borrow(texels)
-    transmittance, opacities, color = borrow(a_buffer.transmittance), borrow(a_buffer.opacity), borrow(a_buffer.color)
+    opaque, entries = visibility.entries, layer.entries
+    fragments, starts = lists.entries, lists.starts
+    transmittance, opacities, color = a_buffer.transmittance, a_buffer.opacity, a_buffer.color
     base = starts[index(lists.first)]
     is_more, last_record, last_alpha = False, index(RECORD_MASK + 1), 0.0  # neighbours often show the same triangle
     n_row = lists.end_row - lists.first_row

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import length, scale
 from .interpolate import corner_vectors, corner_weights, depth_at, exact_triangle, mean_vector
-from .records import FACE, SIDE, Records, borrow_records
+from .records import FACE, SIDE, Records
 from .transform import Screen
 from .visibility import CLEAR, RECORD_MASK, VisibilityBuffer, clear, strip_of
 
@@ -30,10 +30,10 @@ def write_depth(surfaces, band, out):
     """Write the distance along the viewing axis where something is visible: out is (height, width) float32."""
     visibility, records, is_perspective = (
         surfaces.visibility,
-        borrow_records(surfaces.records),
+        surfaces.records,
         surfaces.screen.is_perspective,
     )
-    entries = borrow(visibility.entries)
+    entries = visibility.entries
     for row in range(band.y_end - band.y_start):
         strip, y = strip_of(row), band.y_start + row
         for x in range(visibility.left[strip], visibility.right[strip]):
@@ -48,8 +48,8 @@ def write_depth(surfaces, band, out):
 @kernel
 def write_face(surfaces, band, out):
     """Write the index of the visible face as loaded: out is (height, width) int32."""
-    visibility, records = surfaces.visibility, borrow_records(surfaces.records)
-    entries, loaded_faces = borrow(visibility.entries), borrow(surfaces.loaded_faces)
+    visibility, records = surfaces.visibility, surfaces.records
+    entries, loaded_faces = visibility.entries, surfaces.loaded_faces
     for row in range(band.y_end - band.y_start):
         strip, y = strip_of(row), band.y_start + row
         for x in range(visibility.left[strip], visibility.right[strip]):
@@ -65,8 +65,8 @@ def write_normal(surfaces, band, out):
 
     Attributes 0-2 of the records are the normals.
     """
-    visibility, records = surfaces.visibility, borrow_records(surfaces.records)
-    entries = borrow(visibility.entries)
+    visibility, records = surfaces.visibility, surfaces.records
+    entries = visibility.entries
     for row in range(band.y_end - band.y_start):
         strip, y = strip_of(row), band.y_start + row
         for x in range(visibility.left[strip], visibility.right[strip]):
@@ -90,7 +90,7 @@ def normal_of(records, record, p):
 @kernel
 def clear_band(visibility, n_row):
     """Clear the first `n_row` rows of the visibility buffer; return how many samples are covered."""
-    entries, n_covered = borrow(visibility.entries), 0
+    entries, n_covered = visibility.entries, 0
     for row in range(n_row):
         strip = strip_of(row)
         for x in range(visibility.left[strip], visibility.right[strip]):

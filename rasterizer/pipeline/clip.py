@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from .drawables import Triangles
 from .face_planes import LARGEST_SUM, LEAST_SUM, compute_face_planes
 from .transform import LIMIT, LIMIT_PX, OUTSIDE, Vertices, compute_z, project
@@ -177,7 +177,7 @@ def find_crossing(positions, vertex_idx, faces, screen, scratch, out_faces):
     scratch : ClipScratch
     out_faces : (n,) uint32
     """
-    corners, n_out = borrow(scratch.even), index(0)
+    corners, n_out = scratch.even, index(0)
     for k in range(index(len(faces))):
         face = faces[k]
         gather_corners(positions, vertex_idx, face, screen, corners)
@@ -208,7 +208,7 @@ def clip_faces(positions, vertex_idx, faces, screen, scratch, out_parts, out_own
     out_parts : (n (MOST_CORNERS - 2), 3, N_CORNER_COLUMN) float64
     out_owners : (n (MOST_CORNERS - 2),) uint32, where in `faces` the triangle is that a part is left of
     """
-    polygon, other, n_out = borrow(scratch.even), borrow(scratch.odd), index(0)
+    polygon, other, n_out = scratch.even, scratch.odd, index(0)
     for owner in range(index(len(faces))):
         gather_corners(positions, vertex_idx, faces[owner], screen, polygon)
         n = 3
@@ -263,7 +263,7 @@ def search_nearest(positions, vertex_idx, screen, window, scratch):
     window : Window, the picture
     scratch : ClipScratch
     """
-    polygon, other, nearest = borrow(scratch.even), borrow(scratch.odd), np.inf
+    polygon, other, nearest = scratch.even, scratch.odd, np.inf
     for face in range(index(vertex_idx.shape[1])):
         gather_corners(positions, vertex_idx, face, screen, polygon)
         if min(polygon[0, W], polygon[1, W], polygon[2, W]) >= nearest or is_beyond(polygon, screen, window):

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, index, kernel
-from .interpolate import borrow_band, corner_weights, depth_at, exact_triangle, row_extent
+from ..compiler.kernels import index, kernel
+from .interpolate import corner_weights, depth_at, exact_triangle, row_extent
 from .visibility import CLEAR, RECORD_MASK
 
 
@@ -40,7 +40,7 @@ def fade(band, is_perspective, cue, out_radiance):
     cue : Cue
     out_radiance : (n_channel, n_row * pitch) float64, linear, changed
     """
-    band, radiance, color = borrow_band(band), borrow(out_radiance), borrow(cue.color)
+    color = cue.color
     visibility, records = band.visibility, band.records
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
@@ -54,5 +54,5 @@ def fade(band, is_perspective, cue, out_radiance):
             q = corner_weights(triangle, i, band.y_start + j)
             depth = depth_at(records, record, triangle, q, is_perspective)
             share = cue.scale / (cue.scale + max(depth - cue.start, 0.0))
-            for channel in range(index(radiance.shape[0])):
-                radiance[channel, sample] = share * radiance[channel, sample] + (1.0 - share) * color[channel]
+            for channel in range(index(out_radiance.shape[0])):
+                out_radiance[channel, sample] = share * out_radiance[channel, sample] + (1.0 - share) * color[channel]

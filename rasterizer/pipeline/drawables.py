@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper
 from .transform import Vertices
 
 
@@ -32,26 +31,3 @@ class Drawables(NamedTuple):
     triangles: Triangles
     vertices: Vertices
     attributes: np.ndarray  # (side, n, n_attribute) float32 or float64; see setup.gather_attributes
-
-
-@helper
-def borrow_drawables(drawables):
-    """Return the drawables with arrays that count no references."""
-    return Drawables(
-        borrow_triangles(drawables.triangles), borrow_vertices(drawables.vertices), borrow(drawables.attributes)
-    )
-
-
-@helper
-def borrow_triangles(triangles):
-    """Return the triangles with arrays that count no references."""
-    return Triangles(
-        borrow(triangles.vertex_idx), borrow(triangles.corner_idx), borrow(triangles.is_inverted),
-        borrow(triangles.clipped_idx), borrow(triangles.z_ranges),
-    )  # fmt: skip
-
-
-@helper
-def borrow_vertices(vertices):
-    """Return the vertices with arrays that count no references."""
-    return Vertices(borrow(vertices.x), borrow(vertices.y), borrow(vertices.z))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from .fragments import BATCH_SIZE, NEXT
 
 LEAST, MOST = np.float32(2.0**-13), np.float32(1 - 2.0**-24)  # below the first threshold and above the last
@@ -128,15 +128,6 @@ def encode_batch(pixels, levels, n, encoding, out):
     blue = green + green
     for i in range(n):
         out[i] = pack_bytes(levels[i], levels[green + i], levels[blue + i], encode_alpha(pixels[ALPHA + i]))
-
-
-@helper
-def borrow_encoding(encoding):
-    """The encoding with arrays that count no references."""
-    return Encoding(
-        encoding.is_grey, borrow(encoding.tint), borrow(encoding.background), encoding.has_background, encoding.policy,
-        encoding.scale, encoding.blank,
-    )  # fmt: skip
 
 
 def with_blank(encoding: Encoding) -> Encoding:

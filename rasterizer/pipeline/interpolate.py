@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index
+from ..compiler.kernels import helper, index
 from .face_planes import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
-from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records, borrow_records
+from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
 from .transform import HALF, SUBPIXEL
-from .visibility import IS_EXACT, IS_ID, LEVEL_MASK, VisibilityBuffer, borrow_visibility, strip_of
+from .visibility import IS_EXACT, IS_ID, LEVEL_MASK, VisibilityBuffer, strip_of
 
 
 class ScannedBand(NamedTuple):
@@ -53,15 +53,6 @@ class ExactTriangle(NamedTuple):
 
 
 # ---------------------------------------------------------------- runs of samples
-
-
-@helper
-def borrow_band(band):
-    """The band with arrays that count no references."""
-    return ScannedBand(
-        borrow_visibility(band.visibility), borrow_records(band.records), band.kind, band.n_exact, band.y_start,
-        band.n_row,
-    )  # fmt: skip
 
 
 @helper
@@ -125,7 +116,7 @@ def exact_triangle(records, record):
     inv_w = (float(w0), float(w1), float(w2))
     clipped = row[index(CLIPPED_IDX)]
     if clipped >= 0:
-        planes, k = borrow(records.clipped_planes), index(clipped)
+        planes, k = records.clipped_planes, index(clipped)
         sums = (planes[k, index(LEAST_SUM)], planes[k, index(LARGEST_SUM)])
         q, q_x = corner_values(planes, k, index(WEIGHT)), corner_values(planes, k, index(WEIGHT_X))
         q_y = corner_values(planes, k, index(WEIGHT_Y))

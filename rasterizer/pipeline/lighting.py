@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, call_batch_function, helper, index, kernel
+from ..compiler.kernels import call_batch_function, helper, index, kernel
 from ..geometry.vectors import dot, scale, subtract
 from . import fragments as f
 from . import material_coefficients as m
@@ -177,7 +177,6 @@ def light_points(points, start, end, screen, side, lighting, material, batch, ou
     batch : see fragments.py, of the lighting's dtype
     out_intensities : (n, n_channel) float32 or float64, linear
     """
-    batch, points = borrow(batch), borrow_points(points)
     for batch_start in range(start, end, BATCH_SIZE):
         n, first = min(BATCH_SIZE, end - batch_start), index(batch_start)
         gather_positions(points.positions, first, n, screen.eye, batch)
@@ -198,15 +197,6 @@ def light_points(points, start, end, screen, side, lighting, material, batch, ou
         for channel in range(index(lighting.n_channel)):
             for k in range(index(n)):
                 out_intensities[first + k, channel] = batch[f.INTENSITY + channel * f.NEXT + k]
-
-
-@helper
-def borrow_points(points):
-    """The points as arrays that count no references."""
-    return SurfacePoints(
-        borrow(points.positions), borrow(points.normals), points.tangents, borrow(points.albedo),
-        borrow(points.normal_offsets),
-    )  # fmt: skip
 
 
 @helper

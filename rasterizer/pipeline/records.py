@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index
+from ..compiler.kernels import helper, index
 from . import setup as s
 from .face_planes import FACE_DEPTH, NO_PLANES
 from .gradients import DISTANCE_PLANE, LEVEL_PLANES
@@ -52,15 +52,6 @@ def make_records(n, n_attribute, n_plane_group, dtype) -> Records:
     integers, reals = np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype)
     int_planes = np.zeros(n << shift, np.int32)
     return Records(integers, reals, int_planes, int_planes.view(np.float32), shift, NO_PLANES)
-
-
-@helper
-def borrow_records(records):
-    """Return the records with arrays that count no references."""
-    return Records(
-        borrow(records.integers), borrow(records.reals), borrow(records.int_planes), borrow(records.float_planes),
-        records.plane_shift, borrow(records.clipped_planes),
-    )  # fmt: skip
 
 
 @helper

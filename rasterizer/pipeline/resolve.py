@@ -12,12 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from .encode import (
     ALPHA,
     PIXELS_SHAPE,
     RANGE_CLAMP,
-    borrow_encoding,
     encode_batch,
     encode_channel,
     pack_bytes,
@@ -85,8 +84,7 @@ def is_plain(n_channel, encoding, out) -> bool:
 @kernel
 def resolve_bytes(visibility, radiance, y_start, y_end, encoding, out):
     """Encode a sample a pixel into bytes, a row in one loop; clear the band; return how many samples are covered."""
-    entries, radiance, n_covered = borrow(visibility.entries), borrow(radiance), np.int64(0)
-    encoding, out = borrow_encoding(encoding), borrow_picture(out)
+    entries, radiance, n_covered = visibility.entries, radiance, np.int64(0)
     for j in range(y_start, y_end):
         row = j - y_start
         first, end = covered_columns(visibility, row, 1)
@@ -100,8 +98,7 @@ def resolve_bytes(visibility, radiance, y_start, y_end, encoding, out):
 @kernel
 def resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out):
     """Write a sample a pixel; clear the band; return how many samples are covered."""
-    entries, radiance, n_covered = borrow(visibility.entries), borrow(radiance), np.int64(0)
-    encoding, batch, out = borrow_encoding(encoding), borrow_pixels(batch), borrow_picture(out)
+    entries, radiance, n_covered = visibility.entries, radiance, np.int64(0)
     for j in range(y_start, y_end):
         row = j - y_start
         first, end = covered_columns(visibility, row, 1)
@@ -117,8 +114,7 @@ def resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out):
 @kernel
 def resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, batch, out):
     """Average the samples of each pixel and write it; clear the band; return how many samples are covered."""
-    entries, radiance, n_covered = borrow(visibility.entries), borrow(radiance), np.int64(0)
-    encoding, batch, out = borrow_encoding(encoding), borrow_pixels(batch), borrow_picture(out)
+    entries, radiance, n_covered = visibility.entries, radiance, np.int64(0)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = covered_columns(visibility, row, factor)
@@ -135,7 +131,6 @@ def resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, bat
 def resolve_layers(visibility, layers, y_start, y_end, factor, encoding, batch, out):
     """As `resolve_samples`, from the layers of an A-buffer."""
     n_covered, n_channel = np.int64(0), layers.color.shape[0]
-    encoding, batch, out = borrow_encoding(encoding), borrow_pixels(batch), borrow_picture(out)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = covered_columns(visibility, row, factor)
@@ -146,18 +141,6 @@ def resolve_layers(visibility, layers, y_start, y_end, factor, encoding, batch, 
             write_pixels(batch, n, n_channel, encoding, (j, left), out)
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
-
-
-@helper
-def borrow_pixels(batch):
-    """Return the batch with arrays that count no references."""
-    return PixelBatch(borrow(batch.values), borrow(batch.levels))
-
-
-@helper
-def borrow_picture(out):
-    """Return the picture with arrays that count no references."""
-    return Picture(borrow(out.color), borrow(out.rgba), borrow(out.alpha))
 
 
 @helper

@@ -21,15 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from . import setup as s
 from .cull import first_sample
-from .drawables import borrow_drawables
 from .gradients import IN_ENTRIES, LEVEL_PLANES, compute_gradients
-from .records import borrow_records, write_exact, write_planes
+from .records import write_exact, write_planes
 from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
 from .transform import HALF, SUBPIXEL
-from .visibility import DEPTH_MASK, IS_EXACT, IS_ID, borrow_visibility, note_extent, pack
+from .visibility import DEPTH_MASK, IS_EXACT, IS_ID, note_extent, pack
 
 # What is known of one triangle goes from helper to helper in structs. They cost nothing: helpers are inlined, and the
 # optimiser takes tuples of numbers apart.
@@ -114,8 +113,7 @@ def scan(band, drawables, coding, block, visibility, records):
     visibility : VisibilityBuffer, clear; written
     records : Records, with room for n; written
     """
-    faces, drawables, records = borrow(band.faces), borrow_drawables(drawables), borrow_records(records)
-    visibility, block = borrow_visibility(visibility), borrow_block(block)
+    faces = band.faces
     n_attribute = drawables.attributes.shape[2]
     n_record = n_exact = np.int64(0)
     for first in range(0, len(faces), s.BLOCK):
@@ -147,12 +145,6 @@ def scan(band, drawables, coding, block, visibility, records):
             note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
             fill(visibility, band.y_start, box, k, payload, block)
     return n_record, n_exact
-
-
-@helper
-def borrow_block(block):
-    """Return the block with arrays that count no references."""
-    return s.Block(borrow(block.ints), borrow(block.longs), borrow(block.reals))
 
 
 @helper

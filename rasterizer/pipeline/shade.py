@@ -16,13 +16,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import BATCH_SIZE, read_vector, set_vector
 from .gradients import IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from .interpolate import (
-    borrow_band,
     corner_values,
     corner_vectors,
     corner_weights,
@@ -69,21 +68,22 @@ def shade_interpolated(band, n_channel, level_step, out_radiance):
     level_step : intensity of a level
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
-    band, radiance = borrow_band(band), borrow(out_radiance)
     visibility, records = band.visibility, band.records
-    level_step = radiance.dtype.type(level_step)
+    level_step = out_radiance.dtype.type(level_step)
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
         for first in range(left, right, BATCH_SIZE):
             start, n = index(j * visibility.pitch + first), index(min(right - first, BATCH_SIZE))
             entries = visibility.entries[start : start + n]
             if band.kind == IN_ENTRIES:
-                decode_levels(entries, level_step, radiance[0, start : start + n])
+                decode_levels(entries, level_step, out_radiance[0, start : start + n])
             elif band.kind == LEVEL_PLANES:
                 group = plane_group(records, records.int_planes, 0, level_step)
-                evaluate_planes(entries, group, first, band.y_start + j, radiance, start, index(radiance.shape[1]))
+                evaluate_planes(
+                    entries, group, first, band.y_start + j, out_radiance, start, index(out_radiance.shape[1])
+                )
             if band.n_exact > 0 and has_exact(entries):
-                out = radiance[:, start : start + n]
+                out = out_radiance[:, start : start + n]
                 interpolate_intensities(entries, records, (first, band.y_start + j), n_channel, out)
 
 
@@ -135,8 +135,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, batch, o
     batch : see fragments.py, in the type of the radiance
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
-    band, batch, radiance = borrow_band(band), borrow(batch), borrow(out_radiance)
-    visibility, faces = band.visibility, FaceTable(borrow(faces.materials), borrow(faces.planes))
+    visibility = band.visibility
     for j in range(band.n_row):
         y, (first, right) = band.y_start + j, row_extent(visibility, j)
         while first < right:
@@ -148,7 +147,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, batch, o
             interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
             if texels is not None:
                 for channel in range(index(3)):
-                    weight_albedo(batch, n, channel, borrow(texels)[channel, start : start + index(n)])
+                    weight_albedo(batch, n, channel, texels[channel, start : start + index(n)])
             gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
             normalize_normals(batch, n)
             if lighting.needs_view or lighting.needs_position:
@@ -156,7 +155,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, batch, o
             light_batch(batch, n, lighting, material)
             for channel in range(index(lighting.n_channel)):
                 for k in range(index(n)):
-                    radiance[channel, start + k] = batch[f.INTENSITY + channel * f.NEXT + k]
+                    out_radiance[channel, start + k] = batch[f.INTENSITY + channel * f.NEXT + k]
             first += n
 
 

@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import as_array, borrow, helper, index, kernel
+from ..compiler.kernels import as_array, helper, index, kernel
 from ..geometry.vectors import add, dot, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
@@ -199,7 +199,7 @@ def write_map(visibility, y_start, n_row, offset, slope, out_texels):
     offset, slope : the texels are offset + slope·z, 1/w or minus the depth
     out_texels : (size, size) float64, row y_start.. of it; -inf where nothing is
     """
-    entries, nothing = borrow(visibility.entries), out_texels.dtype.type(-np.inf)
+    entries, nothing = visibility.entries, out_texels.dtype.type(-np.inf)
     for j in range(n_row):
         left, right = row_extent(visibility, j)
         row = out_texels[index(y_start + j)]

@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index, kernel
+from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import scale
 from .fragments import BATCH_SIZE
 from .interpolate import (
-    borrow_band,
     corner_values,
     corner_weights,
     exact_triangle,
@@ -65,8 +64,6 @@ def sample_textures(band, textures, face_materials, batch, out_texels):
     batch : see fragments.py, float64, for what is computed on the way
     out_texels : (4, n_row * pitch) float64
     """
-    band, texels, batch = borrow_band(band), borrow(out_texels), borrow(batch)
-    textures, face_materials = borrow_textures(textures), borrow(face_materials)
     visibility, records = band.visibility, band.records
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
@@ -83,22 +80,13 @@ def sample_textures(band, textures, face_materials, batch, out_texels):
                 for first in range(k, end, index(BATCH_SIZE)):
                     last = min(first + index(BATCH_SIZE), end)
                     sample = left + np.int64(first), band.y_start + j
-                    out = texels[:, start + first : start + last]
+                    out = out_texels[:, start + first : start + last]
                     sample_run(records, record, sample, textures, index(texture), batch, out)
             else:
                 for channel in range(index(4)):
                     for i in range(start + k, start + end):
-                        texels[channel, i] = 1.0
+                        out_texels[channel, i] = 1.0
             k = end
-
-
-@helper
-def borrow_textures(textures):
-    """The textures as arrays that count no references."""
-    return Textures(
-        borrow(textures.texels), borrow(textures.mip_levels), borrow(textures.first_levels), borrow(textures.filters),
-        borrow(textures.wraps), borrow(textures.of_materials),
-    )  # fmt: skip
 
 
 @helper
@@ -276,7 +264,6 @@ def shade_textured(band, texels, out_radiance):
     texels : (4, n_row * pitch) float64, of `sample_textures`
     out_radiance : (3, n_row * pitch) float64, linear
     """
-    band, texels, radiance = borrow_band(band), borrow(texels), borrow(out_radiance)
     visibility, records = band.visibility, band.records
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
@@ -296,5 +283,5 @@ def shade_textured(band, texels, out_radiance):
                     of_rest = corner_values(records.reals, record, column)
                     of_whole = corner_values(records.reals, record, column + index(9))
                     rest, whole = mean(of_rest, p), mean(of_whole, p)
-                    radiance[channel, first + k] = rest + (whole - rest) * texels[channel, first + k]
+                    out_radiance[channel, first + k] = rest + (whole - rest) * texels[channel, first + k]
             start, end = next_exact_run(entries, end)

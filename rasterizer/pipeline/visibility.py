@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import borrow, helper, index
+from ..compiler.kernels import helper, index
 from .simd import MOST_WIDE
 from .transform import DEPTH_BITS
 
@@ -51,13 +51,6 @@ def make_visibility_buffer(width, n_row) -> VisibilityBuffer:
     n_strip = (n_row >> STRIP_SHIFT) + 1
     left, right = np.full(n_strip, NO_START), np.full(n_strip, NO_END)
     return VisibilityBuffer(np.full(n_row * pitch, CLEAR), pitch, width, left, right)
-
-
-@helper
-def borrow_visibility(visibility):
-    """Return the buffer with arrays that count no references."""
-    left, right = borrow(visibility.left), borrow(visibility.right)
-    return VisibilityBuffer(borrow(visibility.entries), visibility.pitch, visibility.width, left, right)
 
 
 @helper
@@ -96,7 +89,7 @@ def widen_extent(visibility, strip, left, right):
 @helper
 def clear(visibility, n_row):
     """Clear the first `n_row` rows where they were written, padding included, and forget all extents."""
-    entries = borrow(visibility.entries)
+    entries = visibility.entries
     for row in range(index(n_row)):
         strip = strip_of(row)
         left, right = visibility.left[strip], visibility.right[strip]
