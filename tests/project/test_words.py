@@ -33,7 +33,7 @@ RULES = (
     Rule("glow", "emission"),
     Rule("lifts?", "normal offset"),
     Rule("judges?", "reference"),
-    Rule("jobs?", "pass"),
+    Rule("jobs?", "pass", RASTER),
     Rule("bench|working place", "workspace"),
     Rule("held off", "occluded", is_of_names=False),
     Rule("layer peeling", "depth peeling", is_of_names=False),
@@ -47,7 +47,7 @@ RULES = (
 
 # Functions whose name begins with find_ and that search: for what may not be there. Others compute.
 FINDS = {
-    "find_doubts", "find_cache_folder", "find_distrust", "find_tint", "find_rings", "find_shortest_normal",
+    "find_doubts", "find_distrust", "find_hindrance", "find_entry_point", "find_tint", "find_rings", "find_shortest_normal",
     "find_alike", "find_materials", "find_crossing", "find_nearest", "find_topmost", "find_visible",
     "find_visible_range", "find_fans", "find_loops",
 }  # fmt: skip
