@@ -9,6 +9,7 @@ from ..errors import OutputError
 
 QUIET, NORMAL, VERBOSE = -1, 0, 1
 BAR_WIDTH = 24
+LINES = 20  # the most about one compilation, where there is no bar
 
 
 class Messages:
@@ -145,12 +146,12 @@ def compilation_shown(messages):
 
 
 class Progress:
-    """Lines about kernels that are being compiled: a bar on a terminal, else a line for each."""
+    """Lines about kernels that are being compiled: a bar on a terminal, else some lines."""
 
     def __init__(self, messages, is_every_run: bool):
         self._messages, self._is_every_run = messages, is_every_run
         self._is_bar = messages.level == NORMAL and sys.stderr is not None and sys.stderr.isatty()
-        self.n_shown = 0
+        self.n_shown, self._last = 0, -1
 
     def show(self, name: str, n_done: int, n_kernel: int) -> None:
         """Show that a kernel is begun."""
@@ -158,7 +159,9 @@ class Progress:
         if self._is_every_run and self.n_shown == 1:
             self._messages.notice(_EVERY_RUN)
         if not self._is_bar:
-            self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
+            if n_done * LINES // n_kernel > self._last:
+                self._last = n_done * LINES // n_kernel
+                self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
             return
         n_filled = BAR_WIDTH * n_done // n_kernel
         bar = "#" * n_filled + "." * (BAR_WIDTH - n_filled)

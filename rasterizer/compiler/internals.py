@@ -207,10 +207,7 @@ def type_of_part(part):
 if IS_SEEN:
 
     class HelperLibrary(codegen.JITCodeLibrary):
-        """The instructions of a helper: kept as they were written, since they are optimised where they are inlined."""
-
-        def _optimize_functions(self, ll_module):
-            ll_module.data_layout = self._codegen._data_layout
+        """The instructions of a helper: tidied function by function, and optimised where they are inlined."""
 
         def _optimize_final_module(self):
             pass
@@ -226,6 +223,11 @@ if IS_SEEN:
         """
 
         object_code, needs = b"", ()
+
+        def _optimize_final_module(self):
+            # Numba's cheap run before this one is for counting references, which kernels don't.
+            manager, builder = self._codegen._module_pass_manager()
+            manager.run(self._final_module, builder)
 
         def _finalize_final_module(self):
             self._finalize_dynamic_globals()
