@@ -159,8 +159,9 @@ class Progress:
         if self._is_every_run and self.n_shown == 1:
             self._messages.notice(_EVERY_RUN)
         if not self._is_bar:
-            if n_done * LINES // n_kernel > self._last:
-                self._last = n_done * LINES // n_kernel
+            part = n_done * LINES // n_kernel
+            if n_kernel <= LINES or part > self._last:
+                self._last = part
                 self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
             return
         n_filled = BAR_WIDTH * n_done // n_kernel

@@ -86,6 +86,11 @@ class Kernel:
                 return result
         return self._call_first(arguments)
 
+    @property
+    def signatures(self) -> list:
+        """The signatures that it was called with in this process."""
+        return [*self._loaded, *(self._by_numba.signatures if self._by_numba is not None else ())]
+
     @functools.cached_property
     def _numba_type_(self):
         """What numba takes this for where another kernel calls it."""

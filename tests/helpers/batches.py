@@ -1,7 +1,5 @@
 """Call one light function or reflection function on points of a test's own, outside any scene."""
 
-import ctypes
-
 import numpy as np
 
 from rasterizer.compiler.kernels import batch_function
@@ -23,9 +21,7 @@ COEFFICIENTS = {
 
 def call(function, batch, n, coefficients):
     """Call a compiled light or reflection function."""
-    compiled = batch_function(function, batch.dtype)
-    real = ctypes.POINTER(ctypes.c_float if batch.dtype == np.float32 else ctypes.c_double)
-    compiled.ctypes(batch.ctypes.data_as(real), n, coefficients.ctypes.data_as(real))
+    batch_function(function, batch.dtype)(batch.ctypes.data, n, coefficients.ctypes.data)
 
 
 def axes_of(quantity):
