@@ -24,6 +24,7 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
 In other versions kernels are compiled by `numba.njit` in every process: slower, never broken.
 """
 
+import contextvars
 import gc
 import logging
 import os
@@ -79,9 +80,19 @@ if not IS_SEEN:
 # ---------------------------------------------------------------- what numba compiles when it meets a name in a kernel
 
 
+# Whether what is compiled in this context counts references to arrays. What calls and what is called must agree: a
+# caller that counts gives up what a function returns, which one that doesn't count never took.
+_counts = contextvars.ContextVar("counts", default=True)
+
+
+def is_counting() -> bool:
+    """Tell whether what is compiled now counts references, as all does but object code of kernels."""
+    return _counts.get()
+
+
 def compile_helper(function: Callable, is_inlined: bool = True):
     """Return a function that kernels call, as numba has it; inlined wherever it is called, or wherever LLVM likes."""
-    if not IS_SEEN:
+    if not IS_SEEN or is_counting():
         return numba.njit(**_DOCUMENTED)(function)
     return numba.njit(forceinline=is_inlined, pipeline_class=HelperCompiler, **_UNWRAPPED, **_OPTIONS)(function)
 
@@ -159,6 +170,7 @@ def compile_signature(function: Callable, signature: tuple) -> Code:
 def _compile(function, kinds, pipeline) -> Code:
     dispatcher = numba.njit(pipeline_class=pipeline, **_UNWRAPPED, **_OPTIONS)(function)
     was_collecting = gc.isenabled()
+    token = _counts.set(False)
     gc.disable()  # the compiler makes a million objects that all live on: looking for garbage takes a tenth of the time
     try:
         dispatcher.compile(kinds)
@@ -168,6 +180,7 @@ def _compile(function, kinds, pipeline) -> Code:
     except NumbaError as fault:  # where it is no fault of the runtime's absence, numba tells it to the caller
         raise NotStandalone("it allocates memory, or numba can't compile it") from fault
     finally:
+        _counts.reset(token)
         if was_collecting:
             gc.enable()
     library = result.library

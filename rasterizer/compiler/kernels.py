@@ -91,12 +91,14 @@ class Kernel:
         """The signatures that it was called with in this process."""
         return [*self._loaded, *(self._by_numba.signatures if self._by_numba is not None else ())]
 
-    @functools.cached_property
+    @property
     def _numba_type_(self):
         """What numba takes this for where another kernel calls it."""
-        internals = _internals()
-        self._compiled = internals.compile_helper(self.py_func, is_inlined=False)  # kept: its type doesn't hold it
-        return internals.type_of(self._compiled)
+        return self._as_helper._numba_type_
+
+    @functools.cached_property
+    def _as_helper(self):
+        return Helper(self.py_func, lambda: _internals().compile_helper(self.py_func, is_inlined=False))
 
     def _call_first(self, arguments):
         """Call the kernel with arguments of a kind that was not met before, or not as the last one."""
@@ -265,19 +267,22 @@ class Helper:
     `compile` makes of it what numba knows, when a kernel is compiled that calls it.
     """
 
-    def __init__(self, function: Callable, compile: Callable):
+    def __init__(self, function: Callable, compile: Callable, is_one: bool = False):
         functools.update_wrapper(self, function)
-        self.py_func, self._compile = function, compile
+        self.py_func, self._compile, self._is_one = function, compile, is_one
+        self._compiled = {}  # one for callers that count references to arrays, one for others; or one for both
 
     def __call__(self, *arguments):
         """Run the plain function."""
         return self.py_func(*arguments)
 
-    @functools.cached_property
+    @property
     def _numba_type_(self):
         """What numba takes this for in a kernel."""
-        self._compiled = self._compile()  # kept: its type doesn't hold it
-        return _internals().type_of(self._compiled)
+        kind = self._is_one or _internals().is_counting()
+        if kind not in self._compiled:
+            self._compiled[kind] = self._compile()  # kept: its type doesn't hold it
+        return _internals().type_of(self._compiled[kind])
 
 
 def helper(function: Callable) -> Callable:
@@ -297,7 +302,7 @@ def choice(choose: Callable) -> Callable:
             return getattr(chosen, "py_func", chosen)
 
         functools.update_wrapper(choose_plain, choose)  # numba compares the parameters' names
-        return Helper(function, lambda: _internals().compile_choice(function, choose_plain))
+        return Helper(function, lambda: _internals().compile_choice(function, choose_plain), is_one=True)
 
     return decorate if IS_COMPILING else lambda function: function
 
@@ -313,7 +318,7 @@ def spelled_out(name: str, is_documented: bool = False) -> Callable:
     """
 
     def decorate(function):
-        return Helper(function, lambda: _internals().compile_intrinsic(function, name, is_documented))
+        return Helper(function, lambda: _internals().compile_intrinsic(function, name, is_documented), is_one=True)
 
     return decorate if IS_COMPILING else lambda function: function
 
@@ -324,7 +329,7 @@ def as_array(pointer, shape):
 
 
 if IS_COMPILING:
-    as_array = Helper(as_array, lambda: _internals().compile_array_maker(as_array.py_func))
+    as_array = Helper(as_array, lambda: _internals().compile_array_maker(as_array.py_func), is_one=True)
 
 
 # ---------------------------------------------------------------- functions that are called by their address
