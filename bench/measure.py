@@ -143,7 +143,7 @@ def peak_mib() -> float | None:
 
 def probe(*arguments, cache: str | None = None) -> dict:
     """Run probe.py in a process of its own, compiled kernels kept in the folder given; return its findings."""
-    environment = os.environ | ({"NUMBA_CACHE_DIR": cache} if cache else {})
+    environment = os.environ | ({"RASTER_STORE": cache} if cache else {})
     command = [sys.executable, str(Path(__file__).with_name("probe.py")), *map(str, arguments)]
     done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])
