@@ -9,17 +9,18 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
     core.codegen.JITCodeLibrary: _optimize_functions,  object code without loading it, and helpers that are
       _optimize_final_module, _finalize_final_module,    optimised once, inside the kernel that they are inlined
       _finalize_dynamic_globals, _final_module,          into
-      _codegen._tm
+      _codegen._tm, _codegen._module_pass_manager
     flags.no_compile, .forceinline,                    the same
       target context .insert_user_function
     njit(forceinline=, no_cpython_wrapper=,            inlining, and a quarter less to compile
       no_cfunc_wrapper=)
+    njit(_nrt=)                                        kernels that don't allocate and count no references
     context.declare_function, .call_conv, .make_array, entry points (entry_points.py)
       .make_tuple, core.cgutils
     registry.cpu_target                                the type of what is compiled when a kernel asks for it
     core.compiler_lock.global_compiler_lock            forks that don't inherit a held lock
     core.errors.NumbaError                             what is left to numba
-    core.cgutils; typed pointers of llvmlite.ir        vector instructions (simd_ops.py)
+    core.cgutils; typed pointers of llvmlite.ir        vector instructions (intrinsics.py)
 
 In other versions kernels are compiled by `numba.njit` in every process: slower, never broken.
 """
@@ -44,6 +45,7 @@ from .signatures import class_of
 IS_SEEN = is_seen(numba.__version__)
 _DOCUMENTED = {"nogil": True, "error_model": "numpy"}
 _OPTIONS = _DOCUMENTED | {"_nrt": False}
+_SYSTEM = CDLL(None if os.name == "posix" else "ucrtbase")  # the process, with the C library in it
 # Options of njit for what Python never calls through numba: no wrappers are made.
 _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -192,7 +194,7 @@ def _compile(function, kinds, pipeline) -> Code:
 
 def _is_of_system(name: str) -> bool:
     """Tell whether a function is one of the C library, its mathematics, or Python's C interface; numba's own aren't."""
-    return hasattr(pythonapi, name) if name.startswith("Py") else hasattr(CDLL(None), name)
+    return hasattr(pythonapi if name.startswith("Py") else _SYSTEM, name)
 
 
 def _batch_signature(dtype):

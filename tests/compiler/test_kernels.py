@@ -53,6 +53,33 @@ def test_one_kernel_takes_arguments_of_many_kinds_in_any_order(caplog):
     assert caplog.messages == []
 
 
+@kernels.helper
+def parts_of(pair):
+    """Arrays out of arrays, as a tuple: those who count references must agree on whose they are."""
+    return Pair(pair.first[1:], pair.second), pair.first
+
+
+def sum_of_parts(pair):
+    """What a kernel does with them."""
+    (first, second), third = parts_of(pair)
+    return first.sum() + second.sum() + third.sum()
+
+
+@pytest.mark.parametrize("is_stored", [True, False])
+def test_arrays_that_helpers_return_are_given_back_as_often_as_they_were_taken(monkeypatch, is_stored):
+    monkeypatch.setattr(kernels, "STORE", kernels.STORE._replace(is_used=is_stored))
+    kernel, pair = kernels.kernel(sum_of_parts), Pair(np.arange(5.0), np.arange(3.0))
+    assert kernel(pair) == 23.0
+    counts = [sys.getrefcount(values) for values in pair]
+    for _ in range(1000):
+        kernel(pair)
+    assert [sys.getrefcount(values) for values in pair] == counts
+    other = kernels.kernel(sum_of_parts)  # the same helper, in the other way, in the same process
+    monkeypatch.setattr(kernels, "STORE", kernels.STORE._replace(is_used=not is_stored))
+    assert {other(pair) for _ in range(1000)} == {23.0}
+    assert [sys.getrefcount(values) for values in pair] == counts
+
+
 def test_subclasses_and_read_only_arrays_are_taken(tmp_path):
     kernel, values = kernels.kernel(halves), np.arange(5.0)
     values.tofile(tmp_path / "values")
