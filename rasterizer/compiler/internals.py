@@ -181,6 +181,8 @@ def _compile(function, kinds, pipeline) -> Code:
         raise NotStandalone(str(reason)) from None
     except NumbaError as fault:  # where it is no fault of the runtime's absence, numba tells it to the caller
         raise NotStandalone("it allocates memory, or numba can't compile it") from fault
+    except Exception as fault:  # noqa: BLE001  what isn't promised may end in any way in another version
+        raise NotStandalone(f"numba {numba.__version__}: {type(fault).__name__}: {fault}") from fault
     finally:
         _counts.reset(token)
         if was_collecting:
@@ -241,8 +243,12 @@ if IS_SEEN:
 
         def _optimize_final_module(self):
             # Numba's cheap run before this one is for counting references, which kernels don't.
-            manager, builder = self._codegen._module_pass_manager()
-            manager.run(self._final_module, builder)
+            made = self._codegen._module_pass_manager()
+            if isinstance(made, tuple):
+                manager, builder = made
+                manager.run(self._final_module, builder)
+            else:  # before numba 0.62
+                made.run(self._final_module)
 
         def _finalize_final_module(self):
             self._finalize_dynamic_globals()
