@@ -373,16 +373,20 @@ def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunct
     A kernel calls it through its `address` with `call_batch_function`. So one kernel serves every kind of light and
     every reflection model, and only those that a scene uses are ever compiled.
     """
-    if not IS_COMPILING:
-        return _plain_batch_function(function, dtype)
+    name, kind = np.dtype(dtype).name, BatchFunction
+    if not IS_COMPILING or _needs.get() is not None:
+        kind = PlainBatchFunction
     if _needs.get() is not None:
-        _needs.get()[function, ("batch function", np.dtype(dtype).name)] = True
-        return _plain_batch_function(function, dtype)
-    return _batch_function(function, dtype)
+        _needs.get()[function, ("batch function", name)] = True
+    key = kind, function, name
+    if key not in _batch_functions:
+        with _turn:  # two threads must get the same one: what is not kept is taken out of memory
+            if key not in _batch_functions:
+                _batch_functions[key] = kind(function, np.dtype(dtype))
+    return _batch_functions[key]
 
 
-# Kept for good: whoever has an address may call it.
-_batch_function, _plain_batch_function = functools.cache(BatchFunction), functools.cache(PlainBatchFunction)
+_batch_functions = {}  # kept for good: whoever has an address may call it
 
 
 @spelled_out("build_call", is_documented=True)

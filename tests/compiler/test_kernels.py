@@ -5,6 +5,7 @@ import errno
 import os
 import pickle
 import sys
+import threading
 import time
 
 import numpy as np
@@ -445,6 +446,32 @@ def test_code_for_another_processor_is_compiled_again(own_store, monkeypatch):
     assert compiled_and_used(monkeypatch) == 2
     monkeypatch.setattr(kernels, "STORE", own_store._replace(processors=("another",)))
     assert compiled_and_used(monkeypatch) == 2
+
+
+def test_threads_that_ask_at_once_get_the_same_batch_function(own_store, monkeypatch):
+    """Else one of them would be taken out of memory, while its address is in use."""
+    made, function = [], lambda batch, n, coefficients: None
+    begun = threading.Barrier(4)
+
+    class Slow(kernels.BatchFunction):
+        def __init__(self, *given):
+            time.sleep(0.05)
+            self.address = len(made)
+            made.append(self)
+
+    monkeypatch.setattr(kernels, "BatchFunction", Slow)
+    found = []
+
+    def ask():
+        begun.wait()
+        found.append(kernels.batch_function(function, np.float32).address)
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found == [0] * 4 and len(made) == 1
 
 
 # ---------------------------------------------------------------- what is noted and compiled ahead
