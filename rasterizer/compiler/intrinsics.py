@@ -1,6 +1,6 @@
 """Functions of kernels whose instructions are written here, in LLVM's own terms: kernels.spelled_out asks for them.
 
-Two inner loops of the pipeline are vector instructions. The compiler turns long loops into vector instructions by
+Three inner loops of the pipeline are vector instructions. The compiler turns long loops into vector instructions by
 itself, but not loops of eight or four: left to it, these take two to four times as long. The functions in Python that
 they stand in for are in pipeline/simd.py, with what the parameters are; those of the other two are in kernels.py.
 
@@ -14,7 +14,7 @@ from llvmlite import ir
 from numba import types
 
 from .fingerprint import is_seen
-from .widths import LANES, PLANE_GROUP
+from .widths import ID_BIT, LANES, PLANE_GROUP
 
 if is_seen(numba.__version__):
     from numba.core import cgutils
@@ -56,15 +56,27 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
 
 
 def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `simd.evaluate_planes`: four samples at a time, each with its four planes, which are then transposed."""
+    """Build `simd.evaluate_planes`."""
+    return _evaluate(entries, group, x, y, out, start, stride)
+
+
+def build_evaluate_values(typing_context, entries, group, x, y, out, start, stride, weights):
+    """Build `simd.evaluate_values`."""
+    return _evaluate(entries, group, x, y, out, start, stride, weights)
+
+
+def _evaluate(entries, group, x, y, out, start, stride, *weights):
+    """Build the evaluation of planes: four samples at a time, each with its four planes, which are then transposed.
+
+    With `weights` values are multiplied by them and kept within a range, and entries may hold no index.
+    """
     unsigned, signed = types.uint64, types.int64
     numbers, *others = group
-    if numbers.dtype not in (types.int32, types.float32) or out.dtype not in (types.float32, types.float64):
+    if numbers.dtype != types.float32 or out.dtype != types.float32 or out.layout != "C":
         return None
-    if tuple(others) != (signed, unsigned, unsigned, out.dtype):
+    if tuple(others) != (signed, unsigned, unsigned):
         return None
-    signature = types.void(entries, group, signed, signed, out, unsigned, unsigned)
-    is_integer = numbers.dtype == types.int32
+    signature = types.void(entries, group, signed, signed, out, unsigned, unsigned, *[unsigned] * len(weights))
 
     def generate(context, builder, signature, arguments):
         def array_of(kind, value):
@@ -73,35 +85,35 @@ def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stri
         entries, out = array_of(signature.args[0], arguments[0]), array_of(signature.args[4], arguments[4]).data
         entries, n = entries.data, entries.nitems
         x, y, start, stride = (arguments[k] for k in (2, 3, 5, 6))
-        numbers, mask, shift, column, scale = cgutils.unpack_tuple(builder, arguments[1])
+        numbers, mask, shift, column = cgutils.unpack_tuple(builder, arguments[1])
         numbers = array_of(signature.args[1][0], numbers).data
-        whole, long = ir.IntType(32), ir.IntType(64)
-        kind = ir.VectorType(whole if is_integer else ir.FloatType(), PLANE_GROUP)
-        out_kind = ir.VectorType(out.type.pointee, PLANE_GROUP)
-        add = builder.add if is_integer else builder.fadd
-        x, y, scale = builder.trunc(x, whole), builder.trunc(y, whole), _splat(builder, out_kind, scale)
-
+        whole, long, real = ir.IntType(32), ir.IntType(64), ir.FloatType()
+        kind = ir.VectorType(real, PLANE_GROUP)
+        x, y = builder.trunc(x, whole), builder.trunc(y, whole)
         load = partial(_load, builder)
 
         def times(steps, planes):
-            if is_integer:
-                return builder.mul(_splat(builder, kind, steps), planes)
-            return builder.fmul(_splat(builder, kind, builder.sitofp(steps, ir.FloatType())), planes)
+            return builder.fmul(_splat(builder, kind, builder.sitofp(steps, real)), planes)
 
         def sample(k):
-            record = builder.gep(
-                numbers, [builder.shl(builder.and_(builder.load(builder.gep(entries, [k])), mask), shift)]
-            )
+            entry = builder.load(builder.gep(entries, [k]))
+            number = builder.and_(entry, mask)
+            if weights:  # of an entry without an index record 0 is read
+                is_id = builder.and_(builder.lshr(entry, ir.Constant(long, ID_BIT)), ir.Constant(long, 1))
+                number = builder.and_(number, builder.neg(is_id))
+            record = builder.gep(numbers, [builder.shl(number, shift)])
             across = builder.sub(builder.add(x, builder.trunc(k, whole)), load(record, 1, whole))
             down = builder.sub(y, load(record, 2, whole))
             planes = builder.gep(record, [column])
-            value = add(load(planes, 0, kind), times(across, load(planes, PLANE_GROUP, kind)))
-            return add(value, times(down, load(planes, 2 * PLANE_GROUP, kind)))
-
-        def finish(values):
-            if is_integer:
-                return builder.fmul(builder.sitofp(values, out_kind), scale)
-            return values if out_kind == kind else builder.fpext(values, out_kind)
+            value = builder.fadd(load(planes, 0, kind), times(across, load(planes, PLANE_GROUP, kind)))
+            value = builder.fadd(value, times(down, load(planes, 2 * PLANE_GROUP, kind)))
+            if not weights:
+                return value
+            weight = builder.load(builder.gep(out, [builder.add(arguments[7], k)]))
+            value = builder.fmul(value, _splat(builder, kind, weight))
+            least, greatest = load(planes, 3 * PLANE_GROUP, kind), load(planes, 4 * PLANE_GROUP, kind)
+            value = builder.select(builder.fcmp_ordered(">", value, least), value, least)
+            return builder.select(builder.fcmp_ordered("<", value, greatest), value, greatest)
 
         step = ir.Constant(long, PLANE_GROUP)
         count = builder.udiv(builder.add(n, ir.Constant(long, PLANE_GROUP - 1)), step)
@@ -109,9 +121,9 @@ def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stri
             first = builder.mul(loop.index, step)
             samples = [sample(builder.add(first, ir.Constant(long, k))) for k in range(PLANE_GROUP)]
             target = builder.add(start, first)
-            for values in _transpose(builder, samples)[: 3 if is_integer else PLANE_GROUP]:
-                address = builder.bitcast(builder.gep(out, [target]), out_kind.as_pointer())
-                builder.store(finish(values), address, align=out.type.pointee.get_abi_alignment(context.target_data))
+            for values in _transpose(builder, samples):
+                address = builder.bitcast(builder.gep(out, [target]), kind.as_pointer())
+                builder.store(values, address, align=4)
                 target = builder.add(target, stride)
         return context.get_dummy_value()
 

@@ -11,43 +11,62 @@ from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.means import fill_means
 
 
-def point_intensities(geometry, plan, lighting, screen, n_side, normal_offsets, threads) -> np.ndarray:
+def point_intensities(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> np.ndarray:
     """Evaluate the illumination equation at all points, before they are drawn.
 
     Parameters
     ----------
+    lightings : {dtype: Lighting}, for each of the plan's types
     n_side : 1, or 2 where normals may have to be flipped: side 1 has the intensities of flipped normals
     normal_offsets : (n_point,) float64, scene units, see pipeline/shadow_lookup.py; empty where no light casts shadows
 
     Returns
     -------
-    (n_side, n_point, n_channel) in the plan's type, linear. With textures (n_side, n_point, 2 n_channel + 2): what a
-    black surface gives off, what the whole one gives off, texture coordinates
+    (n_side, n_point, n_channel), linear; float64 where some material is lit in it. Materials of one channel have the
+    first alone. With textures (n_side, n_point, 8): textured surfaces have what a black surface gives off, what the
+    whole one gives off, texture coordinates
     """
 
-    def light_all(geometry):
-        return light(geometry, plan, lighting, screen, n_side, normal_offsets, threads)
+    def light_all(geometry, materials=None):
+        return light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, materials)
 
     if plan.textures is None:
         return fill_centers(light_all(geometry), geometry.centers, threads)
     # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-    rest = light_all(geometry._replace(albedo=np.zeros_like(geometry.albedo)))
+    is_textured = np.array([material.texture is not None for material in plan.materials])
+    whole, rest = light_all(geometry), light_all(geometry._replace(albedo=np.zeros_like(geometry.albedo)), is_textured)
+    first = whole.copy()
+    for material, start, end in list_groups(geometry):
+        if is_textured[material]:
+            first[:, start:end] = rest[:, start:end]
     uv = np.broadcast_to(geometry.uv, (n_side, *geometry.uv.shape))
-    return fill_centers(np.concatenate([rest, light_all(geometry), uv], axis=2), geometry.centers, threads)
+    return fill_centers(np.concatenate([first, whole, uv], axis=2), geometry.centers, threads)
 
 
-def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads) -> np.ndarray:
-    """Light all points but the centres of polygons: (n_side, n_point, n_channel); see `point_intensities`."""
-    intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
+def list_groups(geometry) -> list[tuple[int, int, int]]:
+    """List material, first point and end of each group of points."""
+    offsets = geometry.point_offsets.tolist()
+    return list(zip(geometry.group_material.tolist(), offsets[:-1], offsets[1:], strict=True))
+
+
+def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, materials=None) -> np.ndarray:
+    """Light all points but the centres of polygons: (n_side, n_point, n_channel); see `point_intensities`.
+
+    `materials` says which are lit, (n_material,) bool; None = all.
+    """
+    shape = n_side, geometry.points.shape[1], plan.n_channel
+    intensities = np.zeros(shape, plan.dtypes[-1])
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
-    starts, ends = geometry.point_offsets[:-1].tolist(), geometry.point_offsets[1:].tolist()
-    for material, start, end in zip(geometry.group_material.tolist(), starts, ends, strict=True):
+    for material, start, end in list_groups(geometry):
+        if materials is not None and not materials[material]:
+            continue
+        dtype = np.dtype(np.float64 if plan.of_materials.is_double[material] else np.float32)
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
 
-            def light_part(part, material=material, start=start, sign=sign, out=out):
-                batch = make_batch(plan.dtype)
+            def light_part(part, material=material, start=start, sign=sign, out=out, dtype=dtype):
+                lighting, batch = lightings[dtype], make_batch(dtype)
                 light_points(points, start + part[0], start + part[1], screen, sign, lighting, material, batch, out)
 
             threads.map(light_part, threads.ranges(end - start))

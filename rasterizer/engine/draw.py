@@ -18,7 +18,7 @@ from ..pipeline.clip import clip
 from ..pipeline.cull import Grid, find_visible
 from ..pipeline.drawables import Drawables, Triangles
 from ..pipeline.face_planes import NO_PLANES
-from ..pipeline.scan import scan
+from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.transform import transform
 from ..pipeline.visibility import MAX_RECORDS
 from .passes import FaceTable, Pass
@@ -57,18 +57,23 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
     kind = render_pass.workspace_kind(n_row)
 
     def draw_band(band: Band) -> BandCounts:
-        workspace = workspaces.acquire(kind, len(band.faces))
+        workspace = workspaces.acquire(kind, render_pass.most_records(len(band.faces)))
         workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
-        if render_pass.opacity is not None:
-            n_record = n_exact = draw_transparent_band(band, drawn, render_pass, workspace)
-        else:
-            n_record, n_exact = scan(
-                band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records
+        deferred = make_deferred(len(band.faces)) if render_pass.opacity is not None else None
+        found = ScanCounts(
+            *scan(
+                band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
+                deferred,
             )
-            render_pass.shade(workspace, band, n_exact, drawn.face_table)
-        n_covered = render_pass.finish(workspace, band, drawn.loaded_face)
+        )  # fmt: skip
+        is_opaque = deferred is None or deferred.count[0] == 0
+        if is_opaque:
+            render_pass.shade(workspace, band, found, drawn.face_table)
+        else:
+            draw_transparent_band(band, drawn, render_pass, workspace, found, deferred.listed())
+        n_covered = render_pass.finish(workspace, band, found, is_opaque, drawn.loaded_face)
         workspaces.release(kind, workspace)
-        return BandCounts(n_covered, len(band.faces) - n_record, n_record - n_exact, n_exact)
+        return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
 
     counts = threads.map(draw_band, busiest_first(bands, n_row, render_pass))
     clock.lap("scan, shade, resolve")
@@ -87,7 +92,7 @@ class Drawn(NamedTuple):
     @classmethod
     def whole(cls, geometry, vertices, render_pass) -> "Drawn":
         """All triangles of the scene as they are."""
-        triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted)
+        triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
         drawables = Drawables(triangles, vertices, render_pass.attributes)
         return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, 0))
 
@@ -121,10 +126,10 @@ def cull(drawn: Drawn, render_pass: Pass, threads):
         grid = Grid(width, height, n_row)
         visible = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads)
         most = int(np.sum([part.histogram for part in visible], axis=0).max(initial=0))
-        if most <= MAX_RECORDS:
+        if render_pass.most_records(most) <= MAX_RECORDS:
             return visible, n_row
         if n_row == factor:
-            raise SceneError(f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS}: draw a larger picture")
+            raise SceneError(f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: draw a larger picture")
         n_row = max(factor, n_row // 2 // factor * factor)
 
 

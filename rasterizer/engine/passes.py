@@ -19,10 +19,12 @@ from ..pipeline.bands import Band
 from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
 from ..pipeline.encode import Encoding
-from ..pipeline.gradients import EXACT, Coding
+from ..pipeline.gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE, Coding, LevelCoding, NormalCoding
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
+from ..pipeline.records import ALBEDO_UNITS, NORMAL_UNITS, VALUE_UNITS
 from ..pipeline.resolve import Picture, resolve
+from ..pipeline.scan import ScanCounts
 from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
@@ -31,7 +33,7 @@ from ..pipeline.workspace import Workspace, WorkspaceKind
 from .output_buffers import BUFFER_TABLE
 from .plan import Plan
 
-NO_TABLE = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
+NO_TABLE = FaceTable(np.empty((0, 5)))
 
 
 # Methods that nobody calls are not made: making them is most of what a dataclass costs when it is imported.
@@ -51,6 +53,7 @@ class Pass:
     is_filled: bool = False  # bands without triangles are finished, too
 
     n_channel: ClassVar[int] = 0  # of the intensities
+    dtype: ClassVar[np.dtype] = np.dtype(np.float32)
     textures: ClassVar[Textures | None] = None
     opacity: ClassVar[Opacity | None] = None  # None where all is opaque
 
@@ -61,24 +64,29 @@ class Pass:
 
     def workspace_kind(self, n_row) -> WorkspaceKind:
         """The memory that a band of `n_row` rows is drawn in."""
-        n_attribute = self.attributes.shape[2]
-        n_group = -(-n_attribute // 3) if self.coding.kind != EXACT else 0  # the normals, or the channels; the albedo
         return WorkspaceKind(
-            self.n_sample[0], n_row, self.n_channel, n_attribute, n_group, self.attributes.dtype,
+            self.n_sample[0], n_row, self.n_channel, self.attributes.shape[2], self.dtype,
             self.textures is not None, self.opacity is not None,
         )  # fmt: skip
 
-    def shade(self, workspace: Workspace, band: Band, n_exact: int, face_table: FaceTable) -> None:
+    def most_records(self, n_triangle: int) -> int:
+        """How many units the records of so many triangles have at most."""
+        if isinstance(self.coding, NormalCoding):
+            return n_triangle * (NORMAL_UNITS if self.attributes.shape[2] < 6 else ALBEDO_UNITS)
+        return n_triangle * (VALUE_UNITS if isinstance(self.coding, LevelCoding) and self.n_channel > 0 else 1)
+
+    def shade(self, workspace: Workspace, band: Band, counts: ScanCounts, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
 
-        `n_exact` is the number of exact records, `face_table` that of the triangles that are drawn, clipped parts
+        `counts` is what the scan stage found, `face_table` that of the triangles that are drawn, clipped parts
         included.
         """
 
-    def finish(self, workspace: Workspace, band: Band, loaded_face: np.ndarray) -> int:
+    def finish(self, workspace: Workspace, band: Band, counts: ScanCounts, is_opaque, loaded_face: np.ndarray) -> int:
         """Write the band's rows of the output; return how many samples are covered.
 
-        `loaded_face` is the face as loaded of each triangle, or empty where each is one.
+        `is_opaque` tells whether nothing of the band is transparent; `loaded_face` is the face as loaded of each
+        triangle, or empty where each is one.
         """
         raise NotImplementedError
 
@@ -99,6 +107,11 @@ class ColorPass(Pass):
         return self.plan.n_channel
 
     @property
+    def dtype(self) -> np.dtype:
+        """Of the intensities."""
+        return self.plan.dtype
+
+    @property
     def textures(self) -> Textures | None:
         """None where the scene has none."""
         return self.plan.textures
@@ -108,27 +121,35 @@ class ColorPass(Pass):
         """None where all is opaque."""
         return self.plan.opacity
 
-    def shade(self, workspace, band, n_exact, face_table):
-        """Find the light that comes from the visible samples, then let what is further away fade."""
-        scanned = ScannedBand(
-            workspace.visibility, workspace.records, self.coding.kind, n_exact, band.y_start, band.n_row
-        )
-        if self.textures is not None:
-            sample_textures(scanned, self.textures, face_table.materials, workspace.batch, workspace.texels)
-        self.light(workspace, scanned, face_table)
-        if self.plan.cue is not None:
-            fade(scanned, self.screen.is_perspective, self.plan.cue, workspace.radiance)
+    def n_channel_of(self, counts: ScanCounts) -> int:
+        """How many channels a band needs: what fades with depth has as many everywhere."""
+        return self.n_channel if counts.needs & NEEDS_COLORS or self.plan.cue is not None else 1
 
-    def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable) -> None:
+    def shade(self, workspace, band, counts, face_table):
+        """Find the light that comes from the visible samples, then let what is further away fade."""
+        scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
+        radiance = workspace.radiance[: self.n_channel_of(counts)]
+        has_texture = bool(counts.needs & NEEDS_TEXTURE)
+        if has_texture:
+            sample_textures(scanned, self.textures, workspace.double_batch, workspace.texels)
+        elif self.textures is not None:
+            workspace.texels.fill(1.0)
+        self.light(workspace, scanned, face_table, radiance)
+        if self.plan.cue is not None:
+            fade(scanned, self.screen.is_perspective, self.plan.cue, radiance)
+
+    def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
-    def finish(self, workspace, band, loaded_face):
+    def finish(self, workspace, band, counts, is_opaque, loaded_face):
         """Average the samples of each pixel, and write the picture's rows."""
-        a_buffer = workspace.a_buffer if self.opacity is not None else None
+        n_channel = self.n_channel_of(counts)
+        a_buffer = None if is_opaque else workspace.a_buffer.of_channels(n_channel)
+        encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
         return resolve(
-            workspace.visibility, workspace.radiance, a_buffer, band.y_start // self.factor, band.y_end // self.factor,
-            self.factor, self.encoding, workspace.pixels, self.picture,
+            workspace.visibility, workspace.radiance[:n_channel], a_buffer, band.y_start // self.factor,
+            band.y_end // self.factor, self.factor, encoding, workspace.pixels, self.picture,
         )  # fmt: skip
 
 
@@ -136,25 +157,30 @@ class ColorPass(Pass):
 class InterpolatedPass(ColorPass):
     """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
 
-    def light(self, workspace, band, face_table):
-        """Interpolate the intensities, with textures those of the parts that these weaken and don't weaken."""
-        if self.textures is None:
-            shade_interpolated(band, self.n_channel, 1.0 / self.plan.level_scale, workspace.radiance)
-        else:
-            shade_textured(band, workspace.texels, workspace.radiance)
+    def light(self, workspace, band, face_table, radiance):
+        """Interpolate the intensities; of textured surfaces those of the parts that the texture weakens and doesn't."""
+        shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
+        if band.counts.needs & NEEDS_TEXTURE:
+            shade_textured(band, workspace.texels, radiance)
 
 
 @dataclass(**AS_PASS)
 class LitPass(ColorPass):
     """Phong's method: normals are interpolated, and the illumination equation is evaluated at every visible sample."""
 
-    lighting: Lighting
+    lightings: dict[np.dtype, Lighting]  # for each type that materials are lit in
 
-    def light(self, workspace, band, face_table):
-        """Interpolate the normals and light the samples."""
+    def light(self, workspace, band, face_table, radiance):
+        """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
         texels = workspace.texels if self.textures is not None else None
         tangents = self.attributes.shape[2] - 3 if self.plan.has_tangents else None  # the last three attributes
-        shade_lit(band, self.screen, self.lighting, face_table, tangents, texels, workspace.batch, workspace.radiance)
+        ways = (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)
+        for need, dtype, batch in ways:
+            if band.counts.needs & need:
+                shade_lit(
+                    band, self.screen, self.lightings[np.dtype(dtype)], face_table, tangents, texels, self.plan.tint,
+                    need == NEEDS_DOUBLE, batch, radiance,
+                )  # fmt: skip
 
 
 @dataclass(**AS_PASS)
@@ -164,7 +190,7 @@ class BufferPass(Pass):
     screen: Screen
     buffers: dict[str, np.ndarray]  # by name, see output_buffers.py; written
 
-    def finish(self, workspace, band, loaded_face):
+    def finish(self, workspace, band, counts, is_opaque, loaded_face):
         """Write what is visible into each buffer."""
         surfaces = VisibleSurfaces(workspace.visibility, workspace.records, loaded_face, self.screen)
         for name, buffer in self.buffers.items():
@@ -179,7 +205,7 @@ class ShadowMapPass(Pass):
     depth: tuple[float, float]  # what a texel's depth is found from: offset and scale
     texels: np.ndarray  # (n, n) float64, written
 
-    def finish(self, workspace, band, loaded_face):
+    def finish(self, workspace, band, counts, is_opaque, loaded_face):
         """Write the texels' depths."""
         write_map(workspace.visibility, band.y_start, band.n_row, *self.depth, self.texels)
         return 0
@@ -193,9 +219,10 @@ def shadow_map_pass(nothing, coding, screen, texels) -> ShadowMapPass:
     nothing : (1, n_point, 0) float64: no attributes
     texels : (n, n) float64, written
     """
-    depth = (coding.inv_w_offset, coding.inv_w_scale)
+    depths = coding.depths
+    depth = (depths.inv_w_offset, depths.inv_w_scale)
     if not screen.is_perspective:
-        depth = (-coding.depth_offset, -coding.depth_scale)
+        depth = (-depths.depth_offset, -depths.depth_scale)
     return ShadowMapPass(
         attributes=nothing, coding=coding, size=texels.shape[::-1], depth=depth, texels=texels, is_filled=True
     )

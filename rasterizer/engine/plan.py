@@ -15,36 +15,31 @@ from ..geometry.points import number_materials
 from ..options import Options
 from ..pipeline.a_buffer import Opacity, least_transmittance
 from ..pipeline.depth_cueing import Cue
-from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from ..pipeline.texture_sampling import Textures
 from ..pipeline.visibility import LEVEL_MASK
-from . import light_table, reflection_table
+from . import light_table
 from .error_bounds import WRITTEN, lighting_error
 from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
+from .material_plans import Facts, MaterialPlans, plan_materials
 from .rounding import SINGLE
 from .spectral_products import Products, multiply_spectra
 from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
 from .tint import common_color, common_tint
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
-SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
 
 
 class Plan(NamedTuple):
     """What this scene needs, whatever the camera."""
 
-    n_channel: int
-    tint: np.ndarray  # (3,) float32: the colour of a picture with one channel
-    dtype: np.dtype
-    reasons: tuple[str, ...]  # why float32 won't do; none where it does
-    coding: int  # the cheapest way that attributes may take to the samples; see pipeline/gradients.py
+    n_channel: int  # the most that any material needs
+    tint: np.ndarray  # (3,) float32: the colour of what has one channel
+    of_materials: MaterialPlans
     level_scale: float  # levels a unit of intensity
-    normal_limit: float  # how far float32 planes may turn a normal, see pipeline/gradients.py
     bound: float  # the largest intensity that any point can have
     reflected: Reflected  # how bright each light makes each material, not amplified
     most: np.ndarray  # (n_light,): how much each light amplifies at most
     brightest_background: float  # largest component of what lies behind the picture, or of what it fades to with depth
-    rounding: float  # what rounding may add to an intensity, linear, before it is known where lights and surfaces are
     is_flat: bool
     is_lit_per_sample: bool
     ambient: np.ndarray  # (3,) float64, the sum of the ambient lights
@@ -57,6 +52,28 @@ class Plan(NamedTuple):
     opacity: Opacity | None  # None where all is opaque
     products: Products | None  # None where colours are multiplied channel by channel
     cue: Cue | None  # None where nothing fades with depth
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The type of intensities: float64 where all materials need it."""
+        return np.dtype(np.float64 if self.of_materials.is_double.all() else np.float32)
+
+    @property
+    def dtypes(self) -> tuple[np.dtype, ...]:
+        """The types that materials are lit in."""
+        is_double = self.of_materials.is_double
+        found = (np.float32, not is_double.all()), (np.float64, is_double.any())
+        return tuple(np.dtype(dtype) for dtype, is_used in found if is_used)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why float32 won't do for some material, each reason once."""
+        return tuple(dict.fromkeys(reason for reasons in self.of_materials.reasons for reason in reasons))
+
+    @property
+    def rounding(self) -> float:
+        """What rounding may add to an intensity, linear."""
+        return float(self.of_materials.roundings.max())
 
 
 class Sources(NamedTuple):
@@ -94,39 +111,37 @@ class Brightness(NamedTuple):
     rounding: float  # of float32: what it may add to an intensity
 
 
-def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None) -> Plan:
+def make_plan(scene, options: Options, albedo, clearances=None, colored=None) -> Plan:
     """Find out what a scene needs.
 
     Parameters
     ----------
     albedo : (n_point, 3) float64, linear colours given with the model, or no rows
-    is_precise : use float64 even where the scene alone does not ask for it; see view_plans.py
     clearances : (n_light,) float64, distances that no lit point comes nearer to the lights than, or None: lights that
         amplify without limit need float64 then
+    colored : (n_material,) bool, which materials have points whose albedo isn't grey; None = all if any
 
     Raises SceneError where the picture's intensities may be too large for float32.
     """
     sources = gather_sources(scene, options)
-    tint = find_tint(sources, albedo, scene.depth_cue)
+    materials, cue = sources.materials, scene.depth_cue
+    facts = gather_facts(scene, sources, albedo, colored)
+    tint = choose_tint(facts.tints)
     brightness = bound_brightness(scene, sources, albedo, clearances)
-    reasons = reasons_for_float64(sources, brightness, options, scene.depth_cue, is_precise)
-    coding, normal_limit = choose_coding(sources, brightness, options, tint, not reasons)
-    most_level, n_channel = brightness.bound + brightness.rounding, 3 if tint is None else 1
-    least = least_transmittance(options.tolerance, brightness.bound, not reasons)
-    materials = sources.materials
+    written = WRITTEN * SINGLE * (brightness.behind + brightness.bound)
+    of_materials = plan_materials(sources, brightness.greatest, options, cue, facts, tint, written)
+    is_single = not of_materials.is_double.all()
+    n_channel, most_level = 3 if of_materials.is_colored.any() else 1, brightness.bound + brightness.rounding
+    least = least_transmittance(options.tolerance, brightness.bound, is_single)
     return Plan(
         n_channel=n_channel,
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
-        dtype=np.dtype(np.float64 if reasons else np.float32),
-        reasons=reasons,
-        coding=coding,
+        of_materials=of_materials,
         level_scale=(int(LEVEL_MASK) - 1) / most_level if 0.0 < most_level < np.inf else 1.0,
-        normal_limit=normal_limit,
         bound=brightness.bound,
         reflected=brightness.reflected,
         most=brightness.most,
         brightest_background=brightness.behind,
-        rounding=brightness.rounding,
         is_flat=options.is_flat,
         is_lit_per_sample=options.shading == "phong",
         ambient=sources.ambient,
@@ -138,8 +153,43 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
         textures=list_textures(materials) if sources.is_textured else None,
         opacity=None if sources.is_opaque else list_opacities(materials, least),
         products=sources.products,
-        cue=None if scene.depth_cue is None else make_cue(scene.depth_cue, n_channel),
+        cue=None if cue is None else make_cue(cue, n_channel),
     )
+
+
+def gather_facts(scene, sources: "Sources", albedo, colored) -> Facts:
+    """Find out which materials have colours that are given with the model, and which have one channel."""
+    materials = sources.materials
+    has_albedo = np.array([material.texture is not None for material in materials], np.bool_)
+    if len(albedo) > 0:
+        given = number_materials(scene.meshes)[1]
+        for mesh, numbers in zip(scene.meshes, given, strict=True):
+            if mesh.colors is not None or mesh.face_colors is not None:
+                has_albedo[numbers] = True
+    if colored is None:
+        colored = np.full(len(materials), len(albedo) > 0 and bool(np.ptp(albedo, axis=1).any()))
+    tints = [
+        None if has_colors else tint_of(material, sources, scene.depth_cue)
+        for material, has_colors in zip(materials, colored, strict=True)
+    ]
+    return Facts(has_albedo, colored, tints)
+
+
+def tint_of(material, sources: "Sources", cue) -> np.ndarray | None:
+    """Return the RGB triple that all intensities of a material are multiples of; None where there is none."""
+    if sources.products is not None or material.texture is not None:
+        return None
+    tint = common_color([material], sources.lights, sources.ambient)
+    return tint if cue is None or tint is None else common_tint(tint, cue.color)
+
+
+def choose_tint(tints) -> np.ndarray | None:
+    """Choose the tint that most materials have, so that one channel is enough for these; None where none has one."""
+    groups: dict[tuple, int] = {}
+    for tint in tints:
+        if tint is not None:
+            groups[tuple(tint)] = groups.get(tuple(tint), 0) + 1
+    return np.array(max(groups, key=lambda tint: groups[tint])) if groups else None
 
 
 def gather_sources(scene, options: Options) -> Sources:
@@ -167,15 +217,6 @@ def expose(ambient_lights, lights, materials, scale):
     )
 
 
-def find_tint(sources: Sources, albedo, cue) -> np.ndarray | None:
-    """The RGB triple that all intensities are multiples of, so that one channel is enough; None where there is none."""
-    is_colored = len(albedo) > 0 and bool(np.ptp(albedo, axis=1).any())
-    if sources.products is not None or sources.is_textured or is_colored:
-        return None
-    tint = common_color(sources.materials, sources.lights, sources.ambient)
-    return tint if cue is None or tint is None else common_tint(tint, cue.color)
-
-
 def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     """Bound the intensities that a scene may have; SceneError where a picture can't hold them."""
     fades_to = max(scene.depth_cue.color) if scene.depth_cue is not None else 0.0
@@ -197,43 +238,3 @@ def check_brightness(bound) -> None:
             f"the scene's lights and materials may give intensities up to {bound:.3g}; legal is up to {LARGEST:.3g}, "
             "the largest float32: give lights and materials smaller colors"
         )
-
-
-def reasons_for_float64(sources: Sources, brightness: Brightness, options, cue, is_precise) -> tuple[str, ...]:
-    """Say why float32 won't do; nothing where it does.
-
-    Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners;
-    or the rest on intensities between them.
-    """
-    reasons = {
-        "tolerance 0": options.tolerance == 0,
-        "rounding beyond half of the tolerance": not brightness.rounding <= options.tolerance / 2,
-        "numbers of lights beyond float32": not are_single(sources.lights),
-        "this view": is_precise,
-        # Next to a step no error is small: the edges of shadows and of texels.
-        "shadows": sources.has_shadows,
-        "textures": sources.is_textured,
-    }
-    reasons |= {reflection_table.entry_of(m).reason_for_float64(m): True for m in sources.materials}
-    # Depth cueing reads depths from exact records.
-    reasons |= {"depth cueing": cue is not None, "spectra": bool(sources.products)}
-    return tuple(reason for reason, holds in reasons.items() if reason and holds)
-
-
-def are_single(lights) -> bool:
-    """Tell whether the coefficients of lights keep their digits in float32, and their products with squares of lengths,
-    too."""
-    return all(SMALL <= length <= LARGE for light in lights for length in light_table.entry_of(light).lengths(light))
-
-
-def choose_coding(sources: Sources, brightness: Brightness, options, tint, is_single) -> tuple[int, float]:
-    """Choose the cheapest way that attributes may take to the samples, and how far planes may turn a normal, in u."""
-    if not is_single or not sources.is_opaque:
-        return EXACT, 0.0
-    if options.shading == "phong":
-        turned = max(brightness.greatest.turn_slope, 1e-30)
-        normal_limit = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * turned)
-        return (NORMAL_PLANES if normal_limit > 3.0 else EXACT), normal_limit
-    if not np.isfinite(brightness.bound):
-        return EXACT, 0.0
-    return (IN_ENTRIES if tint is not None else LEVEL_PLANES), 0.0

@@ -2,17 +2,9 @@
 
 from typing import NamedTuple
 
-from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
+from ..pipeline.gradients import EXACT, IN_ENTRIES, IN_PLANES
 from .plan import Plan
 from .uniforms import batch_functions_of
-
-WAYS = {
-    IN_ENTRIES: "one intensity in each visibility entry",
-    LEVEL_PLANES: "planes of the three channels",
-    NORMAL_PLANES: "planes of the normals",
-    EXACT: "exact records",
-}
-
 
 class Ways(NamedTuple):
     """Triangles by the way that their attributes took, counted in each band that they meet."""
@@ -22,6 +14,29 @@ class Ways(NamedTuple):
     exact: int  # exact records
 
 
+class MaterialNeeds(NamedTuple):
+    """What the samples of some materials need.
+
+    Parameters
+    ----------
+    materials : their numbers, in the order in which the scene has them
+    channels : 1 where every colour is a multiple of the picture's tint, else 3
+    dtype : "float32" or "float64", the type of the illumination
+    reasons : why it is float64; empty for float32
+    way : the cheapest way that attributes may take from the vertices to the samples
+    """
+
+    materials: tuple[int, ...]
+    channels: int
+    dtype: str
+    reasons: tuple[str, ...]
+    way: str
+
+    def __repr__(self) -> str:
+        why = f" because of {', '.join(self.reasons)}" if self.reasons else ""
+        return f"{self.channels} channel{'s' * (self.channels > 1)}, {self.dtype}{why}; {self.way}"
+
+
 class PlanSummary(NamedTuple):
     """What a picture needed, and nothing else was computed.
 
@@ -29,9 +44,10 @@ class PlanSummary(NamedTuple):
     ----------
     shading : "flat", "gouraud" or "phong"
     channels : 1 where every colour of the picture is a multiple of one RGB triple, else 3
-    dtype : "float32" or "float64", the type of the illumination
-    reasons : why it is float64; empty for float32
-    way : the cheapest way that attributes may take from the vertices to the samples
+    dtype : the type of the illumination: "float32", or "float64" where all materials need that
+    reasons : why some material needs float64; empty where none does
+    way : the cheapest way that attributes of any material may take from the vertices to the samples
+    needs : what the materials need, those that need the same together
     light_functions : names of the compiled functions of lights, each once
     reflection_functions : the same for reflection models
     features : what else the scene uses: "textures", "shadows", "transparency", "depth cueing", "spectra", "tangents"
@@ -44,6 +60,7 @@ class PlanSummary(NamedTuple):
     dtype: str
     reasons: tuple[str, ...]
     way: str
+    needs: tuple[MaterialNeeds, ...]
     light_functions: tuple[str, ...]
     reflection_functions: tuple[str, ...]
     features: tuple[str, ...]
@@ -51,10 +68,12 @@ class PlanSummary(NamedTuple):
     ways: Ways | None = None
 
     def __repr__(self) -> str:
-        why = f" because of {', '.join(self.reasons)}" if self.reasons else ""
-        lines = [
-            f"{self.shading} shading, {self.channels} channel{'s' * (self.channels > 1)}, {self.dtype}{why}",
-            f"attributes: {self.way}",
+        if len(self.needs) == 1:
+            lines = [f"{self.shading} shading, {self.needs[0]}"]
+        else:
+            lines = [f"{self.shading} shading"]
+            lines += [f"material{'s' * (len(n.materials) > 1)} {shorten(n.materials)}: {n}" for n in self.needs]
+        lines += [
             f"lights: {', '.join(self.light_functions) or 'none but ambient'}",
             f"reflection: {', '.join(self.reflection_functions) or 'none'}",
             f"also: {', '.join(self.features) or 'nothing'}",
@@ -64,6 +83,15 @@ class PlanSummary(NamedTuple):
             counts = ", ".join(f"{count} by {name}" for name, count in zip(_WAY_NAMES, self.ways, strict=True))
             lines.append(f"triangles in their bands: {counts}")
         return "\n".join(lines)
+
+
+MOST_NUMBERS = 8  # of materials that are named in a line
+
+
+def shorten(numbers: tuple[int, ...]) -> str:
+    """Return numbers as text; of many the first ones and how many there are."""
+    text = ", ".join(map(str, numbers[:MOST_NUMBERS]))
+    return text if len(numbers) <= MOST_NUMBERS else f"{text}, … ({len(numbers)} of them)"
 
 
 _WAY_NAMES = ("entries", "planes", "exact records")
@@ -80,18 +108,39 @@ def summarize(plan: Plan, is_perspective: bool, ways: Ways | None = None) -> Pla
         "spectra": plan.products is not None,
         "tangents": plan.has_tangents,
     }
+    needs = list_needs(plan)
+    cheapest = int(plan.of_materials.ways.max()) if (plan.of_materials.ways != IN_ENTRIES).all() else IN_ENTRIES
     return PlanSummary(
         shading="flat" if plan.is_flat else "phong" if plan.is_lit_per_sample else "gouraud",
         channels=plan.n_channel,
         dtype=str(plan.dtype),
         reasons=plan.reasons,
-        way=WAYS[plan.coding],
+        way=name_way(cheapest, plan.is_lit_per_sample),
+        needs=needs,
         light_functions=_names(of_lights),
         reflection_functions=_names(function for functions in of_materials for function in functions),
         features=tuple(name for name, holds in features.items() if holds),
         bound=plan.bound,
         ways=ways,
     )
+
+
+def list_needs(plan: Plan) -> tuple[MaterialNeeds, ...]:
+    """List what the materials need, those that need the same together."""
+    rows, groups = plan.of_materials, {}
+    for k, (way, is_double, is_colored) in enumerate(zip(rows.ways, rows.is_double, rows.is_colored, strict=True)):
+        dtype, way = "float64" if is_double else "float32", name_way(int(way), plan.is_lit_per_sample)
+        groups.setdefault((3 if is_colored else 1, dtype, rows.reasons[k], way), []).append(k)
+    return tuple(MaterialNeeds(tuple(numbers), *key) for key, numbers in groups.items())
+
+
+def name_way(way: int, is_lit_per_sample: bool) -> str:
+    """Return a way of attributes in words."""
+    if way == IN_ENTRIES:
+        return "one intensity in each visibility entry"
+    if way == IN_PLANES:
+        return "planes of the normals" if is_lit_per_sample else "planes of the intensities"
+    return "exact records"
 
 
 def _names(functions) -> tuple[str, ...]:

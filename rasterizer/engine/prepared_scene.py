@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 from ..geometry.points import gather_geometry
 from ..options import Options
 from ..pipeline.encode import encode_picture
-from ..pipeline.gradients import EXACT
 from ..pipeline.threads import Workers
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .attributes import NormalAttributes, point_intensities
-from .coding import make_coding, make_encoding
+from .coding import make_coding, make_encoding, make_exact_coding
 from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
@@ -23,6 +22,7 @@ from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
 from .uniforms import make_lighting
 from .view_plans import ViewPlan, ViewPlans
 
+NO_MATERIALS = np.empty(0, np.uint32)
 NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 
 
@@ -75,7 +75,7 @@ class PreparedScene:
         if self.shadows is not None:
             maps = self.shadows.draw(view, self.workspaces, self.threads)
             clock.lap("shadows")
-        lighting = make_lighting(plan, view, maps, screen.is_perspective)
+        lightings = {dtype: make_lighting(plan, view, dtype, maps, screen.is_perspective) for dtype in plan.dtypes}
         shared = {
             "coding": make_coding(plan, screen, options.tolerance),
             "size": options.size,
@@ -87,20 +87,19 @@ class PreparedScene:
             "picture": picture,
         }
         if plan.is_lit_per_sample:
-            attributes = self.normals.of(plan.dtype, plan.has_albedo, plan.has_tangents)
-            face_table = FaceTable(geometry.face_material, NO_SHAPES if self.shadows is None else self.shadows.shapes)
-            return LitPass(attributes=attributes, face_table=face_table, lighting=lighting, **shared)
-        attributes = self._light_points(plan, lighting, screen)
+            attributes = self.normals.of(plan.dtypes[-1], plan.has_albedo, plan.has_tangents)
+            face_table = FaceTable(NO_SHAPES if self.shadows is None else self.shadows.shapes)
+            return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
+        attributes = self._light_points(plan, lightings, screen)
         clock.lap("light")
-        face_table = FaceTable(geometry.face_material, NO_SHAPES)
-        return InterpolatedPass(attributes=attributes, face_table=face_table, **shared)
+        return InterpolatedPass(attributes=attributes, face_table=FaceTable(NO_SHAPES), **shared)
 
-    def _light_points(self, plan, lighting, screen) -> np.ndarray:
+    def _light_points(self, plan, lightings, screen) -> np.ndarray:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
         normal_offsets = np.empty(0) if self.shadows is None else self.shadows.normal_offsets
-        return point_intensities(self.geometry, plan, lighting, screen, n_side, normal_offsets, self.threads)
+        return point_intensities(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
 
     def draw_buffers(self, camera: Camera, clock) -> tuple[dict[str, NDArray], Counts]:
         """Draw the exact buffers that are asked for, by name: always with one sample a pixel and float64 records, so
@@ -116,11 +115,12 @@ class PreparedScene:
             normals = self.normals.of_faces(view, screen) if options.is_flat else self.normals.of(np.float64)
         render_pass = BufferPass(
             attributes=normals,
-            coding=make_coding(self.view_plans.plan._replace(coding=EXACT), screen, 0.0),
+            coding=make_exact_coding(screen, normals.shape[2]),
             size=options.size,
             is_culled=options.cull == "back",
             screen=screen,
             buffers=buffers,
         )
-        counts = draw(self.geometry, render_pass, screen, self.workspaces, self.threads, clock)
+        geometry = self.geometry._replace(face_material=NO_MATERIALS)
+        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
         return buffers, counts

@@ -21,7 +21,7 @@ class ProbePass(Pass):
     pixel: tuple[int, int]  # column and row
     ways: set[str]  # filled
 
-    def finish(self, workspace, band, loaded_face):
+    def finish(self, workspace, band, counts, is_opaque, loaded_face):
         """Note the ways of the pixel's samples in this band."""
         visibility, (x, y), factor = workspace.visibility, self.pixel, self.factor
         for row in range(max(y * factor, band.y_start), min((y + 1) * factor, band.y_end)):
@@ -48,9 +48,9 @@ def ways_at(prepared: PreparedScene, camera: Camera, pixel: tuple[int, int]) -> 
     screen = screen_of(camera, view, options.size, options.factor, prepared.geometry, prepared.bounds)
     plan = prepared.view_plans.plan_for(view, screen).plan
     of_picture = prepared.color_pass(view, screen, plan, make_picture(options.size, False), NO_CLOCK)
-    # Transparent surfaces are looked at as if they were opaque: all of their records are exact.
+    # Transparent surfaces are looked at as if they were opaque.
     probe = ProbePass(
-        attributes=of_picture.attributes if plan.opacity is None else prepared.normals.none(),
+        attributes=of_picture.attributes,
         coding=of_picture.coding,
         size=options.size,
         factor=options.factor,

@@ -20,12 +20,11 @@ from ..geometry.points import Geometry
 from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
-from ..pipeline.gradients import IN_ENTRIES
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
 from ..scene.camera import Projection, View
-from .coding import make_coding
+from .coding import make_map_coding
 from .depth_range import NEAREST, fit_screen
 from .draw import NO_CLOCK, draw
 from .light_table import Beam, entry_of, is_carried, shadow_of
@@ -117,6 +116,7 @@ def gather_casters(geometry: Geometry, bounds: NDArray[np.float64], opacity: Opa
             return None
         vertex = np.ascontiguousarray(geometry.vertex[:, faces])
         geometry = geometry._replace(vertex=vertex, is_inverted=geometry.is_inverted[faces])
+    geometry = geometry._replace(face_material=np.empty(0, np.uint32))
     corners = np.stack([bounds[:, [(k >> axis) & 1 for axis in range(3)], range(3)] for k in range(8)], axis=1)
     return Casters(geometry._replace(corner=geometry.vertex), corners.reshape(-1, 3))
 
@@ -150,7 +150,7 @@ def draw_shadow_map(
     nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
     for k, (row, (light_view, projection)) in enumerate(zip(_map_rows(block), views, strict=True)):
         screen = _fit_screen(light_view, projection, casters, size)
-        coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=()), screen, 0.0)
+        coding = make_map_coding(screen)
         render_pass = shadow_map_pass(nothing, coding, screen, texels[k])
         draw(casters.geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
         _write_view(row, light_view, projection, MAP_ROUNDING * _value_range(screen, coding))
@@ -244,5 +244,6 @@ def _fit_screen(view, projection, casters, size):
 
 def _value_range(screen, coding) -> float:
     """What the values of a map range over: 1/w, or depth."""
-    scale = coding.inv_w_scale if screen.is_perspective else coding.depth_scale
+    depths = coding.depths
+    scale = depths.inv_w_scale if screen.is_perspective else depths.depth_scale
     return abs(scale) * 2.0**38

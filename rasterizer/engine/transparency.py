@@ -5,41 +5,36 @@ import numpy as np
 from ..pipeline.a_buffer import (
     FEW,
     FragmentLists,
-    Opacity,
-    TransparentTriangles,
     composite,
     divide_room,
     list_fragments,
     open_lists,
     order_by_depth,
-    scan_opaque,
     show_nearest,
     split_samples,
 )
 from ..pipeline.bands import Band, Rows
+from ..pipeline.scan import Deferred
 from .passes import Pass
 
 
-def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace) -> int:
-    """Draw the opaque triangles of a band, list the fragments of the transparent ones before them at every sample, and
-    composite what each sample shows; return the number of records, one for every triangle.
+def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace, counts, transparent: Deferred) -> None:
+    """List the fragments of a band's transparent triangles before the opaque surfaces, which are drawn, and composite
+    what each sample shows.
 
-    `drawn` holds the triangles (draw.py).
+    Parameters
+    ----------
+    drawn : the triangles (draw.py)
+    counts : ScanCounts of the band
+    transparent : what the scan stage has left to be listed
     """
-    listed = np.empty(len(band.faces), np.int64)  # where the transparent ones stand in band.faces
-    n_transparent = scan_opaque(
-        band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
-        opacity_of(drawn, render_pass), listed,
-    )  # fmt: skip
-    listed = listed[:n_transparent]
-    transparent = count_fragments(band, drawn, workspace, TransparentTriangles(listed, band.faces[listed]))
+    transparent = count_fragments(band, drawn, workspace, transparent)
     pitch = workspace.visibility.pitch
     for first, last in split_samples(workspace.a_buffer.starts[: band.n_row * pitch + 1], pitch):
-        composite_range(band, drawn, render_pass, workspace, transparent, (first, last))
-    return len(band.faces)
+        composite_range(band, drawn, render_pass, workspace, counts, transparent, (first, last))
 
 
-def count_fragments(band: Band, drawn, workspace, transparent: TransparentTriangles) -> TransparentTriangles:
+def count_fragments(band: Band, drawn, workspace, transparent: Deferred) -> Deferred:
     """Count the fragments of each sample and divide the room among their lists; return the transparent triangles in the
     order in which the lists are filled."""
     a_buffer, n_sample = workspace.a_buffer, band.n_row * workspace.visibility.pitch
@@ -56,7 +51,7 @@ def count_fragments(band: Band, drawn, workspace, transparent: TransparentTriang
     return transparent
 
 
-def composite_range(band: Band, drawn, render_pass: Pass, workspace, transparent, samples) -> None:
+def composite_range(band: Band, drawn, render_pass: Pass, workspace, counts, transparent, samples) -> None:
     """Fill the lists of the samples first..last of a band, then shade one layer after the other, nearest first, and sum
     them up."""
     visibility, a_buffer, (first, last) = workspace.visibility, workspace.a_buffer, samples
@@ -67,17 +62,13 @@ def composite_range(band: Band, drawn, render_pass: Pass, workspace, transparent
     triangles, vertices, _ = drawn.drawables
     list_fragments(band.y_start, transparent, triangles, vertices, rows, workspace.block, visibility, lists)
     show_nearest(visibility, a_buffer, lists)
-    layer = workspace._replace(visibility=a_buffer.layer)
+    layer, n_channel = workspace._replace(visibility=a_buffer.layer), render_pass.n_channel_of(counts)
     n_composited, is_more = 0, True
     while is_more:
-        render_pass.shade(layer, Band(band.faces, *rows), len(band.faces), drawn.face_table)
+        render_pass.shade(layer, Band(band.faces, *rows), counts, drawn.face_table)
         is_more = composite(
-            visibility, workspace.records, a_buffer, lists, n_composited, workspace.radiance, workspace.texels,
-            opacity_of(drawn, render_pass),
+            visibility, workspace.records, a_buffer.of_channels(n_channel), lists, n_composited,
+            workspace.radiance[:n_channel], workspace.texels,
+            render_pass.opacity,
         )  # fmt: skip
         n_composited += 1
-
-
-def opacity_of(drawn, render_pass: Pass) -> Opacity:
-    """How transparent the triangles are that are drawn, clipped parts included."""
-    return render_pass.opacity._replace(face_materials=drawn.face_table.materials)

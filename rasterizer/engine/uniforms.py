@@ -17,36 +17,42 @@ from .spectral_products import split_fresnel
 _COLUMNS = (m.EMISSION, m.AMBIENT, m.DIFFUSE, m.SPECULAR)
 
 
-def make_lighting(plan: Plan, view, shadows=(), is_perspective=True) -> Lighting:
-    """Write lights and materials as arrays, for one view.
+def make_lighting(plan: Plan, view, dtype, shadows=(), is_perspective=True) -> Lighting:
+    """Write lights and materials as arrays, for one view; only the rows of materials that are lit in `dtype` are read.
 
     `shadows` holds a light's shadow map (see engine/shadow_maps.py), or None, for each light; nothing where no light
     has one. Whoever draws keeps it until the picture is done.
     """
-    light, material = _list_lights(plan, view), _list_materials(plan)
-    color, n_light_channel = _color_lights(plan)
+    light, material = _list_lights(plan, view, dtype), _list_materials(plan, dtype)
+    color, n_light_channels = _color_lights(plan)
     highlights = np.array([has_highlight(source) for source in plan.materials], np.bool_)
     models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
     of_lights, of_materials = batch_functions_of(plan, is_perspective)
+    is_lit_here = plan.of_materials.is_double == (dtype == np.float64)
     if is_parted(plan):  # each light is followed by itself
         light = np.repeat(light, 2, axis=0)
         shadows = [part for shadow in shadows for part in (shadow, None)]
     return Lighting(
-        light_functions=_addresses(of_lights, plan.dtype),
-        lights=light.astype(plan.dtype),
-        reflection_functions=np.stack([_addresses(functions, plan.dtype) for functions in of_materials]),
-        materials=material.astype(plan.dtype),
+        light_functions=_addresses(of_lights, dtype),
+        lights=light.astype(dtype),
+        reflection_functions=np.stack(
+            [
+                _addresses(functions, dtype) if is_lit else np.zeros(len(functions), np.int64)
+                for functions, is_lit in zip(of_materials, is_lit_here, strict=True)
+            ]
+        ),
+        materials=material.astype(dtype),
         has_highlight=highlights,
         is_view_dependent=is_view_dependent,
-        n_channel=plan.n_channel,
-        n_light_channel=n_light_channel,
+        n_channels=np.where(plan.of_materials.is_colored, 3, 1),
+        n_light_channels=n_light_channels,
         needs_view=bool(is_view_dependent.any()),
         needs_position=plan.has_shadows
         or any(light_table.entry_of(source).function(source).needs_position for source in plan.lights),
-        has_albedo=plan.has_albedo,
-        colors=color.astype(plan.dtype),
-        shadows=_list_shadows(shadows, plan.dtype) if plan.has_shadows else None,
+        has_albedo=plan.of_materials.has_albedo,
+        colors=color.astype(dtype),
+        shadows=_list_shadows(shadows, dtype) if plan.has_shadows else None,
     )
 
 
@@ -56,15 +62,15 @@ def _list_shadows(shadows, dtype) -> ShadowMaps:
     return ShadowMaps(batch_function(occlude, dtype).address, np.array(maps, np.int64))
 
 
-def _list_lights(plan, view) -> np.ndarray:
+def _list_lights(plan, view, dtype) -> np.ndarray:
     """The coefficients of each light, a row a light."""
     coefficients = np.zeros((len(plan.lights), N_LIGHT_COEFFICIENT))
     for row, source in zip(coefficients, plan.lights, strict=True):
-        light_table.entry_of(source).write(row, source, view, plan.dtype)
+        light_table.entry_of(source).write(row, source, view, dtype)
     return coefficients
 
 
-def _list_materials(plan) -> np.ndarray:
+def _list_materials(plan, dtype) -> np.ndarray:
     """A row of numbers for each material: those of its model, then its coefficients, as far as lights are no part of
     them."""
     material = np.zeros((len(plan.materials), m.N_MATERIAL_COEFFICIENT))
@@ -82,31 +88,33 @@ def _list_materials(plan) -> np.ndarray:
             colors = (plan.products.emissive[k], plan.products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
         for column, color in zip(_COLUMNS, colors, strict=True):
             row[column : column + 3] = color
-        if plan.n_channel == 1:  # the largest component: all are grey or multiples of the picture's tint
+        if not plan.of_materials.is_colored[k]:  # the largest component: all are grey or multiples of the picture's tint
             for column in _COLUMNS:
                 row[column] = row[column : column + 3].max()
-    if plan.dtype == np.float32:
+    if dtype == np.float32:
         # An exponent that float32 has no number for raises all cosines to 0 or 1, as the nearest one that it has does.
         limits = np.finfo(np.float32)
         np.clip(material[:, m.SHININESS], limits.tiny, limits.max, out=material[:, m.SHININESS])
     return material
 
 
-def _color_lights(plan) -> tuple[np.ndarray, int]:
-    """What the sums over the lights are weighted with, (1 or n_material, n_light, 6), and how many channels they need.
+def _color_lights(plan) -> tuple[np.ndarray, np.ndarray]:
+    """What the sums over the lights are weighted with, (1 or n_material, n_light, 6), and how many channels they need,
+    (n_material,).
 
     With two terms a light (see `is_parted`), n_light is twice the number of lights.
     """
-    n_light = len(plan.lights)
+    n_light, is_colored = len(plan.lights), plan.of_materials.is_colored
     if is_parted(plan):
-        return _color_parts(plan), 3
+        return _color_parts(plan), np.full(len(is_colored), 3)
     if plan.products is not None:
-        return np.concatenate([plan.products.diffuse, plan.products.specular], axis=2), 3
+        return np.concatenate([plan.products.diffuse, plan.products.specular], axis=2), np.full(len(is_colored), 3)
     colors = np.array([light.color for light in plan.lights]).reshape(n_light, 3)
-    is_grey = bool((np.ptp(colors, axis=1) == 0).all()) if n_light else True
-    if plan.n_channel == 1:
-        colors = np.repeat(colors.max(axis=1, keepdims=True, initial=0.0), 3, axis=1)
-    return np.concatenate([colors, colors], axis=1)[None], 1 if is_grey or plan.n_channel == 1 else 3
+    greys = np.repeat(colors.max(axis=1, keepdims=True, initial=0.0), 3, axis=1)
+    if (colors == greys).all():
+        return np.concatenate([greys, greys], axis=1)[None], np.ones(len(is_colored), np.int64)
+    rows = np.where(is_colored[:, None, None], colors, greys)
+    return np.concatenate([rows, rows], axis=2), np.where(is_colored, 3, 1)
 
 
 def is_parted(plan: Plan) -> bool:

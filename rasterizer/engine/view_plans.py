@@ -5,13 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.points import number_materials
 from ..geometry.surfaces import compute_clearance, compute_point_clearance, find_shortest_normal
 from ..options import Options
-from ..pipeline.gradients import EXACT
+from ..pipeline.gradients import EXACT, IN_ENTRIES
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of
-from .plan import LARGE, SMALL, Plan, make_plan
+from .material_plans import LARGE, SMALL, of_material
+from .plan import Plan, make_plan
 from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE
 
@@ -31,12 +33,13 @@ class ViewPlans:
     def __init__(self, scene, options: Options, geometry, bounds):
         self._scene, self._options, self._geometry, self._bounds = scene, options, geometry, bounds
         self._clearances: dict[tuple, float] = {}  # by position
-        self._precise_plan: Plan | None = None
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
-        self.plan = make_plan(scene, options, geometry.albedo)
+        colored = find_colored(geometry, len(number_materials(scene.meshes)[0]))
+        self.plan = make_plan(scene, options, geometry.albedo, colored=colored)
         if not np.isfinite(self.plan.bound):
-            self.plan = make_plan(scene, options, geometry.albedo, clearances=self._lasting_clearances())
+            clearances = self._lasting_clearances()
+            self.plan = make_plan(scene, options, geometry.albedo, clearances, colored)
         self._shortest = 1.0
         if self.plan.is_lit_per_sample and self.plan.reflected.turn_slope > 0.0:
             self._shortest = find_shortest_normal(geometry.normals, geometry.corner)
@@ -47,21 +50,12 @@ class ViewPlans:
         surroundings = self._surroundings(view, screen, math.sqrt(sum(side * side for side in reach))).rounded()
         key = surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness, screen.is_perspective
         if self._last_key != key:
-            plan, tolerance = self.plan, self._options.tolerance
-            if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings):
-                plan = plan._replace(rounding=rounding_of(plan, surroundings))
-            elif plan.dtype == np.float32:
-                plan = self._precise()
+            tolerance = self._options.tolerance
+            plan = plan_of_view(self.plan, tolerance, surroundings)
             error_bound = error_bound_of(plan, tolerance, surroundings)
             steps, summary = list_steps(plan, surroundings), summarize(plan, screen.is_perspective)
             self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, summary)
         return self._last
-
-    def _precise(self) -> Plan:
-        """The scene's plan with float64."""
-        if self._precise_plan is None:
-            self._precise_plan = make_plan(self._scene, self._options, self._geometry.albedo, is_precise=True)
-        return self._precise_plan
 
     def _lasting_clearances(self) -> np.ndarray:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
@@ -100,30 +94,48 @@ class ViewPlans:
         return Surroundings(furthest, clearances, self._shortest, self.plan.is_lit_per_sample, deepness)
 
 
-def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
-    """Tell whether float32 leaves room enough for a plan's approximations in one view, see `make_plan`.
+def find_colored(geometry, n_material) -> np.ndarray:
+    """Find the materials that have points whose albedo isn't grey, (n_material,) bool."""
+    colored = np.zeros(n_material, np.bool_)
+    if len(geometry.albedo):
+        offsets = geometry.point_offsets.tolist()
+        for material, start, end in zip(geometry.group_material, offsets[:-1], offsets[1:], strict=True):
+            colored[material] |= bool(np.ptp(geometry.albedo[start:end], axis=1).any())
+    return colored
 
-    Lengths and their squares must keep their digits, from the nearest point to a light to the furthest one from the
-    eye; a light that is further away than LARGE is found by the furthest point's clearance.
+
+def plan_of_view(plan: Plan, tolerance, surroundings: Surroundings) -> Plan:
+    """Return the plan with float64 for the materials for which float32 has too few digits in one view.
+
+    Float32 leaves room enough for a plan's approximations where rounding takes half of the tolerance at most. Lengths
+    and their squares must keep their digits, from the nearest point to a light to the furthest one from the eye; a
+    light that is further away than LARGE is found by the furthest point's clearance. Nothing is kept back here: where a
+    normal vanishes or a light lies on a surface, float64 is right.
     """
+    is_double = plan.of_materials.is_double
+    if is_double.all():
+        return plan
     of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
     lengths = [surroundings.furthest, *of_positions]
-    if not all(SMALL <= length <= LARGE for length in lengths):
-        return False
-    if (compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any():
-        return False
-    # Nothing is kept back here: where a normal vanishes or a light lies on a surface, float64 is right.
-    if surroundings.is_lit_per_sample and surroundings.shortest <= 0.0:
-        return False
-    return rounding_of(plan, surroundings) <= tolerance / 2
+    is_lost = not all(SMALL <= length <= LARGE for length in lengths)
+    is_lost = is_lost or bool((compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any())
+    is_lost = is_lost or (surroundings.is_lit_per_sample and surroundings.shortest <= 0.0)
+    roundings = roundings_of(plan, surroundings)
+    lost = ~is_double & (is_lost | ~(roundings <= tolerance / 2))
+    of_materials = plan.of_materials._replace(roundings=roundings)
+    return plan._replace(of_materials=of_materials.doubled(lost, "this view") if lost.any() else of_materials)
 
 
-def rounding_of(plan: Plan, surroundings: Surroundings) -> float:
-    """What rounding may add to an intensity in one view, in the plan's type, and in the float32 of the picture."""
-    u = SINGLE if plan.dtype == np.float32 else DOUBLE
+def roundings_of(plan: Plan, surroundings: Surroundings) -> np.ndarray:
+    """What rounding may add to an intensity of each material in one view, in its type, and in the float32 of the
+    picture."""
     reflected = plan.reflected.amplified(compute_amplifications(plan.lights, surroundings.kept().clearances))
     written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bound)
-    return frame_error(reflected, surroundings, u) + written
+    errors = [
+        frame_error(of_material(reflected, k), surroundings, DOUBLE if is_double else SINGLE)
+        for k, is_double in enumerate(plan.of_materials.is_double)
+    ]
+    return np.array(errors) + written
 
 
 def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
@@ -133,8 +145,12 @@ def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
     entries, a quarter of the tolerance for the normals' planes and one for colours', or all of it for what Gouraud's
     method has between the corners.
     """
-    rounding, approximated = rounding_of(plan, surroundings), 0.0
-    if plan.coding != EXACT:
-        approximated = tolerance / 4 * (2 if plan.has_albedo else 1) if plan.is_lit_per_sample else tolerance - rounding
-        approximated = 0.5 / plan.level_scale if plan.is_flat else max(approximated, 0.0)
-    return float(rounding + approximated)
+    roundings, ways = roundings_of(plan, surroundings), plan.of_materials.ways
+    approximated = np.zeros(len(ways))
+    if plan.is_lit_per_sample:
+        approximated[:] = np.where(plan.of_materials.has_albedo, tolerance / 2, tolerance / 4)
+    elif plan.is_flat:
+        approximated[ways == IN_ENTRIES] = 0.5 / plan.level_scale
+    else:
+        approximated = np.maximum(tolerance - roundings, 0.0)
+    return float((roundings + np.where(ways == EXACT, 0.0, approximated)).max())

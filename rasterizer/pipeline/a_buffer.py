@@ -5,7 +5,7 @@ In:  the band's list of triangles, which of them are opaque.
 Out: every sample's colour, weighted by its opacity, and its opacity: all surfaces that are seen there, nearest first,
      up to the first opaque one.
 
-First the opaque surfaces are drawn. Then every sample gets a list of fragments, the entries of all transparent surfaces
+First the opaque surfaces are drawn, and the transparent ones noted (scan.py). Then every sample gets a list of fragments, the entries of all transparent surfaces
 before that (Carpenter 1984, "The A-buffer, an antialiased hidden surface method"): they are counted, room is divided,
 the lists are filled and sorted. Entries hold depth above the triangle's index, so they order all surfaces at a sample,
 whatever their order in the file: at equal depth the lower index lies in front, as everywhere. The lists of a range of
@@ -35,18 +35,17 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from . import setup as s
-from .records import FACE, write_exact
-from .scan import Payload, box_of, fill, fill_spans, surface_of
+from .records import material_of
+from .scan import Deferred, Payload, box_of, fill_spans, surface_of
 from .visibility import (
     CLEAR,
-    IS_EXACT,
-    IS_ID,
+    MAX_RECORDS,
     NO_END,
     NO_START,
-    RECORD_MASK,
     STRIP_SHIFT,
     VisibilityBuffer,
     note_extent,
+    record_of,
     strip_of,
 )
 
@@ -69,12 +68,9 @@ class ABuffer(NamedTuple):
     opacity: np.ndarray  # (n_row * pitch,) float64: summed up, because 1 - transmittance loses the digits of small ones
     color: np.ndarray  # (n_channel, n_row * pitch) float64; anything where the opacity is 0
 
-
-class TransparentTriangles(NamedTuple):
-    """The triangles of a band that are neither opaque nor invisible, in the order in which the lists are filled."""
-
-    listed: np.ndarray  # (n,) int64, where they stand in the band's list
-    faces: np.ndarray  # (n,) uint32, the triangles
+    def of_channels(self, n_channel: int) -> "ABuffer":
+        """Return the same with so many channels."""
+        return self._replace(color=self.color[:n_channel])
 
 
 class FragmentLists(NamedTuple):
@@ -96,7 +92,6 @@ class Opacity(NamedTuple):
     opacity: np.ndarray  # (n_material,) float64
     is_opaque: np.ndarray  # (n_material,) bool: also the texture is
     least: float  # when no more is transmitted, what lies behind is left out
-    face_materials: np.ndarray = np.empty(0, np.uint32)  # (n_face,) of the triangles drawn; empty where there is one
 
 
 def make_a_buffer(visibility, n_channel, is_used) -> ABuffer:
@@ -122,11 +117,11 @@ def least_transmittance(tolerance, bound, is_single) -> float:
     return min(tolerance / (4.0 * max(bound, 1.0)), INVISIBLE_ALPHA) if is_single else INVISIBLE
 
 
-def order_by_depth(transparent: TransparentTriangles, drawables) -> TransparentTriangles:
+def order_by_depth(transparent: Deferred, drawables) -> Deferred:
     """Order transparent triangles by the least depth of each."""
     z = drawables.vertices.z[drawables.triangles.vertex_idx[:, transparent.faces]]
     order = np.argsort(z.min(axis=0), kind="stable")
-    return TransparentTriangles(transparent.listed[order], transparent.faces[order])
+    return transparent._replace(faces=transparent.faces[order], payloads=transparent.payloads[order])
 
 
 def split_samples(starts, pitch):
@@ -151,54 +146,19 @@ def split_samples(starts, pitch):
 
 
 @kernel
-def scan_opaque(band, drawables, coding, block, visibility, records, opacity, out_transparent):
-    """Write an exact record for every triangle of a band, in the order of its list; draw those that are opaque.
-
-    Parameters
-    ----------
-    band, drawables, coding, block, visibility, records : as in `scan`
-    opacity : Opacity
-    out_transparent : (n,) int64, where in the band's list those are that are neither opaque nor invisible
-
-    Returns
-    -------
-    how many are transparent
-    """
-    faces = band.faces
-    n_transparent = index(0)
-    for first in range(0, len(faces), s.BLOCK):
-        some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
-        s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
-        s.order_vertices(block)
-        s.gather_attributes(len(some), drawables.attributes, block)
-        s.compute_boxes(band, visibility.width, block)
-        s.compute_depth_planes(block)
-        for k in range(index(len(some))):
-            listed, box = first + np.int64(k), box_of(k, block)
-            write_exact(records, listed, k, some[k], drawables.attributes.shape[2], coding, block)
-            material = material_of(some[k], opacity)
-            out_transparent[n_transparent] = listed
-            n_transparent += index(not opacity.is_opaque[material] and opacity.opacity[material] > 0.0)
-            if box.left < box.right and box.top < box.bottom and opacity.is_opaque[material]:
-                note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
-                fill(visibility, band.y_start, box, k, exact_payload(listed), block)
-    return np.int64(n_transparent)
-
-
-@kernel
 def list_fragments(y_start, transparent, triangles, vertices, rows, block, visibility, lists):
     """Count or list the fragments of a band's transparent triangles that lie before the opaque surfaces.
 
     Parameters
     ----------
     y_start : the band's first row in the picture, samples
-    transparent : TransparentTriangles of the band
+    transparent : Deferred, the triangles through which what is behind them is seen
     triangles, vertices : all of the picture
     rows : Rows of the picture, those of the band that are worked on
     visibility : VisibilityBuffer, the opaque surfaces; its extents are widened where fragments are counted
     lists : FragmentLists
     """
-    faces, listed = transparent.faces, transparent.listed
+    faces, payloads = transparent.faces, transparent.payloads
     for first in range(0, len(faces), s.BLOCK):
         n = index(min(len(faces) - first, s.BLOCK))
         s.gather_vertices(faces[index(first) : index(first) + n], triangles, vertices, block)
@@ -210,20 +170,8 @@ def list_fragments(y_start, transparent, triangles, vertices, rows, block, visib
             if box.left < box.right and box.top < box.bottom:
                 if lists.is_counting:
                     note_extent(visibility, box.left, box.right, box.top - y_start, box.bottom - y_start)
-                surface = surface_of(k, exact_payload(listed[index(first) + k]), block)
+                surface = surface_of(k, Payload(payloads[index(first) + k], np.int64(0), np.int64(0)), block)
                 fill_spans(visibility, y_start, box, surface, lists)
-
-
-@helper
-def exact_payload(record):
-    """Return what stands below the depth of a triangle whose record is exact."""
-    return Payload(IS_ID | IS_EXACT | record, np.int64(0), np.int64(0))
-
-
-@helper
-def material_of(face, opacity):
-    """Return the material of a triangle."""
-    return opacity.face_materials[face] if len(opacity.face_materials) > 0 else np.uint32(0)
 
 
 @kernel
@@ -299,7 +247,7 @@ def composite(visibility, records, a_buffer, lists, depth, radiance, texels, opa
     fragments, starts = lists.entries, lists.starts
     transmittance, opacities, color = a_buffer.transmittance, a_buffer.opacity, a_buffer.color
     base = starts[index(lists.first)]
-    is_more, last_record, last_alpha = False, index(RECORD_MASK + 1), 0.0  # neighbours often show the same triangle
+    is_more, last_record, last_alpha = False, index(MAX_RECORDS), 0.0  # neighbours often show the same triangle
     n_row = lists.end_row - lists.first_row
     for first in range(0, n_row, 1 << STRIP_SHIFT):
         strip = strip_of(first)
@@ -313,10 +261,9 @@ def composite(visibility, records, a_buffer, lists, depth, radiance, texels, opa
                     continue
                 alpha = 1.0
                 if entry != opaque[sample]:
-                    record = index(entry & RECORD_MASK)
+                    record = record_of(entry)
                     if record != last_record:
-                        face = index(records.integers[record, FACE])
-                        last_record, last_alpha = record, opacity.opacity[material_of(face, opacity)]
+                        last_record, last_alpha = record, opacity.opacity[material_of(entry, records)]
                     alpha = last_alpha
                     if texels.shape[0] > 0:
                         alpha *= texels[3, k]

@@ -13,7 +13,7 @@ from ..geometry.vectors import length, scale
 from .interpolate import corner_vectors, corner_weights, depth_at, exact_triangle, mean_vector
 from .records import FACE, SIDE, Records
 from .transform import Screen
-from .visibility import CLEAR, RECORD_MASK, VisibilityBuffer, clear, strip_of
+from .visibility import CLEAR, VisibilityBuffer, clear, record_of, strip_of
 
 
 class VisibleSurfaces(NamedTuple):
@@ -39,7 +39,7 @@ def write_depth(surfaces, band, out):
         for x in range(visibility.left[strip], visibility.right[strip]):
             entry = entries[index(row * visibility.pitch + x)]
             if entry < CLEAR:
-                record = index(entry & RECORD_MASK)
+                record = record_of(entry)
                 triangle = exact_triangle(records, record)
                 q = corner_weights(triangle, x, y)
                 out[index(y), index(x)] = depth_at(records, record, triangle, q, is_perspective)
@@ -55,7 +55,7 @@ def write_face(surfaces, band, out):
         for x in range(visibility.left[strip], visibility.right[strip]):
             entry = entries[index(row * visibility.pitch + x)]
             if entry < CLEAR:
-                face = records.integers[index(entry & RECORD_MASK), FACE]
+                face = records.integers[record_of(entry), FACE]
                 out[index(y), index(x)] = loaded_faces[index(face)] if len(loaded_faces) > 0 else face
 
 
@@ -72,7 +72,7 @@ def write_normal(surfaces, band, out):
         for x in range(visibility.left[strip], visibility.right[strip]):
             entry = entries[index(row * visibility.pitch + x)]
             if entry < CLEAR:
-                record = index(entry & RECORD_MASK)
+                record = record_of(entry)
                 q = corner_weights(exact_triangle(records, record), x, y)
                 total = q[0] + q[1] + q[2]
                 pixel = out[index(y), index(x)]

@@ -111,6 +111,7 @@ def clip(positions, triangles: Triangles, vertices: Vertices, screen) -> Clipped
         np.ascontiguousarray(np.concatenate([vertex_idx[:, whole], new_idx], axis=1)[:, order]),
         np.ascontiguousarray(triangles.corner_idx[:, faces]),
         triangles.is_inverted[faces],
+        triangles.material[faces] if len(triangles.material) else triangles.material,
         np.concatenate([np.full(len(whole), -1, np.int32), owners.astype(np.int32)])[order],
         z_ranges,
     )

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..compiler.kernels import index, kernel
 from .interpolate import corner_weights, depth_at, exact_triangle, row_extent
-from .visibility import CLEAR, RECORD_MASK
+from .visibility import CLEAR, record_of
 
 
 class Cue(NamedTuple):
@@ -49,7 +49,7 @@ def fade(band, is_perspective, cue, out_radiance):
             entry = visibility.entries[sample]
             if entry >= CLEAR:
                 continue
-            record = index(entry & RECORD_MASK)
+            record = record_of(entry)
             triangle = exact_triangle(records, record)
             q = corner_weights(triangle, i, band.y_start + j)
             depth = depth_at(records, record, triangle, q, is_perspective)

@@ -21,6 +21,7 @@ class Triangles(NamedTuple):
     vertex_idx: np.ndarray  # (3, n) uint32, into the vertices
     corner_idx: np.ndarray  # (3, n) uint32, into the attributes
     is_inverted: np.ndarray  # (n,) uint8: 1 where the shading normals look against the winding
+    material: np.ndarray = np.empty(0, np.uint32)  # (n,) uint32; empty where all have one
     clipped_idx: np.ndarray = np.empty(0, np.int32)  # (n,) int32, see clip.Clipped; empty where no face was clipped
     z_ranges: np.ndarray = np.empty((0, 2))  # (n_clipped, 2) float64, as there
 

@@ -25,7 +25,7 @@ PIXELS_SHAPE = (4 * BATCH_SIZE,)
 class Encoding(NamedTuple):
     """How linear colour becomes 8 bits."""
 
-    is_grey: bool  # all colours of the picture are grey
+    is_grey: bool  # all colours are grey, also the background: what has one channel is encoded once
     tint: np.ndarray  # (3,) float32: a picture with one channel is this colour times the intensity
     background: np.ndarray  # (3,) float32, linear; black unless has_background
     has_background: bool

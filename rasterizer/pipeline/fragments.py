@@ -26,6 +26,7 @@ NORMAL, POSITION, VIEW_DIR = _quantity(0), _quantity(3), _quantity(6)  # vectors
 DISTANCE = POSITION  # w, or depth without perspective, before it becomes a position
 N_DOT_V = _quantity(9)
 LIGHT_DIR, N_DOT_L, STRENGTH = _quantity(10), _quantity(13), _quantity(14)  # written by a light function
+WEIGHT = STRENGTH  # 1/r, by which what planes hold is multiplied, before there is a light
 DIFFUSE, SPECULAR = _quantity(15), _quantity(16)  # written by a reflection function
 DIFFUSE_SUM, SPECULAR_SUM = _quantity(17), _quantity(20)  # over the lights, three channels each
 ALBEDO = _quantity(23)  # three channels; planes of attributes come in fours, so a fourth quantity is written, too

@@ -1,22 +1,22 @@
 """Gradients: the planes of what is interpolated over a block of triangles, and whether they are good enough.
 
 In:  a `Block` of setup.py: vertices, slopes, attributes.
-Out: planes (value at the anchor, d/dx, d/dy) in its rows PLANE_LEVEL and PLANE_ATTRIBUTE; HAS_PLANES stays 1 for the
-     triangles whose planes err by no more than the tolerance.
+Out: planes (value at the anchor, d/dx, d/dy) in its rows PLANE_LEVEL and PLANE_ATTRIBUTE; HAS_LEVELS and HAS_PLANES are
+     1 for the triangles of which these err by no more than the tolerance.
 
-There are three ways for a triangle's attributes to reach its samples; each triangle takes the cheapest that is good
-enough:
+There are three ways for a triangle's attributes to reach its samples. Its material says which is the cheapest that will
+do for its illumination; each triangle takes the cheapest from there on that is good enough for its shape:
 
 * In entries: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p + ΔI·Δv
   (Gouraud 1971). One channel, flat shading and Gouraud's method.
-* In planes: a record holds value, d/dx and d/dy of every attribute. Three channels (integers, so that constants stay
-  constant and nothing leaves the range of the vertices), and the normals of Phong's method (float32).
+* In planes: a record holds value, d/dx and d/dy of every attribute over w, in float32: the normals of Phong's method,
+  and intensities of three channels or in strong perspective.
 * Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
-  perspective. What the first two can't do within the tolerance, and everything at tolerance 0.
+  perspective and in float64. What the first two can't do within the tolerance, and everything at tolerance 0.
 
-Which one is decided for each triangle by bounds that stand beside the code, never by measuring. Letters: w distance
-along the viewing axis, I intensity, n normal, u = 2^-24 the rounding of float32. An index 0, 1, 2 is a vertex, x and y
-are slopes.
+Which one is decided by bounds that stand beside the code, never by measuring. Letters: w distance along the viewing
+axis, r = w_0/w the same inverted, with w_0 the nearest one that is seen, I intensity, n normal, u = 2^-24 the rounding
+of float32. An index 0, 1, 2 is a vertex, x and y are slopes.
 """
 
 from typing import NamedTuple
@@ -27,34 +27,47 @@ from ..compiler.kernels import choice, helper, index
 from . import setup as s
 from .visibility import LEVEL_MASK
 
-EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES = 0, 1, 2, 3  # from LEVEL_PLANES on there are records with planes
-DISTANCE_PLANE = s.MOST_ATTRIBUTE_PLANES - 1
+EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest way that a material's triangles may take
+# What a material needs, bits: float32, or float64 and so exact records; three channels; a texture; that what is behind is
+# seen, or nothing but that.
+NEEDS_SINGLE, NEEDS_DOUBLE, NEEDS_COLORS, NEEDS_TEXTURE, NEEDS_BEHIND, IS_INVISIBLE = 1, 2, 4, 8, 16, 32
+# How far a plane of depth may be off, z-buffer units, beside half a unit a step: half a unit at the anchor, and what
+# setup.MAX_ELONGATION says.
+DEPTH_PLANE_ROUNDING = 40.0
+# Where r is less, its inverse is no number that float32 is at home with.
+LEAST_INVERSE = 2.0**-40
+
+
+class DepthScale(NamedTuple):
+    """What the z of an entry says, z-buffer units."""
+
+    inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z; 1 + 0 z without perspective
+    inv_w_scale: float
+    depth_offset: float  # orthographic depth = depth_offset + depth_scale · z, scene units; 0 + 0 z in perspective
+    depth_scale: float
+    ratio_offset: float  # r = ratio_offset + ratio_scale · z; 1 + 0 z without perspective
+    ratio_scale: float
 
 
 class Coding(NamedTuple):
     """How this frame's attributes reach the samples. Its subclass, and what is None, decide what is compiled."""
 
-    kind: int  # EXACT, IN_ENTRIES, LEVEL_PLANES or NORMAL_PLANES
+    ways: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
+    needs: np.ndarray  # (n_material,) uint8: the bits above
+    n_attributes: np.ndarray  # (n_material,) int64: how many of the attributes are read
+    limits: np.ndarray  # (n_material,) float64: error that is accepted: in an intensity, or of a normal, in 2^-24 / √3
     level_scale: float | None  # levels a unit of intensity; None where attributes are no intensities
-    level_tolerance: float  # error that is accepted, in levels
-    normal_limit: float | None  # how far a normal may turn, in units of 2^-24, see compute_normal_planes; or None
-    albedo_tolerance: float  # NORMAL_PLANES: error that is accepted in an attribute behind the normals
-    needs_distance: bool  # NORMAL_PLANES: a plane of 1/w (orthographic: of depth) stands beside those of the normals
-    inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z
-    inv_w_scale: float
-    depth_offset: float  # orthographic depth = depth_offset + depth_scale · z, scene units; 0 + 0 z in perspective
-    depth_scale: float
+    albedo_tolerance: float  # error that is accepted in an attribute behind the normals
+    needs_distance: bool  # samples have positions, which are found from their entries
+    depths: DepthScale
 
 
 class LevelCoding(Coding):
-    """Intensities in entries or in planes of levels, where they are good enough."""
+    """Intensities in entries or in planes, where they are good enough."""
 
 
 class NormalCoding(Coding):
-    """Normals, and what stands behind them, in planes of float32 where they are good enough."""
-
-
-CODINGS = {EXACT: Coding, IN_ENTRIES: LevelCoding, LEVEL_PLANES: LevelCoding, NORMAL_PLANES: NormalCoding}
+    """Normals, and what stands behind them, in planes where they are good enough."""
 
 
 def choose_gradients(n_attribute, coding, block):
@@ -63,40 +76,66 @@ def choose_gradients(n_attribute, coding, block):
         return compute_levels
     if coding.instance_class is NormalCoding:
         return compute_normals
-    return lambda n_attribute, coding, block: None
+    return compute_none
 
 
 @choice(choose_gradients)
 def compute_gradients(n_attribute, coding, block):
-    """Compute the planes of a block's attributes; clear HAS_PLANES where they aren't good enough."""
+    """Compute the planes of a block's attributes; clear HAS_LEVELS and HAS_PLANES where they aren't good enough."""
     if isinstance(coding, LevelCoding):
         compute_levels(n_attribute, coding, block)
     elif isinstance(coding, NormalCoding):
         compute_normals(n_attribute, coding, block)
+    else:
+        compute_none(n_attribute, coding, block)
+
+
+@helper
+def compute_none(n_attribute, coding, block):
+    """Let all records be exact."""
+    ints = block.ints
+    for k in range(index(s.BLOCK)):
+        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = 0
 
 
 @helper
 def compute_levels(n_attribute, coding, block):
-    """Compute the planes of one channel for entries, of three for records."""
-    for channel in range(index(n_attribute)):
-        compute_level_plane(channel, coding, block)
+    """Compute the planes of levels, then those of intensities where the first are not good enough."""
+    ints, n_left = block.ints, 0
+    compute_level_plane(coding, block)
+    for k in range(index(s.BLOCK)):
+        n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
+    if n_left > 0 and n_attribute > 0:
+        compute_value_planes(0, n_attribute, 0.0, coding, block)
 
 
 @helper
 def compute_normals(n_attribute, coding, block):
-    """Compute the planes of normals, albedo, and distances, where there are any."""
+    """Compute the planes of normals and albedo, where there are any."""
+    ints = block.ints
+    for k in range(index(s.BLOCK)):
+        ints[s.HAS_LEVELS + k] = 0
+        ints[s.HAS_PLANES + k] &= coding.ways[ints[s.MATERIAL + k]] == IN_PLANES
     compute_normal_planes(coding, block)
-    for attribute in range(index(3), index(n_attribute)):
-        compute_albedo_plane(attribute, coding, block)
+    if n_attribute > 3:
+        compute_value_planes(3, 6, coding.albedo_tolerance, coding, block)
     if coding.needs_distance:
-        compute_distance_plane(coding, block)
+        check_distances(coding, block)
 
 
 @helper
 def inverse_depths(k, coding, block):
     """Compute 1/w at the three vertices of triangle k."""
     z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
-    offset, scale = coding.inv_w_offset, coding.inv_w_scale
+    offset, scale = coding.depths.inv_w_offset, coding.depths.inv_w_scale
+    return offset + scale * z0, offset + scale * z1, offset + scale * z2
+
+
+@helper
+def inverse_ratios(k, coding, block):
+    """Compute r at the three vertices of triangle k."""
+    z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
+    offset, scale = coding.depths.ratio_offset, coding.depths.ratio_scale
     return offset + scale * z0, offset + scale * z1, offset + scale * z2
 
 
@@ -107,8 +146,8 @@ def values_at(row, block):
 
 
 @helper
-def compute_level_plane(channel, coding, block):
-    """Compute the plane, in whole levels, of one channel's intensity.
+def compute_level_plane(coding, block):
+    """Compute the plane, in whole levels, of the intensity of triangles whose materials have one channel.
 
     Rounding of the value and of one increment a step moves a value by at most e = (steps + 1)/2 levels. So that no
     value can leave the range of the vertices, the plane is first shrunk about the middle of that range by e at both
@@ -119,9 +158,10 @@ def compute_level_plane(channel, coding, block):
     """
     ints, longs, reals = block.ints, block.longs, block.reals
     scale, most = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
-    out = s.PLANE_LEVEL + channel * s.NEXT_PLANE
     for k in range(index(s.BLOCK)):
-        i0, i1, i2 = values_at(s.ATTRIBUTE + channel * s.NEXT_PLANE + k, block)
+        material = ints[s.MATERIAL + k]
+        way, tolerance = coding.ways[material], coding.limits[material] * scale
+        i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
         level0, level1, level2 = clamp(i0 * scale, most), clamp(i1 * scale, most), clamp(i2 * scale, most)
         low, high = min(level0, level1, level2), max(level0, level1, level2)
         spread, middle = high - low, 0.5 * (low + high)
@@ -133,13 +173,15 @@ def compute_level_plane(channel, coding, block):
         rise = max(w0, w1, w2) - least
         # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the
         # vertices.
-        ints[s.HAS_PLANES + k] &= spread * rise + 4.0 * least * (drift + 0.5) <= 4.0 * least * coding.level_tolerance
+        is_good = spread * rise + 4.0 * least * (drift + 0.5) <= 4.0 * least * tolerance
+        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] & is_good & (way == IN_ENTRIES)
+        ints[s.HAS_PLANES + k] &= way != EXACT
         rise1, rise2 = (level1 - level0) * shrink, (level2 - level0) * shrink
         dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
         dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
         value = middle + (level0 - middle) * shrink + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
-        longs[out + k], longs[out + s.NEXT + k] = np.int64(np.rint(value)), np.int64(np.rint(dx))
-        longs[out + s.NEXT + s.NEXT + k] = np.int64(np.rint(dy))
+        longs[s.PLANE_LEVEL + k], longs[s.PLANE_LEVEL_DX + k] = np.int64(np.rint(value)), np.int64(np.rint(dx))
+        longs[s.PLANE_LEVEL_DY + k] = np.int64(np.rint(dy))
 
 
 @helper
@@ -155,7 +197,7 @@ def compute_normal_planes(coding, block):
 
     A float32 plane that rises by s over the box of its triangle errs by at most u·(3 + 4 s) there: the roundings of
     value, slopes, products and sums. With three components that turns the normal by √3·u·(3 + 4 s)/|n/w|, the error
-    over the length of what is interpolated: coding.normal_limit is how many u a normal may turn by, over √3.
+    over the length of what is interpolated: coding.limits says how many u a normal may turn by, over √3.
     shortest_normal says how long n/w is at least. Where nothing is left of it, the record is exact.
     """
     for k in range(index(s.BLOCK)):
@@ -173,7 +215,8 @@ def compute_normal_planes(coding, block):
             n0, n1, n2 = values_at(s.ATTRIBUTE + axis * s.NEXT_PLANE + k, block)
             most = max(most, compute_plane(k, axis, n0 * w0, n1 * w1, n2 * w2, block))
         # No normals at all are exact.
-        block.ints[s.HAS_PLANES + k] &= (3.0 + 4.0 * most <= coding.normal_limit * length) | (most == 0.0)
+        limit = coding.limits[block.ints[s.MATERIAL + k]]
+        block.ints[s.HAS_PLANES + k] &= (3.0 + 4.0 * most <= limit * length) | (most == 0.0)
 
 
 @helper
@@ -202,42 +245,52 @@ def shortest_normal(k, block):
 
 
 @helper
-def compute_albedo_plane(attribute, coding, block):
-    """Compute the plane of an attribute behind the normals, in affine interpolation.
+def compute_value_planes(first, end, tolerance, coding, block):
+    """Compute the planes of a·r for the attributes a of number first..end, which samples divide by their r.
 
-    See compute_level_plane for its bound, and compute_normal_planes for that of rounding, which may take half of what
-    is accepted: u·(3 m + 4 s) with m the largest value.
+    With m the largest |a|, r within r_min..r_max in the triangle, and a plane of a·r that rises by s over the box, the
+    plane errs by u·(3 m r_max + 4 s) of rounding: value, slopes, products and sums. The sample's r is found from its
+    depth, which is off by d z-buffer units: d·|ratio_scale|/r_min of it, and 2 u more of rounding; one more for the
+    product. So a is off by
+
+        (u·(3 m r_max + 4 s) + m·d·|ratio_scale|)/r_min + 3 u m
+
+    What leaves the range of the vertices by rounding is brought back into it (records.py); so a constant stays one.
+
+    Parameters
+    ----------
+    tolerance : error that is accepted; 0 = what coding.limits says
     """
+    ints, u = block.ints, 2.0**-24
     for k in range(index(s.BLOCK)):
-        a0, a1, a2 = values_at(s.ATTRIBUTE + attribute * s.NEXT_PLANE + k, block)
-        w0, w1, w2 = inverse_depths(k, coding, block)
-        least = min(w0, w1, w2)
-        most = max(a0, a1, a2)
-        spread = most - min(a0, a1, a2)
-        is_good = spread * (max(w0, w1, w2) - least) <= 2.0 * least * coding.albedo_tolerance
-        rise = compute_plane(k, attribute, a0, a1, a2, block)
-        is_good &= 3.0 * most + 4.0 * rise <= 2.0**23 * coding.albedo_tolerance
-        block.ints[s.HAS_PLANES + k] &= is_good
+        r0, r1, r2 = inverse_ratios(k, coding, block)
+        least, largest = min(r0, r1, r2), max(r0, r1, r2)
+        shift = depth_rounding(k, block) * abs(coding.depths.ratio_scale)
+        accepted = tolerance if tolerance > 0.0 else coding.limits[ints[s.MATERIAL + k]]
+        most = rise = 0.0
+        for attribute in range(index(first), index(end)):
+            a0, a1, a2 = values_at(s.ATTRIBUTE + attribute * s.NEXT_PLANE + k, block)
+            most = max(most, abs(a0), abs(a1), abs(a2))
+            rise = max(rise, compute_plane(k, attribute, a0 * r0, a1 * r1, a2 * r2, block))
+        error = u * (3.0 * most * largest + 4.0 * rise) + most * shift
+        is_good = error <= least * (accepted - 3.0 * u * most)
+        ints[s.HAS_PLANES + k] &= is_good & (least >= LEAST_INVERSE)
 
 
 @helper
-def compute_distance_plane(coding, block):
-    """Compute the plane of 1/w, or of depth without perspective, behind those of the attributes.
+def depth_rounding(k, block):
+    """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see setup.py."""
+    return 0.5 * float(block.ints[s.EXTENT_X + k] + block.ints[s.EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING
 
-    1/w loses digits where it spans much, and planes where they rise far beyond their triangle: taken are those with
-    w_max <= 2 w_min that rise by half of their maximum m at most. These err by u·(3 + 4/2)·m, that is 10 u of the
-    distance itself.
-    """
-    reals = block.reals
-    offset, scale = coding.inv_w_offset, coding.inv_w_scale
-    if coding.depth_scale != 0.0:
-        offset, scale = coding.depth_offset, coding.depth_scale
+
+@helper
+def check_distances(coding, block):
+    """Clear HAS_PLANES where the distance that is found from a sample's depth may be off by more than 10 u of itself:
+    2 u of rounding, the rest that of the depth."""
     for k in range(index(s.BLOCK)):
-        z0, z1, z2 = reals[s.Z0 + k], reals[s.Z1 + k], reals[s.Z2 + k]
-        d0, d1, d2 = offset + scale * z0, offset + scale * z1, offset + scale * z2
-        rise = compute_plane(k, index(DISTANCE_PLANE), d0, d1, d2, block)
-        largest = max(d0, d1, d2)
-        block.ints[s.HAS_PLANES + k] &= (2.0 * rise <= largest) & (largest <= 2.0 * min(d0, d1, d2))
+        w0, w1, w2 = inverse_depths(k, coding, block)
+        shift = depth_rounding(k, block) * abs(coding.depths.inv_w_scale)
+        block.ints[s.HAS_PLANES + k] &= shift <= 8.0 * 2.0**-24 * min(w0, w1, w2)
 
 
 @helper

@@ -18,9 +18,11 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from .face_planes import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
+from .gradients import Coding
 from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
+from .scan import ScanCounts
 from .transform import HALF, SUBPIXEL
-from .visibility import IS_EXACT, IS_ID, LEVEL_MASK, VisibilityBuffer, strip_of
+from .visibility import IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
 
 
 class ScannedBand(NamedTuple):
@@ -28,8 +30,8 @@ class ScannedBand(NamedTuple):
 
     visibility: VisibilityBuffer
     records: Records
-    kind: int  # of coding: EXACT, IN_ENTRIES, LEVEL_PLANES or NORMAL_PLANES, see gradients.py
-    n_exact: int  # how many records are exact
+    coding: Coding  # how attributes reach the samples
+    counts: ScanCounts  # what the scan stage found
     y_start: int  # the band's first row in the picture, samples
     n_row: int
 
@@ -67,14 +69,17 @@ def has_exact(entries):
     """Tell whether any entry holds the number of an exact record."""
     union = np.int64(0)
     for k in range(index(len(entries))):
-        union |= entries[k] & (entries[k] >> 1)  # IS_ID stands one bit above IS_EXACT
+        union |= entries[k] & (entries[k] >> LEVEL_BITS)  # IS_ID is bit LEVEL_BITS, IS_EXACT bit 0
     return (union & IS_EXACT) != 0
 
 
 @helper
-def is_exact(entry):
-    """Tell whether an entry holds the number of an exact record."""
-    return entry & (IS_ID | IS_EXACT) == IS_ID | IS_EXACT
+def has_id(entries):
+    """Tell whether any entry holds the index of a record."""
+    union = np.int64(0)
+    for k in range(index(len(entries))):
+        union |= entries[k]
+    return (union & IS_ID) != 0
 
 
 @helper

@@ -36,11 +36,11 @@ class Lighting(NamedTuple):
     materials: np.ndarray  # (n_material, N_MATERIAL_COEFFICIENT), see material_coefficients.py
     has_highlight: np.ndarray  # (n_material,) bool
     is_view_dependent: np.ndarray  # (n_material,) bool: the reflection functions read N·V and the view directions
-    n_channel: int
-    n_light_channel: int  # 1 where all lights are grey: then the sums over the lights need one channel only
+    n_channels: np.ndarray  # (n_material,) int64: 1 or 3
+    n_light_channels: np.ndarray  # (n_material,) int64: 1 where the sums over the lights need one channel only
     needs_view: bool  # some material is view-dependent
     needs_position: bool  # some light has a position
-    has_albedo: bool  # colours are given with the model
+    has_albedo: np.ndarray  # (n_material,) bool: colours are given with the model
     colors: np.ndarray  # (1 or n_material, n_light, 6): factors of DIFFUSE, then of SPECULAR, three channels each
     shadows: ShadowMaps | None  # None where no light casts any: then shadows are not compiled
 
@@ -51,7 +51,7 @@ class SurfacePoints(NamedTuple):
     positions: np.ndarray  # (3, n) float64, world space
     normals: np.ndarray  # (3, n) float64, world space, unit length
     tangents: np.ndarray | None  # (3, n) float64; None where no material needs them: then they are not compiled
-    albedo: np.ndarray  # (n, n_channel) float64, read only if lighting.has_albedo
+    albedo: np.ndarray  # (n, n_channel) float64, read only if the material has one
     normal_offsets: np.ndarray  # (n,) float64, scene units, see shadow_lookup.py; read only if a light casts shadows
 
 
@@ -98,7 +98,7 @@ def light_batch(batch, n, lighting, material):
     if lighting.is_view_dependent[material]:
         compute_n_dot_v(batch, n)
     sum_lights(batch, n, lighting, material)
-    for channel in range(index(lighting.n_channel)):
+    for channel in range(index(lighting.n_channels[material])):
         combine_channel(batch, n, channel, lighting, material)
 
 
@@ -116,7 +116,7 @@ def sum_lights(batch, n, lighting, material):
         call_batch_function(
             lighting.reflection_functions[material, light], batch.ctypes.data, n, coefficients.ctypes.data
         )
-        for channel in range(index(lighting.n_light_channel)):
+        for channel in range(index(lighting.n_light_channels[material])):
             diffuse = lighting.colors[color_set, light, channel]
             add_light(batch, n, f.DIFFUSE_SUM + channel * f.NEXT, f.DIFFUSE, diffuse, light == 0)
             if lighting.has_highlight[material]:
@@ -150,10 +150,10 @@ def combine_channel(batch, n, channel, lighting, material):
     )
     kd, ks = materials[material, index(m.DIFFUSE) + channel], materials[material, index(m.SPECULAR) + channel]
     # With grey lights all channels read the sums of channel 0.
-    source = channel * f.NEXT if lighting.n_light_channel > 1 else index(0)
+    source = channel * f.NEXT if lighting.n_light_channels[material] > 1 else index(0)
     diffuse_sums, specular_sums = f.DIFFUSE_SUM + source, f.SPECULAR_SUM + source
     albedo, out = f.ALBEDO + channel * f.NEXT, f.INTENSITY + channel * f.NEXT
-    has_albedo, has_highlight = lighting.has_albedo, lighting.has_highlight[material]
+    has_albedo, has_highlight = lighting.has_albedo[material], lighting.has_highlight[material]
     for k in range(index(n)):
         diffuse = ambient + kd * batch[diffuse_sums + k]
         if has_albedo:
@@ -175,7 +175,7 @@ def light_points(points, start, end, screen, side, lighting, material, batch, ou
     side : 1 or -1, a factor of the normals; 0 flips every normal towards the viewer
     material : row of lighting.materials
     batch : see fragments.py, of the lighting's dtype
-    out_intensities : (n, n_channel) float32 or float64, linear
+    out_intensities : (n, n_channel) float32 or float64, linear; the first channel where the material has one
     """
     for batch_start in range(start, end, BATCH_SIZE):
         n, first = min(BATCH_SIZE, end - batch_start), index(batch_start)
@@ -184,8 +184,8 @@ def light_points(points, start, end, screen, side, lighting, material, batch, ou
             gather_normals_to_viewer(points, first, n, screen, batch)
         else:
             gather_normals(points.normals, first, n, float(side), batch)
-        if lighting.has_albedo:
-            gather_albedo(points.albedo, first, n, lighting.n_channel, batch)
+        if lighting.has_albedo[material]:
+            gather_albedo(points.albedo, first, n, lighting.n_channels[material], batch)
         if lighting.needs_view and screen.is_perspective:
             view_from_position(batch, n)
         elif lighting.needs_view:
@@ -194,7 +194,7 @@ def light_points(points, start, end, screen, side, lighting, material, batch, ou
         gather_tangents(points.tangents, first, n, batch)
         gather_planes(lighting.shadows, points.normal_offsets, first, n, batch)
         light_batch(batch, n, lighting, material)
-        for channel in range(index(lighting.n_channel)):
+        for channel in range(index(lighting.n_channels[material])):
             for k in range(index(n)):
                 out_intensities[first + k, channel] = batch[f.INTENSITY + channel * f.NEXT + k]
 

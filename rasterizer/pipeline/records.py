@@ -3,11 +3,13 @@
 In:  a `Block` of setup.py with the planes of gradients.py.
 Out: a row for each such triangle of the band. A record of planes holds them; an exact one holds the triangle itself.
 
-A record of planes is 2^plane_shift numbers in a flat array, so that a record is found by a shift. The planes of four
-attributes stand side by side, for simd.py:
+Records of planes are of different lengths, multiples of UNIT numbers in a flat array: the index of a record is that of
+its first unit, and is found by a shift. The planes of four attributes stand side by side, for simd.py; behind those
+whose samples must stay within the range of the vertices stands that range:
 
-    face  anchor x  anchor y  -  |  4 values  4 d/dx  4 d/dy  |  4 values  ...
-                                   first group: channels or normals, 1/w; second: albedo
+    material  anchor x  anchor y  face  |  4 values  4 d/dx  4 d/dy                          normals
+                                        |  4 values  4 d/dx  4 d/dy  4 least  4 greatest     intensities; behind normals
+                                                                                             the albedo
 """
 
 from typing import NamedTuple
@@ -17,94 +19,120 @@ import numpy as np
 from ..compiler.kernels import helper, index
 from . import setup as s
 from .face_planes import FACE_DEPTH, NO_PLANES
-from .gradients import DISTANCE_PLANE, LEVEL_PLANES
 from .simd import PLANE_GROUP
+from .visibility import is_exact, record_of
 
 # Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and
-# the side that is seen; the row of the planes of the clipped face that it is a part of, or -1.
-EDGES, FACE, SIDE, CLIPPED_IDX = 0, 6, 7, 8
-N_INTEGER = 9
+# the side that is seen; the row of the planes of the clipped face that it is a part of, or -1; the material.
+EDGES, FACE, SIDE, CLIPPED_IDX, MATERIAL = 0, 6, 7, 8, 9
+N_INTEGER = 10
 # Columns of an exact record's reals: 1/w, depth (orthographic) and each attribute, each at the three vertices.
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
-# Columns of a record of planes: the triangle, the sample where the planes are anchored, the planes; of the first group,
-# the plane of 1/w or depth.
-PLANES_FACE, PLANES_ANCHOR_X, PLANES_ANCHOR_Y, FIRST_PLANE = 0, 1, 2, 4
-DISTANCE = 3
+# Columns of a record of planes: the sample where the planes are anchored, then groups of four planes.
+PLANES_MATERIAL, PLANES_ANCHOR_X, PLANES_ANCHOR_Y, PLANES_FACE, FIRST_GROUP = 0, 1, 2, 3, 4
+NORMAL_GROUP, VALUE_GROUP = 3 * PLANE_GROUP, 5 * PLANE_GROUP  # numbers of a group without and with a range
+UNIT_SHIFT = 4
+UNIT = 1 << UNIT_SHIFT
+VALUE_UNITS = -(-(FIRST_GROUP + VALUE_GROUP) // UNIT)  # of records of intensities, of normals, of normals and albedo
+NORMAL_UNITS = -(-(FIRST_GROUP + NORMAL_GROUP) // UNIT)
+ALBEDO_UNITS = -(-(FIRST_GROUP + NORMAL_GROUP + VALUE_GROUP) // UNIT)
 
 
 class Records(NamedTuple):
-    """What the shade stage interpolates: a row for each triangle of the band whose entries hold an index."""
+    """What the shade stage interpolates, for each triangle of the band whose entries hold an index."""
 
     integers: np.ndarray  # (n, N_INTEGER) int32
-    reals: np.ndarray  # (n, ATTRIBUTE + 3 * n_attribute) float32 or float64
-    int_planes: np.ndarray  # (n << plane_shift,) int32
+    reals: np.ndarray  # (n, ATTRIBUTE + 3 * n_attribute) float64
+    int_planes: np.ndarray  # (n * UNIT,) int32
     float_planes: np.ndarray  # the same memory as float32
-    plane_shift: int
     clipped_planes: np.ndarray  # (n_clipped, 14) float64, see clip.Clipped: those of the picture, not of the band
 
 
-def make_records(n, n_attribute, n_plane_group, dtype) -> Records:
-    """Return room for n records of either kind.
+def make_records(n, n_attribute) -> Records:
+    """Return room for n records of either kind, of a unit each.
 
     Only what is written to becomes memory, so both kinds may have room for every triangle.
     """
-    shift = (FIRST_PLANE + 3 * PLANE_GROUP * n_plane_group - 1).bit_length()
-    integers, reals = np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute), dtype)
-    int_planes = np.zeros(n << shift, np.int32)
-    return Records(integers, reals, int_planes, int_planes.view(np.float32), shift, NO_PLANES)
+    integers, reals = np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute))
+    int_planes = np.zeros(n << UNIT_SHIFT, np.int32)
+    return Records(integers, reals, int_planes, int_planes.view(np.float32), NO_PLANES)
 
 
 @helper
-def write_planes(records, n_record, k, face, n_attribute, coding, block):
-    """Write record number `n_record`: the planes of triangle k of the block.
+def material_of(entry, records):
+    """Return the material that an entry which holds the index of a record shows."""
+    record = record_of(entry)
+    if is_exact(entry):
+        return np.int64(records.integers[record, index(MATERIAL)])
+    return np.int64(records.int_planes[(record << index(UNIT_SHIFT)) + index(PLANES_MATERIAL)])
+
+
+@helper
+def face_of(entry, records):
+    """Return the triangle that an entry which holds the index of a record shows."""
+    record = record_of(entry)
+    if is_exact(entry):
+        return index(records.integers[record, index(FACE)])
+    return index(records.int_planes[(record << index(UNIT_SHIFT)) + index(PLANES_FACE)])
+
+
+@helper
+def begin_planes(records, n_record, k, face, block):
+    """Write what comes before the planes of record number `n_record`; return where these begin, an `index`.
 
     Parameters
     ----------
-    face : the triangle's index in the picture
+    k : the triangle's column in the block
+    face : its index in the picture
     """
-    ints = block.ints
-    record = index(n_record) << index(records.plane_shift)
-    planes = records.int_planes
-    planes[record + index(PLANES_FACE)] = face
+    ints, planes = block.ints, records.int_planes
+    record = index(n_record) << index(UNIT_SHIFT)
+    planes[record + index(PLANES_MATERIAL)] = ints[s.MATERIAL + k]
     planes[record + index(PLANES_ANCHOR_X)] = ints[s.ANCHOR_X + k]
     planes[record + index(PLANES_ANCHOR_Y)] = ints[s.ANCHOR_Y + k]
-    first = record + index(FIRST_PLANE)
-    if coding.kind == LEVEL_PLANES:
-        write_levels(planes, first, k, coding.level_scale, block)
-    else:
-        write_normals(records.float_planes, first, k, n_attribute, coding.needs_distance, coding.normal_limit, block)
+    planes[record + index(PLANES_FACE)] = face
+    return record + index(FIRST_GROUP)
 
 
 @helper
-def write_levels(planes, first, k, level_scale, block):
-    """Write the planes of levels of triangle k to a record; `level_scale` is None where a coding has none."""
-    if level_scale is not None:
-        # A value may leave 32 bits where the plane is extrapolated; inside the triangle arithmetic modulo 2^32 is right
-        # again.
-        copy_planes(block.longs, s.PLANE_LEVEL + k, index(3), planes, first)
+def write_values(records, n_record, k, face, n_attribute, coding, block):
+    """Write record number `n_record`, planes of intensities; return its length in units."""
+    write_value_group(records.float_planes, begin_planes(records, n_record, k, face, block), k, 0, n_attribute, block)
+    return VALUE_UNITS
 
 
 @helper
-def write_normals(planes, first, k, n_attribute, needs_distance, normal_limit, block):
-    """Write the planes of normals of triangle k, and what stands behind them, to a record; `normal_limit` is None where
-    a coding has none."""
-    if normal_limit is not None:
-        copy_planes(block.reals, s.PLANE_ATTRIBUTE + k, index(3), planes, first)
-        if needs_distance:
-            source = s.PLANE_ATTRIBUTE + index(DISTANCE_PLANE) * s.NEXT_PLANE + k
-            copy_planes(block.reals, source, index(1), planes, first + index(DISTANCE))
-        if n_attribute > 3:
-            source = s.PLANE_ATTRIBUTE + index(3) * s.NEXT_PLANE + k
-            copy_planes(block.reals, source, index(3), planes, first + index(3 * PLANE_GROUP))
+def write_normals(records, n_record, k, face, n_attribute, coding, block):
+    """Write record number `n_record`, planes of normals, behind them those of the albedo if there is one; return its
+    length in units."""
+    first = begin_planes(records, n_record, k, face, block)
+    write_planes(records.float_planes, first, k, 0, 3, block)
+    if n_attribute < 6:
+        return NORMAL_UNITS
+    write_value_group(records.float_planes, first + index(NORMAL_GROUP), k, 3, 3, block)
+    return ALBEDO_UNITS
 
 
 @helper
-def copy_planes(rows, source, n, planes, target):
-    """Copy the planes of n, an `index`, neighbouring attributes from a block's rows to a record."""
-    for attribute in range(n):
+def write_planes(planes, target, k, first, n, block):
+    """Copy the planes of n attributes from number `first` on to a group of a record."""
+    source = s.PLANE_ATTRIBUTE + index(first) * s.NEXT_PLANE + k
+    for attribute in range(index(n)):
         for part in range(index(3)):
-            value = rows[source + attribute * s.NEXT_PLANE + part * s.NEXT]
-            planes[target + attribute + part * index(PLANE_GROUP)] = planes.dtype.type(value)
+            value = block.reals[source + attribute * s.NEXT_PLANE + part * s.NEXT]
+            planes[target + attribute + part * index(PLANE_GROUP)] = np.float32(value)
+
+
+@helper
+def write_value_group(planes, target, k, first, n, block):
+    """Write the planes of n attributes from number `first` on, and the range of each over the vertices."""
+    write_planes(planes, target, k, first, n, block)
+    source = s.ATTRIBUTE + index(first) * s.NEXT_PLANE + k
+    for attribute in range(index(n)):
+        row = source + attribute * s.NEXT_PLANE
+        a0, a1, a2 = block.reals[row], block.reals[row + s.NEXT], block.reals[row + s.NEXT + s.NEXT]
+        planes[target + index(3 * PLANE_GROUP) + attribute] = np.float32(min(a0, a1, a2))
+        planes[target + index(4 * PLANE_GROUP) + attribute] = np.float32(max(a0, a1, a2))
 
 
 @helper
@@ -118,7 +146,7 @@ def write_exact(records, n_record, k, face, n_attribute, coding, block):
     ----------
     face : the triangle's index in the picture
     """
-    ints, reals = block.ints, block.reals
+    ints, reals, depths = block.ints, block.reals, coding.depths
     row, integers, out = index(n_record), records.integers, records.reals
     x0, y0 = np.int64(ints[s.X0 + k]), np.int64(ints[s.Y0 + k])
     edges = (x0, y0, ints[s.X1 + k] - x0, ints[s.Y1 + k] - y0, ints[s.X2 + k] - x0, ints[s.Y2 + k] - y0)
@@ -126,12 +154,13 @@ def write_exact(records, n_record, k, face, n_attribute, coding, block):
         integers[row, index(EDGES + column)] = edges[column]
     integers[row, FACE] = face
     integers[row, SIDE] = -1 if ints[s.IS_FLIPPED + k] else 1
+    integers[row, MATERIAL] = ints[s.MATERIAL + k]
     clipped = ints[s.CLIPPED_IDX + k]
     integers[row, CLIPPED_IDX] = clipped
     for corner in range(index(3)):
         z = reals[s.Z0 + corner * s.NEXT + k]
-        out[row, index(INV_W) + corner] = coding.inv_w_offset + coding.inv_w_scale * z
-        out[row, index(DEPTH) + corner] = coding.depth_offset + coding.depth_scale * z
+        out[row, index(INV_W) + corner] = depths.inv_w_offset + depths.inv_w_scale * z
+        out[row, index(DEPTH) + corner] = depths.depth_offset + depths.depth_scale * z
     if clipped >= 0:
         for corner in range(index(3)):
             out[row, index(DEPTH) + corner] = records.clipped_planes[index(clipped), index(FACE_DEPTH) + corner]

@@ -21,14 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import choice, helper, index, kernel
 from . import setup as s
 from .cull import first_sample
-from .gradients import IN_ENTRIES, LEVEL_PLANES, compute_gradients
-from .records import write_exact, write_planes
+from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NormalCoding, compute_gradients
+from .records import write_exact, write_normals, write_values
 from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
 from .transform import HALF, SUBPIXEL
-from .visibility import DEPTH_MASK, IS_EXACT, IS_ID, note_extent, pack
+from .visibility import DEPTH_MASK, id_payload, note_extent, pack
 
 # What is known of one triangle goes from helper to helper in structs. They cost nothing: helpers are inlined, and the
 # optimiser takes tuples of numbers apart.
@@ -100,9 +100,37 @@ class Edge(NamedTuple):
     divisor: int
 
 
+class ScanCounts(NamedTuple):
+    """What the scan stage found in a band."""
+
+    n_level: int  # triangles by the way that their attributes took
+    n_plane: int
+    n_exact: int
+    needs: int  # what their materials need, see gradients.py
+    material: int  # of all of them; -1 where there are several
+
+
+class Deferred(NamedTuple):
+    """The triangles of a band through which what is behind them is seen: not drawn, but listed (a_buffer.py)."""
+
+    faces: np.ndarray  # (n,) uint32, room for all triangles of the band
+    payloads: np.ndarray  # (n,) int64: what stands below the depth in their entries
+    count: np.ndarray  # (1,) int64: how many there are
+
+    def listed(self) -> "Deferred":
+        """Return them without the room behind them."""
+        n = self.count[0]
+        return self._replace(faces=self.faces[:n], payloads=self.payloads[:n])
+
+
+def make_deferred(n) -> Deferred:
+    """Return room for n triangles."""
+    return Deferred(np.empty(n, np.uint32), np.empty(n, np.int64), np.zeros(1, np.int64))
+
+
 @kernel
-def scan(band, drawables, coding, block, visibility, records):
-    """Draw a band's triangles; return how many records were written, and how many of them are exact.
+def scan(band, drawables, coding, block, visibility, records, deferred):
+    """Draw a band's triangles; return what was found.
 
     Parameters
     ----------
@@ -111,17 +139,25 @@ def scan(band, drawables, coding, block, visibility, records):
     coding : Coding
     block : Block, scratch
     visibility : VisibilityBuffer, clear; written
-    records : Records, with room for n; written
+    records : Records, with room for all triangles; written
+    deferred : Deferred, written; or None where all materials are opaque: then nothing of it is compiled
+
+    Returns
+    -------
+    the fields of ScanCounts
     """
     faces = band.faces
-    n_attribute = drawables.attributes.shape[2]
-    n_record = n_exact = np.int64(0)
+    n_record = n_level = n_plane = n_exact = needs = np.int64(0)
+    material = np.int64(block.ints[s.MATERIAL]) if len(faces) == 0 else material_of_face(faces[0], drawables.triangles)
     for first in range(0, len(faces), s.BLOCK):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
         # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.
         s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
+        n_attribute, of_block, has_others = look_at_materials(len(some), material, coding, block)
+        needs |= of_block
+        material = np.int64(-1) if has_others else material
         s.order_vertices(block)
-        s.gather_attributes(len(some), drawables.attributes, block)
+        s.gather_attributes(len(some), n_attribute, drawables.attributes, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)
@@ -130,21 +166,70 @@ def scan(band, drawables, coding, block, visibility, records):
             box = box_of(k, block)
             if box.left >= box.right or box.top >= box.bottom:
                 continue
-            has_planes = block.ints[s.HAS_PLANES + k] != 0
-            payload = Payload(IS_ID + n_record, np.int64(0), np.int64(0))
-            if coding.kind == IN_ENTRIES and has_planes:
+            if block.ints[s.HAS_LEVELS + k] != 0:
                 payload = level_of(k, block)
-            elif coding.kind >= LEVEL_PLANES and has_planes:
-                write_planes(records, n_record, k, some[k], n_attribute, coding, block)
-                n_record += 1
+                n_level += 1
             else:
-                write_exact(records, n_record, k, some[k], n_attribute, coding, block)
-                payload = Payload(payload.value | IS_EXACT, np.int64(0), np.int64(0))
-                n_record += 1
-                n_exact += 1
+                has_planes = block.ints[s.HAS_PLANES + k] != 0
+                payload = Payload(id_payload(n_record, not has_planes), np.int64(0), np.int64(0))
+                if has_planes:
+                    n_record += write_planes(records, n_record, k, some[k], n_attribute, coding, block)
+                    n_plane += 1
+                else:
+                    write_exact(records, n_record, k, some[k], n_attribute, coding, block)
+                    n_record += 1
+                    n_exact += 1
+                if is_deferred(k, some[k], payload, coding, block, deferred):
+                    continue
             note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
             fill(visibility, band.y_start, box, k, payload, block)
-    return n_record, n_exact
+    return n_level, n_plane, n_exact, needs, material
+
+
+@helper
+def material_of_face(face, triangles):
+    """Return the material of a triangle."""
+    return np.int64(triangles.material[face]) if len(triangles.material) > 0 else np.int64(0)
+
+
+@helper
+def look_at_materials(n, material, coding, block):
+    """Return how many attributes the first n triangles of a block have at most, what their materials need together, and
+    whether one of these is another than `material`."""
+    n_attribute = needs = others = np.int64(0)
+    if len(coding.ways) == 1:
+        return coding.n_attributes[0], np.int64(coding.needs[0]), False
+    for k in range(index(n)):
+        here = np.int64(block.ints[s.MATERIAL + k])
+        n_attribute = max(n_attribute, coding.n_attributes[here])
+        needs |= np.int64(coding.needs[here])
+        others |= here ^ material
+    return n_attribute, needs, others != 0
+
+
+def choose_writer(records, n_record, k, face, n_attribute, coding, block):
+    """Return what is compiled in the place of `write_planes`: only what the coding needs."""
+    return write_normals if coding.instance_class is NormalCoding else write_values
+
+
+@choice(choose_writer)
+def write_planes(records, n_record, k, face, n_attribute, coding, block):
+    """Write record number `n_record`, the planes of triangle k of the block; return its length in units."""
+    write = write_normals if isinstance(coding, NormalCoding) else write_values
+    return write(records, n_record, k, face, n_attribute, coding, block)
+
+
+@helper
+def is_deferred(k, face, payload, coding, block, deferred):
+    """Tell whether triangle k is not drawn now; append it to the list of these, unless it is invisible."""
+    if deferred is not None:
+        needs = coding.needs[block.ints[s.MATERIAL + k]]
+        if needs & (NEEDS_BEHIND | IS_INVISIBLE):
+            n = index(deferred.count[0])
+            deferred.faces[n], deferred.payloads[n] = face, payload.value
+            deferred.count[0] += np.int64(needs & IS_INVISIBLE == 0)
+            return True
+    return False
 
 
 @helper

@@ -42,15 +42,16 @@ LEFT, RIGHT, TOP, BOTTOM = _starts(6, 10)  # within picture and band: left..righ
 # Where planes begin: the first sample of the box, but not beyond the picture's left or upper border.
 ANCHOR_X, ANCHOR_Y = _starts(10, 12)
 EXTENT_X, EXTENT_Y = _starts(12, 14)  # columns and rows of the whole box
-IS_FLIPPED, IS_SLIVER, HAS_PLANES = _starts(14, 17)
-CORNER0, CORNER1, CORNER2 = _starts(17, 20)  # where the vertices' attributes are
-CLIPPED_IDX = index(BLOCK * 20)  # the row of the planes of the face that it is a part of; -1 for a whole face
-N_INT = 21
-# Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); planes of levels,
-# three rows each, see gradients.py.
+IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_LEVELS = _starts(14, 18)
+CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes are
+CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
+MATERIAL = index(BLOCK * 22)
+N_INT = 23
+# Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx, d/dy
+# a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
-PLANE_LEVEL, MOST_LEVEL_PLANES = index(BLOCK * 3), 3
-N_LONG = 3 + 3 * MOST_LEVEL_PLANES
+PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
+N_LONG = 6
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
 # in samples; the range of z that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other;
 # planes of attributes, three rows each, see gradients.py.
@@ -59,7 +60,7 @@ SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 LEAST_Z, LARGEST_Z = _starts(9, 11)
 ATTRIBUTE, MOST_ATTRIBUTES = index(BLOCK * 11), 11
-PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 7
+PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 6
 N_REAL = 11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
@@ -108,6 +109,7 @@ def gather_vertices(faces, triangles, vertices, block):
         ints[CORNER1 + k] = triangles.corner_idx[1, face]
         ints[CORNER2 + k] = triangles.corner_idx[2, face]
         ints[IS_FLIPPED + k] = triangles.is_inverted[face]
+        ints[MATERIAL + k] = triangles.material[face] if len(triangles.material) > 0 else np.uint32(0)
         clipped = triangles.clipped_idx[face] if len(triangles.clipped_idx) > 0 else np.int32(-1)
         ints[CLIPPED_IDX + k] = clipped
         reals[LEAST_Z + k], reals[LARGEST_Z + k] = -np.inf, np.inf
@@ -153,8 +155,8 @@ def rotate_to_first(a, b, c, is_b_first, is_c_first, is_front):
 
 
 @helper
-def gather_attributes(n, attributes, block):
-    """Fetch the attributes of the first n triangles' vertices.
+def gather_attributes(n, n_attribute, attributes, block):
+    """Fetch the first `n_attribute` attributes of the first n triangles' vertices.
 
     Parameters
     ----------
@@ -167,7 +169,7 @@ def gather_attributes(n, attributes, block):
         side = last_side if ints[IS_FLIPPED + k] else index(0)
         c0, c1, c2 = np.uint32(ints[CORNER0 + k]), np.uint32(ints[CORNER1 + k]), np.uint32(ints[CORNER2 + k])
         row = ATTRIBUTE + k
-        for column in range(index(attributes.shape[2])):
+        for column in range(index(n_attribute)):
             reals[row] = attributes[side, c0, column]
             reals[row + NEXT] = attributes[side, c1, column]
             reals[row + NEXT + NEXT] = attributes[side, c2, column]

@@ -8,27 +8,30 @@ Out: `radiance`, linear intensities, a plane a channel; samples where nothing is
 sample. Both work on a batch of a row's samples at a time. What entries and planes hold is evaluated in one loop without
 branches, whatever the samples show; exact records, if the band has any, are then put in run by run.
 
+A band may show materials of one channel and of three. Then it has three, and what has one is multiplied by the
+picture's tint, as the resolve stage does where a band needs no more than one.
+
 Letters: q_i perspective weights of a triangle's corners, p_i the same with Σ p_i = 1 (interpolate.py); w distance along
-the viewing axis, scene units.
+the viewing axis, scene units; r = w_0/w (gradients.py).
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index, kernel
+from ..compiler.kernels import choice, helper, index, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import BATCH_SIZE, read_vector, set_vector
-from .gradients import IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
+from .gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE, LevelCoding
 from .interpolate import (
     corner_values,
     corner_vectors,
     corner_weights,
     exact_triangle,
     has_exact,
+    has_id,
     inverse_sum,
-    is_exact,
     mean,
     mean_vector,
     next_exact_run,
@@ -36,84 +39,160 @@ from .interpolate import (
     row_extent,
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
-from .records import ATTRIBUTE, DEPTH, FACE, FIRST_PLANE, PLANES_FACE, SIDE
-from .simd import PLANE_GROUP, PlaneGroup, evaluate_planes
-from .visibility import IS_ID, LEVEL_MASK, RECORD_MASK
+from .power import is_single
+from .records import (
+    ATTRIBUTE,
+    DEPTH,
+    FIRST_GROUP,
+    NORMAL_GROUP,
+    SIDE,
+    UNIT_SHIFT,
+    face_of,
+    material_of,
+)
+from .simd import PlaneGroup, evaluate_planes, evaluate_values
+from .visibility import IS_ID, LEVEL_MASK, PAYLOAD_BITS, RECORD_MASK, RECORD_SHIFT, record_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
 
 class FaceTable(NamedTuple):
-    """What is known of every triangle beside its corners; an array that isn't needed has no rows."""
+    """What is known of every triangle beside its corners and material; an array that isn't needed has no rows."""
 
-    materials: np.ndarray  # (n_face,) uint32, empty where all have one material
     planes: np.ndarray  # (n_face, 5) float64: plane and normal offset, see shadow_lookup.py; read only for shadows
 
     def of_parts(self, faces) -> "FaceTable":
         """Return the table of triangles that are parts of the faces `faces`, (n,) indices."""
-        return FaceTable(*(rows[faces] if len(rows) else rows for rows in self))
+        return FaceTable(self.planes[faces] if len(self.planes) else self.planes)
 
 
 # ---------------------------------------------------------------- flat shading and Gouraud's method
 
 
 @kernel
-def shade_interpolated(band, n_channel, level_step, out_radiance):
+def shade_interpolated(band, tint, batch, out_radiance):
     """Turn visibility entries and records into intensities.
 
     Parameters
     ----------
-    band : ScannedBand, of any kind but NORMAL_PLANES
-    n_channel : 1 or 3
-    level_step : intensity of a level
+    band : ScannedBand with a LevelCoding, or one whose records are all exact
+    tint : (3,) float32, the colour of what has one channel, where the band has three
+    batch : see fragments.py, float32
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
     visibility, records = band.visibility, band.records
-    level_step = out_radiance.dtype.type(level_step)
     for j in range(band.n_row):
-        left, right = row_extent(visibility, j)
+        y, (left, right) = band.y_start + j, row_extent(visibility, j)
         for first in range(left, right, BATCH_SIZE):
             start, n = index(j * visibility.pitch + first), index(min(right - first, BATCH_SIZE))
             entries = visibility.entries[start : start + n]
-            if band.kind == IN_ENTRIES:
-                decode_levels(entries, level_step, out_radiance[0, start : start + n])
-            elif band.kind == LEVEL_PLANES:
-                group = plane_group(records, records.int_planes, 0, level_step)
-                evaluate_planes(
-                    entries, group, first, band.y_start + j, out_radiance, start, index(out_radiance.shape[1])
-                )
-            if band.n_exact > 0 and has_exact(entries):
-                out = out_radiance[:, start : start + n]
-                interpolate_intensities(entries, records, (first, band.y_start + j), n_channel, out)
+            out = out_radiance[:, start : start + n]
+            decode_batch(entries, band, (first, y), tint, batch, out)
+            if band.counts.n_exact > 0 and has_exact(entries):
+                interpolate_intensities(entries, records, (first, y), band.coding.needs, tint, out)
+
+
+def choose_decoding(entries, band, first, tint, batch, out):
+    """Return what is compiled in the place of `decode_batch`: nothing where all records are exact."""
+    coding = dict(zip(band.fields, band.types, strict=True))["coding"]
+    return decode_entries if coding.instance_class is LevelCoding else decode_nothing
+
+
+@choice(choose_decoding)
+def decode_batch(entries, band, first, tint, batch, out):
+    """Fill intensities that stand in entries and in planes; `first` is the sample (x, y) of the first entry."""
+    if isinstance(band.coding, LevelCoding):
+        decode_entries(entries, band, first, tint, batch, out)
 
 
 @helper
-def decode_levels(entries, level_step, out):
+def decode_nothing(entries, band, first, tint, batch, out):
+    """Do nothing."""
+
+
+@helper
+def decode_entries(entries, band, first, tint, batch, out):
+    """See `decode_batch`."""
+    step = np.float32(1.0 / band.coding.level_scale)
+    if band.counts.n_plane > 0 and has_id(entries):
+        (x, y), n = first, len(entries)
+        fill_weights(entries, band.coding.depths, batch)
+        group = plane_group(band.records, FIRST_GROUP)
+        evaluate_values(entries, group, x, y, batch, f.NORMAL, f.NEXT, f.WEIGHT)
+        if out.shape[0] == 1:
+            merge_levels(entries, step, batch[f.NORMAL : f.NORMAL + index(n)], out[0])
+        else:
+            merge_colors(entries, band, step, tint, batch, out)
+        return
+    for channel in range(index(out.shape[0])):
+        # A level times the tint, as the resolve stage multiplies it: rounded twice.
+        decode_levels(entries, step, tint[channel] if out.shape[0] > 1 else np.float32(1), out[channel])
+
+
+@helper
+def decode_levels(entries, level_step, tint, out):
     """Fill intensities that stand in the entries."""
     for k in range(index(len(entries))):
-        out[k] = out.dtype.type(np.int32(entries[k] & LEVEL_MASK)) * level_step
+        out[k] = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step * tint
 
 
 @helper
-def interpolate_intensities(entries, records, first, n_channel, out):
+def merge_levels(entries, level_step, values, out):
+    """Fill the intensities of one channel: those of the entries, or `values` where these hold indices."""
+    for k in range(index(len(entries))):
+        level = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
+        out[k] = values[k] if entries[k] & IS_ID else level
+
+
+@helper
+def merge_colors(entries, band, level_step, tint, batch, out):
+    """Fill the intensities of three channels; those of the planes are in the batch."""
+    for k in range(index(len(entries))):
+        red, green, blue = batch[f.NORMAL + k], batch[f.NORMAL + f.NEXT + k], batch[f.NORMAL + f.NEXT + f.NEXT + k]
+        if not entries[k] & IS_ID:
+            red = np.float32(np.int32(entries[k] & LEVEL_MASK)) * level_step
+        if not entries[k] & IS_ID or not band.coding.needs[material_of(entries[k], band.records)] & NEEDS_COLORS:
+            red, green, blue = red * tint[0], red * tint[1], red * tint[2]
+        out[0, k], out[1, k], out[2, k] = red, green, blue
+
+
+@helper
+def fill_weights(entries, depths, batch):
+    """Fill 1/r, by which the values of planes are multiplied; see gradients.py."""
+    offset, step = depths.ratio_offset, depths.ratio_scale
+    for k in range(index(len(entries))):
+        ratio = offset + step * float(entries[k] >> PAYLOAD_BITS)
+        batch[f.WEIGHT + k] = np.float32(1) / np.float32(ratio)
+
+
+@helper
+def plane_group(records, column):
+    """Return the group of four planes that begins at `column` in each record."""
+    return PlaneGroup(records.float_planes, RECORD_MASK, index(UNIT_SHIFT - RECORD_SHIFT), index(column))
+
+
+@helper
+def interpolate_intensities(entries, records, first, needs, tint, out):
     """Put in the intensities of exact records; `first` is the sample (x, y) of the first entry."""
-    real, last_record = out.dtype.type, index(len(records.integers) - 1)
+    last_record, n_channel = index(len(records.integers) - 1), out.shape[0]
     start, end = next_exact_run(entries, index(0))
     while start < end:
         # Where levels stand in entries, a record's number is a matter of arithmetic: whatever it is, nothing else is
         # read.
-        record = min(index(entries[start] & RECORD_MASK), last_record)
+        record = min(record_of(entries[start]), last_record)
         triangle = exact_triangle(records, record)
+        is_colored = bool(needs[material_of(entries[start], records)] & NEEDS_COLORS)
         red = corner_values(records.reals, record, index(ATTRIBUTE))
-        green = corner_values(records.reals, record, index(ATTRIBUTE + 3)) if n_channel > 1 else red
-        blue = corner_values(records.reals, record, index(ATTRIBUTE + 6)) if n_channel > 1 else red
+        green = corner_values(records.reals, record, index(ATTRIBUTE + 3)) if is_colored else red
+        blue = corner_values(records.reals, record, index(ATTRIBUTE + 6)) if is_colored else red
         for k in range(start, end):
             q = corner_weights(triangle, first[0] + np.int64(k), first[1])
-            p = rounded(scale(q, inverse_sum(q)), real)
+            p = scale(q, inverse_sum(q))
             out[0, k] = mean(red, p)
             if n_channel > 1:
-                out[1, k] = mean(green, p)
-                out[2, k] = mean(blue, p)
+                out[1, k], out[2, k] = mean(green, p), mean(blue, p)
+                if not is_colored:
+                    out[0, k], out[1, k], out[2, k] = out[0, k] * tint[0], out[1, k] * tint[1], out[2, k] * tint[2]
         start, end = next_exact_run(entries, end)
 
 
@@ -121,117 +200,159 @@ def interpolate_intensities(entries, records, first, n_channel, out):
 
 
 @kernel
-def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, batch, out_radiance):
-    """Interpolate normals and evaluate the illumination equation at every visible sample.
+def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, tint, is_double, batch, out_radiance):
+    """Interpolate normals and evaluate the illumination equation at the visible samples of materials that are computed
+    in float64, or of those in float32.
+
+    Where a band has both, float32 comes first: it writes anything to the samples that float64 is needed for.
 
     Parameters
     ----------
-    band : ScannedBand of kind EXACT or NORMAL_PLANES. Attributes 0-2 of its records are the normals, 3-5 the albedo
-        (only if lighting.has_albedo)
+    band : ScannedBand. Attributes 0-2 of its records are the normals, 3-5 the albedo (only of materials that have one)
     faces : FaceTable
     tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
         no material needs them: then they are not compiled
     texels : (4, n_row * pitch), see texture_sampling.py; None where there are no textures
-    batch : see fragments.py, in the type of the radiance
+    tint : (3,) float32, the colour of what has one channel, where the band has three
+    is_double : which of the two
+    batch : see fragments.py, in that type
     out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
     """
-    visibility = band.visibility
+    visibility, shown = band.visibility, select_materials(band, is_double)
     for j in range(band.n_row):
         y, (first, right) = band.y_start + j, row_extent(visibility, j)
         while first < right:
             start = index(j * visibility.pitch + first)
             entries = visibility.entries[start : start + index(min(right - first, BATCH_SIZE))]
-            n, material = run_of_material(entries, band.records, faces.materials)
+            n, material = run_of_material(entries, band, shown)
             entries = entries[: index(n)]
-            gather_fragments(entries, band, (first, y), lighting.has_albedo, screen, lighting.needs_position, batch)
-            interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
-            if texels is not None:
-                for channel in range(index(3)):
-                    weight_albedo(batch, n, channel, texels[channel, start : start + index(n)])
-            gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
-            normalize_normals(batch, n)
-            if lighting.needs_view or lighting.needs_position:
-                fill_positions(screen, (first, y), n, lighting.needs_position, batch)
-            light_batch(batch, n, lighting, material)
-            for channel in range(index(lighting.n_channel)):
-                for k in range(index(n)):
-                    out_radiance[channel, start + k] = batch[f.INTENSITY + channel * f.NEXT + k]
+            if material >= 0:
+                gather_fragments(entries, band, (first, y), lighting.has_albedo[material], screen, is_double, batch)
+                interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
+                if texels is not None:
+                    for channel in range(index(3)):
+                        weight_albedo(batch, n, channel, texels[channel, start : start + index(n)])
+                gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
+                normalize_normals(batch, n)
+                if lighting.needs_view or lighting.needs_position:
+                    fill_positions(screen, (first, y), n, lighting.needs_position, batch)
+                light_batch(batch, n, lighting, material)
+                write_radiance(batch, n, lighting.n_channels[material], tint, out_radiance[:, start : start + index(n)])
             first += n
 
 
-@helper
-def run_of_material(entries, records, face_materials):
-    """Return the length of the run of samples that show one material, and the material.
+class Shown(NamedTuple):
+    """Which materials of a band a call is for."""
 
-    Samples that show nothing belong to any run.
+    material: int  # that of all samples; -1 where there are several
+    is_all: bool  # all materials are
+    is_double: bool  # those that need float64, or those that don't
+
+
+@helper
+def select_materials(band, is_double):
+    """Return which materials of a band a call is for."""
+    counts, both = band.counts, NEEDS_SINGLE | NEEDS_DOUBLE
+    return Shown(counts.material, (counts.needs & both) != both, is_double)
+
+
+@helper
+def run_of_material(entries, band, shown):
+    """Return the length of a run of samples, and the one material that is to be lit there; -1 where there is none.
+
+    Samples that show nothing, or what is not lit by this call, belong to any run. But those that were lit by the call
+    before, in float32, belong to none.
     """
-    material = np.int64(-1)
-    if len(face_materials) == 0:
-        return len(entries), np.int64(0)
+    if shown.material >= 0:
+        return len(entries), shown.material
+    material, is_second = np.int64(-1), shown.is_double and not shown.is_all
     for k in range(index(len(entries))):
+        here = np.int64(-1)
         if entries[k] & IS_ID:
-            here = np.int64(face_materials[face_of(entries[k], records)])
-            if material >= 0 and here != material:
+            here = material_of(entries[k], band.records)
+            is_double = bool(band.coding.needs[here] & NEEDS_DOUBLE)
+            here = here if is_double == shown.is_double else np.int64(-1)
+        if here != material and (here >= 0 or is_second):
+            if material >= 0 or (is_second and k > 0):
                 return np.int64(k), material
             material = here
-    return len(entries), max(material, np.int64(0))
+    return len(entries), material
 
 
 @helper
-def face_of(entry, records):
-    """Return the triangle that an entry's record belongs to."""
-    record = index(entry & RECORD_MASK)
-    if is_exact(entry):
-        return index(records.integers[record, index(FACE)])
-    return index(records.int_planes[(record << index(records.plane_shift)) + index(PLANES_FACE)])
+def write_radiance(batch, n, n_channel, tint, out):
+    """Write the intensities of a run of n samples, which have one channel or three, to as many, or to three."""
+    for channel in range(index(out.shape[0])):
+        if n_channel == out.shape[0]:
+            for k in range(index(n)):
+                out[channel, k] = batch[f.INTENSITY + channel * f.NEXT + k]
+        else:
+            factor = batch.dtype.type(tint[channel])
+            for k in range(index(n)):
+                out[channel, k] = batch[f.INTENSITY + k] * factor
 
 
 @helper
-def gather_fragments(entries, band, first, has_albedo, screen, needs_position, batch):
+def gather_fragments(entries, band, first, has_albedo, screen, is_double, batch):
     """Fill normals, distances and albedo of the samples; `first` is the sample (x, y) of the first entry.
 
     Samples that show nothing get anything.
     """
-    records = band.records
-    if band.kind == NORMAL_PLANES:
-        (x, y), one = first, batch.dtype.type(1)
-        group = plane_group(records, records.float_planes, 0, one)
-        evaluate_planes(entries, group, x, y, batch, f.NORMAL, f.NEXT)
-        if has_albedo:
-            group = plane_group(records, records.float_planes, 1, one)
-            evaluate_planes(entries, group, x, y, batch, f.ALBEDO, f.NEXT)
-        if needs_position and screen.is_perspective:
-            invert_distances(batch, len(entries))
-    if band.n_exact > 0 and has_exact(entries):
-        interpolate_fragments(entries, records, first, has_albedo, screen.is_perspective, batch)
+    gather_planes(entries, band, first, has_albedo, batch)
+    if band.counts.n_exact > 0 and has_exact(entries):
+        interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, is_double, batch)
+
+
+def choose_planes(entries, band, first, has_albedo, batch):
+    """Return what is compiled in the place of `gather_planes`: nothing in float64."""
+    return evaluate_fragments if is_single(batch.dtype) else leave_fragments
+
+
+@choice(choose_planes)
+def gather_planes(entries, band, first, has_albedo, batch):
+    """Fill what stands in planes: normals, albedo; and distances."""
+    if batch.dtype == np.float32:
+        evaluate_fragments(entries, band, first, has_albedo, batch)
 
 
 @helper
-def plane_group(records, planes, number, scale):
-    """Return group `number` of four planes of the records; `planes` are their numbers, of int32 or of float32."""
-    column = index(FIRST_PLANE + 3 * PLANE_GROUP * number)
-    return PlaneGroup(planes, RECORD_MASK, index(records.plane_shift), column, scale)
+def leave_fragments(entries, band, first, has_albedo, batch):
+    """Do nothing."""
 
 
 @helper
-def invert_distances(batch, n):
-    """Turn 1/w into w."""
-    one = batch.dtype.type(1)
-    for k in range(index(n)):
-        batch[f.DISTANCE + k] = one / batch[f.DISTANCE + k]
+def evaluate_fragments(entries, band, first, has_albedo, batch):
+    """See `gather_planes`."""
+    (x, y), depths = first, band.coding.depths
+    evaluate_planes(entries, plane_group(band.records, FIRST_GROUP), x, y, batch, f.NORMAL, f.NEXT)
+    if has_albedo:
+        fill_weights(entries, depths, batch)
+        group = plane_group(band.records, FIRST_GROUP + NORMAL_GROUP)
+        evaluate_values(entries, group, x, y, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
+    if band.coding.needs_distance:
+        is_perspective = depths.depth_scale == 0.0 and depths.depth_offset == 0.0
+        offset, step = depths.inv_w_offset, depths.inv_w_scale
+        for k in range(index(len(entries))):
+            z = float(entries[k] >> PAYLOAD_BITS)
+            inverse = np.float32(1) / np.float32(offset + step * z)
+            along = np.float32(depths.depth_offset + depths.depth_scale * z)
+            batch[f.DISTANCE + k] = inverse if is_perspective else along
 
 
 @helper
-def interpolate_fragments(entries, records, first, has_albedo, is_perspective, batch):
+def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_double, batch):
     """Put in the normals, distances and albedo of exact records; `first` is the sample (x, y) of the first entry."""
-    real = batch.dtype.type
+    records, real = band.records, batch.dtype.type
     start, end = next_exact_run(entries, index(0))
     while start < end:
-        record = index(entries[start] & RECORD_MASK)
+        if bool(band.coding.needs[material_of(entries[start], records)] & NEEDS_DOUBLE) != is_double:
+            start, end = next_exact_run(entries, end)
+            continue
+        record = record_of(entries[start])
         triangle, side = exact_triangle(records, record), real(records.integers[record, index(SIDE)])
-        normals = corner_vectors(records, record, index(0))
-        depths = corner_values(records.reals, record, index(DEPTH))
-        colors = corner_vectors(records, record, index(3)) if has_albedo else normals
+        normals = rounded_vectors(corner_vectors(records, record, index(0)), real)
+        depths = rounded(corner_values(records.reals, record, index(DEPTH)), real)
+        colors = rounded_vectors(corner_vectors(records, record, index(3)), real) if has_albedo else normals
         # Component by component: by vector helpers and a choice between two values this loop takes a tenth longer.
         for k in range(start, end):
             q0, q1, q2 = corner_weights(triangle, first[0] + np.int64(k), first[1])
@@ -251,13 +372,19 @@ def interpolate_fragments(entries, records, first, has_albedo, is_perspective, b
 
 
 @helper
+def rounded_vectors(corners, real):
+    """Return three attributes, each at the three corners, in a type."""
+    return rounded(corners[0], real), rounded(corners[1], real), rounded(corners[2], real)
+
+
+@helper
 def interpolate_tangents(entries, records, first, tangent_attribute, batch):
     """Put in the tangents, if there are any, of exact records; their sign doesn't matter."""
     if tangent_attribute is not None:
         real = batch.dtype.type
         start, end = next_exact_run(entries, index(0))
         while start < end:
-            record = index(entries[start] & RECORD_MASK)
+            record = record_of(entries[start])
             triangle = exact_triangle(records, record)
             tangents = corner_vectors(records, record, index(tangent_attribute))
             for k in range(start, end):

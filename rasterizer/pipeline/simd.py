@@ -1,4 +1,4 @@
-"""Two inner loops as vector instructions: a small box of samples, and the planes of one sample.
+"""Three inner loops as vector instructions: a small box of samples, and the planes of one sample.
 
 They stand here in Python, which is what runs with the JIT switched off; compiler/intrinsics.py spells them out for the
 compiler, which wouldn't find vector instructions for loops of eight or four by itself. tests/pipeline/test_simd.py
@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import spelled_out
-from ..compiler.widths import LANES, PLANE_GROUP
+from ..compiler.kernels import helper, spelled_out
+from ..compiler.widths import ID_BIT, LANES, PLANE_GROUP
 
 # Edge functions of a box up to so many samples wide and high fit 32 bits: 2 · (16 · 256) · (128 · 256) = 2^28.
 MOST_WIDE, MOST_HIGH = 2 * LANES, 128
@@ -42,21 +42,20 @@ def merge_box(entries, start, pitch, n_row, plane, edges, depth_mask):
 
 
 class PlaneGroup(NamedTuple):
-    """Four planes of every record, side by side: PLANE_GROUP values, as many d/dx, as many d/dy."""
+    """Four planes of every record, side by side: PLANE_GROUP values, as many d/dx, as many d/dy; then, where samples
+    must stay within a range, as many least and greatest values."""
 
-    numbers: np.ndarray  # (n << shift,) int32 or float32, the records, 2^shift numbers each
+    numbers: np.ndarray  # (n << shift,) float32, the records
     record_mask: int  # int64, the bits of an entry that are the index of a record
-    shift: int  # uint64
+    shift: int  # uint64: a record begins at these bits shifted left
     column: int  # uint64, where the group begins in a record
-    scale: float  # what integers are multiplied by at the end, in the type of the output
 
 
 @spelled_out("build_evaluate_planes")
 def evaluate_planes(entries, group, x, y, out, start, stride):
     """Evaluate a group of four planes at every sample of a row: the inner loop of the shade stage.
 
-    The second and third number of a record are whole ones whatever the others are: the sample at which its planes have
-    their values. Int32 wraps and is multiplied by the scale at the end, and its fourth plane is left out. Float32 is
+    The second and third number of a record are whole ones: the sample at which its planes have their values. Float32 is
     rounded after each operation, in this order. Samples up to the next multiple of PLANE_GROUP may be read and written,
     too.
 
@@ -65,18 +64,42 @@ def evaluate_planes(entries, group, x, y, out, start, stride):
     entries : (n,) int64, which hold indices of records
     group : PlaneGroup
     x, y : int64, the first sample
-    out : float32 or float64, of any shape; counted through from `start` on, a row a plane, `stride` apart, both uint64
+    out : float32, of any shape; counted through from `start` on, a row a plane, `stride` apart, both uint64
     """
-    out = out.reshape(-1)
-    numbers = group.numbers
-    kind, real, whole = numbers.dtype.type, out.dtype.type, numbers.view(np.int32)
-    is_integer = numbers.dtype.kind == "i"
+    out, numbers = out.reshape(-1), group.numbers
     for k in range(len(entries)):
         record = (entries[k] & group.record_mask) << np.int64(group.shift)
-        across, down = kind(x + k - whole[record + 1]), kind(y - whole[record + 2])
-        for i in range(PLANE_GROUP - 1 if is_integer else PLANE_GROUP):
+        for i in range(PLANE_GROUP):
             plane = record + np.int64(group.column) + i
-            value = kind(numbers[plane] + kind(across * numbers[plane + PLANE_GROUP]))
-            value = kind(value + kind(down * numbers[plane + 2 * PLANE_GROUP]))
-            target = np.int64(start) + i * np.int64(stride) + k
-            out[target] = real(value) * group.scale if is_integer else real(value)
+            out[np.int64(start) + i * np.int64(stride) + k] = value_at(numbers, record, plane, x + k, y)
+
+
+@spelled_out("build_evaluate_values")
+def evaluate_values(entries, group, x, y, out, start, stride, weights):
+    """Evaluate a group of four planes as `evaluate_planes`, multiply, and keep values within their ranges.
+
+    Parameters
+    ----------
+    entries : (n,) int64; of those without the index of a record, the values of record 0
+    group : PlaneGroup with ranges
+    weights : uint64, where in `out` the factors of the samples begin
+    """
+    out, numbers = out.reshape(-1), group.numbers
+    for k in range(len(entries)):
+        mask = group.record_mask if entries[k] >> ID_BIT & 1 else np.int64(0)
+        record = (entries[k] & mask) << np.int64(group.shift)
+        for i in range(PLANE_GROUP):
+            plane = record + np.int64(group.column) + i
+            value = np.float32(value_at(numbers, record, plane, x + k, y) * out[np.int64(weights) + k])
+            least, greatest = numbers[plane + 3 * PLANE_GROUP], numbers[plane + 4 * PLANE_GROUP]
+            value = value if value > least else least
+            out[np.int64(start) + i * np.int64(stride) + k] = value if value < greatest else greatest
+
+
+@helper
+def value_at(numbers, record, plane, x, y):
+    """Return the value of a plane at the sample (x, y); `record` and `plane` are where the two begin in `numbers`."""
+    real, whole = np.float32, numbers.view(np.int32)
+    across, down = real(x - whole[record + 1]), real(y - whole[record + 2])
+    value = real(numbers[plane] + real(across * numbers[plane + PLANE_GROUP]))
+    return real(value + real(down * numbers[plane + 2 * PLANE_GROUP]))

@@ -18,27 +18,27 @@ import numpy as np
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import scale
 from .fragments import BATCH_SIZE
+from .gradients import NEEDS_TEXTURE
 from .interpolate import (
     corner_values,
     corner_weights,
     exact_triangle,
     inverse_sum,
-    is_exact,
     mean,
     next_exact_run,
     row_extent,
     run_end,
     weight_steps,
 )
-from .records import ATTRIBUTE, FACE
-from .visibility import RECORD_MASK
+from .records import ATTRIBUTE, material_of
+from .visibility import is_exact, record_of
 
 FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR = 0, 1, 2
 WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR = 0, 1, 2  # what lies outside the picture
 # Quantities of a batch, in place of those of lighting (fragments.py): texture coordinates, the same within the picture,
 # 1 / Σ q, and the mip level, whole or between two.
 TEXCOORD_U, TEXCOORD_V, TEXCOORD_S, TEXCOORD_T, INVERSE_SUM, MIP_LEVEL = (index(BATCH_SIZE * k) for k in range(6))
-LIGHT_COLUMNS = 6  # attributes in front of the texture coordinates
+LIGHT_COLUMNS = 6  # attributes of a textured surface in front of the texture coordinates
 
 
 class Textures(NamedTuple):
@@ -53,14 +53,13 @@ class Textures(NamedTuple):
 
 
 @kernel
-def sample_textures(band, textures, face_materials, batch, out_texels):
+def sample_textures(band, textures, batch, out_texels):
     """Look textures up at every sample of a band.
 
     Parameters
     ----------
-    band : ScannedBand, all of its records exact
+    band : ScannedBand; the records of textured surfaces are exact
     textures : Textures
-    face_materials : (n_face,) uint32, empty where there is one material
     batch : see fragments.py, float64, for what is computed on the way
     out_texels : (4, n_row * pitch) float64
     """
@@ -74,8 +73,8 @@ def sample_textures(band, textures, face_materials, batch, out_texels):
         while k < n:
             end, texture, record = run_end(entries, k), np.int64(-1), index(0)
             if is_exact(entries[k]):
-                record = index(entries[k] & RECORD_MASK)
-                texture = texture_of(records, record, textures, face_materials)
+                record = record_of(entries[k])
+                texture = textures.of_materials[material_of(entries[k], records)]
             if texture >= 0:
                 for first in range(k, end, index(BATCH_SIZE)):
                     last = min(first + index(BATCH_SIZE), end)
@@ -87,13 +86,6 @@ def sample_textures(band, textures, face_materials, batch, out_texels):
                     for i in range(start + k, start + end):
                         out_texels[channel, i] = 1.0
             k = end
-
-
-@helper
-def texture_of(records, record, textures, face_materials):
-    """Return the texture of an exact record's triangle, -1 for none."""
-    face = index(records.integers[record, index(FACE)])
-    return textures.of_materials[face_materials[face] if len(face_materials) > 0 else np.uint32(0)]
 
 
 @helper
@@ -260,9 +252,9 @@ def shade_textured(band, texels, out_radiance):
 
     Parameters
     ----------
-    band : ScannedBand, all of its records exact
+    band : ScannedBand; the records of textured surfaces are exact
     texels : (4, n_row * pitch) float64, of `sample_textures`
-    out_radiance : (3, n_row * pitch) float64, linear
+    out_radiance : (3, n_row * pitch) float32 or float64, linear; only the samples of textured surfaces are written
     """
     visibility, records = band.visibility, band.records
     for j in range(band.n_row):
@@ -273,7 +265,10 @@ def shade_textured(band, texels, out_radiance):
         entries = visibility.entries[first : first + index(right - left)]
         start, end = next_exact_run(entries, index(0))
         while start < end:
-            record = index(entries[start] & RECORD_MASK)
+            record = record_of(entries[start])
+            if not band.coding.needs[material_of(entries[start], records)] & NEEDS_TEXTURE:
+                start, end = next_exact_run(entries, end)
+                continue
             triangle = exact_triangle(records, record)
             for k in range(start, end):
                 q = corner_weights(triangle, left + np.int64(k), band.y_start + j)

@@ -5,7 +5,7 @@ visibility and writes both. (Burns & Hunt 2013, "The visibility buffer", JCGT 2(
 sample, too, and shade later.)
 
     63        62 ............ 25   24     23 ............. 0
-    sign (0)  z (38 bits)          is_id  intensity, or is_exact and the index of a record
+    sign (0)  z (38 bits)          is_id  intensity, or the index of a record and (bit 0) is_exact
 
 Where nothing is visible, the entry is CLEAR: behind every depth. Extents, the columns that may have been written, are
 kept for strips of 8 rows: so nobody looks at the rest of a band, and whoever turns the band into output clears no more
@@ -17,16 +17,18 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index
+from ..compiler.widths import ID_BIT
 from .simd import MOST_WIDE
 from .transform import DEPTH_BITS
 
-LEVEL_BITS = 24
+LEVEL_BITS = ID_BIT
 PAYLOAD_BITS = LEVEL_BITS + 1
 IS_ID = np.int64(1 << LEVEL_BITS)  # the payload is the index of a record, not an intensity
-IS_EXACT = np.int64(1 << (LEVEL_BITS - 1))  # ... of an exact record
+IS_EXACT = np.int64(1)  # ... of an exact record; the lowest bit, so that at equal depth entries are ordered by index
+RECORD_SHIFT = 1  # where the index begins
 LEVEL_MASK = np.int64(IS_ID - 1)
-RECORD_MASK = np.int64(IS_EXACT - 1)
-MAX_RECORDS = 1 << (LEVEL_BITS - 1)
+RECORD_MASK = np.int64(LEVEL_MASK - IS_EXACT)
+MAX_RECORDS = 1 << (LEVEL_BITS - RECORD_SHIFT)
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
 CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)
 
@@ -60,6 +62,24 @@ def pack(z, payload):
     Unsigned, because products of a plane may overflow on the way: signed overflow is undefined.
     """
     return (np.uint64(np.int64(z)) << np.uint64(PAYLOAD_BITS)) + np.uint64(payload)
+
+
+@helper
+def id_payload(record, is_exact):
+    """Return what stands below the depth where a record is visible: its index, and whether it is an exact one."""
+    return IS_ID | (np.int64(record) << RECORD_SHIFT) | (IS_EXACT if is_exact else np.int64(0))
+
+
+@helper
+def is_exact(entry):
+    """Tell whether an entry holds the index of an exact record."""
+    return entry & (IS_ID | IS_EXACT) == IS_ID | IS_EXACT
+
+
+@helper
+def record_of(entry):
+    """Return the index of the record that an entry shows; of other entries any index."""
+    return index((entry & RECORD_MASK) >> RECORD_SHIFT)
 
 
 @helper

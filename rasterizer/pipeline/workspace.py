@@ -19,9 +19,10 @@ class Workspace(NamedTuple):
     records: Records
     block: Block  # of triangles, for the scan stage
     radiance: np.ndarray  # (n_channel, n_row * pitch), linear intensities
-    batch: np.ndarray  # of fragments, for lighting
+    batch: np.ndarray  # of fragments, float32, for lighting
+    double_batch: np.ndarray  # the same in float64
     pixels: PixelBatch  # for the resolve stage
-    texels: np.ndarray  # (4, n_row * pitch); (0, n_row * pitch) where the scene has no textures
+    texels: np.ndarray  # (4, n_row * pitch) float64; (0, n_row * pitch) where the scene has no textures
     a_buffer: ABuffer  # with room only where the scene has transparent surfaces
 
 
@@ -32,8 +33,7 @@ class WorkspaceKind(NamedTuple):
     n_row: int  # of a band
     n_channel: int
     n_attribute: int
-    n_plane_group: int  # in a record
-    dtype: np.dtype
+    dtype: np.dtype  # of intensities
     is_textured: bool
     is_transparent: bool
 
@@ -55,7 +55,7 @@ class WorkspacePool:
         except IndexError:  # asking first whether there is one would leave room for another thread to take it
             workspace = make_workspace(kind, n_record)
         if len(workspace.records.integers) < n_record:
-            records = make_records(n_record, kind.n_attribute, kind.n_plane_group, kind.dtype)
+            records = make_records(n_record, kind.n_attribute)
             workspace = workspace._replace(records=records)
         return workspace
 
@@ -70,12 +70,13 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
     n_sample = len(visibility.entries)
     return Workspace(
         visibility,
-        make_records(max(n_record, 1), kind.n_attribute, kind.n_plane_group, kind.dtype),
+        make_records(max(n_record, 1), kind.n_attribute),
         make_block(),
         np.zeros((kind.n_channel, n_sample), kind.dtype),
-        make_batch(kind.dtype),
+        make_batch(np.float32),
+        make_batch(np.float64),
         make_pixel_batch(),
-        np.zeros((4 if kind.is_textured else 0, n_sample), kind.dtype),
+        np.zeros((4 if kind.is_textured else 0, n_sample)),
         make_a_buffer(visibility, kind.n_channel, kind.is_transparent),
     )
 

@@ -1,0 +1,163 @@
+"""What each material of a scene needs: one channel or three, float32 or float64, the cheapest way to its samples.
+
+What one object needs costs its own samples and no others. The bounds that justify a cheaper way stand beside the choice.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..pipeline import gradients as g
+from . import light_table, reflection_table
+from .error_bounds import lighting_error
+from .intensity_bounds import Reflected
+from .rounding import SINGLE
+from .tint import common_tint
+
+SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
+
+
+class MaterialPlans(NamedTuple):
+    """A row for each material."""
+
+    ways: NDArray[np.uint8]  # (n,): the cheapest that attributes may take to the samples, see pipeline/gradients.py
+    needs: NDArray[np.uint8]  # (n,): bits, as there
+    n_attributes: NDArray[np.int64]  # (n,): how many of the attributes are read
+    normal_limits: NDArray[np.float64]  # (n,): how far float32 planes may turn a normal, as there
+    roundings: NDArray[np.float64]  # (n,): what rounding may add to an intensity, linear
+    has_albedo: NDArray[np.bool_]  # (n,): colours are given with the model, or a texture
+    reasons: tuple[tuple[str, ...], ...]  # why float32 won't do; none where it does
+
+    @property
+    def is_double(self) -> NDArray[np.bool_]:
+        """Which need float64."""
+        return (self.needs & g.NEEDS_DOUBLE) != 0
+
+    @property
+    def is_colored(self) -> NDArray[np.bool_]:
+        """Which need three channels."""
+        return (self.needs & g.NEEDS_COLORS) != 0
+
+    def doubled(self, which: NDArray[np.bool_], reason: str) -> "MaterialPlans":
+        """Return the same with float64 for some materials."""
+        singles = np.uint8(255 - g.NEEDS_SINGLE)
+        needs = np.where(which, self.needs & singles | np.uint8(g.NEEDS_DOUBLE), self.needs)
+        reasons = [(*old, reason) if new else old for new, old in zip(which, self.reasons, strict=True)]
+        return self._replace(
+            needs=needs.astype(np.uint8), ways=np.where(which, np.uint8(g.EXACT), self.ways), reasons=tuple(reasons)
+        )
+
+
+class Facts(NamedTuple):
+    """What is known of a material's surfaces, a row a material."""
+
+    has_albedo: NDArray[np.bool_]  # colours are given with the model, or a texture
+    has_colors: NDArray[np.bool_]  # not only grey ones
+    tints: Sequence[NDArray[np.float64] | None]  # (3,): what all intensities are multiples of, None where there is none
+
+
+def plan_materials(
+    sources: Any, reflected: Reflected, options: Any, cue: Any, facts: Facts, tint: NDArray | None, behind: float
+) -> MaterialPlans:
+    """Find out what each material needs.
+
+    Parameters
+    ----------
+    sources : Sources of the scene (engine/plan.py)
+    reflected : what the lights make of the materials, amplified
+    options : Options
+    cue : DepthCue or None
+    tint : (3,) the colour of what has one channel; None where all has three
+    behind : what rounding may add when a picture is written, linear
+    """
+    materials = sources.materials
+    of_scene = reasons_of_scene(sources, options, cue)
+    roundings = np.array([lighting_error(of_material(reflected, k), SINGLE) for k in range(len(materials))]) + behind
+    slopes = np.array([of_material(reflected, k).turn_slope for k in range(len(materials))])
+    normal_limits = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * np.maximum(slopes, 1e-30))
+    ways, needs, n_attributes, reasons = [], [], [], []
+    for k, material in enumerate(materials):
+        why = of_scene + reasons_of_material(material, roundings[k], options)
+        is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
+        why = tuple(reason for reason in why if reason)
+        ways.append(choose_way(why, options, is_colored or not sources.is_opaque, normal_limits[k], reflected.bound))
+        needs.append(list_needs(material, bool(why), is_colored))
+        n_attributes.append(count_attributes(material, options, facts.has_albedo[k], is_colored))
+        reasons.append(why)
+    return MaterialPlans(
+        np.array(ways, np.uint8), np.array(needs, np.uint8), np.array(n_attributes, np.int64), normal_limits, roundings,
+        facts.has_albedo, tuple(reasons),
+    )  # fmt: skip
+
+
+def of_material(reflected: Reflected, k: int) -> Reflected:
+    """Return what the lights make of material k alone."""
+    row = slice(k, k + 1)
+    return Reflected(
+        reflected.undirected[row], reflected.diffuse[row], reflected.specular[row], reflected.diffuse_slopes[row],
+        reflected.steepnesses, reflected.materials[row],
+    )  # fmt: skip
+
+
+def reasons_of_scene(sources: Any, options: Any, cue: Any) -> tuple[str, ...]:
+    """Say why float32 won't do for any material; nothing where it does."""
+    reasons = {
+        "tolerance 0": options.tolerance == 0,
+        "numbers of lights beyond float32": not are_single(sources.lights),
+        # Next to a step no error is small: the edges of shadows.
+        "shadows": sources.has_shadows,
+        # Depth cueing reads depths from exact records.
+        "depth cueing": cue is not None,
+        "spectra": bool(sources.products),
+    }
+    return tuple(reason for reason, holds in reasons.items() if holds)
+
+
+def reasons_of_material(material: Any, rounding: float, options: Any) -> tuple[str, ...]:
+    """Say why float32 won't do for a material; words may be empty.
+
+    Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners;
+    or the rest on intensities between them.
+    """
+    return (
+        "" if rounding <= options.tolerance / 2 else "rounding beyond half of the tolerance",
+        # Next to a step no error is small: the edges of texels.
+        "textures" if material.texture is not None else "",
+        reflection_table.entry_of(material).reason_for_float64(material),
+    )
+
+
+def are_single(lights) -> bool:
+    """Tell whether the coefficients of lights keep their digits in float32, and their products with squares of lengths,
+    too."""
+    return all(SMALL <= length <= LARGE for light in lights for length in light_table.entry_of(light).lengths(light))
+
+
+def choose_way(reasons, options, needs_planes: bool, normal_limit: float, bound: float) -> int:
+    """Choose the cheapest way that the attributes of a material may take to the samples."""
+    if reasons:
+        return g.EXACT
+    if options.shading == "phong":
+        return g.IN_PLANES if normal_limit > 3.0 else g.EXACT
+    if not np.isfinite(bound):
+        return g.EXACT
+    return g.IN_PLANES if needs_planes else g.IN_ENTRIES
+
+
+def list_needs(material: Any, is_double: bool, is_colored: bool) -> int:
+    """Return what a material needs, as bits."""
+    needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE
+    needs |= g.NEEDS_COLORS if is_colored else 0
+    needs |= g.NEEDS_TEXTURE if material.texture is not None else 0
+    needs |= 0 if material.is_opaque else g.NEEDS_BEHIND if material.opacity > 0.0 else g.IS_INVISIBLE
+    return needs
+
+
+def count_attributes(material: Any, options: Any, has_albedo: bool, is_colored: bool) -> int:
+    """Return how many attributes of a material's surfaces are read: see engine/attributes.py."""
+    if options.shading != "phong":
+        return 8 if material.texture is not None else 3 if is_colored else 1
+    n = 8 if material.texture is not None else 6 if has_albedo else 3
+    return 11 if material.is_anisotropic and material.tangent == "u" else n
