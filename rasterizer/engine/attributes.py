@@ -4,14 +4,27 @@ Flat shading lights the centroids of faces, Gouraud's method the vertices. Phong
 behind them what else a sample needs: colours, texture coordinates, tangents.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..pipeline.fragments import make_batch
+from ..pipeline.gradients import NEEDS_COLORS
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.means import fill_means
 
 
-def point_intensities(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> np.ndarray:
+class Attributes(NamedTuple):
+    """What is interpolated over the triangles; rows of points that belong to the other type hold anything."""
+
+    single: np.ndarray  # (n_side, n_point, n_attribute) float32
+    double: np.ndarray  # the same in float64
+
+
+NONE = Attributes(np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)))
+
+
+def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> Attributes:
     """Evaluate the illumination equation at all points, before they are drawn.
 
     Parameters
@@ -22,66 +35,86 @@ def point_intensities(geometry, plan, lightings, screen, n_side, normal_offsets,
 
     Returns
     -------
-    (n_side, n_point, n_channel), linear; float64 where some material is lit in it. Materials of one channel have the
-    first alone. With textures (n_side, n_point, 8): textured surfaces have what a black surface gives off, what the
-    whole one gives off, texture coordinates
+    Attributes: n_channel intensities, linear; of materials with one channel the first is written alone. With textures 8
+    in float64: of textured surfaces what a black one gives off, what the whole one gives off, texture coordinates
     """
+    found = {dtype: NONE[k] for k, dtype in enumerate((np.dtype(np.float32), np.dtype(np.float64)))}
+    groups = list_groups(geometry)
+    for dtype, lighting in lightings.items():
+        is_lit = plan.of_materials.is_double == (dtype == np.float64)
+        here = [group for group in groups if is_lit[group.material]]
+        out = light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, here)
+        textured = [group for group in here if plan.materials[group.material].texture is not None]
+        if textured:
+            out = add_textured(out, textured, geometry, plan, lighting, screen, normal_offsets, threads)
+        found[dtype] = fill_centers(out, geometry, here, threads)
+    return Attributes(*found.values())
 
-    def light_all(geometry, materials=None):
-        return light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, materials)
 
-    if plan.textures is None:
-        return fill_centers(light_all(geometry), geometry.centers, threads)
+def add_textured(whole, groups, geometry, plan, lighting, screen, normal_offsets, threads) -> np.ndarray:
+    """Add what textured surfaces have beside the intensities `whole`: see `light_all`."""
+    n_side, n_point, n_channel = whole.shape
     # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-    is_textured = np.array([material.texture is not None for material in plan.materials])
-    whole, rest = light_all(geometry), light_all(geometry._replace(albedo=np.zeros_like(geometry.albedo)), is_textured)
-    first = whole.copy()
-    for material, start, end in list_groups(geometry):
-        if is_textured[material]:
-            first[:, start:end] = rest[:, start:end]
-    uv = np.broadcast_to(geometry.uv, (n_side, *geometry.uv.shape))
-    return fill_centers(np.concatenate([first, whole, uv], axis=2), geometry.centers, threads)
+    black = geometry._replace(albedo=np.zeros_like(geometry.albedo))
+    rest = light(black, plan, lighting, screen, n_side, normal_offsets, threads, groups)
+    out = np.zeros((n_side, n_point, 2 * n_channel + 2), whole.dtype)
+    out[:, :, :n_channel] = whole
+    for _, start, end in groups:
+        out[:, start:end, :n_channel] = rest[:, start:end]
+        out[:, start:end, n_channel : 2 * n_channel] = whole[:, start:end]
+        out[:, start:end, 2 * n_channel :] = geometry.uv[start:end]
+    return out
 
 
-def list_groups(geometry) -> list[tuple[int, int, int]]:
-    """List material, first point and end of each group of points."""
+class Group(NamedTuple):
+    """Points start..end, all of one material."""
+
+    material: int
+    start: int
+    end: int
+
+
+def list_groups(geometry) -> list[Group]:
+    """List the groups of points of a geometry."""
     offsets = geometry.point_offsets.tolist()
-    return list(zip(geometry.group_material.tolist(), offsets[:-1], offsets[1:], strict=True))
+    return [Group(*group) for group in zip(geometry.group_material.tolist(), offsets[:-1], offsets[1:], strict=True)]
 
 
-def light(geometry, plan, lightings, screen, n_side, normal_offsets, threads, materials=None) -> np.ndarray:
-    """Light all points but the centres of polygons: (n_side, n_point, n_channel); see `point_intensities`.
-
-    `materials` says which are lit, (n_material,) bool; None = all.
-    """
-    shape = n_side, geometry.points.shape[1], plan.n_channel
-    intensities = np.zeros(shape, plan.dtypes[-1])
+def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups) -> np.ndarray:
+    """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
+    dtype, needs = lighting.materials.dtype, plan.of_materials.needs
+    n_channel = 3 if any(needs[group.material] & NEEDS_COLORS for group in groups) else 1
+    intensities = np.zeros((n_side, geometry.points.shape[1], n_channel), dtype)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
-    for material, start, end in list_groups(geometry):
-        if materials is not None and not materials[material]:
-            continue
-        dtype = np.dtype(np.float64 if plan.of_materials.is_double[material] else np.float32)
+    for material, start, end in groups:
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
 
-            def light_part(part, material=material, start=start, sign=sign, out=out, dtype=dtype):
-                lighting, batch = lightings[dtype], make_batch(dtype)
+            def light_part(part, material=material, start=start, sign=sign, out=out):
+                batch = make_batch(dtype)
                 light_points(points, start + part[0], start + part[1], screen, sign, lighting, material, batch, out)
 
             threads.map(light_part, threads.ranges(end - start))
     return intensities
 
 
-def fill_centers(values, centers, threads) -> np.ndarray:
-    """Give the points that are means of others their values (n_side, n_point, n_value); nothing is lit there."""
-    if centers is not None:
+def fill_centers(values, geometry, groups, threads) -> np.ndarray:
+    """Give the points that are means of those of some groups their values (n_side, n_point, n_value); nothing is lit
+    there."""
+    centers = geometry.centers
+    if centers is not None and groups:
+        first_points = centers.points[centers.offsets[:-1]]
+        starts, ends = np.array([(group.start, group.end) for group in groups]).T
+        group = np.searchsorted(starts, first_points, side="right") - 1
+        here = np.flatnonzero((group >= 0) & (first_points < ends[group]))
+        first, end = (int(here[0]), int(here[-1]) + 1) if len(here) else (0, 0)
         for side in values:
 
             def fill_part(part, side=side):
-                fill_means(side, centers.first, centers.offsets, centers.points, *part)
+                fill_means(side, centers.first, centers.offsets, centers.points, first + part[0], first + part[1])
 
-            threads.map(fill_part, threads.ranges(len(centers.offsets) - 1))
+            threads.map(fill_part, threads.ranges(end - first))
     return values
 
 
@@ -92,25 +125,33 @@ class NormalAttributes:
         self._geometry = geometry
         self._kept: dict[tuple, np.ndarray] = {}
 
-    def of(self, dtype, has_albedo=False, has_tangents=False) -> np.ndarray:
-        """Normals, behind them the model's colours, texture coordinates and tangents: (1, n_point, 3 to 11)."""
-        key = np.dtype(dtype), has_albedo, has_tangents
+    def of(self, plan) -> Attributes:
+        """Normals, behind them the model's colours, texture coordinates and tangents: 3 to 11 attributes."""
+        is_double, n_attributes = plan.of_materials.is_double, plan.of_materials.n_attributes
+        found = list(NONE)
+        for k, dtype in enumerate((np.dtype(np.float32), np.dtype(np.float64))):
+            if dtype in plan.dtypes:
+                of_dtype = is_double == (dtype == np.float64)
+                found[k] = self._of(dtype, int(n_attributes[of_dtype].max()))
+        return Attributes(*found)
+
+    def normals(self) -> Attributes:
+        """The normals alone, in float64."""
+        return NONE._replace(double=self._of(np.dtype(np.float64), 3))
+
+    def _of(self, dtype, n_attribute) -> np.ndarray:
+        """So many attributes, of all points."""
+        key = dtype, n_attribute
         if key not in self._kept:
-            geometry = self._geometry
-            columns = [geometry.normals.T] + ([geometry.albedo] if has_albedo else [])
-            columns += [geometry.uv] if has_albedo and len(geometry.uv) else []
-            columns += [geometry.tangents.T] if has_tangents else []
-            self._kept[key] = np.ascontiguousarray(np.concatenate(columns, axis=1)[None], dtype)
+            geometry, n_point = self._geometry, self._geometry.points.shape[1]
+            columns = geometry.normals.T, geometry.albedo, geometry.uv, geometry.tangents.T
+            columns = np.concatenate([column for column in columns if len(column) == n_point], axis=1)
+            self._kept[key] = np.ascontiguousarray(columns[None, :, :n_attribute], dtype)
         return self._kept[key]
 
-    def of_faces(self, view, screen) -> np.ndarray:
-        """Normals of flat faces, towards the viewer, (2, n_point, 3): side 1 is reversed, because `write_normal` flips
-        it."""
+    def of_faces(self, view, screen) -> Attributes:
+        """Normals of flat faces, towards the viewer, two sides: side 1 is reversed, because `write_normal` flips it."""
         normals = self._geometry.normals.T
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
-        return np.stack([toward, -toward])
-
-    def none(self) -> np.ndarray:
-        """No attributes, (1, n_point, 0)."""
-        return np.empty((1, self._geometry.points.shape[1], 0))
+        return NONE._replace(double=np.stack([toward, -toward]))

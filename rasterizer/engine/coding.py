@@ -3,7 +3,16 @@
 import numpy as np
 
 from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
-from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_SINGLE, Coding, DepthScale, LevelCoding, NormalCoding
+from ..pipeline.gradients import (
+    EXACT,
+    IN_ENTRIES,
+    NEEDS_DOUBLE,
+    NEEDS_SINGLE,
+    Coding,
+    DepthScale,
+    LevelCoding,
+    NormalCoding,
+)
 from ..pipeline.transform import DEPTH_MARGIN
 from .light_table import entry_of
 from .plan import Plan
@@ -12,7 +21,7 @@ from .plan import Plan
 def make_coding(plan: Plan, screen, tolerance) -> Coding:
     """Say what entries and records hold, for one view."""
     of_materials, depths = plan.of_materials, scale_depths(screen)
-    rows = of_materials.ways, of_materials.needs, of_materials.n_attributes
+    rows = of_materials.ways, of_materials.needs, of_materials.is_double, of_materials.n_attributes
     if (of_materials.ways == EXACT).all():
         return Coding(*rows, np.zeros(len(rows[0])), None, 0.0, False, depths)
     if plan.is_lit_per_sample:
@@ -25,16 +34,18 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
 
 def make_exact_coding(screen, n_attribute) -> Coding:
     """Say that all records are exact, as for buffers."""
-    return _plain_coding(Coding, EXACT, n_attribute, None, screen)
+    return _plain_coding(Coding, EXACT, True, n_attribute, None, screen)
 
 
 def make_map_coding(screen) -> Coding:
     """Say that entries hold depths and nothing else, as for shadow maps."""
-    return _plain_coding(LevelCoding, IN_ENTRIES, 0, 1.0, screen)
+    return _plain_coding(LevelCoding, IN_ENTRIES, False, 0, 1.0, screen)
 
 
-def _plain_coding(kind, way, n_attribute, level_scale, screen) -> Coding:
-    rows = np.array([way], np.uint8), np.array([NEEDS_SINGLE], np.uint8), np.array([n_attribute])
+def _plain_coding(kind, way, is_double, n_attribute, level_scale, screen) -> Coding:
+    """The coding of passes in which all is of one material."""
+    needs = NEEDS_DOUBLE if is_double else NEEDS_SINGLE
+    rows = np.array([way], np.uint8), np.array([needs], np.uint8), np.array([is_double]), np.array([n_attribute])
     return kind(*rows, np.full(1, np.inf), level_scale, 0.0, False, scale_depths(screen))
 
 

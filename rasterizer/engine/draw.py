@@ -93,7 +93,7 @@ class Drawn(NamedTuple):
     def whole(cls, geometry, vertices, render_pass) -> "Drawn":
         """All triangles of the scene as they are."""
         triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
-        drawables = Drawables(triangles, vertices, render_pass.attributes)
+        drawables = Drawables(triangles, vertices, *render_pass.attributes)
         return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, 0))
 
 
@@ -129,7 +129,9 @@ def cull(drawn: Drawn, render_pass: Pass, threads):
         if render_pass.most_records(most) <= MAX_RECORDS:
             return visible, n_row
         if n_row == factor:
-            raise SceneError(f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: draw a larger picture")
+            raise SceneError(
+                f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: draw a larger picture"
+            )
         n_row = max(factor, n_row // 2 // factor * factor)
 
 

@@ -84,7 +84,7 @@ def plan_materials(
         why = tuple(reason for reason in why if reason)
         ways.append(choose_way(why, options, is_colored or not sources.is_opaque, normal_limits[k], reflected.bound))
         needs.append(list_needs(material, bool(why), is_colored))
-        n_attributes.append(count_attributes(material, options, facts.has_albedo[k], is_colored))
+        n_attributes.append(count_attributes(material, options, sources, facts, k, is_colored))
         reasons.append(why)
     return MaterialPlans(
         np.array(ways, np.uint8), np.array(needs, np.uint8), np.array(n_attributes, np.int64), normal_limits, roundings,
@@ -155,9 +155,10 @@ def list_needs(material: Any, is_double: bool, is_colored: bool) -> int:
     return needs
 
 
-def count_attributes(material: Any, options: Any, has_albedo: bool, is_colored: bool) -> int:
-    """Return how many attributes of a material's surfaces are read: see engine/attributes.py."""
+def count_attributes(material: Any, options: Any, sources: Any, facts: Facts, k: int, is_colored: bool) -> int:
+    """Return how many attributes of the surfaces of material k are read: see engine/attributes.py."""
     if options.shading != "phong":
         return 8 if material.texture is not None else 3 if is_colored else 1
-    n = 8 if material.texture is not None else 6 if has_albedo else 3
-    return 11 if material.is_anisotropic and material.tangent == "u" else n
+    if material.is_anisotropic and material.tangent == "u":
+        return 6 + 3 * bool(facts.has_albedo.any()) + 2 * sources.is_textured
+    return 8 if material.texture is not None else 6 if facts.has_albedo[k] else 3

@@ -19,7 +19,15 @@ from ..pipeline.bands import Band
 from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
 from ..pipeline.encode import Encoding
-from ..pipeline.gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE, Coding, LevelCoding, NormalCoding
+from ..pipeline.gradients import (
+    NEEDS_COLORS,
+    NEEDS_DOUBLE,
+    NEEDS_SINGLE,
+    NEEDS_TEXTURE,
+    Coding,
+    LevelCoding,
+    NormalCoding,
+)
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
 from ..pipeline.records import ALBEDO_UNITS, NORMAL_UNITS, VALUE_UNITS
@@ -30,6 +38,7 @@ from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import Workspace, WorkspaceKind
+from .attributes import NONE, Attributes
 from .output_buffers import BUFFER_TABLE
 from .plan import Plan
 
@@ -44,7 +53,7 @@ AS_PASS = {"kw_only": True, "repr": False, "eq": False}
 class Pass:
     """One way through the stages."""
 
-    attributes: np.ndarray  # (n_side, n_point, n_attribute), interpolated over the triangles
+    attributes: Attributes  # interpolated over the triangles
     coding: Coding
     size: tuple[int, int]  # (width, height) in pixels
     face_table: FaceTable = NO_TABLE
@@ -62,17 +71,22 @@ class Pass:
         """Columns and rows of samples."""
         return self.size[0] * self.factor, self.size[1] * self.factor
 
+    @property
+    def n_attribute(self) -> int:
+        """The most that a triangle has."""
+        return max(array.shape[2] for array in self.attributes)
+
     def workspace_kind(self, n_row) -> WorkspaceKind:
         """The memory that a band of `n_row` rows is drawn in."""
         return WorkspaceKind(
-            self.n_sample[0], n_row, self.n_channel, self.attributes.shape[2], self.dtype,
+            self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
             self.textures is not None, self.opacity is not None,
         )  # fmt: skip
 
     def most_records(self, n_triangle: int) -> int:
         """How many units the records of so many triangles have at most."""
         if isinstance(self.coding, NormalCoding):
-            return n_triangle * (NORMAL_UNITS if self.attributes.shape[2] < 6 else ALBEDO_UNITS)
+            return n_triangle * (NORMAL_UNITS if self.attributes.single.shape[2] < 6 else ALBEDO_UNITS)
         return n_triangle * (VALUE_UNITS if isinstance(self.coding, LevelCoding) and self.n_channel > 0 else 1)
 
     def shade(self, workspace: Workspace, band: Band, counts: ScanCounts, face_table: FaceTable) -> None:
@@ -129,11 +143,8 @@ class ColorPass(Pass):
         """Find the light that comes from the visible samples, then let what is further away fade."""
         scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
         radiance = workspace.radiance[: self.n_channel_of(counts)]
-        has_texture = bool(counts.needs & NEEDS_TEXTURE)
-        if has_texture:
+        if counts.needs & NEEDS_TEXTURE:
             sample_textures(scanned, self.textures, workspace.double_batch, workspace.texels)
-        elif self.textures is not None:
-            workspace.texels.fill(1.0)
         self.light(workspace, scanned, face_table, radiance)
         if self.plan.cue is not None:
             fade(scanned, self.screen.is_perspective, self.plan.cue, radiance)
@@ -173,7 +184,7 @@ class LitPass(ColorPass):
     def light(self, workspace, band, face_table, radiance):
         """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
         texels = workspace.texels if self.textures is not None else None
-        tangents = self.attributes.shape[2] - 3 if self.plan.has_tangents else None  # the last three attributes
+        tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
         ways = (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)
         for need, dtype, batch in ways:
             if band.counts.needs & need:
@@ -211,18 +222,12 @@ class ShadowMapPass(Pass):
         return 0
 
 
-def shadow_map_pass(nothing, coding, screen, texels) -> ShadowMapPass:
-    """Return the pass that draws a shadow map.
-
-    Parameters
-    ----------
-    nothing : (1, n_point, 0) float64: no attributes
-    texels : (n, n) float64, written
-    """
+def shadow_map_pass(coding, screen, texels) -> ShadowMapPass:
+    """Return the pass that draws a shadow map; `texels` is (n, n) float64, written."""
     depths = coding.depths
     depth = (depths.inv_w_offset, depths.inv_w_scale)
     if not screen.is_perspective:
         depth = (-depths.depth_offset, -depths.depth_scale)
     return ShadowMapPass(
-        attributes=nothing, coding=coding, size=texels.shape[::-1], depth=depth, texels=texels, is_filled=True
+        attributes=NONE, coding=coding, size=texels.shape[::-1], depth=depth, texels=texels, is_filled=True
     )

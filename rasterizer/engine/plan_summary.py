@@ -6,6 +6,7 @@ from ..pipeline.gradients import EXACT, IN_ENTRIES, IN_PLANES
 from .plan import Plan
 from .uniforms import batch_functions_of
 
+
 class Ways(NamedTuple):
     """Triangles by the way that their attributes took, counted in each band that they meet."""
 

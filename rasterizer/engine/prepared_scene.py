@@ -13,7 +13,7 @@ from ..pipeline.threads import Workers
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
 from ..scene.scene import Scene
-from .attributes import NormalAttributes, point_intensities
+from .attributes import NONE, Attributes, NormalAttributes, light_all
 from .coding import make_coding, make_encoding, make_exact_coding
 from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
@@ -87,19 +87,19 @@ class PreparedScene:
             "picture": picture,
         }
         if plan.is_lit_per_sample:
-            attributes = self.normals.of(plan.dtypes[-1], plan.has_albedo, plan.has_tangents)
+            attributes = self.normals.of(plan)
             face_table = FaceTable(NO_SHAPES if self.shadows is None else self.shadows.shapes)
             return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
         attributes = self._light_points(plan, lightings, screen)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, face_table=FaceTable(NO_SHAPES), **shared)
 
-    def _light_points(self, plan, lightings, screen) -> np.ndarray:
+    def _light_points(self, plan, lightings, screen) -> Attributes:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
         normal_offsets = np.empty(0) if self.shadows is None else self.shadows.normal_offsets
-        return point_intensities(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
+        return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
 
     def draw_buffers(self, camera: Camera, clock) -> tuple[dict[str, NDArray], Counts]:
         """Draw the exact buffers that are asked for, by name: always with one sample a pixel and float64 records, so
@@ -110,12 +110,12 @@ class PreparedScene:
         screen = screen_of(camera, view, options.size, 1, self.geometry, self.bounds)
         if "depth" in buffers:
             check_depths(camera, view, self.bounds)
-        normals = self.normals.none()
+        normals = NONE
         if any(BUFFER_TABLE[name].needs_normals for name in buffers):
-            normals = self.normals.of_faces(view, screen) if options.is_flat else self.normals.of(np.float64)
+            normals = self.normals.of_faces(view, screen) if options.is_flat else self.normals.normals()
         render_pass = BufferPass(
             attributes=normals,
-            coding=make_exact_coding(screen, normals.shape[2]),
+            coding=make_exact_coding(screen, normals.double.shape[2]),
             size=options.size,
             is_culled=options.cull == "back",
             screen=screen,

@@ -147,11 +147,10 @@ def draw_shadow_map(
     header = [lookup.N_MAP, lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE]
     block[header] = len(views), size, light.shadow.filter, is_perspective
     texels = block[lookup.HEADER :].reshape(len(views), size, size)
-    nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
     for k, (row, (light_view, projection)) in enumerate(zip(_map_rows(block), views, strict=True)):
         screen = _fit_screen(light_view, projection, casters, size)
         coding = make_map_coding(screen)
-        render_pass = shadow_map_pass(nothing, coding, screen, texels[k])
+        render_pass = shadow_map_pass(coding, screen, texels[k])
         draw(casters.geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
         _write_view(row, light_view, projection, MAP_ROUNDING * _value_range(screen, coding))
     return ShadowMap(block, origin)

@@ -14,6 +14,7 @@ from ..pipeline.a_buffer import (
     split_samples,
 )
 from ..pipeline.bands import Band, Rows
+from ..pipeline.gradients import NEEDS_TEXTURE
 from ..pipeline.scan import Deferred
 from .passes import Pass
 
@@ -41,7 +42,7 @@ def count_fragments(band: Band, drawn, workspace, transparent: Deferred) -> Defe
     counting = FragmentLists(0, n_sample, 0, band.n_row, np.empty(0, np.int64), a_buffer.cursors, a_buffer.starts, True)
     rows = Rows(band.y_start, band.y_end)
     open_lists(a_buffer)
-    triangles, vertices, _ = drawn.drawables
+    triangles, vertices, *_ = drawn.drawables
     list_fragments(
         band.y_start, transparent, triangles, vertices, rows, workspace.block, workspace.visibility, counting
     )
@@ -59,16 +60,17 @@ def composite_range(band: Band, drawn, render_pass: Pass, workspace, counts, tra
     rows = Rows(band.y_start + first_row, band.y_start + end_row)
     entries = np.empty(a_buffer.starts[last] - a_buffer.starts[first], np.int64)
     lists = FragmentLists(first, last, first_row, end_row, entries, a_buffer.cursors, a_buffer.starts, False)
-    triangles, vertices, _ = drawn.drawables
+    triangles, vertices, *_ = drawn.drawables
     list_fragments(band.y_start, transparent, triangles, vertices, rows, workspace.block, visibility, lists)
     show_nearest(visibility, a_buffer, lists)
     layer, n_channel = workspace._replace(visibility=a_buffer.layer), render_pass.n_channel_of(counts)
+    texels = workspace.texels if counts.needs & NEEDS_TEXTURE else workspace.texels[:0]
     n_composited, is_more = 0, True
     while is_more:
         render_pass.shade(layer, Band(band.faces, *rows), counts, drawn.face_table)
         is_more = composite(
             visibility, workspace.records, a_buffer.of_channels(n_channel), lists, n_composited,
-            workspace.radiance[:n_channel], workspace.texels,
+            workspace.radiance[:n_channel], texels,
             render_pass.opacity,
         )  # fmt: skip
         n_composited += 1

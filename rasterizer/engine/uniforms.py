@@ -88,7 +88,9 @@ def _list_materials(plan, dtype) -> np.ndarray:
             colors = (plan.products.emissive[k], plan.products.ambient[k], (1.0, 1.0, 1.0), (1.0, 1.0, 1.0))
         for column, color in zip(_COLUMNS, colors, strict=True):
             row[column : column + 3] = color
-        if not plan.of_materials.is_colored[k]:  # the largest component: all are grey or multiples of the picture's tint
+        if not plan.of_materials.is_colored[
+            k
+        ]:  # the largest component: all are grey or multiples of the picture's tint
             for column in _COLUMNS:
                 row[column] = row[column : column + 3].max()
     if dtype == np.float32:

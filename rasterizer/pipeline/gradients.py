@@ -34,6 +34,7 @@ NEEDS_SINGLE, NEEDS_DOUBLE, NEEDS_COLORS, NEEDS_TEXTURE, NEEDS_BEHIND, IS_INVISI
 # How far a plane of depth may be off, z-buffer units, beside half a unit a step: half a unit at the anchor, and what
 # setup.MAX_ELONGATION says.
 DEPTH_PLANE_ROUNDING = 40.0
+MOST_CHANNELS = 3
 # Where r is less, its inverse is no number that float32 is at home with.
 LEAST_INVERSE = 2.0**-40
 
@@ -54,6 +55,7 @@ class Coding(NamedTuple):
 
     ways: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
     needs: np.ndarray  # (n_material,) uint8: the bits above
+    is_double: np.ndarray  # (n_material,) bool: one of them
     n_attributes: np.ndarray  # (n_material,) int64: how many of the attributes are read
     limits: np.ndarray  # (n_material,) float64: error that is accepted: in an intensity, or of a normal, in 2^-24 / √3
     level_scale: float | None  # levels a unit of intensity; None where attributes are no intensities
@@ -106,7 +108,7 @@ def compute_levels(n_attribute, coding, block):
     for k in range(index(s.BLOCK)):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
     if n_left > 0 and n_attribute > 0:
-        compute_value_planes(0, n_attribute, 0.0, coding, block)
+        compute_value_planes(0, min(n_attribute, MOST_CHANNELS), 0.0, coding, block)
 
 
 @helper
@@ -118,7 +120,7 @@ def compute_normals(n_attribute, coding, block):
         ints[s.HAS_PLANES + k] &= coding.ways[ints[s.MATERIAL + k]] == IN_PLANES
     compute_normal_planes(coding, block)
     if n_attribute > 3:
-        compute_value_planes(3, 6, coding.albedo_tolerance, coding, block)
+        compute_value_planes(3, 3 + MOST_CHANNELS, coding.albedo_tolerance, coding, block)
     if coding.needs_distance:
         check_distances(coding, block)
 
@@ -268,10 +270,12 @@ def compute_value_planes(first, end, tolerance, coding, block):
         shift = depth_rounding(k, block) * abs(coding.depths.ratio_scale)
         accepted = tolerance if tolerance > 0.0 else coding.limits[ints[s.MATERIAL + k]]
         most = rise = 0.0
+        n_own = index(coding.n_attributes[ints[s.MATERIAL + k]])  # other materials of the block may have more
         for attribute in range(index(first), index(end)):
             a0, a1, a2 = values_at(s.ATTRIBUTE + attribute * s.NEXT_PLANE + k, block)
-            most = max(most, abs(a0), abs(a1), abs(a2))
-            rise = max(rise, compute_plane(k, attribute, a0 * r0, a1 * r1, a2 * r2, block))
+            here = compute_plane(k, attribute, a0 * r0, a1 * r1, a2 * r2, block)
+            most = max(most, abs(a0), abs(a1), abs(a2)) if attribute < n_own else most
+            rise = max(rise, here) if attribute < n_own else rise
         error = u * (3.0 * most * largest + 4.0 * rise) + most * shift
         is_good = error <= least * (accepted - 3.0 * u * most)
         ints[s.HAS_PLANES + k] &= is_good & (least >= LEAST_INVERSE)

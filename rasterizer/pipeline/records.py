@@ -97,7 +97,8 @@ def begin_planes(records, n_record, k, face, block):
 @helper
 def write_values(records, n_record, k, face, n_attribute, coding, block):
     """Write record number `n_record`, planes of intensities; return its length in units."""
-    write_value_group(records.float_planes, begin_planes(records, n_record, k, face, block), k, 0, n_attribute, block)
+    first, n = begin_planes(records, n_record, k, face, block), min(n_attribute, PLANE_GROUP - 1)
+    write_value_group(records.float_planes, first, k, 0, n, block)
     return VALUE_UNITS
 
 

@@ -157,7 +157,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         needs |= of_block
         material = np.int64(-1) if has_others else material
         s.order_vertices(block)
-        s.gather_attributes(len(some), n_attribute, drawables.attributes, block)
+        s.gather_attributes(len(some), n_attribute, drawables, coding.is_double, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)

@@ -155,25 +155,38 @@ def rotate_to_first(a, b, c, is_b_first, is_c_first, is_front):
 
 
 @helper
-def gather_attributes(n, n_attribute, attributes, block):
-    """Fetch the first `n_attribute` attributes of the first n triangles' vertices.
+def gather_attributes(n, n_attribute, drawables, is_double, block):
+    """Fetch the first `n_attribute` attributes of the vertices of the first n triangles.
+
+    Side 0 of the attributes is for triangles whose normals look at the viewer as they are, the last side for those
+    whose normals are flipped.
 
     Parameters
     ----------
-    attributes : (side, n_corner, n_attribute) float32 or float64: side 0 is for triangles whose normals look at the
-        viewer as they are, the last side for those whose normals are flipped
+    is_double : (n_material,) bool, whose attributes are those of float64
     """
-    ints, reals = block.ints, block.reals
-    last_side = index(attributes.shape[0] - 1)
+    if n_attribute == 0:
+        return
+    materials = block.ints[MATERIAL : MATERIAL + index(BLOCK)]
     for k in range(index(n)):
-        side = last_side if ints[IS_FLIPPED + k] else index(0)
-        c0, c1, c2 = np.uint32(ints[CORNER0 + k]), np.uint32(ints[CORNER1 + k]), np.uint32(ints[CORNER2 + k])
-        row = ATTRIBUTE + k
-        for column in range(index(n_attribute)):
-            reals[row] = attributes[side, c0, column]
-            reals[row + NEXT] = attributes[side, c1, column]
-            reals[row + NEXT + NEXT] = attributes[side, c2, column]
-            row += NEXT_PLANE
+        if is_double[materials[k]]:
+            gather_corners(k, n_attribute, drawables.double_attributes, block)
+        else:
+            gather_corners(k, n_attribute, drawables.attributes, block)
+
+
+@helper
+def gather_corners(k, n_attribute, attributes, block):
+    """Fetch the first attributes, as many as there are, of the vertices of triangle k."""
+    ints, reals = block.ints, block.reals
+    side = index(attributes.shape[0] - 1) if ints[IS_FLIPPED + k] else index(0)
+    c0, c1, c2 = np.uint32(ints[CORNER0 + k]), np.uint32(ints[CORNER1 + k]), np.uint32(ints[CORNER2 + k])
+    row = ATTRIBUTE + k
+    for column in range(index(min(n_attribute, attributes.shape[2]))):
+        reals[row] = attributes[side, c0, column]
+        reals[row + NEXT] = attributes[side, c1, column]
+        reals[row + NEXT + NEXT] = attributes[side, c2, column]
+        row += NEXT_PLANE
 
 
 @helper

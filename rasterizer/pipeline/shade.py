@@ -23,7 +23,7 @@ from ..compiler.kernels import choice, helper, index, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import BATCH_SIZE, read_vector, set_vector
-from .gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE, LevelCoding
+from .gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE, LevelCoding
 from .interpolate import (
     corner_values,
     corner_vectors,
@@ -229,7 +229,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, tint, is
             if material >= 0:
                 gather_fragments(entries, band, (first, y), lighting.has_albedo[material], screen, is_double, batch)
                 interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
-                if texels is not None:
+                if texels is not None and band.coding.needs[material] & NEEDS_TEXTURE:
                     for channel in range(index(3)):
                         weight_albedo(batch, n, channel, texels[channel, start : start + index(n)])
                 gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
