@@ -28,7 +28,7 @@ from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NormalCoding, compute_gradien
 from .records import write_exact, write_normals, write_values
 from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
 from .transform import HALF, SUBPIXEL
-from .visibility import DEPTH_MASK, id_payload, note_extent, pack
+from .visibility import DEPTH_MASK, id_payload, note_extent, note_material, pack
 
 # What is known of one triangle goes from helper to helper in structs. They cost nothing: helpers are inlined, and the
 # optimiser takes tuples of numbers apart.
@@ -181,7 +181,11 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
                     n_exact += 1
                 if is_deferred(k, some[k], payload, coding, block, deferred):
                     continue
-            note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
+            first_row, end_row = box.top - band.y_start, box.bottom - band.y_start
+            note_extent(visibility, box.left, box.right, first_row, end_row)
+            if len(coding.ways) > 1:
+                here = np.int64(block.ints[s.MATERIAL + k])
+                note_material(visibility, box.left, box.right, first_row, end_row, here)
             fill(visibility, band.y_start, box, k, payload, block)
     return n_level, n_plane, n_exact, needs, material
 
