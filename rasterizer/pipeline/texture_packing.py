@@ -1,0 +1,222 @@
+"""Textures as texture_lookup.py reads them: 8 bytes a texel, and how much their colours err.
+
+In:  `Textures` (texture_sampling.py).
+Out: `PackedTextures`: each channel of a texel in 16 bits, a border of one texel around each mip level, which holds what
+     the wrap puts there. `texture_error` says how far colours looked up in them are from exact ones.
+
+A texture needs a third more than 8 bytes for each texel of its picture with mip levels, and 96·(w + h) bytes for borders.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler.kernels import helper, index
+from .texel_positions import PackedTexture, first_texel
+from .texture_sampling import FILTER_NEAREST, WRAP_REPEAT, Textures
+
+STRIP = 2**16  # texels that are packed at a time
+OF_S, OF_T, OF_LEVEL, ALWAYS = range(4)  # columns of `errors`
+# What a lookup loses itself, see `texture_error`.
+POSITION_ERROR, FIXED_POINT_ERROR, WEIGHT_ERROR = 2.0**-16, 2.0**-29, 2.0**-16
+LEVEL_ERROR, VALUE_ERROR = 1e-5, 0.51 / 65535.0 + 2.0**-21
+
+
+class PackedTextures(NamedTuple):
+    """All textures of a scene for texture_lookup.py, one behind the other."""
+
+    texels: np.ndarray  # (4 * n_texel,) int16, see texel_blend.py
+    first_texels: np.ndarray  # (n_texture + 1,) int64
+    sizes: np.ndarray  # (n_texture, 3) int64: width, height, mip levels
+    filters: np.ndarray  # (n_texture,) int64, FILTER_...
+    wraps: np.ndarray  # (n_texture, 2) int64, WRAP_... along s and t
+    steps: np.ndarray  # (n_texture,) float32: intensity of a step between two values
+    errors: np.ndarray  # (n_texture, 4) float64, see `texture_error`
+
+
+@helper
+def packed_texture(textures, texture):
+    """Return one of the textures, an `index`."""
+    first, end = index(textures.first_texels[texture]), index(textures.first_texels[texture + index(1)])
+    width, height, n_level = textures.sizes[texture, 0], textures.sizes[texture, 1], textures.sizes[texture, 2]
+    return PackedTexture(
+        textures.texels[first << index(2) : end << index(2)],
+        np.int32(width),
+        np.int32(height),
+        np.int32(n_level - 1),
+        textures.filters[texture],
+        (textures.wraps[texture, 0], textures.wraps[texture, 1]),
+        textures.steps[texture],
+    )
+
+
+@helper
+def texture_error(textures, texture, s_error, t_error, level_error):
+    """Bound how far a channel of what `texture_lookup.sample_batch` finds is from exact, linear intensity.
+
+    Parameters
+    ----------
+    textures : PackedTextures
+    texture : its number, an `index`
+    s_error, t_error : of the texture coordinates s and t, texels of the picture; see `texcoord_error`
+    level_error : of the mip level that the planes would give exactly; 1.45 times the error of its derivatives in texels
+        a sample is enough, as d log2 g = dg / (g·ln 2) and levels above 0 have g > 1
+
+    Returns
+    -------
+    the bound, float64; of the filter "nearest" that of samples that aren't doubtful, whatever the errors are
+
+    Notes
+    -----
+    Along a row a bilinear mean changes by at most d_s a texel, the largest difference of two neighbouring texels of its
+    mip level, the wrap included; down a column by d_t. A mip level of w of the picture's W texels is w/W times as many
+    texels away: it errs by s_error·w/W·d_s, and by POSITION_ERROR + FIXED_POINT_ERROR·w texels more, which texture_lookup
+    loses. The weight of the fourth texel is rounded by WEIGHT_ERROR, that of the others so that their sum stays: with
+    it changes |c00 - c01 - c10 + c11| <= 2·min(d_s, d_t). A level that errs by e mixes two means by a share that errs
+    by e: they differ by at most D, see `level_difference`; the same where the levels are other ones, as the mixture is
+    continuous. LEVEL_ERROR is what texture_lookup adds: 0.74e-5 of the logarithm's polynomial, half of 2^-24·(32 + 8) of
+    its rounding, 2^-24·8 of that of the squares, and 2^-20 where levels end. Values are rounded to 16 bits by half a
+    step, and in float32 eight times.
+    """
+    row = textures.errors[texture]
+    of_texcoords = s_error * row[index(OF_S)] + t_error * row[index(OF_T)]
+    return of_texcoords + level_error * row[index(OF_LEVEL)] + row[index(ALWAYS)]
+
+
+@helper
+def texcoord_error(numerator_error, inv_w_error, least_inv_w, largest_offset):
+    """Bound the error of s' = S/D for planes S and D that err, in texels; of t' as well.
+
+    With S + e_S and D + e_D the quotient errs by (|e_S| + |s'|·|e_D|)/D to first order, and rounding of 1/D, the product,
+    the width's inverse and the product with that by 4 u of s', u = 2^-24; 5 u leave room for the products of errors.
+
+    Parameters
+    ----------
+    numerator_error, inv_w_error : of S and of D
+    least_inv_w : the least D, with its error taken off
+    largest_offset : the largest |s'|
+    """
+    return (numerator_error + largest_offset * inv_w_error) / least_inv_w + 5.0 * 2.0**-24 * largest_offset
+
+
+def pack_textures(textures: Textures) -> PackedTextures:
+    """Pack all textures of a scene.
+
+    A texture whose colours are at most 2^k, k >= 0 or less, has steps of 2^k/65535.
+    """
+    n_texture = len(textures.filters)
+    levels = [textures.mip_levels[first:end] for first, end in _pairs(textures.first_levels)]
+    sizes = np.array([(*rows[0, 1:], len(rows)) for rows in levels], np.int64).reshape(n_texture, 3)
+    counts = [first_texel(*(np.int32(number) for number in size)) for size in sizes]
+    first_texels = np.cumsum([0, *counts]).astype(np.int64)
+    texels = np.zeros((int(first_texels[-1]), 4), np.int16)
+    steps, errors = np.zeros(n_texture, np.float32), np.zeros((n_texture, 4))
+    for k, rows in enumerate(levels):
+        pictures = [textures.texels[4 * start : 4 * (start + w * h)].reshape(h, w, 4) for start, w, h in rows]
+        largest = float(pictures[0][..., :3].max())
+        scale = 2.0 ** np.ceil(np.log2(max(largest, 2.0**-40)))
+        steps[k] = scale / 65535.0
+        out = texels[first_texels[k] : first_texels[k + 1]]
+        wraps = tuple(textures.wraps[k])
+        differences = [
+            pack_level(picture, wraps, scale, _bordered(out, sizes[k], level)) for level, picture in enumerate(pictures)
+        ]
+        errors[k] = error_factors(pictures, differences, scale, textures.filters[k])
+    return PackedTextures(texels.ravel(), first_texels, sizes, textures.filters, textures.wraps, steps, errors)
+
+
+def _pairs(numbers):
+    """Pairs of neighbouring numbers."""
+    return zip(numbers[:-1], numbers[1:], strict=True)
+
+
+def _bordered(texels, size, level):
+    """Return the part (h + 2, w + 2, 4) of a texture's texels that is one mip level."""
+    width, height = max(int(size[0]) >> level, 1), max(int(size[1]) >> level, 1)
+    first = int(first_texel(np.int32(size[0]), np.int32(size[1]), np.int32(level)))
+    return texels[first : first + (width + 2) * (height + 2)].reshape(height + 2, width + 2, 4)
+
+
+def pack_level(picture, wraps, scale, out) -> tuple[float, float]:
+    """Write a mip level with its border; return the largest differences of neighbouring texels.
+
+    Parameters
+    ----------
+    picture : (h, w, 4) float32, values from 0 to `scale`, alpha to 1
+    wraps : WRAP_... along s and t
+    scale : a power of two
+    out : (h + 2, w + 2, 4) int16
+
+    Returns
+    -------
+    (d_s, d_t) : of two neighbours in a row, of two in a column; over all channels, across the border, too
+    """
+    height, width = picture.shape[:2]
+    is_repeated = [wrap == WRAP_REPEAT for wrap in wraps]
+    factors = np.array([65535.0 / scale] * 3 + [65535.0], np.float32)
+    rows_before, d_s, d_t = None, 0.0, 0.0
+    n_row = max(1, STRIP // width)
+    for start in range(0, height, n_row):
+        strip = picture[start : start + n_row]
+        values = strip * factors
+        np.rint(values, out=values)
+        values -= 2.0**15
+        out[start + 1 : start + 1 + len(strip), 1:-1] = values
+        d_s = max(d_s, _largest(strip[:, 1:] - strip[:, :-1]))
+        d_t = max(d_t, _largest(strip[1:] - strip[:-1]))
+        if is_repeated[0]:
+            d_s = max(d_s, _largest(strip[:, 0] - strip[:, -1]))
+        if rows_before is not None:
+            d_t = max(d_t, _largest(strip[0] - rows_before))
+        rows_before = strip[-1]
+    if is_repeated[1]:
+        d_t = max(d_t, _largest(picture[0] - picture[-1]))
+    left, right = (-2, 1) if is_repeated[0] else (1, -2)
+    out[:, 0], out[:, -1] = out[:, left], out[:, right]
+    above, below = (-2, 1) if is_repeated[1] else (1, -2)
+    out[0], out[-1] = out[above], out[below]
+    return d_s, d_t
+
+
+def _largest(differences) -> float:
+    """The largest absolute value, 0 where there is none."""
+    return max(float(differences.max(initial=0.0)), -float(differences.min(initial=0.0)))
+
+
+def error_factors(pictures, differences, scale, kind) -> tuple[float, float, float, float]:
+    """Return what `texture_error` multiplies by the errors of s, of t and of the level, and what it adds.
+
+    Parameters
+    ----------
+    pictures : the mip levels, (h, w, 4) each
+    differences : (d_s, d_t) of each
+    scale : the largest value
+    kind : FILTER_...
+    """
+    of_value = VALUE_ERROR * max(scale, 1.0)
+    if kind == FILTER_NEAREST:
+        return 0.0, 0.0, 0.0, of_value
+    height, width = pictures[0].shape[:2]
+    of_s = max(d_s * picture.shape[1] / width for picture, (d_s, _) in zip(pictures, differences, strict=True))
+    of_t = max(d_t * picture.shape[0] / height for picture, (_, d_t) in zip(pictures, differences, strict=True))
+    of_position = 0.0
+    for picture, (d_s, d_t) in zip(pictures, differences, strict=True):
+        reach = [POSITION_ERROR + FIXED_POINT_ERROR * n for n in picture.shape[1::-1]]
+        of_position = max(of_position, reach[0] * d_s + reach[1] * d_t + 2.0 * WEIGHT_ERROR * min(d_s, d_t))
+    of_level = level_difference(pictures, differences)
+    return of_s, of_t, of_level, of_position + LEVEL_ERROR * of_level + of_value
+
+
+def level_difference(pictures, differences) -> float:
+    """Bound the difference of what a mip level and the next one show at any point.
+
+    Both show means of texels of the finer level of n texels. The coarser one, of m, is interpolated between two of its
+    texels, which cover 2·n/m of the finer: four, or where n is odd, a range of up to five that touches six. The finer
+    one is interpolated between two of the same. So texels are at most 5 apart along each axis; and no further than the
+    level's range of values.
+    """
+    bounds = [0.0]
+    for picture, (d_s, d_t) in zip(pictures[:-1], differences[:-1], strict=True):
+        flat = picture.reshape(-1, 4)
+        bounds.append(min(5.0 * (d_s + d_t), float((flat.max(axis=0) - flat.min(axis=0)).max())))
+    return max(bounds)
