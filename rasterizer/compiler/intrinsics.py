@@ -208,14 +208,20 @@ def _fetch(reader, k):
     return reader.builder.sitofp(values, _FLOATS)
 
 
-def _mean(reader, k, first=0):
+def _mean(reader, k):
+    """The mean of four texels of sample k; the lower two of a later sample are asked for: the upper ones have often
+    been the lower ones of the row of samples before."""
+    reader.prefetch(1, k)
+    return _weighted_sums(reader, k, 0)
+
+
+def _weighted_sums(reader, k, first):
     """The weighted sums of four texels of sample k; rows from `first` on.
 
     Values of the upper and of the lower texel take turns, and so do weights: products are added pair by pair, for which
     many processors have an instruction, and the compiler finds it.
     """
     builder, shorts, longs = reader.builder, ir.VectorType(ir.IntType(16), 8), ir.VectorType(ir.IntType(32), 8)
-    reader.prefetch(first + 1, k)
     top, bottom = (reader.load(first + row, k, shorts) for row in (0, 1))
     sums = []
     for side in (0, 1):
@@ -230,7 +236,7 @@ def _mean(reader, k, first=0):
 
 def _mix_means(reader, k):
     """The mixture of the means of two mip levels."""
-    builder, a, b = reader.builder, _mean(reader, k), _mean(reader, k, 4)
+    builder, a, b = reader.builder, _mean(reader, k), _weighted_sums(reader, k, 4)
     share = _splat(builder, _FLOATS, reader.share(8, k))
     return builder.fadd(a, builder.fmul(share, builder.fsub(b, a)))
 

@@ -15,6 +15,7 @@ from .lookup_batch import (
     IS_DOUBTFUL,
     LEFT_WEIGHTS,
     MIP_LEVEL,
+    NEXT_MIP_LEVEL,
     ONE,
     RIGHT_WEIGHTS,
     TEXCOORD_ERROR,
@@ -72,20 +73,35 @@ def level_terms(width, height):
 @helper
 def level_start(area, rim, mip_level):
     """Return `first_texel` of a texture with the numbers a and b that stand there."""
-    inside = np.int32(area - np.int32(area >> np.int32(mip_level + mip_level)))
-    border = np.int32(rim - np.int32(rim >> mip_level))
+    inside = np.int32(area - shifted(area, np.int32(mip_level + mip_level)))
+    border = np.int32(rim - shifted(rim, mip_level))
     return np.int32(np.int32(inside + border) + np.int32(mip_level << np.int32(3)))
 
 
 @helper
-def find_texels(batch, n, texture, out, next_level):
-    """Fill the texels and weights of mip level ⌊MIP_LEVEL⌋, or with `next_level` 1 of the next one, from `out` on."""
+def shifted(number, n_bit):
+    """Return ⌊number / 2^n_bit⌋ for n_bit < 32: the compiler, which is told so, makes a shift of 32 bits of it."""
+    return np.int32(number >> np.int32(n_bit & np.int32(31)))
+
+
+@helper
+def halved(n_texel, mip_level):
+    """Return the width or height of a mip level."""
+    return max(shifted(n_texel, mip_level), ONE)
+
+
+@helper
+def find_texels(batch, n, texture):
+    """Fill the texels and weights of mip level ⌊MIP_LEVEL⌋ and of the next one."""
     width, height = np.int32(texture.width), np.int32(texture.height)
     area, rim = level_terms(width, height)
     for k in range(index(n)):
-        level = np.int32(np.int32(batch[MIP_LEVEL + k]) + next_level)
-        size = max(np.int32(width >> level), ONE), max(np.int32(height >> level), ONE)
-        set_texels(batch, k, out, level_start(area, rim, level), size)
+        finer = np.int32(batch[MIP_LEVEL + k])
+        coarser = np.int32(finer + ONE)
+        size = halved(width, finer), halved(height, finer)
+        set_texels(batch, k, index(0), level_start(area, rim, finer), size)
+        size = halved(width, coarser), halved(height, coarser)
+        set_texels(batch, k, NEXT_MIP_LEVEL, level_start(area, rim, coarser), size)
 
 
 @helper
@@ -127,13 +143,21 @@ def pack_weights(top, bottom):
 def texel_position(s, n_texel):
     """Return where the fraction s of n_texel <= 2^14 texels lies, in 1/2^16 of a texel, from the centre of the first.
 
-    Its 15 bits behind the point err by at most 2^-16 texels: ⌊s·n⌋ is less than 2^-16 below s·n; above it by as much,
-    and with the last bit cut off, it is between 2^-16 below s·n and 2^-16 above. It lies within -½..n - ½, so its texel
-    and the next one are within -1..n.
+    Its 15 bits behind the point err by at most 2^-16 texels: the product is less than 2^-16 too small, is made larger
+    by 2^-16, and loses its last bit. It lies within -½..n - ½, so its texel and the next one are within -1..n.
     """
+    return np.int32(product_of(s, n_texel) - np.int32((1 << 15) - 1))
+
+
+@helper
+def product_of(s, n_texel):
+    """Return ⌊s·n⌋ in 1/2^16 of a texel for the fraction s of n_texel <= 2^14 texels: less than n·2^16."""
     high = np.int32(np.int32(np.int32(s >> HALF_WORD) & LOW_BITS) * n_texel)
     low = np.int32(np.int32(np.int32(s & LOW_BITS) * n_texel) >> HALF_WORD)
-    return np.int32(np.int32(high + low) - np.int32((1 << 15) - 1))
+    return np.int32(high + low)
+
+
+# ---------------------------------------------------------------- the nearest texel
 
 
 @helper
@@ -141,47 +165,33 @@ def find_nearest_texels(batch, n, texture):
     """Fill the texels that samples lie in, and whether a sample is so near to a border that it may lie in another one;
     tell whether any is.
 
-    Borders are looked for within the error of s and t, and 2^-28 of the picture for what fixed point loses. From half a
-    texel on everything is doubtful: less than a whole texel lies between both ends of the range, so it is in one texel
-    if both ends are. Beyond the picture's border there is another texel only where it repeats.
+    A border is near within the error of s and t, and 4/2^16 of a texel for what fixed point loses: less than 1 in
+    `product_of`, and 2 in 2^-29 of 2^14 texels. From half a texel on every sample is doubtful.
     """
     width, height = np.int32(texture.width), np.int32(texture.height)
     pitch, union = np.int32(width + np.int32(2)), ZERO
-    to_width, to_height = np.float32(2.0**32) / np.float32(width), np.float32(2.0**32) / np.float32(height)
     repeats_s, repeats_t = texture.wraps[0] == WRAP_REPEAT, texture.wraps[1] == WRAP_REPEAT
     for k in range(index(n)):
-        s, t, error = bits_of(batch[S + k]), bits_of(batch[T + k]), batch[TEXCOORD_ERROR + k]
-        is_small = (error >= 0) & (error < np.float32(0.499))
-        error = error if is_small else np.float32(0)
-        is_sure = is_within_texel(s, width, error * to_width, repeats_s)
-        is_sure &= is_within_texel(t, height, error * to_height, repeats_t)
-        column, row = np.int32(texel_of(s, width) + ONE), np.int32(texel_of(t, height) + ONE)
-        batch[TEXEL + k] = from_bits(np.int32(column + np.int32(row * pitch)))
-        is_doubtful = ZERO if is_small & is_sure else ONE
+        x, y = product_of(bits_of(batch[S + k]), width), product_of(bits_of(batch[T + k]), height)
+        error = batch[TEXCOORD_ERROR + k]
+        error = error if error < np.float32(0.5) else np.float32(0.5)  # also for what is no number
+        reach = np.int32(np.int32(error * np.float32(2.0**16)) + np.int32(4))
+        column, row = np.int32(x >> HALF_WORD), np.int32(y >> HALF_WORD)
+        batch[TEXEL + k] = from_bits(np.int32(np.int32(column + ONE) + np.int32(np.int32(row + ONE) * pitch)))
+        is_near = is_near_border(np.int32(x & LOW_BITS), column, reach, width, repeats_s)
+        is_near |= is_near_border(np.int32(y & LOW_BITS), row, reach, height, repeats_t)
+        is_doubtful = ONE if is_near else ZERO
         batch[IS_DOUBTFUL + k] = from_bits(is_doubtful)
         union = np.int32(union | is_doubtful)
     return union != ZERO
 
 
 @helper
-def texel_of(s, n_texel):
-    """Return the texel that the fraction s of n_texel texels lies in, 0..n_texel - 1."""
-    high = np.int32(np.int32(np.int32(s >> HALF_WORD) & LOW_BITS) * n_texel)
-    low = np.int32(np.int32(np.int32(s & LOW_BITS) * n_texel) >> HALF_WORD)
-    return np.int32(np.int32(high + low) >> HALF_WORD)
+def is_near_border(fraction, texel, reach, n_texel, repeats):
+    """Tell whether another texel begins within `reach` of a fraction of a texel, both in 1/2^16 of one.
 
-
-@helper
-def is_within_texel(s, n_texel, error, repeats):
-    """Tell whether what lies by less than `error`, and 16, before and behind s is in the same texel; fixed point.
-
-    Compared without a sign: -2^31 is added to both.
+    Beyond the picture's border there is another one only where the picture repeats.
     """
-    reach = np.int32(np.int32(min(error, np.float32(2.0**30))) + np.int32(16))
-    low, high = np.int32(s - reach), np.int32(s + reach)
-    sign = np.int32(-(1 << 31))
-    wraps_low = np.int32(low ^ sign) > np.int32(s ^ sign)
-    wraps_high = np.int32(high ^ sign) < np.int32(s ^ sign)
-    low = ZERO if wraps_low & (not repeats) else low
-    high = np.int32(-1) if wraps_high & (not repeats) else high
-    return texel_of(low, n_texel) == texel_of(high, n_texel)
+    before = (fraction < reach) & (repeats | (texel > ZERO))
+    behind = (fraction >= np.int32((1 << 16) - reach)) & (repeats | (texel < np.int32(n_texel - ONE)))
+    return before | behind

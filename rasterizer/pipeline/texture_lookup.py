@@ -27,7 +27,6 @@ from .lookup_batch import (
     INV_W_DY,
     MIP_LEVEL,
     MIP_LEVEL_ROWS,
-    NEXT_MIP_LEVEL,
     ONE,
     S_DX,
     S_DY,
@@ -78,8 +77,7 @@ def sample_batch(batch, n, texture, out, start, stride):
         fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
         return is_doubtful
     if texture.filter == FILTER_TRILINEAR and fill_mip_levels(batch, n, texture):
-        find_texels(batch, n, texture, index(0), ZERO)
-        find_texels(batch, n, texture, NEXT_MIP_LEVEL, ONE)
+        find_texels(batch, n, texture)
         blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
     else:
         find_texels_of_picture(batch, n, texture)
