@@ -2,8 +2,8 @@
 
 Some inner loops of the pipeline are vector instructions. The compiler turns long loops into vector instructions by
 itself, but not loops of eight or four: left to it, these take two to four times as long. The functions in Python that
-they stand in for are in pipeline/simd.py and pipeline/texel_blend.py, with what the parameters are; those of the other
-two are in kernels.py.
+they stand in for are in pipeline/simd.py, texture_planes.py and texel_blend.py, with what the parameters are; those of
+the other two are in kernels.py.
 
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
 """
@@ -114,6 +114,49 @@ def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stri
                 address = builder.bitcast(builder.gep(out, [target]), out_kind.as_pointer())
                 builder.store(finish(values), address, align=out.type.pointee.get_abi_alignment(context.target_data))
                 target = builder.add(target, stride)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def build_gather_texture_planes(typing_context, entries, group, x, y, out, start, stride):
+    """Build `texture_planes.gather_texture_planes`: four samples at a time, each with its twelve numbers, which are
+    then transposed."""
+    unsigned, signed = types.uint64, types.int64
+    if (group[0].dtype, out.dtype, *tuple(group)[1:4]) != (types.float32, types.float32, signed, unsigned, unsigned):
+        return None
+    signature = types.void(entries, group, signed, signed, out, unsigned, unsigned)
+
+    def generate(context, builder, signature, arguments):
+        def array_of(kind, value):
+            return context.make_array(kind)(context, builder, value)
+
+        entries, out = array_of(signature.args[0], arguments[0]), array_of(signature.args[4], arguments[4]).data
+        whole, (x, y, start, stride) = ir.IntType(32), (arguments[k] for k in (2, 3, 5, 6))
+        x, y = builder.trunc(x, whole), builder.trunc(y, whole)
+        numbers, mask, shift, column, _ = cgutils.unpack_tuple(builder, arguments[1])
+        numbers = array_of(signature.args[1][0], numbers).data
+
+        def times(steps, planes):
+            return builder.fmul(_splat(builder, _FLOATS, builder.sitofp(steps, ir.FloatType())), planes)
+
+        def sample(k):
+            entry = builder.and_(builder.load(builder.gep(entries.data, [k])), mask)
+            record = builder.gep(numbers, [builder.shl(entry, shift)])
+            across = builder.sub(builder.add(x, builder.trunc(k, whole)), _load(builder, record, 1, whole))
+            down = builder.sub(y, _load(builder, record, 2, whole))
+            planes = builder.gep(record, [column])
+            value, dx, dy = (_load(builder, planes, k * PLANE_GROUP, _FLOATS) for k in range(3))
+            here = builder.fadd(builder.fadd(value, times(across, dx)), times(down, dy))
+            return _shuffle(builder, here, value, [0, 1, 2, 7]), dx, dy
+
+        with _in_fours(builder, entries.nitems) as (first, four):
+            target = builder.add(start, first)
+            for part in zip(*(sample(k) for k in four), strict=True):
+                for values in _transpose(builder, part):
+                    address = builder.bitcast(builder.gep(out, [target]), _FLOATS.as_pointer())
+                    builder.store(values, address, align=4)
+                    target = builder.add(target, stride)
         return context.get_dummy_value()
 
     return signature, generate

@@ -48,9 +48,9 @@ from .lookup_batch import (
 )
 from .texel_blend import blend_mip_levels, blend_texels, fetch_texels
 from .texel_positions import find_nearest_texels, find_texels, find_texels_of_picture
-from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
+from .texture_planes import CLAMP_UNIT
+from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR
 
-CLAMP_UNIT = 2.0**29  # what 1 is where texture coordinates are clamped: the sum of two such fits 32 bits
 SQUARE_LIMIT = np.float32(2.0**60)
 
 
@@ -149,32 +149,6 @@ def clamped_offset(x):
     x = low if x == x else np.float32(0)
     x = x if x < one else one
     return np.int32(x * np.float32(CLAMP_UNIT))
-
-
-def texcoord_reference(texcoord: float, n_texel: int, wrap: int) -> tuple[float, int]:
-    """Return a reference near a texture coordinate, and the whole number that stands for it in a batch.
-
-    It is a multiple of 2^-29 of the picture, so that the whole number has no error; clamped coordinates have one within
-    the picture.
-
-    Parameters
-    ----------
-    texcoord : s or t, in texels, such as the mean of a triangle's corners
-    n_texel : width or height of the picture
-    wrap : WRAP_...
-
-    Returns
-    -------
-    (s_ref or t_ref in texels, int32 as Python's integer)
-    """
-    of_picture = np.rint(texcoord / n_texel * CLAMP_UNIT) / CLAMP_UNIT
-    if wrap == WRAP_CLAMP:
-        of_picture = min(max(of_picture, 0.0), 1.0)
-        return of_picture * n_texel, int(of_picture * CLAMP_UNIT)
-    period = 1.0 if wrap == WRAP_REPEAT else 2.0
-    fraction = of_picture / period - np.floor(of_picture / period)
-    whole = int(fraction * 2.0**32) % 2**32
-    return of_picture * n_texel, whole - 2**32 if whole >= 2**31 else whole
 
 
 # ---------------------------------------------------------------- mip levels

@@ -4,7 +4,7 @@ In:  `Textures` (texture_sampling.py).
 Out: `PackedTextures`: each channel of a texel in 16 bits, a border of one texel around each mip level, which holds what
      the wrap puts there. `texture_error` says how far colours looked up in them are from exact ones.
 
-A texture needs a third more than 8 bytes for each texel of its picture with mip levels, and 96·(w + h) bytes for borders.
+A texture of w × h texels needs 8 bytes for each, with mip levels a third more, and 48·(w + h) bytes for the borders.
 """
 
 from typing import NamedTuple
@@ -69,34 +69,23 @@ def texture_error(textures, texture, s_error, t_error, level_error):
     Notes
     -----
     Along a row a bilinear mean changes by at most d_s a texel, the largest difference of two neighbouring texels of its
-    mip level, the wrap included; down a column by d_t. A mip level of w of the picture's W texels is w/W times as many
-    texels away: it errs by s_error·w/W·d_s, and by POSITION_ERROR + FIXED_POINT_ERROR·w texels more, which texture_lookup
-    loses. The weight of the fourth texel is rounded by WEIGHT_ERROR, that of the others so that their sum stays: with
-    it changes |c00 - c01 - c10 + c11| <= 2·min(d_s, d_t). A level that errs by e mixes two means by a share that errs
-    by e: they differ by at most D, see `level_difference`; the same where the levels are other ones, as the mixture is
-    continuous. LEVEL_ERROR is what texture_lookup adds: 0.74e-5 of the logarithm's polynomial, half of 2^-24·(32 + 8) of
-    its rounding, 2^-24·8 of that of the squares, and 2^-20 where levels end. Values are rounded to 16 bits by half a
-    step, and in float32 eight times.
+    mip level, the wrap included; down a column by d_t. A mip level of w of the picture's W texels shrinks an error to
+    w/W times as many texels: it errs by s_error·w/W·d_s, and by POSITION_ERROR + FIXED_POINT_ERROR·w texels more, which
+    are lost in the look-up.
+
+    The weight of the fourth texel is rounded by WEIGHT_ERROR, and those of the others so that their sum stays: with it
+    changes |c00 - c01 - c10 + c11| <= 2·min(d_s, d_t).
+
+    A level that errs by e mixes two means by a share that errs by e. They differ by at most D, see `level_difference`;
+    that also holds where e leads to other levels, as the mixture is continuous. LEVEL_ERROR is what the look-up adds:
+    0.74e-5 of the logarithm's polynomial, 2^-24·20 of its rounding, 2^-24·8 of that of the squares, and 2^-20 where
+    levels end.
+
+    Values are rounded to 16 bits by half a step, and eight times in float32.
     """
     row = textures.errors[texture]
     of_texcoords = s_error * row[index(OF_S)] + t_error * row[index(OF_T)]
     return of_texcoords + level_error * row[index(OF_LEVEL)] + row[index(ALWAYS)]
-
-
-@helper
-def texcoord_error(numerator_error, inv_w_error, least_inv_w, largest_offset):
-    """Bound the error of s' = S/D for planes S and D that err, in texels; of t' as well.
-
-    With S + e_S and D + e_D the quotient errs by (|e_S| + |s'|·|e_D|)/D to first order, and rounding of 1/D, the product,
-    the width's inverse and the product with that by 4 u of s', u = 2^-24; 5 u leave room for the products of errors.
-
-    Parameters
-    ----------
-    numerator_error, inv_w_error : of S and of D
-    least_inv_w : the least D, with its error taken off
-    largest_offset : the largest |s'|
-    """
-    return (numerator_error + largest_offset * inv_w_error) / least_inv_w + 5.0 * 2.0**-24 * largest_offset
 
 
 def pack_textures(textures: Textures) -> PackedTextures:

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from rasterizer.compiler.kernels import helper, index, kernel
+from rasterizer.compiler.kernels import index, kernel
 from rasterizer.engine.surface_arrays import list_textures
 from rasterizer.pipeline import lookup_batch as b
 from rasterizer.pipeline import texture_packing as packing
 from rasterizer.pipeline import texture_sampling as exact
 from rasterizer.pipeline.fragments import BATCH_SIZE
-from rasterizer.pipeline.texture_lookup import sample_batch, texcoord_reference
+from rasterizer.pipeline.texture_lookup import sample_batch
+from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_reference
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
 
@@ -101,7 +102,7 @@ class Samples:
 
     def bounds(self, packed, errors=(0.0, 0.0)):
         """The bound of each sample, its own roundings and further errors of s and t (in texels) counted."""
-        own = [packing.texcoord_error(0.0, 0.0, 1.0, abs(offset)) for offset in self.offsets]
+        own = [texcoord_error(0.0, 0.0, 1.0, abs(offset)) for offset in self.offsets]
         # Rounding of the derivatives: of both products, the difference and the product with w, see `fill_mip_levels`.
         sizes = np.abs(self.batch.reshape(-1, BATCH_SIZE)[:11, : self.n].astype(float))
         of_steps = [
@@ -168,3 +169,182 @@ def test_colours_are_within_their_bound(kind, filter, size):
             off = np.abs(found - samples.expected(textures)).max(axis=0)
             worst = max(worst, (off / samples.bounds(packed)).max())
     assert worst <= 1.0, f"{worst:.3f} > 1 times the bound"
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror"])
+@pytest.mark.parametrize("kind", ["checkerboard", "noise"])
+@pytest.mark.parametrize("filter", ["bilinear", "trilinear"])
+def test_the_bound_holds_where_texture_coordinates_err(filter, kind, wrap):
+    """Climb: move exact coordinates by up to the error, where the difference is largest go on from there."""
+    rng = np.random.default_rng(7)
+    textures, packed = textures_of(image_of(kind, (24, 18), rng), filter, wrap)
+    errors, worst = np.array([3e-4, 7e-4]), 0.0
+    for _ in range(6):
+        samples = random_samples(packed, rng, reach=np.array([[5.0], [4.0]]))
+        found, _ = samples.found(packed)
+        bounds, best = samples.bounds(packed, errors), np.zeros((2, samples.n))
+        highest = np.zeros(samples.n)
+        for step in range(40):
+            way = rng.choice([-1.0, 0.0, 1.0], (2, samples.n)) * (1.0 if step < 20 else rng.uniform())
+            moved = np.clip(best + way * errors[:, None], -errors[:, None], errors[:, None])
+            off = np.abs(found - samples.expected(textures, moved)).max(axis=0)
+            best, highest = np.where(off > highest, moved, best), np.maximum(off, highest)
+        worst = max(worst, (highest / bounds).max())
+    assert 0.5 < worst <= 1.0, f"{worst:.3f} of the bound"
+
+
+@pytest.mark.parametrize("kind", ["checkerboard", "noise", "gradient"])
+def test_the_bound_holds_where_mip_levels_err(kind):
+    rng = np.random.default_rng(8)
+    textures, packed = textures_of(image_of(kind, (31, 64), rng))
+    worst, error = 0.0, 0.01
+    for _ in range(10):
+        samples = random_samples(packed, rng, level=rng.uniform(-0.5, 4))
+        found, _ = samples.found(packed)
+        bounds, own = samples.bounds(packed), samples.mip_levels
+        for moved in (-error, error):
+            samples.mip_levels = np.clip(own + moved, 0, packed.sizes[0, 2] - 1)
+            off = np.abs(found - samples.expected(textures)).max(axis=0)
+            worst = max(worst, (off / (bounds + error * packed.errors[0, packing.OF_LEVEL])).max())
+    assert worst <= 1.0, f"{worst:.3f} of the bound"
+
+
+def test_a_large_texture_is_as_good():
+    rng = np.random.default_rng(9)
+    textures, packed = textures_of(image_of("checkerboard", (16384, 3), rng), "bilinear", "clamp")
+    worst = 0.0
+    for _ in range(20):
+        samples = random_samples(packed, rng, reach=np.array([[20.0], [2.0]]))
+        found, _ = samples.found(packed)
+        worst = max(worst, (np.abs(found - samples.expected(textures)).max(axis=0) / samples.bounds(packed)).max())
+    assert worst <= 1.0, f"{worst:.3f} > 1 times the bound"
+
+
+# ---------------------------------------------------------------- nearest texels
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_the_nearest_texel_is_the_exact_one_or_doubtful(wrap, size):
+    """Of coordinates that err by no more than they are said to; a few texels are doubtful, those at borders."""
+    rng = np.random.default_rng(len(wrap))
+    textures, packed = textures_of(rng.uniform(0, 1, (size[1], size[0], 4)), "nearest", wrap)
+    n_doubtful = n_wrong = n_sample = 0
+    for error in (1e-6, 1e-3, 0.1):
+        for _ in range(6):
+            samples = random_samples(packed, rng, reach=rng.choice([0.6, 3.0]) * np.array(size)[:, None])
+            error += 6.0 * 2.0**-24 * abs(samples.offsets).max()
+            samples.batch.reshape(-1, BATCH_SIZE)[11] = error
+            found, is_doubtful = samples.found(packed)
+            moved = rng.uniform(-1, 1, (2, samples.n)) * error * 0.999
+            off = np.abs(found - samples.expected(textures, moved)).max(axis=0)
+            n_wrong += (off[~is_doubtful] > packed.errors[0, packing.ALWAYS]).sum()
+            n_doubtful, n_sample = n_doubtful + is_doubtful.sum(), n_sample + samples.n
+    assert n_wrong == 0
+    assert n_doubtful < 0.75 * n_sample
+
+
+def test_samples_at_borders_are_doubtful_unless_nothing_lies_behind():
+    rng = np.random.default_rng(2)
+    for wrap in ("repeat", "clamp", "mirror"):
+        _, packed = textures_of(rng.uniform(0, 1, (4, 4, 4)), "nearest", wrap)
+        places = [0.0, 1.0, 1.5, 2.0, 4.0, -3.0, 1.0 + 2e-4]
+        samples = Samples(packed, [places, [0.5] * len(places)], error=1e-4)
+        _, is_doubtful = samples.found(packed)
+        repeats = wrap == "repeat"
+        outside = wrap != "clamp"  # -3 is a border inside the mirrored picture
+        assert is_doubtful.tolist() == [repeats, True, False, True, repeats, outside, False], wrap
+
+
+@pytest.mark.parametrize("error", [0.5, 1e9, np.inf, np.nan])
+def test_everything_is_doubtful_where_coordinates_may_be_a_texel_off(error):
+    _, packed = textures_of(np.ones((8, 8, 4)), "nearest", "repeat")
+    samples = Samples(packed, np.random.default_rng(1).uniform(0, 8, (2, 100)), error=error)
+    assert samples.found(packed)[1].all()
+
+
+# ---------------------------------------------------------------- what must hold exactly
+
+
+@pytest.mark.parametrize("filter", ["nearest", "bilinear", "trilinear"])
+@pytest.mark.parametrize("value", [0.0, 1.0, 0.2, 200.0])
+def test_a_constant_texture_is_constant(value, filter):
+    rng = np.random.default_rng(3)
+    _, packed = textures_of(np.broadcast_to([value, value, value, 1.0], (6, 9, 4)), filter)
+    for _ in range(5):
+        found, _ = random_samples(packed, rng).found(packed)
+        assert (np.ptp(found, axis=1) <= abs(found).max() * 2.0**-23).all()
+        assert (found[3] == 1.0).all()
+        assert value not in (0.0, 1.0) or (found[:3] == value).all()
+
+
+@pytest.mark.parametrize("filter", ["bilinear", "trilinear"])
+def test_nothing_leaves_the_range_of_the_texels(filter):
+    """Black and white, opaque and clear: neither is passed by a rounding error."""
+    rng = np.random.default_rng(4)
+    _, packed = textures_of(image_of("checkerboard", (12, 7), rng), filter)
+    for _ in range(20):
+        found, _ = random_samples(packed, rng).found(packed)
+        assert found.min() >= 0.0 and found.max() <= 1.0
+
+
+@pytest.mark.parametrize("filter", ["nearest", "bilinear", "trilinear"])
+@pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror"])
+def test_any_number_finds_a_texel_of_the_texture(wrap, filter):
+    """Whatever stands in the batch: texels of other textures before and behind are never read."""
+    rng = np.random.default_rng(5)
+    hard = np.array([0.0, -0.0, 1.0, -1.0, 1e-45, 1e30, -1e30, np.inf, -np.inf, np.nan, 3e38, 2.0**31, -(2.0**31)])
+    inside = Texture(rng.uniform(0.25, 0.75, (5, 7, 4)), filter, wrap)
+    around = [Texture(np.zeros((9, 4, 4)), filter), Texture(np.ones((3, 3, 4)), filter)]
+    materials = [Material(texture=texture) for texture in (around[0], inside, around[1])]
+    packed = packing.pack_textures(list_textures(materials))
+    for _ in range(40):
+        batch = b.make_lookup_batch()
+        rows = batch.reshape(-1, BATCH_SIZE)
+        rows[:12] = rng.choice(hard, (12, BATCH_SIZE))
+        rows[rng.integers(12)] = rng.uniform(-2, 2, BATCH_SIZE)
+        rows.view(np.int32)[[3, 7]] = rng.integers(-(2**31), 2**31, (2, BATCH_SIZE))
+        out = np.full((4, BATCH_SIZE), np.nan, np.float32)
+        look_up(batch, BATCH_SIZE, packed, 1, out)
+        assert out.min() >= 0.24 and out.max() <= 0.76
+
+
+def test_samples_beyond_the_last_one_are_left_alone():
+    rng = np.random.default_rng(6)
+    for filter in ("nearest", "bilinear", "trilinear"):
+        _, packed = textures_of(image_of("noise", (8, 8), rng), filter)
+        for n in (1, 3, 4, 5, 255):
+            samples = random_samples(packed, rng, n)
+            out = np.full((4, BATCH_SIZE), 7, np.float32)
+            look_up(samples.batch, n, packed, 0, out)
+            assert (out[:, -(-n // 4) * 4 :] == 7).all() and (out[:, :n] != 7).all()
+
+
+def test_a_sample_does_not_depend_on_its_neighbours():
+    """The level of one sample decides what the batch is looked up by; what each finds is the same."""
+    rng = np.random.default_rng(10)
+    _, packed = textures_of(image_of("noise", (16, 16), rng))
+    near, far = random_samples(packed, rng, level=-3.0), random_samples(packed, rng, level=2.0)
+    mixed = near.batch.copy()
+    rows, of_far = mixed.reshape(-1, BATCH_SIZE), far.batch.reshape(-1, BATCH_SIZE)
+    rows[:12, ::2] = of_far[:12, ::2]
+    out = np.empty((4, BATCH_SIZE), np.float32)
+    look_up(mixed, BATCH_SIZE, packed, 0, out)
+    assert np.array_equal(out[:, 1::2], np.float32(near.found(packed)[0][:, 1::2]))
+    assert np.array_equal(out[:, ::2], np.float32(far.found(packed)[0][:, ::2]))
+
+
+@pytest.mark.parametrize("filter", ["nearest", "bilinear", "trilinear"])
+def test_plain_python_finds_the_same(filter):
+    """Bit for bit what the compiled way finds."""
+    rng = np.random.default_rng(11)
+    _, packed = textures_of(image_of("bright", (6, 5), rng), filter, ("mirror", "clamp"))
+    for level in (-3.0, 1.0):
+        samples = random_samples(packed, rng, 21, level=level)
+        samples.batch.reshape(-1, BATCH_SIZE)[11] = 0.1
+        outs = [np.zeros((4, BATCH_SIZE), np.float32) for _ in range(2)]
+        batches = [samples.batch.copy() for _ in range(2)]
+        with np.errstate(all="ignore"):
+            plain = look_up.py_func(batches[0], 21, packed, 0, outs[0])
+        assert look_up(batches[1], 21, packed, 0, outs[1]) == bool(plain)
+        assert outs[0][:, :21].tobytes() == outs[1][:, :21].tobytes()
