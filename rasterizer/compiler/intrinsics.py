@@ -119,44 +119,34 @@ def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stri
     return signature, generate
 
 
-def build_gather_texture_planes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `texture_planes.gather_texture_planes`: four samples at a time, each with its twelve numbers, which are
-    then transposed."""
+def build_gather_slopes(typing_context, entries, group, out, start, stride):
+    """Build `texture_planes.gather_slopes`: four samples at a time, each with its eight numbers, which are then
+    transposed."""
     unsigned, signed = types.uint64, types.int64
     if (group[0].dtype, out.dtype, *tuple(group)[1:4]) != (types.float32, types.float32, signed, unsigned, unsigned):
         return None
-    signature = types.void(entries, group, signed, signed, out, unsigned, unsigned)
+    signature = types.void(entries, group, out, unsigned, unsigned)
 
     def generate(context, builder, signature, arguments):
         def array_of(kind, value):
             return context.make_array(kind)(context, builder, value)
 
-        entries, out = array_of(signature.args[0], arguments[0]), array_of(signature.args[4], arguments[4]).data
-        whole, (x, y, start, stride) = ir.IntType(32), (arguments[k] for k in (2, 3, 5, 6))
-        x, y = builder.trunc(x, whole), builder.trunc(y, whole)
+        entries, out = array_of(signature.args[0], arguments[0]), array_of(signature.args[2], arguments[2]).data
         numbers, mask, shift, column, _ = cgutils.unpack_tuple(builder, arguments[1])
         numbers = array_of(signature.args[1][0], numbers).data
 
-        def times(steps, planes):
-            return builder.fmul(_splat(builder, _FLOATS, builder.sitofp(steps, ir.FloatType())), planes)
-
         def sample(k):
             entry = builder.and_(builder.load(builder.gep(entries.data, [k])), mask)
-            record = builder.gep(numbers, [builder.shl(entry, shift)])
-            across = builder.sub(builder.add(x, builder.trunc(k, whole)), _load(builder, record, 1, whole))
-            down = builder.sub(y, _load(builder, record, 2, whole))
-            planes = builder.gep(record, [column])
-            value, dx, dy = (_load(builder, planes, k * PLANE_GROUP, _FLOATS) for k in range(3))
-            here = builder.fadd(builder.fadd(value, times(across, dx)), times(down, dy))
-            return _shuffle(builder, here, value, [0, 1, 2, 7]), dx, dy
+            planes = builder.gep(numbers, [builder.add(builder.shl(entry, shift), column)])
+            return [_load(builder, planes, part * PLANE_GROUP, _FLOATS) for part in (1, 2)]
 
         with _in_fours(builder, entries.nitems) as (first, four):
-            target = builder.add(start, first)
-            for part in zip(*(sample(k) for k in four), strict=True):
-                for values in _transpose(builder, part):
+            target = builder.add(arguments[3], first)
+            for slopes in zip(*(sample(k) for k in four), strict=True):
+                for values in _transpose(builder, slopes)[: PLANE_GROUP - 1]:
                     address = builder.bitcast(builder.gep(out, [target]), _FLOATS.as_pointer())
                     builder.store(values, address, align=4)
-                    target = builder.add(target, stride)
+                    target = builder.add(target, arguments[4])
         return context.get_dummy_value()
 
     return signature, generate

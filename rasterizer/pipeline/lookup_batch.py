@@ -4,7 +4,7 @@ One flat array of float32, one quantity after the other, each for BATCH_SIZE sam
 stand in it, too: as the float32 with the same 32 bits.
 
     s, t     texture coordinates in texels of the picture: s to the right, t downwards, (0, 0) its upper left corner
-    s', t'   s - s_ref, t - t_ref, relative to a reference that a triangle has (`texcoord_reference`)
+    s', t'   s - s_ref, t - t_ref, relative to references that a triangle has (`texcoord_references`)
     S, T, D  s'/w, t'/w and 1/w: linear on the screen
 """
 
@@ -19,22 +19,21 @@ def _quantity(number):
     return index(BATCH_SIZE * number)
 
 
-# What is given of each sample. References are whole numbers: their 32 bits stand in the row. The error is that of s
-# and of t, whichever is larger, in texels; it is read where the filter is "nearest".
-S_PLANE, T_PLANE, INV_W, S_REFERENCE = (_quantity(k) for k in range(4))
-S_DX, T_DX, INV_W_DX, T_REFERENCE = (_quantity(k) for k in range(4, 8))
-S_DY, T_DY, INV_W_DY, TEXCOORD_ERROR = (_quantity(k) for k in range(8, 12))
+# What is given of each sample: four planes of its record and, for mip levels, the slopes of three of them
+# (texture_planes.py).
+S_PLANE, T_PLANE, INV_W, REFERENCES = (_quantity(k) for k in range(4))
+S_DX, T_DX, INV_W_DX, S_DY, T_DY, INV_W_DY = (_quantity(k) for k in range(4, 10))
 # What comes of it: s', t' and w in the first rows; s and t in fixed point, the mip level.
 S_OFFSET, T_OFFSET, W = S_PLANE, T_PLANE, INV_W
-S, T, MIP_LEVEL = (_quantity(k) for k in range(12, 15))
+S, T, MIP_LEVEL = (_quantity(k) for k in range(10, 13))
 # Then, in place of the planes: the texels up left and down left of the sample (whole numbers), the weights of the two
 # on the left and of the two on the right (two of 16 bits); all four of the next mip level, too; the share of that one.
 TOP, BOTTOM, LEFT_WEIGHTS, RIGHT_WEIGHTS = (_quantity(k) for k in range(4))
 NEXT_MIP_LEVEL, SHARE = _quantity(4), _quantity(8)
-TEXEL, IS_DOUBTFUL = TOP, _quantity(14)  # of the filter "nearest"; doubtful is 1, and 0 certain
+TEXEL, IS_DOUBTFUL = TOP, MIP_LEVEL  # of the filter "nearest"; doubtful is 1, and 0 certain
 TEXEL_ROWS = TOP, BOTTOM, LEFT_WEIGHTS, RIGHT_WEIGHTS
 MIP_LEVEL_ROWS = (*TEXEL_ROWS, *(row + NEXT_MIP_LEVEL for row in TEXEL_ROWS), SHARE)
-LOOKUP_SHAPE = (15 * BATCH_SIZE,)
+LOOKUP_SHAPE = (13 * BATCH_SIZE,)
 
 ONE, ZERO = np.int32(1), np.int32(0)
 

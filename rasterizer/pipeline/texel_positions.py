@@ -18,7 +18,6 @@ from .lookup_batch import (
     NEXT_MIP_LEVEL,
     ONE,
     RIGHT_WEIGHTS,
-    TEXCOORD_ERROR,
     TEXEL,
     TOP,
     ZERO,
@@ -31,6 +30,8 @@ from .texture_sampling import WRAP_REPEAT
 
 HALF_WORD, LOW_BITS = np.int32(16), np.int32(0xFFFF)
 WEIGHT_BITS = np.int32(15)
+NEAREST_ERROR = 2.0**-10  # of s and t, texels, where the nearest texel is looked for: one of 256 samples is doubtful
+REACH = np.int32(int(NEAREST_ERROR * 2.0**16) + 4)
 
 
 class PackedTexture(NamedTuple):
@@ -165,21 +166,18 @@ def find_nearest_texels(batch, n, texture):
     """Fill the texels that samples lie in, and whether a sample is so near to a border that it may lie in another one;
     tell whether any is.
 
-    A border is near within the error of s and t, and 4/2^16 of a texel for what fixed point loses: less than 1 in
-    `product_of`, and 2 in 2^-29 of 2^14 texels. From half a texel on every sample is doubtful.
+    A border is near within NEAREST_ERROR, and 4/2^16 of a texel for what fixed point loses: less than 1 in
+    `product_of`, and 2 in 2^-29 of 2^14 texels.
     """
     width, height = np.int32(texture.width), np.int32(texture.height)
     pitch, union = np.int32(width + np.int32(2)), ZERO
     repeats_s, repeats_t = texture.wraps[0] == WRAP_REPEAT, texture.wraps[1] == WRAP_REPEAT
     for k in range(index(n)):
         x, y = product_of(bits_of(batch[S + k]), width), product_of(bits_of(batch[T + k]), height)
-        error = batch[TEXCOORD_ERROR + k]
-        error = error if error < np.float32(0.5) else np.float32(0.5)  # also for what is no number
-        reach = np.int32(np.int32(error * np.float32(2.0**16)) + np.int32(4))
         column, row = np.int32(x >> HALF_WORD), np.int32(y >> HALF_WORD)
         batch[TEXEL + k] = from_bits(np.int32(np.int32(column + ONE) + np.int32(np.int32(row + ONE) * pitch)))
-        is_near = is_near_border(np.int32(x & LOW_BITS), column, reach, width, repeats_s)
-        is_near |= is_near_border(np.int32(y & LOW_BITS), row, reach, height, repeats_t)
+        is_near = is_near_border(np.int32(x & LOW_BITS), column, width, repeats_s)
+        is_near |= is_near_border(np.int32(y & LOW_BITS), row, height, repeats_t)
         is_doubtful = ONE if is_near else ZERO
         batch[IS_DOUBTFUL + k] = from_bits(is_doubtful)
         union = np.int32(union | is_doubtful)
@@ -187,11 +185,11 @@ def find_nearest_texels(batch, n, texture):
 
 
 @helper
-def is_near_border(fraction, texel, reach, n_texel, repeats):
-    """Tell whether another texel begins within `reach` of a fraction of a texel, both in 1/2^16 of one.
+def is_near_border(fraction, texel, n_texel, repeats):
+    """Tell whether another texel begins near a fraction of a texel, 1/2^16 of one.
 
     Beyond the picture's border there is another one only where the picture repeats.
     """
-    before = (fraction < reach) & (repeats | (texel > ZERO))
-    behind = (fraction >= np.int32((1 << 16) - reach)) & (repeats | (texel < np.int32(n_texel - ONE)))
+    before = (fraction < REACH) & (repeats | (texel > ZERO))
+    behind = (fraction >= np.int32((1 << 16) - REACH)) & (repeats | (texel < np.int32(n_texel - ONE)))
     return before | behind

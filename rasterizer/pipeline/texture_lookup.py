@@ -28,15 +28,14 @@ from .lookup_batch import (
     MIP_LEVEL,
     MIP_LEVEL_ROWS,
     ONE,
+    REFERENCES,
     S_DX,
     S_DY,
     S_OFFSET,
-    S_REFERENCE,
     SHARE,
     T_DX,
     T_DY,
     T_OFFSET,
-    T_REFERENCE,
     TEXEL,
     TEXEL_ROWS,
     ZERO,
@@ -48,7 +47,7 @@ from .lookup_batch import (
 )
 from .texel_blend import blend_mip_levels, blend_texels, fetch_texels
 from .texel_positions import find_nearest_texels, find_texels, find_texels_of_picture
-from .texture_planes import CLAMP_UNIT
+from .texture_planes import REFERENCE_BITS
 from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR
 
 SQUARE_LIMIT = np.float32(2.0**60)
@@ -102,32 +101,45 @@ def divide_planes(batch, n):
 @helper
 def wrap_texcoords(batch, n, texture):
     """Fill s and t, in fixed point."""
-    wrap_axis(batch, n, S_OFFSET, S_REFERENCE, S, texture.wraps[0], texture.width)
-    wrap_axis(batch, n, T_OFFSET, T_REFERENCE, T, texture.wraps[1], texture.height)
+    wrap_axis(batch, n, S_OFFSET, S, texture.wraps[0], (texture.width, ZERO))
+    wrap_axis(batch, n, T_OFFSET, T, texture.wraps[1], (texture.height, REFERENCE_BITS))
 
 
 @helper
-def wrap_axis(batch, n, source, reference, out, wrap, n_texel):
+def wrap_axis(batch, n, source, out, wrap, axis):
     """Fill one of s and t: the fraction of the picture, 2^32 for all of it, that stands for any texture coordinate.
 
     Mirrored, two pictures are one period of 2^32; the second half runs back, which is to invert all bits.
+
+    axis : how many texels the picture has along it, and where its reference begins in that of the sample, bits
     """
-    to_picture = np.float32(1) / np.float32(n_texel)
+    to_picture = np.float32(1) / np.float32(axis[0])
     if wrap == WRAP_CLAMP:
         for k in range(index(n)):
-            s = np.int32(bits_of(batch[reference + k]) + clamped_offset(batch[source + k] * to_picture))
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(18))
+            s = np.int32(reference + clamped_offset(batch[source + k] * to_picture))
             s = min(max(s, ZERO), np.int32((1 << 29) - 1))
             batch[out + k] = from_bits(np.int32(s << np.int32(3)))
     elif wrap == WRAP_MIRROR:
         to_period = np.float32(0.5) * to_picture
         for k in range(index(n)):
-            s = np.int32(bits_of(batch[reference + k]) + periodic_offset(batch[source + k] * to_period))
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
+            s = np.int32(reference + periodic_offset(batch[source + k] * to_period))
             s = np.int32(s ^ np.int32(s >> np.int32(31)))
             batch[out + k] = from_bits(np.int32(s << ONE))
     else:
         for k in range(index(n)):
-            s = np.int32(bits_of(batch[reference + k]) + periodic_offset(batch[source + k] * to_picture))
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
+            s = np.int32(reference + periodic_offset(batch[source + k] * to_picture))
             batch[out + k] = from_bits(s)
+
+
+@helper
+def reference_of(references, first_bit):
+    """Return one of the two references of a sample, 2^11 for the whole picture or period; any for what is none."""
+    is_one = (references >= 0) & (references < np.float32(2.0**24))
+    both = np.int32(references if is_one else np.float32(0))
+    return np.int32(np.int32(both >> first_bit) & np.int32((1 << 12) - 1))
 
 
 @helper
@@ -143,12 +155,12 @@ def periodic_offset(x):
 
 @helper
 def clamped_offset(x):
-    """Return a number within -1..1, the nearest to x, as a whole number, CLAMP_UNIT for 1; 0 for NaN."""
+    """Return a number within -1..1, the nearest to x, as a whole number, 2^29 for 1; 0 for NaN."""
     one = np.float32(1)
     low = x if x > -one else -one
     x = low if x == x else np.float32(0)
     x = x if x < one else one
-    return np.int32(x * np.float32(CLAMP_UNIT))
+    return np.int32(x * np.float32(2.0**29))
 
 
 # ---------------------------------------------------------------- mip levels

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index
-from .texel_positions import PackedTexture, first_texel
-from .texture_sampling import FILTER_NEAREST, WRAP_REPEAT, Textures
+from .texel_positions import NEAREST_ERROR, PackedTexture, first_texel
+from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_REPEAT, Textures
 
 STRIP = 2**16  # texels that are packed at a time
 OF_S, OF_T, OF_LEVEL, ALWAYS = range(4)  # columns of `errors`
@@ -64,7 +64,8 @@ def texture_error(textures, texture, s_error, t_error, level_error):
 
     Returns
     -------
-    the bound, float64; of the filter "nearest" that of samples that aren't doubtful, whatever the errors are
+    the bound, float64; infinite for what is no number. Of the filter "nearest" that of samples that aren't doubtful,
+    and infinite where s or t errs by more than NEAREST_ERROR
 
     Notes
     -----
@@ -83,9 +84,12 @@ def texture_error(textures, texture, s_error, t_error, level_error):
 
     Values are rounded to 16 bits by half a step, and eight times in float32.
     """
-    row = textures.errors[texture]
-    of_texcoords = s_error * row[index(OF_S)] + t_error * row[index(OF_T)]
-    return of_texcoords + level_error * row[index(OF_LEVEL)] + row[index(ALWAYS)]
+    row, kind = textures.errors[texture], textures.filters[texture]
+    if kind == FILTER_NEAREST:
+        return row[index(ALWAYS)] if (s_error <= NEAREST_ERROR) & (t_error <= NEAREST_ERROR) else np.inf
+    bound = s_error * row[index(OF_S)] + t_error * row[index(OF_T)] + row[index(ALWAYS)]
+    bound += level_error * row[index(OF_LEVEL)] if kind == FILTER_TRILINEAR else 0.0
+    return bound if bound >= 0.0 else np.inf
 
 
 def pack_textures(textures: Textures) -> PackedTextures:

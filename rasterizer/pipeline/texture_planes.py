@@ -1,28 +1,26 @@
 """The planes of texture coordinates: what a record holds of them, and how they come into a batch (lookup_batch.py).
 
-In:  a group of four planes of a record (records.py), of which three are planes:
+In:  a group of four planes of a record (records.py): s'/w, t'/w, 1/w, and the references, which are the same at every
+     sample: their slopes are 0.
+Out: four rows of the batch, by simd.evaluate_planes, and for mip levels six more, by `gather_slopes`.
 
-         values at the anchor   S    T    D    s_ref in fixed point
-         d/dx                   S_x  T_x  D_x  t_ref in fixed point
-         d/dy                   S_y  T_y  D_y  error of s and of t, texels; for the filter "nearest"
-
-Out: a row of the batch for each of the twelve; S, T and D at the samples.
-
-Whole numbers stand in the records as the float32 with the same 32 bits.
+Both references of a triangle are one float32, a whole number below 2^24: 12 bits each, s_ref in the lower ones. 2^11 is
+the whole picture, or two of them where the picture is mirrored.
 """
 
 import numpy as np
 
 from ..compiler.kernels import helper, spelled_out
 from ..compiler.widths import PLANE_GROUP
-from .texture_sampling import WRAP_CLAMP, WRAP_REPEAT
+from .texture_sampling import WRAP_CLAMP, WRAP_MIRROR
 
-CLAMP_UNIT = 2.0**29  # what 1 is in fixed point where texture coordinates are clamped: the sum of two fits 32 bits
+REFERENCE_BITS = np.int32(12)
+REFERENCE_UNIT = 2.0**11  # of a picture, or of a period
 
 
-@spelled_out("build_gather_texture_planes")
-def gather_texture_planes(entries, group, x, y, out, start, stride):
-    """Evaluate S, T and D at every sample of a row, and copy the other numbers of its record.
+@spelled_out("build_gather_slopes")
+def gather_slopes(entries, group, out, start, stride):
+    """Copy the slopes of three planes for each sample of a row: d/dx of each, then d/dy.
 
     Samples up to the next multiple of PLANE_GROUP may be read and written, too.
 
@@ -30,48 +28,49 @@ def gather_texture_planes(entries, group, x, y, out, start, stride):
     ----------
     entries : (n,) int64, which hold indices of records
     group : simd.PlaneGroup of float32; its scale counts for nothing
-    x, y : int64, the first sample
-    out : float32, of any shape; counted through from `start` on, a row a number, `stride` apart, both uint64
+    out : float32, of any shape; counted through from `start` on, a row a slope, `stride` apart, both uint64
     """
     out, numbers = out.reshape(-1), group.numbers
-    whole = numbers.view(np.int32)
     for k in range(len(entries)):
         record = (entries[k] & group.record_mask) << np.int64(group.shift)
-        across, down = np.float32(x + k - whole[record + 1]), np.float32(y - whole[record + 2])
-        first = record + np.int64(group.column)
-        for i in range(3 * PLANE_GROUP):
-            out[np.int64(start) + i * np.int64(stride) + k] = numbers[first + i]
-        for i in range(PLANE_GROUP - 1):
-            value = np.float32(numbers[first + i] + np.float32(across * numbers[first + i + PLANE_GROUP]))
-            value = np.float32(value + np.float32(down * numbers[first + i + 2 * PLANE_GROUP]))
-            out[np.int64(start) + i * np.int64(stride) + k] = value
+        for i in range(2 * (PLANE_GROUP - 1)):
+            part = i // (PLANE_GROUP - 1)
+            source = record + np.int64(group.column) + PLANE_GROUP + part + i  # leaves the fourth plane out
+            out[np.int64(start) + i * np.int64(stride) + k] = numbers[source]
+
+
+@helper
+def texcoord_references(texcoords, sizes, wraps):
+    """Return references near texture coordinates, and the number that stands for both in a record.
+
+    What is no number, or further than 2^40 pictures away, counts as 0. Clamped coordinates have references within the
+    picture. All are multiples of 2^-11 of the picture or period, so none of them has an error.
+
+    Parameters
+    ----------
+    texcoords : (s, t), texels, such as the means of a triangle's corners
+    sizes : (width, height) of the picture, float64
+    wraps : WRAP_... along s and t
+
+    Returns
+    -------
+    (s_ref, t_ref, number) float64, the references in texels
+    """
+    s_ref, s_number = texcoord_reference(texcoords[0], sizes[0], wraps[0])
+    t_ref, t_number = texcoord_reference(texcoords[1], sizes[1], wraps[1])
+    return s_ref, t_ref, s_number + 2.0**12 * t_number
 
 
 @helper
 def texcoord_reference(texcoord, n_texel, wrap):
-    """Return a reference near a texture coordinate, and the fixed-point number that stands for it.
-
-    It is a multiple of 2^-29 of the picture, so that the fixed-point number has no error; clamped coordinates have one
-    within the picture.
-
-    Parameters
-    ----------
-    texcoord : s or t, in texels, such as the mean of a triangle's corners; what is no number counts as 0
-    n_texel : width or height of the picture, float64
-    wrap : WRAP_...
-
-    Returns
-    -------
-    (s_ref or t_ref in texels, float64; int32)
-    """
-    of_picture = np.rint(texcoord / n_texel * CLAMP_UNIT) / CLAMP_UNIT
-    of_picture = of_picture if abs(of_picture) < 2.0**52 else 0.0
+    """Return one reference in texels, and the number from 0 to 2^11 that stands for it."""
+    period = 2.0 * n_texel if wrap == WRAP_MIRROR else n_texel
+    whole = np.rint(texcoord / period * REFERENCE_UNIT)
+    whole = whole if abs(whole) < 2.0**51 else 0.0
     if wrap == WRAP_CLAMP:
-        of_picture = min(max(of_picture, 0.0), 1.0)
-        return of_picture * n_texel, np.int32(of_picture * CLAMP_UNIT)
-    of_period = of_picture if wrap == WRAP_REPEAT else 0.5 * of_picture
-    fraction = of_period - np.rint(of_period)  # from -½ to ½; ½ is -½ in whole numbers, which wrap
-    return of_picture * n_texel, np.int32(np.int32(fraction * 2.0**31) << np.int32(1))
+        whole = min(max(whole, 0.0), REFERENCE_UNIT)
+        return whole / REFERENCE_UNIT * period, whole
+    return whole / REFERENCE_UNIT * period, whole - REFERENCE_UNIT * np.floor(whole / REFERENCE_UNIT)
 
 
 @helper
