@@ -11,11 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import helper, index, kernel
 from .texel_positions import NEAREST_ERROR, PackedTexture, first_texel
 from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_REPEAT, Textures
 
-STRIP = 2**16  # texels that are packed at a time
 OF_S, OF_T, OF_LEVEL, ALWAYS = range(4)  # columns of `errors`
 # What a lookup loses itself, see `texture_error`.
 POSITION_ERROR, FIXED_POINT_ERROR, WEIGHT_ERROR = 2.0**-16, 2.0**-29, 2.0**-16
@@ -106,7 +105,7 @@ def pack_textures(textures: Textures) -> PackedTextures:
     steps, errors = np.zeros(n_texture, np.float32), np.zeros((n_texture, 4))
     for k, rows in enumerate(levels):
         pictures = [textures.texels[4 * start : 4 * (start + w * h)].reshape(h, w, 4) for start, w, h in rows]
-        largest = float(pictures[0][..., :3].max())
+        largest = largest_color(pictures[0].reshape(-1, 4))
         scale = 2.0 ** np.ceil(np.log2(max(largest, 2.0**-40)))
         steps[k] = scale / 65535.0
         out = texels[first_texels[k] : first_texels[k + 1]]
@@ -114,7 +113,7 @@ def pack_textures(textures: Textures) -> PackedTextures:
         differences = [
             pack_level(picture, wraps, scale, _bordered(out, sizes[k], level)) for level, picture in enumerate(pictures)
         ]
-        errors[k] = error_factors(pictures, differences, scale, textures.filters[k])
+        errors[k] = error_factors([picture.shape for picture in pictures], differences, scale, textures.filters[k])
     return PackedTextures(texels.ravel(), first_texels, sizes, textures.filters, textures.wraps, steps, errors)
 
 
@@ -135,7 +134,7 @@ def pack_level(picture, wraps, scale, out) -> tuple[float, float]:
 
     Parameters
     ----------
-    picture : (h, w, 4) float32, values from 0 to `scale`, alpha to 1
+    picture : (h, w, 4) float32, colours from 0 to `scale`, alpha to 1
     wraps : WRAP_... along s and t
     scale : a power of two
     out : (h + 2, w + 2, 4) int16
@@ -145,71 +144,85 @@ def pack_level(picture, wraps, scale, out) -> tuple[float, float]:
     (d_s, d_t) : of two neighbours in a row, of two in a column; over all channels, across the border, too
     """
     height, width = picture.shape[:2]
-    is_repeated = [wrap == WRAP_REPEAT for wrap in wraps]
-    factors = np.array([65535.0 / scale] * 3 + [65535.0], np.float32)
-    rows_before, d_s, d_t = None, 0.0, 0.0
-    n_row = max(1, STRIP // width)
-    for start in range(0, height, n_row):
-        strip = picture[start : start + n_row]
-        values = strip * factors
-        np.rint(values, out=values)
-        values -= 2.0**15
-        out[start + 1 : start + 1 + len(strip), 1:-1] = values
-        d_s = max(d_s, _largest(strip[:, 1:] - strip[:, :-1]))
-        d_t = max(d_t, _largest(strip[1:] - strip[:-1]))
-        if is_repeated[0]:
-            d_s = max(d_s, _largest(strip[:, 0] - strip[:, -1]))
-        if rows_before is not None:
-            d_t = max(d_t, _largest(strip[0] - rows_before))
-        rows_before = strip[-1]
-    if is_repeated[1]:
-        d_t = max(d_t, _largest(picture[0] - picture[-1]))
-    left, right = (-2, 1) if is_repeated[0] else (1, -2)
+    repeats_s, repeats_t = (bool(wrap == WRAP_REPEAT) for wrap in wraps)
+    d_s, d_t = pack_texels(
+        picture.reshape(height, 4 * width), repeats_s, repeats_t, 65535.0 / scale, out.reshape(height + 2, -1)
+    )
+    left, right = (-2, 1) if repeats_s else (1, -2)
     out[:, 0], out[:, -1] = out[:, left], out[:, right]
-    above, below = (-2, 1) if is_repeated[1] else (1, -2)
+    above, below = (-2, 1) if repeats_t else (1, -2)
     out[0], out[-1] = out[above], out[below]
     return d_s, d_t
 
 
-def _largest(differences) -> float:
-    """The largest absolute value, 0 where there is none."""
-    return max(float(differences.max(initial=0.0)), -float(differences.min(initial=0.0)))
+@kernel
+def pack_texels(picture, repeats_s, repeats_t, steps_per_unit, out):
+    """Write the texels of a mip level, in steps; return the largest differences of neighbours, see `pack_level`.
+
+    Parameters
+    ----------
+    picture : (h, 4 * w) float32
+    steps_per_unit : of colours; of alpha it is 65535
+    out : (h + 2, 4 * (w + 2)) int16; its border is left alone
+    """
+    height, n = index(picture.shape[0]), index(picture.shape[1])
+    of_color, of_alpha, zero = np.float32(steps_per_unit), np.float32(65535.0), np.float32(2.0**15)
+    pixel, one = index(4), index(1)
+    across = down = np.int32(0)  # the bits of positive floats are in order as the floats are
+    for j in range(height):
+        row, target = picture[j], out[j + one]
+        below = picture[j + one if j + one < height else (index(0) if repeats_t else j)]
+        for i in range(n):
+            per_unit = of_alpha if i & index(3) == index(3) else of_color
+            target[i + pixel] = np.int16(np.rint(row[i] * per_unit) - zero)
+        for i in range(n):
+            down = max(down, np.float32(abs(below[i] - row[i])).view(np.int32))
+        for i in range(n - pixel):
+            across = max(across, np.float32(abs(row[i + pixel] - row[i])).view(np.int32))
+        if repeats_s:
+            for i in range(pixel):
+                across = max(across, np.float32(abs(row[i] - row[n - pixel + i])).view(np.int32))
+    return float(np.int32(across).view(np.float32)), float(np.int32(down).view(np.float32))
 
 
-def error_factors(pictures, differences, scale, kind) -> tuple[float, float, float, float]:
+@kernel
+def largest_color(picture):
+    """Return the largest value of red, green and blue of a picture, (n, 4) float32, none of them below 0."""
+    largest = np.int32(0)
+    for k in range(index(len(picture))):
+        for channel in range(index(3)):
+            largest = max(largest, np.float32(picture[k, channel]).view(np.int32))
+    return float(np.int32(largest).view(np.float32))
+
+
+def error_factors(shapes, differences, scale, kind) -> tuple[float, float, float, float]:
     """Return what `texture_error` multiplies by the errors of s, of t and of the level, and what it adds.
 
     Parameters
     ----------
-    pictures : the mip levels, (h, w, 4) each
+    shapes : (h, w, ...) of each mip level
     differences : (d_s, d_t) of each
-    scale : the largest value
+    scale : at least the largest colour
     kind : FILTER_...
     """
     of_value = VALUE_ERROR * max(scale, 1.0)
     if kind == FILTER_NEAREST:
         return 0.0, 0.0, 0.0, of_value
-    height, width = pictures[0].shape[:2]
-    of_s = max(d_s * picture.shape[1] / width for picture, (d_s, _) in zip(pictures, differences, strict=True))
-    of_t = max(d_t * picture.shape[0] / height for picture, (_, d_t) in zip(pictures, differences, strict=True))
-    of_position = 0.0
-    for picture, (d_s, d_t) in zip(pictures, differences, strict=True):
-        reach = [POSITION_ERROR + FIXED_POINT_ERROR * n for n in picture.shape[1::-1]]
-        of_position = max(of_position, reach[0] * d_s + reach[1] * d_t + 2.0 * WEIGHT_ERROR * min(d_s, d_t))
-    of_level = level_difference(pictures, differences)
-    return of_s, of_t, of_level, of_position + LEVEL_ERROR * of_level + of_value
+    sizes, d = np.array([shape[1::-1] for shape in shapes], np.float64), np.array(differences)
+    of_s, of_t = (sizes / sizes[0] * d).max(axis=0)
+    of_texcoords = ((POSITION_ERROR + FIXED_POINT_ERROR * sizes) * d).sum(axis=1) + 2.0 * WEIGHT_ERROR * d.min(axis=1)
+    of_level = level_difference(d, max(scale, 1.0))
+    return of_s, of_t, of_level, of_texcoords.max() + LEVEL_ERROR * of_level + of_value
 
 
-def level_difference(pictures, differences) -> float:
+def level_difference(differences, largest) -> float:
     """Bound the difference of what a mip level and the next one show at any point.
 
     Both show means of texels of the finer level of n texels. The coarser one, of m, is interpolated between two of its
     texels, which cover 2·n/m of the finer: four, or where n is odd, a range of up to five that touches six. The finer
-    one is interpolated between two of the same. So texels are at most 5 apart along each axis; and no further than the
-    level's range of values.
+    one is interpolated between two of the same. So texels are at most 5 apart along each axis; and no value is below 0
+    or above the largest.
+
+    differences : (n_level, 2), d_s and d_t of each level
     """
-    bounds = [0.0]
-    for picture, (d_s, d_t) in zip(pictures[:-1], differences[:-1], strict=True):
-        flat = picture.reshape(-1, 4)
-        bounds.append(min(5.0 * (d_s + d_t), float((flat.max(axis=0) - flat.min(axis=0)).max())))
-    return max(bounds)
+    return min(5.0 * differences[:-1].sum(axis=1).max(initial=0.0), largest)

@@ -63,10 +63,10 @@ def test_mip_levels_of_any_size_do_not_overlap():
 
 
 @pytest.mark.parametrize("wrap", ["repeat", "clamp"])
-@pytest.mark.parametrize("strip", [1, 7, 2**16])
-def test_the_largest_steps_are_found(monkeypatch, strip, wrap):
-    """Inside strips, between them, and across the border where the picture repeats."""
-    monkeypatch.setattr(packing, "STRIP", strip)
+@pytest.mark.parametrize("pack", [packing.pack_texels, packing.pack_texels.py_func], ids=["compiled", "plain"])
+def test_the_largest_steps_are_found(monkeypatch, pack, wrap):
+    """Inside the picture, and across its border where it repeats."""
+    monkeypatch.setattr(packing, "pack_texels", pack)
     wraps = (packing.WRAP_REPEAT,) * 2 if wrap == "repeat" else (packing.WRAP_REPEAT + 1,) * 2
     rng = np.random.default_rng(2)
     for _ in range(20):
