@@ -1,6 +1,7 @@
 """What each material of a scene needs: one channel or three, float32 or float64, the cheapest way to its samples.
 
-What one object needs costs its own samples and no others. The bounds that justify a cheaper way stand beside the choice.
+What one object needs costs its own samples and no others. The bounds that justify a cheaper way stand beside the
+choice.
 """
 
 from collections.abc import Sequence

@@ -30,10 +30,11 @@ from ..pipeline.gradients import (
 )
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
+from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import ALBEDO_UNITS, NORMAL_UNITS, VALUE_UNITS
 from ..pipeline.resolve import Picture, resolve
 from ..pipeline.scan import ScanCounts
-from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
+from ..pipeline.shade import shade_interpolated
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
 from ..pipeline.transform import Screen

@@ -1,16 +1,17 @@
 """The A-buffer: what is seen through transparent surfaces, for scenes that have any. It takes the place of the scan
 stage's one pass.
 
-In:  the band's list of triangles, which of them are opaque.
+In:  the band's transparent triangles, which the scan stage has left, and its opaque surfaces, which it has drawn.
 Out: every sample's colour, weighted by its opacity, and its opacity: all surfaces that are seen there, nearest first,
      up to the first opaque one.
 
-First the opaque surfaces are drawn, and the transparent ones noted (scan.py). Then every sample gets a list of fragments, the entries of all transparent surfaces
-before that (Carpenter 1984, "The A-buffer, an antialiased hidden surface method"): they are counted, room is divided,
-the lists are filled and sorted. Entries hold depth above the triangle's index, so they order all surfaces at a sample,
-whatever their order in the file: at equal depth the lower index lies in front, as everywhere. The lists of a range of
-samples are worked on at a time, so that a thread needs no more than MOST_FRAGMENTS entries. Then one layer after the
-other is shaded, the k-th fragments of all samples, and summed up (Porter & Duff 1984, `over`):
+First the opaque surfaces are drawn, and the transparent ones noted (scan.py). Then every sample gets a list of
+fragments, the entries of all transparent surfaces before that (Carpenter 1984, "The A-buffer, an antialiased hidden
+surface method"): they are counted, room is divided, the lists are filled and sorted. Entries hold depth above the
+index of the triangle's record, so they order all surfaces at a sample, whatever their order in the file: at equal depth
+the lower index lies in front, as everywhere. The lists of a range of samples are worked on at a time, so that a thread
+needs no more than MOST_FRAGMENTS entries. Then one layer after the other is shaded, the k-th fragments of all samples,
+and summed up (Porter & Duff 1984, `over`):
 
     color += transmittance · a · c      opacity += transmittance · a      transmittance *= 1 - a
 
@@ -35,8 +36,9 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from . import setup as s
+from .fill import fill_spans
 from .records import material_of
-from .scan import Deferred, Payload, box_of, fill_spans, surface_of
+from .scan import Deferred, Payload, box_of, surface_of
 from .visibility import (
     CLEAR,
     MAX_RECORDS,

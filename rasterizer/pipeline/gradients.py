@@ -28,8 +28,8 @@ from . import setup as s
 from .visibility import LEVEL_MASK
 
 EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest way that a material's triangles may take
-# What a material needs, bits: float32, or float64 and so exact records; three channels; a texture; that what is behind is
-# seen, or nothing but that.
+# What a material needs, bits: float32, or float64 and so exact records; three channels; a texture; that what is behind
+# is seen, or nothing but that.
 NEEDS_SINGLE, NEEDS_DOUBLE, NEEDS_COLORS, NEEDS_TEXTURE, NEEDS_BEHIND, IS_INVISIBLE = 1, 2, 4, 8, 16, 32
 # How far a plane of depth may be off, z-buffer units, beside half a unit a step: half a unit at the anchor, and what
 # setup.MAX_ELONGATION says.

@@ -19,8 +19,8 @@ import numpy as np
 from ..compiler.kernels import helper, index
 from . import setup as s
 from .face_planes import FACE_DEPTH, NO_PLANES
-from .simd import PLANE_GROUP
-from .visibility import is_exact, record_of
+from .simd import PLANE_GROUP, PlaneGroup
+from .visibility import RECORD_MASK, RECORD_SHIFT, is_exact, record_of
 
 # Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and
 # the side that is seen; the row of the planes of the clipped face that it is a part of, or -1; the material.
@@ -74,6 +74,12 @@ def face_of(entry, records):
     if is_exact(entry):
         return index(records.integers[record, index(FACE)])
     return index(records.int_planes[(record << index(UNIT_SHIFT)) + index(PLANES_FACE)])
+
+
+@helper
+def plane_group(records, column):
+    """Return the group of four planes that begins at `column` in each record."""
+    return PlaneGroup(records.float_planes, RECORD_MASK, index(UNIT_SHIFT - RECORD_SHIFT), index(column))
 
 
 @helper

@@ -47,8 +47,8 @@ CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes ar
 CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
 MATERIAL = index(BLOCK * 22)
 N_INT = 23
-# Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx, d/dy
-# a sample.
+# Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
+# d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
