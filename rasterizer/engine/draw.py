@@ -23,7 +23,7 @@ from ..pipeline.transform import transform
 from ..pipeline.visibility import MAX_RECORDS
 from .passes import FaceTable, Pass
 from .plan_summary import Ways
-from .transparency import draw_transparent_band
+from .transparency import Memory, Task, draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
 MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
@@ -59,19 +59,20 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
     def draw_band(band: Band) -> BandCounts:
         workspace = workspaces.acquire(kind, render_pass.most_records(len(band.faces)))
         workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
-        deferred = make_deferred(len(band.faces)) if render_pass.opacity is not None else None
+        deferred = make_deferred(len(band.faces), band.n_row) if render_pass.opacity is not None else None
         found = ScanCounts(
             *scan(
                 band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,
                 deferred,
             )
         )  # fmt: skip
-        is_opaque = deferred is None or deferred.count[0] == 0
-        if is_opaque:
+        translucent = None
+        if deferred is None or deferred.is_empty:
             render_pass.shade(workspace, band, found, drawn.face_table)
         else:
-            draw_transparent_band(band, drawn, render_pass, workspace, found, deferred.listed())
-        n_covered = render_pass.finish(workspace, band, found, is_opaque, drawn.loaded_face)
+            task = Task(band, drawn, render_pass, Memory(workspace, workspaces, kind))
+            found, translucent = draw_transparent_band(task, found, deferred.listed())
+        n_covered = render_pass.finish(workspace, band, found, translucent, drawn.loaded_face)
         workspaces.release(kind, workspace)
         return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
 

@@ -83,7 +83,7 @@ def plan_materials(
         why = of_scene + reasons_of_material(material, roundings[k], options)
         is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
         why = tuple(reason for reason in why if reason)
-        ways.append(choose_way(why, options, is_colored or not sources.is_opaque, normal_limits[k], reflected.bound))
+        ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], reflected.bound))
         needs.append(list_needs(material, bool(why), is_colored))
         n_attributes.append(count_attributes(material, options, sources, facts, k, is_colored))
         reasons.append(why)

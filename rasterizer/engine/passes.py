@@ -14,7 +14,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..pipeline.a_buffer import Opacity
 from ..pipeline.bands import Band
 from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
@@ -29,6 +28,7 @@ from ..pipeline.gradients import (
     NormalCoding,
 )
 from ..pipeline.interpolate import ScannedBand
+from ..pipeline.layers import Opacity
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import ALBEDO_UNITS, NORMAL_UNITS, VALUE_UNITS
@@ -97,11 +97,11 @@ class Pass:
         included.
         """
 
-    def finish(self, workspace: Workspace, band: Band, counts: ScanCounts, is_opaque, loaded_face: np.ndarray) -> int:
+    def finish(self, workspace: Workspace, band: Band, counts: ScanCounts, translucent, loaded_face: np.ndarray) -> int:
         """Write the band's rows of the output; return how many samples are covered.
 
-        `is_opaque` tells whether nothing of the band is transparent; `loaded_face` is the face as loaded of each
-        triangle, or empty where each is one.
+        `translucent` is Translucent: samples that nothing opaque is behind, or None where there are none;
+        `loaded_face` is the face as loaded of each triangle, or empty where each is one.
         """
         raise NotImplementedError
 
@@ -154,13 +154,12 @@ class ColorPass(Pass):
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
 
-    def finish(self, workspace, band, counts, is_opaque, loaded_face):
+    def finish(self, workspace, band, counts, translucent, loaded_face):
         """Average the samples of each pixel, and write the picture's rows."""
         n_channel = self.n_channel_of(counts)
-        a_buffer = None if is_opaque else workspace.a_buffer.of_channels(n_channel)
         encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
         return resolve(
-            workspace.visibility, workspace.radiance[:n_channel], a_buffer, band.y_start // self.factor,
+            workspace.visibility, workspace.radiance[:n_channel], translucent, band.y_start // self.factor,
             band.y_end // self.factor, self.factor, encoding, workspace.pixels, self.picture,
         )  # fmt: skip
 
@@ -202,7 +201,7 @@ class BufferPass(Pass):
     screen: Screen
     buffers: dict[str, np.ndarray]  # by name, see output_buffers.py; written
 
-    def finish(self, workspace, band, counts, is_opaque, loaded_face):
+    def finish(self, workspace, band, counts, translucent, loaded_face):
         """Write what is visible into each buffer."""
         surfaces = VisibleSurfaces(workspace.visibility, workspace.records, loaded_face, self.screen)
         for name, buffer in self.buffers.items():
@@ -217,7 +216,7 @@ class ShadowMapPass(Pass):
     depth: tuple[float, float]  # what a texel's depth is found from: offset and scale
     texels: np.ndarray  # (n, n) float64, written
 
-    def finish(self, workspace, band, counts, is_opaque, loaded_face):
+    def finish(self, workspace, band, counts, translucent, loaded_face):
         """Write the texels' depths."""
         write_map(workspace.visibility, band.y_start, band.n_row, *self.depth, self.texels)
         return 0

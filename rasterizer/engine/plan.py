@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import SceneError
 from ..geometry.points import number_materials
 from ..options import Options
-from ..pipeline.a_buffer import Opacity, least_transmittance
 from ..pipeline.depth_cueing import Cue
+from ..pipeline.layers import Opacity, least_transmittance
 from ..pipeline.texture_sampling import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import light_table

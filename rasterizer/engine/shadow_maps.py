@@ -19,7 +19,7 @@ from ..errors import SceneError
 from ..geometry.points import Geometry
 from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..pipeline import shadow_lookup as lookup
-from ..pipeline.a_buffer import Opacity
+from ..pipeline.layers import Opacity
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool

@@ -3,8 +3,8 @@
 import numpy as np
 
 from ..pipeline import texture_sampling as texturing
-from ..pipeline.a_buffer import Opacity
 from ..pipeline.depth_cueing import Cue
+from ..pipeline.layers import Opacity
 from ..pipeline.texture_sampling import Textures
 
 

@@ -1,74 +1,185 @@
-"""Bands of scenes with transparent surfaces: the A-buffer takes the place of the one scan (pipeline/a_buffer.py)."""
+"""Bands with transparent surfaces: what is opaque is shaded as everywhere, and what is before it is put in front
+(pipeline/a_buffer.py, pipeline/layers.py)."""
+
+import contextlib
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..pipeline.a_buffer import (
     FEW,
+    ABuffer,
     FragmentLists,
-    composite,
     divide_room,
     list_fragments,
-    open_lists,
+    make_a_buffer,
     order_by_depth,
-    show_nearest,
+    sort_lists,
     split_samples,
 )
 from ..pipeline.bands import Band, Rows
-from ..pipeline.scan import Deferred
+from ..pipeline.buffers import clear_band
+from ..pipeline.gradients import IN_ENTRIES, IN_PLANES, NEEDS_COLORS
+from ..pipeline.layers import Translucent, composite, make_layer, put_behind, show_layer
+from ..pipeline.records import Records
+from ..pipeline.scan import Deferred, ScanCounts, make_deferred, scan
+from ..pipeline.visibility import STRIP_SHIFT, VisibilityBuffer, make_extents
+from ..pipeline.workspace import Workspace, WorkspaceKind, WorkspacePool
 from .passes import Pass
 
+MOST_SHADED = 2**15  # samples whose layers are shaded at a time: what is kept of them stays in a usual L2 cache
 
-def draw_transparent_band(band: Band, drawn, render_pass: Pass, workspace, counts, transparent: Deferred) -> None:
-    """List the fragments of a band's transparent triangles before the opaque surfaces, which are drawn, and composite
-    what each sample shows.
+
+class Memory(NamedTuple):
+    """What a band is drawn in."""
+
+    workspace: Workspace
+    pool: WorkspacePool  # for another one
+    kind: WorkspaceKind
+
+
+class Task(NamedTuple):
+    """A band, and how it is drawn."""
+
+    band: Band
+    drawn: Any  # the triangles (draw.py)
+    render_pass: Pass
+    memory: Memory
+
+
+class Surfaces(NamedTuple):
+    """What the scan stage left of a band."""
+
+    visibility: VisibilityBuffer  # of the opaque triangles
+    records: Records
+    deferred: Deferred  # the transparent ones
+
+
+def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> tuple[ScanCounts, Translucent | None]:
+    """Shade the opaque surfaces of a band, and put the transparent ones in front.
 
     Parameters
     ----------
-    drawn : the triangles (draw.py)
-    counts : ScanCounts of the band
-    transparent : what the scan stage has left to be listed
+    found : what the scan stage found
+    deferred : what it has left to be listed
+
+    Returns
+    -------
+    what was found, with the needs of transparent surfaces, too; None where something opaque is behind all of them
     """
-    transparent = count_fragments(band, drawn, workspace, transparent)
-    pitch = workspace.visibility.pitch
-    for first, last in split_samples(workspace.a_buffer.starts[: band.n_row * pitch + 1], pitch):
-        composite_range(band, drawn, render_pass, workspace, counts, transparent, (first, last))
-
-
-def count_fragments(band: Band, drawn, workspace, transparent: Deferred) -> Deferred:
-    """Count the fragments of each sample and divide the room among their lists; return the transparent triangles in the
-    order in which the lists are filled."""
-    a_buffer, n_sample = workspace.a_buffer, band.n_row * workspace.visibility.pitch
-    counting = FragmentLists(0, n_sample, 0, band.n_row, np.empty(0, np.int64), a_buffer.cursors, a_buffer.starts, True)
-    rows = Rows(band.y_start, band.y_end)
-    open_lists(a_buffer)
-    triangles, vertices, *_ = drawn.drawables
-    list_fragments(
-        band.y_start, transparent, triangles, vertices, rows, workspace.block, workspace.visibility, counting
+    band, drawn, render_pass, (workspace, *_) = task
+    in_front = deferred.counts
+    everything = found._replace(needs=found.needs | in_front.needs)
+    colors = everything.needs & NEEDS_COLORS  # channels are those of the band
+    behind = found._replace(
+        n_plane=found.n_plane - in_front.n_plane, n_exact=found.n_exact - in_front.n_exact, needs=found.needs | colors
     )
-    n_fragment, n_list = divide_room(a_buffer, n_sample)
+    in_front = in_front._replace(needs=in_front.needs | colors)
+    render_pass.shade(workspace, band, behind, drawn.face_table)
+    a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
+    surfaces = Surfaces(workspace.visibility, workspace.records, deferred)
+    if count_fragments(task, surfaces, a_buffer):
+        with scan_by_index(task) as surfaces:
+            count_fragments(task, surfaces, a_buffer)
+            translucent = composite_band(task, surfaces, in_front, a_buffer)
+    else:
+        translucent = composite_band(task, surfaces, in_front, a_buffer)
+    return everything, translucent
+
+
+@contextlib.contextmanager
+def scan_by_index(task: Task):
+    """Scan a band once more, so that the entries of all opaque surfaces hold indices; yield Surfaces.
+
+    They decide which of two surfaces at equal depth has the lower one.
+    """
+    band, drawn, render_pass, (workspace, pool, kind) = task
+    second = pool.acquire(kind, render_pass.most_records(len(band.faces)))
+    records = second.records._replace(clipped_planes=workspace.records.clipped_planes)
+    coding, deferred = render_pass.coding, make_deferred(len(band.faces), band.n_row)
+    coding = coding._replace(ways=np.where(coding.ways == IN_ENTRIES, np.uint8(IN_PLANES), coding.ways))
+    scan(band, drawn.drawables, coding, second.block, second.visibility, records, deferred)
+    yield Surfaces(second.visibility, records, deferred.listed())
+    clear_band(second.visibility, band.n_row)
+    pool.release(kind, second)
+
+
+def count_fragments(task: Task, surfaces: Surfaces, a_buffer: ABuffer) -> bool:
+    """Count the fragments of each sample; tell whether any is as deep as an opaque surface whose index isn't known."""
+    band, n_sample, nothing = task.band, len(a_buffer.cursors), np.empty(0, np.int64)
+    a_buffer.cursors.fill(0)
+    ties = np.zeros(1, np.int64)
+    list_rows(task, surfaces, FragmentLists(0, n_sample, 0, nothing, *a_buffer.lists, True, ties), Rows(0, band.n_row))
+    return bool(ties[0])
+
+
+def list_rows(task: Task, surfaces: Surfaces, lists: FragmentLists, rows: Rows) -> None:
+    """Count or list the fragments of some rows of a band."""
+    band, (triangles, vertices, *_), block = task.band, task.drawn.drawables, task.memory.workspace.block
+    of_picture = Rows(band.y_start + rows.y_start, band.y_start + rows.y_end)
+    list_fragments(
+        band.y_start, surfaces.deferred, triangles, vertices, of_picture, block, surfaces.visibility, lists
+    )
+
+
+def composite_band(task: Task, surfaces: Surfaces, counts: ScanCounts, a_buffer: ABuffer) -> Translucent | None:
+    """Divide the room among the lists, fill them and put what they show in front of the opaque surfaces.
+
+    Parameters
+    ----------
+    counts : what the scan stage found of transparent triangles
+    a_buffer : with the lengths of the lists
+    """
+    n_fragment, n_list = divide_room(a_buffer.cursors, a_buffer.starts)
     if n_fragment > FEW * n_list:
-        return order_by_depth(transparent, drawn.drawables)
-    return transparent
+        surfaces = surfaces._replace(deferred=order_by_depth(surfaces.deferred, task.drawn.drawables))
+    extents, is_any = make_extents(task.band.n_row), False
+    translucent = Translucent(a_buffer.opacity, a_buffer.columns, extents.left, extents.right)
+    for first, end in split_samples(a_buffer.starts, a_buffer.first_samples):
+        base, stop = int(a_buffer.starts[first]), int(a_buffer.starts[end])
+        if base < stop:
+            entries = task.memory.workspace.room.array("fragments", stop - base)
+            lists = FragmentLists(first, end, base, entries, *a_buffer.lists, False, np.zeros(1, np.int64))
+            rows = rows_of(lists, a_buffer)
+            list_rows(task, surfaces, lists, rows)
+            for some in split_rows(rows, a_buffer):
+                is_any |= composite_rows(task, surfaces, counts, a_buffer, lists, some, translucent)
+    return translucent if is_any else None
 
 
-def composite_range(band: Band, drawn, render_pass: Pass, workspace, counts, transparent, samples) -> None:
-    """Fill the lists of the samples first..last of a band, then shade one layer after the other, nearest first, and sum
-    them up."""
-    visibility, a_buffer, (first, last) = workspace.visibility, workspace.a_buffer, samples
-    first_row, end_row = first // visibility.pitch, -(-last // visibility.pitch)
-    rows = Rows(band.y_start + first_row, band.y_start + end_row)
-    entries = np.empty(a_buffer.starts[last] - a_buffer.starts[first], np.int64)
-    lists = FragmentLists(first, last, first_row, end_row, entries, a_buffer.cursors, a_buffer.starts, False)
-    triangles, vertices, *_ = drawn.drawables
-    list_fragments(band.y_start, transparent, triangles, vertices, rows, workspace.block, visibility, lists)
-    show_nearest(visibility, a_buffer, lists)
-    layer, n_channel = workspace._replace(visibility=a_buffer.layer), render_pass.n_channel_of(counts)
-    n_composited, is_more = 0, True
-    while is_more:
-        render_pass.shade(layer, Band(band.faces, *rows), counts, drawn.face_table)
-        is_more = composite(
-            visibility, workspace.records, a_buffer.of_channels(n_channel), lists, n_composited,
-            workspace.radiance[:n_channel], workspace.texels,
-            render_pass.opacity,
-        )  # fmt: skip
-        n_composited += 1
+def rows_of(lists: FragmentLists, a_buffer: ABuffer) -> Rows:
+    """Return the rows of the band that a range of samples reaches."""
+    y_start = int(np.searchsorted(a_buffer.first_samples, lists.first, side="right")) - 1
+    return Rows(y_start, int(np.searchsorted(a_buffer.first_samples, lists.end)))
+
+
+def split_rows(rows: Rows, a_buffer: ABuffer):
+    """Divide rows of a band into strips, as many at a time as have MOST_SHADED samples."""
+    strip = 1 << STRIP_SHIFT
+    widest = int(np.diff(a_buffer.first_samples[rows.y_start : rows.y_end + 1]).max())
+    n_row = max(MOST_SHADED // widest // strip, 1) * strip
+    for y in range(rows.y_start // strip * strip, rows.y_end, n_row):
+        yield Rows(y, min(y + n_row, rows.y_end))
+
+
+def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows: Rows, translucent) -> bool:
+    """Shade one layer after the other, nearest first, sum them up, and put the opaque surfaces behind; tell whether any
+    sample has none."""
+    band, drawn, render_pass, (workspace, *_) = task
+    first, end = (int(a_buffer.first_samples[y]) for y in rows)
+    lists = lists._replace(first=max(lists.first, first), end=min(lists.end, end))
+    if lists.first >= lists.end:
+        return False
+    sort_lists(lists)
+    radiance = workspace.radiance[: len(a_buffer.color)]
+    layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.texels)
+    shaded = workspace._replace(
+        visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, texels=layer.texels
+    )
+    of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
+    opacity, number = render_pass.opacity, 0
+    while show_layer(number, layer, lists, a_buffer.transmittance, opacity.least):
+        render_pass.shade(shaded, of_picture, counts, drawn.face_table)
+        composite(layer, surfaces.records, a_buffer, opacity)
+        number += 1
+    return put_behind(*rows, workspace.visibility, lists, a_buffer, radiance, translucent)

@@ -24,7 +24,7 @@ from ..compiler.kernels import helper, index
 from .cull import first_sample
 from .simd import LANES, merge_box
 from .transform import HALF, SUBPIXEL
-from .visibility import DEPTH_MASK, pack
+from .visibility import DEPTH_MASK, IS_ID, pack
 
 # What is known of one triangle goes from helper to helper in structs. They cost nothing: helpers are inlined, and the
 # optimiser takes tuples of numbers apart.
@@ -152,7 +152,7 @@ def fill_spans(visibility, y_start, box, surface, lists):
                 first = (y - y_start) * visibility.pitch + x_start
                 span = visibility.entries[index(first) : index(first + x_end - x_start)]
                 if lists is not None:
-                    list_span(span, first, x_start, y, surface, lists)
+                    list_span(span, lists.columns[index(y - y_start)] + x_start, x_start, y, surface, lists)
                 elif surface.is_sliver:
                     fill_sliver_span(span, x_start, y, surface)
                 else:
@@ -237,28 +237,40 @@ def entry_of_sliver(x, y, surface):
 def list_span(span, first, x_start, y, surface, lists):
     """Count the entries of a span that lie before those of the buffer, or append them to the lists of their samples.
 
-    Whole entries are compared, so that at equal depth the triangle with the lower index lies in front.
+    Whole entries are compared, so that at equal depth the triangle with the lower index lies in front. Of an opaque
+    surface that has its intensity in its entries the index is not known: a fragment at its depth is noted as a tie.
 
     Parameters
     ----------
-    span : (n,) int64, a row's entries · first : where in the band they begin
-    x_start, y : the first sample
+    span : (n,) int64, a row's entries
+    first : the first sample of the span in the A-buffer
+    x_start, y : the same in the picture
     lists : FragmentLists
     """
     lengths, plane = lists.cursors, surface.plane
     if lists.is_counting and not surface.is_sliver:  # all samples: the compiler makes vector instructions of it
-        lengths = lengths[index(first) : index(first + np.int64(len(span)))]
+        lengths, ties = lengths[index(first) : index(first + np.int64(len(span)))], np.int64(0)
         entry = entry_at(plane, x_start, y)
         for k in range(index(len(span))):
             new = np.int64(entry)
             lengths[k] += (new >= 0) & (new < span[k])
+            ties |= is_tie(new, span[k])
             entry += plane.dx
+        lists.ties[0] |= ties
         return
-    for sample in range(max(first, lists.first), min(first + np.int64(len(span)), lists.last)):
-        x = x_start + sample - first
+    for sample in range(max(first, lists.first), min(first + np.int64(len(span)), lists.end)):
+        x, old = x_start + sample - first, span[index(sample - first)]
         new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(plane, x, y))
-        if 0 <= new < span[index(sample - first)]:
+        if 0 <= new < old:
             list_entry(lists, index(sample), new)
+        elif lists.is_counting:
+            lists.ties[0] |= np.int64(is_tie(new, old))
+
+
+@helper
+def is_tie(new, old):
+    """Tell whether an entry that holds an index is as deep as one that doesn't."""
+    return (new ^ old) & (DEPTH_MASK | IS_ID) == IS_ID
 
 
 @helper
@@ -266,5 +278,5 @@ def list_entry(lists, sample, entry):
     """Append an entry to the list of a sample, or count it."""
     cursors, starts = lists.cursors, lists.starts
     if not lists.is_counting and cursors[sample] < starts[sample + index(1)]:
-        lists.entries[index(cursors[sample] - starts[index(lists.first)])] = entry
+        lists.entries[index(cursors[sample] - lists.base)] = entry
     cursors[sample] += 1

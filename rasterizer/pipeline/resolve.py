@@ -45,14 +45,14 @@ def make_pixel_batch() -> PixelBatch:
     return PixelBatch(np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32))
 
 
-def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, batch, out) -> int:
+def resolve(visibility, radiance, translucent, y_start, y_end, factor, encoding, batch, out) -> int:
     """Write rows of the picture from a band; clear the band.
 
     Parameters
     ----------
     visibility : of the band
     radiance : (n_channel, n_row * pitch) float32 or float64, linear
-    layers : ABuffer, which takes the place of the radiance where surfaces are transparent (a_buffer.py), or None
+    translucent : Translucent, the samples that nothing opaque is behind (layers.py), or None where there are none
     y_start, y_end : the rows of pixels; the band's rows are y_start*factor .. y_end*factor
     factor : samples a pixel along each axis
     encoding : Encoding
@@ -63,8 +63,8 @@ def resolve(visibility, radiance, layers, y_start, y_end, factor, encoding, batc
     -------
     how many samples are covered
     """
-    if layers is not None:
-        return resolve_layers(visibility, layers, y_start, y_end, factor, encoding, batch, out)
+    if translucent is not None:
+        return resolve_translucent(visibility, radiance, translucent, (y_start, y_end), factor, encoding, batch, out)
     if factor == 1 and is_plain(radiance.shape[0], encoding, out):
         return resolve_bytes(visibility, radiance, y_start, y_end, encoding, out)
     if factor == 1:
@@ -128,17 +128,31 @@ def resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, bat
 
 
 @kernel
-def resolve_layers(visibility, layers, y_start, y_end, factor, encoding, batch, out):
-    """As `resolve_samples`, from the layers of an A-buffer."""
-    n_covered, n_channel = np.int64(0), layers.color.shape[0]
+def resolve_translucent(visibility, radiance, translucent, rows, factor, encoding, batch, out):
+    """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns."""
+    n_covered, n_channel, (y_start, y_end) = np.int64(0), radiance.shape[0], rows
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = covered_columns(visibility, row, factor)
         fill_blank(out, j, first, end, encoding)
-        for left in range(first, end, BATCH_SIZE):
-            n = index(min(end - left, BATCH_SIZE))
-            n_covered += average_layers(layers, visibility.pitch, (row, left), factor, n, batch.values)
+        weighted, weighted_end = extent_of_pixels(translucent, row, factor, visibility.width)
+        weighted, weighted_end = (weighted, weighted_end) if weighted < weighted_end else (end, end)
+        left = first
+        while left < end:
+            is_weighted = weighted <= left < weighted_end
+            stretch_end = weighted if left < weighted else weighted_end if is_weighted else end
+            n, here = index(min(stretch_end - left, BATCH_SIZE)), (row, left)
+            if is_weighted:
+                n_covered += weight_samples(visibility, radiance, translucent, here, factor, n, batch.values)
+            elif factor == 1:
+                start = index(row * visibility.pitch + left)
+                n_covered += gather_samples(visibility.entries[start : start + n], radiance, start, batch.values)
+            else:
+                n_covered += average_samples(
+                    visibility.entries, visibility.pitch, radiance, here, factor, n, batch.values
+                )
             write_pixels(batch, n, n_channel, encoding, (j, left), out)
+            left += np.int64(n)
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
 
@@ -163,10 +177,17 @@ def write_pixels(batch, n, n_channel, encoding, first, out):
 def covered_columns(visibility, row, factor):
     """Return the columns of pixels that any sample of `factor` rows may cover, half-open; where there are none, 0 and
     0."""
-    left, right = np.int64(visibility.width), np.int64(0)
+    return extent_of_pixels(visibility, row, factor, visibility.width)
+
+
+@helper
+def extent_of_pixels(extents, row, factor, width):
+    """Return the columns of pixels that the extents of `factor` rows reach, half-open; where there are none, 0 and
+    0."""
+    left, right = np.int64(width), np.int64(0)
     for sub in range(row, row + factor):
         strip = strip_of(sub)
-        left, right = min(left, visibility.left[strip]), max(right, visibility.right[strip])
+        left, right = min(left, extents.left[strip]), max(right, extents.right[strip])
     return (left // factor, (right + factor - 1) // factor) if left < right else (np.int64(0), np.int64(0))
 
 
@@ -264,29 +285,29 @@ def average_samples(entries, pitch, radiance, first, factor, n, pixels):
 
 
 @helper
-def average_layers(layers, pitch, first, factor, n, pixels):
+def weight_samples(visibility, radiance, translucent, first, factor, n, pixels):
     """Compute the mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many
     samples show anything.
 
-    layers.color is weighted by opacity already; where that is 0 it may be anything. `first`: see `average_samples`.
+    `first`: see `average_samples`.
     """
-    color, opacities, (row, left) = layers.color, layers.opacity, first
     if factor == 1:
-        return gather_layers(color, opacities, index(row * pitch + left), n, pixels)
-    n_channel, count = index(color.shape[0]), np.int64(0)
+        return weight_single_samples(visibility, radiance, translucent, first, n, pixels)
+    n_channel, count, (row, left) = index(radiance.shape[0]), np.int64(0), first
     for i in range(n):
         sum0 = sum1 = sum2 = opacity = 0.0
         for sub in range(row, row + factor):
-            start = index(sub * pitch + (left + np.int64(i)) * factor)
-            for k in range(start, start + index(factor)):
-                if opacities[k] == 0.0:
+            start = (left + np.int64(i)) * factor
+            for x in range(start, start + factor):
+                weight, k = weight_of(visibility, translucent, sub, x), index(sub * visibility.pitch + x)
+                if weight == 0.0:
                     continue
                 count += 1
-                opacity += opacities[k]
-                sum0 += color[0, k]
+                opacity += weight
+                sum0 += weight * radiance[0, k]
                 if n_channel > index(1):
-                    sum1 += color[1, k]
-                    sum2 += color[2, k]
+                    sum1 += weight * radiance[1, k]
+                    sum2 += weight * radiance[2, k]
         scale = 1.0 / opacity if opacity > 0.0 else 0.0
         pixels[i] = sum0 * scale
         if n_channel > index(1):
@@ -297,16 +318,31 @@ def average_layers(layers, pitch, first, factor, n, pixels):
 
 
 @helper
-def gather_layers(color, opacities, start, n, pixels):
-    """Copy one sample a pixel, see `average_layers`: nothing to sum, so the loops become vector instructions."""
-    here, n_covered = opacities[start : start + n], np.int64(0)
+def weight_of(visibility, translucent, row, x):
+    """Return the opacity of a sample."""
+    strip = strip_of(row)
+    if visibility.entries[index(row * visibility.pitch + x)] < CLEAR:
+        return 1.0
+    if translucent.left[strip] <= x < translucent.right[strip]:
+        return translucent.opacity[index(translucent.columns[index(row)] + x)]
+    return 0.0
+
+
+@helper
+def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
+    """Copy one sample a pixel, see `weight_samples`: nothing to sum, so the loops become vector instructions."""
+    (row, left), n_covered = first, np.int64(0)
+    start, sample = index(row * visibility.pitch + left), index(translucent.columns[index(row)] + left)
+    entries, opacity = visibility.entries[start : start + n], translucent.opacity[sample : sample + n]
     for i in range(n):
-        n_covered += here[i] > 0.0
-        pixels[ALPHA + i] = here[i]
-    for channel in range(index(color.shape[0])):
-        source, target = color[channel, start : start + n], channel * NEXT
+        weight = 1.0 if entries[i] < CLEAR else opacity[i]
+        n_covered += weight > 0.0
+        pixels[ALPHA + i] = weight
+    for channel in range(index(radiance.shape[0])):
+        source, target = radiance[channel, start : start + n], channel * NEXT
         for i in range(n):
-            pixels[target + i] = source[i] * (1.0 / here[i]) if here[i] > 0.0 else 0.0
+            is_seen = (entries[i] < CLEAR) | (opacity[i] > 0.0)
+            pixels[target + i] = np.float32(source[i]) if is_seen else np.float32(0)
     return n_covered
 
 

@@ -18,7 +18,7 @@ from .fill import Box, Depths, Plane, Surface, Triangle, fill_box, fill_spans
 from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NormalCoding, compute_gradients
 from .records import write_exact, write_normals, write_values
 from .simd import MOST_HIGH, MOST_WIDE
-from .visibility import id_payload, note_extent, note_material, pack
+from .visibility import IS_EXACT, VisibilityBuffer, id_payload, make_extents, note_extent, note_material, pack
 
 
 class Payload(NamedTuple):
@@ -35,7 +35,7 @@ class ScanCounts(NamedTuple):
     n_level: int  # triangles by the way that their attributes took
     n_plane: int
     n_exact: int
-    needs: int  # what their materials need, see gradients.py
+    needs: int  # what the materials of those that are drawn need, see gradients.py
     material: int  # of all of them; -1 where there are several
 
 
@@ -44,17 +44,29 @@ class Deferred(NamedTuple):
 
     faces: np.ndarray  # (n,) uint32, room for all triangles of the band
     payloads: np.ndarray  # (n,) int64: what stands below the depth in their entries
-    count: np.ndarray  # (1,) int64: how many there are
+    extents: VisibilityBuffer  # without entries: where they may be seen, and what materials
+    found: np.ndarray  # (4,) int64: how many there are, and of ScanCounts n_plane, n_exact and needs
+
+    @property
+    def is_empty(self) -> bool:
+        """Nothing is deferred."""
+        return self.found[0] == 0
+
+    @property
+    def counts(self) -> ScanCounts:
+        """What was found of these triangles."""
+        _, n_plane, n_exact, needs = self.found.tolist()
+        return ScanCounts(0, n_plane, n_exact, needs, -1)
 
     def listed(self) -> "Deferred":
         """Return them without the room behind them."""
-        n = self.count[0]
+        n = self.found[0]
         return self._replace(faces=self.faces[:n], payloads=self.payloads[:n])
 
 
-def make_deferred(n) -> Deferred:
-    """Return room for n triangles."""
-    return Deferred(np.empty(n, np.uint32), np.empty(n, np.int64), np.zeros(1, np.int64))
+def make_deferred(n, n_row) -> Deferred:
+    """Return room for n triangles of a band of `n_row` rows."""
+    return Deferred(np.empty(n, np.uint32), np.empty(n, np.int64), make_extents(n_row), np.zeros(4, np.int64))
 
 
 @kernel
@@ -82,7 +94,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
         # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.
         s.gather_vertices(some, drawables.triangles, drawables.vertices, block)
-        n_attribute, of_block, has_others = look_at_materials(len(some), material, coding, block)
+        n_attribute, of_block, has_others = look_at_materials(len(some), material, coding, block, deferred)
         needs |= of_block
         material = np.int64(-1) if has_others else material
         s.order_vertices(block)
@@ -108,7 +120,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
                     write_exact(records, n_record, k, some[k], n_attribute, coding, block)
                     n_record += 1
                     n_exact += 1
-                if is_deferred(k, some[k], payload, coding, block, deferred):
+                if is_deferred(k, some[k], payload.value, box, band, coding, block, deferred):
                     continue
             first_row, end_row = box.top - band.y_start, box.bottom - band.y_start
             note_extent(visibility, box.left, box.right, first_row, end_row)
@@ -126,18 +138,26 @@ def material_of_face(face, triangles):
 
 
 @helper
-def look_at_materials(n, material, coding, block):
-    """Return how many attributes the first n triangles of a block have at most, what their materials need together, and
-    whether one of these is another than `material`."""
+def look_at_materials(n, material, coding, block, deferred):
+    """Return how many attributes the first n triangles of a block have at most, what the materials of those that are
+    not deferred need together, and whether one of all these is another than `material`."""
     n_attribute = needs = others = np.int64(0)
     if len(coding.ways) == 1:
-        return coding.n_attributes[0], np.int64(coding.needs[0]), False
+        return coding.n_attributes[0], needs_when_drawn(coding.needs[0], deferred), False
     for k in range(index(n)):
         here = np.int64(block.ints[s.MATERIAL + k])
         n_attribute = max(n_attribute, coding.n_attributes[here])
-        needs |= np.int64(coding.needs[here])
+        needs |= needs_when_drawn(coding.needs[here], deferred)
         others |= here ^ material
     return n_attribute, needs, others != 0
+
+
+@helper
+def needs_when_drawn(needs, deferred):
+    """Return what a material needs, int64; nothing where its triangles are deferred."""
+    if deferred is not None:
+        return np.int64(0) if needs & (NEEDS_BEHIND | IS_INVISIBLE) else np.int64(needs)
+    return np.int64(needs)
 
 
 def choose_writer(records, n_record, k, face, n_attribute, coding, block):
@@ -153,15 +173,21 @@ def write_planes(records, n_record, k, face, n_attribute, coding, block):
 
 
 @helper
-def is_deferred(k, face, payload, coding, block, deferred):
+def is_deferred(k, face, payload, box, band, coding, block, deferred):
     """Tell whether triangle k is not drawn now; append it to the list of these, unless it is invisible."""
     if deferred is not None:
-        needs = coding.needs[block.ints[s.MATERIAL + k]]
-        if needs & (NEEDS_BEHIND | IS_INVISIBLE):
-            n = index(deferred.count[0])
-            deferred.faces[n], deferred.payloads[n] = face, payload.value
-            deferred.count[0] += np.int64(needs & IS_INVISIBLE == 0)
-            return True
+        material = np.int64(block.ints[s.MATERIAL + k])
+        needs = coding.needs[material]
+        if needs & NEEDS_BEHIND:
+            n, found = index(deferred.found[0]), deferred.found
+            deferred.faces[n], deferred.payloads[n] = face, payload
+            found[0] += 1
+            found[1 if payload & IS_EXACT == 0 else 2] += 1
+            found[3] |= np.int64(needs)
+            first_row, end_row = box.top - band.y_start, box.bottom - band.y_start
+            note_extent(deferred.extents, box.left, box.right, first_row, end_row)
+            note_material(deferred.extents, box.left, box.right, first_row, end_row, material)
+        return needs & (NEEDS_BEHIND | IS_INVISIBLE) != 0
     return False
 
 

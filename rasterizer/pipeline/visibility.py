@@ -54,10 +54,15 @@ class VisibilityBuffer(NamedTuple):
 def make_visibility_buffer(width, n_row) -> VisibilityBuffer:
     """Return a clear buffer for bands of `n_row` rows of `width` samples."""
     pitch = (width + PADDING + 7) // 8 * 8
+    return make_extents(n_row)._replace(entries=np.full(n_row * pitch, CLEAR), pitch=pitch, width=width)
+
+
+def make_extents(n_row) -> VisibilityBuffer:
+    """Return the clear extents of a band of `n_row` rows: a buffer without room for entries."""
     n_strip = (n_row >> STRIP_SHIFT) + 1
     starts, ends = (np.full((2, n_strip), edge) for edge in (NO_START, NO_END))
-    entries, materials = np.full(n_row * pitch, CLEAR), np.full(n_strip, np.int64(-1))
-    return VisibilityBuffer(entries, pitch, width, starts[0], ends[0], materials, starts[1], ends[1])
+    materials = np.full(n_strip, np.int64(-1))
+    return VisibilityBuffer(np.empty(0, np.int64), 0, 0, starts[0], ends[0], materials, starts[1], ends[1])
 
 
 @helper

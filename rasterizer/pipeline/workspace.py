@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .a_buffer import ABuffer, make_a_buffer
+from .a_buffer import Room
 from .fragments import make_batch
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
@@ -23,7 +23,7 @@ class Workspace(NamedTuple):
     double_batch: np.ndarray  # the same in float64
     pixels: PixelBatch  # for the resolve stage
     texels: np.ndarray  # (4, n_row * pitch) float64; (0, n_row * pitch) where the scene has no textures
-    a_buffer: ABuffer  # with room only where the scene has transparent surfaces
+    room: Room | None  # for the A-buffer; None where the scene has no transparent surfaces
 
 
 class WorkspaceKind(NamedTuple):
@@ -77,7 +77,7 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
         make_batch(np.float64),
         make_pixel_batch(),
         np.zeros((4 if kind.is_textured else 0, n_sample)),
-        make_a_buffer(visibility, kind.n_channel, kind.is_transparent),
+        Room() if kind.is_transparent else None,
     )
 
 

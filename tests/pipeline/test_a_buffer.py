@@ -13,7 +13,7 @@ from helpers.raster import assert_runs
 import rasterizer as rz
 from rasterizer import reference
 from rasterizer.engine import plan as planning
-from rasterizer.pipeline import a_buffer
+from rasterizer.pipeline import a_buffer, layers
 
 SIZE = (48, 36)
 COLORS = np.array([(0.9, 0.1, 0.2), (0.2, 0.8, 0.1), (0.1, 0.3, 0.7), (0.6, 0.6, 0.1), (0.3, 0.1, 0.5)])
@@ -265,7 +265,8 @@ def test_an_opaque_scene_plans_no_layers():
             assert ("transparency" in renderer.plan.features) == is_layered
             (kind,) = renderer._prepared.workspaces._free
             workspace = renderer._prepared.workspaces.acquire(kind, 1)
-            assert kind.is_transparent == is_layered and (len(workspace.a_buffer.cursors) > 0) == is_layered
+            assert kind.is_transparent == is_layered and (workspace.room is not None) == is_layered
+            assert not is_layered or workspace.room.n_byte > 0
     assert replace(paint(0.5), opacity=1.0).is_opaque and not replace(paint(0.5), opacity=0.999).is_opaque
 
 
@@ -273,17 +274,17 @@ def test_an_opaque_scene_plans_no_layers():
 def test_an_opaque_scene_compiles_no_layers():
     assert_runs(
         "import numpy as np, rasterizer as rz\n"
-        "from rasterizer.pipeline import a_buffer, shadow_lookup, texture_sampling\n"
+        "from rasterizer.pipeline import a_buffer, layers, resolve, shadow_lookup, texture_sampling\n"
         "scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]])])\n"
         "for shading in ('flat', 'gouraud', 'phong'):\n"
         "    rz.render(scene, 16, shading=shading)\n"
-        "kernels = [a_buffer.scan_opaque, a_buffer.list_fragments, a_buffer.open_lists, a_buffer.show_nearest]\n"
-        "kernels += [a_buffer.composite]\n"
+        "kernels = [a_buffer.list_fragments, a_buffer.divide_room, a_buffer.sort_lists, layers.show_layer]\n"
+        "kernels += [layers.composite, layers.put_behind, resolve.resolve_translucent]\n"
         "kernels += [shadow_lookup.write_map, texture_sampling.sample_textures, texture_sampling.shade_textured]\n"
         "assert not any(kernel.signatures for kernel in kernels)\n"
         "glass = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=rz.Material(opacity=0.5))])\n"
         "rz.render(glass, 16)\n"
-        "assert all(kernel.signatures for kernel in kernels[:5])\n"
+        "assert all(kernel.signatures for kernel in kernels[:7])\n"
     )
 
 
@@ -370,8 +371,8 @@ def test_what_is_left_out_behind_many_layers_is_within_the_bound(monkeypatch, to
 
 
 def test_an_infinite_bound_leaves_nothing_out():
-    assert a_buffer.least_transmittance(0.0, np.inf, False) == 0.0
-    assert a_buffer.least_transmittance(1.0, 1e9, True) * 1e9 <= 0.25
+    assert layers.least_transmittance(0.0, np.inf, False) == 0.0
+    assert layers.least_transmittance(1.0, 1e9, True) * 1e9 <= 0.25
 
 
 @pytest.mark.parametrize("shading", SHADINGS)
@@ -399,7 +400,7 @@ def test_ranges_are_whole_in_order_and_within_the_limit(monkeypatch):
                 rng.integers(0, 2000, pitch * n_row),
             ):
                 start = np.append(0, np.cumsum(counts))
-                ranges = list(a_buffer.split_samples(start, pitch))
+                ranges = list(a_buffer.split_samples(start, np.arange(n_row + 1) * pitch))
                 assert [first for first, _ in ranges] == [0, *(last for _, last in ranges[:-1])] and ranges[-1][
                     1
                 ] == len(counts)
