@@ -59,7 +59,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
     def draw_band(band: Band) -> BandCounts:
         workspace = workspaces.acquire(kind, render_pass.most_records(len(band.faces)))
         workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
-        deferred = make_deferred(len(band.faces), band.n_row) if render_pass.opacity is not None else None
+        deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
         found = ScanCounts(
             *scan(
                 band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records,

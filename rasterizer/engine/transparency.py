@@ -23,7 +23,7 @@ from ..pipeline.gradients import IN_ENTRIES, IN_PLANES, NEEDS_COLORS
 from ..pipeline.layers import Translucent, composite, make_layer, put_behind, show_layer
 from ..pipeline.records import Records
 from ..pipeline.scan import Deferred, ScanCounts, make_deferred, scan
-from ..pipeline.visibility import STRIP_SHIFT, VisibilityBuffer, make_extents
+from ..pipeline.visibility import STRIP_SHIFT, VisibilityBuffer, forget_extents, make_extents
 from ..pipeline.workspace import Workspace, WorkspaceKind, WorkspacePool
 from .passes import Pass
 
@@ -84,6 +84,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
             translucent = composite_band(task, surfaces, in_front, a_buffer)
     else:
         translucent = composite_band(task, surfaces, in_front, a_buffer)
+    forget_extents(deferred.extents)
     return everything, translucent
 
 
@@ -96,10 +97,11 @@ def scan_by_index(task: Task):
     band, drawn, render_pass, (workspace, pool, kind) = task
     second = pool.acquire(kind, render_pass.most_records(len(band.faces)))
     records = second.records._replace(clipped_planes=workspace.records.clipped_planes)
-    coding, deferred = render_pass.coding, make_deferred(len(band.faces), band.n_row)
+    coding, deferred = render_pass.coding, make_deferred(len(band.faces), second.extents)
     coding = coding._replace(ways=np.where(coding.ways == IN_ENTRIES, np.uint8(IN_PLANES), coding.ways))
     scan(band, drawn.drawables, coding, second.block, second.visibility, records, deferred)
     yield Surfaces(second.visibility, records, deferred.listed())
+    forget_extents(second.extents)
     clear_band(second.visibility, band.n_row)
     pool.release(kind, second)
 
@@ -117,9 +119,7 @@ def list_rows(task: Task, surfaces: Surfaces, lists: FragmentLists, rows: Rows) 
     """Count or list the fragments of some rows of a band."""
     band, (triangles, vertices, *_), block = task.band, task.drawn.drawables, task.memory.workspace.block
     of_picture = Rows(band.y_start + rows.y_start, band.y_start + rows.y_end)
-    list_fragments(
-        band.y_start, surfaces.deferred, triangles, vertices, of_picture, block, surfaces.visibility, lists
-    )
+    list_fragments(band.y_start, surfaces.deferred, triangles, vertices, of_picture, block, surfaces.visibility, lists)
 
 
 def composite_band(task: Task, surfaces: Surfaces, counts: ScanCounts, a_buffer: ABuffer) -> Translucent | None:
@@ -138,7 +138,7 @@ def composite_band(task: Task, surfaces: Surfaces, counts: ScanCounts, a_buffer:
     for first, end in split_samples(a_buffer.starts, a_buffer.first_samples):
         base, stop = int(a_buffer.starts[first]), int(a_buffer.starts[end])
         if base < stop:
-            entries = task.memory.workspace.room.array("fragments", stop - base)
+            entries = task.memory.workspace.room.array("fragments", (stop - base,))
             lists = FragmentLists(first, end, base, entries, *a_buffer.lists, False, np.zeros(1, np.int64))
             rows = rows_of(lists, a_buffer)
             list_rows(task, surfaces, lists, rows)

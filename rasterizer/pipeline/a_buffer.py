@@ -19,6 +19,7 @@ everywhere. The lists of a range of samples are worked on at a time, so that a t
 entries.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from ..compiler.kernels import helper, index, kernel
 from . import setup as s
 from .fill import fill_spans
 from .scan import Deferred, Payload, box_of, surface_of
-from .visibility import STRIP_SHIFT
+from .visibility import strip_of
 
 MOST_FRAGMENTS = 2**22  # of all lists that a thread works on at a time: 32 MB; more where a sample alone has more
 FEW = 32  # lists that are longer on the average are filled in the order of depth, so that little is left to sort
@@ -40,9 +41,9 @@ class Room:
     def __init__(self):
         self._arrays: dict[str, np.ndarray] = {}
 
-    def array(self, name: str, shape, dtype=np.int64) -> np.ndarray:
+    def array(self, name: str, shape: tuple[int, ...], dtype=np.int64) -> np.ndarray:
         """Return an array that holds anything; one of the same name is lost."""
-        n = int(np.prod(shape))
+        n = math.prod(shape)
         if name not in self._arrays or len(self._arrays[name]) < n or self._arrays[name].dtype != dtype:
             self._arrays[name] = np.empty(n, dtype)
         return self._arrays[name][:n].reshape(shape)
@@ -85,27 +86,23 @@ class FragmentLists(NamedTuple):
 
 
 def make_a_buffer(room: Room, extents, n_row, n_channel) -> ABuffer:
-    """Return the A-buffer of a band: all lists are empty, and nothing is shown.
+    """Return the A-buffer of a band: nothing is listed, and nothing is shown.
 
     Parameters
     ----------
     extents : VisibilityBuffer, of which only the extents are read
     """
-    strips = np.arange(n_row) >> STRIP_SHIFT
-    widths = np.maximum(extents.right - extents.left, 0)
-    first_samples = np.zeros(n_row + 1, np.int64)
-    np.cumsum(widths[strips], out=first_samples[1:])
-    n_sample = int(first_samples[-1])
+    columns, first_samples = np.empty(n_row, np.int64), np.empty(n_row + 1, np.int64)
+    n_sample = number_samples(extents, columns, first_samples)
     a_buffer = ABuffer(
-        first_samples[:-1] - np.where(widths > 0, extents.left, 0)[strips],
+        columns,
         first_samples,
-        room.array("cursors", n_sample),
-        room.array("starts", n_sample + 1),
-        room.array("transmittance", n_sample, np.float64),
-        room.array("opacity", n_sample, np.float64),
+        room.array("cursors", (n_sample,)),
+        room.array("starts", (n_sample + 1,)),
+        room.array("transmittance", (n_sample,), np.float64),
+        room.array("opacity", (n_sample,), np.float64),
         room.array("color", (n_channel, n_sample), np.float64),
     )
-    a_buffer.cursors.fill(0)
     a_buffer.transmittance.fill(1.0)
     a_buffer.opacity.fill(0.0)
     a_buffer.color.fill(0.0)
@@ -139,6 +136,21 @@ def split_samples(starts, first_samples):
 
 
 # ---------------------------------------------------------------- kernels
+
+
+@kernel
+def number_samples(extents, out_columns, out_first_samples):
+    """Number the samples in the extents of a band; return how many there are.
+
+    `out_columns` is (n_row,) int64, `out_first_samples` (n_row + 1,).
+    """
+    n_sample = np.int64(0)
+    for row in range(len(out_columns)):
+        left, right = extents.left[strip_of(row)], extents.right[strip_of(row)]
+        out_columns[index(row)], out_first_samples[index(row)] = n_sample - left, n_sample
+        n_sample += max(right - left, 0)
+    out_first_samples[index(len(out_columns))] = n_sample
+    return n_sample
 
 
 @kernel

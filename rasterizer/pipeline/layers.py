@@ -32,6 +32,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from .records import material_of
+from .simd import PLANE_GROUP
 from .visibility import (
     CLEAR,
     MAX_RECORDS,
@@ -109,12 +110,12 @@ def make_layer(room, extents, rows, radiance, texels) -> Layer:
     # Entries are found by row · pitch + column: those before the first column are never touched.
     n = first + (rows.y_end - rows.y_start) * pitch
     visibility = VisibilityBuffer(
-        room.array("entries", n), pitch, extents.width, left, right, extents.materials[strips],
+        room.array("entries", (n,)), pitch, extents.width, left, right, extents.materials[strips],
         extents.other_left[strips], extents.other_right[strips],
     )  # fmt: skip
     return Layer(
         visibility, rows.y_start, rows.y_end, room.array("radiance", (len(radiance), n), radiance.dtype),
-        room.array("texels", (len(texels), n), texels.dtype), room.array("shares", pitch, np.float64),
+        room.array("texels", (len(texels), n), texels.dtype), room.array("shares", (pitch,), np.float64),
     )  # fmt: skip
 
 
@@ -138,6 +139,10 @@ def show_layer(number, layer, lists, transmittance, least):
         for row in range(first_row, min(first_row + (1 << STRIP_SHIFT), layer.end_row)):
             start = index((row - layer.first_row) * visibility.pitch + left)
             entries = visibility.entries[start : start + index(max(right - left, 0))]
+            for k in range(
+                start + index(len(entries)), start + index(len(entries) + PLANE_GROUP if left < right else 0)
+            ):
+                visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
             show_row(entries, lists.columns[index(row)] + left, number, lists, transmittance, least)
             first, end = shown_extent(entries)
             next_left = min(next_left, left + first if first < end else NO_START)

@@ -72,6 +72,7 @@ def resolve(visibility, radiance, translucent, y_start, y_end, factor, encoding,
     return resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, batch, out)
 
 
+@helper
 def is_plain(n_channel, encoding, out) -> bool:
     """Tell whether pixels are encoded as they are: bytes alone are asked for, and nothing is to mix or to scale."""
     is_clamped = encoding.policy == RANGE_CLAMP and not encoding.has_background
@@ -130,7 +131,8 @@ def resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, bat
 @kernel
 def resolve_translucent(visibility, radiance, translucent, rows, factor, encoding, batch, out):
     """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns."""
-    n_covered, n_channel, (y_start, y_end) = np.int64(0), radiance.shape[0], rows
+    entries, n_covered, n_channel, (y_start, y_end) = visibility.entries, np.int64(0), radiance.shape[0], rows
+    is_direct = factor == 1 and is_plain(n_channel, encoding, out)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = covered_columns(visibility, row, factor)
@@ -142,15 +144,17 @@ def resolve_translucent(visibility, radiance, translucent, rows, factor, encodin
             is_weighted = weighted <= left < weighted_end
             stretch_end = weighted if left < weighted else weighted_end if is_weighted else end
             n, here = index(min(stretch_end - left, BATCH_SIZE)), (row, left)
+            if is_direct and not is_weighted:
+                n, start = index(stretch_end - left), index(row * visibility.pitch + left)
+                n_covered += encode_samples(
+                    entries[start : start + n], radiance, start, out.rgba[index(j), index(left) :]
+                )
+                left = stretch_end
+                continue
             if is_weighted:
                 n_covered += weight_samples(visibility, radiance, translucent, here, factor, n, batch.values)
-            elif factor == 1:
-                start = index(row * visibility.pitch + left)
-                n_covered += gather_samples(visibility.entries[start : start + n], radiance, start, batch.values)
             else:
-                n_covered += average_samples(
-                    visibility.entries, visibility.pitch, radiance, here, factor, n, batch.values
-                )
+                n_covered += average_samples(entries, visibility.pitch, radiance, here, factor, n, batch.values)
             write_pixels(batch, n, n_channel, encoding, (j, left), out)
             left += np.int64(n)
     clear(visibility, (y_end - y_start) * factor)

@@ -18,7 +18,7 @@ from .fill import Box, Depths, Plane, Surface, Triangle, fill_box, fill_spans
 from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NormalCoding, compute_gradients
 from .records import write_exact, write_normals, write_values
 from .simd import MOST_HIGH, MOST_WIDE
-from .visibility import IS_EXACT, VisibilityBuffer, id_payload, make_extents, note_extent, note_material, pack
+from .visibility import IS_EXACT, VisibilityBuffer, id_payload, note_extent, note_material, pack
 
 
 class Payload(NamedTuple):
@@ -64,9 +64,9 @@ class Deferred(NamedTuple):
         return self._replace(faces=self.faces[:n], payloads=self.payloads[:n])
 
 
-def make_deferred(n, n_row) -> Deferred:
-    """Return room for n triangles of a band of `n_row` rows."""
-    return Deferred(np.empty(n, np.uint32), np.empty(n, np.int64), make_extents(n_row), np.zeros(4, np.int64))
+def make_deferred(n, extents) -> Deferred:
+    """Return room for n triangles; `extents` is what `make_extents` returns, clear."""
+    return Deferred(np.empty(n, np.uint32), np.empty(n, np.int64), extents, np.zeros(4, np.int64))
 
 
 @kernel

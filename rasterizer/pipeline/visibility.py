@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import helper, index, kernel
 from ..compiler.widths import ID_BIT
 from .simd import MOST_WIDE
 from .transform import DEPTH_BITS
@@ -152,6 +152,12 @@ def clear(visibility, n_row):
             start = row * index(visibility.pitch)
             for k in range(start + index(left), start + index(right + PADDING)):
                 entries[k] = CLEAR
+    forget_extents(visibility)
+
+
+@kernel
+def forget_extents(visibility):
+    """Forget all extents and materials."""
     for strip in range(index(len(visibility.left))):
         visibility.left[strip], visibility.right[strip] = NO_START, NO_END
         visibility.other_left[strip], visibility.other_right[strip] = NO_START, NO_END

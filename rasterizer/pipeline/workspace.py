@@ -9,7 +9,7 @@ from .fragments import make_batch
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
-from .visibility import VisibilityBuffer, make_visibility_buffer
+from .visibility import VisibilityBuffer, make_extents, make_visibility_buffer
 
 
 class Workspace(NamedTuple):
@@ -23,7 +23,9 @@ class Workspace(NamedTuple):
     double_batch: np.ndarray  # the same in float64
     pixels: PixelBatch  # for the resolve stage
     texels: np.ndarray  # (4, n_row * pitch) float64; (0, n_row * pitch) where the scene has no textures
-    room: Room | None  # for the A-buffer; None where the scene has no transparent surfaces
+    # None where the scene has no transparent surfaces:
+    room: Room | None  # for the A-buffer
+    extents: VisibilityBuffer | None  # clear, without entries: for those of transparent surfaces
 
 
 class WorkspaceKind(NamedTuple):
@@ -78,6 +80,7 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
         make_pixel_batch(),
         np.zeros((4 if kind.is_textured else 0, n_sample)),
         Room() if kind.is_transparent else None,
+        make_extents(kind.n_row) if kind.is_transparent else None,
     )
 
 
