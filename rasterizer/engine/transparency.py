@@ -149,14 +149,19 @@ def composite_band(task: Task, surfaces: Surfaces, counts: ScanCounts, a_buffer:
 
 def rows_of(lists: FragmentLists, a_buffer: ABuffer) -> Rows:
     """Return the rows of the band that a range of samples reaches."""
+    if lists.end - lists.first == len(a_buffer.cursors):
+        return Rows(0, len(a_buffer.columns))
     y_start = int(np.searchsorted(a_buffer.first_samples, lists.first, side="right")) - 1
     return Rows(y_start, int(np.searchsorted(a_buffer.first_samples, lists.end)))
 
 
 def split_rows(rows: Rows, a_buffer: ABuffer):
     """Divide rows of a band into strips, as many at a time as have MOST_SHADED samples."""
-    strip = 1 << STRIP_SHIFT
-    widest = int(np.diff(a_buffer.first_samples[rows.y_start : rows.y_end + 1]).max())
+    strip, first_samples = 1 << STRIP_SHIFT, a_buffer.first_samples
+    if first_samples[rows.y_end] - first_samples[rows.y_start] <= MOST_SHADED:
+        yield Rows(rows.y_start // strip * strip, rows.y_end)
+        return
+    widest = int(np.diff(first_samples[rows.y_start : rows.y_end + 1]).max())
     n_row = max(MOST_SHADED // widest // strip, 1) * strip
     for y in range(rows.y_start // strip * strip, rows.y_end, n_row):
         yield Rows(y, min(y + n_row, rows.y_end))

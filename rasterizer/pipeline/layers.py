@@ -139,10 +139,9 @@ def show_layer(number, layer, lists, transmittance, least):
         for row in range(first_row, min(first_row + (1 << STRIP_SHIFT), layer.end_row)):
             start = index((row - layer.first_row) * visibility.pitch + left)
             entries = visibility.entries[start : start + index(max(right - left, 0))]
-            for k in range(
-                start + index(len(entries)), start + index(len(entries) + PLANE_GROUP if left < right else 0)
-            ):
-                visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
+            if left < right:
+                for k in range(start + index(right - left), start + index(right - left + PLANE_GROUP)):
+                    visibility.entries[k] = CLEAR  # planes are evaluated for some samples more
             show_row(entries, lists.columns[index(row)] + left, number, lists, transmittance, least)
             first, end = shown_extent(entries)
             next_left = min(next_left, left + first if first < end else NO_START)
