@@ -152,13 +152,19 @@ def clear(visibility, n_row):
             start = row * index(visibility.pitch)
             for k in range(start + index(left), start + index(right + PADDING)):
                 entries[k] = CLEAR
-    forget_extents(visibility)
+    forget(visibility)
 
 
-@kernel
-def forget_extents(visibility):
+@helper
+def forget(visibility):
     """Forget all extents and materials."""
     for strip in range(index(len(visibility.left))):
         visibility.left[strip], visibility.right[strip] = NO_START, NO_END
         visibility.other_left[strip], visibility.other_right[strip] = NO_START, NO_END
         visibility.materials[strip] = -1
+
+
+@kernel
+def forget_extents(visibility):
+    """Forget all extents and materials of a buffer without entries."""
+    forget(visibility)
