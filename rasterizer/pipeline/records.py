@@ -110,11 +110,14 @@ def write_values(records, n_record, k, face, n_attribute, coding, block):
 
 @helper
 def write_normals(records, n_record, k, face, n_attribute, coding, block):
-    """Write record number `n_record`, planes of normals, behind them those of the albedo if there is one; return its
-    length in units."""
+    """Write record number `n_record`, planes of normals, behind them those of the albedo if the material has one;
+    return its length in units.
+
+    Other materials of the block may have more attributes, which are in exact records.
+    """
     first = begin_planes(records, n_record, k, face, block)
     write_planes(records.float_planes, first, k, 0, 3, block)
-    if n_attribute < 6:
+    if coding.n_attributes[block.ints[s.MATERIAL + k]] < 6:
         return NORMAL_UNITS
     write_value_group(records.float_planes, first + index(NORMAL_GROUP), k, 3, 3, block)
     return ALBEDO_UNITS
