@@ -141,17 +141,19 @@ class Renderer:
             return self._render(camera)
 
     def _list_needs(self) -> dict:
-        """Return the kernels that a picture needs, {(function, signature): True}, found out by drawing a small one in
+        """Return the kernels that a picture needs, {(function, signature): True}, found out by drawing small ones in
         Python; what only the whole scene needs, such as clipping, is compiled when it is met."""
         import logging
 
-        from .scene.sample import SIZE, sample_scene
+        from .scene.sample import SIZE, sample_scene, sample_views
 
         options = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
         with noting_needs() as needs:
             try:
-                with Renderer(sample_scene(self.scene), **options | {"size": SIZE, "threads": 1}) as renderer:
-                    renderer.render()
+                sample = sample_scene(self.scene)
+                with Renderer(sample, **options | {"size": SIZE, "threads": 1}) as renderer:
+                    for camera in sample_views(sample):
+                        renderer.render(camera)
             except RasterizerError as fault:  # what was noted until then is of use
                 logging.getLogger("rasterizer").info(
                     "not all kernels that the picture needs are known ahead: %s", fault
