@@ -46,23 +46,24 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
         out = light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, here)
         textured = [group for group in here if plan.materials[group.material].texture is not None]
         if textured:
-            out = add_textured(out, textured, geometry, plan, lighting, screen, normal_offsets, threads)
+            out = add_textured(out, here, textured, geometry, plan, lighting, screen, normal_offsets, threads)
         found[dtype] = fill_centers(out, geometry, here, threads)
     return Attributes(*found.values())
 
 
-def add_textured(whole, groups, geometry, plan, lighting, screen, normal_offsets, threads) -> np.ndarray:
-    """Add what textured surfaces have beside the intensities `whole`: see `light_all`."""
+def add_textured(whole, groups, textured, geometry, plan, lighting, screen, normal_offsets, threads) -> np.ndarray:
+    """Add what the textured ones of some groups of points have beside the intensities `whole`: see `light_all`."""
     n_side, n_point, n_channel = whole.shape
     # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-    black = geometry._replace(albedo=np.zeros_like(geometry.albedo))
-    rest = light(black, plan, lighting, screen, n_side, normal_offsets, threads, groups)
+    black = geometry._replace(albedo=np.zeros(geometry.albedo.shape))
+    rest = light(black, plan, lighting, screen, n_side, normal_offsets, threads, textured)
     out = np.zeros((n_side, n_point, 2 * n_channel + 2), whole.dtype)
-    out[:, :, :n_channel] = whole
-    for _, start, end in groups:
-        out[:, start:end, :n_channel] = rest[:, start:end]
-        out[:, start:end, n_channel : 2 * n_channel] = whole[:, start:end]
-        out[:, start:end, 2 * n_channel :] = geometry.uv[start:end]
+    for group in groups:
+        here = slice(group.start, group.end)
+        out[:, here, :n_channel] = rest[:, here] if group in textured else whole[:, here]
+        if group in textured:
+            out[:, here, n_channel : 2 * n_channel] = whole[:, here]
+            out[:, here, 2 * n_channel :] = geometry.uv[here]
     return out
 
 

@@ -13,6 +13,7 @@ def list_opacities(materials, least) -> Opacity:
     return Opacity(
         np.array([material.opacity for material in materials]),
         np.array([material.is_opaque for material in materials], np.bool_),
+        np.array([material.texture is not None for material in materials], np.bool_),
         least,
     )
 

@@ -93,6 +93,7 @@ class Opacity(NamedTuple):
 
     opacity: np.ndarray  # (n_material,) float64
     is_opaque: np.ndarray  # (n_material,) bool: also the texture is
+    is_textured: np.ndarray  # (n_material,) bool
     least: float  # when no more is transmitted, what lies behind is left out
 
 
@@ -100,8 +101,13 @@ def make_a_buffer(visibility, n_channel, is_used) -> ABuffer:
     """Return the A-buffer of a band with this visibility buffer; without room where it isn't used."""
     n_sample = len(visibility.entries) if is_used else 0
     whole, real = (lambda n: np.zeros(n, np.int64)), (lambda *shape: np.zeros(shape))
+    left, right = np.zeros_like(visibility.left), np.zeros_like(visibility.right)
     layer = visibility._replace(
-        entries=whole(n_sample), left=np.zeros_like(visibility.left), right=np.zeros_like(visibility.right)
+        entries=whole(n_sample),
+        left=left,
+        right=right,
+        other_left=left,
+        other_right=right,  # any materials
     )
     return ABuffer(
         layer, whole(n_sample), whole(n_sample + 1), real(n_sample), real(n_sample), real(n_channel, n_sample)
@@ -243,13 +249,15 @@ def composite(visibility, records, a_buffer, lists, depth, radiance, texels, opa
     lists : FragmentLists
     radiance : (n_channel, n_row * pitch) of the layer
     texels : (4, n_row * pitch), of which the last is alpha; (0, n_row * pitch) where the scene has no textures
+    opacity : Opacity
     """
     layer = a_buffer.layer
     opaque, entries = visibility.entries, layer.entries
     fragments, starts = lists.entries, lists.starts
     transmittance, opacities, color = a_buffer.transmittance, a_buffer.opacity, a_buffer.color
     base = starts[index(lists.first)]
-    is_more, last_record, last_alpha = False, index(MAX_RECORDS), 0.0  # neighbours often show the same triangle
+    is_more, is_textured = False, False
+    last_record, last_alpha = index(MAX_RECORDS), 0.0  # neighbours often show the same triangle
     n_row = lists.end_row - lists.first_row
     for first in range(0, n_row, 1 << STRIP_SHIFT):
         strip = strip_of(first)
@@ -265,9 +273,11 @@ def composite(visibility, records, a_buffer, lists, depth, radiance, texels, opa
                 if entry != opaque[sample]:
                     record = record_of(entry)
                     if record != last_record:
-                        last_record, last_alpha = record, opacity.opacity[material_of(entry, records)]
+                        material = material_of(entry, records)
+                        last_record, last_alpha = record, opacity.opacity[material]
+                        is_textured = opacity.is_textured[material]
                     alpha = last_alpha
-                    if texels.shape[0] > 0:
+                    if is_textured:
                         alpha *= texels[3, k]
                 before = transmittance[sample] if depth > 0 else 1.0
                 share, after = before * alpha, before * (1.0 - alpha)

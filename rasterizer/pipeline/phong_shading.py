@@ -37,7 +37,7 @@ from .power import is_single
 from .records import DEPTH, FIRST_GROUP, NORMAL_GROUP, SIDE, face_of, material_of, plane_group
 from .shade import fill_weights
 from .simd import evaluate_planes, evaluate_values
-from .visibility import IS_ID, PAYLOAD_BITS, record_of
+from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
 
@@ -76,9 +76,13 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, tint, is
         y, (first, right) = band.y_start + j, row_extent(visibility, j)
         while first < right:
             start = index(j * visibility.pitch + first)
-            entries = visibility.entries[start : start + index(min(right - first, BATCH_SIZE))]
-            n, material = run_of_material(entries, band, shown)
-            entries = entries[: index(n)]
+            end, material = stretch_of(visibility, strip_of(j), first, right, shown.material)
+            n = min(end - first, BATCH_SIZE)
+            if material < 0:
+                n, material = run_of_material(visibility.entries[start : start + index(n)], band, shown)
+            elif not is_lit_here(material, band, shown):
+                n, material = end - first, np.int64(-1)
+            entries = visibility.entries[start : start + index(n)]
             if material >= 0:
                 gather_fragments(entries, band, (first, y), lighting.has_albedo[material], screen, is_double, batch)
                 interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
@@ -110,26 +114,29 @@ def select_materials(band, is_double):
 
 
 @helper
+def is_lit_here(material, band, shown):
+    """Tell whether a call is for a material."""
+    return shown.is_all or bool(band.coding.needs[material] & NEEDS_DOUBLE) == shown.is_double
+
+
+@helper
 def run_of_material(entries, band, shown):
     """Return the length of a run of samples, and the one material that is to be lit there; -1 where there is none.
 
     Samples that show nothing, or what is not lit by this call, belong to any run. But those that were lit by the call
     before, in float32, belong to none.
     """
-    if shown.material >= 0:
-        return len(entries), shown.material
     material, is_second = np.int64(-1), shown.is_double and not shown.is_all
     for k in range(index(len(entries))):
         here = np.int64(-1)
         if entries[k] & IS_ID:
             here = material_of(entries[k], band.records)
-            is_double = bool(band.coding.needs[here] & NEEDS_DOUBLE)
-            here = here if is_double == shown.is_double else np.int64(-1)
+            here = here if is_lit_here(here, band, shown) else np.int64(-1)
         if here != material and (here >= 0 or is_second):
             if material >= 0 or (is_second and k > 0):
                 return np.int64(k), material
             material = here
-    return len(entries), material
+    return np.int64(len(entries)), material
 
 
 @helper

@@ -18,7 +18,7 @@ from .fill import Box, Depths, Plane, Surface, Triangle, fill_box, fill_spans
 from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NormalCoding, compute_gradients
 from .records import write_exact, write_normals, write_values
 from .simd import MOST_HIGH, MOST_WIDE
-from .visibility import id_payload, note_extent, pack
+from .visibility import id_payload, note_extent, note_material, pack
 
 
 class Payload(NamedTuple):
@@ -110,7 +110,11 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
                     n_exact += 1
                 if is_deferred(k, some[k], payload, coding, block, deferred):
                     continue
-            note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
+            first_row, end_row = box.top - band.y_start, box.bottom - band.y_start
+            note_extent(visibility, box.left, box.right, first_row, end_row)
+            if len(coding.ways) > 1:
+                here = np.int64(block.ints[s.MATERIAL + k])
+                note_material(visibility, box.left, box.right, first_row, end_row, here)
             fill(visibility, band.y_start, box, k, payload, block)
     return n_level, n_plane, n_exact, needs, material
 

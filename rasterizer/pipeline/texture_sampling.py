@@ -2,7 +2,7 @@
 a scene has any.
 
 In:  the band's visibility entries and its exact records (records.py), two attributes of which are texture coordinates.
-Out: `texels`, red, green, blue and alpha of the texture, a plane each; 1 where the visible surface has none.
+Out: `texels`, red, green, blue and alpha of the texture, a plane each; anything where the visible surface has none.
 
     u, v   texture coordinates, any number; v points up      s, t   the same within the picture, 0..1; t points down
 
@@ -27,11 +27,10 @@ from .interpolate import (
     mean,
     next_exact_run,
     row_extent,
-    run_end,
     weight_steps,
 )
 from .records import ATTRIBUTE, material_of
-from .visibility import is_exact, record_of
+from .visibility import record_of, stretch_of, strip_of
 
 FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR = 0, 1, 2
 WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR = 0, 1, 2  # what lies outside the picture
@@ -61,31 +60,34 @@ def sample_textures(band, textures, batch, out_texels):
     band : ScannedBand; the records of textured surfaces are exact
     textures : Textures
     batch : see fragments.py, float64, for what is computed on the way
-    out_texels : (4, n_row * pitch) float64
+    out_texels : (4, n_row * pitch) float64; only the samples of textured surfaces are written
     """
     visibility, records = band.visibility, band.records
     for j in range(band.n_row):
-        left, right = row_extent(visibility, j)
-        if left >= right:
-            continue
-        start, n = index(j * visibility.pitch + left), index(right - left)
-        entries, k = visibility.entries[start : start + n], index(0)
-        while k < n:
-            end, texture, record = run_end(entries, k), np.int64(-1), index(0)
-            if is_exact(entries[k]):
-                record = record_of(entries[k])
-                texture = textures.of_materials[material_of(entries[k], records)]
-            if texture >= 0:
-                for first in range(k, end, index(BATCH_SIZE)):
-                    last = min(first + index(BATCH_SIZE), end)
-                    sample = left + np.int64(first), band.y_start + j
-                    out = out_texels[:, start + first : start + last]
-                    sample_run(records, record, sample, textures, index(texture), batch, out)
-            else:
-                for channel in range(index(4)):
-                    for i in range(start + k, start + end):
-                        out_texels[channel, i] = 1.0
-            k = end
+        first, right = row_extent(visibility, j)
+        while first < right:
+            end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
+            start = index(j * visibility.pitch + first)
+            if material < 0 or textures.of_materials[material] >= 0:
+                out = out_texels[:, start : start + index(end - first)]
+                entries = visibility.entries[start : start + index(end - first)]
+                sample_stretch(entries, records, (first, band.y_start + j), textures, batch, out)
+            first = end
+
+
+@helper
+def sample_stretch(entries, records, first, textures, batch, out):
+    """Look textures up at the samples of a row; `first` is the sample (x, y) of the first entry."""
+    start, end = next_exact_run(entries, index(0))
+    while start < end:
+        record = record_of(entries[start])
+        texture = textures.of_materials[material_of(entries[start], records)]
+        if texture >= 0:
+            for k in range(start, end, index(BATCH_SIZE)):
+                last = min(k + index(BATCH_SIZE), end)
+                sample = first[0] + np.int64(k), first[1]
+                sample_run(records, record, sample, textures, index(texture), batch, out[:, k:last])
+        start, end = next_exact_run(entries, end)
 
 
 @helper
