@@ -107,7 +107,7 @@ class Renderer:
             spectral=spectral,
             threads=threads,
         )
-        with compiling_ahead(self._list_needs):
+        with compiling_ahead(lambda: self._list_needs(self.scene.camera)):
             self._prepared = PreparedScene(self.scene, self.options)
         self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
         self._is_closed = False
@@ -137,12 +137,18 @@ class Renderer:
 
         Raises SceneError for what is no camera, and after `close`.
         """
-        with self._prepared.threads.turn, compiling_ahead(self._list_needs):
+        camera = self.scene.camera_for(self.options.size) if camera is None else camera
+        if not isinstance(camera, Camera):
+            raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
+        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
             return self._render(camera)
 
-    def _list_needs(self) -> dict:
-        """Return the kernels that a picture needs, {(function, signature): True}, found out by drawing small ones in
-        Python; what only the whole scene needs, such as clipping, is compiled when it is met."""
+    def _list_needs(self, camera: Camera | None) -> dict:
+        """Return the kernels that a picture through a camera needs, {(function, signature): True}.
+
+        They are found out by drawing small ones in Python. What only the whole scene needs, such as clipping, is
+        compiled when it is met.
+        """
         import logging
 
         from .scene.sample import SIZE, sample_scene, sample_views
@@ -152,8 +158,8 @@ class Renderer:
             try:
                 sample = sample_scene(self.scene)
                 with Renderer(sample, **options | {"size": SIZE, "threads": 1}) as renderer:
-                    for camera in sample_views(sample):
-                        renderer.render(camera)
+                    for view in sample_views(sample, self.scene, camera):
+                        renderer.render(view)
             except RasterizerError as fault:  # what was noted until then is of use
                 logging.getLogger("rasterizer").info(
                     "not all kernels that the picture needs are known ahead: %s", fault
@@ -164,9 +170,6 @@ class Renderer:
         """Draw the picture if one is wanted, then the buffers."""
         if self._is_closed:
             raise SceneError("this Renderer is closed; make a new one")
-        camera = self.scene.camera_for(self.options.size) if camera is None else camera
-        if not isinstance(camera, Camera):
-            raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
         prepared, outputs, clock = self._prepared, self.options.outputs, Clock()
         arrays, rgba, counts, error_bound, steps = {}, None, None, 0.0, ()
         if "color" in outputs or "rgb" in outputs:

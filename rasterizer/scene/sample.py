@@ -25,7 +25,7 @@ MOST_MESHES = 32
 MOST_KINDS = 16  # of materials, of a mesh and of all views
 SMALL_MAP = 16  # texels
 MOST_FACES = 4  # of a mesh of one material, without polygons
-DISTANCE = 4.0  # of the eye from a face, half diagonals of the scene
+DISTANCE = 5.0  # of the furthest point from a camera that shows the whole scene, half diagonals
 _ATTRIBUTES = "normals", "uv", "colors", "face_colors", "smoothing", "face_material", "polygons"
 
 
@@ -126,25 +126,40 @@ def _faces_of_kinds(mesh: Mesh, fatness: NDArray[np.float64]) -> Iterable[tuple[
             yield int(np.where(kinds_of_faces == k, fatness, -1.0).argmax()), kind
 
 
-def sample_views(scene: Scene) -> list[Camera]:
-    """Return the views in which a picture of SIZE pixels shows what its kinds of materials need, one a kind.
+def sample_views(sample: Scene, scene: Scene, camera: Camera | None) -> list[Camera]:
+    """Return the views in which a picture of SIZE pixels shows what the kinds of materials need, one a kind.
 
-    Each looks at the front of a face, which reaches into most of the picture, from as far away as a view of the whole
-    scene does. Where something is transparent, there is one more, in which nothing is seen.
+    Each looks at the front of a face, which reaches into most of the picture. The furthest point of the sample is about
+    as far away as that of the whole scene is from the camera, because float32 has digits for a distance or not. Where
+    something is transparent, there is one more view, in which nothing is seen.
+
+    Parameters
+    ----------
+    sample : what is drawn, of `sample_scene`
+    scene : what it is a sample of
+    camera : that of the whole scene; None = one that shows all of it
     """
-    bounds = np.stack([mesh.bounds for mesh in scene.meshes])
-    distance = 0.5 * DISTANCE * math.hypot(*(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
-    is_perspective = scene.camera is None or scene.camera.is_perspective
+    (low, high), reach = _bounds_of(scene), 0.5 * math.dist(*_bounds_of(sample))
+    furthest = 0.5 * DISTANCE * math.dist(low, high)
+    if camera is not None:
+        furthest = math.hypot(*np.maximum(abs(low - camera.position), abs(high - camera.position)))
+    distance, is_perspective = max(furthest - reach, 0.1 * furthest), camera is None or camera.is_perspective
     views: dict[object, Camera] = {}
-    for mesh in scene.meshes:
+    for mesh in sample.meshes:
         fatness = _fatness_of(mesh.vertices, mesh.faces)
         for face, kind in _faces_of_kinds(mesh, fatness):
             if kind not in views and len(views) < MOST_KINDS and fatness[face] > 0.0:
                 views[kind] = _view_of_face(mesh.vertices[mesh.faces[face]], distance, is_perspective)
-    found = list(views.values()) or [scene.camera_for((SIZE, SIZE))]
-    if not all(material.is_opaque for mesh in scene.meshes for material in mesh.palette):
+    found = list(views.values()) or [sample.camera_for((SIZE, SIZE))]
+    if not all(material.is_opaque for mesh in sample.meshes for material in mesh.palette):
         found.append(_beside(found[0], distance))
     return found
+
+
+def _bounds_of(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the lowest and the highest coordinates of all meshes, (3,) each."""
+    bounds = np.stack([mesh.bounds for mesh in scene.meshes])
+    return bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
 
 
 def _view_of_face(corners: NDArray[np.float64], distance: float, is_perspective: bool) -> Camera:
