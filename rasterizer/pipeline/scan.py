@@ -15,7 +15,7 @@ import numpy as np
 from ..compiler.kernels import choice, helper, index, kernel
 from . import setup as s
 from .fill import Box, Depths, Plane, Surface, Triangle, fill_box, fill_spans
-from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NormalCoding, compute_gradients
+from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NEEDS_CORNERS, NormalCoding, compute_gradients
 from .records import write_exact, write_normals, write_values
 from .simd import MOST_HIGH, MOST_WIDE
 from .visibility import id_payload, note_extent, note_material, pack
@@ -86,7 +86,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         needs |= of_block
         material = np.int64(-1) if has_others else material
         s.order_vertices(block)
-        s.gather_attributes(len(some), n_attribute, drawables, coding.is_double, block)
+        s.gather_attributes(len(some), n_attribute, drawables, coding.reads_double, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)
@@ -101,13 +101,14 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
             else:
                 has_planes = block.ints[s.HAS_PLANES + k] != 0
                 payload = Payload(id_payload(n_record, not has_planes), np.int64(0), np.int64(0))
-                if has_planes:
-                    n_record += write_planes(records, n_record, k, some[k], n_attribute, coding, block)
-                    n_plane += 1
-                else:
+                n_unit = np.int64(1)
+                if not has_planes or needs_corners(k, coding, block):
                     write_exact(records, n_record, k, some[k], n_attribute, coding, block)
-                    n_record += 1
-                    n_exact += 1
+                if has_planes:
+                    n_unit = write_planes(records, n_record, k, some[k], coding, block)
+                n_record += n_unit
+                n_plane += has_planes
+                n_exact += not has_planes
                 if is_deferred(k, some[k], payload, coding, block, deferred):
                     continue
             first_row, end_row = box.top - band.y_start, box.bottom - band.y_start
@@ -140,16 +141,22 @@ def look_at_materials(n, material, coding, block):
     return n_attribute, needs, others != 0
 
 
-def choose_writer(records, n_record, k, face, n_attribute, coding, block):
+@helper
+def needs_corners(k, coding, block):
+    """Tell whether triangle k needs an exact record beside its planes."""
+    return coding.needs[block.ints[s.MATERIAL + k]] & NEEDS_CORNERS != 0
+
+
+def choose_writer(records, n_record, k, face, coding, block):
     """Return what is compiled in the place of `write_planes`: only what the coding needs."""
     return write_normals if coding.instance_class is NormalCoding else write_values
 
 
 @choice(choose_writer)
-def write_planes(records, n_record, k, face, n_attribute, coding, block):
+def write_planes(records, n_record, k, face, coding, block):
     """Write record number `n_record`, the planes of triangle k of the block; return its length in units."""
     write = write_normals if isinstance(coding, NormalCoding) else write_values
-    return write(records, n_record, k, face, n_attribute, coding, block)
+    return write(records, n_record, k, face, coding, block)
 
 
 @helper

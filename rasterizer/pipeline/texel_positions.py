@@ -26,7 +26,7 @@ from .lookup_batch import (
     bits_of,
     from_bits,
 )
-from .texture_sampling import WRAP_REPEAT
+from .textures import WRAP_REPEAT
 
 HALF_WORD, LOW_BITS = np.int32(16), np.int32(0xFFFF)
 WEIGHT_BITS = np.int32(15)

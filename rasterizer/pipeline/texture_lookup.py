@@ -21,6 +21,7 @@ Work goes row by row, in loops without branches. Only texels are read sample by 
 import numpy as np
 
 from ..compiler.kernels import helper, index
+from ..compiler.widths import PLANE_GROUP
 from .lookup_batch import (
     INV_W,
     INV_W_DX,
@@ -48,7 +49,7 @@ from .lookup_batch import (
 from .texel_blend import blend_mip_levels, blend_texels, fetch_texels
 from .texel_positions import find_nearest_texels, find_texels, find_texels_of_picture
 from .texture_planes import REFERENCE_BITS
-from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR
+from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR
 
 SQUARE_LIMIT = np.float32(2.0**60)
 
@@ -59,7 +60,7 @@ def sample_batch(batch, n, texture, out, start, stride):
 
     Parameters
     ----------
-    batch : LOOKUP_SHAPE float32, with the planes of the samples; they are lost
+    batch : LOOKUP_SHAPE float32, with the planes of the samples, up to the next multiple of four; they are lost
     texture : PackedTexture
     out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
         up to the next multiple of four may be written, too
@@ -69,6 +70,7 @@ def sample_batch(batch, n, texture, out, start, stride):
     whether any sample is to be looked up exactly: those where the row IS_DOUBTFUL isn't 0. Only with the filter
     "nearest", next to the border of two texels
     """
+    n = (n + PLANE_GROUP - 1) // PLANE_GROUP * PLANE_GROUP  # texels are read for so many
     divide_planes(batch, n)
     wrap_texcoords(batch, n, texture)
     if texture.filter == FILTER_NEAREST:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from .texel_positions import NEAREST_ERROR, PackedTexture, first_texel
-from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_REPEAT, Textures
+from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_REPEAT, Textures
 
 OF_S, OF_T, OF_LEVEL, ALWAYS = range(4)  # columns of `errors`
 # What a lookup loses itself, see `texture_error`.
