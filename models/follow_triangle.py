@@ -292,8 +292,8 @@ def edges_of(way: Way) -> tuple:
     The middle vertex is v1: it lies on the right.
     """
     corners = Triangle(*of_block(way.block.ints, s.X0, 6))
-    top, middle = first_sample.py_func(corners.y0), first_sample.py_func(corners.y1)
-    start = start_edge.py_func
+    top, middle = first_sample(corners.y0), first_sample(corners.y1)
+    start = start_edge
     return (
         start(corners.x0, corners.y0, corners.x2, corners.y2, top),
         start(corners.x0, corners.y0, corners.x1, corners.y1, top),
@@ -305,12 +305,12 @@ def walk_edges(way: Way):
     """Each row that has samples, with its left and its right edge, as the scan stage walks them."""
     left, right, lower = edges_of(way)
     top, bottom = of_block(way.block.ints, s.TOP, 2)
-    middle = first_sample.py_func(of_block(way.block.ints, s.Y1, 1)[0])
+    middle = first_sample(of_block(way.block.ints, s.Y1, 1)[0])
     for y in range(top, bottom):
         right = lower if y == middle else right
         if left.x < right.x:
             yield y, left, right
-        left, right = advance.py_func(left), advance.py_func(right)
+        left, right = advance(left), advance(right)
 
 
 STAGES = {
