@@ -46,7 +46,7 @@ from .lookup_batch import (
     from_bits,
 )
 from .texel_blend import blend_mip_levels, blend_texels, fetch_texels
-from .texel_positions import find_nearest_texels, find_texels, find_texels_of_picture
+from .texel_positions import locate_nearest_texels, locate_picture_texels, locate_texels
 from .texture_planes import REFERENCE_BITS
 from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR
 
@@ -72,14 +72,14 @@ def sample_batch(batch, n, texture, out, start, stride):
     divide_planes(batch, n)
     wrap_texcoords(batch, n, texture)
     if texture.filter == FILTER_NEAREST:
-        is_doubtful = find_nearest_texels(batch, n, texture)
+        is_doubtful = locate_nearest_texels(batch, n, texture)
         fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
         return is_doubtful
     if texture.filter == FILTER_TRILINEAR and fill_mip_levels(batch, n, texture):
-        find_texels(batch, n, texture)
+        locate_texels(batch, n, texture)
         blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
     else:
-        find_texels_of_picture(batch, n, texture)
+        locate_picture_texels(batch, n, texture)
         blend_texels(texture.texels, batch, TEXEL_ROWS, index(n), out, start, stride, texture.step)
     return False
 
