@@ -1,7 +1,7 @@
 """Which texels a sample needs, and their weights, from its texture coordinates and its mip level (texture_lookup.py).
 
-In:  S, T and MIP_LEVEL of a batch (lookup_batch.py). With b of n texels the fixed-point number s lies in texel
-     ⌊s·n/2^32⌋ of any mip level n texels wide: whatever the numbers are, that texel exists.
+In:  S, T and MIP_LEVEL of a batch (lookup_batch.py). The fixed-point number s lies in texel ⌊s·n/2^32⌋ of a mip level n
+     texels wide: whatever s is, that texel exists.
 Out: the rows that texel_blend.py reads.
 """
 
