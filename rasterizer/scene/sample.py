@@ -72,9 +72,8 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         chosen += first[:MOST_FACES].tolist()
     faces = np.unique(chosen)
     vertices, corners = np.unique(mesh.faces[faces], return_inverse=True)
-    changes: dict[str, Any] = {"material": _with_small_texture(mesh.material)}
-    if mesh.materials is not None:
-        changes["materials"] = tuple(map(_with_small_texture, mesh.materials))
+    palette = tuple(map(_with_small_texture, mesh.palette))
+    changes: dict[str, Any] = {"material": palette[0], "materials": palette if mesh.materials is not None else None}
     for name in _ATTRIBUTES:
         array = getattr(mesh, name)
         if array is not None:
