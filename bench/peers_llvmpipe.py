@@ -84,8 +84,10 @@ class Painter:
     @staticmethod
     def adapt(work: Work) -> tuple[Setup, str]:
         """Return what both sides can draw alike, and what differs nevertheless."""
-        is_shared = work.setup.samples > 1 and not work.setup.is_lit_per_sample
-        return work.setup, "light and texture once a pixel" if is_shared else ""
+        setup = work.setup
+        differences = ["other places of samples"] if setup.samples > 1 else []
+        differences += ["light and texture once a pixel"] if differences and not setup.is_lit_per_sample else []
+        return setup, "; ".join(differences)
 
     def _make_array(self, work: Work):
         """Load the mesh; with flat shading each face has corners of its own, and its centroid and normal."""
@@ -140,7 +142,9 @@ def _shaders(work: Work) -> tuple[str, str]:
     """Write the two shaders: where the light is evaluated depends on the shading."""
     setup = work.setup
     is_phong = setup.shading == "phong"
-    color = "both.x * texture(texels, uv).rgb + both.y" if work.is_textured else "both.x + both.y"
+    # Derivatives are those from pixel to pixel; of 4 samples two stand side by side.
+    finer = f", {-0.5 * math.log2(setup.samples)}" if setup.is_lit_per_sample else ""
+    color = f"both.x * texture(texels, uv{finer}).rgb + both.y" if work.is_textured else "both.x + both.y"
     words = {
         "VERSION": "400" if setup.is_lit_per_sample else "330",
         "COSINE": COSINES[setup.reflection],

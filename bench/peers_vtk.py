@@ -52,7 +52,8 @@ class Painter:
         if setup.is_lit_per_sample:
             raise Unable("it lights samples of a pixel together")
         differences = ["every pixel lit, with Phong's reflection"] if setup.shading != "phong" else []
-        differences += ["light and texture once a pixel", "averaged in sRGB"] if setup.samples > 1 else []
+        if setup.samples > 1:
+            differences += ["other places of samples", "light and texture once a pixel", "averaged in sRGB"]
         return replace(setup, reflection="phong"), "; ".join(differences)
 
     def draw(self) -> None:
