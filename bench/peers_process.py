@@ -1,7 +1,7 @@
 """A renderer in a process of its own, which draws a frame whenever it is asked to.
 
 `Process` starts this file as a script. Lines go in by its standard input, answers come out by its standard output, a
-line of JSON each: first what the renderer is and what it draws, then milliseconds for every "frame", and "done" for a
+line of JSON each: first what the renderer is and what it draws, then the times of every "frame", and "done" for a
 "picture", which is written into a folder. What libraries print goes to a file there.
 """
 
@@ -15,7 +15,7 @@ import tempfile
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import NamedTuple
 
 import numpy as np
@@ -128,8 +128,8 @@ class Process:
             self._process.stdin.flush()
         return self._hear()
 
-    def draw(self) -> float:
-        """Draw a frame; return milliseconds."""
+    def draw(self) -> list[float]:
+        """Draw a frame; return milliseconds, and milliseconds of processors, those of all threads together."""
         return self._ask("frame")
 
     def picture(self) -> dict:
@@ -171,9 +171,10 @@ def main(renderer: str, folder: str, arrays: str, setup: str, options: str) -> N
                       "difference": difference}), file=answers)  # fmt: skip
     for line in sys.stdin:
         if line.strip() == "frame":
-            start = perf_counter()
+            start, start_cpu = perf_counter(), process_time()
             painter.draw()
-            print(1000.0 * (perf_counter() - start), file=answers)
+            cpu, wall = process_time() - start_cpu, perf_counter() - start
+            print(json.dumps([1000.0 * wall, 1000.0 * cpu]), file=answers)
         else:
             depth = {"depth": painter.depth} if hasattr(painter, "depth") else {}
             np.savez(Path(folder, PICTURE), rgba=painter.rgba, **depth)
