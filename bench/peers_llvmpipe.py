@@ -66,7 +66,7 @@ class Painter:
         self.context = context = moderngl.create_context(standalone=True, backend="egl")
         self.version = "{GL_RENDERER}, {GL_VERSION}".format(**context.info)
         if "llvmpipe" not in self.version:
-            raise RuntimeError(f"this OpenGL isn't llvmpipe: {self.version}")
+            raise RuntimeError(f"this OpenGL is {self.version}")
         self.program = context.program(*_shaders(work))
         _set_uniforms(self.program, setup)
         self.array = self._make_array(work)
@@ -85,7 +85,7 @@ class Painter:
     def adapt(work: Work) -> tuple[Setup, str]:
         """Return what both sides can draw alike, and what differs nevertheless."""
         setup = work.setup
-        differences = ["other places of samples"] if setup.samples > 1 else []
+        differences = ["other sample positions"] if setup.samples > 1 else []
         differences += ["light and texture once a pixel"] if differences and not setup.is_lit_per_sample else []
         return setup, "; ".join(differences)
 
@@ -100,9 +100,9 @@ class Painter:
                        "in_normal": normals.repeat(3, axis=0), "in_center": centers.repeat(3, axis=0)}  # fmt: skip
             faces = np.arange(len(corners), dtype=np.uint32)
         used = {name: column for name, column in columns.items() if name in self.program}
-        stride = np.ascontiguousarray(np.concatenate(list(used.values()), axis=1))
+        rows = np.ascontiguousarray(np.concatenate(list(used.values()), axis=1))
         layout = " ".join(f"{column.shape[1]}f" for column in used.values())
-        content = [(self.context.buffer(stride), layout, *used)]
+        content = [(self.context.buffer(rows), layout, *used)]
         return self.context.vertex_array(self.program, content, self.context.buffer(np.ascontiguousarray(faces)))
 
     def _make_texture(self, work: Work) -> None:

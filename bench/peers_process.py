@@ -26,6 +26,7 @@ from bench.peers_work import Setup, Unable, Work
 
 N_WARM = 3  # frames before the first that counts: shaders and kernels are compiled, memory is allocated
 THREAD_VARIABLES = ("LP_NUM_THREADS", "VTK_SMP_MAX_THREADS", "OMP_NUM_THREADS")  # llvmpipe's, VTK's, anybody's
+SOFTWARE = {"LIBGL_ALWAYS_SOFTWARE": "1", "GALLIUM_DRIVER": "llvmpipe"}  # Mesa draws without a GPU, if there is one
 MESSAGES, PICTURE = "messages", "picture.npz"
 
 
@@ -82,7 +83,7 @@ class Process:
     ----------
     version : text
     cores : how many it has
-    setup : what it draws, where that isn't all that it was asked for
+    setup : what it draws, which may be less than it was asked for
     difference : what it does otherwise nevertheless; text, may be empty
 
     Raises
@@ -93,7 +94,7 @@ class Process:
     def __init__(self, renderer: str, arrays: Path, setup: Setup, options: dict | None = None):
         self._renderer, self._folder = renderer, tempfile.TemporaryDirectory()
         threads = dict.fromkeys(THREAD_VARIABLES, str(setup.threads))
-        environment = os.environ | threads | {"PYTHONPATH": str(ROOT)}
+        environment = os.environ | threads | SOFTWARE | {"PYTHONPATH": str(ROOT)}
         command = [sys.executable, __file__, renderer, self._folder.name, str(arrays), setup.to_json(),
                    json.dumps(options or {})]  # fmt: skip
         self._process = subprocess.Popen(command, env=environment, text=True, stdin=subprocess.PIPE,
@@ -118,7 +119,8 @@ class Process:
 
     def _last_message(self) -> str:
         """The last line that the process has printed."""
-        lines = Path(self._folder.name, MESSAGES).read_text(errors="replace").splitlines()
+        messages = Path(self._folder.name, MESSAGES)
+        lines = messages.read_text(errors="replace").splitlines() if messages.exists() else []
         return lines[-1] if lines else "it said nothing"
 
     def _ask(self, word: str):
@@ -154,12 +156,11 @@ def main(renderer: str, folder: str, arrays: str, setup: str, options: str) -> N
     messages = os.open(Path(folder, MESSAGES), os.O_WRONLY | os.O_CREAT)
     os.dup2(messages, 1)
     os.dup2(messages, 2)
-    setup = Setup.from_json(setup)
-    n_core = keep_on(setup.threads)
     try:
         painter_class = importlib.import_module(f"bench.{MODULES[renderer].module}").Painter
-        work = Work.load(Path(arrays), setup)
+        work = Work.load(Path(arrays), Setup.from_json(setup))
         adapted, difference = painter_class.adapt(work)
+        n_core = keep_on(adapted.threads)
         painter = painter_class(replace(work, setup=adapted), **json.loads(options))
         for _ in range(N_WARM):
             painter.draw()

@@ -40,6 +40,8 @@ class Painter:
         self.window.Render()
         lines = self.window.ReportCapabilities().splitlines()
         found = [line.partition(":")[2].strip() for line in lines if line.startswith("OpenGL renderer string")]
+        if "llvmpipe" not in " ".join(found):
+            raise RuntimeError(f"its OpenGL is {' '.join(found)}")
         self.version = f"VTK {vtk.vtkVersion.GetVTKVersion()}, {self.window.GetClassName()}, {' '.join(found)}"
 
     @staticmethod
@@ -53,7 +55,7 @@ class Painter:
             raise Unable("it lights samples of a pixel together")
         differences = ["every pixel lit, with Phong's reflection"] if setup.shading != "phong" else []
         if setup.samples > 1:
-            differences += ["other places of samples", "light and texture once a pixel", "averaged in sRGB"]
+            differences += ["other sample positions", "light and texture once a pixel", "averaged in sRGB"]
         return replace(setup, reflection="phong"), "; ".join(differences)
 
     def draw(self) -> None:
