@@ -10,11 +10,11 @@ from PIL import Image
 # A surface whose depth changes by more widths of a pixel from one pixel to the next is a silhouette: it is seen at less
 # than 7°, and a step of 1/256 px, by which vertices may differ, is 1/32 px in depth.
 STEEPEST = 8.0
-# Part of the covered pixels by which counts may differ. An edge that is rounded otherwise lies 1/256 px away at most, so
-# 1/256 of a silhouette's pixels change; where a quarter of the covered pixels belong to one, that is 1/1024 of them.
+# Part of the covered pixels by which counts may differ. An edge that is rounded otherwise lies 1/256 px away at most,
+# so 1/256 of a silhouette's pixels change; where a quarter of the covered pixels belong to one, 1/1024 of them.
 MOST_MORE = 0.001
-# Part of the pixels compared that may differ by more than one level: rounding to 8 bits twice, of texels and of colours,
-# makes more than one level of difference now and then.
+# Part of the pixels compared that may differ by more than one level: texels and colours are rounded to 8 bits, and both
+# roundings together may make more than one level.
 MOST_OVER_ONE = 0.01
 AMPLIFIED = 32  # times the difference in the pictures that are saved
 

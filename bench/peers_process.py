@@ -9,6 +9,7 @@ import importlib
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -34,15 +35,16 @@ class Library(NamedTuple):
     """What draws."""
 
     module: str  # of this folder
-    needs: str  # what must be there to be imported
-    how: str  # to install that
+    needs: str  # what is imported there
+    system: str = ""  # what that draws with, by the names of Debian's packages
 
 
+MESA = "libegl1 and libgl1-mesa-dri"
 MODULES = {
-    "ours": Library("peers_ours", "rasterizer", ""),
-    "llvmpipe": Library("peers_llvmpipe", "moderngl", "pip install moderngl; of the system libegl1, libgl1-mesa-dri"),
-    "tinydisplay": Library("peers_tinydisplay", "panda3d", "pip install panda3d"),
-    "vtk": Library("peers_vtk", "vtk", "pip install vtk"),
+    "ours": Library("peers_ours", "rasterizer"),
+    "llvmpipe": Library("peers_llvmpipe", "moderngl", MESA),
+    "tinydisplay": Library("peers_tinydisplay", "panda3d"),
+    "vtk": Library("peers_vtk", "vtk", MESA),
 }
 PEERS = tuple(name for name in MODULES if name != "ours")
 
@@ -57,8 +59,8 @@ class Failure(Exception):
 
 def find_missing(renderer: str) -> str:
     """Say what is missing for a renderer; nothing where it is installed."""
-    library = MODULES[renderer]
-    return "" if importlib.util.find_spec(library.needs) else f"{library.needs} is not installed: {library.how}"
+    needs = MODULES[renderer].needs
+    return "" if importlib.util.find_spec(needs) else f"{needs} is not installed: pip install {needs}"
 
 
 def keep_on(n_core: int) -> int:
@@ -111,17 +113,24 @@ class Process:
         """Return the next answer."""
         line = self._process.stdout.readline()
         if not line:
-            raise Failure(self._renderer, f"exit code {self._process.wait()}: {self._last_message()}")
+            raise self._failure(f"exit code {self._process.wait()}: {self._last_message()}")
         answer = json.loads(line)
+        if isinstance(answer, dict) and "unable" in answer:
+            raise Failure(self._renderer, answer["unable"])
         if isinstance(answer, dict) and "failure" in answer:
-            raise Failure(self._renderer, answer["failure"])
+            raise self._failure(answer["failure"])
         return answer
+
+    def _failure(self, why: str) -> Failure:
+        """Return the error that says why, and what may be missing."""
+        system = MODULES[self._renderer].system
+        return Failure(self._renderer, f"{why} (it draws with {system} of the system)" if system else why)
 
     def _last_message(self) -> str:
         """The last line that the process has printed."""
         messages = Path(self._folder.name, MESSAGES)
         lines = messages.read_text(errors="replace").splitlines() if messages.exists() else []
-        return lines[-1] if lines else "it said nothing"
+        return re.sub(r"\x1b\[[0-9;]*m", "", lines[-1]) if lines else "it said nothing"  # without colours
 
     def _ask(self, word: str):
         """Say a word; return the answer."""
@@ -164,9 +173,11 @@ def main(renderer: str, folder: str, arrays: str, setup: str, options: str) -> N
         painter = painter_class(replace(work, setup=adapted), **json.loads(options))
         for _ in range(N_WARM):
             painter.draw()
+    except Unable as fault:
+        print(json.dumps({"unable": str(fault)}), file=answers)
+        return
     except Exception as fault:  # whatever a library raises where there is no driver, no display, no memory
-        kind = "" if isinstance(fault, Unable) else f"{type(fault).__name__}: "
-        print(json.dumps({"failure": kind + str(fault).partition("\n")[0]}), file=answers)
+        print(json.dumps({"failure": f"{type(fault).__name__}: {fault}".partition("\n")[0]}), file=answers)
         return
     print(json.dumps({"version": painter.version, "cores": n_core, "setup": adapted.to_json(),
                       "difference": difference}), file=answers)  # fmt: skip
