@@ -9,8 +9,9 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 `finish`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
 from ..pipeline.transform import Screen
-from ..pipeline.workspace import Workspace, WorkspaceKind
+from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture
 from .output_buffers import BUFFER_TABLE
 from .plan import Plan
 
@@ -83,6 +84,13 @@ class Pass:
         raise NotImplementedError
 
 
+class RowSink(NamedTuple):
+    """Who takes a picture band by band, where it is never kept as a whole."""
+
+    take: Callable[[int, Picture], None]  # called with the first row, and the rows; by any thread
+    with_color: bool  # linear colours, too
+
+
 @dataclass(**AS_PASS)
 class ColorPass(Pass):
     """What the passes of a picture share: textures before the light, depth cueing after it, and the end in 8 bits."""
@@ -90,7 +98,8 @@ class ColorPass(Pass):
     plan: Plan
     screen: Screen
     encoding: Encoding
-    picture: Picture
+    picture: Picture  # written, unless there is a sink
+    sink: RowSink | None = None
     is_filled: bool = True
 
     @property
@@ -124,11 +133,21 @@ class ColorPass(Pass):
         raise NotImplementedError
 
     def finish(self, workspace, band, loaded_face):
-        """Average the samples of each pixel, and write the picture's rows."""
+        """Average the samples of each pixel, and write the picture's rows, or hand them to the sink."""
+        y_start, y_end = band.y_start // self.factor, band.y_end // self.factor
+        if self.sink is None:
+            return self._resolve(workspace, y_start, y_end, self.picture)
+        rows = make_picture((self.size[0], y_end - y_start), self.sink.with_color)
+        n_covered = self._resolve(workspace, 0, y_end - y_start, rows)
+        self.sink.take(y_start, rows)
+        return n_covered
+
+    def _resolve(self, workspace, y_start, y_end, out: Picture) -> int:
+        """Write a band's pixels to the rows y_start..y_end of `out`; return how many samples are covered."""
         a_buffer = workspace.a_buffer if self.opacity is not None else None
         return resolve(
-            workspace.visibility, workspace.radiance, a_buffer, band.y_start // self.factor, band.y_end // self.factor,
-            self.factor, self.encoding, workspace.pixels, self.picture,
+            workspace.visibility, workspace.radiance, a_buffer, y_start, y_end,
+            self.factor, self.encoding, workspace.pixels, out,
         )  # fmt: skip
 
 
