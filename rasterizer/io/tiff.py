@@ -22,7 +22,9 @@ from .icc import srgb_profile
 
 PIXEL_BYTES = 4
 _STRIP_BYTES = 2**20  # of a strip at most, or a row: readers may hold a whole strip in memory
-_MOST_CLASSIC = 2**32  # bytes: places have 32 bits
+# Bytes of the rows of a classic TIFF: its places have 32 bits. 4 MiB are left for the header, of which each strip takes
+# 8 bytes, and there are no more strips than rows.
+_MOST_CLASSIC = 2**32 - 2**22
 _ALIGNMENT = 16  # of the rows in the file
 _SHORT, _LONG, _RATIONAL, _UNDEFINED, _LONG8 = 3, 4, 5, 7, 16  # types of values
 _CODES = {_SHORT: "H", _LONG: "I", _RATIONAL: "I", _UNDEFINED: "B", _LONG8: "Q"}
@@ -61,10 +63,7 @@ def tiff_header(width: int, height: int, is_big: bool | None = None) -> bytes:
     is_big : whether it is a BigTIFF; None = where it has to be one
     """
     if is_big is None:
-        header = tiff_header(width, height, is_big=False)
-        return (
-            header if len(header) + width * height * PIXEL_BYTES < _MOST_CLASSIC else tiff_header(width, height, True)
-        )
+        is_big = width * height * PIXEL_BYTES >= _MOST_CLASSIC
     layout = _BIG if is_big else _CLASSIC
     n_byte = len(_header_with_rows_at(0, width, height, layout))  # its length doesn't depend on where the rows begin
     start = -(-n_byte // _ALIGNMENT) * _ALIGNMENT
