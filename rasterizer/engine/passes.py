@@ -87,7 +87,7 @@ class Pass:
 class RowSink(NamedTuple):
     """Who takes a picture band by band, where it is never kept as a whole."""
 
-    take: Callable[[int, Picture], None]  # called with the first row, and the rows; by any thread
+    write: Callable[[int, Picture], None]  # called with the first row, and the rows; by any thread
     with_color: bool  # linear colours, too
 
 
@@ -139,7 +139,7 @@ class ColorPass(Pass):
             return self._resolve(workspace, y_start, y_end, self.picture)
         rows = make_picture((self.size[0], y_end - y_start), self.sink.with_color)
         n_covered = self._resolve(workspace, 0, y_end - y_start, rows)
-        self.sink.take(y_start, rows)
+        self.sink.write(y_start, rows)
         return n_covered
 
     def _resolve(self, workspace, y_start, y_end, out: Picture) -> int:

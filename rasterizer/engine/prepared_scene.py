@@ -42,7 +42,7 @@ class Brightest:
     def __init__(self) -> None:
         self._of_bands: list[float] = []
 
-    def take(self, _y_start, rows) -> None:
+    def note(self, _y_start, rows) -> None:
         """Look at some rows, a Picture."""
         self._of_bands.append(float(rows.color.max()))
 
@@ -91,7 +91,7 @@ class PreparedScene:
         render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock)
         if sink is not None and is_global:  # drawn twice: the brightest pixel must be known first
             brightest = Brightest()
-            render_pass.sink = RowSink(brightest.take, True)
+            render_pass.sink = RowSink(brightest.note, True)
             draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
             render_pass.encoding = with_blank(render_pass.encoding._replace(scale=brightest.scale()))
         render_pass.sink = sink
