@@ -7,8 +7,8 @@
     python bench/scale.py --large 65536            a picture that is larger than the memory, written while it is drawn
 
 One thing grows, the rest stays as it is. Every point is measured in a process of its own, so its peak memory is known.
-A slope is the exponent k where a cost grows as n^k: the straight line through the last points, in logarithms. Columns
-are explained in bench/README.md; the last line of the output is the same as JSON.
+A slope is the exponent k where a cost grows as n^k, from the last point but one to the last. Columns are explained in
+bench/README.md; the last line of the output is the same as JSON.
 """
 
 import argparse
@@ -30,7 +30,6 @@ import rasterizer as rz
 from bench import measure, scenes
 from rasterizer.options import Options
 
-LAST = 3  # points that a slope is found from
 WORST_SLOPE = 1.1  # of what grows linearly, as it is measured
 LEAST_MS, LEAST_MIB = 2.0, 8.0  # what is less says nothing of growth
 CAMERA = rz.Camera.perspective((0, 0, 4), (0, 0, 0), fov=40)
@@ -133,7 +132,7 @@ def thread_counts() -> tuple[int, ...]:
 
 DECADES = (1, 10, 100, 1000)
 AXES = {
-    "triangles": Axis(triangles, (1_000, 10_000, 100_000, 1_000_000, 10_000_000), "sphere, 1080p"),
+    "triangles": Axis(triangles, (1_000, 10_000, 100_000, 1_000_000, 3_000_000, 10_000_000), "sphere, 1080p"),
     "pixels": Axis(pixels, tuple((256 * 2**k) ** 2 for k in range(7)), "torus, 256² to 16384²"),
     "lights": Axis(lights, (1, 4, 16, 64), "point lights, torus, 512², Phong"),
     "shadows": Axis(shadows, (1, 4, 16, 64), "lights with shadow maps, torus, 512², Phong"),
@@ -142,8 +141,14 @@ AXES = {
     "objects": Axis(objects, (1, 10, 100, 1000, 10_000), "spheres of 80 triangles, 512²"),
     "threads": Axis(threads, thread_counts(), "sphere of a million triangles, 1080p, Phong"),
 }
-COSTS = (("build ms", "build_ms", LEAST_MS), ("prepare ms", "prepare_ms", LEAST_MS),
-         ("frame ms", "best_ms", LEAST_MS), ("MiB", "mib", LEAST_MIB))  # fmt: skip
+# (title, key, what is less says nothing of growth): milliseconds of processor time, which others that compute meanwhile
+# don't lengthen, and MiB
+COSTS = (
+    ("build", "build_ms", LEAST_MS),
+    ("prepare", "prepare_ms", LEAST_MS),
+    ("frame", "cpu_ms", LEAST_MS),
+    ("MiB", "mib", LEAST_MIB),
+)
 
 
 def main(argv=None) -> int:
@@ -189,7 +194,8 @@ def measure_axis(name, args) -> list[dict]:
     """Measure the points of an axis, print them and the slopes; return the rows."""
     axis = AXES[name]
     print(f"\n{name}: {axis.what}")
-    table = measure.Table([("         n", "n", "d"), *((f"{title:>10}", key, ".1f") for title, key, _ in COSTS)])
+    columns = [("         n", "n", "d"), *((f"{title:>9}", key, ".1f") for title, key, _ in COSTS)]
+    table = measure.Table([*columns, ("best wall", "best_ms", ".1f")])
     rows = []
     for count in axis.counts:
         if count <= args.most:
@@ -205,17 +211,15 @@ def measure_axis(name, args) -> list[dict]:
 
 
 def slope_of(rows, key, least) -> float | None:
-    """The exponent with which a cost grows at the end of an axis; None where it is too small to say.
+    """The exponent with which a cost grows from the last point but one to the last; None where it does not grow.
 
-    A cost is a part that stays and a part that grows: of the last points only those count that cost twice as much as
-    the first one.
+    A cost is a part that stays and a part that grows: only a last point that costs twice as much as the first one tells
+    how. What stays makes a slope smaller, never larger than 1.
     """
-    first = rows[0][key] if rows else 0.0
-    points = [(row["n"], row[key]) for row in rows[-LAST:] if row[key] is not None and row[key] > max(least, 2 * first)]
-    if len(points) < 2:
+    costs = [row[key] for row in rows]
+    if len(costs) < 2 or None in costs or costs[-1] <= max(least, 2.0 * costs[0]):
         return None
-    n, cost = np.log(np.array(points, float)).T
-    return float(np.polyfit(n, cost, 1)[0])
+    return float(np.log(costs[-1] / costs[-2]) / np.log(rows[-1]["n"] / rows[-2]["n"]))
 
 
 def run_point(name, count, args) -> dict:
@@ -234,16 +238,22 @@ def measure_point(make, count, args) -> dict:
         renderer.render()  # kernels are loaded, or compiled
     del small, renderer
     gc.collect()
-    before, marks = measure.peak_mib(), [process_time()]  # done once: others that compute meanwhile don't count
+    before, marks, cpu_ms = measure.peak_mib(), [process_time()], []
     work = make(count)
     marks.append(process_time())
     with rz.Renderer(work.scene, work.size, **(settings | work.options)) as renderer:
         marks.append(process_time())
         renderer.render()
-        times, _ = measure.take_turns({"frame": renderer.render}, args.seconds, args.frames)["frame"]
+
+        def draw():
+            start = process_time()
+            renderer.render()
+            cpu_ms.append(1000.0 * (process_time() - start))
+
+        times, _ = measure.take_turns({"frame": draw}, args.seconds, args.frames)["frame"]
     build_ms, prepare_ms = 1000.0 * np.diff(marks)
     after = measure.peak_mib()
-    return {"build_ms": build_ms, "prepare_ms": prepare_ms, "frame_ms": float(np.median(times)),
+    return {"build_ms": build_ms, "prepare_ms": prepare_ms, "cpu_ms": float(np.median(cpu_ms)),
             "best_ms": float(times.min()), "mib": None if after is None else after - before}  # fmt: skip
 
 
@@ -344,7 +354,7 @@ def plot(rows, path) -> None:
         for title, key, _ in COSTS:
             cost = np.array([np.nan if row[key] is None else max(row[key], 0.01) for row in points])
             panel.loglog(n, cost, marker="o", markersize=3, label=title)
-        panel.loglog(n, points[-1]["best_ms"] * n / n[-1], color="0.7", linestyle=":", label="linear")
+        panel.loglog(n, points[-1]["cpu_ms"] * n / n[-1], color="0.7", linestyle=":", label="linear")
         panel.set_title(name)
         panel.grid(alpha=0.3)
     for panel in panels.flat[len(names) :]:

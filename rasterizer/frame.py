@@ -102,7 +102,7 @@ class Frame:
         names = [name for name in ("rgb", *self._arrays) if name != "alpha" and self.has(name)]
         total = sum(self.stats.milliseconds.values())
         return (
-            f"<Frame {width}x{height} {'+'.join(names)}, {self.stats.faces} faces, "
+            f"<Frame {' '.join([f'{width}x{height}', '+'.join(names)]).strip()}, {self.stats.faces} faces, "
             f"{100 * self.stats.coverage:.1f} % covered, {total:.1f} ms>"
         )
 

@@ -100,18 +100,12 @@ def _render_model(targets, arguments, settings, messages, output) -> None:
     with Renderer(scene, **_as_keywords(options)) as renderer:
         for target in targets:
             camera = camera_of(arguments, target.view, scene, framing)
-            file = _row_file(target.output, options)
-            if file is not None:
-                stats = output.draw(lambda file, camera=camera: renderer.render_rows(file, camera), file)
-                frame, is_black = Frame(None, {}, stats, options.size), file.is_black
-            else:
-                frame = renderer.render(camera)
-                is_black = frame.has("rgb") and not frame.rgb.any()
+            frame, is_black, is_written = _draw(renderer, camera, _row_file(target.output, options), output)
             doubts = find_doubts(frame.stats, is_black, scene, arguments, camera)
             doubts = [f"{target.model}: {text}" for text in doubts]
             for text in doubts:
                 messages.warn(text)
-            if file is None:
+            if not is_written:
                 output.write(_content(frame, target.output, options.outputs[0]), target.output)
             seconds, start = perf_counter() - start, perf_counter()
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
@@ -120,6 +114,20 @@ def _render_model(targets, arguments, settings, messages, output) -> None:
             if arguments.json:
                 record = _record(target, frame, scene, seconds, of_model + doubts)
                 print_record(record, target.output == STDIO)
+
+
+def _draw(renderer, camera, file, output) -> tuple[Frame, bool, bool]:
+    """Draw a picture, into its file at once where that is a RowFile.
+
+    Returns
+    -------
+    the frame, which has no arrays where the file is written; whether the picture is black; whether the file is written
+    """
+    if file is None:
+        frame = renderer.render(camera)
+        return frame, frame.has("rgb") and not frame.rgb.any(), False
+    stats = output.draw(lambda file: renderer.render_rows(file, camera), file)
+    return Frame(None, {}, stats, file.size), file.is_black, True
 
 
 def _row_file(output, options):
