@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .choices import ColorRange, Cull, Output, Samples, SavedArray, Shading
 from .compiler.kernels import compiling_ahead, noting_needs
-from .engine.output_buffers import BUFFER_TABLE
+from .engine.memory import check_memory
 from .engine.passes import RowSink
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
@@ -294,38 +294,6 @@ class Renderer:
 def _remake(scene, options) -> Renderer:
     """What a pickled Renderer becomes."""
     return Renderer(scene, **options)
-
-
-def check_memory(options: Options, has_out: bool) -> None:
-    """Refuse a picture that this machine's memory can't hold, before the system ends the process for it.
-
-    Parameters
-    ----------
-    options : what is drawn
-    has_out : whether the caller has brought the room for the bytes
-    """
-    try:
-        memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, OSError, ValueError):  # a system that doesn't tell
-        return
-    width, height = options.size
-    needed = width * height * pixel_bytes(options, has_out)
-    if needed > memory:
-        raise SceneError(
-            f"a picture of {width}x{height} pixels takes {needed / 1e9:.3g} GB in memory, and this machine has "
-            f"{memory / 1e9:.3g} GB; draw a smaller one, or one that is written while it is drawn: "
-            "Renderer.render_to('out.tif'), or raster render -o out.tif"
-        )
-
-
-def pixel_bytes(options: Options, has_out: bool) -> int:
-    """Return how many bytes of memory a pixel of a frame takes."""
-    outputs, n_byte = set(options.outputs), 0
-    if outputs & {"color", "rgb"}:
-        n_byte += 0 if has_out else 4
-        n_byte += 16 if "color" in outputs or options.color_range == "global" else 0
-    buffers = [BUFFER_TABLE[name] for name in outputs - {"color", "rgb"}]
-    return n_byte + sum(np.dtype(buffer.dtype).itemsize * buffer.n_component for buffer in buffers)
 
 
 class Clock:

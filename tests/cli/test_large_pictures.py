@@ -15,6 +15,7 @@ from helpers.raster import ROOT
 from PIL import Image
 
 from rasterizer.cli import main, render_command
+from rasterizer.engine import memory
 
 pytestmark = pytest.mark.usefixtures("folder")
 GLOBE = ("globe.obj", "globe.mtl", "globe.png")
@@ -135,7 +136,7 @@ def test_a_picture_for_which_no_disk_has_room(folder, capsys, monkeypatch):
 
 
 def test_a_picture_for_which_there_is_no_memory_says_what_to_do(capsys, monkeypatch):
-    monkeypatch.setattr(os, "sysconf", lambda name: 2**20 if name == "SC_PHYS_PAGES" else 4096)
+    monkeypatch.setattr(memory, "available_memory", lambda: 2**32)
     assert main(["render", CUBE, "-s", "65536", "-o", "x.png"]) == 2
     assert "takes 17.2 GB in memory" in one_error(capsys)
 

@@ -11,7 +11,6 @@ from helpers.raster import COLORED, ROOT
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer import renderer as renderer_module
 
 SIZE = (61, 43)
 CAMERA = rz.Camera.perspective((1.5, 2, 4), fov=40)
@@ -175,26 +174,6 @@ def test_an_array_takes_a_picture_only():
 
 
 # --- memory -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.skipif(not hasattr(os, "sysconf"), reason="a system that does not tell its memory")
-@pytest.mark.parametrize(
-    ("options", "n_byte"),
-    [
-        ({"outputs": "rgb"}, 4), ({}, 20), ({"outputs": "depth"}, 4), ({"outputs": "rgb", "color_range": "global"}, 20),
-        ({"outputs": ("rgb", "depth", "face", "normal")}, 24),
-    ],
-)  # fmt: skip
-def test_a_picture_that_no_memory_holds_is_refused(monkeypatch, options, n_byte):
-    """The system would end the process; the message says how such a picture is drawn."""
-    memory = n_byte * SIZE[0] * SIZE[1] - 1
-    monkeypatch.setattr(renderer_module.os, "sysconf", lambda name: memory if name == "SC_PHYS_PAGES" else 1)
-    with pytest.raises(
-        rz.SceneError, match=r"of 61x43 pixels takes .* GB in memory.*Renderer\.render_to\('out\.tif'\)"
-    ):
-        rz.render(ring(), SIZE, **options)
-    monkeypatch.setattr(renderer_module.os, "sysconf", lambda name: memory + 1 if name == "SC_PHYS_PAGES" else 1)
-    rz.render(ring(), SIZE, **options)
 
 
 @pytest.mark.slow
