@@ -40,7 +40,7 @@ class Options:
 
     Parameters
     ----------
-    size : (width, height) in pixels, or one number for a square; stored as a pair
+    size : (width, height) in pixels, or one number for a square; up to 262144 samples along an axis. Stored as a pair
     shading : "flat" (once a polygon; "lambert" is another word for it), "gouraud" (once a vertex), "phong" (once a
         sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64. The default keeps every

@@ -220,6 +220,7 @@ class Renderer:
             file.begin()
             with_color = wanted == "color" or (wanted == "alpha" and "color" in outputs)
             drawn = self._prepared.draw_picture(camera, clock, sink=RowSink(file.write_rows, with_color))
+            file.end()
             self._plan = drawn.view_plan.summary._replace(ways=drawn.counts.ways)
             return self._stats(drawn.counts, drawn.view_plan, clock)
 

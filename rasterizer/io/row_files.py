@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import OutputError
+from ..errors import OutputError, shown
 from .files import HiddenFile
 from .tiff import tiff_header
 
@@ -71,13 +71,18 @@ class RowFile:
     path : where the file goes; a link keeps its name and gets a new target
     kind : RowFormat
     size : (width, height) of the picture, pixels
+
+    Raises OutputError for a name that no file can have.
     """
 
     def __init__(self, path: str | os.PathLike[str], kind: RowFormat, size: tuple[int, int]) -> None:
         self.path, self.kind, self.size = path, kind, size
         self.is_black = True  # no channel of any pixel that was written is more than 0
         self._header = kind.header(*size)
-        self._file = HiddenFile(os.path.realpath(path))
+        try:
+            self._file = HiddenFile(os.path.realpath(path))
+        except ValueError as error:  # a name that no file can have
+            raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error
 
     @property
     def n_byte(self) -> int:
@@ -116,6 +121,13 @@ class RowFile:
             self.is_black = False
         try:
             self._file.write_at(len(self._header) + y_start * self.size[0] * self.kind.pixel_bytes, content)
+        except OSError as error:
+            raise self._error(error) from error
+
+    def end(self) -> None:
+        """End writing: files that wait until they are moved are not kept open."""
+        try:
+            self._file.close()
         except OSError as error:
             raise self._error(error) from error
 

@@ -111,6 +111,28 @@ def test_pictures_of_an_earlier_run_are_replaced_when_all_models_are_loaded(fold
     assert not [name for name in os.listdir(folder) if name.startswith(".")]
 
 
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="open files of Linux")
+def test_files_that_wait_are_not_kept_open(folder, all_large, monkeypatch):
+    for name in GLOBE:
+        shutil.copy(ROOT / "models" / name, folder / name)
+    shutil.copy(CUBE, folder / "a.obj")
+    for view in ("top", "left", "front", "back"):
+        (folder / f"a-{view}.tif").write_bytes(b"old")
+    real, n_open = render_command.load_scene, []
+
+    def look(*arguments):
+        n_open.append(len(os.listdir("/proc/self/fd")))
+        return real(*arguments)
+
+    monkeypatch.setattr(render_command, "load_scene", look)
+    views = [word for view in ("top", "left", "front", "back") for word in ("--view", view)]
+    assert run("a.obj", "globe.obj", "-o", "{stem}-{view}.tif", *views) == 0
+    assert n_open[1] <= n_open[0], f"{n_open[1] - n_open[0]} files are kept open"
+    assert all(
+        Image.open(folder / f"{name}-{view}.tif").size == (24, 16) for name in ("a", "globe") for view in views[1::2]
+    )
+
+
 def test_modes_and_protection(folder, all_large, capsys):
     (folder / "x.tif").write_bytes(b"old")
     (folder / "x.tif").chmod(0o400)

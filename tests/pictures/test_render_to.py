@@ -88,6 +88,10 @@ def test_places_that_cannot_be_written(tmp_path):
             renderer.render_to(tmp_path / "x.foo")
         with pytest.raises(rz.SceneError, match="saved to a path"):
             renderer.render_to(5)
+        with pytest.raises(rz.OutputError, match="can't write 'a"):
+            renderer.render_to("a\0b.tif")
+        with pytest.raises(rz.OutputError, match="too long"):
+            renderer.render_to(tmp_path / ("x" * 300 + ".tif"))
         with pytest.raises(rz.SceneError, match="camera must be"):
             renderer.render_to(tmp_path / "x.tif", "front")
     with pytest.raises(rz.SceneError, match="closed"):
