@@ -19,6 +19,7 @@ from .write_targets import Outputs
 
 _ENCODING = {"JPEG": {"quality": 92}}
 _IN_MEMORY = 2**28  # bytes of a picture's file; one that is larger is written while it is drawn, if its format lets it
+_LONG = 2**32  # bytes of a file that takes so long that it is told before
 
 
 def render_models(arguments, messages) -> tuple[list, int]:
@@ -100,7 +101,12 @@ def _render_model(targets, arguments, settings, messages, output) -> None:
     with Renderer(scene, **_as_keywords(options)) as renderer:
         for target in targets:
             camera = camera_of(arguments, target.view, scene, framing)
-            frame, is_black, is_written = _draw(renderer, camera, _row_file(target.output, options), output)
+            file = _row_file(target.output, options)
+            if file is not None and file.n_byte > _LONG:
+                messages.notice(
+                    f"{target.model}: drawing {file.n_byte / 1e9:.3g} GB into {target.output}, which takes a while"
+                )
+            frame, is_black, is_written = _draw(renderer, camera, file, output)
             doubts = find_doubts(frame.stats, is_black, scene, arguments, camera)
             doubts = [f"{target.model}: {text}" for text in doubts]
             for text in doubts:

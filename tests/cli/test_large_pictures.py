@@ -153,8 +153,10 @@ def test_a_full_disk_is_one_line(folder, all_large, capsys, monkeypatch):
 
 def test_a_picture_for_which_no_disk_has_room(folder, capsys, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(2**40, 2**39, 2**30))
-    assert main(["render", CUBE, "-s", "65536", "-o", "x.tif"]) == 4
+    assert main(["render", CUBE, "-s", "65536", "-o", "x.tif", "-q"]) == 4
     assert "it takes 17.2 GB, and 1.07 GB are free" in one_error(capsys) and os.listdir(folder) == []
+    assert main(["render", CUBE, "-s", "65536", "-o", "x.tif"]) == 4
+    assert "drawing 17.2 GB into x.tif, which takes a while" in capsys.readouterr().err
 
 
 def test_a_picture_for_which_there_is_no_memory_says_what_to_do(capsys, monkeypatch):
