@@ -108,7 +108,7 @@ def write_normals(records, n_record, k, face, n_attribute, coding, block):
     length in units."""
     first = begin_planes(records, n_record, k, face, block)
     write_planes(records.float_planes, first, k, 0, 3, block)
-    if n_attribute < 6:
+    if coding.n_attributes[block.ints[s.MATERIAL + k]] < 6:  # its own: other materials of the block may have more
         return NORMAL_UNITS
     write_value_group(records.float_planes, first + index(NORMAL_GROUP), k, 3, 3, block)
     return ALBEDO_UNITS
