@@ -30,6 +30,7 @@ LOOKS = {
     "textured": rz.Material(texture=PAPER),
     "toon": rz.Material(reflection="toon", specular=0.5, diffuse=(0.3, 0.7, 0.4)),
     "shininess 1000": rz.Material(specular=0.5, shininess=1000),
+    "mirror": rz.Material(specular=0.5, shininess=20_000),
     "cook-torrance": rz.Material(reflection="cook-torrance", specular=0.6, fresnel=(0.9, 0.6, 0.2)),
     "glass": rz.Material(diffuse=(0.5, 0.8, 0.6), opacity=0.4),
     "smoke": rz.Material(diffuse=0.3, specular=0, opacity=0.7),
@@ -102,8 +103,9 @@ SCENES = {
 def test_each_surface_is_within_the_bound_of_the_picture(name, shading, samples, tolerance):
     """Against the reference, which knows of no ways; a toon's levels jump, so a few of their pixels may be off."""
     scene, options = SCENES[name](), {"shading": shading, "samples": samples, "tolerance": tolerance}
-    bound = rz.render(scene, SIZE, **options).stats.error_bound
-    assert bound <= max(1.01 * tolerance, 1e-6), f"the bound {bound:.3g} > the tolerance {tolerance:.3g}"
+    stats = rz.render(scene, SIZE, **options).stats
+    bound, most = stats.error_bound, max(1.01 * tolerance, 1e-6 * max(stats.plan.bound, 1.0))
+    assert bound <= most, f"the bound {bound:.3g} > {most:.3g}"
     has_steps = any(material.reflection == "toon" for mesh in scene.meshes for material in mesh.palette)
     far = 0.01 if has_steps and shading == "phong" else 0.0
     assert_matches_reference(scene, SIZE, bound, ignored=0.08, far=far, **options)
@@ -124,7 +126,8 @@ def draw_in_bands(monkeypatch, scene, n_row, size=SIZE, **options):
 def assert_same_in_all_bands(monkeypatch, scene, message, size=SIZE, **options):
     """Refuse a picture that bands of other heights, or other threads, change."""
     expected = draw_in_bands(monkeypatch, scene, 64, size, threads=1, **options)
-    assert expected.alpha.any(), f"{message}: nothing is seen"
+    is_clear = all(material.opacity == 0 for mesh in scene.meshes for material in mesh.palette)
+    assert expected.alpha.any() != is_clear, f"{message}: nothing is seen, or what is not there"
     for n_row, threads in ((1, 1), (8, 1), (8, 3), (64, 2)):
         frame = draw_in_bands(monkeypatch, scene, n_row, size, threads=threads, **options)
         for buffer in ("color", "alpha", "rgba"):
@@ -215,7 +218,8 @@ NEEDS = {  # (channels, type, what the reason speaks of), then the ways with and
     "coloured": (3, "float32", ""),
     "textured": (3, "float64", "textures"),
     "toon": (3, "float64", "toon"),
-    "shininess 1000": (1, "float64", "rounding"),
+    "shininess 1000": (1, "float32", ""),
+    "mirror": (1, "float64", "rounding"),
     "glass": (3, "float32", ""),
     "smoke": (1, "float32", ""),
     "vertex colours": (3, "float32", ""),
@@ -234,7 +238,7 @@ def way_of(shading, channels, dtype, is_opaque):
 @pytest.mark.parametrize("shading", SHADINGS)
 @pytest.mark.parametrize("looks", [
     ["plain", "coloured", "textured", "plain"], ["coloured", "glass", "plain"],
-    ["plain", "toon", "shininess 1000", "vertex colours"], ["plain", "smoke", "textured"],
+    ["plain", "toon", "shininess 1000", "vertex colours", "mirror"], ["plain", "smoke", "textured"],
 ])  # fmt: skip
 def test_a_plan_tells_what_each_material_needs(looks, shading):
     """Materials of equal needs together; the picture's own line says what all of them need at most."""
@@ -263,16 +267,16 @@ def test_a_plan_tells_what_each_material_needs(looks, shading):
 
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_stats_count_the_ways_of_every_material(shading):
-    """As many triangles took each way as when each ball is drawn with the others out of sight."""
-    looks = ["plain", "textured", "coloured"]
-    frame = rz.render(balls(looks), SIZE, shading=shading, threads=1)
+    """Those of a fine plain ball beside a textured and a coloured one."""
+    meshes = ball("plain", (-1, -1, 0), shape=octasphere(5)), *balls(["textured", "coloured"]).meshes
+    frame = rz.render(rz.Scene(meshes, GREY, CAMERA), SIZE, shading=shading, threads=1)
     ways, n_face = frame.stats.plan.ways, len(BALL[1])
     assert ways.exact >= n_face // 2, f"the textured ball: {ways}"
     assert ways.planes >= n_face // 2, f"the coloured ball: {ways}"
     if shading == "phong":
         assert ways.entries == 0, ways
     else:
-        assert ways.entries >= n_face // 4, f"the plain ball: {ways}"
+        assert ways.entries >= 100, f"the plain ball: {ways}"
     assert sum(ways) >= frame.stats.drawn
 
 
