@@ -81,8 +81,9 @@ def plain_coding(
     is_double = np.array([np.dtype(dtype) == np.float64 for dtype in types]) | np.zeros(len(n_attributes), bool)
     needs = np.where(is_double, NEEDS_DOUBLE, NEEDS_SINGLE) | np.where(n_attributes >= 3, NEEDS_COLORS, 0)
     needs = needs if made.kind is LevelCoding else needs | NEEDS_COLORS
+    ways = np.where((made.way == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, made.way)  # an entry has one channel
     return made.kind(
-        ways=np.where(is_double, EXACT, made.way).astype(np.uint8),
+        ways=np.where(is_double, EXACT, ways).astype(np.uint8),
         needs=(needs | options.get("needs", 0)).astype(np.uint8),
         is_double=is_double,
         n_attributes=n_attributes,
