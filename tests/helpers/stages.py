@@ -80,7 +80,7 @@ def plain_coding(
     types = dtypes if isinstance(dtypes, (list, tuple)) else [dtypes]
     is_double = np.array([np.dtype(dtype) == np.float64 for dtype in types]) | np.zeros(len(n_attributes), bool)
     needs = np.where(is_double, NEEDS_DOUBLE, NEEDS_SINGLE) | np.where(n_attributes >= 3, NEEDS_COLORS, 0)
-    needs = needs if made.kind is LevelCoding else needs | NEEDS_COLORS
+    needs = needs | NEEDS_COLORS if kind == "normals" else needs
     ways = np.where((made.way == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, made.way)  # an entry has one channel
     return made.kind(
         ways=np.where(is_double, EXACT, ways).astype(np.uint8),
