@@ -1,26 +1,30 @@
 """Functions of kernels whose instructions are written here, in LLVM's own terms: kernels.spelled_out asks for them.
 
-Three inner loops of the pipeline are vector instructions. The compiler turns long loops into vector instructions by
+Some inner loops of the pipeline are vector instructions. The compiler turns long loops into vector instructions by
 itself, but not loops of eight or four: left to it, these take two to four times as long. The functions in Python that
-they stand in for are in pipeline/simd.py, with what the parameters are; those of the other two are in kernels.py.
+they stand in for are in pipeline/simd.py, texture_planes.py and texel_blend.py, with what the parameters are; those of
+the other two are in kernels.py.
 
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
 """
 
+from contextlib import contextmanager
 from functools import partial
 
 import numba
+import numpy as np
 from llvmlite import ir
 from numba import types
 
 from .fingerprint import is_seen
-from .widths import ID_BIT, LANES, PLANE_GROUP
+from .widths import ID_BIT, LANES, PLANE_GROUP, TEXELS_AHEAD
 
 if is_seen(numba.__version__):
     from numba.core import cgutils
 
 _EDGES = ir.VectorType(ir.IntType(32), LANES)
 _ENTRIES = ir.VectorType(ir.IntType(64), LANES)
+_FLOATS = ir.VectorType(ir.FloatType(), PLANE_GROUP)
 
 
 def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, depth_mask):
@@ -115,11 +119,8 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
             value = builder.select(builder.fcmp_ordered(">", value, least), value, least)
             return builder.select(builder.fcmp_ordered("<", value, greatest), value, greatest)
 
-        step = ir.Constant(long, PLANE_GROUP)
-        count = builder.udiv(builder.add(n, ir.Constant(long, PLANE_GROUP - 1)), step)
-        with cgutils.for_range(builder, count) as loop:
-            first = builder.mul(loop.index, step)
-            samples = [sample(builder.add(first, ir.Constant(long, k))) for k in range(PLANE_GROUP)]
+        with _in_fours(builder, n) as (first, four):
+            samples = [sample(k) for k in four]
             target = builder.add(start, first)
             for values in _transpose(builder, samples):
                 address = builder.bitcast(builder.gep(out, [target]), kind.as_pointer())
@@ -128,6 +129,161 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
         return context.get_dummy_value()
 
     return signature, generate
+
+
+def build_gather_slopes(typing_context, entries, group, out, start, stride):
+    """Build `texture_planes.gather_slopes`: four samples at a time, each with its eight numbers, which are then
+    transposed."""
+    unsigned, signed = types.uint64, types.int64
+    if (group[0].dtype, out.dtype, *tuple(group)[1:]) != (types.float32, types.float32, signed, unsigned, unsigned):
+        return None
+    signature = types.void(entries, group, out, unsigned, unsigned)
+
+    def generate(context, builder, signature, arguments):
+        def array_of(kind, value):
+            return context.make_array(kind)(context, builder, value)
+
+        entries, out = array_of(signature.args[0], arguments[0]), array_of(signature.args[2], arguments[2]).data
+        numbers, mask, shift, column = cgutils.unpack_tuple(builder, arguments[1])
+        numbers = array_of(signature.args[1][0], numbers).data
+
+        def sample(k):
+            entry = builder.and_(builder.load(builder.gep(entries.data, [k])), mask)
+            planes = builder.gep(numbers, [builder.add(builder.shl(entry, shift), column)])
+            return [_load(builder, planes, part * PLANE_GROUP, _FLOATS) for part in (1, 2)]
+
+        with _in_fours(builder, entries.nitems) as (first, four):
+            target = builder.add(arguments[3], first)
+            for slopes in zip(*(sample(k) for k in four), strict=True):
+                for values in _transpose(builder, slopes)[: PLANE_GROUP - 1]:
+                    address = builder.bitcast(builder.gep(out, [target]), _FLOATS.as_pointer())
+                    builder.store(values, address, align=4)
+                    target = builder.add(target, arguments[4])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def build_fetch_texels(typing_context, texels, batch, rows, n, out, start, stride, step):
+    """Build `texel_blend.fetch_texels`."""
+    return _build_texels(_fetch, 1.0, texels, batch, rows, out)
+
+
+def build_blend_texels(typing_context, texels, batch, rows, n, out, start, stride, step):
+    """Build `texel_blend.blend_texels`."""
+    return _build_texels(_mean, -(2.0**-15), texels, batch, rows, out)
+
+
+def build_blend_mip_levels(typing_context, texels, batch, rows, n, out, start, stride, step):
+    """Build `texel_blend.blend_mip_levels`."""
+    return _build_texels(_mix_means, -(2.0**-15), texels, batch, rows, out)
+
+
+def _build_texels(sample, factor, texels, batch, rows, out):
+    """Build a loop that reads texels: four samples, one after the other, which are then transposed.
+
+    sample : (_TexelReader, number of the sample) -> its four channels
+    factor : what they are multiplied by, beside the step
+    """
+    if texels.dtype != types.int16 or batch.dtype != types.float32 or out.dtype != types.float32:
+        return None
+    if any(row != types.uint64 for row in rows):
+        return None
+    unsigned = types.uint64
+    signature = types.void(texels, batch, rows, unsigned, out, unsigned, unsigned, types.float32)
+
+    def generate(context, builder, signature, arguments):
+        def data_of(k):
+            return context.make_array(signature.args[k])(context, builder, arguments[k]).data
+
+        n, out, start, stride, step = arguments[3], data_of(4), *arguments[5:]
+        reader = _TexelReader(builder, data_of(0), data_of(1), cgutils.unpack_tuple(builder, arguments[2]))
+        alpha_step = ir.Constant(ir.FloatType(), float(np.float32(1.0 / 65535.0)))
+        with _in_fours(builder, n) as (first, four):
+            samples = [sample(reader, k) for k in four]
+            target = builder.add(start, first)
+            for channel, values in enumerate(_transpose(builder, samples)):
+                of_one = step if channel < 3 else alpha_step
+                per_value = builder.fmul(ir.Constant(ir.FloatType(), factor), of_one)
+                zero = builder.fmul(ir.Constant(ir.FloatType(), 2.0**15), of_one)
+                values = builder.fmul(values, _splat(builder, _FLOATS, per_value))
+                values = builder.fadd(values, _splat(builder, _FLOATS, zero))
+                builder.store(values, builder.bitcast(builder.gep(out, [target]), _FLOATS.as_pointer()), align=4)
+                target = builder.add(target, stride)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+class _TexelReader:
+    """The texels, and the rows of a batch that say which to read."""
+
+    def __init__(self, builder, texels, batch, rows):
+        self.builder, self._texels, self._batch, self._rows = builder, texels, batch, rows
+
+    def share(self, row, k):
+        """The number of sample k in a row."""
+        return self.builder.load(self.builder.gep(self._batch, [self.builder.add(self._rows[row], k)]))
+
+    def bits(self, row, k):
+        """The whole number of sample k in a row."""
+        return self.builder.bitcast(self.share(row, k), ir.IntType(32))
+
+    def load(self, row, k, kind):
+        """The texels from sample k's texel in a row on."""
+        return self.builder.load(self.builder.bitcast(self._address(row, k), kind.as_pointer()), align=2)
+
+    def prefetch(self, row, k):
+        """Have the texels of a later sample brought near; behind the last sample any address will do."""
+        byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
+        function = self.builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
+        later = self.builder.add(k, ir.Constant(ir.IntType(64), TEXELS_AHEAD))
+        address = self.builder.bitcast(self._address(row, later), byte)
+        self.builder.call(function, [address, whole(0), whole(3), whole(1)])  # for reading, to stay, data
+
+    def _address(self, row, k):
+        texel = self.builder.zext(self.bits(row, k), ir.IntType(64))
+        return self.builder.gep(self._texels, [self.builder.shl(texel, ir.Constant(ir.IntType(64), 2))])
+
+
+def _fetch(reader, k):
+    """The values of the texel of sample k."""
+    values = reader.load(0, k, ir.VectorType(ir.IntType(16), 4))
+    return reader.builder.sitofp(values, _FLOATS)
+
+
+def _mean(reader, k):
+    """The mean of four texels of sample k; the lower two of a later sample are asked for: the upper ones have often
+    been the lower ones of the row of samples before."""
+    reader.prefetch(1, k)
+    return _weighted_sums(reader, k, 0)
+
+
+def _weighted_sums(reader, k, first):
+    """The weighted sums of four texels of sample k; rows from `first` on.
+
+    Values of the upper and of the lower texel take turns, and so do weights: products are added pair by pair, for which
+    many processors have an instruction, and the compiler finds it.
+    """
+    builder, shorts, longs = reader.builder, ir.VectorType(ir.IntType(16), 8), ir.VectorType(ir.IntType(32), 8)
+    top, bottom = (reader.load(first + row, k, shorts) for row in (0, 1))
+    sums = []
+    for side in (0, 1):
+        order = [4 * side + i + 8 * (j % 2) for i in range(4) for j in (0, 1)]
+        values = _shuffle(builder, top, bottom, order)
+        weights = _splat(builder, ir.VectorType(ir.IntType(32), 4), reader.bits(first + 2 + side, k))
+        products = builder.mul(builder.sext(values, longs), builder.sext(builder.bitcast(weights, shorts), longs))
+        even, odd = (_shuffle(builder, products, products, [i, i + 2, i + 4, i + 6]) for i in (0, 1))
+        sums.append(builder.add(even, odd))
+    return builder.sitofp(builder.add(*sums), _FLOATS)
+
+
+def _mix_means(reader, k):
+    """The mixture of the means of two mip levels."""
+    builder, a, b = reader.builder, _mean(reader, k), _weighted_sums(reader, k, 4)
+    share = _splat(builder, _FLOATS, reader.share(8, k))
+    return builder.fadd(a, builder.fmul(share, builder.fsub(b, a)))
 
 
 def build_array(typing_context, pointer, shape):
@@ -170,15 +326,27 @@ def _load(builder, address, offset, kind):
     return builder.load(builder.bitcast(element, kind.as_pointer()), align=4)
 
 
+@contextmanager
+def _in_fours(builder, n):
+    """Loop over n samples, PLANE_GROUP at a time; yield the number of the first one, and of each."""
+    long = ir.IntType(64)
+    step = ir.Constant(long, PLANE_GROUP)
+    count = builder.udiv(builder.add(n, ir.Constant(long, PLANE_GROUP - 1)), step)
+    with cgutils.for_range(builder, count) as loop:
+        first = builder.mul(loop.index, step)
+        yield first, [builder.add(first, ir.Constant(long, k)) for k in range(PLANE_GROUP)]
+
+
+def _shuffle(builder, a, b, order):
+    """A vector of elements of two others, which are counted through."""
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), order))
+
+
 def _transpose(builder, rows):
     """Turn four vectors of four into their columns."""
-
-    def mix(a, b, order):
-        return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), PLANE_GROUP), order))
-
-    low = [mix(rows[k], rows[k + 1], [0, 4, 1, 5]) for k in (0, 2)]
-    high = [mix(rows[k], rows[k + 1], [2, 6, 3, 7]) for k in (0, 2)]
-    return [mix(*pair, order) for pair in (low, high) for order in ([0, 1, 4, 5], [2, 3, 6, 7])]
+    low = [_shuffle(builder, rows[k], rows[k + 1], [0, 4, 1, 5]) for k in (0, 2)]
+    high = [_shuffle(builder, rows[k], rows[k + 1], [2, 6, 3, 7]) for k in (0, 2)]
+    return [_shuffle(builder, *pair, order) for pair in (low, high) for order in ([0, 1, 4, 5], [2, 3, 6, 7])]
 
 
 class _Ramp:

@@ -38,31 +38,47 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     Attributes: n_channel intensities, linear; of materials with one channel the first is written alone. With textures 8
     in float64: of textured surfaces what a black one gives off, what the whole one gives off, texture coordinates
     """
-    found = {dtype: NONE[k] for k, dtype in enumerate((np.dtype(np.float32), np.dtype(np.float64)))}
-    groups = list_groups(geometry)
-    for dtype, lighting in lightings.items():
-        is_lit = plan.of_materials.is_double == (dtype == np.float64)
-        here = [group for group in groups if is_lit[group.material]]
-        out = light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, here)
-        textured = [group for group in here if plan.materials[group.material].texture is not None]
-        if textured:
-            out = add_textured(out, textured, geometry, plan, lighting, screen, normal_offsets, threads)
-        found[dtype] = fill_centers(out, geometry, here, threads)
-    return Attributes(*found.values())
+    groups, of_materials = list_groups(geometry), plan.of_materials
+    lit = {
+        dtype: [g for g in groups if of_materials.is_double[g.material] == (dtype == np.float64)] for dtype in lightings
+    }
+
+    def light_here(geometry, chosen):
+        return {
+            dtype: light(geometry, plan, lightings[dtype], screen, n_side, normal_offsets, threads, chosen[dtype])
+            for dtype in lit
+        }
+
+    whole, found = light_here(geometry, lit), list(NONE)
+    single = [group for group in groups if not of_materials.reads_double[group.material]]
+    double = [group for group in groups if of_materials.reads_double[group.material]]
+    if single:
+        found[0] = fill_centers(whole[np.dtype(np.float32)], geometry, single, threads)
+    if double:
+        textured = {dtype: [g for g in lit[dtype] if plan.materials[g.material].texture is not None] for dtype in lit}
+        # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
+        black = geometry._replace(albedo=np.zeros(geometry.albedo.shape))
+        rest = light_here(black, textured) if any(textured.values()) else {}
+        found[1] = fill_centers(join(geometry, plan, double, whole, rest), geometry, double, threads)
+    return Attributes(*found)
 
 
-def add_textured(whole, groups, geometry, plan, lighting, screen, normal_offsets, threads) -> np.ndarray:
-    """Add what textured surfaces have beside the intensities `whole`: see `light_all`."""
-    n_side, n_point, n_channel = whole.shape
-    # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-    black = geometry._replace(albedo=np.zeros_like(geometry.albedo))
-    rest = light(black, plan, lighting, screen, n_side, normal_offsets, threads, groups)
-    out = np.zeros((n_side, n_point, 2 * n_channel + 2), whole.dtype)
-    out[:, :, :n_channel] = whole
-    for _, start, end in groups:
-        out[:, start:end, :n_channel] = rest[:, start:end]
-        out[:, start:end, n_channel : 2 * n_channel] = whole[:, start:end]
-        out[:, start:end, 2 * n_channel :] = geometry.uv[start:end]
+def join(geometry, plan, groups, whole, rest) -> np.ndarray:
+    """Put what groups of points have in float64 side by side: see `light_all`.
+
+    `whole` and `rest` are the intensities in each of the plan's types; `rest` is empty where there are no textures.
+    """
+    n_side, n_point = next(iter(whole.values())).shape[:2]
+    n_channel = max(values.shape[2] for values in whole.values())
+    out = np.zeros((n_side, n_point, 2 * n_channel + 2 if rest else n_channel))
+    for group in groups:
+        here, dtype = slice(group.start, group.end), plan.of_materials.dtype_of(group.material)
+        is_textured = plan.materials[group.material].texture is not None
+        of_first = (rest if is_textured else whole)[dtype][:, here]
+        out[:, here, : of_first.shape[2]] = of_first
+        if is_textured:
+            out[:, here, n_channel : 2 * n_channel] = whole[dtype][:, here]
+            out[:, here, 2 * n_channel :] = geometry.uv[here]
     return out
 
 
@@ -127,12 +143,12 @@ class NormalAttributes:
 
     def of(self, plan) -> Attributes:
         """Normals, behind them the model's colours, texture coordinates and tangents: 3 to 11 attributes."""
-        is_double, n_attributes = plan.of_materials.is_double, plan.of_materials.n_attributes
+        reads_double, n_attributes = plan.of_materials.reads_double, plan.of_materials.n_attributes
         found = list(NONE)
         for k, dtype in enumerate((np.dtype(np.float32), np.dtype(np.float64))):
-            if dtype in plan.dtypes:
-                of_dtype = is_double == (dtype == np.float64)
-                found[k] = self._of(dtype, int(n_attributes[of_dtype].max()))
+            here = n_attributes[reads_double == bool(k)]
+            if len(here):
+                found[k] = self._of(dtype, int(here.max()))
         return Attributes(*found)
 
     def normals(self) -> Attributes:

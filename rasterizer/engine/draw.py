@@ -130,7 +130,8 @@ def cull(drawn: Drawn, render_pass: Pass, threads):
             return visible, n_row
         if n_row == factor:
             raise SceneError(
-                f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: draw a larger picture"
+                f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: "
+                "draw a larger picture"
             )
         n_row = max(factor, n_row // 2 // factor * factor)
 

@@ -10,7 +10,7 @@ product) and its direction by u, beside what was rounded before:
 
     N       2 u beside the length: copied and scaled
     L       2 u, of which the light's position is not a part: see `position_error`
-    V       8 u: the ray through the sample errs by 7 u (shade.py)
+    V       8 u: the ray through the sample errs by 7 u (phong_shading.py)
     N·L     6.5 u of N, 6.5 u of L, 3 u of the product: 16 u. With attenuation (5 u), coefficients and colours: LIT
 
 What becomes of these errors in a light's strength and in a highlight, the tables of lights and of reflection models

@@ -1,6 +1,7 @@
 """What each material of a scene needs: one channel or three, float32 or float64, the cheapest way to its samples.
 
-What one object needs costs its own samples and no others. The bounds that justify a cheaper way stand beside the choice.
+What one object needs costs its own samples and no others. The bounds that justify a cheaper way stand beside the
+choice.
 """
 
 from collections.abc import Sequence
@@ -35,6 +36,20 @@ class MaterialPlans(NamedTuple):
         """Which need float64."""
         return (self.needs & g.NEEDS_DOUBLE) != 0
 
+    def dtype_of(self, material: int) -> np.dtype:
+        """The type that a material is lit in."""
+        return np.dtype(np.float64 if self.needs[material] & g.NEEDS_DOUBLE else np.float32)
+
+    @property
+    def is_looked_up(self) -> NDArray[np.bool_]:
+        """Which have textures whose coordinates may stand in planes."""
+        return ((self.needs & g.NEEDS_TEXTURE) != 0) & ~self.is_double
+
+    @property
+    def reads_double(self) -> NDArray[np.bool_]:
+        """Which have attributes in float64: also texture coordinates, of which large pictures need many digits."""
+        return self.is_double | self.is_looked_up
+
     @property
     def is_colored(self) -> NDArray[np.bool_]:
         """Which need three channels."""
@@ -54,6 +69,7 @@ class Facts(NamedTuple):
     """What is known of a material's surfaces, a row a material."""
 
     has_albedo: NDArray[np.bool_]  # colours are given with the model, or a texture
+    has_vertex_colors: NDArray[np.bool_]  # colours are given with the model
     has_colors: NDArray[np.bool_]  # not only grey ones
     tints: Sequence[NDArray[np.float64] | None]  # (3,): what all intensities are multiples of, None where there is none
 
@@ -83,7 +99,7 @@ def plan_materials(
         is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
         why = tuple(reason for reason in why if reason)
         ways.append(choose_way(why, options, is_colored or not sources.is_opaque, normal_limits[k], reflected.bound))
-        needs.append(list_needs(material, bool(why), is_colored))
+        needs.append(list_needs(material, bool(why), is_colored, facts.has_vertex_colors[k]))
         n_attributes.append(count_attributes(material, options, sources, facts, k, is_colored))
         reasons.append(why)
     return MaterialPlans(
@@ -123,8 +139,6 @@ def reasons_of_material(material: Any, rounding: float, options: Any) -> tuple[s
     """
     return (
         "" if rounding <= options.tolerance / 2 else "rounding beyond half of the tolerance",
-        # Next to a step no error is small: the edges of texels.
-        "textures" if material.texture is not None else "",
         reflection_table.entry_of(material).reason_for_float64(material),
     )
 
@@ -146,11 +160,14 @@ def choose_way(reasons, options, needs_planes: bool, normal_limit: float, bound:
     return g.IN_PLANES if needs_planes else g.IN_ENTRIES
 
 
-def list_needs(material: Any, is_double: bool, is_colored: bool) -> int:
+def list_needs(material: Any, is_double: bool, is_colored: bool, has_vertex_colors: bool) -> int:
     """Return what a material needs, as bits."""
     needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE
     needs |= g.NEEDS_COLORS if is_colored else 0
-    needs |= g.NEEDS_TEXTURE if material.texture is not None else 0
+    needs |= g.NEEDS_ALBEDO if has_vertex_colors else 0
+    if material.texture is not None:
+        is_nearest = material.texture.filter == "nearest" and not is_double
+        needs |= g.NEEDS_TEXTURE | (g.NEEDS_CORNERS if is_nearest else 0)
     needs |= 0 if material.is_opaque else g.NEEDS_BEHIND if material.opacity > 0.0 else g.IS_INVISIBLE
     return needs
 

@@ -25,17 +25,19 @@ from ..pipeline.gradients import (
     NEEDS_SINGLE,
     NEEDS_TEXTURE,
     Coding,
-    LevelCoding,
-    NormalCoding,
 )
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.lighting import Lighting
-from ..pipeline.records import ALBEDO_UNITS, NORMAL_UNITS, VALUE_UNITS
+from ..pipeline.phong_shading import FaceTable, shade_lit
+from ..pipeline.records import most_units
 from ..pipeline.resolve import Picture, resolve
 from ..pipeline.scan import ScanCounts
-from ..pipeline.shade import FaceTable, shade_interpolated, shade_lit
+from ..pipeline.shade import shade_interpolated
 from ..pipeline.shadow_lookup import write_map
-from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
+from ..pipeline.texture_sampling import sample_textures
+from ..pipeline.textured_shading import shade_textured
+from ..pipeline.textures import Textures
+from ..pipeline.texturing import Texturing
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import Workspace, WorkspaceKind
 from .attributes import NONE, Attributes
@@ -85,9 +87,7 @@ class Pass:
 
     def most_records(self, n_triangle: int) -> int:
         """How many units the records of so many triangles have at most."""
-        if isinstance(self.coding, NormalCoding):
-            return n_triangle * (NORMAL_UNITS if self.attributes.single.shape[2] < 6 else ALBEDO_UNITS)
-        return n_triangle * (VALUE_UNITS if isinstance(self.coding, LevelCoding) and self.n_channel > 0 else 1)
+        return n_triangle * most_units(self.coding)
 
     def shade(self, workspace: Workspace, band: Band, counts: ScanCounts, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
@@ -135,6 +135,10 @@ class ColorPass(Pass):
         """None where all is opaque."""
         return self.plan.opacity
 
+    def texturing_in(self, workspace: Workspace) -> Texturing:
+        """The textures, with a workspace's memory for looking them up."""
+        return Texturing(self.textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
+
     def n_channel_of(self, counts: ScanCounts) -> int:
         """How many channels a band needs: what fades with depth has as many everywhere.
 
@@ -151,7 +155,7 @@ class ColorPass(Pass):
         """Find the light that comes from the visible samples, then let what is further away fade."""
         scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
         radiance = workspace.radiance[: self.n_channel_of(counts)]
-        if counts.needs & NEEDS_TEXTURE:
+        if counts.needs & NEEDS_TEXTURE and counts.n_exact > 0:
             sample_textures(scanned, self.textures, workspace.double_batch, workspace.texels)
         self.light(workspace, scanned, face_table, radiance)
         if self.plan.cue is not None:
@@ -180,7 +184,7 @@ class InterpolatedPass(ColorPass):
         """Interpolate the intensities; of textured surfaces those of the parts that the texture weakens and doesn't."""
         shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
         if band.counts.needs & NEEDS_TEXTURE:
-            shade_textured(band, workspace.texels, radiance)
+            shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
 
 
 @dataclass(**AS_PASS)
@@ -191,13 +195,13 @@ class LitPass(ColorPass):
 
     def light(self, workspace, band, face_table, radiance):
         """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
-        texels = workspace.texels if self.textures is not None else None
+        texturing = self.texturing_in(workspace) if self.textures is not None else None
         tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
         ways = (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)
         for need, dtype, batch in ways:
             if band.counts.needs & need:
                 shade_lit(
-                    band, self.screen, self.lightings[np.dtype(dtype)], face_table, tangents, texels, self.plan.tint,
+                    band, self.screen, self.lightings[np.dtype(dtype)], face_table, tangents, texturing, self.plan.tint,
                     need == NEEDS_DOUBLE, batch, radiance,
                 )  # fmt: skip
 

@@ -15,7 +15,8 @@ from ..geometry.points import number_materials
 from ..options import Options
 from ..pipeline.a_buffer import Opacity, least_transmittance
 from ..pipeline.depth_cueing import Cue
-from ..pipeline.texture_sampling import Textures
+from ..pipeline.texture_packing import PackedTextures, pack_textures
+from ..pipeline.textures import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import light_table
 from .error_bounds import WRITTEN, lighting_error
@@ -49,6 +50,7 @@ class Plan(NamedTuple):
     has_shadows: bool
     has_tangents: bool  # some material is brushed along u
     textures: Textures | None  # None where the scene has none
+    packed_textures: PackedTextures | None  # the same for look-ups in float32; None where there are none
     opacity: Opacity | None  # None where all is opaque
     products: Products | None  # None where colours are multiplied channel by channel
     cue: Cue | None  # None where nothing fades with depth
@@ -133,6 +135,7 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
     is_single = not of_materials.is_double.all()
     n_channel, most_level = 3 if of_materials.is_colored.any() else 1, brightness.bound + brightness.rounding
     least = least_transmittance(options.tolerance, brightness.bound, is_single)
+    textures = list_textures(materials) if sources.is_textured else None
     return Plan(
         n_channel=n_channel,
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
@@ -150,7 +153,8 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
         has_albedo=len(albedo) > 0,
         has_shadows=sources.has_shadows,
         has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
-        textures=list_textures(materials) if sources.is_textured else None,
+        textures=textures,
+        packed_textures=pack_textures(textures) if of_materials.is_looked_up.any() else None,
         opacity=None if sources.is_opaque else list_opacities(materials, least),
         products=sources.products,
         cue=None if cue is None else make_cue(cue, n_channel),
@@ -160,19 +164,20 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
 def gather_facts(scene, sources: "Sources", albedo, colored) -> Facts:
     """Find out which materials have colours that are given with the model, and which have one channel."""
     materials = sources.materials
-    has_albedo = np.array([material.texture is not None for material in materials], np.bool_)
+    has_texture = np.array([material.texture is not None for material in materials], np.bool_)
+    has_vertex_colors = np.zeros(len(materials), np.bool_)
     if len(albedo) > 0:
         given = number_materials(scene.meshes)[1]
         for mesh, numbers in zip(scene.meshes, given, strict=True):
             if mesh.colors is not None or mesh.face_colors is not None:
-                has_albedo[numbers] = True
+                has_vertex_colors[numbers] = True
     if colored is None:
         colored = np.full(len(materials), len(albedo) > 0 and bool(np.ptp(albedo, axis=1).any()))
     tints = [
         None if has_colors else tint_of(material, sources, scene.depth_cue)
         for material, has_colors in zip(materials, colored, strict=True)
     ]
-    return Facts(has_albedo, colored, tints)
+    return Facts(has_texture | has_vertex_colors, has_vertex_colors, colored, tints)
 
 
 def tint_of(material, sources: "Sources", cue) -> np.ndarray | None:

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..pipeline.gradients import EXACT, IN_ENTRIES, IN_PLANES
+from ..pipeline.gradients import IN_ENTRIES, IN_PLANES
 from .plan import Plan
 from .uniforms import batch_functions_of
 

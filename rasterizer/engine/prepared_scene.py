@@ -71,7 +71,7 @@ class PreparedScene:
 
     def color_pass(self, view, screen, plan, picture, clock) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
-        options, geometry, maps = self.options, self.geometry, ()
+        options, maps = self.options, ()
         if self.shadows is not None:
             maps = self.shadows.draw(view, self.workspaces, self.threads)
             clock.lap("shadows")

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..pipeline import texture_sampling as texturing
+from ..pipeline import textures as texturing
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.depth_cueing import Cue
-from ..pipeline.texture_sampling import Textures
+from ..pipeline.textures import Textures
 
 
 def list_opacities(materials, least) -> Opacity:
@@ -13,6 +13,7 @@ def list_opacities(materials, least) -> Opacity:
     return Opacity(
         np.array([material.opacity for material in materials]),
         np.array([material.is_opaque for material in materials], np.bool_),
+        np.array([material.texture is not None for material in materials], np.bool_),
         least,
     )
 

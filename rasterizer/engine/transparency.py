@@ -14,7 +14,6 @@ from ..pipeline.a_buffer import (
     split_samples,
 )
 from ..pipeline.bands import Band, Rows
-from ..pipeline.gradients import NEEDS_TEXTURE
 from ..pipeline.scan import Deferred
 from .passes import Pass
 
@@ -64,13 +63,12 @@ def composite_range(band: Band, drawn, render_pass: Pass, workspace, counts, tra
     list_fragments(band.y_start, transparent, triangles, vertices, rows, workspace.block, visibility, lists)
     show_nearest(visibility, a_buffer, lists)
     layer, n_channel = workspace._replace(visibility=a_buffer.layer), render_pass.n_channel_of(counts)
-    texels = workspace.texels if counts.needs & NEEDS_TEXTURE else workspace.texels[:0]
     n_composited, is_more = 0, True
     while is_more:
         render_pass.shade(layer, Band(band.faces, *rows), counts, drawn.face_table)
         is_more = composite(
             visibility, workspace.records, a_buffer.of_channels(n_channel), lists, n_composited,
-            workspace.radiance[:n_channel], texels,
+            workspace.radiance[:n_channel], workspace.texels,
             render_pass.opacity,
         )  # fmt: skip
         n_composited += 1

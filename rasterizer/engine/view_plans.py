@@ -8,7 +8,7 @@ import numpy as np
 from ..geometry.points import number_materials
 from ..geometry.surfaces import compute_clearance, compute_point_clearance, find_shortest_normal
 from ..options import Options
-from ..pipeline.gradients import EXACT, IN_ENTRIES
+from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of
@@ -148,9 +148,13 @@ def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
     roundings, ways = roundings_of(plan, surroundings), plan.of_materials.ways
     approximated = np.zeros(len(ways))
     if plan.is_lit_per_sample:
-        approximated[:] = np.where(plan.of_materials.has_albedo, tolerance / 2, tolerance / 4)
+        has_colors = (plan.of_materials.needs & NEEDS_ALBEDO) != 0
+        approximated[:] = np.where(has_colors, tolerance / 2, tolerance / 4)
+        is_looked_up = plan.of_materials.is_looked_up
+        approximated[is_looked_up] = np.maximum(tolerance - roundings, 0.0)[is_looked_up]
     elif plan.is_flat:
         approximated[ways == IN_ENTRIES] = 0.5 / plan.level_scale
+        approximated[plan.of_materials.is_looked_up] = tolerance
     else:
         approximated = np.maximum(tolerance - roundings, 0.0)
     return float((roundings + np.where(ways == EXACT, 0.0, approximated)).max())

@@ -1,16 +1,17 @@
 """The A-buffer: what is seen through transparent surfaces, for scenes that have any. It takes the place of the scan
 stage's one pass.
 
-In:  the band's list of triangles, which of them are opaque.
+In:  the band's transparent triangles, which the scan stage has left, and its opaque surfaces, which it has drawn.
 Out: every sample's colour, weighted by its opacity, and its opacity: all surfaces that are seen there, nearest first,
      up to the first opaque one.
 
-First the opaque surfaces are drawn, and the transparent ones noted (scan.py). Then every sample gets a list of fragments, the entries of all transparent surfaces
-before that (Carpenter 1984, "The A-buffer, an antialiased hidden surface method"): they are counted, room is divided,
-the lists are filled and sorted. Entries hold depth above the triangle's index, so they order all surfaces at a sample,
-whatever their order in the file: at equal depth the lower index lies in front, as everywhere. The lists of a range of
-samples are worked on at a time, so that a thread needs no more than MOST_FRAGMENTS entries. Then one layer after the
-other is shaded, the k-th fragments of all samples, and summed up (Porter & Duff 1984, `over`):
+First the opaque surfaces are drawn, and the transparent ones noted (scan.py). Then every sample gets a list of
+fragments, the entries of all transparent surfaces before that (Carpenter 1984, "The A-buffer, an antialiased hidden
+surface method"): they are counted, room is divided, the lists are filled and sorted. Entries hold depth above the
+index of the triangle's record, so they order all surfaces at a sample, whatever their order in the file: at equal depth
+the lower index lies in front, as everywhere. The lists of a range of samples are worked on at a time, so that a thread
+needs no more than MOST_FRAGMENTS entries. Then one layer after the other is shaded, the k-th fragments of all samples,
+and summed up (Porter & Duff 1984, `over`):
 
     color += transmittance · a · c      opacity += transmittance · a      transmittance *= 1 - a
 
@@ -35,8 +36,9 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from . import setup as s
+from .fill import fill_spans
 from .records import material_of
-from .scan import Deferred, Payload, box_of, fill_spans, surface_of
+from .scan import Deferred, Payload, box_of, surface_of
 from .visibility import (
     CLEAR,
     MAX_RECORDS,
@@ -91,6 +93,7 @@ class Opacity(NamedTuple):
 
     opacity: np.ndarray  # (n_material,) float64
     is_opaque: np.ndarray  # (n_material,) bool: also the texture is
+    is_textured: np.ndarray  # (n_material,) bool
     least: float  # when no more is transmitted, what lies behind is left out
 
 
@@ -98,8 +101,13 @@ def make_a_buffer(visibility, n_channel, is_used) -> ABuffer:
     """Return the A-buffer of a band with this visibility buffer; without room where it isn't used."""
     n_sample = len(visibility.entries) if is_used else 0
     whole, real = (lambda n: np.zeros(n, np.int64)), (lambda *shape: np.zeros(shape))
+    left, right = np.zeros_like(visibility.left), np.zeros_like(visibility.right)
     layer = visibility._replace(
-        entries=whole(n_sample), left=np.zeros_like(visibility.left), right=np.zeros_like(visibility.right)
+        entries=whole(n_sample),
+        left=left,
+        right=right,
+        other_left=left,
+        other_right=right,  # any materials
     )
     return ABuffer(
         layer, whole(n_sample), whole(n_sample + 1), real(n_sample), real(n_sample), real(n_channel, n_sample)
@@ -241,13 +249,15 @@ def composite(visibility, records, a_buffer, lists, depth, radiance, texels, opa
     lists : FragmentLists
     radiance : (n_channel, n_row * pitch) of the layer
     texels : (4, n_row * pitch), of which the last is alpha; (0, n_row * pitch) where the scene has no textures
+    opacity : Opacity
     """
     layer = a_buffer.layer
     opaque, entries = visibility.entries, layer.entries
     fragments, starts = lists.entries, lists.starts
     transmittance, opacities, color = a_buffer.transmittance, a_buffer.opacity, a_buffer.color
     base = starts[index(lists.first)]
-    is_more, last_record, last_alpha = False, index(MAX_RECORDS), 0.0  # neighbours often show the same triangle
+    is_more, is_textured = False, False
+    last_record, last_alpha = index(MAX_RECORDS), 0.0  # neighbours often show the same triangle
     n_row = lists.end_row - lists.first_row
     for first in range(0, n_row, 1 << STRIP_SHIFT):
         strip = strip_of(first)
@@ -263,9 +273,11 @@ def composite(visibility, records, a_buffer, lists, depth, radiance, texels, opa
                 if entry != opaque[sample]:
                     record = record_of(entry)
                     if record != last_record:
-                        last_record, last_alpha = record, opacity.opacity[material_of(entry, records)]
+                        material = material_of(entry, records)
+                        last_record, last_alpha = record, opacity.opacity[material]
+                        is_textured = opacity.is_textured[material]
                     alpha = last_alpha
-                    if texels.shape[0] > 0:
+                    if is_textured:
                         alpha *= texels[3, k]
                 before = transmittance[sample] if depth > 0 else 1.0
                 share, after = before * alpha, before * (1.0 - alpha)

@@ -31,5 +31,5 @@ class Drawables(NamedTuple):
 
     triangles: Triangles
     vertices: Vertices
-    attributes: np.ndarray  # (side, n, n_attribute) float32, of corners that are lit in float32
-    double_attributes: np.ndarray  # the same in float64, of the others
+    attributes: np.ndarray  # (side, n, n_attribute) float32
+    double_attributes: np.ndarray  # the same in float64, of the corners that need it: see Coding.reads_double

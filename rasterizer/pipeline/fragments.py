@@ -36,7 +36,8 @@ INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to as
 FACE_NORMAL, FACE_OFFSET, NORMAL_OFFSET = _quantity(27), _quantity(30), _quantity(31)
 FROM_LIGHT, LIMIT_SLOPES = _quantity(32), _quantity(35)
 TANGENT = _quantity(37)  # a vector of any length, of anisotropic materials
-N_QUANTITY = 40
+TEXEL = _quantity(40)  # what a texture shows: red, green, blue, alpha
+N_QUANTITY = 44
 BATCH_SHAPE = (N_QUANTITY * BATCH_SIZE,)
 
 

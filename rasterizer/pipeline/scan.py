@@ -4,17 +4,8 @@ In:  the band's list of triangles, in face order, and the vertices on the screen
 Out: an entry for every sample of the band (visibility.py), and a record for every triangle whose samples are shaded
      later (records.py).
 
-A plane of entries is anchored at the first sample of the part of the triangle's box that lies right of and below the
-picture's upper left corner, and integer addition is associative: an entry is a function of triangle and sample alone,
-not of band, span start or thread. Products may overflow 64 bits on the way; arithmetic modulo 2^64 gives the right
-entry all the same, because the entry itself fits.
-
-    top v0                    Clockwise on the screen (y points down): v0 is the topmost vertex, the leftmost of two.
-       /\\                     Left chain v0-v2(-v1), right chain v0-v1(-v2). A sample on a left or top edge belongs to
-      /  \\_                   the triangle, on a right or bottom edge it doesn't: spans run from the first sample at or
-  v2 /_____\\ v1               beyond the left edge to the last one before the right edge.
-
-Small boxes are filled whole, LANES samples side by side; of other triangles the two chains are walked down the rows.
+Triangles are set up a block at a time (setup.py), their attributes get planes (gradients.py), and their samples are
+filled one after the other (fill.py).
 """
 
 from typing import NamedTuple
@@ -23,35 +14,11 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
 from . import setup as s
-from .cull import first_sample
-from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NormalCoding, compute_gradients
+from .fill import Box, Depths, Plane, Surface, Triangle, fill_box, fill_spans
+from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NEEDS_CORNERS, NormalCoding, compute_gradients
 from .records import write_exact, write_normals, write_values
-from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
-from .transform import HALF, SUBPIXEL
-from .visibility import DEPTH_MASK, id_payload, note_extent, pack
-
-# What is known of one triangle goes from helper to helper in structs. They cost nothing: helpers are inlined, and the
-# optimiser takes tuples of numbers apart.
-
-
-class Triangle(NamedTuple):
-    """The vertices of a triangle, int64, 1/256 px, clockwise on the screen, the topmost (then leftmost) first."""
-
-    x0: int
-    y0: int
-    x1: int
-    y1: int
-    x2: int
-    y2: int
-
-
-class Box(NamedTuple):
-    """The samples that a triangle may cover, int64, half-open, within the picture and the band."""
-
-    left: int
-    right: int
-    top: int
-    bottom: int
+from .simd import MOST_HIGH, MOST_WIDE
+from .visibility import id_payload, note_extent, note_material, pack
 
 
 class Payload(NamedTuple):
@@ -60,44 +27,6 @@ class Payload(NamedTuple):
     value: int
     dx: int
     dy: int
-
-
-class Plane(NamedTuple):
-    """A plane of entries, uint64: at the picture's sample (0, 0), and its steps a sample; modulo 2^64."""
-
-    value: int
-    dx: int
-    dy: int
-
-
-class Depths(NamedTuple):
-    """The z of a triangle's vertices, float64, z-buffer units, and the range that its samples may have."""
-
-    z0: float
-    z1: float
-    z2: float
-    least: float
-    largest: float
-
-
-class Surface(NamedTuple):
-    """What gives the entry of a triangle at a sample: the plane, or, of a sliver, exact edge functions."""
-
-    triangle: Triangle
-    is_sliver: bool
-    plane: Plane
-    depths: Depths
-    payload: int  # of slivers
-
-
-class Edge(NamedTuple):
-    """An edge on its way down the rows, int64, as an exact digital differential analyser."""
-
-    x: int  # the first sample at or beyond the edge on this row
-    rest: int  # how far beyond, in shares of a sample: rest / divisor
-    dx: int  # what the next row adds to x, and to the rest
-    d_rest: int
-    divisor: int
 
 
 class ScanCounts(NamedTuple):
@@ -157,7 +86,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         needs |= of_block
         material = np.int64(-1) if has_others else material
         s.order_vertices(block)
-        s.gather_attributes(len(some), n_attribute, drawables, coding.is_double, block)
+        s.gather_attributes(len(some), n_attribute, drawables, coding.reads_double, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)
@@ -172,16 +101,21 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
             else:
                 has_planes = block.ints[s.HAS_PLANES + k] != 0
                 payload = Payload(id_payload(n_record, not has_planes), np.int64(0), np.int64(0))
-                if has_planes:
-                    n_record += write_planes(records, n_record, k, some[k], n_attribute, coding, block)
-                    n_plane += 1
-                else:
+                n_unit = np.int64(1)
+                if not has_planes or needs_corners(k, coding, block):
                     write_exact(records, n_record, k, some[k], n_attribute, coding, block)
-                    n_record += 1
-                    n_exact += 1
+                if has_planes:
+                    n_unit = write_planes(records, n_record, k, some[k], coding, block)
+                n_record += n_unit
+                n_plane += has_planes
+                n_exact += not has_planes
                 if is_deferred(k, some[k], payload, coding, block, deferred):
                     continue
-            note_extent(visibility, box.left, box.right, box.top - band.y_start, box.bottom - band.y_start)
+            first_row, end_row = box.top - band.y_start, box.bottom - band.y_start
+            note_extent(visibility, box.left, box.right, first_row, end_row)
+            if len(coding.ways) > 1:
+                here = np.int64(block.ints[s.MATERIAL + k])
+                note_material(visibility, box.left, box.right, first_row, end_row, here)
             fill(visibility, band.y_start, box, k, payload, block)
     return n_level, n_plane, n_exact, needs, material
 
@@ -207,16 +141,22 @@ def look_at_materials(n, material, coding, block):
     return n_attribute, needs, others != 0
 
 
-def choose_writer(records, n_record, k, face, n_attribute, coding, block):
+@helper
+def needs_corners(k, coding, block):
+    """Tell whether triangle k needs an exact record beside its planes."""
+    return coding.needs[block.ints[s.MATERIAL + k]] & NEEDS_CORNERS != 0
+
+
+def choose_writer(records, n_record, k, face, coding, block):
     """Return what is compiled in the place of `write_planes`: only what the coding needs."""
     return write_normals if coding.instance_class is NormalCoding else write_values
 
 
 @choice(choose_writer)
-def write_planes(records, n_record, k, face, n_attribute, coding, block):
+def write_planes(records, n_record, k, face, coding, block):
     """Write record number `n_record`, the planes of triangle k of the block; return its length in units."""
     write = write_normals if isinstance(coding, NormalCoding) else write_values
-    return write(records, n_record, k, face, n_attribute, coding, block)
+    return write(records, n_record, k, face, coding, block)
 
 
 @helper
@@ -274,185 +214,3 @@ def surface_of(k, payload, block):
         reals[s.Z0 + k], reals[s.Z1 + k], reals[s.Z2 + k], reals[s.LEAST_Z + k], reals[s.LARGEST_Z + k]
     )  # fmt: skip
     return Surface(triangle, ints[s.IS_SLIVER + k] != 0, plane, depths, payload.value)
-
-
-# ---------------------------------------------------------------- small boxes
-
-
-@helper
-def fill_box(visibility, y_start, box, surface):
-    """Test every sample of a small box against the three edges, LANES at a time, without a branch."""
-    triangle, plane = surface.triangle, surface.plane
-    base = (box.top - y_start) * visibility.pitch
-    for first in range(box.left, box.right, LANES):
-        sx, sy = first * SUBPIXEL + HALF, box.top * SUBPIXEL + HALF
-        e0, e0_dx, e0_dy = edge_function(triangle.x0, triangle.y0, triangle.x1, triangle.y1, sx, sy)
-        e1, e1_dx, e1_dy = edge_function(triangle.x1, triangle.y1, triangle.x2, triangle.y2, sx, sy)
-        e2, e2_dx, e2_dy = edge_function(triangle.x2, triangle.y2, triangle.x0, triangle.y0, sx, sy)
-        edges = (e0, e0_dx, e0_dy, e1, e1_dx, e1_dy, e2, e2_dx, e2_dy)
-        entries = (entry_at(plane, first, box.top), plane.dx, plane.dy)
-        n_row = box.bottom - box.top
-        merge_box(visibility.entries, index(base + first), index(visibility.pitch), n_row, entries, edges, DEPTH_MASK)
-
-
-@helper
-def edge_function(xa, ya, xb, yb, sx, sy):
-    """Evaluate the edge function of a clockwise edge at a sample: value and steps a sample; >= 0 means inside.
-
-    A sample on the edge is inside only on a top edge (to the right) or a left one (upwards), so the others are moved by
-    one. All are int64, 1/256 px.
-
-    Source: Pineda 1988, "A parallel algorithm for polygon rasterization", SIGGRAPH 88, 17-20.
-    """
-    dx, dy = xb - xa, yb - ya
-    is_top_left = (dy < 0) | ((dy == 0) & (dx > 0))
-    value = dx * (sy - ya) - dy * (sx - xa) - (0 if is_top_left else 1)
-    return value, -dy * SUBPIXEL, dx * SUBPIXEL
-
-
-@helper
-def entry_at(plane, x, y):
-    """Evaluate a plane of entries at the sample (x, y), uint64."""
-    return plane.value + np.uint64(x) * plane.dx + np.uint64(y) * plane.dy
-
-
-# ---------------------------------------------------------------- spans
-
-
-@helper
-def fill_spans(visibility, y_start, box, surface, lists):
-    """Walk the left and the right chain down the rows and fill the samples between them.
-
-    `y_start` is the band's first row in the picture.
-    `lists` is None, or the FragmentLists that take what lies before the buffer, which is then left as it is: see
-    a_buffer.py.
-    """
-    triangle = surface.triangle
-    middle = first_sample(min(triangle.y1, triangle.y2))
-    for half in range(2):
-        top, bottom = (box.top, min(box.bottom, middle)) if half == 0 else (max(box.top, middle), box.bottom)
-        if top >= bottom:
-            continue
-        left, right = left_edge(triangle, half, top), right_edge(triangle, half, top)
-        for y in range(top, bottom):
-            x_start, x_end = max(left.x, 0), min(right.x, visibility.width)
-            if x_start < x_end:
-                first = (y - y_start) * visibility.pitch + x_start
-                span = visibility.entries[index(first) : index(first + x_end - x_start)]
-                if lists is not None:
-                    list_span(span, first, x_start, y, surface, lists)
-                elif surface.is_sliver:
-                    fill_sliver_span(span, x_start, y, surface)
-                else:
-                    fill_span(span, entry_at(surface.plane, x_start, y), surface.plane.dx)
-            left, right = advance(left), advance(right)
-
-
-@helper
-def left_edge(triangle, half, y):
-    """Start the left chain on row y of the upper (0) or lower (1) half, which begins at the middle vertex."""
-    x0, y0, x1, y1, x2, y2 = triangle
-    is_second = half == 1 and y2 < y1
-    xa, ya, xb, yb = (x2, y2, x1, y1) if is_second else (x0, y0, x2, y2)
-    return start_edge(xa, ya, xb, yb, y)
-
-
-@helper
-def right_edge(triangle, half, y):
-    """Start the right chain on row y of the upper (0) or lower (1) half, which begins at the middle vertex."""
-    x0, y0, x1, y1, x2, y2 = triangle
-    is_second = half == 1 and y1 < y2
-    xa, ya, xb, yb = (x1, y1, x2, y2) if is_second else (x0, y0, x1, y1)
-    return start_edge(xa, ya, xb, yb, y)
-
-
-@helper
-def start_edge(xa, ya, xb, yb, y):
-    """Start the edge a-b, downwards, on a row of samples.
-
-    With sy the height of the samples, the crossing is at x = xa + (sy - ya)·dx/dy; the first sample at or beyond it is
-    ceil((x - 128)/256), a quotient of integers below 2^60.
-    """
-    dx, dy, sy = xb - xa, yb - ya, y * SUBPIXEL + HALF
-    divisor = dy * SUBPIXEL
-    dividend = (xa - HALF) * dy + (sy - ya) * dx + divisor - 1
-    sample = dividend // divisor
-    step = dx // dy
-    return Edge(sample, dividend - sample * divisor, step, (dx - step * dy) * SUBPIXEL, divisor)
-
-
-@helper
-def advance(edge):
-    """Move an edge to the next row: the rest carries one sample when it reaches the divisor."""
-    rest = edge.rest + edge.d_rest
-    carry = rest >= edge.divisor
-    rest -= edge.divisor if carry else 0
-    return Edge(edge.x + edge.dx + carry, rest, edge.dx, edge.d_rest, edge.divisor)
-
-
-@helper
-def fill_span(span, entry, step):
-    """Advance depth and intensity by one addition a sample; the nearer entry stays, at equal depth the earlier one."""
-    for k in range(index(len(span))):
-        new, old = np.int64(entry), span[k]
-        span[k] = new if new < (old & DEPTH_MASK) else old
-        entry += step
-
-
-@helper
-def fill_sliver_span(span, x_start, y, surface):
-    """Fill a span of a triangle that is too thin or too steep for a plane."""
-    for k in range(index(len(span))):
-        new, old = entry_of_sliver(x_start + np.int64(k), y, surface), span[k]
-        span[k] = new if new < (old & DEPTH_MASK) else old
-
-
-@helper
-def entry_of_sliver(x, y, surface):
-    """Compute the entry at a sample from exact edge functions, int64; its z is kept within the triangle's range."""
-    triangle, depths = surface.triangle, surface.depths
-    dx1, dy1 = triangle.x1 - triangle.x0, triangle.y1 - triangle.y0
-    dx2, dy2 = triangle.x2 - triangle.x0, triangle.y2 - triangle.y0
-    area = float(dx1 * dy2 - dx2 * dy1)
-    ux, uy = x * SUBPIXEL + HALF - triangle.x0, y * SUBPIXEL + HALF - triangle.y0
-    b1 = (ux * dy2 - uy * dx2) / area
-    b2 = (uy * dx1 - ux * dy1) / area
-    z = depths.z0 + b1 * (depths.z1 - depths.z0) + b2 * (depths.z2 - depths.z0)
-    return np.int64(pack(np.rint(min(max(z, depths.least), depths.largest)), surface.payload))
-
-
-@helper
-def list_span(span, first, x_start, y, surface, lists):
-    """Count the entries of a span that lie before those of the buffer, or append them to the lists of their samples.
-
-    Whole entries are compared, so that at equal depth the triangle with the lower index lies in front.
-
-    Parameters
-    ----------
-    span : (n,) int64, a row's entries · first : where in the band they begin
-    x_start, y : the first sample
-    lists : FragmentLists
-    """
-    lengths, plane = lists.cursors, surface.plane
-    if lists.is_counting and not surface.is_sliver:  # all samples: the compiler makes vector instructions of it
-        lengths = lengths[index(first) : index(first + np.int64(len(span)))]
-        entry = entry_at(plane, x_start, y)
-        for k in range(index(len(span))):
-            new = np.int64(entry)
-            lengths[k] += (new >= 0) & (new < span[k])
-            entry += plane.dx
-        return
-    for sample in range(max(first, lists.first), min(first + np.int64(len(span)), lists.last)):
-        x = x_start + sample - first
-        new = entry_of_sliver(x, y, surface) if surface.is_sliver else np.int64(entry_at(plane, x, y))
-        if 0 <= new < span[index(sample - first)]:
-            list_entry(lists, index(sample), new)
-
-
-@helper
-def list_entry(lists, sample, entry):
-    """Append an entry to the list of a sample, or count it."""
-    cursors, starts = lists.cursors, lists.starts
-    if not lists.is_counting and cursors[sample] < starts[sample + index(1)]:
-        lists.entries[index(cursors[sample] - starts[index(lists.first)])] = entry
-    cursors[sample] += 1

@@ -47,8 +47,8 @@ CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes ar
 CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
 MATERIAL = index(BLOCK * 22)
 N_INT = 23
-# Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx, d/dy
-# a sample.
+# Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
+# d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
 PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
@@ -60,7 +60,7 @@ SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 LEAST_Z, LARGEST_Z = _starts(9, 11)
 ATTRIBUTE, MOST_ATTRIBUTES = index(BLOCK * 11), 11
-PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 6
+PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 10
 N_REAL = 11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
@@ -155,7 +155,7 @@ def rotate_to_first(a, b, c, is_b_first, is_c_first, is_front):
 
 
 @helper
-def gather_attributes(n, n_attribute, drawables, is_double, block):
+def gather_attributes(n, n_attribute, drawables, reads_double, block):
     """Fetch the first `n_attribute` attributes of the vertices of the first n triangles.
 
     Side 0 of the attributes is for triangles whose normals look at the viewer as they are, the last side for those
@@ -163,13 +163,13 @@ def gather_attributes(n, n_attribute, drawables, is_double, block):
 
     Parameters
     ----------
-    is_double : (n_material,) bool, whose attributes are those of float64
+    reads_double : (n_material,) bool, whose attributes are those of float64
     """
     if n_attribute == 0:
         return
     materials = block.ints[MATERIAL : MATERIAL + index(BLOCK)]
     for k in range(index(n)):
-        if is_double[materials[k]]:
+        if reads_double[materials[k]]:
             gather_corners(k, n_attribute, drawables.double_attributes, block)
         else:
             gather_corners(k, n_attribute, drawables.attributes, block)

@@ -2,7 +2,7 @@
 a scene has any.
 
 In:  the band's visibility entries and its exact records (records.py), two attributes of which are texture coordinates.
-Out: `texels`, red, green, blue and alpha of the texture, a plane each; 1 where the visible surface has none.
+Out: `texels`, red, green, blue and alpha of the texture, a plane each; anything where the visible surface has none.
 
     u, v   texture coordinates, any number; v points up      s, t   the same within the picture, 0..1; t points down
 
@@ -11,14 +11,11 @@ lengths, in texels, that one step of the sample to the right and one down move o
 parametrics"; Heckbert 1983): with u = U/D, both linear on the screen, du/dx = (U_x - u·D_x)/D.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import scale
 from .fragments import BATCH_SIZE
-from .gradients import NEEDS_TEXTURE
 from .interpolate import (
     corner_values,
     corner_weights,
@@ -27,29 +24,16 @@ from .interpolate import (
     mean,
     next_exact_run,
     row_extent,
-    run_end,
     weight_steps,
 )
 from .records import ATTRIBUTE, material_of
-from .visibility import is_exact, record_of
+from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
+from .visibility import record_of, stretch_of, strip_of
 
-FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR = 0, 1, 2
-WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR = 0, 1, 2  # what lies outside the picture
 # Quantities of a batch, in place of those of lighting (fragments.py): texture coordinates, the same within the picture,
 # 1 / Σ q, and the mip level, whole or between two.
 TEXCOORD_U, TEXCOORD_V, TEXCOORD_S, TEXCOORD_T, INVERSE_SUM, MIP_LEVEL = (index(BATCH_SIZE * k) for k in range(6))
 LIGHT_COLUMNS = 6  # attributes of a textured surface in front of the texture coordinates
-
-
-class Textures(NamedTuple):
-    """All textures of a scene, one mip level behind the other in one array."""
-
-    texels: np.ndarray  # (4 * n_texel,) float32: linear red, green, blue, and alpha of each
-    mip_levels: np.ndarray  # (n_level, 3) int64: first texel, width, height
-    first_levels: np.ndarray  # (n_texture + 1,) int64
-    filters: np.ndarray  # (n_texture,) int64, FILTER_...
-    wraps: np.ndarray  # (n_texture, 2) int64, WRAP_... along u and v
-    of_materials: np.ndarray  # (n_material,) int64, the texture of each, -1 for none
 
 
 @kernel
@@ -61,31 +45,34 @@ def sample_textures(band, textures, batch, out_texels):
     band : ScannedBand; the records of textured surfaces are exact
     textures : Textures
     batch : see fragments.py, float64, for what is computed on the way
-    out_texels : (4, n_row * pitch) float64
+    out_texels : (4, n_row * pitch) float64; only the samples of textured surfaces are written
     """
     visibility, records = band.visibility, band.records
     for j in range(band.n_row):
-        left, right = row_extent(visibility, j)
-        if left >= right:
-            continue
-        start, n = index(j * visibility.pitch + left), index(right - left)
-        entries, k = visibility.entries[start : start + n], index(0)
-        while k < n:
-            end, texture, record = run_end(entries, k), np.int64(-1), index(0)
-            if is_exact(entries[k]):
-                record = record_of(entries[k])
-                texture = textures.of_materials[material_of(entries[k], records)]
-            if texture >= 0:
-                for first in range(k, end, index(BATCH_SIZE)):
-                    last = min(first + index(BATCH_SIZE), end)
-                    sample = left + np.int64(first), band.y_start + j
-                    out = out_texels[:, start + first : start + last]
-                    sample_run(records, record, sample, textures, index(texture), batch, out)
-            else:
-                for channel in range(index(4)):
-                    for i in range(start + k, start + end):
-                        out_texels[channel, i] = 1.0
-            k = end
+        first, right = row_extent(visibility, j)
+        while first < right:
+            end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
+            start = index(j * visibility.pitch + first)
+            if material < 0 or textures.of_materials[material] >= 0:
+                out = out_texels[:, start : start + index(end - first)]
+                entries = visibility.entries[start : start + index(end - first)]
+                sample_stretch(entries, records, (first, band.y_start + j), textures, batch, out)
+            first = end
+
+
+@helper
+def sample_stretch(entries, records, first, textures, batch, out):
+    """Look textures up at the samples of a row; `first` is the sample (x, y) of the first entry."""
+    start, end = next_exact_run(entries, index(0))
+    while start < end:
+        record = record_of(entries[start])
+        texture = textures.of_materials[material_of(entries[start], records)]
+        if texture >= 0:
+            for k in range(start, end, index(BATCH_SIZE)):
+                last = min(k + index(BATCH_SIZE), end)
+                sample = first[0] + np.int64(k), first[1]
+                sample_run(records, record, sample, textures, index(texture), batch, out[:, k:last])
+        start, end = next_exact_run(entries, end)
 
 
 @helper
@@ -241,42 +228,3 @@ def texel_at(textures, texel):
     """Return a texel's red, green, blue and alpha, float64."""
     i, texels = index(texel) << index(2), textures.texels
     return float(texels[i]), float(texels[i + index(1)]), float(texels[i + index(2)]), float(texels[i + index(3)])
-
-
-@kernel
-def shade_textured(band, texels, out_radiance):
-    """Flat shading and Gouraud's method with textures: interpolate the light that the texture weakens and the rest
-    apart.
-
-    Attributes 0-2 of the records are what a black surface gives off, 3-5 what the whole one gives off.
-
-    Parameters
-    ----------
-    band : ScannedBand; the records of textured surfaces are exact
-    texels : (4, n_row * pitch) float64, of `sample_textures`
-    out_radiance : (3, n_row * pitch) float32 or float64, linear; only the samples of textured surfaces are written
-    """
-    visibility, records = band.visibility, band.records
-    for j in range(band.n_row):
-        left, right = row_extent(visibility, j)
-        if left >= right:
-            continue
-        first = index(j * visibility.pitch + left)
-        entries = visibility.entries[first : first + index(right - left)]
-        start, end = next_exact_run(entries, index(0))
-        while start < end:
-            record = record_of(entries[start])
-            if not band.coding.needs[material_of(entries[start], records)] & NEEDS_TEXTURE:
-                start, end = next_exact_run(entries, end)
-                continue
-            triangle = exact_triangle(records, record)
-            for k in range(start, end):
-                q = corner_weights(triangle, left + np.int64(k), band.y_start + j)
-                p = scale(q, inverse_sum(q))
-                for channel in range(index(3)):
-                    column = index(ATTRIBUTE) + index(3) * channel
-                    of_rest = corner_values(records.reals, record, column)
-                    of_whole = corner_values(records.reals, record, column + index(9))
-                    rest, whole = mean(of_rest, p), mean(of_whole, p)
-                    out_radiance[channel, first + k] = rest + (whole - rest) * texels[channel, first + k]
-            start, end = next_exact_run(entries, end)

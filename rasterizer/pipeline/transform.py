@@ -30,7 +30,7 @@ LIMIT = float(LIMIT_PX * SUBPIXEL)  # the same, 1/256 px
 OUTSIDE = np.int32(-(2**31))  # x of a vertex that must be clipped
 
 DEPTH_BITS = 38
-DEPTH_MARGIN = 2.0**23  # room for the rounding of planes at both ends of the depth range; see scan.py
+DEPTH_MARGIN = 2.0**23  # room for the rounding of planes at both ends of the depth range; see setup.py
 DEPTH_SPAN = 2.0**DEPTH_BITS - 2 * DEPTH_MARGIN
 
 

@@ -45,14 +45,19 @@ class VisibilityBuffer(NamedTuple):
     width: int  # samples of a row
     left: np.ndarray  # (n_strip,) int64: columns left..right of a strip may have been written
     right: np.ndarray  # (n_strip,) int64
+    # Where a picture has several materials:
+    materials: np.ndarray  # (n_strip,) int64: the first one that was drawn in a strip, -1 before
+    other_left: np.ndarray  # (n_strip,) int64: others may have been written in columns other_left..other_right
+    other_right: np.ndarray  # (n_strip,) int64
 
 
 def make_visibility_buffer(width, n_row) -> VisibilityBuffer:
     """Return a clear buffer for bands of `n_row` rows of `width` samples."""
     pitch = (width + PADDING + 7) // 8 * 8
     n_strip = (n_row >> STRIP_SHIFT) + 1
-    left, right = np.full(n_strip, NO_START), np.full(n_strip, NO_END)
-    return VisibilityBuffer(np.full(n_row * pitch, CLEAR), pitch, width, left, right)
+    starts, ends = (np.full((2, n_strip), edge) for edge in (NO_START, NO_END))
+    entries, materials = np.full(n_row * pitch, CLEAR), np.full(n_strip, np.int64(-1))
+    return VisibilityBuffer(entries, pitch, width, starts[0], ends[0], materials, starts[1], ends[1])
 
 
 @helper
@@ -107,6 +112,31 @@ def widen_extent(visibility, strip, left, right):
 
 
 @helper
+def note_material(visibility, left, right, first_row, end_row, material):
+    """Note that a material is drawn in the columns left..right of the band's rows first_row..end_row."""
+    for strip in range(strip_of(first_row), strip_of(end_row - 1) + index(1)):
+        if visibility.materials[strip] < 0:
+            visibility.materials[strip] = material
+        if visibility.materials[strip] != material:
+            visibility.other_left[strip] = min(visibility.other_left[strip], left)
+            visibility.other_right[strip] = max(visibility.other_right[strip], right)
+
+
+@helper
+def stretch_of(visibility, strip, first, end, material):
+    """Return how far, from column `first` to `end`, a row shows one material, and which; -1 where there may be several.
+
+    `material` is that of the whole band, or -1.
+    """
+    if material >= 0:
+        return end, material
+    left, right = visibility.other_left[strip], visibility.other_right[strip]
+    if left <= first < right:
+        return min(end, right), np.int64(-1)
+    return min(end, left) if first < left else end, visibility.materials[strip]
+
+
+@helper
 def clear(visibility, n_row):
     """Clear the first `n_row` rows where they were written, padding included, and forget all extents."""
     entries = visibility.entries
@@ -119,3 +149,5 @@ def clear(visibility, n_row):
                 entries[k] = CLEAR
     for strip in range(index(len(visibility.left))):
         visibility.left[strip], visibility.right[strip] = NO_START, NO_END
+        visibility.other_left[strip], visibility.other_right[strip] = NO_START, NO_END
+        visibility.materials[strip] = -1

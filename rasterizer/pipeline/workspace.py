@@ -6,6 +6,7 @@ import numpy as np
 
 from .a_buffer import ABuffer, make_a_buffer
 from .fragments import make_batch
+from .lookup_batch import make_lookup_batch
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
@@ -21,6 +22,7 @@ class Workspace(NamedTuple):
     radiance: np.ndarray  # (n_channel, n_row * pitch), linear intensities
     batch: np.ndarray  # of fragments, float32, for lighting
     double_batch: np.ndarray  # the same in float64
+    lookup_batch: np.ndarray  # of samples, for looking textures up
     pixels: PixelBatch  # for the resolve stage
     texels: np.ndarray  # (4, n_row * pitch) float64; (0, n_row * pitch) where the scene has no textures
     a_buffer: ABuffer  # with room only where the scene has transparent surfaces
@@ -75,6 +77,7 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
         np.zeros((kind.n_channel, n_sample), kind.dtype),
         make_batch(np.float32),
         make_batch(np.float64),
+        make_lookup_batch() if kind.is_textured else np.zeros(0, np.float32),
         make_pixel_batch(),
         np.zeros((4 if kind.is_textured else 0, n_sample)),
         make_a_buffer(visibility, kind.n_channel, kind.is_transparent),

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from .lights import AmbientLight, Light
+from .material import Material
 from .mesh import Mesh
 from .scene import Scene
 from .shadow import Shadow
+from .texture import Texture
 
 SIZE = 6  # of a picture of it, pixels
 MOST_MESHES = 16
@@ -42,6 +44,17 @@ def _with_small_map(light: Light) -> Light:
     return replace(light, shadow=replace(shadow, size=SMALL_MAP))
 
 
+def _with_small_texture(material: Material) -> Material:
+    """Return a material whose texture, if it has one, has two texels: the brightest one and the one that lets most
+    through."""
+    texture = material.texture
+    if not isinstance(texture, Texture):
+        return material
+    texels = texture.image.reshape(-1, 4)
+    chosen = texels[[texels[:, :3].max(axis=1).argmax(), texels[:, 3].argmin()]]
+    return replace(material, texture=Texture(chosen[None], texture.filter, texture.wrap))
+
+
 def sample_mesh(mesh: Mesh) -> Mesh:
     """Return a mesh of a few faces with an area: those of the first polygon that has several, and of each material."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
@@ -59,7 +72,9 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         chosen += first[:MOST_FACES].tolist()
     faces = np.unique(chosen)
     vertices, corners = np.unique(mesh.faces[faces], return_inverse=True)
-    changes: dict[str, Any] = {}
+    changes: dict[str, Any] = {"material": _with_small_texture(mesh.material)}
+    if mesh.materials is not None:
+        changes["materials"] = tuple(map(_with_small_texture, mesh.materials))
     for name in _ATTRIBUTES:
         array = getattr(mesh, name)
         if array is not None:

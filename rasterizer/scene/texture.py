@@ -324,6 +324,11 @@ def _halve_strip(level: NDArray[np.float32], rows: slice, out: NDArray[np.float3
     """Write some rows of the next mipmap, in float64 between."""
     # Of n = 2 m + 1 rows, the new one k needs rows 2 k to 2 k + 2.
     source = level if len(level) == 1 else level[2 * rows.start : 2 * rows.stop + len(level) % 2]
+    if len(level) % 2 == 0 and level.shape[1] % 2 == 0 and (source[..., 3] == 1.0).all():
+        # Weights are 1: what is computed below is the mean of four texels, bit for bit.
+        pairs = np.add(source[0::2], source[1::2], dtype=np.float64)
+        np.multiply(pairs[:, 0::2] + pairs[:, 1::2], 0.25, out=out, casting="same_kind")
+        return
     alpha = source[..., 3:].astype(np.float64)
     weighted = np.concatenate([source[..., :3] * alpha, source[..., :3], alpha], axis=2)
     weighted = _halve_axis(weighted, 0, len(level), rows.start)

@@ -55,6 +55,26 @@ def test_a_mesh_of_many_faces_becomes_a_few_with_an_area():
     assert np.array_equal(sample.uv[sample.faces[0]], mesh.uv[faces[10]])
 
 
+def test_textures_of_a_sample_are_small_and_as_bright_and_as_clear():
+    rng = np.random.default_rng(5)
+    images = rng.random((300, 200, 3)) * 3, np.dstack([np.ones((9, 8, 3)), rng.random((9, 8))])
+    materials = [rz.Material(texture=rz.Texture(image, "nearest", "mirror")) for image in images] + [rz.Material()]
+    mesh = rz.Mesh(
+        rng.normal(size=(9, 3)),
+        np.arange(9).reshape(3, 3),
+        uv=rng.random((9, 2)),
+        materials=materials,
+        face_material=[0, 1, 2],
+    )
+    found = sample_mesh(mesh).palette
+    assert [material.texture is None for material in found] == [False, False, True]
+    for before, after in zip(materials[:2], found[:2], strict=True):
+        assert after.texture.image.shape == (1, 2, 4)
+        assert after.texture.image[..., :3].max() == before.texture.image[..., :3].max()
+        assert after.texture.image[..., 3].min() == before.texture.image[..., 3].min()
+        assert (after.texture.filter, after.texture.wrap) == ("nearest", ("mirror", "mirror"))
+
+
 @pytest.mark.parametrize("scale", [1e-300, 1e-200, 1e-160, 1e-30, 1.0, 1e30, 1e99])
 def test_meshes_of_any_size_have_a_sample(scale):
     """An area may be too small or too large for a number."""

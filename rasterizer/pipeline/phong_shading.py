@@ -1,0 +1,325 @@
+"""Stage 6, shade, of Phong's method: the illumination of a band's visible samples.
+
+In:  the band's visibility entries and records (scan.py, records.py).
+Out: `radiance`, linear intensities, a plane a channel; samples where nothing is visible hold anything.
+
+Normals are interpolated, and the illumination equation (lighting.py) is evaluated at every visible sample: in batches
+of a row's samples that show one material. Materials are lit in float32 or in float64, whichever they need; a band that
+shows both is gone through twice.
+
+Letters: see shade.py; w distance along the viewing axis, scene units.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler.kernels import choice, helper, index, kernel
+from ..geometry.vectors import add, dot, scale
+from . import fragments as f
+from .fragments import BATCH_SIZE, read_vector, set_vector
+from .gradients import NEEDS_ALBEDO, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE
+from .interpolate import (
+    corner_values,
+    corner_vectors,
+    corner_weights,
+    exact_triangle,
+    has_exact,
+    inverse_sum,
+    mean,
+    mean_vector,
+    next_exact_run,
+    rounded,
+    row_extent,
+)
+from .lighting import light_batch, normalize_normals, view_from_direction
+from .power import is_single
+from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
+from .shade import fill_weights
+from .simd import evaluate_planes, evaluate_values
+from .texturing import fill_texels
+from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
+
+FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
+
+
+class FaceTable(NamedTuple):
+    """What is known of every triangle beside its corners and material; an array that isn't needed has no rows."""
+
+    planes: np.ndarray  # (n_face, 5) float64: plane and normal offset, see shadow_lookup.py; read only for shadows
+
+    def of_parts(self, faces) -> "FaceTable":
+        """Return the table of triangles that are parts of the faces `faces`, (n,) indices."""
+        return FaceTable(self.planes[faces] if len(self.planes) else self.planes)
+
+
+@kernel
+def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint, is_double, batch, out_radiance):
+    """Interpolate normals and evaluate the illumination equation at the visible samples of materials that are computed
+    in float64, or of those in float32.
+
+    Where a band has both, float32 comes first: it writes anything to the samples that float64 is needed for.
+
+    Parameters
+    ----------
+    band : ScannedBand. Attributes 0-2 of its records are the normals, 3-5 the albedo (only of materials that have one)
+    faces : FaceTable
+    tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
+        no material needs them: then they are not compiled
+    texturing : Texturing, after `sample_textures`; None where there are no textures
+    tint : (3,) float32, the colour of what has one channel, where the band has three
+    is_double : which of the two
+    batch : see fragments.py, in that type
+    out_radiance : (n_channel, n_row * pitch) float32 or float64, linear
+    """
+    visibility, shown = band.visibility, select_materials(band, is_double)
+    for j in range(band.n_row):
+        y, (first, right) = band.y_start + j, row_extent(visibility, j)
+        while first < right:
+            start = index(j * visibility.pitch + first)
+            end, material = stretch_of(visibility, strip_of(j), first, right, shown.material)
+            n = min(end - first, BATCH_SIZE)
+            if material < 0:
+                n, material = run_of_material(visibility.entries[start : start + index(n)], band, shown)
+            elif not is_lit_here(material, band, shown):
+                n, material = end - first, np.int64(-1)
+            entries = visibility.entries[start : start + index(n)]
+            if material >= 0:
+                gather_fragments(entries, band, (first, y), material, screen, is_double, batch)
+                interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
+                weight_albedo(entries, band, (first, y), material, texturing, start, batch)
+                gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
+                normalize_normals(batch, n)
+                if lighting.needs_view or lighting.needs_position:
+                    fill_positions(screen, (first, y), n, lighting.needs_position, batch)
+                light_batch(batch, n, lighting, material)
+                write_radiance(batch, n, lighting.n_channels[material], tint, out_radiance[:, start : start + index(n)])
+            first += n
+
+
+class Shown(NamedTuple):
+    """Which materials of a band a call is for."""
+
+    material: int  # that of all samples; -1 where there are several
+    is_all: bool  # all materials are
+    is_double: bool  # those that need float64, or those that don't
+
+
+@helper
+def select_materials(band, is_double):
+    """Return which materials of a band a call is for."""
+    counts, both = band.counts, NEEDS_SINGLE | NEEDS_DOUBLE
+    return Shown(counts.material, (counts.needs & both) != both, is_double)
+
+
+@helper
+def is_lit_here(material, band, shown):
+    """Tell whether a call is for a material."""
+    return shown.is_all or bool(band.coding.needs[material] & NEEDS_DOUBLE) == shown.is_double
+
+
+@helper
+def run_of_material(entries, band, shown):
+    """Return the length of a run of samples, and the one material that is to be lit there; -1 where there is none.
+
+    Samples that show nothing, or what is not lit by this call, belong to any run. But those that were lit by the call
+    before, in float32, belong to none.
+    """
+    material, is_second = np.int64(-1), shown.is_double and not shown.is_all
+    for k in range(index(len(entries))):
+        here = np.int64(-1)
+        if entries[k] & IS_ID:
+            here = material_of(entries[k], band.records)
+            here = here if is_lit_here(here, band, shown) else np.int64(-1)
+        if here != material and (here >= 0 or is_second):
+            if material >= 0 or (is_second and k > 0):
+                return np.int64(k), material
+            material = here
+    return np.int64(len(entries)), material
+
+
+@helper
+def write_radiance(batch, n, n_channel, tint, out):
+    """Write the intensities of a run of n samples, which have one channel or three, to as many, or to three."""
+    for channel in range(index(out.shape[0])):
+        if n_channel == out.shape[0]:
+            for k in range(index(n)):
+                out[channel, k] = batch[f.INTENSITY + channel * f.NEXT + k]
+        else:
+            factor = batch.dtype.type(tint[channel])
+            for k in range(index(n)):
+                out[channel, k] = batch[f.INTENSITY + k] * factor
+
+
+@helper
+def gather_fragments(entries, band, first, material, screen, is_double, batch):
+    """Fill normals, distances and albedo of the samples; `first` is the sample (x, y) of the first entry.
+
+    Samples that show nothing get anything.
+    """
+    has_albedo = band.coding.needs[material] & NEEDS_ALBEDO != 0
+    gather_planes(entries, band, first, material, batch)
+    if band.counts.n_exact > 0 and has_exact(entries):
+        interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, is_double, batch)
+
+
+def choose_planes(entries, band, first, material, batch):
+    """Return what is compiled in the place of `gather_planes`: nothing in float64."""
+    return evaluate_fragments if is_single(batch.dtype) else leave_fragments
+
+
+@choice(choose_planes)
+def gather_planes(entries, band, first, material, batch):
+    """Fill what stands in planes: normals, albedo; and distances."""
+    if batch.dtype == np.float32:
+        evaluate_fragments(entries, band, first, material, batch)
+
+
+@helper
+def leave_fragments(entries, band, first, material, batch):
+    """Do nothing."""
+
+
+@helper
+def evaluate_fragments(entries, band, first, material, batch):
+    """See `gather_planes`."""
+    (x, y), depths, needs = first, band.coding.depths, band.coding.needs[material]
+    evaluate_planes(entries, plane_group(band.records, NORMALS), x, y, batch, f.NORMAL, f.NEXT)
+    if needs & NEEDS_ALBEDO:
+        fill_weights(entries, depths, batch)
+        group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if needs & NEEDS_TEXTURE else 0))
+        evaluate_values(entries, group, x, y, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
+    if band.coding.needs_distance:
+        is_perspective = depths.depth_scale == 0.0 and depths.depth_offset == 0.0
+        offset, step = depths.inv_w_offset, depths.inv_w_scale
+        for k in range(index(len(entries))):
+            z = float(entries[k] >> PAYLOAD_BITS)
+            inverse = np.float32(1) / np.float32(offset + step * z)
+            along = np.float32(depths.depth_offset + depths.depth_scale * z)
+            batch[f.DISTANCE + k] = inverse if is_perspective else along
+
+
+@helper
+def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_double, batch):
+    """Put in the normals, distances and albedo of exact records; `first` is the sample (x, y) of the first entry."""
+    records, real = band.records, batch.dtype.type
+    start, end = next_exact_run(entries, index(0))
+    while start < end:
+        if bool(band.coding.needs[material_of(entries[start], records)] & NEEDS_DOUBLE) != is_double:
+            start, end = next_exact_run(entries, end)
+            continue
+        record = record_of(entries[start])
+        triangle, side = exact_triangle(records, record), real(records.integers[record, index(SIDE)])
+        normals = rounded_vectors(corner_vectors(records, record, index(0)), real)
+        depths = rounded(corner_values(records.reals, record, index(DEPTH)), real)
+        colors = rounded_vectors(corner_vectors(records, record, index(3)), real) if has_albedo else normals
+        # Component by component: by vector helpers and a choice between two values this loop takes a tenth longer.
+        for k in range(start, end):
+            q0, q1, q2 = corner_weights(triangle, first[0] + np.int64(k), first[1])
+            inverse = 1.0 / (q0 + q1 + q2)
+            p = real(q0 * inverse), real(q1 * inverse), real(q2 * inverse)
+            batch[f.NORMAL + k] = side * mean(normals[0], p)
+            batch[f.NORMAL + f.NEXT + k] = side * mean(normals[1], p)
+            batch[f.NORMAL + f.NEXT + f.NEXT + k] = side * mean(normals[2], p)
+            # w = Σ e_i / Σ (e_i / w_i); without perspective depth itself is interpolated.
+            if is_perspective:
+                batch[f.DISTANCE + k] = real(triangle.area * inverse)
+            else:
+                batch[f.DISTANCE + k] = mean(depths, p)
+            if has_albedo:
+                set_vector(batch, f.ALBEDO, k, mean_vector(colors, p))
+        start, end = next_exact_run(entries, end)
+
+
+@helper
+def rounded_vectors(corners, real):
+    """Return three attributes, each at the three corners, in a type."""
+    return rounded(corners[0], real), rounded(corners[1], real), rounded(corners[2], real)
+
+
+@helper
+def interpolate_tangents(entries, records, first, tangent_attribute, batch):
+    """Put in the tangents, if there are any, of exact records; their sign doesn't matter."""
+    if tangent_attribute is not None:
+        real = batch.dtype.type
+        start, end = next_exact_run(entries, index(0))
+        while start < end:
+            record = record_of(entries[start])
+            triangle = exact_triangle(records, record)
+            tangents = corner_vectors(records, record, index(tangent_attribute))
+            for k in range(start, end):
+                q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+                p = rounded(scale(q, inverse_sum(q)), real)
+                set_vector(batch, f.TANGENT, k, mean_vector(tangents, p))
+            start, end = next_exact_run(entries, end)
+
+
+@helper
+def weight_albedo(entries, band, first, material, texturing, start, batch):
+    """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that."""
+    needs, n = band.coding.needs[material], index(len(entries))
+    if texturing is not None:
+        if needs & NEEDS_TEXTURE:
+            fill_texels(entries, band, first, material, BEHIND_NORMALS, texturing, start, batch)
+            for channel in range(index(3)):
+                albedo, texel = f.ALBEDO + channel * f.NEXT, f.TEXEL + channel * f.NEXT
+                if needs & NEEDS_ALBEDO:
+                    for k in range(n):
+                        batch[albedo + k] *= batch[texel + k]
+                else:
+                    for k in range(n):
+                        batch[albedo + k] = batch[texel + k]
+
+
+@helper
+def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
+    """Fill what shadows need, if there are any: the planes of the visible polygons, relative to the eye, and the normal
+    offsets."""
+    if shadows is not None:
+        eye = read_vector(eye, 0)
+        for k in range(index(len(entries))):
+            face = face_of(entries[k], records) if entries[k] & IS_ID else index(0)
+            normal = face_planes[face, 0], face_planes[face, 1], face_planes[face, 2]
+            set_vector(batch, f.FACE_NORMAL, k, normal)
+            batch[f.FACE_OFFSET + k] = face_planes[face, 3] - dot(normal, eye)
+            batch[f.NORMAL_OFFSET + k] = face_planes[face, 4]
+
+
+# ---------------------------------------------------------------- where the samples lie in the world
+
+
+@helper
+def fill_positions(screen, first, n, needs_position, batch):
+    """Fill positions and view directions: where the rays through the samples meet the surface.
+
+    Perspective: P = w·ray, with ray·forward = 1; the direction to the viewer is that of -ray. Orthographic: P is the
+    sample's point of the picture plane plus depth·forward; the viewer is at infinity. DISTANCE holds w or depth. A ray
+    is a function of column and row alone, wherever the batch begins; `first` is the sample (x, y) of fragment 0.
+
+    Columns are counted from the one next to the picture's centre. So a ray is the sum of parts that are not longer than
+    it is itself, whatever the field of view: with 4 roundings each, of a part, its product and two sums, and |x| + |y|
+    + |z| <= √3 times the length, a ray errs by 7 u of its length, u = 2^-24 or 2^-53.
+    """
+    real, (x, y) = batch.dtype.type, first
+    along = 1.0 if screen.is_perspective else 0.0
+    step = 1.0 / screen.scale_x
+    # Of a centre far beside the picture all columns are far: then none has digits to lose.
+    middle = np.int64(min(max(screen.center_x, -FURTHEST_COLUMN), FURTHEST_COLUMN))
+    across, upward = (float(middle) + 0.5 - screen.center_x) * step, (screen.center_y - (y + 0.5)) / screen.scale_y
+    at_middle = add(add(scale(screen.right, across), scale(screen.up, upward)), scale(screen.forward, along))
+    ray_start, ray_step = rounded(at_middle, real), rounded(scale(screen.right, step), real)
+    forward, one = rounded(screen.forward, real), real(1)
+    if screen.is_perspective:
+        for k in range(index(n)):
+            column = real(np.int32(x + np.int64(k) - middle))
+            ray = add(ray_start, scale(ray_step, column))
+            set_vector(batch, f.VIEW_DIR, k, scale(ray, -one / np.sqrt(dot(ray, ray))))
+            if needs_position:
+                set_vector(batch, f.POSITION, k, scale(ray, batch[f.DISTANCE + k]))
+        return
+    view_from_direction(batch, n, scale(forward, -one))
+    if needs_position:
+        for k in range(index(n)):
+            column = real(np.int32(x + np.int64(k) - middle))
+            on_plane = add(ray_start, scale(ray_step, column))
+            set_vector(batch, f.POSITION, k, add(on_plane, scale(forward, batch[f.DISTANCE + k])))

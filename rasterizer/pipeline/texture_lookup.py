@@ -1,0 +1,215 @@
+"""Textures in float32: what the texture of a batch's samples shows, side by side. For samples whose texture coordinates
+come from planes, of triangles for which `texture_error` (texture_packing.py) is small enough; texture_sampling.py does
+the others.
+
+In:  a batch of samples of one texture, with the planes of their texture coordinates (below).
+Out: red, green, blue and alpha, linear, a row each.
+
+    s, t     texture coordinates in texels of the picture: s to the right, t downwards, (0, 0) its upper left corner
+    s', t'   s - s_ref, t - t_ref, relative to a reference that a triangle has (`texcoord_reference`)
+    S, T, D  s'/w, t'/w and 1/w: linear on the screen
+
+A quotient S/D errs relative to the extent of its triangle alone. It is turned into a fixed-point number, 2^32 of which
+are the picture's width or height, and the reference is added in whole numbers: to repeat the picture is to let them
+wrap around. With b of n texels a fixed-point number s lies in texel ⌊s·n/2^32⌋ of any mip level n texels wide. So every
+texel that is read exists, whatever the planes hold.
+
+Work goes row by row, in loops without branches. Only texels are read sample by sample, by loops that are spelled out
+(compiler/intrinsics.py).
+"""
+
+import numpy as np
+
+from ..compiler.kernels import helper, index
+from ..compiler.widths import PLANE_GROUP
+from .lookup_batch import (
+    INV_W,
+    INV_W_DX,
+    INV_W_DY,
+    MIP_LEVEL,
+    MIP_LEVEL_ROWS,
+    ONE,
+    REFERENCES,
+    S_DX,
+    S_DY,
+    S_OFFSET,
+    SHARE,
+    T_DX,
+    T_DY,
+    T_OFFSET,
+    TEXEL,
+    TEXEL_ROWS,
+    ZERO,
+    S,
+    T,
+    W,
+    bits_of,
+    from_bits,
+)
+from .texel_blend import blend_mip_levels, blend_texels, fetch_texels
+from .texel_positions import find_nearest_texels, find_texels, find_texels_of_picture
+from .texture_planes import REFERENCE_BITS
+from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR
+
+SQUARE_LIMIT = np.float32(2.0**60)
+
+
+@helper
+def sample_batch(batch, n, texture, out, start, stride):
+    """Look a texture up at n <= BATCH_SIZE samples.
+
+    Parameters
+    ----------
+    batch : LOOKUP_SHAPE float32, with the planes of the samples, up to the next multiple of four; they are lost
+    texture : PackedTexture
+    out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
+        up to the next multiple of four may be written, too
+
+    Returns
+    -------
+    whether any sample is to be looked up exactly: those where the row IS_DOUBTFUL isn't 0. Only with the filter
+    "nearest", next to the border of two texels
+    """
+    n = (n + PLANE_GROUP - 1) // PLANE_GROUP * PLANE_GROUP  # texels are read for so many
+    divide_planes(batch, n)
+    wrap_texcoords(batch, n, texture)
+    if texture.filter == FILTER_NEAREST:
+        is_doubtful = find_nearest_texels(batch, n, texture)
+        fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
+        return is_doubtful
+    if texture.filter == FILTER_TRILINEAR and fill_mip_levels(batch, n, texture):
+        find_texels(batch, n, texture)
+        blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
+    else:
+        find_texels_of_picture(batch, n, texture)
+        blend_texels(texture.texels, batch, TEXEL_ROWS, index(n), out, start, stride, texture.step)
+    return False
+
+
+# ---------------------------------------------------------------- texture coordinates
+
+
+@helper
+def divide_planes(batch, n):
+    """Turn S, T and D into s', t' and w."""
+    one = np.float32(1)
+    for k in range(index(n)):
+        w = one / batch[INV_W + k]
+        batch[W + k] = w
+        batch[S_OFFSET + k] *= w
+        batch[T_OFFSET + k] *= w
+
+
+@helper
+def wrap_texcoords(batch, n, texture):
+    """Fill s and t, in fixed point."""
+    wrap_axis(batch, n, S_OFFSET, S, texture.wraps[0], (texture.width, ZERO))
+    wrap_axis(batch, n, T_OFFSET, T, texture.wraps[1], (texture.height, REFERENCE_BITS))
+
+
+@helper
+def wrap_axis(batch, n, source, out, wrap, axis):
+    """Fill one of s and t: the fraction of the picture, 2^32 for all of it, that stands for any texture coordinate.
+
+    Mirrored, two pictures are one period of 2^32; the second half runs back, which is to invert all bits.
+
+    axis : how many texels the picture has along it, and where its reference begins in that of the sample, bits
+    """
+    to_picture = np.float32(1) / np.float32(axis[0])
+    if wrap == WRAP_CLAMP:
+        for k in range(index(n)):
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(18))
+            s = np.int32(reference + clamped_offset(batch[source + k] * to_picture))
+            s = min(max(s, ZERO), np.int32((1 << 29) - 1))
+            batch[out + k] = from_bits(np.int32(s << np.int32(3)))
+    elif wrap == WRAP_MIRROR:
+        to_period = np.float32(0.5) * to_picture
+        for k in range(index(n)):
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
+            s = np.int32(reference + periodic_offset(batch[source + k] * to_period))
+            s = np.int32(s ^ np.int32(s >> np.int32(31)))
+            batch[out + k] = from_bits(np.int32(s << ONE))
+    else:
+        for k in range(index(n)):
+            reference = np.int32(reference_of(batch[REFERENCES + k], axis[1]) << np.int32(21))
+            s = np.int32(reference + periodic_offset(batch[source + k] * to_picture))
+            batch[out + k] = from_bits(s)
+
+
+@helper
+def reference_of(references, first_bit):
+    """Return one of the two references of a sample, 2^11 for the whole picture or period; any for what is none."""
+    is_one = (references >= 0) & (references < np.float32(2.0**24))
+    both = np.int32(references if is_one else np.float32(0))
+    return np.int32(np.int32(both >> first_bit) & np.int32((1 << 12) - 1))
+
+
+@helper
+def periodic_offset(x):
+    """Return the fraction of a number of periods as a whole number, 2^32 a period; 0 for what is no fraction.
+
+    x - rint(x) is exact: a multiple of the last bit of x, and not larger than ½. Its product with 2^31 fits 32 bits.
+    """
+    x -= np.float32(np.rint(x))
+    x = x if abs(x) <= np.float32(0.5) else np.float32(0)
+    return np.int32(np.int32(x * np.float32(2.0**31)) << ONE)
+
+
+@helper
+def clamped_offset(x):
+    """Return a number within -1..1, the nearest to x, as a whole number, 2^29 for 1; 0 for NaN."""
+    one = np.float32(1)
+    low = x if x > -one else -one
+    x = low if x == x else np.float32(0)
+    x = x if x < one else one
+    return np.int32(x * np.float32(2.0**29))
+
+
+# ---------------------------------------------------------------- mip levels
+
+
+@helper
+def fill_mip_levels(batch, n, texture):
+    """Fill the mip levels, and the shares of the coarser of the two that are mixed; tell whether any isn't 0.
+
+    Source: see texture_sampling.py. With s' = S/D, ds/dx = (S_x - s'·D_x)/D.
+
+    Levels are kept below the coarsest by 2^-20, so that there is a coarser one.
+    """
+    coarsest = max(np.float32(texture.coarsest) - np.float32(2.0**-20), np.float32(0))
+    one, half = np.float32(1), np.float32(0.5)
+    for k in range(index(n)):
+        s, t, w = batch[S_OFFSET + k], batch[T_OFFSET + k], batch[W + k]
+        d_x, d_y = batch[INV_W_DX + k], batch[INV_W_DY + k]
+        across_s, across_t = batch[S_DX + k] - s * d_x, batch[T_DX + k] - t * d_x
+        down_s, down_t = batch[S_DY + k] - s * d_y, batch[T_DY + k] - t * d_y
+        across, down = across_s * across_s + across_t * across_t, down_s * down_s + down_t * down_t
+        square = w * w * (across if across > down else down)
+        square = square if square > one else one  # also for what is no number
+        square = square if square < SQUARE_LIMIT else SQUARE_LIMIT
+        level = half * log2_coarse(square)
+        level = level if level > 0 else np.float32(0)
+        batch[MIP_LEVEL + k] = level if level < coarsest else coarsest
+    union = ZERO
+    for k in range(index(n)):
+        union = np.int32(union | bits_of(batch[MIP_LEVEL + k]))
+    for k in range(index(n)):
+        batch[SHARE + k] = batch[MIP_LEVEL + k] - np.float32(np.int32(batch[MIP_LEVEL + k]))
+    return union != ZERO
+
+
+@helper
+def log2_coarse(x):
+    """Return log2 x in float32 for 1 <= x <= 2^60, without a branch; within 2^-15.9.
+
+    For a mantissa 1 + f in [√½, √2] the polynomial, f times one of degree 4, errs by 1.5e-5 at most.
+    """
+    bits = np.float32(x).view(np.int32)
+    # The exponent of two, rounded so that the mantissa is in [√½, √2).
+    octave = np.int32(np.int32(bits - np.int32(0x3F3504F3)) >> np.int32(23))
+    f = np.int32(bits - np.int32(octave << np.int32(23))).view(np.float32) - np.float32(1)
+    series = np.float32(-0.3945709) + f * np.float32(0.252659)
+    series = np.float32(0.48668543) + f * series
+    series = np.float32(-0.7202421) + f * series
+    series = np.float32(1.4425781) + f * series
+    return np.float32(octave) + f * series

@@ -1,0 +1,127 @@
+"""Compare the loops that read texels with plain Python: what is spelled out for the compiler, and what stands in for
+it."""
+
+import numba
+import numpy as np
+import pytest
+
+from rasterizer.compiler.kernels import kernel
+from rasterizer.pipeline import texel_blend
+from rasterizer.pipeline.fragments import BATCH_SIZE
+
+STEP, STRIDE, START = np.float32(3.0 / 65535.0), 300, 5
+
+
+@kernel
+def fetch(texels, batch, rows, n, out, start, stride, step):
+    """Call fetch_texels from a kernel."""
+    texel_blend.fetch_texels(texels, batch, rows, n, out, start, stride, step)
+
+
+@kernel
+def blend(texels, batch, rows, n, out, start, stride, step):
+    """Call blend_texels from a kernel."""
+    texel_blend.blend_texels(texels, batch, rows, n, out, start, stride, step)
+
+
+@kernel
+def mix(texels, batch, rows, n, out, start, stride, step):
+    """Call blend_mip_levels from a kernel."""
+    texel_blend.blend_mip_levels(texels, batch, rows, n, out, start, stride, step)
+
+
+PLAIN = (texel_blend.fetch_texels, texel_blend.blend_texels, texel_blend.blend_mip_levels)
+WAYS = {
+    "vectors": (fetch, blend, mix),
+    "plain": tuple(function.py_func for function in PLAIN),
+    "compiled": tuple(numba.njit(function.py_func) for function in PLAIN),
+}
+
+
+def weights_of(rng, n):
+    """Four weights each, (4, n): negative, adding up to -2^15, the largest ones among them."""
+    shares = np.sort(rng.integers(0, 2**15 + 1, (3, n)), axis=0)
+    shares[:, :4] = [[0, 0, 0, 32768], [0, 0, 32768, 32768], [0, 32768, 32768, 32768]]
+    return -np.diff(np.vstack([np.zeros(n, int), shares, np.full(n, 2**15)]), axis=0)
+
+
+def packed(low, high):
+    """Two numbers of 16 bits in one of 32."""
+    return ((low & 0xFFFF) | (high << 16)).astype(np.int32)
+
+
+def a_batch(rng, n_texel):
+    """A batch with texels and weights of two mip levels, and shares; and the weights, (2, 4, BATCH_SIZE)."""
+    batch = np.zeros(12 * BATCH_SIZE, np.float32)
+    whole, weights = batch.view(np.int32).reshape(12, -1), np.stack([weights_of(rng, BATCH_SIZE) for _ in range(2)])
+    for level in (0, 1):
+        whole[4 * level : 4 * level + 2] = rng.integers(0, n_texel - 1, (2, BATCH_SIZE))
+        whole[4 * level + 2] = packed(weights[level][0], weights[level][1])  # left: top, bottom
+        whole[4 * level + 3] = packed(weights[level][2], weights[level][3])
+    batch.reshape(12, -1)[8] = rng.uniform(0, 1, BATCH_SIZE)
+    return batch, weights
+
+
+def mean_plainly(texels, whole, weights):
+    """Weighted sums (4, n) of whole numbers; `whole` are top and bottom."""
+    top, bottom = whole.astype(int)
+    corners = texels[top], texels[bottom], texels[top + 1], texels[bottom + 1]
+    total = sum(weight[:, None] * corner for weight, corner in zip(weights, corners, strict=True))
+    return np.float32(total).T
+
+
+def finished(values, factor):
+    """Linear colours of sums of steps."""
+    steps = np.array([STEP, STEP, STEP, texel_blend.ALPHA_STEP], np.float32)[:, None]
+    return values * (np.float32(factor) * steps) + np.float32(2.0**15) * steps
+
+
+@pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 255])
+@pytest.mark.parametrize("way", WAYS)
+def test_texels_are_read_and_blended_as_plain_python_does(way, n):
+    rng = np.random.default_rng(n)
+    texels = rng.integers(-(2**15), 2**15, (500, 4)).astype(np.int16)
+    texels[rng.integers(500, size=100)] = rng.choice([-(2**15), 2**15 - 1], (100, 4))
+    batch, weights = a_batch(rng, 500)
+    whole = batch.view(np.int32).reshape(12, -1)
+    rows = [np.uint64(k * BATCH_SIZE) for k in range(9)]
+    finer = mean_plainly(texels.astype(int), whole[:2], weights[0])
+    coarser = mean_plainly(texels.astype(int), whole[4:6], weights[1])
+    share = batch.reshape(12, -1)[8]
+    expected = (
+        finished(np.float32(texels[whole[0]]).T, 1.0),
+        finished(finer, -(2.0**-15)),
+        finished(finer + share * (coarser - finer), -(2.0**-15)),
+    )
+    for function, n_row, colors in zip(WAYS[way], (1, 4, 9), expected, strict=True):
+        out = np.full(4 * STRIDE + START, 7, np.float32)
+        given = batch.copy()
+        with np.errstate(over="ignore"):
+            function(
+                texels.ravel(), given, tuple(rows[:n_row]), np.uint64(n), out, np.uint64(START), np.uint64(STRIDE), STEP
+            )
+        stop, untouched = -(-n // 4) * 4, np.ones(len(out), bool)
+        for channel in range(4):
+            first = START + channel * STRIDE
+            assert out[first : first + n].tobytes() == colors[channel, :n].tobytes()
+            untouched[first : first + stop] = False
+        assert (out[untouched] == 7).all(), "wrote beyond the next multiple of four"
+        assert given.tobytes() == batch.tobytes()
+
+
+@pytest.mark.parametrize("power", range(-40, 20))
+def test_the_ends_of_the_range_are_exact(power):
+    """The least value is 0 and the largest one 2^k, of texels and of means."""
+    step = np.float32(2.0**power / 65535.0)
+    texels = np.repeat(np.array([[-(2**15)], [2**15 - 1]], np.int16), 4, axis=1)
+    texels = np.repeat(texels, 2, axis=0)  # each with itself as neighbour
+    batch = np.zeros(9 * BATCH_SIZE, np.float32)
+    whole = batch.view(np.int32).reshape(9, -1)
+    whole[[0, 1, 4, 5], :2] = [0, 2]
+    whole[[2, 6]], whole[[3, 7]] = packed(np.array(-9000), np.array(-1)), packed(np.array(-23000), np.array(-767))
+    batch.reshape(9, -1)[8] = np.float32(0.3)
+    for function, n_row in ((fetch, 1), (blend, 4), (mix, 9)):
+        out, rows = np.zeros((4, 4), np.float32), tuple(np.uint64(k * BATCH_SIZE) for k in range(n_row))
+        function(texels.ravel(), batch, rows, np.uint64(2), out, np.uint64(0), np.uint64(4), step)
+        assert out[:, 0].tolist() == [0.0] * 4
+        assert out[:, 1].tolist() == [2.0**power] * 3 + [1.0]

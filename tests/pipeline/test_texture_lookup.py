@@ -1,0 +1,350 @@
+"""Look textures up in float32, and compare with the exact way, float64: within the bound, and never beside a texel."""
+
+import numpy as np
+import pytest
+
+from rasterizer.compiler.kernels import index, kernel
+from rasterizer.engine.surface_arrays import list_textures
+from rasterizer.pipeline import lookup_batch as b
+from rasterizer.pipeline import texture_packing as packing
+from rasterizer.pipeline import texture_sampling as exact
+from rasterizer.pipeline.fragments import BATCH_SIZE
+from rasterizer.pipeline.texel_positions import NEAREST_ERROR
+from rasterizer.pipeline.texture_lookup import sample_batch
+from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_references
+from rasterizer.scene.material import Material
+from rasterizer.scene.texture import Texture
+
+WRAPS = ("repeat", "clamp", "mirror", ("repeat", "mirror"), ("clamp", "repeat"))
+SIZES = ((16, 16), (1, 1), (1, 7), (9, 1), (5, 3), (37, 64), (300, 200), (2, 2))  # (w, h)
+
+
+# ---------------------------------------------------------------- both ways
+
+
+@kernel
+def look_up(batch, n, packed, texture, out):
+    """Look a texture up in float32."""
+    return sample_batch(batch, n, packing.packed_texture(packed, index(texture)), out, index(0), index(BATCH_SIZE))
+
+
+@kernel
+def look_up_exactly(textures, texture, s, t, mip_levels, out):
+    """Look a texture up in float64, by the functions of the exact way; s and t are in pictures here."""
+    first = textures.first_levels[texture]
+    wraps = (textures.wraps[texture, 0], textures.wraps[texture, 1])
+    for k in range(len(s)):
+        x, y = exact.wrap_texcoord(s[k], wraps[0]), exact.wrap_texcoord(t[k], wraps[1])
+        if textures.filters[texture] == exact.FILTER_NEAREST:
+            color = exact.sample_nearest(textures, first, x, y)
+        else:
+            level, share = first + np.int64(mip_levels[k]), mip_levels[k] - np.floor(mip_levels[k])
+            color = exact.sample_bilinear(textures, level, wraps, x, y)
+            if share > 0.0:
+                color = exact.mix(color, exact.sample_bilinear(textures, level + 1, wraps, x, y), share)
+        out[0, k], out[1, k], out[2, k], out[3, k] = color
+
+
+def textures_of(image, filter="trilinear", wrap="repeat"):
+    """One texture for the exact way, and packed."""
+    textures = list_textures([Material(texture=Texture(image, filter, wrap))])
+    return textures, packing.pack_textures(textures)
+
+
+class Samples:
+    """Samples of one texture: the rows of a batch, and the same numbers in float64.
+
+    offsets : (2, n), s' and t' · inv_w : (n,) · derivatives : (2, 3, n), those of S, T and D along x and y
+    near : what the references are near to, texels
+    """
+
+    def __init__(self, packed, offsets, near=(0.0, 0.0), inv_w=1.0, derivatives=0.0):
+        self.n, self.sizes = np.shape(offsets)[1], packed.sizes[0, :2]
+        inv_w = np.float32(np.broadcast_to(inv_w, self.n))
+        planes = np.float32(np.asarray(offsets) * inv_w)
+        derivatives = np.float32(np.broadcast_to(derivatives, (2, 3, self.n)))
+        *references, number = texcoord_references(near, self.sizes.astype(float), tuple(packed.wraps[0]))
+        self.batch = b.make_lookup_batch()
+        rows = self.batch.reshape(-1, BATCH_SIZE)[:10]
+        rows[:, : self.n] = [*planes, inv_w, np.full(self.n, number), *derivatives[0], *derivatives[1]]
+        with np.errstate(all="ignore"):
+            self.offsets = planes.astype(float) / inv_w
+            self.texcoords = self.offsets + np.array(references)[:, None]
+            self.steps = (derivatives[:, :2] - self.offsets * derivatives[:, 2:].astype(float)) / inv_w
+            square = np.nan_to_num((self.steps**2).sum(axis=1).max(axis=0), nan=1.0, posinf=1e300)
+        n_level = packed.sizes[0, 2]
+        self.mip_levels = np.clip(0.5 * np.log2(np.maximum(square, 1.0)), 0, n_level - 1)
+
+    def found(self, packed, texture=0):
+        """What the float32 way finds (4, n), and which samples are doubtful."""
+        out, batch = np.full((4, BATCH_SIZE), np.nan, np.float32), self.batch.copy()
+        is_any = look_up(batch, self.n, packed, texture, out)
+        is_doubtful = np.zeros(self.n, bool)
+        if packed.filters[texture] == exact.FILTER_NEAREST:
+            is_doubtful = batch.view(np.int32)[int(b.IS_DOUBTFUL) :][: self.n] != 0
+        assert is_any == is_doubtful.any()
+        return out[:, : self.n].astype(float), is_doubtful
+
+    def expected(self, textures, moved=0.0):
+        """What the exact way finds (4, n) where texture coordinates are moved by (2, n) or (2, 1) texels."""
+        s, t = (self.texcoords + moved) / self.sizes[:, None]
+        out = np.empty((4, self.n))
+        look_up_exactly(textures, index(0), s, t, self.mip_levels, out)
+        return out
+
+    def bounds(self, packed, errors=(0.0, 0.0)):
+        """The bound of each sample, its own roundings and further errors of s and t (in texels) counted."""
+        own = [texcoord_error(0.0, 0.0, 1.0, abs(offset)) for offset in self.offsets]
+        # Rounding of the derivatives: of both products, the difference and the product with w, see `fill_mip_levels`.
+        rows = np.abs(self.batch.reshape(-1, BATCH_SIZE)[:10, : self.n].astype(float))
+        of_steps = [
+            (rows[first + i] + 6.0 * abs(self.offsets[i]) * rows[first + 2]) / rows[2] * 2.0**-23
+            for first in (4, 7)
+            for i in (0, 1)
+        ]
+        of_level = 1.45 * np.sum(of_steps, axis=0)
+        return np.array(
+            [
+                packing.texture_error(packed, 0, own[0][k] + errors[0], own[1][k] + errors[1], of_level[k])
+                for k in range(self.n)
+            ]
+        )
+
+
+def image_of(kind, size, rng):
+    """An image (h, w, 4) with what is hard for a filter."""
+    width, height = size
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    if kind == "noise":
+        return rng.uniform(0, 1, (height, width, 4))
+    if kind == "checkerboard":
+        return np.repeat(((x + y) % 2.0)[..., None], 4, axis=2)
+    if kind == "gradient":
+        return np.stack([x / width, y / height, x / width * 0.5, 1 - y / (2 * height)], axis=2)
+    if kind == "bright":
+        return rng.uniform(0, 1, (height, width, 4)) * (300.0, 20.0, 0.1, 1.0)
+    return (rng.uniform(0, 1, (height, width, 4)) > 0.9).astype(float) * (1e-3, 1e-3, 1e-4, 1.0)  # dark
+
+
+KINDS = ("noise", "checkerboard", "gradient", "bright", "dark")
+
+
+def random_samples(packed, rng, n=BATCH_SIZE, reach=None, level=None):
+    """Samples of a triangle: offsets up to some reach, w ratios up to 30, derivatives for levels around one."""
+    size = packed.sizes[0, :2].astype(float)
+    reach = rng.choice([1e-3, 0.5, 3.0, 40.0]) * size[:, None] if reach is None else reach
+    references = rng.choice([0.3, -7.2, 1234.56, 0.0, 1.0]) * size
+    inv_w = rng.uniform(1, rng.choice([1.01, 30]), n) * 2.0 ** rng.integers(-8, 8)
+    offsets = rng.uniform(-1, 1, (2, n)) * reach
+    near = rng.integers(4, size=n)  # some lie at the centres and at the borders of texels
+    offsets[:, near == 0] = np.round(2 * offsets[:, near == 0]) / 2
+    level = rng.uniform(-2, packed.sizes[0, 2] + 1) if level is None else level
+    steps = rng.normal(size=(2, 3, n)) * 2.0**level * inv_w
+    steps[:, 2] = rng.normal(size=(2, n)) * 1e-2 * inv_w * rng.choice([0, 1])
+    return Samples(packed, offsets, references, inv_w, steps)
+
+
+# ---------------------------------------------------------------- within the bound
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("filter", ["bilinear", "trilinear"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_colours_are_within_their_bound(kind, filter, size):
+    rng = np.random.default_rng(abs(hash((len(kind), filter == "bilinear", size))))
+    worst = 0.0
+    for wrap in WRAPS:
+        textures, packed = textures_of(image_of(kind, size, rng), filter, wrap)
+        for _ in range(12):
+            samples = random_samples(packed, rng)
+            found, _ = samples.found(packed)
+            off = np.abs(found - samples.expected(textures)).max(axis=0)
+            worst = max(worst, (off / samples.bounds(packed)).max())
+    assert worst <= 1.0, f"{worst:.3f} > 1 times the bound"
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror"])
+@pytest.mark.parametrize("kind", ["checkerboard", "noise"])
+@pytest.mark.parametrize("filter", ["bilinear", "trilinear"])
+def test_the_bound_holds_where_texture_coordinates_err(filter, kind, wrap):
+    """Climb: move exact coordinates by up to the error, where the difference is largest go on from there."""
+    rng = np.random.default_rng(7)
+    textures, packed = textures_of(image_of(kind, (24, 18), rng), filter, wrap)
+    errors, worst = np.array([3e-4, 7e-4]), 0.0
+    for _ in range(6):
+        samples = random_samples(packed, rng, reach=np.array([[5.0], [4.0]]))
+        found, _ = samples.found(packed)
+        bounds, best = samples.bounds(packed, errors), np.zeros((2, samples.n))
+        highest = np.zeros(samples.n)
+        for step in range(40):
+            way = rng.choice([-1.0, 0.0, 1.0], (2, samples.n)) * (1.0 if step < 20 else rng.uniform())
+            moved = np.clip(best + way * errors[:, None], -errors[:, None], errors[:, None])
+            off = np.abs(found - samples.expected(textures, moved)).max(axis=0)
+            best, highest = np.where(off > highest, moved, best), np.maximum(off, highest)
+        worst = max(worst, (highest / bounds).max())
+    assert 0.5 < worst <= 1.0, f"{worst:.3f} of the bound"
+
+
+@pytest.mark.parametrize("kind", ["checkerboard", "noise", "gradient"])
+def test_the_bound_holds_where_mip_levels_err(kind):
+    rng = np.random.default_rng(8)
+    textures, packed = textures_of(image_of(kind, (31, 64), rng))
+    worst, error = 0.0, 0.01
+    for _ in range(10):
+        samples = random_samples(packed, rng, level=rng.uniform(-0.5, 4))
+        found, _ = samples.found(packed)
+        bounds, own = samples.bounds(packed), samples.mip_levels
+        for moved in (-error, error):
+            samples.mip_levels = np.clip(own + moved, 0, packed.sizes[0, 2] - 1)
+            off = np.abs(found - samples.expected(textures)).max(axis=0)
+            worst = max(worst, (off / (bounds + error * packed.errors[0, packing.OF_LEVEL])).max())
+    assert worst <= 1.0, f"{worst:.3f} of the bound"
+
+
+def test_a_large_texture_is_as_good():
+    rng = np.random.default_rng(9)
+    textures, packed = textures_of(image_of("checkerboard", (16384, 3), rng), "bilinear", "clamp")
+    worst = 0.0
+    for _ in range(20):
+        samples = random_samples(packed, rng, reach=np.array([[20.0], [2.0]]))
+        found, _ = samples.found(packed)
+        worst = max(worst, (np.abs(found - samples.expected(textures)).max(axis=0) / samples.bounds(packed)).max())
+    assert worst <= 1.0, f"{worst:.3f} > 1 times the bound"
+
+
+# ---------------------------------------------------------------- nearest texels
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("wrap", WRAPS)
+def test_the_nearest_texel_is_the_exact_one_or_doubtful(wrap, size):
+    """Of coordinates that err by no more than they are said to; a few texels are doubtful, those at borders."""
+    rng = np.random.default_rng(len(wrap))
+    textures, packed = textures_of(rng.uniform(0, 1, (size[1], size[0], 4)), "nearest", wrap)
+    n_doubtful = n_wrong = n_sample = 0
+    for _ in range(20):
+        samples = random_samples(packed, rng, reach=rng.choice([0.6, 3.0]) * np.array(size)[:, None])
+        own = np.array([[texcoord_error(0.0, 0.0, 1.0, most)] for most in abs(samples.offsets).max(axis=1)])
+        found, is_doubtful = samples.found(packed)
+        moved = rng.uniform(-1, 1, (2, samples.n)) * (NEAREST_ERROR - own)
+        off = np.abs(found - samples.expected(textures, moved)).max(axis=0)
+        n_wrong += (off[~is_doubtful] > packed.errors[0, packing.ALWAYS]).sum()
+        n_doubtful, n_sample = n_doubtful + is_doubtful.sum(), n_sample + samples.n
+    assert n_wrong == 0
+    assert n_doubtful < 0.5 * n_sample  # a quarter of the samples was put onto borders, or centres
+
+
+def test_samples_at_borders_are_doubtful_unless_nothing_lies_behind():
+    rng = np.random.default_rng(2)
+    for wrap in ("repeat", "clamp", "mirror"):
+        _, packed = textures_of(rng.uniform(0, 1, (4, 4, 4)), "nearest", wrap)
+        positions = [0.0, 1.0, 1.5, 2.0, 4.0, -3.0, 1.0 + 1.2 * NEAREST_ERROR]
+        samples = Samples(packed, [positions, [0.5] * len(positions)])
+        _, is_doubtful = samples.found(packed)
+        repeats = wrap == "repeat"
+        outside = wrap != "clamp"  # -3 is a border inside the mirrored picture
+        assert is_doubtful.tolist() == [repeats, True, False, True, repeats, outside, False], wrap
+
+
+@pytest.mark.parametrize("error", [1.01 * NEAREST_ERROR, 1e9, np.inf, np.nan])
+def test_the_bound_of_nearest_texels_ends_where_coordinates_err_too_much(error):
+    _, packed = textures_of(np.ones((8, 8, 4)), "nearest")
+    good = packing.texture_error(packed, 0, NEAREST_ERROR, NEAREST_ERROR, np.inf)
+    assert good == packed.errors[0, packing.ALWAYS]
+    assert packing.texture_error(packed, 0, error, 0.0, 0.0) == np.inf
+    assert packing.texture_error(packed, 0, 0.0, error, 0.0) == np.inf
+
+
+@pytest.mark.parametrize("filter", ["bilinear", "trilinear"])
+def test_the_bound_is_infinite_where_an_error_is(filter):
+    _, packed = textures_of(np.eye(8), filter)
+    for error in (np.inf, np.nan):
+        assert packing.texture_error(packed, 0, error, 0.0, 0.0) == np.inf
+        assert packing.texture_error(packed, 0, 0.0, error, 0.0) == np.inf
+
+
+# ---------------------------------------------------------------- what must hold exactly
+
+
+@pytest.mark.parametrize("filter", ["nearest", "bilinear", "trilinear"])
+@pytest.mark.parametrize("value", [0.0, 1.0, 0.2, 200.0])
+def test_a_constant_texture_is_constant(value, filter):
+    rng = np.random.default_rng(3)
+    _, packed = textures_of(np.broadcast_to([value, value, value, 1.0], (6, 9, 4)), filter)
+    for _ in range(5):
+        found, _ = random_samples(packed, rng).found(packed)
+        assert (np.ptp(found, axis=1) <= abs(found).max() * 2.0**-23).all()
+        assert (found[3] == 1.0).all()
+        assert value not in (0.0, 1.0) or (found[:3] == value).all()
+
+
+@pytest.mark.parametrize("filter", ["bilinear", "trilinear"])
+def test_nothing_leaves_the_range_of_the_texels(filter):
+    """Black and white, opaque and clear: neither is passed by a rounding error."""
+    rng = np.random.default_rng(4)
+    _, packed = textures_of(image_of("checkerboard", (12, 7), rng), filter)
+    for _ in range(20):
+        found, _ = random_samples(packed, rng).found(packed)
+        assert found.min() >= 0.0 and found.max() <= 1.0
+
+
+@pytest.mark.parametrize("filter", ["nearest", "bilinear", "trilinear"])
+@pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror"])
+def test_any_number_finds_a_texel_of_the_texture(wrap, filter):
+    """Whatever stands in the batch: texels of other textures before and behind are never read."""
+    rng = np.random.default_rng(5)
+    hard = np.array([0.0, -0.0, 1.0, -1.0, 1e-45, 1e30, -1e30, np.inf, -np.inf, np.nan, 3e38, 2.0**31, -(2.0**31)])
+    inside = Texture(rng.uniform(0.25, 0.75, (5, 7, 4)), filter, wrap)
+    around = [Texture(np.zeros((9, 4, 4)), filter), Texture(np.ones((3, 3, 4)), filter)]
+    materials = [Material(texture=texture) for texture in (around[0], inside, around[1])]
+    packed = packing.pack_textures(list_textures(materials))
+    for _ in range(40):
+        batch = b.make_lookup_batch()
+        rows = batch.reshape(-1, BATCH_SIZE)
+        rows[:10] = rng.choice(hard, (10, BATCH_SIZE))
+        rows[rng.integers(10)] = rng.uniform(-2, 2, BATCH_SIZE)
+        if rng.uniform() < 0.5:
+            rows[3] = rng.integers(0, 2**24, BATCH_SIZE)
+        out = np.full((4, BATCH_SIZE), np.nan, np.float32)
+        look_up(batch, BATCH_SIZE, packed, 1, out)
+        assert out.min() >= 0.24 and out.max() <= 0.76
+
+
+def test_samples_beyond_the_last_one_are_left_alone():
+    rng = np.random.default_rng(6)
+    for filter in ("nearest", "bilinear", "trilinear"):
+        _, packed = textures_of(image_of("noise", (8, 8), rng), filter)
+        for n in (1, 3, 4, 5, 255):
+            samples = random_samples(packed, rng, n)
+            out = np.full((4, BATCH_SIZE), 7, np.float32)
+            look_up(samples.batch, n, packed, 0, out)
+            assert (out[:, -(-n // 4) * 4 :] == 7).all() and (out[:, :n] != 7).all()
+
+
+def test_a_sample_does_not_depend_on_its_neighbours():
+    """The level of one sample decides what the batch is looked up by; what each finds is the same."""
+    rng = np.random.default_rng(10)
+    _, packed = textures_of(image_of("noise", (16, 16), rng))
+    near, far = random_samples(packed, rng, level=-3.0), random_samples(packed, rng, level=2.0)
+    mixed = near.batch.copy()
+    rows, of_far = mixed.reshape(-1, BATCH_SIZE), far.batch.reshape(-1, BATCH_SIZE)
+    rows[:10, ::2] = of_far[:10, ::2]
+    out = np.empty((4, BATCH_SIZE), np.float32)
+    look_up(mixed, BATCH_SIZE, packed, 0, out)
+    assert np.array_equal(out[:, 1::2], np.float32(near.found(packed)[0][:, 1::2]))
+    assert np.array_equal(out[:, ::2], np.float32(far.found(packed)[0][:, ::2]))
+
+
+@pytest.mark.parametrize("filter", ["nearest", "bilinear", "trilinear"])
+def test_plain_python_finds_the_same(filter):
+    """Bit for bit what the compiled way finds."""
+    rng = np.random.default_rng(11)
+    _, packed = textures_of(image_of("bright", (6, 5), rng), filter, ("mirror", "clamp"))
+    for level in (-3.0, 1.0):
+        samples = random_samples(packed, rng, 21, level=level)
+        outs = [np.zeros((4, BATCH_SIZE), np.float32) for _ in range(2)]
+        batches = [samples.batch.copy() for _ in range(2)]
+        with np.errstate(all="ignore"):
+            plain = look_up.py_func(batches[0], 21, packed, 0, outs[0])
+        assert look_up(batches[1], 21, packed, 0, outs[1]) == bool(plain)
+        assert outs[0][:, :21].tobytes() == outs[1][:, :21].tobytes()

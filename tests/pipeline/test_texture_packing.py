@@ -1,0 +1,114 @@
+"""Textures in 16 bits: every texel and its border, the largest steps, and bounds between mip levels."""
+
+import numpy as np
+import pytest
+
+from rasterizer.engine.surface_arrays import list_textures
+from rasterizer.pipeline import texture_packing as packing
+from rasterizer.pipeline.texel_positions import first_texel
+from rasterizer.scene.material import Material
+from rasterizer.scene.texture import Texture
+
+SIZES = ((1, 1), (1, 9), (9, 1), (2, 3), (16, 16), (37, 5), (5, 640))
+
+
+def packed(*textures):
+    """Textures of as many materials, packed."""
+    return packing.pack_textures(list_textures([Material(texture=texture) for texture in textures]))
+
+
+def level_of(textures, texture, level):
+    """A mip level with its border, (h + 2, w + 2, 4) float64, linear."""
+    width, height = (max(int(n) >> level, 1) for n in textures.sizes[texture, :2])
+    first = textures.first_texels[texture] + first_texel(*np.int32([*textures.sizes[texture, :2], level]))
+    texels = textures.texels.reshape(-1, 4)[first : first + (width + 2) * (height + 2)]
+    steps = np.array([textures.steps[texture]] * 3 + [1 / 65535.0])
+    return (texels.reshape(height + 2, width + 2, 4) + 2.0**15) * steps
+
+
+@pytest.mark.parametrize("width, height", SIZES)
+@pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror", ("repeat", "clamp")])
+def test_every_level_stands_there_with_its_border(wrap, width, height):
+    rng = np.random.default_rng(width)
+    texture = Texture(rng.uniform(0, 1, (height, width, 4)), "trilinear", wrap)
+    textures = packed(Texture(np.ones((3, 3, 3))), texture, Texture(np.zeros((2, 2, 3))))
+    modes = ["wrap" if word == "repeat" else "edge" for word in texture.wrap]
+    for level, picture in enumerate(texture.pyramid):
+        expected = np.pad(picture, ((0, 0), (1, 1), (0, 0)), mode=modes[0])
+        expected = np.pad(expected, ((1, 1), (0, 0), (0, 0)), mode=modes[1])
+        off = np.abs(level_of(textures, 1, level) - expected).max()
+        assert off <= 0.51 / 65535, f"level {level}: {off * 65535:.3f} > 0.51 steps"
+
+
+@pytest.mark.parametrize("most", [1e-30, 1e-4, 0.9, 1.0, 1.1, 700.0])
+def test_steps_suit_the_largest_colour(most):
+    image = np.random.default_rng(1).uniform(0, most, (8, 8, 3))
+    image[0, 0] = most
+    textures = packed(Texture(image))
+    off = np.abs(level_of(textures, 0, 0)[1:-1, 1:-1, :3] - np.float32(image)).max()
+    assert off <= max(1.02 * most, 2.0**-40) / 65535
+
+
+def test_mip_levels_of_any_size_do_not_overlap():
+    """Each begins behind the one before, up to the largest texture."""
+    for width, height in [*SIZES, (16384, 16384), (16384, 1), (1, 16384), (8193, 3), (2, 16383), (12345, 678)]:
+        n_level = int(np.log2(max(width, height))) + 1
+        first = [int(first_texel(*np.int32([width, height, level]))) for level in range(n_level + 1)]
+        for level in range(n_level):
+            room = first[level + 1] - first[level]
+            need = (max(width >> level, 1) + 2) * (max(height >> level, 1) + 2)
+            assert room >= need, f"{width} x {height}, level {level}: {room} < {need}"
+        assert first[0] == 0
+        assert first[-1] <= 4 / 3 * width * height + 6 * (width + height) + 8 * n_level + 1 < 2**31
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+@pytest.mark.parametrize("pack", [packing.pack_texels, packing.pack_texels.py_func], ids=["compiled", "plain"])
+def test_the_largest_steps_are_found(monkeypatch, pack, wrap):
+    """Inside the picture, and across its border where it repeats."""
+    monkeypatch.setattr(packing, "pack_texels", pack)
+    wraps = (packing.WRAP_REPEAT,) * 2 if wrap == "repeat" else (packing.WRAP_REPEAT + 1,) * 2
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        picture = np.float32(rng.uniform(0, 1, (*rng.integers(1, 6, 2), 4)))
+        height, width = picture.shape[:2]
+        d_s, d_t = packing.pack_level(picture, wraps, 1.0, np.zeros((height + 2, width + 2, 4), np.int16))
+        mode = "wrap" if wrap == "repeat" else "edge"
+        wide = np.pad(picture, ((1, 1), (1, 1), (0, 0)), mode=mode)
+        assert d_s == np.abs(np.diff(wide, axis=1))[1:-1].max()
+        assert d_t == np.abs(np.diff(wide, axis=0))[:, 1:-1].max()
+
+
+@pytest.mark.parametrize("width, height", [(16, 16), (5, 7), (33, 2), (3, 3), (13, 1), (1, 6)])
+@pytest.mark.parametrize("wrap", ["repeat", "clamp"])
+def test_levels_differ_by_no_more_than_the_bound(wrap, width, height):
+    """At a fine grid of points, between all levels; smooth pictures, where the range says nothing, as well as noise."""
+    from rasterizer.reference.texture import sample_texture
+
+    rng = np.random.default_rng(3)
+    x = np.linspace(0, 1, width)[None, :, None]
+    y = np.linspace(0, 1, height)[:, None, None]
+    smooth = np.concatenate([0.3 * x + 0 * y, 0.2 * y + 0 * x, 0.1 * x + 0.1 * y, 1 - 0.1 * x * y], axis=2)
+    for image in (rng.uniform(0, 1, (height, width, 4)), smooth):
+        texture = Texture(image, "trilinear", wrap)
+        textures = packed(texture)
+        u, v = np.meshgrid(np.linspace(-0.3, 1.3, 8 * width + 3), np.linspace(-0.3, 1.3, 8 * height + 3))
+        uv = np.stack([u.ravel(), v.ravel()], axis=1)
+        shown = []
+        for level in range(len(texture.pyramid)):
+            steps = np.zeros((len(uv), 2, 2))
+            steps[:, 0, 0] = 2.0**level / width
+            shown.append(sample_texture(texture, uv, steps))
+        worst = max(np.abs(a - b).max() for a, b in zip(shown[:-1], shown[1:], strict=True))
+        assert worst <= textures.errors[0, packing.OF_LEVEL] + 1e-7
+
+
+def test_what_textures_need_does_not_depend_on_their_neighbours():
+    rng = np.random.default_rng(4)
+    every = [Texture(rng.uniform(0, 2, (n, n + 1, 3)), filter) for n, filter in ((3, "nearest"), (8, "trilinear"))]
+    together = packed(*every)
+    for k, texture in enumerate(every):
+        alone, first = packed(texture), together.first_texels[k]
+        assert np.array_equal(alone.texels, together.texels[4 * first :][: len(alone.texels)])
+        assert np.array_equal(alone.errors[0], together.errors[k]) and alone.steps[0] == together.steps[k]
+        assert np.array_equal(alone.sizes[0], together.sizes[k])
