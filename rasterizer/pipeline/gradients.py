@@ -98,7 +98,7 @@ def compute_levels(n_attribute, coding, block):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
     if n_left > 0 and n_attribute > 0:
         compute_value_planes(0, min(n_attribute, 2 * MOST_CHANNELS), 0.0, coding, block)
-        compute_texcoords(n_attribute, coding, block)
+        compute_texcoords(n_attribute, coding.textures, coding.depths, block)
 
 
 @helper
@@ -111,16 +111,17 @@ def compute_normals(n_attribute, coding, block):
     compute_normal_planes(coding, block)
     if n_attribute > 3:
         compute_value_planes(3, 3 + MOST_CHANNELS, coding.albedo_tolerance, coding, block)
-    compute_texcoords(n_attribute, coding, block)
+    compute_texcoords(n_attribute, coding.textures, coding.depths, block)
     if coding.needs_distance:
         check_distances(coding, block)
 
 
 @helper
-def compute_texcoords(n_attribute, coding, block):
+def compute_texcoords(n_attribute, textures, depths, block):
     """Compute the planes of texture coordinates, if there are any."""
-    if coding.textures is not None and n_attribute > TEXCOORDS:
-        compute_texcoord_planes(coding.textures, coding.depths, block)
+    if textures is not None:  # alone, and of a parameter: then nothing is compiled where it is None
+        if n_attribute > TEXCOORDS:
+            compute_texcoord_planes(textures, depths, block)
 
 
 @helper

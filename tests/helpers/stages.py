@@ -16,6 +16,7 @@ from rasterizer.pipeline.gradients import (
     EXACT,
     IN_ENTRIES,
     IN_PLANES,
+    NEEDS_ALBEDO,
     NEEDS_COLORS,
     NEEDS_DOUBLE,
     NEEDS_SINGLE,
@@ -24,7 +25,7 @@ from rasterizer.pipeline.gradients import (
     NormalCoding,
 )
 from rasterizer.pipeline.interpolate import ScannedBand
-from rasterizer.pipeline.records import ALBEDO_UNITS
+from rasterizer.pipeline.records import most_units
 from rasterizer.pipeline.scan import ScanCounts, scan
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import Vertices, make_screen
@@ -81,16 +82,18 @@ def plain_coding(
     is_double = np.array([np.dtype(dtype) == np.float64 for dtype in types]) | np.zeros(len(n_attributes), bool)
     needs = np.where(is_double, NEEDS_DOUBLE, NEEDS_SINGLE) | np.where(n_attributes >= 3, NEEDS_COLORS, 0)
     needs = needs | NEEDS_COLORS if kind == "normals" else needs
+    needs = needs | np.where(n_attributes >= 6, NEEDS_ALBEDO, 0) if kind in ("exact", "normals") else needs
     ways = np.where((made.way == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, made.way)  # an entry has one channel
     return made.kind(
         ways=np.where(is_double, EXACT, ways).astype(np.uint8),
         needs=(needs | options.get("needs", 0)).astype(np.uint8),
-        is_double=is_double,
+        reads_double=is_double,
         n_attributes=n_attributes,
         limits=np.full(len(n_attributes), float(normal_limit if kind == "normals" else tolerance)),
         level_scale=float(level_scale) if made.kind is LevelCoding else None,
         albedo_tolerance=float(tolerance),
         needs_distance=options.get("needs_distance", False),
+        textures=None,
         depths=scale_depths(screen),
     )
 
@@ -130,9 +133,9 @@ def scan_alone(
     sides = attributes if isinstance(attributes, tuple) else (attributes,)
     z = screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
     n_attribute = max(array.shape[2] for array in sides)
-    dtype = np.dtype(np.float64 if coding.is_double.all() else np.float32)
+    dtype = np.dtype(np.float64 if coding.reads_double.all() else np.float32)
     kind = WorkspaceKind(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, False, False)
-    workspace = make_workspace(kind, options.get("room", n * ALBEDO_UNITS))
+    workspace = make_workspace(kind, options.get("room", n * most_units(coding)))
     for array in (workspace.records.integers, workspace.records.int_planes):
         array.fill(options.get("fill", 0))
     y_start = options.get("y_start", 0)

@@ -14,10 +14,10 @@ from helpers.stages import (
     slivers,
 )
 
-from rasterizer.engine.attributes import Attributes
-from rasterizer.engine.passes import Pass
+from rasterizer.engine.attributes import NONE
+from rasterizer.engine.passes import ShadowMapPass
 from rasterizer.pipeline import records as r
-from rasterizer.pipeline.gradients import DEPTH_PLANE_ROUNDING
+from rasterizer.pipeline.planes import DEPTH_PLANE_ROUNDING
 from rasterizer.pipeline.simd import PLANE_GROUP
 from rasterizer.pipeline.visibility import (
     CLEAR,
@@ -81,7 +81,7 @@ def cases(shape, n_attribute, is_perspective):
 def groups_of(workspace, n_value):
     """The groups of record 0, a dict of arrays (parts, PLANE_GROUP): of normals or of intensities, and of the rest."""
     first, numbers = r.FIRST_GROUP, workspace.records.float_planes
-    lengths = [r.VALUE_GROUP] if n_value <= 3 else [r.NORMAL_GROUP, r.VALUE_GROUP]
+    lengths = [r.VALUE_GROUP] if n_value <= 3 else [r.PLAIN_GROUP, r.VALUE_GROUP]
     return [
         numbers[sum(lengths[:k]) + first : sum(lengths[: k + 1]) + first].reshape(-1, PLANE_GROUP)
         for k in range(len(lengths))
@@ -371,10 +371,10 @@ def test_normals_are_turned_to_the_side_that_is_seen(kind, turn, is_inverted):
             assert reals[r.ATTRIBUTE + 3 : r.ATTRIBUTE + 6].tolist() == [np.float32(0.6)] * 3
             assert np.abs(reals[r.INV_W : r.INV_W + 3] - 0.5).max() < 1e-6
         else:
-            row = face * r.NORMAL_UNITS * r.UNIT
+            row = face * r.UNIT
             assert workspace.records.int_planes[row + r.PLANES_FACE] == face
             value, *slopes = workspace.records.float_planes[
-                row + r.FIRST_GROUP : row + r.FIRST_GROUP + r.NORMAL_GROUP
+                row + r.FIRST_GROUP : row + r.FIRST_GROUP + r.PLAIN_GROUP
             ].reshape(3, PLANE_GROUP)[:, :3]
             assert (value == [0, side * np.float32(0.6), side * np.float32(0.8)]).all()
             assert not np.any(slopes)
@@ -440,7 +440,7 @@ def record_parts(workspace, entry, n_attribute, is_normals):
     first = record << r.UNIT_SHIFT
     head = kept.int_planes[first : first + r.PLANES_FACE]
     first += r.FIRST_GROUP
-    groups = [(r.NORMAL_GROUP, 3), (r.VALUE_GROUP, n_attribute - 3)] if is_normals else [(r.VALUE_GROUP, n_attribute)]
+    groups = [(r.PLAIN_GROUP, 3), (r.VALUE_GROUP, n_attribute - 3)] if is_normals else [(r.VALUE_GROUP, n_attribute)]
     parts = [head]
     for length, n in groups:
         parts.append(kept.float_planes[first : first + length].reshape(-1, PLANE_GROUP)[:, :n])
@@ -491,12 +491,6 @@ def test_what_is_too_far_for_albedo_in_planes_may_have_normals_there():
         assert (counts.n_plane, counts.n_exact) == (2 - sum(material), sum(material)), material
 
 
-class PicturePass(Pass):
-    """A pass that has intensities, as those of pictures."""
-
-    n_channel = 3
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_records_stay_within_the_room_that_a_pass_gives_them(kind):
     """As many units a triangle as `Pass.most_records` says, of blocks whose materials have any number of attributes;
@@ -505,14 +499,12 @@ def test_records_stay_within_the_room_that_a_pass_gives_them(kind):
     coding = mixed_coding(kind, screen)._replace(limits=np.full(8, 1e30), albedo_tolerance=1e30)
     for seed in range(3):
         triangles, depth, attributes, material = mixed_band(seed)
-        for n_single in (3, 6) if kind == "normals" else (1, 3, 6):
-            # A surface of float32 has no more attributes than its array; those of float64 may.
-            has_room = (material >= 3) | (coding.n_attributes[material] <= n_single)
-            of_triangle = np.where(has_room, material, 7).astype(np.uint32)
-            given = attributes[0][..., :n_single], attributes[1]
-            made = PicturePass(attributes=Attributes(*(a[None, :, 0] for a in given)), coding=coding, size=SIZE)
+        for chosen in (np.arange(8), np.array([0, 3, 4]), np.array([2, 7]), np.array([0])):
+            made = ShadowMapPass(attributes=NONE, coding=coding, size=SIZE, depth=(0.0, 1.0), texels=np.empty((0, 0)))
             n = made.most_records(len(triangles))
-            room = {"room": n + 3 * len(triangles), "fill": 77}
-            with_guard, counts = scan_alone(triangles, depth, given, coding, screen, SIZE, material=of_triangle, **room)
+            with_guard, counts = scan_alone(
+                triangles, depth, attributes, coding, screen, SIZE, material=chosen[material % len(chosen)],
+                room=n + 3 * len(triangles), fill=77,
+            )  # fmt: skip
             for array in (with_guard.records.integers[n:], with_guard.records.int_planes[n << r.UNIT_SHIFT :]):
-                assert (array == 77).all(), f"{n_single} attributes: written behind {n} units, {counts}"
+                assert (array == 77).all(), f"materials {chosen}: written behind {n} units, {counts}"

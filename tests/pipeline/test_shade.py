@@ -19,8 +19,9 @@ from helpers.stages import (
 import rasterizer as rz
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE
+from rasterizer.pipeline.phong_shading import FaceTable, shade_lit
 from rasterizer.pipeline.records import FACE, PLANES_FACE, UNIT_SHIFT
-from rasterizer.pipeline.shade import FaceTable, shade_interpolated, shade_lit
+from rasterizer.pipeline.shade import shade_interpolated
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK, RECORD_MASK, RECORD_SHIFT
 from rasterizer.reference import light as reference_light
 from rasterizer.reference.light import Lighting
