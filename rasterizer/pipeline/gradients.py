@@ -119,7 +119,7 @@ def compute_normals(n_attribute, coding, block):
 @helper
 def compute_texcoords(n_attribute, textures, depths, block):
     """Compute the planes of texture coordinates, if there are any."""
-    if textures is not None:  # alone, and of a parameter: then nothing is compiled where it is None
+    if textures is not None:
         if n_attribute > TEXCOORDS:
             compute_texcoord_planes(textures, depths, block)
 

@@ -121,8 +121,8 @@ def write_values(records, n_record, k, face, coding, block):
     needs = coding.needs[block.ints[s.MATERIAL + k]]
     write_value_group(planes, record + index(VALUES), k, 0, MOST_CHANNELS, block)
     end = BEHIND_VALUES
-    if coding.textures is not None and needs & NEEDS_TEXTURE:
-        write_planes(planes, record + index(end), k, TEXCOORD_PLANE, PLANE_GROUP, block)
+    if needs & NEEDS_TEXTURE:
+        write_texcoords(planes, record + index(end), k, coding.textures, block)
         write_value_group(planes, record + index(end + PLAIN_GROUP), k, MOST_CHANNELS, MOST_CHANNELS, block)
         end += PLAIN_GROUP + VALUE_GROUP
     return units_of(end)
@@ -135,13 +135,20 @@ def write_normals(records, n_record, k, face, coding, block):
     needs = coding.needs[block.ints[s.MATERIAL + k]]
     write_planes(planes, record + index(NORMALS), k, 0, 3, block)
     end = BEHIND_NORMALS
-    if coding.textures is not None and needs & NEEDS_TEXTURE:
-        write_planes(planes, record + index(end), k, TEXCOORD_PLANE, PLANE_GROUP, block)
+    if needs & NEEDS_TEXTURE:
+        write_texcoords(planes, record + index(end), k, coding.textures, block)
         end += PLAIN_GROUP
     if needs & NEEDS_ALBEDO:
         write_value_group(planes, record + index(end), k, 3, MOST_CHANNELS, block)
         end += VALUE_GROUP
     return units_of(end)
+
+
+@helper
+def write_texcoords(planes, target, k, textures, block):
+    """Copy the planes of texture coordinates to a group of a record; `textures` is None where none stand in planes."""
+    if textures is not None:
+        write_planes(planes, target, k, TEXCOORD_PLANE, PLANE_GROUP, block)
 
 
 @helper

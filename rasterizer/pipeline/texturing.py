@@ -49,9 +49,8 @@ def fill_texels(entries, band, first, material, group_column, texturing, start, 
     group_column : where the planes of the material's texture coordinates begin in its records
     start : index of the first entry's sample in the band
     """
-    if band.coding.textures is not None:
-        look_up_planes(entries, band, first, material, group_column, texturing, start, batch)
-    if band.coding.textures is None or has_exact(entries):
+    look_up_planes(entries, band, first, material, group_column, texturing, start, batch)
+    if has_exact(entries):
         for k in range(index(len(entries))):
             if is_exact(entries[k]):
                 for channel in range(index(4)):
@@ -62,14 +61,21 @@ def fill_texels(entries, band, first, material, group_column, texturing, start, 
 
 
 def choose_look_up(entries, band, first, material, group_column, texturing, start, batch):
-    """Return what is compiled in the place of `look_up_planes`: nothing in float64."""
-    return look_up if is_single(batch.dtype) else look_up_nothing
+    """Return what is compiled in the place of `look_up_planes`: nothing where there are no planes, as in float64."""
+    coding = field_of(band, "coding")
+    has_planes = is_single(batch.dtype) and str(field_of(coding, "textures")) != "none"
+    return look_up if has_planes else look_up_nothing
+
+
+def field_of(kind, name):
+    """Return the type of a field of a type of named tuples."""
+    return dict(zip(kind.fields, kind.types, strict=True))[name]
 
 
 @choice(choose_look_up)
 def look_up_planes(entries, band, first, material, group_column, texturing, start, batch):
     """Fill TEXEL of samples whose texture coordinates stand in planes."""
-    if batch.dtype == np.float32:
+    if batch.dtype == np.float32 and band.coding.textures is not None:
         look_up(entries, band, first, material, group_column, texturing, start, batch)
 
 
