@@ -120,7 +120,7 @@ class Renderer:
             spectral=spectral,
             threads=threads,
         )
-        with compiling_ahead(self._list_needs):
+        with compiling_ahead(lambda: self._list_needs(self.scene.camera)):
             self._prepared = PreparedScene(self.scene, self.options)
         self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
         self._is_closed = False
@@ -163,8 +163,8 @@ class Renderer:
         SceneError : what is no camera, an `out` that doesn't fit, a picture that this machine's memory can't hold; and
             after `close`
         """
-        words = None if out is None else self._checked_out(out)
-        with self._prepared.threads.turn, compiling_ahead(self._list_needs):
+        camera, words = self._checked_camera(camera), None if out is None else self._checked_out(out)
+        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
             return self._render(camera, words)
 
     def render_to(
@@ -215,8 +215,9 @@ class Renderer:
         outputs, wanted = self.options.outputs, file.kind.array
         if "color" not in outputs and (wanted == "color" or "rgb" not in outputs):
             Frame(None, {}, None, self.options.size).array(wanted)  # says what to ask for
-        with self._prepared.threads.turn, compiling_ahead(self._list_needs):
-            camera, clock = self._checked_camera(camera), Clock()
+        camera, clock = self._checked_camera(camera), Clock()
+        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
+            self._check_open()
             file.begin()
             with_color = wanted == "color" or (wanted == "alpha" and "color" in outputs)
             drawn = self._prepared.draw_picture(camera, clock, sink=RowSink(file.write_rows, with_color))
@@ -236,18 +237,23 @@ class Renderer:
             raise SceneError(f"out must be {legal}; given {given}")
         return np.asarray(out).view(np.uint32).reshape(height, width)
 
-    def _list_needs(self) -> dict:
-        """Return the kernels that a picture needs, {(function, signature): True}, found out by drawing a small one in
-        Python; what only the whole scene needs, such as clipping, is compiled when it is met."""
+    def _list_needs(self, camera: Camera | None) -> dict:
+        """Return the kernels that a picture through a camera needs, {(function, signature): True}.
+
+        They are found out by drawing small ones in Python. What only the whole scene needs, such as clipping, is
+        compiled when it is met.
+        """
         import logging
 
-        from .scene.sample import SIZE, sample_scene
+        from .scene.sample import SIZE, sample_scene, sample_views
 
         options = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
         with noting_needs() as needs:
             try:
-                with Renderer(sample_scene(self.scene), **options | {"size": SIZE, "threads": 1}) as renderer:
-                    renderer.render()
+                sample = sample_scene(self.scene)
+                with Renderer(sample, **options | {"size": SIZE, "threads": 1}) as renderer:
+                    for view in sample_views(sample, self.scene, camera):
+                        renderer.render(view)
             except RasterizerError as fault:  # what was noted until then is of use
                 logging.getLogger("rasterizer").info(
                     "not all kernels that the picture needs are known ahead: %s", fault
@@ -256,16 +262,19 @@ class Renderer:
 
     def _checked_camera(self, camera) -> Camera:
         """Return the camera that a picture is taken with."""
-        if self._is_closed:
-            raise SceneError("this Renderer is closed; make a new one")
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
         if not isinstance(camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
         return camera
 
+    def _check_open(self) -> None:
+        """Raise SceneError after `close`."""
+        if self._is_closed:
+            raise SceneError("this Renderer is closed; make a new one")
+
     def _render(self, camera, out) -> Frame:
         """Draw the picture if one is wanted, then the buffers; `out` as `PreparedScene.draw_picture` takes it."""
-        camera = self._checked_camera(camera)
+        self._check_open()
         check_memory(self.options, has_out=out is not None)
         prepared, outputs, clock = self._prepared, self.options.outputs, Clock()
         arrays, rgba, counts, view_plan = {}, None, None, None
