@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..pipeline import light_kinds as pipeline
@@ -83,9 +83,23 @@ class LightEntry:
         """Return what `clearance` is at least in every view, with room for what a view takes off."""
         return math.inf
 
-    def amplification(self, light: Any, clearance: float) -> float:
+    def amplification(self, light: Any, clearance: ArrayLike) -> ArrayLike:
         """Return how much stronger than its colour the light is at most, at the clearance and beyond; at least 1."""
         return 1.0
+
+    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far an error of the distance between point and light, of length 1, moves what the light gives.
+
+        Parameters
+        ----------
+        clearance : (...) scene units, above 0; infinite where positions play no part
+        slope : (...) what a reflection of height 1 changes by for each radian that the light's direction turns
+
+        Returns
+        -------
+        (...) float64, over the largest strength that `amplification` allows; of the first order in the error
+        """
+        return (slope + 2.0 + self.steepness(light)) / clearance
 
     def steepness(self, light: Any) -> float:
         """Return how far factors of the strength magnify an error of the direction, or a relative one of the
@@ -158,13 +172,36 @@ class PointEntry(LightEntry):
         """Return half of that; 0 for a light that moves with the camera."""
         return 0.0 if light.attached == "camera" else 0.5 * distance(light.position)
 
-    def amplification(self, light: Any, clearance: float) -> float:
+    def amplification(self, light: Any, clearance: ArrayLike) -> ArrayLike:
         """1/(kc + kl d + kq d²) is largest at the least distance d."""
         if not light.amplify or light.attenuation[0] >= 1.0:
             return 1.0
-        constant, linear, quadratic = light.attenuation
-        total = constant + times(linear, clearance) + times(quadratic, clearance) * clearance
-        return max(1.0, 1.0 / total) if total > 0.0 else np.inf
+        return _strength(light, np.asarray(clearance, float), least=1.0)
+
+    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bound the sum of both changes at one distance, the turn's and that of the strength.
+
+        Over the distance d an error e of a position turns the direction by e/d. With s = 1/q, q = kc + kl d + kq d²,
+        the change is at most
+
+            e·(slope·s/d + |s'|) = e·(slope + ρ)·s/d,    ρ = d q'/q = (kl d + 2 kq d²)/q <= 2
+
+        For slope >= 1 that falls with d: s/d does, and s/d + |s'| = (kc + 2 b + 3 a)/(q² d) with b = kl d, a = kq d²,
+        whose derivative has the sign of -(kc² + 3 b kc + 2 a kc + 4 b² + 11 a b + 9 a²) < 0. So it is largest at the
+        clearance. A light that may not amplify has s = 1 and ρ = 0 as far as q <= 1, and the formula from there on:
+        where both meet, at d_1, the second one is larger.
+
+        The range r weakens the light by 1 - (d/r)^4, which adds 4 d³/r^4·s <= 4 s/r.
+        """
+        slope = np.maximum(slope, 1.0)
+        largest = self.amplification(light, clearance)
+        if light.amplify:
+            found = _fall(light, clearance, slope)
+        else:
+            unweakened = _unweakened_to(light)
+            found = np.where(clearance < unweakened, slope / clearance, 0.0)
+            found = np.maximum(found, _fall(light, np.maximum(clearance, unweakened), slope))
+        return found / largest + (4.0 / light.range if light.range is not None else 0.0)
 
     def steepness(self, light: Any) -> float:
         """(d/r)^4 rises by four times the relative error of d."""
@@ -207,14 +244,23 @@ class SpotEntry(PointEntry):
         has no bound. c^e rises by at most e c^(e-1): by e for e >= 1, else most at the outer cone; where that is at 90
         degrees it is multiplied by S^p, with p >= 1 at most t² (3 - 2 t) <= 3 (c/c_inner)².
         """
-        inner, outer = cone_cosines(light)
-        p, exponent = light.falloff, light.exponent
-        rise = 1.5 * p if p >= 1.0 else 6.0 * p if p >= 0.5 else np.inf
-        total = super().steepness(light) + (rise / (inner - outer) if inner > outer else np.inf)
-        if 0.0 < exponent < 1.0:
-            at_edge = 3.0 / inner**2 if inner > 0.0 and p >= 1.0 else np.inf
-            exponent *= min(outer ** (exponent - 1.0) if outer > 1e-15 else np.inf, at_edge)
-        return total + exponent
+        return super().steepness(light) + _fall_rise(light) + _exponent_rise(light)
+
+    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Add the cone's: a turn of the light's direction moves its fall, too."""
+        return super().sway(light, clearance, slope + self.cone_slope(light))
+
+    def cone_slope(self, light: Any) -> float:
+        """Return what cone and exponent change the strength by, at most, for each radian; infinite for a sharp cone.
+
+        A turn moves the cosine of the angle from the axis by its sine, which is at most that of the outer cone. With
+        e >= 1 the slope of cos^e, e cos^(e-1)·sin, is largest where cos² = (e - 1)/e, and at most √e there.
+        """
+        sine = math.sin(math.radians(light.outer))
+        of_exponent = _exponent_rise(light)
+        if light.exponent >= 1.0:
+            of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
+        return sine * _fall_rise(light) + of_exponent
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """A sharp cone has an edge."""
@@ -286,3 +332,51 @@ def to_world(vector: Sequence[float], light: Any, view: View) -> NDArray[np.floa
 def cone_cosines(light: Any) -> tuple[float, float]:
     """Return the cosines of a spot light's inner and outer angle."""
     return math.cos(math.radians(light.inner)), math.cos(math.radians(light.outer))
+
+
+def _strength(light: Any, distance: NDArray[np.float64], least: float = 0.0) -> NDArray[np.float64]:
+    """Return 1/(kc + kl d + kq d²) of a light at distances (...), or `least` where that is more; infinite where the sum
+    is 0."""
+    constant, linear, quadratic = light.attenuation
+    with np.errstate(divide="ignore", over="ignore"):
+        total = constant + times(linear, distance) + times(times(quadratic, distance), distance)
+        return np.maximum(1.0 / total, least)
+
+
+def _fall(light: Any, distance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (slope + ρ)·s/d of `PointEntry.sway` at distances (...)."""
+    _, linear, quadratic = light.attenuation
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        strength = _strength(light, distance)
+        rise = times(linear, distance) + times(2.0 * times(quadratic, distance), distance)
+        share = np.where(np.isfinite(rise), np.minimum(times(rise, strength), 2.0), 2.0)
+        return times(slope + share, strength) / distance
+
+
+def _unweakened_to(light: Any) -> float:
+    """Return the distance up to which kc + kl d + kq d² <= 1, so that a light that may not amplify is not weakened."""
+    constant, linear, quadratic = light.attenuation
+    rest = 1.0 - constant
+    if rest <= 0.0:
+        return 0.0
+    root = math.hypot(linear, 2.0 * math.sqrt(quadratic) * math.sqrt(rest))
+    return 2.0 * rest / (linear + root) if linear + root > 0.0 else math.inf
+
+
+def _fall_rise(light: Any) -> float:
+    """Return what the fall between a spot light's cones rises by for each unit of the cosine; infinite if that has no
+    bound."""
+    inner, outer = cone_cosines(light)
+    p = light.falloff
+    rise = 1.5 * p if p >= 1.0 else 6.0 * p if p >= 0.5 else np.inf
+    return rise / (inner - outer) if inner > outer else np.inf
+
+
+def _exponent_rise(light: Any) -> float:
+    """Return what cos^e of a spot light rises by for each unit of the cosine."""
+    inner, outer = cone_cosines(light)
+    exponent = light.exponent
+    if 0.0 < exponent < 1.0:
+        at_edge = 3.0 / inner**2 if inner > 0.0 and light.falloff >= 1.0 else np.inf
+        exponent *= min(outer ** (exponent - 1.0) if outer > 1e-15 else np.inf, at_edge)
+    return exponent

@@ -26,6 +26,7 @@ from .spectral_products import Products, multiply_spectra
 from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
 from .tint import common_color, common_tint
 
+SAME_SIDE = 2.0  # |L + V| where the light is behind the viewer
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
 
@@ -91,7 +92,8 @@ class Brightness(NamedTuple):
     greatest: Reflected  # amplified
     bound: float  # of any point, the colour of the depth cue included
     behind: float  # of the background, or of the colour of the depth cue
-    rounding: float  # of float32: what it may add to an intensity
+    rounding: float  # of float32: what it may add to an intensity, wherever lights, surfaces and the eye are
+    least_rounding: float  # the same in the best view: lights amplify nothing, and no light is opposite to the eye
 
 
 def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None) -> Plan:
@@ -186,8 +188,10 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     most = compute_amplifications(sources.lights, clearances)
     greatest = reflected.amplified(most)
     bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
-    rounding = lighting_error(greatest, SINGLE) + WRITTEN * SINGLE * (behind + bound)
-    return Brightness(reflected, most, greatest, bound, behind, rounding)
+    rounding = lighting_error(greatest, SINGLE).max(initial=0.0) + WRITTEN * SINGLE * (behind + bound)
+    least_rounding = lighting_error(reflected, SINGLE, SAME_SIDE).max(initial=0.0)
+    least_rounding += WRITTEN * SINGLE * (behind + reflected.bound)
+    return Brightness(reflected, most, greatest, bound, behind, float(rounding), float(least_rounding))
 
 
 def check_brightness(bound) -> None:
@@ -207,7 +211,8 @@ def reasons_for_float64(sources: Sources, brightness: Brightness, options, cue, 
     """
     reasons = {
         "tolerance 0": options.tolerance == 0,
-        "rounding beyond half of the tolerance": not brightness.rounding <= options.tolerance / 2,
+        "rounding beyond half of the tolerance": not brightness.least_rounding <= options.tolerance / 2,
+        "lights without bound": not np.isfinite(brightness.bound),
         "numbers of lights beyond float32": not are_single(sources.lights),
         "this view": is_precise,
         # Next to a step no error is small: the edges of shadows and of texels.

@@ -32,6 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..pipeline import reflection as pipeline
+from .mirror_bounds import LobeBounds, bound_lobe
 from .rounding import DOUBLE, SINGLE, Step, step_cosine, times
 
 REFLECTED = 68  # u: of R - V, see above
@@ -48,6 +49,7 @@ class ReflectionEntry:
 
     is_lambert_when_dull = False  # with a black `specular` it reflects as Lambert's model does
     default_fresnel = 1.0  # F0 of a material that gives none
+    needs_least_sums = False  # its bounds depend on how nearly light and viewer are opposite
 
     def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the pipeline's function for the material, and what it needs."""
@@ -91,6 +93,28 @@ class ReflectionEntry:
         """
         return np.minimum(1.0, times(self.turn_slope(material) + beside, angle))
 
+    def peaks(self, material: Any, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest value of the highlight of each light, (n_light,), over `brightest_highlight`; at most 1.
+
+        Parameters
+        ----------
+        least_sums : (n_light,) float64, |L + V| is nowhere less
+        """
+        return np.ones(least_sums.shape)
+
+    def normal_slopes(self, material: Any, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `turn_slope` for each light, (n_light,)."""
+        return np.full(least_sums.shape, self.turn_slope(material))
+
+    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what a highlight of height 1 changes by, at most, for each radian that the direction to the light
+        turns, (n_light,)."""
+        return self.normal_slopes(material, least_sums)
+
+    def highlight_roundings(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return `highlight_rounding` for each light, (n_light,)."""
+        return np.full(least_sums.shape, self.highlight_rounding(material, u))
+
     def diffuse_steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """Return where the diffuse term jumps."""
         return ()
@@ -129,7 +153,7 @@ class PowerEntry(ReflectionEntry):
     is_lambert_when_dull = True
     turns = 1.0  # how many times as far as the normal the direction turns whose cosine h is
 
-    def highlight_error(self, u: float) -> float:
+    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
         """Return the error of the vectors whose distance |R - V| or |N - H| gives h."""
         raise NotImplementedError
 
@@ -154,16 +178,19 @@ class PowerEntry(ReflectionEntry):
         """Return that of the power, of W(θ), which rises by 5 at most, and of N·L; infinite for n < 1."""
         if material.shininess < 1.0:
             return np.inf
-        of_power = self.turns * power_slope(material.shininess)
-        return of_power + 5.0 * (material.fresnel is not None) + 1.0 * material.normalized
+        return self.turns * power_slope(material.shininess) + weight_slope(material)
 
     def highlight_rounding(self, material: Any, u: float) -> float:
+        """Return what is said by `highlight_roundings` where nothing is known of |L + V|."""
+        return float(self.highlight_roundings(material, u, np.zeros(1))[0])
+
+    def highlight_roundings(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what the head of this file derives."""
-        n, error = material.shininess, self.highlight_error(u)
+        n, error = material.shininess, self.highlight_error(u, least_sums)
         if n < 1.0:
-            return min(1.0, (1.5 * error) ** n + 4.0 * u)
-        weights = 16.0 * u * (5.0 * (material.fresnel is not None) + 1.0 * material.normalized)
-        return min(1.0, power_slope(n) * error + (1.5 * n + 4.0) * u + weights)
+            return np.minimum(1.0, (1.5 * error) ** n + 4.0 * u) + 0.0 * least_sums
+        found = power_slope(n) * error + (1.5 * n + 4.0) * u + 16.0 * u * weight_slope(material)
+        return np.minimum(1.0, found) + 0.0 * least_sums
 
     def highlight_change(self, material: Any, angle: ArrayLike, beside: float = 0.0) -> NDArray[np.float64]:
         """Bound h^n with n < 1 by the power of the error itself: |R - V| <= 2, so h errs by 3 times the angle at
@@ -185,7 +212,12 @@ class PhongEntry(PowerEntry):
 
     turns = 2.0  # the mirrored light direction turns twice as far as the normal
 
-    def highlight_error(self, u: float) -> float:
+    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """R turns as far as L does."""
+        slope = power_slope(material.shininess) if material.shininess >= 1.0 else np.inf
+        return np.full(least_sums.shape, slope + weight_slope(material))
+
+    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
         """Return the error of R - V."""
         return REFLECTED * u
 
@@ -197,9 +229,16 @@ class PhongEntry(PowerEntry):
 class BlinnEntry(PowerEntry):
     """Blinn's highlight: h = N·H."""
 
-    def highlight_error(self, u: float) -> float:
-        """Return the error of N - H where |L + V| is LEAST_SUM."""
-        return (13.0 + 20.0 / LEAST_SUM[u]) * u
+    needs_least_sums = True
+
+    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
+        """Return the error of N - H where |L + V| is `least_sum`, but no less than LEAST_SUM."""
+        return (13.0 + 20.0 / np.maximum(least_sum, LEAST_SUM[u])) * u
+
+    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """H turns by 1/|L + V| of what L does across their plane, and by half of it within."""
+        slope = power_slope(material.shininess) if material.shininess >= 1.0 else np.inf
+        return slope / np.maximum(least_sums, LEAST_SUM[u]) + weight_slope(material)
 
     def highlight_scale(self, material: Any) -> float:
         """Return the factor of Blinn's highlight."""
@@ -217,6 +256,7 @@ class CookTorranceEntry(ReflectionEntry):
 
     is_lambert_when_dull = True
     default_fresnel = 0.04
+    needs_least_sums = True
 
     def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the distribution, and of the direction along which the surface is brushed."""
@@ -254,6 +294,31 @@ class CookTorranceEntry(ReflectionEntry):
     def highlight_rounding(self, material: Any, u: float) -> float:
         """Return the error of the half vector, magnified."""
         return min(1.0, MIRRORS * u * self.turn_slope(material))
+
+    def peaks(self, material: Any, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return those of mirror_bounds.py for isotropic mirrors."""
+        return np.minimum(1.0, self._lobe(material, least_sums).peak)
+
+    def normal_slopes(self, material: Any, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return those of mirror_bounds.py for isotropic mirrors, as far as `turn_slope` isn't less."""
+        return np.minimum(self.turn_slope(material), self._lobe(material, least_sums).normal_slope)
+
+    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return those of mirror_bounds.py for isotropic mirrors, else `turn_slope`."""
+        return self._lobe(material, least_sums).light_slope
+
+    def highlight_roundings(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return those of mirror_bounds.py for isotropic mirrors, else `highlight_rounding`."""
+        return np.minimum(1.0, u * self._lobe(material, least_sums).rounding)
+
+    def _lobe(self, material: Any, least_sums: NDArray[np.float64]) -> LobeBounds:
+        """Return the bounds of mirror_bounds.py over the largest value that the highlight counts with."""
+        if material.is_anisotropic:
+            slope = np.full(least_sums.shape, self.turn_slope(material))
+            return LobeBounds(np.ones_like(slope), slope, slope, MIRRORS * slope)
+        brightest = self.brightest_highlight(material)
+        lobe = bound_lobe(material.distribution, material.roughness, least_sums)
+        return LobeBounds(*(values / brightest for values in lobe))
 
     def highlight_steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """Isotropic GGX mirrors that are tilted by more than a right angle count as none."""
@@ -341,6 +406,11 @@ def blinn_scale(material: Any) -> float:
     """
     n = material.shininess
     return (n + 2) * (n + 4) / (8 * (2 ** (-n / 2) + n)) if material.normalized else 0.0
+
+
+def weight_slope(material: Any) -> float:
+    """Return the slope of the weights of a power: 5 of W(θ), 1 of N·L where the highlight is normalised."""
+    return 5.0 * (material.fresnel is not None) + 1.0 * material.normalized
 
 
 def power_slope(exponent: float) -> float:

@@ -4,13 +4,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..geometry.surfaces import compute_clearance, compute_point_clearance, find_shortest_normal
+from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
 from ..pipeline.gradients import EXACT
+from . import reflection_table
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of
+from .lit_places import LitPlaces, eye_distances
 from .plan import LARGE, SMALL, Plan, make_plan
 from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE
@@ -30,11 +33,11 @@ class ViewPlans:
 
     def __init__(self, scene, options: Options, geometry, bounds):
         self._scene, self._options, self._geometry, self._bounds = scene, options, geometry, bounds
-        self._clearances: dict[tuple, float] = {}  # by position
         self._precise_plan: Plan | None = None
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
         self.plan = make_plan(scene, options, geometry.albedo)
+        self._places = LitPlaces(geometry, len(self.plan.materials), self.plan.is_lit_per_sample)
         if not np.isfinite(self.plan.bound):
             self.plan = make_plan(scene, options, geometry.albedo, clearances=self._lasting_clearances())
         self._shortest = 1.0
@@ -45,17 +48,25 @@ class ViewPlans:
         """The plan for a view, or one with float64 where float32 has too few digits for it."""
         reach = np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()
         surroundings = self._surroundings(view, screen, math.sqrt(sum(side * side for side in reach))).rounded()
-        key = surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness, screen.is_perspective
+        key = *surroundings.key(), screen.is_perspective
         if self._last_key != key:
-            plan, tolerance = self.plan, self._options.tolerance
+            plan, tolerance = self._bounded_plan(surroundings), self._options.tolerance
             if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings):
-                plan = plan._replace(rounding=rounding_of(plan, surroundings))
+                plan = plan._replace(rounding=float(rounding_of(plan, surroundings).max(initial=0.0)))
             elif plan.dtype == np.float32:
                 plan = self._precise()
-            error_bound = error_bound_of(plan, tolerance, surroundings)
+            error_bound = float(error_bound_of(plan, tolerance, surroundings).max(initial=0.0))
             steps, summary = list_steps(plan, surroundings), summarize(plan, screen.is_perspective)
             self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, summary)
         return self._last
+
+    def _bounded_plan(self, surroundings: Surroundings) -> Plan:
+        """The scene's plan; where lights that move with the camera amplify without limit one for their clearances in
+        this view."""
+        if np.isfinite(self.plan.bound):
+            return self.plan
+        clearances = surroundings.kept().clearances.min(axis=0, initial=np.inf)
+        return make_plan(self._scene, self._options, self._geometry.albedo, clearances=clearances)
 
     def _precise(self) -> Plan:
         """The scene's plan with float64."""
@@ -67,13 +78,7 @@ class ViewPlans:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
         moves with the camera."""
         lights = self.plan.lights
-        return np.array([entry_of(light).lasting_clearance(light, self._clearance_of) for light in lights], float)
-
-    def _clearance_of(self, position) -> float:
-        """How near the lit points come to a position: surfaces in Phong's method, else vertices or centroids."""
-        if self.plan.is_lit_per_sample:
-            return compute_clearance(self._geometry.positions, self._geometry.vertex, *map(float, position))
-        return compute_point_clearance(self._geometry.points, *map(float, position))
+        return np.array([entry_of(light).lasting_clearance(light, self._places.distance) for light in lights], float)
 
     def _surroundings(self, view, screen, furthest) -> Surroundings:
         """What this view says about the positions of lights and surfaces.
@@ -82,22 +87,23 @@ class ViewPlans:
         A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its
         depth.
         """
-        kept, self._clearances = self._clearances, {}
-
-        def distance(position) -> float:
-            key = tuple(map(float, position))
-            if key not in self._clearances:
-                self._clearances[key] = kept[key] if key in kept else self._clearance_of(position)
-            return self._clearances[key]
-
         beside = 0.0
         if self.plan.is_lit_per_sample:
             deepest = furthest if screen.is_perspective else 1.0
             beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
-        clearances = [entry_of(light).clearance(light, view, distance) - beside for light in self.plan.lights]
+        lights, least_sums = self.plan.lights, 0.0
+        if any(reflection_table.entry_of(material).needs_least_sums for material in self.plan.materials):
+            least_sums = self._places.least_sums(lights, view, screen.is_perspective, beside)
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
-        clearances = np.maximum(np.array(clearances, float), 0.0)
-        return Surroundings(furthest, clearances, self._shortest, self.plan.is_lit_per_sample, deepness)
+        return Surroundings(
+            furthest=furthest,
+            clearances=np.maximum(self._places.clearances(lights, view) - beside, 0.0),
+            shortest=self._shortest,
+            is_lit_per_sample=self.plan.is_lit_per_sample,
+            deepness=deepness,
+            eye_distances=eye_distances(lights, view),
+            least_sums=least_sums,
+        )
 
 
 def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
@@ -107,7 +113,7 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
     eye; a light that is further away than LARGE is found by the furthest point's clearance.
     """
     of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
-    lengths = [surroundings.furthest, *of_positions]
+    lengths = [surroundings.furthest, *of_positions.tolist()]
     if not all(SMALL <= length <= LARGE for length in lengths):
         return False
     if (compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any():
@@ -115,26 +121,31 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
     # Nothing is kept back here: where a normal vanishes or a light lies on a surface, float64 is right.
     if surroundings.is_lit_per_sample and surroundings.shortest <= 0.0:
         return False
-    return rounding_of(plan, surroundings) <= tolerance / 2
+    return bool((rounding_of(plan, surroundings) <= tolerance / 2).all())
 
 
-def rounding_of(plan: Plan, surroundings: Surroundings) -> float:
-    """What rounding may add to an intensity in one view, in the plan's type, and in the float32 of the picture."""
+def rounding_of(plan: Plan, surroundings: Surroundings) -> NDArray[np.float64]:
+    """What rounding may add to an intensity of each material in one view, (n_material,), in the plan's type, and in the
+    float32 of the picture."""
     u = SINGLE if plan.dtype == np.float32 else DOUBLE
     reflected = plan.reflected.amplified(compute_amplifications(plan.lights, surroundings.kept().clearances))
-    written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bound)
+    written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bounds)
     return frame_error(reflected, surroundings, u) + written
 
 
-def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
-    """The largest error of an intensity in one view, against the exact evaluation of the same polygons; see `Stats`.
+def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> NDArray[np.float64]:
+    """The largest error of an intensity of each material in one view, (n_material,), against the exact evaluation of
+    the same polygons; see `Stats`.
 
     Float64 leaves the rounding alone. Float32 adds half a level where a polygon has one intensity in its visibility
     entries, a quarter of the tolerance for the normals' planes and one for colours', or all of it for what Gouraud's
     method has between the corners.
     """
-    rounding, approximated = rounding_of(plan, surroundings), 0.0
-    if plan.coding != EXACT:
-        approximated = tolerance / 4 * (2 if plan.has_albedo else 1) if plan.is_lit_per_sample else tolerance - rounding
-        approximated = 0.5 / plan.level_scale if plan.is_flat else max(approximated, 0.0)
-    return float(rounding + approximated)
+    rounding = rounding_of(plan, surroundings)
+    if plan.coding == EXACT:
+        return rounding
+    if plan.is_flat:
+        return rounding + 0.5 / plan.level_scale
+    if plan.is_lit_per_sample:
+        return rounding + tolerance / 4 * (2 if plan.has_albedo else 1)
+    return np.maximum(rounding, tolerance)
