@@ -169,8 +169,9 @@ def position_error(reflected: Reflected, surroundings: Surroundings, u: float) -
         highlights[m] = entry.light_slopes(material, u, sums)
     changes = [_changes(reflected, clearances, highlights, *sizes) for sizes in (far, near)]
     of_diffuse, of_highlights = np.minimum(*changes)
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         angles = np.minimum(*(length / clearances + angle for length, angle in (far, near)))
+        angles = np.where(np.isfinite(clearances), angles, 0.0)
     for m in np.flatnonzero(~np.isfinite(highlights).all(axis=1)):  # exponents below 1
         material = reflected.materials[m]
         steep = 2.0 + reflected.steepnesses

@@ -47,9 +47,7 @@ class LitPlaces:
             found[k] = [entry_of(light).clearance(light, view, distance) for light in lights]
         return found
 
-    def least_sums(
-        self, lights: Sequence[Any], view: View, is_perspective: bool, beside: float
-    ) -> NDArray[np.float64]:
+    def least_sums(self, lights: Sequence[Any], view: View, is_perspective: bool, beside: float) -> NDArray[np.float64]:
         """Return what |L + V| is nowhere less than, (n_material, n_light); 0 where that isn't known.
 
         Parameters
@@ -91,7 +89,9 @@ class LitPlaces:
             geometry = self._geometry
             if self._is_lit_per_sample:
                 of_face, vertex = geometry.face_material, geometry.vertex
-                split = [vertex] if not len(of_face) else [_columns(vertex, of_face == k) for k in range(self._n_material)]
+                split = (
+                    [vertex] if not len(of_face) else [_columns(vertex, of_face == k) for k in range(self._n_material)]
+                )
                 self._parts = [(geometry.positions, part) for part in split]
             elif self._n_material == 1:
                 self._parts = [(geometry.points,)]

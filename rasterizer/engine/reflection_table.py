@@ -25,15 +25,17 @@ The errors of N, L and V themselves: see engine/error_bounds.py.
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..pipeline import reflection as pipeline
-from .mirror_bounds import LobeBounds, bound_lobe
 from .rounding import DOUBLE, SINGLE, Step, step_cosine, times
+
+if TYPE_CHECKING:
+    from .mirror_bounds import LobeBounds
 
 REFLECTED = 68  # u: of R - V, see above
 MIRRORS = 30  # u: the half vector of Cook-Torrance, whose highlight shrinks with N·L as |L + V| does
@@ -311,8 +313,10 @@ class CookTorranceEntry(ReflectionEntry):
         """Return those of mirror_bounds.py for isotropic mirrors, else `highlight_rounding`."""
         return np.minimum(1.0, u * self._lobe(material, least_sums).rounding)
 
-    def _lobe(self, material: Any, least_sums: NDArray[np.float64]) -> LobeBounds:
+    def _lobe(self, material: Any, least_sums: NDArray[np.float64]) -> "LobeBounds":
         """Return the bounds of mirror_bounds.py over the largest value that the highlight counts with."""
+        from .mirror_bounds import LobeBounds, bound_lobe
+
         if material.is_anisotropic:
             slope = np.full(least_sums.shape, self.turn_slope(material))
             return LobeBounds(np.ones_like(slope), slope, slope, MIRRORS * slope)
