@@ -16,7 +16,7 @@ here and in the tables of the other layers.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,9 +25,15 @@ from ..errors import SceneError
 from ..pipeline import light_kinds as pipeline
 from ..scene.camera import View
 from ..scene.lights import kind_of
-from .rounding import Step, step_cosine, times
+from .light_fall import cone_cosines, exponent_rise, fall_at, fall_rise, strength_at, unweakened_to
+from .rounding import SINGLE, Step, step_cosine
+
+if TYPE_CHECKING:
+    from .reach import Places
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
+
+_LEAST_RANGE = 2.0**-500  # scene units: the square of a shorter one is no number of its own
 
 
 class Beam(NamedTuple):
@@ -110,6 +116,15 @@ class LightEntry:
         """Return where the strength jumps; u is the unit roundoff."""
         return ()
 
+    def reaches(self, light: Any, view: View, places: "Places") -> NDArray[np.bool_]:
+        """Return for which boxes the strength may be other than 0, (n_mesh,).
+
+        Parameters
+        ----------
+        places : Places (engine/reach.py), n_mesh boxes with their errors
+        """
+        return np.ones(len(places.low), bool)
+
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients that must keep their digits in float32 when multiplied by squares of lengths."""
         return ()
@@ -176,7 +191,7 @@ class PointEntry(LightEntry):
         """1/(kc + kl d + kq d²) is largest at the least distance d."""
         if not light.amplify or light.attenuation[0] >= 1.0:
             return 1.0
-        return _strength(light, np.asarray(clearance, float), least=1.0)
+        return strength_at(light, np.asarray(clearance, float), least=1.0)
 
     def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
         """Bound the sum of both changes at one distance, the turn's and that of the strength.
@@ -191,21 +206,29 @@ class PointEntry(LightEntry):
         clearance. A light that may not amplify has s = 1 and ρ = 0 as far as q <= 1, and the formula from there on:
         where both meet, at d_1, the second one is larger.
 
-        The range r weakens the light by 1 - (d/r)^4, which adds 4 d³/r^4·s <= 4 s/r.
+        The range r weakens the light by 1 - (d/r)^4, which adds 4 d³/r^4·s <= 4 s/r as far as d <= r;
+        beyond, there is no light.
         """
         slope = np.maximum(slope, 1.0)
         largest = self.amplification(light, clearance)
         if light.amplify:
-            found = _fall(light, clearance, slope)
+            found = fall_at(light, clearance, slope)
         else:
-            unweakened = _unweakened_to(light)
+            unweakened = unweakened_to(light)
             found = np.where(clearance < unweakened, slope / clearance, 0.0)
-            found = np.maximum(found, _fall(light, np.maximum(clearance, unweakened), slope))
-        return found / largest + (4.0 / light.range if light.range is not None else 0.0)
+            found = np.maximum(found, fall_at(light, np.maximum(clearance, unweakened), slope))
+        found = found / largest
+        return found if light.range is None else found + 4.0 / np.maximum(light.range, clearance)
 
     def steepness(self, light: Any) -> float:
         """(d/r)^4 rises by four times the relative error of d."""
         return 4.0 if light.range is not None else 0.0
+
+    def reaches(self, light: Any, view: View, places: "Places") -> NDArray[np.bool_]:
+        """Nothing beyond its range. (d/r)² is rounded by less than 16 u, beside the errors of positions."""
+        if light.range is None or light.range < _LEAST_RANGE:
+            return super().reaches(light, view, places)
+        return places.distances(world_position(light, view)) <= light.range * (1.0 + 16.0 * SINGLE)
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients of the attenuation, and the range."""
@@ -244,7 +267,7 @@ class SpotEntry(PointEntry):
         has no bound. c^e rises by at most e c^(e-1): by e for e >= 1, else most at the outer cone; where that is at 90
         degrees it is multiplied by S^p, with p >= 1 at most t² (3 - 2 t) <= 3 (c/c_inner)².
         """
-        return super().steepness(light) + _fall_rise(light) + _exponent_rise(light)
+        return super().steepness(light) + fall_rise(light) + exponent_rise(light)
 
     def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
         """Add the cone's: a turn of the light's direction moves its fall, too."""
@@ -257,10 +280,19 @@ class SpotEntry(PointEntry):
         e >= 1 the slope of cos^e, e cos^(e-1)·sin, is largest where cos² = (e - 1)/e, and at most √e there.
         """
         sine = math.sin(math.radians(light.outer))
-        of_exponent = _exponent_rise(light)
+        of_exponent = exponent_rise(light)
         if light.exponent >= 1.0:
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
-        return sine * _fall_rise(light) + of_exponent
+        return sine * fall_rise(light) + of_exponent
+
+    def reaches(self, light: Any, view: View, places: "Places") -> NDArray[np.bool_]:
+        """Nothing outside the cone. The cosine of the angle from the axis is rounded by 12 u, see CONE in
+        error_bounds.py, beside the errors of positions; next to a sharp edge it counts as inside."""
+        ways, spread = places.directions(world_position(light, view))
+        cosine = np.clip(ways @ world_direction(light, view), -1.0, 1.0)
+        nearest = np.cos(np.clip(np.arccos(cosine) - spread, 0.0, np.pi))
+        is_inside = nearest + 16.0 * SINGLE + step_cosine(SINGLE) >= cone_cosines(light)[1]
+        return super().reaches(light, view, places) & is_inside
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """A sharp cone has an edge."""
@@ -327,56 +359,3 @@ def to_world(vector: Sequence[float], light: Any, view: View) -> NDArray[np.floa
     if not is_carried(light):
         return np.array(vector)
     return np.array(vector) @ view.world_from_camera.T
-
-
-def cone_cosines(light: Any) -> tuple[float, float]:
-    """Return the cosines of a spot light's inner and outer angle."""
-    return math.cos(math.radians(light.inner)), math.cos(math.radians(light.outer))
-
-
-def _strength(light: Any, distance: NDArray[np.float64], least: float = 0.0) -> NDArray[np.float64]:
-    """Return 1/(kc + kl d + kq d²) of a light at distances (...), or `least` where that is more; infinite where the sum
-    is 0."""
-    constant, linear, quadratic = light.attenuation
-    with np.errstate(divide="ignore", over="ignore"):
-        total = constant + times(linear, distance) + times(times(quadratic, distance), distance)
-        return np.maximum(1.0 / total, least)
-
-
-def _fall(light: Any, distance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (slope + ρ)·s/d of `PointEntry.sway` at distances (...)."""
-    _, linear, quadratic = light.attenuation
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        strength = _strength(light, distance)
-        rise = times(linear, distance) + times(2.0 * times(quadratic, distance), distance)
-        share = np.where(np.isfinite(rise), np.minimum(times(rise, strength), 2.0), 2.0)
-        return times(slope + share, strength) / distance
-
-
-def _unweakened_to(light: Any) -> float:
-    """Return the distance up to which kc + kl d + kq d² <= 1, so that a light that may not amplify is not weakened."""
-    constant, linear, quadratic = light.attenuation
-    rest = 1.0 - constant
-    if rest <= 0.0:
-        return 0.0
-    root = math.hypot(linear, 2.0 * math.sqrt(quadratic) * math.sqrt(rest))
-    return 2.0 * rest / (linear + root) if linear + root > 0.0 else math.inf
-
-
-def _fall_rise(light: Any) -> float:
-    """Return what the fall between a spot light's cones rises by for each unit of the cosine; infinite if that has no
-    bound."""
-    inner, outer = cone_cosines(light)
-    p = light.falloff
-    rise = 1.5 * p if p >= 1.0 else 6.0 * p if p >= 0.5 else np.inf
-    return rise / (inner - outer) if inner > outer else np.inf
-
-
-def _exponent_rise(light: Any) -> float:
-    """Return what cos^e of a spot light rises by for each unit of the cosine."""
-    inner, outer = cone_cosines(light)
-    exponent = light.exponent
-    if 0.0 < exponent < 1.0:
-        at_edge = 3.0 / inner**2 if inner > 0.0 and light.falloff >= 1.0 else np.inf
-        exponent *= min(outer ** (exponent - 1.0) if outer > 1e-15 else np.inf, at_edge)
-    return exponent

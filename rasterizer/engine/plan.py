@@ -21,6 +21,7 @@ from ..pipeline.visibility import LEVEL_MASK
 from . import light_table, reflection_table
 from .error_bounds import WRITTEN, lighting_error
 from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
+from .reach import is_black
 from .rounding import SINGLE
 from .spectral_products import Products, multiply_spectra
 from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
@@ -145,9 +146,10 @@ def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None
 
 
 def gather_sources(scene, options: Options) -> Sources:
-    """List lights and materials, those of an area light one by one; the exposure is included."""
+    """List lights and materials, those of an area light one by one, without black ones; the exposure is included."""
     ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
     lights = tuple(part for light in scene.lights for part in light_table.entry_of(light).expand(light))
+    lights = tuple(light for light in lights if not is_black(light))
     materials = number_materials(scene.meshes)[0]
     products = multiply_spectra(materials, lights, ambient_lights, options)
     if products is None and options.exposure != 0.0:

@@ -4,21 +4,15 @@ Every case is one light, one material and one point. The search starts from rand
 to highlights and the edges of cones, and moves where the share of the bound that is used up is largest.
 """
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
+from helpers.lit_points import light_points_of, plan_of_points
 from helpers.pinhole import unit
 
 import rasterizer as rz
 from rasterizer.engine.error_bounds import Surroundings, frame_error
 from rasterizer.engine.intensity_bounds import compute_amplifications
-from rasterizer.engine.plan import make_plan
 from rasterizer.engine.rounding import SINGLE, step_cosine
-from rasterizer.engine.uniforms import make_lighting
-from rasterizer.pipeline.fragments import make_batch
-from rasterizer.pipeline.lighting import SurfacePoints, light_points
-from rasterizer.pipeline.transform import Screen
 
 EYE = np.array([0.0, 0.0, 5.0])
 GENEROUS, EXACT = 1e30, 0.0  # tolerances: float32 and float64
@@ -59,20 +53,10 @@ LIGHTS = {
 
 def lit(material, light, points, normals, tolerance):
     """Intensities (n,) at points that are lit as vertices are, and the plan."""
-    scene = SimpleNamespace(
-        background=None, lights=(light,), depth_cue=None, meshes=[SimpleNamespace(palette=(material,))]
-    )
-    clearances = np.full(1, np.linalg.norm(points - np.array(PLACE), axis=1).min())
-    plan = make_plan(scene, rz.Options(tolerance=tolerance), np.empty((0, 3)), clearances=clearances)
+    clearance = float(np.linalg.norm(points - np.array(PLACE), axis=1).min())
     view = rz.Camera.perspective(EYE, (0, 0, 0)).view()
-    lighting = make_lighting(plan, view)
-    screen = Screen(view.eye, view.right, view.up, view.forward, *[1.0] * 8, True)
-    surface = SurfacePoints(
-        np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T), None, np.empty((0, 3)), np.empty(0)
-    )
-    out = np.empty((len(points), plan.n_channel), plan.dtype)
-    light_points(surface, 0, len(points), screen, 1, lighting, 0, make_batch(plan.dtype), out)
-    return out[:, 0].astype(float), plan
+    plan = plan_of_points(material, light, tolerance, clearance)
+    return light_points_of(material, light, points, normals, view, tolerance, clearance), plan
 
 
 def directions(light, points):
@@ -106,7 +90,7 @@ def bounds_at(plan, light, points):
 
 
 def shares(material, light, points, normals):
-    """The share of the bound that the error of each point uses up, (n,); 0 next to a step, and where nothing is seen."""
+    """The share of the bound that the error of each point uses up, (n,); 0 next to a step, and where none is seen."""
     to_light, to_eye, _ = directions(light, points)
     single, plan = lit(material, light, points, normals, GENEROUS)
     double = lit(material, light, points, normals, EXACT)[0]
