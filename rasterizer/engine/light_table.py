@@ -206,8 +206,8 @@ class PointEntry(LightEntry):
         clearance. A light that may not amplify has s = 1 and ρ = 0 as far as q <= 1, and the formula from there on:
         where both meet, at d_1, the second one is larger.
 
-        The range r weakens the light by 1 - (d/r)^4, which adds 4 d³/r^4·s <= 4 s/r as far as d <= r;
-        beyond, there is no light.
+        The range r weakens the light by 1 - (d/r)^4, which adds 4 d³/r^4·s <= 4 s/r as far as d <= r,
+        with s of the clearance; beyond, there is no light.
         """
         slope = np.maximum(slope, 1.0)
         largest = self.amplification(light, clearance)
@@ -217,8 +217,11 @@ class PointEntry(LightEntry):
             unweakened = unweakened_to(light)
             found = np.where(clearance < unweakened, slope / clearance, 0.0)
             found = np.maximum(found, fall_at(light, np.maximum(clearance, unweakened), slope))
-        found = found / largest
-        return found if light.range is None else found + 4.0 / np.maximum(light.range, clearance)
+        if light.range is not None:
+            found = found + 4.0 * np.minimum(strength_at(light, clearance), largest) / np.maximum(
+                light.range, clearance
+            )
+        return found / largest
 
     def steepness(self, light: Any) -> float:
         """(d/r)^4 rises by four times the relative error of d."""

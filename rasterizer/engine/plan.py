@@ -18,8 +18,9 @@ from ..pipeline.depth_cueing import Cue
 from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from ..pipeline.texture_sampling import Textures
 from ..pipeline.visibility import LEVEL_MASK
-from . import light_table, reflection_table
+from . import light_table
 from .error_bounds import WRITTEN, lighting_error
+from .float64_reasons import reasons_of
 from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
 from .reach import is_black
 from .rounding import SINGLE
@@ -29,7 +30,6 @@ from .tint import common_color, common_tint
 
 SAME_SIDE = 2.0  # |L + V| where the light is behind the viewer
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
-SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
 
 
 class Plan(NamedTuple):
@@ -94,7 +94,8 @@ class Brightness(NamedTuple):
     bound: float  # of any point, the colour of the depth cue included
     behind: float  # of the background, or of the colour of the depth cue
     rounding: float  # of float32: what it may add to an intensity, wherever lights, surfaces and the eye are
-    least_rounding: float  # the same in the best view: lights amplify nothing, and no light is opposite to the eye
+    # (n_material,): the same in the best view: lights amplify nothing, and none is opposite to the eye
+    least_roundings: np.ndarray
 
 
 def make_plan(scene, options: Options, albedo, is_precise=False, clearances=None) -> Plan:
@@ -191,9 +192,8 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     greatest = reflected.amplified(most)
     bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
     rounding = lighting_error(greatest, SINGLE).max(initial=0.0) + WRITTEN * SINGLE * (behind + bound)
-    least_rounding = lighting_error(reflected, SINGLE, SAME_SIDE).max(initial=0.0)
-    least_rounding += WRITTEN * SINGLE * (behind + reflected.bound)
-    return Brightness(reflected, most, greatest, bound, behind, float(rounding), float(least_rounding))
+    least_roundings = lighting_error(reflected, SINGLE, SAME_SIDE) + WRITTEN * SINGLE * (behind + reflected.bounds)
+    return Brightness(reflected, most, greatest, bound, behind, float(rounding), least_roundings)
 
 
 def check_brightness(bound) -> None:
@@ -206,31 +206,16 @@ def check_brightness(bound) -> None:
 
 
 def reasons_for_float64(sources: Sources, brightness: Brightness, options, cue, is_precise) -> tuple[str, ...]:
-    """Say why float32 won't do; nothing where it does.
-
-    Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners;
-    or the rest on intensities between them.
-    """
-    reasons = {
-        "tolerance 0": options.tolerance == 0,
-        "rounding beyond half of the tolerance": not brightness.least_rounding <= options.tolerance / 2,
-        "lights without bound": not np.isfinite(brightness.bound),
-        "numbers of lights beyond float32": not are_single(sources.lights),
-        "this view": is_precise,
-        # Next to a step no error is small: the edges of shadows and of texels.
-        "shadows": sources.has_shadows,
-        "textures": sources.is_textured,
-    }
-    reasons |= {reflection_table.entry_of(m).reason_for_float64(m): True for m in sources.materials}
+    """Say why float32 won't do, for some material; nothing where it does."""
     # Depth cueing reads depths from exact records.
-    reasons |= {"depth cueing": cue is not None, "spectra": bool(sources.products)}
-    return tuple(reason for reason, holds in reasons.items() if reason and holds)
-
-
-def are_single(lights) -> bool:
-    """Tell whether the coefficients of lights keep their digits in float32, and their products with squares of lengths,
-    too."""
-    return all(SMALL <= length <= LARGE for light in lights for length in light_table.entry_of(light).lengths(light))
+    of_picture = {"this view": is_precise, "depth cueing": cue is not None, "spectra": bool(sources.products)}
+    shared = [reason for reason, holds in of_picture.items() if holds]
+    bounds = brightness.greatest.bounds
+    found = [
+        reasons_of(material, sources.lights, options.tolerance, rounding, bound, shared)
+        for material, rounding, bound in zip(sources.materials, brightness.least_roundings, bounds, strict=True)
+    ]
+    return tuple(dict.fromkeys(reason for reasons in found for reason in reasons))
 
 
 def choose_coding(sources: Sources, brightness: Brightness, options, tint, is_single) -> tuple[int, float]:

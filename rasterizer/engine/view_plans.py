@@ -11,10 +11,11 @@ from ..options import Options
 from ..pipeline.gradients import EXACT
 from . import reflection_table
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
+from .float64_reasons import LARGE, SMALL
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of
 from .lit_places import LitPlaces, eye_distances
-from .plan import LARGE, SMALL, Plan, make_plan
+from .plan import Plan, make_plan
 from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE
 
