@@ -29,7 +29,7 @@ from .light_fall import cone_cosines, exponent_rise, fall_at, fall_rise, strengt
 from .rounding import SINGLE, Step, step_cosine
 
 if TYPE_CHECKING:
-    from .reach import Places
+    from .reach import Boxes
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
 
@@ -116,14 +116,14 @@ class LightEntry:
         """Return where the strength jumps; u is the unit roundoff."""
         return ()
 
-    def reaches(self, light: Any, view: View, places: "Places") -> NDArray[np.bool_]:
+    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
         """Return for which boxes the strength may be other than 0, (n_mesh,).
 
         Parameters
         ----------
-        places : Places (engine/reach.py), n_mesh boxes with their errors
+        boxes : Boxes (engine/reach.py), n_mesh boxes with their errors
         """
-        return np.ones(len(places.low), bool)
+        return np.ones(len(boxes.low), bool)
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients that must keep their digits in float32 when multiplied by squares of lengths."""
@@ -227,11 +227,11 @@ class PointEntry(LightEntry):
         """(d/r)^4 rises by four times the relative error of d."""
         return 4.0 if light.range is not None else 0.0
 
-    def reaches(self, light: Any, view: View, places: "Places") -> NDArray[np.bool_]:
+    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
         """Nothing beyond its range. (d/r)² is rounded by less than 16 u, beside the errors of positions."""
         if light.range is None or light.range < _LEAST_RANGE:
-            return super().reaches(light, view, places)
-        return places.distances(world_position(light, view)) <= light.range * (1.0 + 16.0 * SINGLE)
+            return super().reaches(light, view, boxes)
+        return boxes.distances(world_position(light, view)) <= light.range * (1.0 + 16.0 * SINGLE)
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients of the attenuation, and the range."""
@@ -288,14 +288,14 @@ class SpotEntry(PointEntry):
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
         return sine * fall_rise(light) + of_exponent
 
-    def reaches(self, light: Any, view: View, places: "Places") -> NDArray[np.bool_]:
+    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
         """Nothing outside the cone. The cosine of the angle from the axis is rounded by 12 u, see CONE in
         error_bounds.py, beside the errors of positions; next to a sharp edge it counts as inside."""
-        ways, spread = places.directions(world_position(light, view))
+        ways, spread = boxes.directions(world_position(light, view))
         cosine = np.clip(ways @ world_direction(light, view), -1.0, 1.0)
         nearest = np.cos(np.clip(np.arccos(cosine) - spread, 0.0, np.pi))
         is_inside = nearest + 16.0 * SINGLE + step_cosine(SINGLE) >= cone_cosines(light)[1]
-        return super().reaches(light, view, places) & is_inside
+        return super().reaches(light, view, boxes) & is_inside
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """A sharp cone has an edge."""

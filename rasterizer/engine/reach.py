@@ -24,7 +24,7 @@ from ..scene.camera import View
 from .light_table import entry_of
 from .rounding import SINGLE, step_cosine
 
-PLACES = 20  # u: a point, of its distance from the eye, see SAMPLES in error_bounds.py
+POSITIONS = 20  # u: a point, of its distance from the eye, see SAMPLES in error_bounds.py
 LIGHTS = 2  # u: a light's position, of its own distance from the eye
 COSINE = 24  # u: N·L beside the error of positions: 16, and 7 of an interpolated normal
 
@@ -36,7 +36,7 @@ class NormalCones(NamedTuple):
     cosines: NDArray[np.float64]  # (n_mesh,) of the half angles; -1 where normals look anywhere
 
 
-class Places(NamedTuple):
+class Boxes(NamedTuple):
     """Boxes that hold the lit points of meshes, and how far float32 sees points outside of them."""
 
     low: NDArray[np.float64]  # (n_mesh, 3) world space, scene units
@@ -91,14 +91,14 @@ def lights_reaching(
     (n_mesh, n_light) bool; False only where leaving the light out changes no bit
     """
     boxes = np.asarray(boxes, float).reshape(-1, 2, 3)
-    places = _places(boxes, view, beside)
+    lit = _boxes(boxes, view, beside)
     reaches = np.zeros((len(boxes), len(lights)), bool)
     for i, light in enumerate(lights):
         if is_black(light):
             continue
-        reaches[:, i] = entry_of(light).reaches(light, view, places)
+        reaches[:, i] = entry_of(light).reaches(light, view, lit)
         if cones is not None:
-            reaches[:, i] &= ~_is_behind(light, view, places, cones, turn)
+            reaches[:, i] &= ~_is_behind(light, view, lit, cones, turn)
     return reaches
 
 
@@ -113,14 +113,14 @@ def is_black(light: Any) -> bool:
     return bool(np.all(np.isfinite(entry_of(light).amplification(light, np.zeros(1)))))
 
 
-def _places(boxes, view, beside) -> Places:
+def _boxes(boxes, view, beside) -> Boxes:
     """The boxes with the errors of positions in float32."""
     low, high = boxes[:, 0], boxes[:, 1]
     furthest = np.linalg.norm(np.maximum(np.abs(low - view.eye), np.abs(high - view.eye)), axis=1)
-    return Places(low, high, PLACES * SINGLE * (furthest + beside) + beside, view.eye)
+    return Boxes(low, high, POSITIONS * SINGLE * (furthest + beside) + beside, view.eye)
 
 
-def _is_behind(light, view, places, cones, turn) -> NDArray[np.bool_]:
+def _is_behind(light, view, lit, cones, turn) -> NDArray[np.bool_]:
     """Whether the light is behind all surfaces of a mesh, (n_mesh,).
 
     With x from a point to the light, a the axis of the cone and w its half angle, N·x <= a·x cos w + |x| sin w where
@@ -129,16 +129,16 @@ def _is_behind(light, view, places, cones, turn) -> NDArray[np.bool_]:
     """
     beam = entry_of(light).beam(light, view)
     if beam is None:
-        return np.zeros(len(places.low), bool)
+        return np.zeros(len(lit.low), bool)
     half_angles = np.arccos(np.clip(cones.cosines, -1.0, 1.0)) + turn
     if beam.origin is None:
-        along, largest, errors = -(cones.axes @ beam.axis), np.ones(len(places.low)), 0.0
+        along, largest, errors = -(cones.axes @ beam.axis), np.ones(len(lit.low)), 0.0
     else:
         origin = beam.origin
-        ends = np.where(cones.axes > 0.0, places.low, places.high)  # the corner that is furthest against the axis
+        ends = np.where(cones.axes > 0.0, lit.low, lit.high)  # the corner that is furthest against the axis
         along = (cones.axes * (origin - ends)).sum(axis=1)
-        largest = np.linalg.norm(np.maximum(np.abs(origin - places.low), np.abs(origin - places.high)), axis=1)
-        errors = places.errors_from(origin)
+        largest = np.linalg.norm(np.maximum(np.abs(origin - lit.low), np.abs(origin - lit.high)), axis=1)
+        errors = lit.errors_from(origin)
     highest = (along + errors) * np.cos(half_angles) + largest * np.sin(half_angles)
     is_narrow = half_angles < 0.5 * np.pi
     return is_narrow & (along + errors < 0.0) & (highest < -(COSINE * SINGLE + step_cosine(SINGLE)) * largest)

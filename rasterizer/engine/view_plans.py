@@ -14,7 +14,7 @@ from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_near
 from .float64_reasons import LARGE, SMALL
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of
-from .lit_places import LitPlaces, eye_distances
+from .lit_points import LitPoints, eye_distances
 from .plan import Plan, make_plan
 from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE
@@ -38,7 +38,7 @@ class ViewPlans:
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
         self.plan = make_plan(scene, options, geometry.albedo)
-        self._places = LitPlaces(geometry, len(self.plan.materials), self.plan.is_lit_per_sample)
+        self._lit_points = LitPoints(geometry, len(self.plan.materials), self.plan.is_lit_per_sample)
         if not np.isfinite(self.plan.bound):
             self.plan = make_plan(scene, options, geometry.albedo, clearances=self._lasting_clearances())
         self._shortest = 1.0
@@ -79,7 +79,9 @@ class ViewPlans:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
         moves with the camera."""
         lights = self.plan.lights
-        return np.array([entry_of(light).lasting_clearance(light, self._places.distance) for light in lights], float)
+        return np.array(
+            [entry_of(light).lasting_clearance(light, self._lit_points.distance) for light in lights], float
+        )
 
     def _surroundings(self, view, screen, furthest) -> Surroundings:
         """What this view says about the positions of lights and surfaces.
@@ -94,11 +96,11 @@ class ViewPlans:
             beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
         lights, least_sums = self.plan.lights, 0.0
         if any(reflection_table.entry_of(material).needs_least_sums for material in self.plan.materials):
-            least_sums = self._places.least_sums(lights, view, screen.is_perspective, beside)
+            least_sums = self._lit_points.least_sums(lights, view, screen.is_perspective, beside)
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
         return Surroundings(
             furthest=furthest,
-            clearances=np.maximum(self._places.clearances(lights, view) - beside, 0.0),
+            clearances=np.maximum(self._lit_points.clearances(lights, view) - beside, 0.0),
             shortest=self._shortest,
             is_lit_per_sample=self.plan.is_lit_per_sample,
             deepness=deepness,

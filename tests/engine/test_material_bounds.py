@@ -9,7 +9,7 @@ from rasterizer.engine import error_bounds, intensity_bounds
 from rasterizer.engine.error_bounds import Surroundings
 from rasterizer.engine.float64_reasons import reasons_of
 from rasterizer.engine.light_table import entry_of
-from rasterizer.engine.lit_places import LitPlaces, eye_distances
+from rasterizer.engine.lit_points import LitPoints, eye_distances
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.rounding import DOUBLE, SINGLE
 from rasterizer.engine.view_plans import error_bound_of, rounding_of
@@ -130,7 +130,7 @@ def test_no_lit_point_goes_below_what_is_said_of_its_material(is_flat, is_lit_pe
     rng = np.random.default_rng(8)
     meshes = meshes_of()
     geometry = gather_geometry(rz.Scene(meshes, LIGHTS), is_flat)
-    places = LitPlaces(geometry, len(MATERIALS), is_lit_per_sample)
+    places = LitPoints(geometry, len(MATERIALS), is_lit_per_sample)
     for _ in range(12):
         eye = (6, 0, 0) + 10.0 ** rng.uniform(0.5, 1.5) * unit(rng.normal(size=3))
         camera = rz.Camera.perspective(eye, (6, 0, 0))
@@ -162,7 +162,7 @@ def test_no_lit_point_goes_below_what_is_said_of_its_material(is_flat, is_lit_pe
 def test_light_and_viewer_on_one_side_are_known_to_be():
     """A ball seen from the sun's side: everywhere |L + V| is nearly 2."""
     geometry = gather_geometry(rz.Scene(meshes_of(MATERIALS[:1])), False)
-    places, camera = LitPlaces(geometry, 1, True), rz.Camera.perspective((0, 0, 30), fov=5)
+    places, camera = LitPoints(geometry, 1, True), rz.Camera.perspective((0, 0, 30), fov=5)
     sums = places.least_sums(
         (rz.DirectionalLight((0, 0, -1)), rz.DirectionalLight((0, 0, 1))), camera.view(), True, 0.0
     )
@@ -175,7 +175,7 @@ def test_a_lamp_at_one_ball_leaves_the_others_in_peace():
     lamp = rz.PointLight((0, 1.001, 0), 0.5)
     geometry = gather_geometry(rz.Scene(meshes, lamp), False)
     camera = rz.Camera.perspective((6, 3, 15), (6, 0, 0))
-    clearances = LitPlaces(geometry, len(MATERIALS), True).clearances((lamp,), camera.view())
+    clearances = LitPoints(geometry, len(MATERIALS), True).clearances((lamp,), camera.view())
     assert clearances[0, 0] < 0.03 and (clearances[1:, 0] > 1.9).all()
     reflected = intensity_bounds.compute_reflected(MATERIALS[:1] * 2, (lamp,), np.zeros(3), 1.0)
     error = error_bounds.position_error(reflected, Surroundings(20.0, clearances[:2], 1.0, True), SINGLE)

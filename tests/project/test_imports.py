@@ -31,7 +31,7 @@ OWN = (
     "cli.load_scene", "cli.material_arguments", "cli.messages", "cli.render_command", "cli.targets", "cli.values",
     "cli.warnings", "cli.write_targets",
     "engine.attributes", "engine.coding", "engine.depth_range", "engine.draw", "engine.error_bounds",
-    "engine.float64_reasons", "engine.intensity_bounds", "engine.light_fall", "engine.light_table", "engine.lit_places",
+    "engine.float64_reasons", "engine.intensity_bounds", "engine.light_fall", "engine.light_table", "engine.lit_points",
     "engine.output_buffers", "engine.passes", "engine.plan", "engine.plan_summary", "engine.prepared_scene",
     "engine.reach", "engine.reflection_entry", "engine.reflection_table", "engine.rounding",
     "engine.spectral_products", "engine.surface_arrays", "engine.tint", "engine.transparency", "engine.uniforms",

@@ -16,7 +16,7 @@ from ..scene.camera import View
 from .light_table import entry_of
 
 
-class LitPlaces:
+class LitPoints:
     """Hold the points that are lit, material by material: surfaces in Phong's method, else vertices or centroids."""
 
     def __init__(self, geometry: Any, n_material: int, is_lit_per_sample: bool) -> None:
@@ -28,8 +28,8 @@ class LitPlaces:
 
     def distance(self, position: Sequence[float]) -> float:
         """Return how near the lit points of all materials come to a position, scene units."""
-        place = tuple(map(float, position))
-        return min((self._distance(k, place) for k in range(self._n_material)), default=math.inf)
+        at = tuple(map(float, position))
+        return min((self._distance(k, at) for k in range(self._n_material)), default=math.inf)
 
     def clearances(self, lights: Sequence[Any], view: View) -> NDArray[np.float64]:
         """Return the distance that no lit point of a material comes nearer to a light than, (n_material, n_light),
@@ -39,10 +39,10 @@ class LitPlaces:
         for k in range(self._n_material):
 
             def distance(position, k=k) -> float:
-                place = tuple(map(float, position))
-                if (k, *place) in kept:
-                    self._distances[(k, *place)] = kept[(k, *place)]
-                return self._distance(k, place)
+                at = tuple(map(float, position))
+                if (k, *at) in kept:
+                    self._distances[(k, *at)] = kept[(k, *at)]
+                return self._distance(k, at)
 
             found[k] = [entry_of(light).clearance(light, view, distance) for light in lights]
         return found
@@ -59,7 +59,7 @@ class LitPlaces:
         that of c by at most one such angle, L by another one, and the angle between both is at most the sum of all
         three: φ. Then |L + V| >= 2 cos(φ/2). The least of all parts counts.
         """
-        centers, radii, starts = self._find_spheres()
+        centers, radii, starts = self._compute_spheres()
         radii = radii + beside
         to_eye, blur = _directions(centers, radii, view.eye if is_perspective else None, -view.forward)
         sums = np.zeros((self._n_material, len(lights)))
@@ -75,15 +75,15 @@ class LitPlaces:
             sums[:, i] = np.minimum.reduceat(2.0 * np.cos(0.5 * angle), starts)
         return np.maximum(sums - ROUNDED, 0.0)
 
-    def _distance(self, k: int, place: tuple) -> float:
+    def _distance(self, k: int, position: tuple) -> float:
         """How near the lit points of material k come to a position."""
-        key = (k, *place)
+        key = (k, *position)
         if key not in self._distances:
             compute = compute_clearance if self._is_lit_per_sample else compute_point_clearance
-            self._distances[key] = float(compute(*self._find_parts()[k], *place))
+            self._distances[key] = float(compute(*self._gather_parts()[k], *position))
         return self._distances[key]
 
-    def _find_parts(self) -> list:
+    def _gather_parts(self) -> list:
         """The arguments of the distance's kernel, for each material."""
         if self._parts is None:
             geometry = self._geometry
@@ -101,12 +101,12 @@ class LitPlaces:
                 self._parts = [(_columns(lit, of_point == k),) for k in range(self._n_material)]
         return self._parts
 
-    def _find_spheres(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
+    def _compute_spheres(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
         """Spheres about parts of the materials, neighbours in the order that they are stored in: centres (n, 3), radii
         (n,), and where each material begins, (n_material,)."""
         if self._spheres is None:
             boxes, starts = [], []
-            for part in self._find_parts():
+            for part in self._gather_parts():
                 starts.append(len(boxes))
                 boxes += _boxes_of(part)
             low, high = np.array(boxes).reshape(-1, 2, 3).transpose(1, 0, 2)
