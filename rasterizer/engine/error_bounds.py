@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..pipeline.transform import DEPTH_MARGIN, Screen
 from . import light_table, reflection_table
 from .intensity_bounds import Reflected
+from .reflection_entry import HighlightBounds
 from .rounding import DOUBLE, SINGLE, Step, times
 
 # In units of u:
@@ -90,26 +91,37 @@ class Surroundings(NamedTuple):
 def frame_error(reflected: Reflected, surroundings: Surroundings, u: float) -> NDArray[np.float64]:
     """Return what rounding adds to an intensity of one frame at most, normals interpolated exactly; (n_material,)."""
     surroundings = surroundings.kept()
+    highlights = bound_highlights(reflected, u, surroundings.least_sums)
     bounds, deep = reflected.bounds, 2.0 * depth_rounding(surroundings)
-    error = lighting_error(reflected, u, surroundings.least_sums) + position_error(reflected, surroundings, u)
+    error = lighting_error(reflected, u, highlights) + position_error(reflected, surroundings, u, highlights)
     error += times(deep, bounds)
     if surroundings.is_lit_per_sample:
-        angle = (CORNERS * u + deep) / surroundings.shortest
-        error += normal_error(reflected, angle, surroundings.least_sums)
+        error += normal_error(reflected, (CORNERS * u + deep) / surroundings.shortest, highlights)
     return np.minimum(error, bounds)
 
 
-def lighting_error(reflected: Reflected, u: float, least_sums: ArrayLike | None = None) -> NDArray[np.float64]:
+def bound_highlights(reflected: Reflected, u: float, least_sums: ArrayLike) -> HighlightBounds:
+    """Return what is known of the highlights of each material and light, (n_material, n_light).
+
+    Parameters
+    ----------
+    least_sums : (n_material, n_light) or a number, see `Surroundings`
+    """
+    rows = np.broadcast_to(np.asarray(least_sums, float), reflected.specular.shape)
+    found = np.zeros((len(HighlightBounds._fields), *reflected.specular.shape))
+    for m, (material, row) in enumerate(zip(reflected.materials, rows, strict=True)):
+        found[:, m] = reflection_table.entry_of(material).highlight_bounds(material, u, row)
+    return HighlightBounds(*found)
+
+
+def lighting_error(reflected: Reflected, u: float, highlights: HighlightBounds | None = None) -> NDArray[np.float64]:
     """Return what rounding adds to an intensity at most, wherever lights and surfaces are; (n_material,).
 
     Parameters
     ----------
-    least_sums : (n_material, n_light), see `Surroundings`; None before there is a view
+    highlights : what a view tells of them, see `bound_highlights`; None before there is one
     """
-    specular = reflected.specular
-    if least_sums is not None:
-        rows = [entry.peaks(material, sums) for entry, material, sums in _each_material(reflected, least_sums)]
-        specular = specular * np.array(rows).reshape(specular.shape)
+    specular = reflected.specular if highlights is None else reflected.specular * highlights.peaks
     given = reflected.diffuse + specular
     total = reflected.undirected + given.sum(axis=1)
     # The sum over the lights is taken one after the other: each of them is rounded once for each that follows. An F0
@@ -119,31 +131,30 @@ def lighting_error(reflected: Reflected, u: float, least_sums: ArrayLike | None 
     error = u * (LIT + INTERPOLATED + n_term) * total
     error += u * ROUGH * times(reflected.diffuse_slopes, reflected.diffuse.sum(axis=1))
     error += times(given, np.minimum(1.0, CONE * u * reflected.steepnesses)).sum(axis=1)
-    return error + highlight_error(reflected, u, least_sums)
+    return error + highlight_error(reflected, u, highlights)
 
 
-def highlight_error(reflected: Reflected, u: float, least_sums: ArrayLike | None = None) -> NDArray[np.float64]:
+def highlight_error(reflected: Reflected, u: float, highlights: HighlightBounds | None = None) -> NDArray[np.float64]:
     """Return the part of `lighting_error` that is that of highlights, (n_material,)."""
-    if least_sums is None:
-        heights = [reflection_table.entry_of(m).highlight_rounding(m, u) for m in reflected.materials]
-        return times(reflected.specular.sum(axis=1), heights)
-    error = np.zeros(len(reflected.materials))
-    for m, (entry, material, sums) in enumerate(_each_material(reflected, least_sums)):
-        error[m] = times(reflected.specular[m], entry.highlight_roundings(material, u, sums)).sum()
-    return error
+    if highlights is not None:
+        return times(reflected.specular, highlights.roundings).sum(axis=1)
+    heights = [reflection_table.entry_of(m).highlight_rounding(m, u) for m in reflected.materials]
+    return times(reflected.specular.sum(axis=1), heights)
 
 
-def normal_error(reflected: Reflected, angle: float, least_sums: ArrayLike = 0.0) -> NDArray[np.float64]:
+def normal_error(reflected: Reflected, angle: float, highlights: HighlightBounds) -> NDArray[np.float64]:
     """Return what an error of the normals, in radians, adds to an intensity at most, (n_material,)."""
     error = np.minimum(1.0, (1.0 + reflected.diffuse_slopes) * angle) * reflected.diffuse.sum(axis=1)
-    for m, (entry, material, sums) in enumerate(_each_material(reflected, least_sums)):
-        slopes = entry.normal_slopes(material, sums)
-        changes = np.where(np.isfinite(slopes), times(slopes, angle), entry.highlight_change(material, angle))
-        error[m] += times(reflected.specular[m], np.minimum(1.0, changes)).sum()
-    return error
+    changes = times(highlights.normal_slopes, angle)
+    for m in _with_steep_powers(highlights):
+        material = reflected.materials[m]
+        changes[m] = reflection_table.entry_of(material).highlight_change(material, angle)
+    return error + times(reflected.specular, np.minimum(1.0, changes)).sum(axis=1)
 
 
-def position_error(reflected: Reflected, surroundings: Surroundings, u: float) -> NDArray[np.float64]:
+def position_error(
+    reflected: Reflected, surroundings: Surroundings, u: float, highlights: HighlightBounds
+) -> NDArray[np.float64]:
     """Return what the rounding of positions adds to an intensity at most, (n_material,).
 
     Positions are relative to the eye. That of a point errs by k·u of its distance |P| from the eye, with k as POINTS or
@@ -162,43 +173,38 @@ def position_error(reflected: Reflected, surroundings: Surroundings, u: float) -
     shape, furthest = reflected.diffuse.shape, surroundings.furthest
     away = np.broadcast_to(np.asarray(surroundings.eye_distances, float), shape)
     clearances = np.broadcast_to(surroundings.clearances, shape)
+    sways, turns = _sways_and_turns(reflected, clearances, highlights.light_slopes)
     far = k * furthest + u * np.minimum(away, furthest), np.where(away > furthest, u, 0.0)
     near = (k + u) * away, np.full(shape, k)
-    highlights = np.zeros(shape)
-    for m, (entry, material, sums) in enumerate(_each_material(reflected, surroundings.least_sums)):
-        highlights[m] = entry.light_slopes(material, u, sums)
-    changes = [_changes(reflected, clearances, highlights, *sizes) for sizes in (far, near)]
-    of_diffuse, of_highlights = np.minimum(*changes)
-    with np.errstate(over="ignore", invalid="ignore"):
-        angles = np.minimum(*(length / clearances + angle for length, angle in (far, near)))
-        angles = np.where(np.isfinite(clearances), angles, 0.0)
-    for m in np.flatnonzero(~np.isfinite(highlights).all(axis=1)):  # exponents below 1
-        material = reflected.materials[m]
-        steep = 2.0 + reflected.steepnesses
-        of_highlights[m] = reflection_table.entry_of(material).highlight_change(material, angles[m], steep)
+    of_diffuse, of_highlights = np.minimum(*(times(sways, a) + times(turns, b) for a, b in (far, near)))
+    for m in _with_steep_powers(highlights):
+        with np.errstate(over="ignore", invalid="ignore"):
+            angles = np.minimum(*(length[m] / clearances[m] + angle[m] for length, angle in (far, near)))
+        angles = np.where(np.isfinite(clearances[m]), angles, 0.0)
+        material, steep = reflected.materials[m], 2.0 + reflected.steepnesses
+        of_highlights[m] = reflection_table.entry_of(material).highlight_change(material, angles, steep)
     error = times(reflected.diffuse, np.minimum(1.0, of_diffuse))
     return (error + times(reflected.specular, np.minimum(1.0, of_highlights))).sum(axis=1)
 
 
-def _changes(reflected, clearances, highlight_slopes, length, angle) -> NDArray[np.float64]:
-    """The changes of diffuse terms and highlights of height 1 by an error of positions, which is a length and an angle
-    of `position_error`; (2, n_material, n_light)."""
+def _sways_and_turns(reflected, clearances, light_slopes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What an error of positions that is a length, or an angle, of 1 does to diffuse terms and highlights of height 1,
+    (2, n_material, n_light) each; 0 where positions play no part."""
     diffuse_slopes = np.broadcast_to(1.0 + reflected.diffuse_slopes[:, None], clearances.shape)
-    slopes, changes = np.stack([diffuse_slopes, highlight_slopes]), np.zeros((2, *clearances.shape))
-    for i in np.flatnonzero(np.isfinite(clearances).any(axis=0)):
-        light, slope, clearance = reflected.lights[i], slopes[..., i], clearances[:, i]
+    slopes = np.stack([diffuse_slopes, light_slopes])
+    sways = np.zeros(slopes.shape)
+    has_position = np.isfinite(clearances)
+    for i in np.flatnonzero(has_position.any(axis=0)):
+        light, clearance = reflected.lights[i], clearances[:, i]
         with np.errstate(over="ignore", invalid="ignore"):
-            moved = times(light_table.entry_of(light).sway(light, clearance, slope), length[:, i])
-            turned = times(slope + 2.0 + reflected.steepnesses[i], angle[:, i])
-        changes[..., i] = np.where(np.isfinite(clearance), moved + turned, 0.0)
-    return changes
+            sways[..., i] = light_table.entry_of(light).sway(light, clearance, slopes[..., i])
+    turns = slopes + 2.0 + reflected.steepnesses
+    return np.where(has_position, sways, 0.0), np.where(has_position, turns, 0.0)
 
 
-def _each_material(reflected, least_sums):
-    """The entry, the material and its row of `least_sums`, one material after the other."""
-    rows = np.broadcast_to(np.asarray(least_sums, float), reflected.specular.shape)
-    for material, row in zip(reflected.materials, rows, strict=True):
-        yield reflection_table.entry_of(material), material, row
+def _with_steep_powers(highlights) -> NDArray[np.int64]:
+    """The numbers of the materials whose highlight has no largest slope: exponents below 1."""
+    return np.flatnonzero(~np.isfinite(highlights.light_slopes).all(axis=1))
 
 
 def depth_rounding(surroundings: Surroundings) -> float:

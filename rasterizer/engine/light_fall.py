@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .rounding import times
-
 
 def cone_cosines(light: Any) -> tuple[float, float]:
     """Return the cosines of a spot light's inner and outer angle."""
@@ -21,20 +19,30 @@ def cone_cosines(light: Any) -> tuple[float, float]:
 def strength_at(light: Any, distance: NDArray[np.float64], least: float = 0.0) -> NDArray[np.float64]:
     """Return 1/(kc + kl d + kq d²) of a light at distances (...), or `least` where that is more; infinite where the sum
     is 0."""
-    constant, linear, quadratic = light.attenuation
-    with np.errstate(divide="ignore", over="ignore"):
-        total = constant + times(linear, distance) + times(times(quadratic, distance), distance)
+    total, _ = _fall_and_rise(light, distance)
+    with np.errstate(divide="ignore"):
         return np.maximum(1.0 / total, least)
 
 
 def fall_at(light: Any, distance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (slope + ρ)·s/d of `PointEntry.sway` at distances (...)."""
-    _, linear, quadratic = light.attenuation
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        strength = strength_at(light, distance)
-        rise = times(linear, distance) + times(2.0 * times(quadratic, distance), distance)
-        share = np.where(np.isfinite(rise), np.minimum(times(rise, strength), 2.0), 2.0)
-        return times(slope + share, strength) / distance
+    total, rise = _fall_and_rise(light, distance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(np.isfinite(total), rise / total, 2.0)
+        return (slope + share) / total / distance
+
+
+def _fall_and_rise(light, distance) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """q = kc + kl d + kq d² and d q'; what is 0 stays 0 at any distance."""
+    constant, linear, quadratic = light.attenuation
+    with np.errstate(over="ignore"):
+        total, rise = constant + np.zeros_like(distance), np.zeros_like(distance)
+        if linear > 0.0:
+            total, rise = total + linear * distance, linear * distance
+        if quadratic > 0.0:
+            of_square = quadratic * distance * distance
+            total, rise = total + of_square, rise + 2.0 * of_square
+    return total, rise
 
 
 def unweakened_to(light: Any) -> float:

@@ -13,41 +13,50 @@ from numpy.typing import NDArray
 
 from ..geometry.surfaces import compute_clearance, compute_point_clearance
 from ..scene.camera import View
-from .light_table import entry_of
+from .light_table import entry_of, is_carried
 
 
 class LitPoints:
     """Hold the points that are lit, material by material: surfaces in Phong's method, else vertices or centroids."""
 
-    def __init__(self, geometry: Any, n_material: int, is_lit_per_sample: bool) -> None:
-        self._geometry, self._n_material = geometry, n_material
+    def __init__(self, geometry: Any, n_material: int, lights: Sequence[Any], is_lit_per_sample: bool) -> None:
+        self._geometry, self._n_material, self._lights = geometry, n_material, tuple(lights)
         self._is_lit_per_sample = is_lit_per_sample
         self._parts: list | None = None
         self._spheres: tuple | None = None
-        self._distances: dict[tuple, float] = {}  # by position and material
+        self._lasting: NDArray[np.float64] | None = None  # clearances of lights that don't move with the camera
+        self._carried: dict[tuple, NDArray[np.float64]] = {}  # those of the others in the last view, by position
 
     def distance(self, position: Sequence[float]) -> float:
         """Return how near the lit points of all materials come to a position, scene units."""
-        at = tuple(map(float, position))
-        return min((self._distance(k, at) for k in range(self._n_material)), default=math.inf)
+        return float(min((self._distance(k, position) for k in range(self._n_material)), default=math.inf))
 
-    def clearances(self, lights: Sequence[Any], view: View) -> NDArray[np.float64]:
+    def clearances(self, view: View) -> NDArray[np.float64]:
         """Return the distance that no lit point of a material comes nearer to a light than, (n_material, n_light),
         scene units; see `LightEntry.clearance`."""
-        kept, self._distances = self._distances, {}
-        found = np.full((self._n_material, len(lights)), np.inf)
-        for k in range(self._n_material):
-
-            def distance(position, k=k) -> float:
-                at = tuple(map(float, position))
-                if (k, *at) in kept:
-                    self._distances[(k, *at)] = kept[(k, *at)]
-                return self._distance(k, at)
-
-            found[k] = [entry_of(light).clearance(light, view, distance) for light in lights]
+        if self._lasting is None:
+            self._lasting = np.full((self._n_material, len(self._lights)), np.inf)
+            for i, light in enumerate(self._lights):
+                if not is_carried(light):
+                    self._lasting[:, i] = self._clearances_from(light, view)
+        found, kept, self._carried = self._lasting.copy(), self._carried, {}
+        for i, light in enumerate(self._lights):
+            beam = entry_of(light).beam(light, view) if is_carried(light) else None
+            if beam is not None and beam.origin is not None:
+                key = (i, *beam.origin.tolist())
+                self._carried[key] = kept[key] if key in kept else self._clearances_from(light, view)
+                found[:, i] = self._carried[key]
         return found
 
-    def least_sums(self, lights: Sequence[Any], view: View, is_perspective: bool, beside: float) -> NDArray[np.float64]:
+    def _clearances_from(self, light, view) -> list[float]:
+        """The clearances of the materials from a light."""
+        entry = entry_of(light)
+        return [
+            entry.clearance(light, view, lambda position, k=k: self._distance(k, position))
+            for k in range(self._n_material)
+        ]
+
+    def least_sums(self, view: View, is_perspective: bool, beside: float) -> NDArray[np.float64]:
         """Return what |L + V| is nowhere less than, (n_material, n_light); 0 where that isn't known.
 
         Parameters
@@ -62,8 +71,8 @@ class LitPoints:
         centers, radii, starts = self._compute_spheres()
         radii = radii + beside
         to_eye, blur = _directions(centers, radii, view.eye if is_perspective else None, -view.forward)
-        sums = np.zeros((self._n_material, len(lights)))
-        for i, light in enumerate(lights):
+        sums = np.zeros((self._n_material, len(self._lights)))
+        for i, light in enumerate(self._lights):
             beam = entry_of(light).beam(light, view)
             if beam is None:
                 continue
@@ -75,13 +84,10 @@ class LitPoints:
             sums[:, i] = np.minimum.reduceat(2.0 * np.cos(0.5 * angle), starts)
         return np.maximum(sums - ROUNDED, 0.0)
 
-    def _distance(self, k: int, position: tuple) -> float:
+    def _distance(self, k: int, position: Sequence[float]) -> float:
         """How near the lit points of material k come to a position."""
-        key = (k, *position)
-        if key not in self._distances:
-            compute = compute_clearance if self._is_lit_per_sample else compute_point_clearance
-            self._distances[key] = float(compute(*self._gather_parts()[k], *position))
-        return self._distances[key]
+        compute = compute_clearance if self._is_lit_per_sample else compute_point_clearance
+        return float(compute(*self._gather_parts()[k], *map(float, position)))
 
     def _gather_parts(self) -> list:
         """The arguments of the distance's kernel, for each material."""
@@ -108,14 +114,14 @@ class LitPoints:
             boxes, starts = [], []
             for part in self._gather_parts():
                 starts.append(len(boxes))
-                boxes += _boxes_of(part)
+                boxes += _boxes_of(part, max(1, MOST_PARTS // self._n_material))
             low, high = np.array(boxes).reshape(-1, 2, 3).transpose(1, 0, 2)
             radii = 0.5 * np.linalg.norm(high - low, axis=1) * (1.0 + _SLACK)
             self._spheres = low + 0.5 * (high - low), radii, np.array(starts, np.int64)
         return self._spheres
 
 
-MOST_PARTS = 64  # of a material, which are looked at one by one
+MOST_PARTS = 128  # of all materials, but one of each at least, which are looked at one by one
 ROUNDED = 2.0**-20  # of |L + V|: more than it is rounded by
 _SLACK = 2.0**-40  # of angles and lengths: far more than float64 rounds them by, far less than counts
 
@@ -142,10 +148,10 @@ def _directions(centers, radii, origin, back) -> tuple[NDArray[np.float64], NDAr
     return scaled / np.maximum(lengths, 0.5), np.where(share < 1.0, np.arcsin(np.minimum(share, 1.0)), np.pi)
 
 
-def _boxes_of(part) -> list[NDArray[np.float64]]:
-    """The boxes (2, 3) of at most MOST_PARTS runs of points, or of the corners of triangles."""
+def _boxes_of(part, n_run) -> list[NDArray[np.float64]]:
+    """The boxes (2, 3) of at most `n_run` runs of points, or of the corners of triangles."""
     n = part[-1].shape[1]
-    size = max(1, -(-n // MOST_PARTS))
+    size = max(1, -(-n // n_run))
     boxes = []
     for first in range(0, n, size):
         run = part[-1][:, first : first + size]

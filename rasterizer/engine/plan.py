@@ -19,7 +19,7 @@ from ..pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
 from ..pipeline.texture_sampling import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import light_table
-from .error_bounds import WRITTEN, lighting_error
+from .error_bounds import WRITTEN, bound_highlights, lighting_error
 from .float64_reasons import reasons_of
 from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
 from .reach import is_black
@@ -192,7 +192,8 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     greatest = reflected.amplified(most)
     bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
     rounding = lighting_error(greatest, SINGLE).max(initial=0.0) + WRITTEN * SINGLE * (behind + bound)
-    least_roundings = lighting_error(reflected, SINGLE, SAME_SIDE) + WRITTEN * SINGLE * (behind + reflected.bounds)
+    highlights = bound_highlights(reflected, SINGLE, SAME_SIDE)
+    least_roundings = lighting_error(reflected, SINGLE, highlights) + WRITTEN * SINGLE * (behind + reflected.bounds)
     return Brightness(reflected, most, greatest, bound, behind, float(rounding), least_roundings)
 
 

@@ -1,12 +1,21 @@
 """What the engine asks of every reflection model; the models are in reflection_table.py."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..pipeline import reflection as pipeline
 from .rounding import Step, times
+
+
+class HighlightBounds(NamedTuple):
+    """What a highlight of height 1 is and does at most, (n_light,) or (n_material, n_light) float64."""
+
+    peaks: NDArray[np.float64]  # its largest value, at most 1
+    roundings: NDArray[np.float64]  # how far it is off by rounding, at most 1
+    normal_slopes: NDArray[np.float64]  # what it changes by for each radian that the normal turns
+    light_slopes: NDArray[np.float64]  # the same for the direction to the light
 
 
 class ReflectionEntry:
@@ -62,27 +71,25 @@ class ReflectionEntry:
         """
         return np.minimum(1.0, times(self.turn_slope(material) + beside, angle))
 
-    def peaks(self, material: Any, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the largest value of the highlight of each light, (n_light,), over `brightest_highlight`; at most 1.
+    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what a highlight of height 1 changes by, at most, for each radian that the direction to the light
+        turns, (n_light,).
 
         Parameters
         ----------
         least_sums : (n_light,) float64, |L + V| is nowhere less
         """
-        return np.ones(least_sums.shape)
-
-    def normal_slopes(self, material: Any, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `turn_slope` for each light, (n_light,)."""
         return np.full(least_sums.shape, self.turn_slope(material))
 
-    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what a highlight of height 1 changes by, at most, for each radian that the direction to the light
-        turns, (n_light,)."""
-        return self.normal_slopes(material, least_sums)
-
-    def highlight_roundings(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return `highlight_rounding` for each light, (n_light,)."""
-        return np.full(least_sums.shape, self.highlight_rounding(material, u))
+    def highlight_bounds(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> "HighlightBounds":
+        """Return what is known of the highlight where |L + V| is nowhere less than `least_sums`, (n_light,)."""
+        ones = np.ones(least_sums.shape)
+        return HighlightBounds(
+            peaks=ones,
+            roundings=self.highlight_rounding(material, u) * ones,
+            normal_slopes=self.turn_slope(material) * ones,
+            light_slopes=self.light_slopes(material, u, least_sums),
+        )
 
     def diffuse_steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """Return where the diffuse term jumps."""

@@ -25,18 +25,15 @@ The errors of N, L and V themselves: see engine/error_bounds.py.
 """
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..pipeline import reflection as pipeline
-from .reflection_entry import ReflectionEntry
+from .reflection_entry import HighlightBounds, ReflectionEntry
 from .rounding import DOUBLE, SINGLE, Step, step_cosine, times
-
-if TYPE_CHECKING:
-    from .mirror_bounds import LobeBounds
 
 REFLECTED = 68  # u: of R - V, see above
 MIRRORS = 30  # u: the half vector of Cook-Torrance, whose highlight shrinks with N·L as |L + V| does
@@ -103,8 +100,13 @@ class PowerEntry(ReflectionEntry):
         """Return what is said by `highlight_roundings` where nothing is known of |L + V|."""
         return float(self.highlight_roundings(material, u, np.zeros(1))[0])
 
+    def highlight_bounds(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> HighlightBounds:
+        """Know more of the rounding where |L + V| is known."""
+        bounds = super().highlight_bounds(material, u, least_sums)
+        return bounds._replace(roundings=self.highlight_roundings(material, u, least_sums))
+
     def highlight_roundings(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what the head of this file derives."""
+        """Return what the head of this file derives, (n_light,)."""
         n, error = material.shininess, self.highlight_error(u, least_sums)
         if n < 1.0:
             return np.minimum(1.0, (1.5 * error) ** n + 4.0 * u) + 0.0 * least_sums
@@ -214,32 +216,21 @@ class CookTorranceEntry(ReflectionEntry):
         """Return the error of the half vector, magnified."""
         return min(1.0, MIRRORS * u * self.turn_slope(material))
 
-    def peaks(self, material: Any, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return those of mirror_bounds.py for isotropic mirrors."""
-        return np.minimum(1.0, self._lobe(material, least_sums).peak)
+    def highlight_bounds(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> HighlightBounds:
+        """Return those of mirror_bounds.py for isotropic mirrors, over the largest value that the highlight counts
+        with."""
+        from .mirror_bounds import bound_lobe
 
-    def normal_slopes(self, material: Any, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return those of mirror_bounds.py for isotropic mirrors, as far as `turn_slope` isn't less."""
-        return np.minimum(self.turn_slope(material), self._lobe(material, least_sums).normal_slope)
-
-    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return those of mirror_bounds.py for isotropic mirrors, else `turn_slope`."""
-        return self._lobe(material, least_sums).light_slope
-
-    def highlight_roundings(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return those of mirror_bounds.py for isotropic mirrors, else `highlight_rounding`."""
-        return np.minimum(1.0, u * self._lobe(material, least_sums).rounding)
-
-    def _lobe(self, material: Any, least_sums: NDArray[np.float64]) -> "LobeBounds":
-        """Return the bounds of mirror_bounds.py over the largest value that the highlight counts with."""
-        from .mirror_bounds import LobeBounds, bound_lobe
-
+        slope, brightest = self.turn_slope(material), self.brightest_highlight(material)
         if material.is_anisotropic:
-            slope = np.full(least_sums.shape, self.turn_slope(material))
-            return LobeBounds(np.ones_like(slope), slope, slope, MIRRORS * slope)
-        brightest = self.brightest_highlight(material)
+            return super().highlight_bounds(material, u, least_sums)
         lobe = bound_lobe(material.distribution, material.roughness, least_sums)
-        return LobeBounds(*(values / brightest for values in lobe))
+        return HighlightBounds(
+            peaks=np.minimum(1.0, lobe.peak / brightest),
+            roundings=np.minimum(1.0, u * lobe.rounding / brightest),
+            normal_slopes=np.minimum(slope, lobe.normal_slope / brightest),
+            light_slopes=lobe.light_slope / brightest,
+        )
 
     def highlight_steps(self, material: Any, u: float) -> tuple[Step, ...]:
         """GGX mirrors that are tilted by more than a right angle count as none. Where a normal looks away from the

@@ -38,7 +38,7 @@ class ViewPlans:
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
         self.plan = make_plan(scene, options, geometry.albedo)
-        self._lit_points = LitPoints(geometry, len(self.plan.materials), self.plan.is_lit_per_sample)
+        self._lit_points = LitPoints(geometry, len(self.plan.materials), self.plan.lights, self.plan.is_lit_per_sample)
         if not np.isfinite(self.plan.bound):
             self.plan = make_plan(scene, options, geometry.albedo, clearances=self._lasting_clearances())
         self._shortest = 1.0
@@ -52,11 +52,13 @@ class ViewPlans:
         key = *surroundings.key(), screen.is_perspective
         if self._last_key != key:
             plan, tolerance = self._bounded_plan(surroundings), self._options.tolerance
-            if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings):
-                plan = plan._replace(rounding=float(rounding_of(plan, surroundings).max(initial=0.0)))
+            rounding = rounding_of(plan, surroundings)
+            if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings, rounding):
+                plan = plan._replace(rounding=float(rounding.max(initial=0.0)))
             elif plan.dtype == np.float32:
                 plan = self._precise()
-            error_bound = float(error_bound_of(plan, tolerance, surroundings).max(initial=0.0))
+                rounding = rounding_of(plan, surroundings)
+            error_bound = float(error_bound_of(plan, tolerance, rounding).max(initial=0.0))
             steps, summary = list_steps(plan, surroundings), summarize(plan, screen.is_perspective)
             self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, summary)
         return self._last
@@ -96,11 +98,11 @@ class ViewPlans:
             beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
         lights, least_sums = self.plan.lights, 0.0
         if any(reflection_table.entry_of(material).needs_least_sums for material in self.plan.materials):
-            least_sums = self._lit_points.least_sums(lights, view, screen.is_perspective, beside)
+            least_sums = self._lit_points.least_sums(view, screen.is_perspective, beside)
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
         return Surroundings(
             furthest=furthest,
-            clearances=np.maximum(self._lit_points.clearances(lights, view) - beside, 0.0),
+            clearances=np.maximum(self._lit_points.clearances(view) - beside, 0.0),
             shortest=self._shortest,
             is_lit_per_sample=self.plan.is_lit_per_sample,
             deepness=deepness,
@@ -109,7 +111,7 @@ class ViewPlans:
         )
 
 
-def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
+def fits_float32(plan: Plan, tolerance, surroundings: Surroundings, rounding: NDArray[np.float64]) -> bool:
     """Tell whether float32 leaves room enough for a plan's approximations in one view, see `make_plan`.
 
     Lengths and their squares must keep their digits, from the nearest point to a light to the furthest one from the
@@ -124,7 +126,7 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
     # Nothing is kept back here: where a normal vanishes or a light lies on a surface, float64 is right.
     if surroundings.is_lit_per_sample and surroundings.shortest <= 0.0:
         return False
-    return bool((rounding_of(plan, surroundings) <= tolerance / 2).all())
+    return bool((rounding <= tolerance / 2).all())
 
 
 def rounding_of(plan: Plan, surroundings: Surroundings) -> NDArray[np.float64]:
@@ -136,15 +138,14 @@ def rounding_of(plan: Plan, surroundings: Surroundings) -> NDArray[np.float64]:
     return frame_error(reflected, surroundings, u) + written
 
 
-def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> NDArray[np.float64]:
+def error_bound_of(plan: Plan, tolerance, rounding: NDArray[np.float64]) -> NDArray[np.float64]:
     """The largest error of an intensity of each material in one view, (n_material,), against the exact evaluation of
-    the same polygons; see `Stats`.
+    the same polygons; see `Stats`. `rounding` is that of `rounding_of`.
 
     Float64 leaves the rounding alone. Float32 adds half a level where a polygon has one intensity in its visibility
     entries, a quarter of the tolerance for the normals' planes and one for colours', or all of it for what Gouraud's
     method has between the corners.
     """
-    rounding = rounding_of(plan, surroundings)
     if plan.coding == EXACT:
         return rounding
     if plan.is_flat:

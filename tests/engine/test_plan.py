@@ -15,7 +15,7 @@ from rasterizer.engine.depth_range import NEAREST, fit_depth_range
 from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows
 from rasterizer.engine.error_bounds import Surroundings
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.view_plans import fits_float32
+from rasterizer.engine.view_plans import fits_float32, rounding_of
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import DEFAULT_TOLERANCE, Options
 from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
@@ -210,7 +210,7 @@ def test_a_light_on_a_surface_needs_float64():
 
     def fits(furthest, clearance, shortest=1.0):
         around = Surroundings(furthest, np.array([np.inf, clearance]), shortest, True)
-        return fits_float32(found, DEFAULT_TOLERANCE, around)
+        return fits_float32(found, DEFAULT_TOLERANCE, around, rounding_of(found, around))
 
     assert fits(5.0, 1.0) and not fits(1e6, 1.0) and not fits(5.0, 0.0)
     assert fits(5.0, np.inf, 0.3) and not fits(5.0, np.inf, 1e-6) and not fits(5.0, np.inf, 0.0)
