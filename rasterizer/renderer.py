@@ -163,7 +163,11 @@ class Renderer:
         SceneError : what is no camera, an `out` that doesn't fit, a picture that this machine's memory can't hold; and
             after `close`
         """
+<<<<<<< HEAD
         words = None if out is None else self._checked_out(out)
+=======
+        camera, words = self._checked_camera(camera), None if out is None else self._checked_out(out)
+>>>>>>> core
         with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
             return self._render(camera, words)
 
@@ -215,8 +219,14 @@ class Renderer:
         outputs, wanted = self.options.outputs, file.kind.array
         if "color" not in outputs and (wanted == "color" or "rgb" not in outputs):
             Frame(None, {}, None, self.options.size).array(wanted)  # says what to ask for
+<<<<<<< HEAD
         with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
             camera, clock = self._checked_camera(camera), Clock()
+=======
+        camera, clock = self._checked_camera(camera), Clock()
+        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
+            self._check_open()
+>>>>>>> core
             file.begin()
             with_color = wanted == "color" or (wanted == "alpha" and "color" in outputs)
             drawn = self._prepared.draw_picture(camera, clock, sink=RowSink(file.write_rows, with_color))
@@ -261,16 +271,24 @@ class Renderer:
 
     def _checked_camera(self, camera) -> Camera:
         """Return the camera that a picture is taken with."""
+<<<<<<< HEAD
         if self._is_closed:
             raise SceneError("this Renderer is closed; make a new one")
+=======
+>>>>>>> core
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
         if not isinstance(camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
         return camera
 
+    def _check_open(self) -> None:
+        """Raise SceneError after `close`."""
+        if self._is_closed:
+            raise SceneError("this Renderer is closed; make a new one")
+
     def _render(self, camera, out) -> Frame:
         """Draw the picture if one is wanted, then the buffers; `out` as `PreparedScene.draw_picture` takes it."""
-        camera = self._checked_camera(camera)
+        self._check_open()
         check_memory(self.options, has_out=out is not None)
         prepared, outputs, clock = self._prepared, self.options.outputs, Clock()
         arrays, rgba, counts, view_plan = {}, None, None, None

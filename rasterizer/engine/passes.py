@@ -149,8 +149,16 @@ class ColorPass(Pass):
         return Texturing(self.textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
 
     def n_channel_of(self, counts: ScanCounts) -> int:
-        """How many channels a band needs: what fades with depth has as many everywhere."""
-        return self.n_channel if counts.needs & NEEDS_COLORS or self.plan.cue is not None else 1
+        """How many channels a band needs: what fades with depth has as many everywhere.
+
+        One channel is multiplied by the tint when pixels are finished, three are before: of a grey tint, or where there
+        is no mean of samples and nothing behind them, the same bits. Elsewhere all bands have as many channels, because
+        what else a band shows must not change them.
+        """
+        if counts.needs & NEEDS_COLORS or self.plan.cue is not None:
+            return self.n_channel
+        is_same = self.factor == 1 and self.dtype == np.float32 and self.opacity is None
+        return 1 if is_same or bool((self.plan.tint == 1.0).all()) else self.n_channel
 
     def shade(self, workspace, band, counts, face_table):
         """Find the light that comes from the visible samples, then let what is further away fade."""

@@ -254,8 +254,8 @@ def compute_value_planes(first, end, tolerance, coding, block):
             most = max(most, abs(a0), abs(a1), abs(a2)) if attribute < n_own else most
             rise = max(rise, here) if attribute < n_own else rise
         error = u * (3.0 * most * largest + 4.0 * rise) + most * shift
-        is_good = error <= least * (accepted - 3.0 * u * most)
-        ints[s.HAS_PLANES + k] &= is_good & (least >= LEAST_INVERSE)
+        is_good = (error <= least * (accepted - 3.0 * u * most)) & (least >= LEAST_INVERSE)
+        ints[s.HAS_PLANES + k] &= is_good | (n_own <= first)  # where it has none of these, any are good
 
 
 @helper

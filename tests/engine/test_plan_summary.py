@@ -38,7 +38,7 @@ def test_a_plan_tells_the_way_that_triangles_took(options, way, taken):
 
 def test_lights_of_two_colors_take_planes_of_three_channels():
     plan = plan_of(lights=(LIGHT, rz.PointLight((2, 2, 2), (0.5, 0.2, 0.1))))
-    assert plan.channels == 3 and plan.way == "planes of the three channels"
+    assert plan.channels == 3 and plan.way == "planes of the intensities"
     assert plan.ways.entries == 0 and plan.ways.planes > 20, plan
     assert plan.light_functions == ("directional", "point")
 
@@ -51,8 +51,8 @@ def test_a_plan_names_the_functions_and_the_features_that_a_scene_uses():
     plan = plan_of(mesh, lights, shading="phong")
     assert plan.light_functions == ("spot",) and plan.reflection_functions == ("ggx",)
     assert plan.features == ("textures", "shadows", "transparency") and plan.dtype == "float64"
-    assert {"textures", "shadows"} <= set(plan.reasons)
-    assert "float64 because of" in repr(plan) and "textures" in repr(plan)
+    assert plan.reasons == ("shadows",) and plan.needs[0].reasons == ("shadows",) and len(plan.needs) == 1
+    assert "float64 because of shadows" in repr(plan) and "textures" in repr(plan)
 
 
 def test_a_renderer_tells_its_plan_before_and_after_a_picture():

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from helpers.stages import drawables_of, random_triangles, slivers
+from helpers.stages import NO_MATERIALS, drawables_of, random_triangles, slivers
 
 from rasterizer.compiler.kernels import kernel
 from rasterizer.pipeline import setup as s
@@ -16,11 +16,11 @@ SIZE, ROWS = (120, 90), (16, 80)
 
 
 @kernel
-def set_up(band, drawables, width, block):
+def set_up(band, drawables, width, n_attribute, is_double, block):
     """The first part of the scan stage, for one block."""
     s.gather_vertices(band.faces, drawables.triangles, drawables.vertices, block)
     s.order_vertices(block)
-    s.gather_attributes(len(band.faces), drawables.attributes, block)
+    s.gather_attributes(len(band.faces), n_attribute, drawables, is_double, block)
     s.compute_boxes(band, width, block)
     s.compute_depth_planes(block)
 
@@ -38,14 +38,16 @@ def triangles(seed):
     return found
 
 
-def block_of(corners, z, attributes, n_side=1):
+def block_of(corners, z, attributes, n_side=1, material=NO_MATERIALS, is_double=(True,)):
     """Set up triangles (n, 3, 2) with z-buffer depths (n, 3); return the block, and which triangles are inverted."""
     n = len(corners)
     inverted = (np.arange(n) % 3 == 0).astype(np.uint8)
-    values = attributes.reshape(n_side, n, 3, attributes.shape[-1])
+    sides = attributes if isinstance(attributes, tuple) else (attributes,)
+    values = tuple(side.reshape(n_side, n, 3, side.shape[-1]) for side in sides)
     block = s.make_block()
     band = Band(np.arange(n, dtype=np.uint32), *ROWS)
-    set_up(band, drawables_of(corners, z, values, inverted), SIZE[0], block)
+    drawables, n_attribute = drawables_of(corners, z, values, inverted, material), max(v.shape[3] for v in values)
+    set_up(band, drawables, SIZE[0], n_attribute, np.array(is_double), block)
     return block, inverted
 
 
@@ -77,6 +79,24 @@ def test_vertices_are_clockwise_and_the_topmost_is_first(seed, n):
             assert bool(block.ints[int(s.IS_FLIPPED) + k]) == is_flipped
             carried = [block.reals[int(s.ATTRIBUTE) + i * s.BLOCK + k] for i in range(6)]
             assert carried == values[int(is_flipped), k, order].T.ravel().tolist()
+
+
+def test_each_triangle_has_the_attributes_of_its_material():
+    """As many as the array of its type has; of float64 where its material needs that."""
+    corners, rng = triangles(2), np.random.default_rng(5)
+    n = len(corners)
+    values = rng.random((2, n, 3, 8))
+    single, double, is_double = values[..., :3].astype(np.float32), -values, (False, True, False)
+    material = rng.integers(0, 3, n).astype(np.uint32)
+    block, _ = block_of(corners, rng.random((n, 3)), (single, double), 2, material, is_double)
+    assert row(block.ints, s.MATERIAL, n).tolist() == material.tolist()
+    rows = row(block.reals, s.ATTRIBUTE, 24 * s.BLOCK).reshape(8, 3, s.BLOCK)
+    for k in range(n):
+        is_flipped = int(block.ints[int(s.IS_FLIPPED) + k])
+        wanted = (double if is_double[material[k]] else single)[is_flipped, k]
+        found = rows[: wanted.shape[1], :, k].T
+        assert sorted(found.tolist()) == sorted(wanted.astype(float).tolist())
+        assert is_double[material[k]] or not rows[3:, :, k].any(), "more is written than there is"
 
 
 def test_boxes_hold_the_samples_of_the_band():
