@@ -120,7 +120,7 @@ class Renderer:
             spectral=spectral,
             threads=threads,
         )
-        with compiling_ahead(lambda: self._list_needs(None)):
+        with compiling_ahead(lambda: self._list_needs(self.scene.camera)):
             self._prepared = PreparedScene(self.scene, self.options)
         self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
         self._is_closed = False
@@ -163,11 +163,7 @@ class Renderer:
         SceneError : what is no camera, an `out` that doesn't fit, a picture that this machine's memory can't hold; and
             after `close`
         """
-<<<<<<< HEAD
-        words = None if out is None else self._checked_out(out)
-=======
         camera, words = self._checked_camera(camera), None if out is None else self._checked_out(out)
->>>>>>> core
         with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
             return self._render(camera, words)
 
@@ -219,14 +215,9 @@ class Renderer:
         outputs, wanted = self.options.outputs, file.kind.array
         if "color" not in outputs and (wanted == "color" or "rgb" not in outputs):
             Frame(None, {}, None, self.options.size).array(wanted)  # says what to ask for
-<<<<<<< HEAD
-        with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
-            camera, clock = self._checked_camera(camera), Clock()
-=======
         camera, clock = self._checked_camera(camera), Clock()
         with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
             self._check_open()
->>>>>>> core
             file.begin()
             with_color = wanted == "color" or (wanted == "alpha" and "color" in outputs)
             drawn = self._prepared.draw_picture(camera, clock, sink=RowSink(file.write_rows, with_color))
@@ -247,7 +238,7 @@ class Renderer:
         return np.asarray(out).view(np.uint32).reshape(height, width)
 
     def _list_needs(self, camera: Camera | None) -> dict:
-        """Return the kernels that a picture needs, {(function, signature): True}; `camera` None = the scene's own.
+        """Return the kernels that a picture through a camera needs, {(function, signature): True}.
 
         They are found out by drawing small ones in Python. What only the whole scene needs, such as clipping, is
         compiled when it is met.
@@ -261,7 +252,7 @@ class Renderer:
             try:
                 sample = sample_scene(self.scene)
                 with Renderer(sample, **options | {"size": SIZE, "threads": 1}) as renderer:
-                    for view in sample_views(sample, self.scene, camera or self.scene.camera):
+                    for view in sample_views(sample, self.scene, camera):
                         renderer.render(view)
             except RasterizerError as fault:  # what was noted until then is of use
                 logging.getLogger("rasterizer").info(
@@ -271,11 +262,6 @@ class Renderer:
 
     def _checked_camera(self, camera) -> Camera:
         """Return the camera that a picture is taken with."""
-<<<<<<< HEAD
-        if self._is_closed:
-            raise SceneError("this Renderer is closed; make a new one")
-=======
->>>>>>> core
         camera = self.scene.camera_for(self.options.size) if camera is None else camera
         if not isinstance(camera, Camera):
             raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
