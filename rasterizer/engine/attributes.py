@@ -11,13 +11,14 @@ from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.means import fill_means
 
 
-def point_intensities(geometry, plan, lighting, screen, n_side, normal_offsets, threads) -> np.ndarray:
+def point_intensities(geometry, plan, lighting, screen, n_side, normal_offsets, threads, runs=None) -> np.ndarray:
     """Evaluate the illumination equation at all points, before they are drawn.
 
     Parameters
     ----------
     n_side : 1, or 2 where normals may have to be flipped: side 1 has the intensities of flipped normals
     normal_offsets : (n_point,) float64, scene units, see pipeline/shadow_lookup.py; empty where no light casts shadows
+    runs : list of (start, end), the points that are needed, ascending; the others may be left unset. None for all
 
     Returns
     -------
@@ -26,7 +27,7 @@ def point_intensities(geometry, plan, lighting, screen, n_side, normal_offsets, 
     """
 
     def light_all(geometry):
-        return light(geometry, plan, lighting, screen, n_side, normal_offsets, threads)
+        return light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, runs)
 
     if plan.textures is None:
         return fill_centers(light_all(geometry), geometry.centers, threads)
@@ -36,21 +37,22 @@ def point_intensities(geometry, plan, lighting, screen, n_side, normal_offsets, 
     return fill_centers(np.concatenate([rest, light_all(geometry), uv], axis=2), geometry.centers, threads)
 
 
-def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads) -> np.ndarray:
+def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, runs=None) -> np.ndarray:
     """Light all points but the centres of polygons: (n_side, n_point, n_channel); see `point_intensities`."""
     intensities = np.empty((n_side, geometry.points.shape[1], plan.n_channel), plan.dtype)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     starts, ends = geometry.point_offsets[:-1].tolist(), geometry.point_offsets[1:].tolist()
+    runs = [(0, geometry.points.shape[1])] if runs is None else runs
     for material, start, end in zip(geometry.group_material.tolist(), starts, ends, strict=True):
+        needed = [(max(first, start), min(last, end)) for first, last in runs if first < end and start < last]
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
 
-            def light_part(part, material=material, start=start, sign=sign, out=out):
-                batch = make_batch(plan.dtype)
-                light_points(points, start + part[0], start + part[1], screen, sign, lighting, material, batch, out)
+            def light_part(part, material=material, sign=sign, out=out):
+                light_points(points, *part, screen, sign, lighting, material, make_batch(plan.dtype), out)
 
-            threads.map(light_part, threads.ranges(end - start))
+            threads.map(light_part, threads.divide(needed))
     return intensities
 
 
