@@ -10,7 +10,7 @@ none of its samples is covered. PASS triangles at a time go through four loops: 
 side by side the compiler's vector instructions find the signs of their areas, then what their boxes hold, and what is
 left is written out without a branch.
 
-    box of a sliver   + . . +     Up to MOST_TESTED x MOST_TESTED samples are tested with the edge functions of the scan
+    box of a sliver   + . . +     Up to MOST_WIDE x MOST_WIDE samples are tested with the edge functions of the scan
                       |\\    |     stage (scan.edge_function), in the order and direction that make a triangle clockwise.
     . sample          | '\\. |     They hold the top-left rule, so a triangle that is dropped covers none of them; and a
                       +----'+     sample that it covers lies in its box: see is_any_covered.
@@ -22,12 +22,12 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.clusters import CLUSTER
-from .transform import HALF, OUTSIDE, SUBPIXEL
+from .small_boxes import MOST_WIDE, is_any_covered
+from .transform import HALF, OUTSIDE
 
 PASS = 2048  # triangles, a multiple of CLUSTER: what is noted of them on the way stays in the L1 and L2 caches
 CLUSTERS_A_PASS = PASS // CLUSTER
 SUBPIXEL_SHIFT = 8  # log2 of SUBPIXEL
-MOST_TESTED = 3  # columns and rows of the boxes whose samples are tested: what is larger covers one, but for slivers
 
 
 class Grid(NamedTuple):
@@ -174,7 +174,7 @@ def flag_covering(n, grid, scratch):
         left, right = max(first_x, np.int32(0)), min(end_x, np.int32(grid.width))
         top, bottom = max(first_y, np.int32(0)), min(end_y, np.int32(grid.height))
         is_hit = (left < right) & (top < bottom) & (rows[SIDE + k] != 0)
-        is_large = (end_x - first_x > MOST_TESTED) | (end_y - first_y > MOST_TESTED)
+        is_large = (end_x - first_x > MOST_WIDE) | (end_y - first_y > MOST_WIDE)
         triangle = (x0, y0, x1, y1, x2, y2)
         rows[IS_KEPT + k] = is_hit & (is_large | is_any_covered(triangle, rows[SIDE + k], left, top))
         rows[TOP + k], rows[BOTTOM + k] = top, bottom
@@ -184,52 +184,6 @@ def flag_covering(n, grid, scratch):
 def first_sample_int32(coordinate):
     """Compute what `first_sample` does, int32; exact up to the limits of coordinates, 2^28, and for OUTSIDE."""
     return np.int32(np.int32(coordinate + (HALF - 1)) >> SUBPIXEL_SHIFT)
-
-
-@helper
-def is_any_covered(triangle, side, left, top):
-    """Tell whether a small triangle covers any of MOST_TESTED x MOST_TESTED samples, of which (left, top) is the first.
-
-    They are all that it can cover in the picture, if (left, top) is the first sample of its box there, and the box is
-    no larger. For let m be the greatest x of the corners: a sample right of m is outside. One at m itself is inside
-    only on a vertex or edge at m; an edge that lies along m has the triangle on its left, so it is no left edge, and
-    every other edge ends at m: one of the two that meet there goes up or down on the triangle's right, and leaves the
-    sample outside. The same holds below the lowest corner. So a box is half-open, as `first_sample` of m makes it.
-
-    Parameters
-    ----------
-    triangle : (x0, y0, x1, y1, x2, y2) int32, 1/256 px
-    side : int32, 1 where it is clockwise on the screen, -1 where it isn't
-    left, top : int32, column and row of the first sample
-
-    The corners lie within MOST_TESTED + 1 px of the first sample, so products are below 2^21, and the edge functions at
-    all samples below 2^24.
-    """
-    sx, sy = np.int32(left * SUBPIXEL + HALF), np.int32(top * SUBPIXEL + HALF)
-    x0, y0, x1, y1, x2, y2 = triangle
-    e0, e0_dx, e0_dy = edge_function_int32(x0, y0, x1, y1, side, sx, sy)
-    e1, e1_dx, e1_dy = edge_function_int32(x1, y1, x2, y2, side, sx, sy)
-    e2, e2_dx, e2_dy = edge_function_int32(x2, y2, x0, y0, side, sx, sy)
-    nowhere = np.int32(-1)  # its sign is set while no sample is inside of all edges
-    for _ in range(MOST_TESTED):
-        at0, at1, at2 = e0, e1, e2
-        for _ in range(MOST_TESTED):
-            nowhere = np.int32(nowhere & np.int32(np.int32(at0 | at1) | at2))
-            at0, at1, at2 = np.int32(at0 + e0_dx), np.int32(at1 + e1_dx), np.int32(at2 + e2_dx)
-        e0, e1, e2 = np.int32(e0 + e0_dy), np.int32(e1 + e1_dy), np.int32(e2 + e2_dy)
-    return nowhere >= 0
-
-
-@helper
-def edge_function_int32(xa, ya, xb, yb, side, sx, sy):
-    """Evaluate the edge function of an edge at a sample, with its steps a sample, as scan.edge_function does; int32.
-
-    The edge of a triangle that isn't clockwise is reversed: its value, steps and direction change their signs.
-    """
-    dx, dy = np.int32(side * np.int32(xb - xa)), np.int32(side * np.int32(yb - ya))
-    is_top_left = (dy < 0) | ((dy == 0) & (dx > 0))
-    value = np.int32(dx * np.int32(sy - ya) - dy * np.int32(sx - xa) - (0 if is_top_left else 1))
-    return value, np.int32(dy * -SUBPIXEL), np.int32(dx * SUBPIXEL)
 
 
 @helper

@@ -26,6 +26,7 @@ from . import setup as s
 from .cull import first_sample
 from .gradients import IN_ENTRIES, LEVEL_PLANES, compute_gradients
 from .records import write_exact, write_planes
+from .small_boxes import fill_covered
 from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
 from .transform import HALF, SUBPIXEL
 from .visibility import DEPTH_MASK, IS_EXACT, IS_ID, note_extent, pack
@@ -123,12 +124,13 @@ def scan(band, drawables, coding, block, visibility, records):
         s.order_vertices(block)
         s.gather_attributes(len(some), drawables.attributes, block)
         s.compute_boxes(band, visibility.width, block)
+        s.find_covered_samples(block)
         s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.
         for k in range(index(len(some))):
             box = box_of(k, block)
-            if box.left >= box.right or box.top >= box.bottom:
+            if box.left >= box.right or box.top >= box.bottom or block.ints[s.COVERED + k] == 0:
                 continue
             has_planes = block.ints[s.HAS_PLANES + k] != 0
             payload = Payload(IS_ID + n_record, np.int64(0), np.int64(0))
@@ -149,10 +151,15 @@ def scan(band, drawables, coding, block, visibility, records):
 
 @helper
 def fill(visibility, y_start, box, k, payload, block):
-    """Fill triangle k of the block: all samples of a small box side by side, else span by span."""
-    surface = surface_of(k, payload, block)
+    """Fill triangle k of the block: the covered samples of a very small box, all samples of a small one side by side,
+    else span by span."""
+    surface, covered = surface_of(k, payload, block), block.ints[s.COVERED + k]
     is_small = block.ints[s.EXTENT_X + k] <= MOST_WIDE and block.ints[s.EXTENT_Y + k] <= MOST_HIGH
-    if is_small and not surface.is_sliver:
+    if covered > 0 and not surface.is_sliver:
+        first = (box.top - y_start) * visibility.pitch + box.left
+        plane = (entry_at(surface.plane, box.left, box.top), surface.plane.dx, surface.plane.dy)
+        fill_covered(visibility.entries, first, visibility.pitch, covered, plane)
+    elif is_small and not surface.is_sliver:
         fill_box(visibility, y_start, box, surface)
     else:
         fill_spans(visibility, y_start, box, surface, None)

@@ -25,6 +25,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from .cull import first_sample
+from .small_boxes import MOST_WIDE, find_covered
 from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
 
 BLOCK = 64  # triangles
@@ -45,7 +46,8 @@ EXTENT_X, EXTENT_Y = _starts(12, 14)  # columns and rows of the whole box
 IS_FLIPPED, IS_SLIVER, HAS_PLANES = _starts(14, 17)
 CORNER0, CORNER1, CORNER2 = _starts(17, 20)  # where the vertices' attributes are
 CLIPPED_IDX = index(BLOCK * 20)  # the row of the planes of the face that it is a part of; -1 for a whole face
-N_INT = 21
+COVERED = index(BLOCK * 21)  # the covered samples of a small box, see small_boxes.py; -1 where it isn't small
+N_INT = 22
 # Rows of int64: the plane of depth in z-buffer units (value at the anchor, d/dx, d/dy a sample); planes of levels,
 # three rows each, see gradients.py.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
@@ -196,6 +198,17 @@ def compute_boxes(rows, width, block):
         ints[EXTENT_X + k], ints[EXTENT_Y + k] = end_x - first_x, end_y - first_y
         ints[LEFT + k], ints[RIGHT + k] = max(first_x, 0), min(end_x, width)
         ints[TOP + k], ints[BOTTOM + k] = max(first_y, rows.y_start), min(end_y, rows.y_end)
+
+
+@helper
+def find_covered_samples(block):
+    """Find the samples that triangles with small boxes cover."""
+    ints = block.ints
+    for k in range(index(BLOCK)):
+        triangle = (ints[X0 + k], ints[Y0 + k], ints[X1 + k], ints[Y1 + k], ints[X2 + k], ints[Y2 + k])
+        covered = find_covered(triangle, ints[LEFT + k], ints[TOP + k], ints[RIGHT + k], ints[BOTTOM + k])
+        is_small = max(ints[EXTENT_X + k], ints[EXTENT_Y + k]) <= MOST_WIDE
+        ints[COVERED + k] = covered if is_small else np.int32(-1)
 
 
 @helper
