@@ -87,7 +87,7 @@ class SeenClusters(NamedTuple):
         return faces[faces < self.n_face]
 
 
-class View(NamedTuple):
+class ClusterView(NamedTuple):
     """What clusters are looked at with."""
 
     screen: Screen
@@ -110,7 +110,7 @@ def find_seen(clusters: Clusters, n_vertex, screen, size, cull_back) -> SeenClus
     fates, is_needed = np.empty(n, np.uint8), np.zeros(-(-n_vertex // VERTEX_BLOCK), np.uint8)
     # The views of cameras are never mirrored; of one that were, the signs of areas would be others.
     is_mirrored = dot(cross(screen.right, screen.up), screen.forward) >= 0.0 or min(screen.scale_x, screen.scale_y) <= 0
-    view = View(screen, float(size[0]), float(size[1]), bool(cull_back and not is_mirrored))
+    view = ClusterView(screen, float(size[0]), float(size[1]), bool(cull_back and not is_mirrored))
     decide_clusters(clusters.shapes, view, fates)
     seen = np.flatnonzero(fates == SEEN).astype(np.uint32)
     runs = None
