@@ -42,9 +42,10 @@ DIRECTION_SLACK = 2.0**-29
 class Clusters(NamedTuple):
     """The clusters of a scene: the triangles CLUSTER·k .. CLUSTER·(k + 1) are cluster k."""
 
-    # (N_SHAPE_ROW, n) float64, world space, scene units: the box; the unit axis of the cone of geometric normals, cosine
-    # (at most) and sine (at least) of its half angle; the least n·(p - center) of the triangles' planes; the least
-    # height of a triangle above its longest edge, 0 where the cone is of no use. Where a corner isn't finite, all NaN.
+    # (N_SHAPE_ROW, n) float64, world space, scene units: the box; the unit axis of the cone of geometric normals, the
+    # cosine (at most) and sine (at least) of its half angle; the least n·(p - center) of the triangles' planes; the
+    # least height of a triangle above its longest edge, 0 where the cone is of no use. The center is NaN where a corner
+    # isn't finite.
     shapes: NDArray[np.float64]
     block_starts: NDArray[np.int64]  # (n + 1,) where in `blocks` those of each cluster begin
     blocks: NDArray[np.uint32]  # the blocks of VERTEX_BLOCK vertices that it uses; empty where it pays to use all

@@ -27,7 +27,7 @@ above it, has twice the signed area
 
     A = S·L·h·(n·r_0)/(w_0·w_1·w_2)         S = 256²·scale_x·scale_y sub-pixels², clockwise > 0
 
-on the screen: the determinant of the r_i is that of its edges with r_0, L·h·n·r_0, and every 1/w_i is a factor of a row.
+on the screen: the determinant of the r_i is that of its edges with r_0, L·h·n·r_0, and each 1/w_i is a factor of a row.
 Vertices that move by e <= SNAP along either axis change it by no more than
 
     2 e (W + H) + 4 e²                      W, H: width and height of its box on the screen
@@ -56,7 +56,16 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.clusters import (
-    AXIS, CENTER, CLUSTER, COSINE, HALF_SIZE, HEIGHT, OFFSET, SINE, VERTEX_BLOCK, Clusters,
+    AXIS,
+    CENTER,
+    CLUSTER,
+    COSINE,
+    HALF_SIZE,
+    HEIGHT,
+    OFFSET,
+    SINE,
+    VERTEX_BLOCK,
+    Clusters,
 )  # fmt: skip
 from ..geometry.vectors import cross, dot, scale, subtract
 from .transform import LIMIT_PX, SUBPIXEL, Screen, project
@@ -64,8 +73,8 @@ from .transform import LIMIT_PX, SUBPIXEL, Screen, project
 SNAP = 0.75  # sub-pixels
 FINEST = 2.0**36
 SLACK = 2.0**-45  # of the distance from the eye: what depths and positions across are computed with
-# Vertices that stand between two runs of needed ones are transformed with them, if they are no more than this: beginning
-# a run takes as long.
+# Vertices that stand between two runs of needed ones are transformed with them, if they are no more than this:
+# beginning a run takes as long.
 SHORTEST_GAP = 1024 // VERTEX_BLOCK  # blocks
 
 SEEN, SKIPPED, FACING_AWAY, CLIPPED_AWAY = range(4)  # what becomes of a cluster
@@ -152,7 +161,9 @@ def list_runs(is_needed, n_vertex) -> list[tuple[int, int]]:
     ----------
     is_needed : (n_block,) uint8
     """
-    edges = np.flatnonzero(np.diff(is_needed, prepend=0, append=0))  # starts and ends in turn; uint8 wraps, but not to 0
+    edges = np.flatnonzero(
+        np.diff(is_needed, prepend=0, append=0)
+    )  # starts and ends in turn; uint8 wraps, but not to 0
     starts, ends = edges[::2], edges[1::2]
     is_gap = starts[1:] - ends[:-1] > SHORTEST_GAP
     starts, ends = starts[np.append(True, is_gap)[: len(starts)]], ends[np.append(is_gap, True)[: len(ends)]]

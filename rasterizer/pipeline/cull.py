@@ -11,9 +11,9 @@ side by side the compiler's vector instructions find the signs of their areas, t
 left is written out without a branch.
 
     box of a sliver   + . . +     Up to MOST_WIDE x MOST_WIDE samples are tested with the edge functions of the scan
-                      |\\    |     stage (scan.edge_function), in the order and direction that make a triangle clockwise.
-    . sample          | '\\. |     They hold the top-left rule, so a triangle that is dropped covers none of them; and a
-                      +----'+     sample that it covers lies in its box: see is_any_covered.
+                      |\\    |     stage, in exact integers. They hold the top-left rule, so a triangle that is dropped
+    . sample          | '\\. |     covers none of these samples; and what it covers lies in its box: small_boxes.py has
+                      +----'+     the proof.
 """
 
 from typing import NamedTuple

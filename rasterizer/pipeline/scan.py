@@ -26,8 +26,8 @@ from . import setup as s
 from .cull import first_sample
 from .gradients import IN_ENTRIES, LEVEL_PLANES, compute_gradients
 from .records import write_exact, write_planes
-from .small_boxes import fill_covered
 from .simd import LANES, MOST_HIGH, MOST_WIDE, merge_box
+from .small_boxes import fill_covered
 from .transform import HALF, SUBPIXEL
 from .visibility import DEPTH_MASK, IS_EXACT, IS_ID, note_extent, pack
 
@@ -124,7 +124,6 @@ def scan(band, drawables, coding, block, visibility, records):
         s.order_vertices(block)
         s.gather_attributes(len(some), drawables.attributes, block)
         s.compute_boxes(band, visibility.width, block)
-        s.find_covered_samples(block)
         s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)
         # The other half goes triangle by triangle: records, where there are any, and samples.

@@ -183,6 +183,8 @@ def compute_boxes(rows, width, block):
     Clipped at the picture's left and upper border for the anchor: from an anchor far outside, the rounding of a plane's
     steps would add up before the picture is reached. Clipped to the band for the loops over samples.
 
+    In small boxes, the covered samples are found, too.
+
     Parameters
     ----------
     rows : Band or Rows: y_start..y_end is drawn
@@ -198,6 +200,7 @@ def compute_boxes(rows, width, block):
         ints[EXTENT_X + k], ints[EXTENT_Y + k] = end_x - first_x, end_y - first_y
         ints[LEFT + k], ints[RIGHT + k] = max(first_x, 0), min(end_x, width)
         ints[TOP + k], ints[BOTTOM + k] = max(first_y, rows.y_start), min(end_y, rows.y_end)
+    find_covered_samples(block)
 
 
 @helper

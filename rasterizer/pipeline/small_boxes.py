@@ -2,14 +2,14 @@
 
 In dense meshes most triangles hold a sample or two in their box, and many cover none. Up to MOST_WIDE x MOST_WIDE
 samples are tested with the edge functions of the scan stage, in int32, all in vector instructions: the cull stage drops
-triangles that cover none before anything else is computed for them, and the scan stage visits the covered samples one by
-one. A row of lanes, read and written as a whole, would have to wait for the neighbour's that was written just before.
+triangles that cover none before anything else is computed for them, and the scan stage visits the covered samples one
+by one. A row of lanes, read and written as a whole, would have to wait for the neighbour's, written just before.
 
-    + . . +     The window begins with the first sample of the box in the picture, and has all others: a sample that is
-    |\\    |     covered lies in the half-open box that `first_sample` makes of the corners. For let m be the greatest x
-    | '\\. |     of the corners: a sample right of m is outside. One at m is inside only on a vertex or an edge there. An
-    +----'+     edge along m has the triangle on its left, so it is no left edge; every other edge that reaches m ends
-                there, and of the two that meet, one has the triangle on its left. The same holds for the greatest y.
+    + . . +    The window begins with the first sample of the box in the picture, and has all others. What is covered
+    |\\    |    lies in the half-open box that `first_sample` makes of the corners. For let m be the greatest x of the
+    | '\\. |    corners: a sample right of m is outside. One at m is inside only on a vertex or an edge there. An edge
+    +----'+    along m has the triangle on its left, so it is no left edge; every other edge that reaches m ends there,
+               and of the two that meet, one has the triangle on its left. The same holds for the greatest y.
 """
 
 import numpy as np

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bench.scenes import uv_sphere
 from helpers.stages import SERIAL
 
+from bench.scenes import uv_sphere
 from rasterizer.geometry import clusters as c
 from rasterizer.pipeline.threads import Workers
 
@@ -77,11 +77,14 @@ def test_a_triangle_without_a_normal_leaves_its_cone_without_use(kind):
     positions, faces = mesh_of(3 * c.CLUSTER)
     a, b, third = faces[:, c.CLUSTER + 5]
     along = positions[:, b] - positions[:, a]
-    positions[:, third] = positions[:, a] + {
-        "two corners alike": 0.0 * along,
-        "collinear": 0.5 * along,
-        "too thin": 0.5 * along + 2.0**-22 * np.linalg.norm(along) * np.array([0.0, 0.0, 1.0]),
-    }[kind]
+    positions[:, third] = (
+        positions[:, a]
+        + {
+            "two corners alike": 0.0 * along,
+            "collinear": 0.5 * along,
+            "too thin": 0.5 * along + 2.0**-22 * np.linalg.norm(along) * np.array([0.0, 0.0, 1.0]),
+        }[kind]
+    )
     found = c.make_clusters(positions, faces, SERIAL)
     assert found.shapes[c.HEIGHT, 1] == 0.0 and np.isfinite(found.shapes).all()
 
@@ -111,7 +114,9 @@ def test_threads_and_the_compiler_do_not_change_a_bit():
     assert serial.blocks.tobytes() == parallel.blocks.tobytes()
     assert serial.block_starts.tobytes() == parallel.block_starts.tobytes()
     few = 2
-    scratch = c.ClusterScratch(np.zeros(c.N_ROW * c.CLUSTER), np.zeros(positions.shape[1] // c.VERTEX_BLOCK + 1, np.int64))
+    scratch = c.ClusterScratch(
+        np.zeros(c.N_ROW * c.CLUSTER), np.zeros(positions.shape[1] // c.VERTEX_BLOCK + 1, np.int64)
+    )
     shapes, counts, blocks = np.empty((c.N_SHAPE_ROW, few)), np.empty(few, np.int64), np.empty(1000, np.uint32)
     n = c.describe_clusters.py_func(0, few, positions, faces, scratch, shapes, counts, blocks)
     # Compiled code may keep more digits of a sum of products.

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from bench.scenes import icosphere, torus
 from helpers.stages import SERIAL, screen_of
 
 import rasterizer as rz
+from bench.scenes import icosphere, torus
 from rasterizer.geometry import clusters as c
 from rasterizer.pipeline import clusters as stage
 from rasterizer.pipeline.clusters import CLIPPED_AWAY, FACING_AWAY, SEEN, SKIPPED, find_seen, list_runs, reaches_out
