@@ -129,7 +129,7 @@ def scan(band, drawables, coding, block, visibility, records):
         # The other half goes triangle by triangle: records, where there are any, and samples.
         for k in range(index(len(some))):
             box = box_of(k, block)
-            if box.left >= box.right or box.top >= box.bottom or block.ints[s.COVERED + k] == 0:
+            if box.left >= box.right or box.top >= box.bottom:
                 continue
             has_planes = block.ints[s.HAS_PLANES + k] != 0
             payload = Payload(IS_ID + n_record, np.int64(0), np.int64(0))
