@@ -27,7 +27,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         normal_limit=float(plan.normal_limit) if plan.coding == NORMAL_PLANES else None,
         albedo_tolerance=tolerance / 4 / max(plan.bound, 1e-30),
         needs_distance=plan.coding == NORMAL_PLANES
-        and any(entry_of(light).function(light).needs_position for light in plan.lights),
+        and (plan.has_shadows or any(entry_of(light).function(light).needs_position for light in plan.lights)),
         inv_w_offset=inv_w_offset,
         inv_w_scale=inv_w_scale,
         depth_offset=depth_offset,

@@ -50,6 +50,7 @@ class Surroundings(NamedTuple):
     shortest: float  # the least length of a normal that is interpolated; 1 where none is
     is_lit_per_sample: bool
     deepness: float = 0.0  # the furthest depth over the nearest one that is seen; 0 without perspective
+    shadow_shift: float = 0.0  # scene units: how far float32 moves what shadows are asked for; see shadow_views.Precision
 
     def rounded(self) -> "Surroundings":
         """Return the same, lengths rounded to an eighth of an octave, to the unsafe side.
@@ -63,7 +64,11 @@ class Surroundings(NamedTuple):
         if np.isinf(clearances).all() and 2.0**-30 < furthest < 2.0**50:
             furthest = 1.0
         deepness = 2.0 ** math.ceil(math.log2(self.deepness)) if self.deepness > 2.0**20 else 0.0
-        return self._replace(furthest=furthest, clearances=clearances, deepness=deepness)
+        shift = 2.0 ** (math.ceil(8.0 * math.log2(self.shadow_shift)) / 8.0) if 0.0 < self.shadow_shift < math.inf else None
+        return self._replace(
+            furthest=furthest, clearances=clearances, deepness=deepness,
+            shadow_shift=self.shadow_shift if shift is None else shift,
+        )  # fmt: skip
 
     def kept(self) -> "Surroundings":
         """Return the same without points that lie on a light, and normals that vanish: next to these nothing is

@@ -177,7 +177,7 @@ class ShadowMapPass(Pass):
     """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
 
     depth: tuple[float, float]  # what a texel's depth is found from: offset and scale
-    texels: np.ndarray  # (n, n) float64, written
+    texels: np.ndarray  # (n, n) float32 or float64, written
 
     def finish(self, workspace, band, loaded_face):
         """Write the texels' depths."""
@@ -191,7 +191,7 @@ def shadow_map_pass(nothing, coding, screen, texels) -> ShadowMapPass:
     Parameters
     ----------
     nothing : (1, n_point, 0) float64: no attributes
-    texels : (n, n) float64, written
+    texels : (n, n) float32 or float64, written
     """
     depth = (coding.inv_w_offset, coding.inv_w_scale)
     if not screen.is_perspective:

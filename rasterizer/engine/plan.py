@@ -27,6 +27,7 @@ from .surface_arrays import brightest_texel, list_opacities, list_textures, make
 from .tint import common_color, common_tint
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
+MOST_TURNED = 2.0**-12  # radians: a normal's error where shadows are looked up; a ten-thousandth of a texel there
 SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
 
 
@@ -210,8 +211,7 @@ def reasons_for_float64(sources: Sources, brightness: Brightness, options, cue, 
         "rounding beyond half of the tolerance": not brightness.rounding <= options.tolerance / 2,
         "numbers of lights beyond float32": not are_single(sources.lights),
         "this view": is_precise,
-        # Next to a step no error is small: the edges of shadows and of texels.
-        "shadows": sources.has_shadows,
+        # Next to a step no error is small: the edges of texels.
         "textures": sources.is_textured,
     }
     reasons |= {reflection_table.entry_of(m).reason_for_float64(m): True for m in sources.materials}
@@ -232,7 +232,10 @@ def choose_coding(sources: Sources, brightness: Brightness, options, tint, is_si
         return EXACT, 0.0
     if options.shading == "phong":
         turned = max(brightness.greatest.turn_slope, 1e-30)
-        normal_limit = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * turned)
+        angle = options.tolerance / 4 / turned
+        if sources.has_shadows:  # they depend on normals, however dim the lights are
+            angle = min(angle, MOST_TURNED)
+        normal_limit = angle / (np.sqrt(3.0) * SINGLE)
         return (NORMAL_PLANES if normal_limit > 3.0 else EXACT), normal_limit
     if not np.isfinite(brightness.bound):
         return EXACT, 0.0

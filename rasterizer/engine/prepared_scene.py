@@ -73,7 +73,7 @@ class PreparedScene:
         """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
         options, geometry, maps = self.options, self.geometry, ()
         if self.shadows is not None:
-            maps = self.shadows.draw(view, self.workspaces, self.threads)
+            maps = self.shadows.draw(plan, view, self.workspaces, self.threads)
             clock.lap("shadows")
         lighting = make_lighting(plan, view, maps, screen.is_perspective)
         shared = {

@@ -1,7 +1,7 @@
 """The plan for each view: float64 where float32 has too few digits for it, and the error bound that holds there."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class ViewPlans:
         self._precise_plan: Plan | None = None
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
+        self._shadow_precision: Any = None  # made where it is needed first
         self.plan = make_plan(scene, options, geometry.albedo)
         if not np.isfinite(self.plan.bound):
             self.plan = make_plan(scene, options, geometry.albedo, clearances=self._lasting_clearances())
@@ -45,7 +46,10 @@ class ViewPlans:
         """The plan for a view, or one with float64 where float32 has too few digits for it."""
         reach = np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()
         surroundings = self._surroundings(view, screen, math.sqrt(sum(side * side for side in reach))).rounded()
-        key = surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness, screen.is_perspective
+        key = (
+            surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness, surroundings.shadow_shift,
+            screen.is_perspective,
+        )  # fmt: skip
         if self._last_key != key:
             plan, tolerance = self.plan, self._options.tolerance
             if plan.dtype == np.float32 and fits_float32(plan, tolerance, surroundings):
@@ -97,7 +101,18 @@ class ViewPlans:
         clearances = [entry_of(light).clearance(light, view, distance) - beside for light in self.plan.lights]
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
         clearances = np.maximum(np.array(clearances, float), 0.0)
-        return Surroundings(furthest, clearances, self._shortest, self.plan.is_lit_per_sample, deepness)
+        is_sample = self.plan.is_lit_per_sample
+        return Surroundings(furthest, clearances, self._shortest, is_sample, deepness, self._shadow_shift(view))
+
+    def _shadow_shift(self, view) -> float:
+        """How far float32 moves what shadows are asked for, scene units; infinite where it can't be taken."""
+        if not self.plan.has_shadows or self.plan.dtype != np.float32:
+            return 0.0
+        if self._shadow_precision is None:
+            from .shadow_views import Precision
+
+            self._shadow_precision = Precision(self.plan, self._bounds)
+        return self._shadow_precision.shift(view)
 
 
 def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
@@ -109,6 +124,8 @@ def fits_float32(plan: Plan, tolerance, surroundings: Surroundings) -> bool:
     of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
     lengths = [surroundings.furthest, *of_positions]
     if not all(SMALL <= length <= LARGE for length in lengths):
+        return False
+    if not np.isfinite(surroundings.shadow_shift):
         return False
     if (compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any():
         return False
