@@ -28,7 +28,7 @@ from .rounding import DOUBLE, SINGLE
 from .shadow_views import MapViews, choose_views, corners_of, map_side, reaches
 
 MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow_lookup.py
-DOUBLE_ROUNDING = 2.0**-40  # of the distances: what positions are rounded by in float64, as far as slivers lie in planes
+DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
 MOST_NUMBERS = 2**28  # texels of all maps of a scene: 1 GiB in float32
 
 
@@ -119,7 +119,9 @@ def draw_shadow_map(
     light: Any, view: View, casters: Casters, plan: Plan, workspaces: WorkspacePool, threads: Workers,
     room: int = MOST_NUMBERS, before: ShadowMap | None = None,
 ) -> ShadowMap | None:  # fmt: skip
-    """Draw what a light sees; one that is attached to the camera is where `view` puts it. None where it reaches nothing.
+    """Draw what a light sees; one that is attached to the camera is where `view` puts it.
+
+    None where it reaches nothing.
 
     Parameters
     ----------

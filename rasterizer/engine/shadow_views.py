@@ -83,8 +83,8 @@ def choose_views(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> MapVi
 def _is_needed(forward, widest, corners, beam) -> bool:
     """Tell whether a cube's face can show something, and its light shines there.
 
-    A box lies beside the pyramid of the face where all its corners lie beyond the plane of one of its sides. The cone of
-    a spot light does where the angle between both axes is larger than theirs together.
+    A box lies beside the pyramid of the face where all its corners lie beyond the plane of one of its sides. The cone
+    of a spot light does where the angle between both axes is larger than theirs together.
     """
     axis = int(np.argmax(np.abs(forward)))
     depth, sides = corners @ forward, np.delete(corners, axis, axis=2)

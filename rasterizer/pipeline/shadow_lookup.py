@@ -30,8 +30,8 @@ plane's unit normal, c = n·X (n·F for parallel rays, F the map's axis), m = 1/
 e before its plane has a limit that is off by m e/|c|. Counted in u L, that is in m u L/|c|:
 
     10   the distance from the plane: n·P 5 (n, products, two sums, the plane's offset), two moves 3, subtracting O 2
-    15   the point's own 1/w or depth: 5 (axis, products, two sums, division) of m², or of m; and m <= 3/|c|·|X|, because
-         a map reaches 63 degrees from its axis at most
+    15   the point's own 1/w or depth: 5 (axis, products, two sums, division) of m², or of m; and m <= 3/|c|, because a
+         map reaches 63 degrees from its axis at most, where |X| = 3 w
      6   its place on the map, likewise 4, along both axes: 4·√2, times the slopes n·R/c and n·U/c
      4   the limit, a sum of three terms (3), and the texel's own rounding
 
