@@ -25,7 +25,7 @@ from .light_table import entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
 from .plan import Plan
 from .rounding import DOUBLE, SINGLE
-from .shadow_views import MapViews, choose_views, corners_of, map_side, reaches
+from .shadow_views import MapViews, choose_views, corners_of, find_seen, map_side, reaches
 
 MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow_lookup.py
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
@@ -110,9 +110,14 @@ def gather_casters(geometry: Geometry, bounds: NDArray[np.float64], opacity: Opa
         faces = np.flatnonzero(opacity.is_opaque[geometry.face_material] if len(geometry.face_material) else [])
         if len(faces) == 0:
             return None
-        vertex = np.ascontiguousarray(geometry.vertex[:, faces])
-        geometry = geometry._replace(vertex=vertex, is_inverted=geometry.is_inverted[faces])
+        geometry = _some_faces(geometry, faces)
     return Casters(geometry._replace(corner=geometry.vertex), corners_of(bounds))
+
+
+def _some_faces(geometry: Geometry, faces: NDArray) -> Geometry:
+    """The geometry with some of its faces alone, as far as drawing depths reads it."""
+    vertex = np.ascontiguousarray(geometry.vertex[:, faces])
+    return geometry._replace(vertex=vertex, corner=vertex, is_inverted=geometry.is_inverted[faces])
 
 
 def draw_shadow_map(
@@ -148,10 +153,14 @@ def draw_shadow_map(
         if not is_needed:
             row[lookup.PLACE] = -1
             continue
-        screen = _fit_screen(light_view, projection, casters, size)
+        geometry = casters.geometry
+        if len(maps.views) > 1:
+            seen = find_seen(geometry.positions, geometry.vertex, light_view, projection, size)
+            geometry = _some_faces(geometry, seen)
+        screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
         coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=(), has_shadows=False), screen, 0.0)
         render_pass = shadow_map_pass(nothing, coding, screen, texels[place])
-        draw(casters.geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
+        draw(geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
         _write_view(row, light_view, projection, MAP_ROUNDING * _value_range(screen, coding))
         row[lookup.SLACK] = _slack(projection, size, plan)
         row[lookup.PLACE] = place
@@ -213,16 +222,16 @@ def _write_view(row, view, projection, rounding) -> None:
     row[lookup.ROUNDING] = rounding
 
 
-def _fit_screen(view, projection, casters, size):
+def _fit_screen(view, projection, corners, geometry, size):
     """The screen of a map, its depths fitted to what is seen there."""
-    depth = (casters.corners.reshape(-1, 3) - view.eye) @ view.forward
+    depth = (corners.reshape(-1, 3) - view.eye) @ view.forward
     nearest, furthest = float(depth.min()), float(depth.max())
     if not projection.is_perspective:
         margin = NEAREST * max(furthest - nearest, np.abs(depth).max())
         return make_screen(view, projection, (nearest - margin, furthest + margin), nearest - margin, np.inf)
     furthest = (furthest if furthest > 0.0 else 1.0) * (1 + NEAREST)
     near = max(nearest * (1 - NEAREST), furthest * NEAREST)
-    return fit_screen(view, projection, (near, furthest), np.inf, casters.geometry, (size, size))
+    return fit_screen(view, projection, (near, furthest), np.inf, geometry, (size, size))
 
 
 def _value_range(screen, coding) -> float:

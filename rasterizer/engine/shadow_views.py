@@ -119,6 +119,29 @@ def reaches(light: Any, beam: Beam, corners: NDArray[np.float64]) -> bool:
     return bool(within.any())
 
 
+def find_seen(positions: NDArray, vertex_idx: NDArray, view: View, projection: Projection, side: int) -> NDArray:
+    """Find the triangles that a map with perspective may show, (n,) indices in order.
+
+    Not those whose vertices all lie behind the light, or all more than a texel beyond the same border of the map: no
+    rounding of vertices to 1/256 of one brings them back.
+
+    Parameters
+    ----------
+    positions : (3, n_vertex) float64, world space, scene units
+    vertex_idx : (3, n_face) uint32
+    side : texels a side of the map
+    """
+    right, up, forward = (axis @ positions - axis @ view.eye for axis in (view.right, view.up, view.forward))
+    x, y = projection.scale_x * right + projection.center_x * forward, projection.center_y * forward
+    y -= projection.scale_y * up
+    furthest = (side + 1.0) * forward
+    outside = (forward < 0.0).astype(np.uint8)
+    for bit, is_beyond in enumerate((x < -forward, x > furthest, y < -forward, y > furthest)):
+        outside |= is_beyond.astype(np.uint8) << np.uint8(bit + 1)
+    first, second, third = vertex_idx
+    return np.flatnonzero((outside[first] & outside[second] & outside[third]) == 0)
+
+
 def _look(origin, forward) -> View:
     """A view in a direction; which way is up doesn't matter."""
     length = np.linalg.norm(forward)
