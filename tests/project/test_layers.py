@@ -67,6 +67,7 @@ IN_FUNCTIONS = {
     ("compiler.store", "grp"): "not on every platform",
     ("compiler.store", "pwd"): "not on every platform",
     ("engine.prepared_scene", "engine.shadow_maps"): "only scenes with shadows need it",
+    ("engine.view_plans", "engine.shadow_views"): "as engine.shadow_maps",
     ("engine.spectral_products", "scene.spectrum"): "its tables are for scenes with spectra",
     ("frame", "PIL"): "heavy: a frame that is only read as arrays does without it",
     ("io.obj", "io.material_libraries"): "only a file that names materials needs the reader of MTL files",
