@@ -187,14 +187,16 @@ def _shadow_steps(plan, surroundings) -> list[Step]:
     """The edges of shadows, whose exact ones are those of rays from the lights.
 
     A point is compared with texels whose centres lie within half the filter of it, along each axis of the map; the
-    map's vertices are rounded to a 512th of a texel, float32 moves a point by `shadow_shift`. What lies before the
-    surface by less than its depth changes over a texel isn't seen; nor what a normal offset carries the point across
+    map's vertices are rounded to a 512th of a texel, float32 moves a point by `shadow_shift`. So what rises from the
+    surface towards the light, as a wall does from a floor, hides that much of it. What lies before the surface by less
+    than its depth changes over a texel isn't seen; nor what a normal offset carries the point across
     (pipeline/shadow_lookup.py).
     """
     taps = [light_table.shadow_of(light).filter for light in plan.lights if light_table.shadow_of(light) is not None]
     if not taps:
         return []
-    steps = [Step("the edge of a shadow", (max(taps) + 1) / 2, "texels of the shadow map")]
+    cause = "the edge of a shadow, or a fold towards its light"
+    steps = [Step(cause, (max(taps) + 1) / 2, "texels of the shadow map")]
     if plan.dtype == np.float32:
         steps.append(Step("the edge of a shadow in float32", surroundings.shadow_shift, "scene units beside that"))
     unit = "times what the surface's depth changes by over a texel, and its normal offset"

@@ -27,7 +27,7 @@ from .surface_arrays import brightest_texel, list_opacities, list_textures, make
 from .tint import common_color, common_tint
 
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
-MOST_TURNED = 2.0**-12  # radians: a normal's error where shadows are looked up; a ten-thousandth of a texel there
+MOST_TURNED = 2.0**-12  # radians: a normal's error where shadows are looked up
 SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
 
 

@@ -359,6 +359,51 @@ def test_the_filter_averages_comparisons(n, tolerance):
     assert not ((np.abs(soft - hard) > 1e-5) & ~is_at_edge(hard > 0.5, reach)).any()
 
 
+@pytest.mark.parametrize("name", ["point inside", "wide spot", "point over a corner"])
+def test_a_filter_reaches_across_the_borders_of_a_cubes_faces(name, tolerance):
+    """Further than the filter's reach from an edge of the shadow the light arrives whole, or not at all."""
+    taps, texels = 7, 512
+    light = replace(EDGES[name][0], shadow=Shadow(texels, taps))
+    meshes = [floor_mesh(), rz.Mesh(quad := floating_quad(), QUAD, material=MATTE)]
+    frame, bare = draw_both(meshes, light, ABOVE, FLOOR_SIZE, tolerance=tolerance)
+    share, points = lit_share(frame, bare), floor_points()
+    depth = np.abs(points - np.array(light.position)).max(axis=-1)
+    hidden = is_hidden(quad, points, light)
+    could_be_lit = (bare.color[..., 0] > AMBIENT * 0.7 + 0.01) & (frame.face < 2)
+    reach = int(np.ceil((taps + 1) / 2 * 2**0.5 * 2 * depth.max() / texels * 100))  # pixels, 100 a unit
+    inside = np.zeros_like(hidden)
+    inside[reach:-reach, reach:-reach] = True  # what lies beside the picture is no edge that is seen
+    is_sure = could_be_lit & inside & ~is_at_edge(hidden, reach)
+    wrong = np.abs(share - ~hidden) > 0.03
+    assert (is_sure & hidden).sum() > 1000 and not (wrong & is_sure).any(), f"{(wrong & is_sure).sum()} pixels"
+
+
+@pytest.mark.parametrize("taps", [1, 5])
+@pytest.mark.parametrize("kind", ["directional", "point"])
+def test_the_bound_holds_away_from_the_steps_that_the_frame_states(kind, taps, tolerance):
+    """Against rays. The floor and what stands on it are flat, so no normal offset moves anything; where a box stands on
+    the floor is a fold towards the light."""
+    light, texels = make_light(kind, 50, 30, distance=6.0, shadow=Shadow(256, taps)), 256
+    meshes = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, material=MATTE)]
+    meshes += [rz.Mesh(box((0.9, -1.2, 0), (1.3, -0.8, 0.5)), BOX_FACES, material=MATTE)]
+    scene = rz.Scene(meshes, (rz.AmbientLight(AMBIENT), light), ABOVE)
+    frame = rz.render(scene, FLOOR_SIZE, shading="phong", tolerance=tolerance, outputs=("color", "face"))
+    exact = reference.render(scene, FLOOR_SIZE, shading="phong").color
+    near = {step.unit: step.near for step in frame.stats.steps if "shadow" in step.cause}
+    assert near["texels of the shadow map"] == (taps + 1) / 2
+    shift = near.get("scene units beside that", 0.0)
+    assert (tolerance > 0) == (shift > 0)
+    texel = 8.5 / texels / np.sin(np.radians(50)) * (2 if kind == "point" else 1)  # on the floor, at most
+    is_wrong = np.abs(frame.color - exact).max(axis=-1) > frame.stats.error_bound
+    step_here = np.abs(np.diff(exact[..., 0], axis=0, prepend=exact[:1, :, 0])) > 0.02
+    step_here |= np.abs(np.diff(exact[..., 0], axis=1, prepend=exact[:, :1, 0])) > 0.02
+    step_here |= frame.face != np.roll(frame.face, 1, axis=0)
+    step_here |= frame.face != np.roll(frame.face, 1, axis=1)
+    reach = int(np.ceil((near["texels of the shadow map"] * texel * 2**0.5 + shift) * 100)) + 1
+    far = is_wrong & ~is_at_edge(step_here, reach)
+    assert is_wrong.any() and not far.any(), f"{far.sum()} of {is_wrong.sum()} pixels are further than {reach} px away"
+
+
 # ── who casts, and on what ──────────────────────────────────────────────────────────────────────────────
 
 
