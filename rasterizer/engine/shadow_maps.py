@@ -13,6 +13,7 @@ from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.gradients import IN_ENTRIES
+from ..pipeline.outcodes import find_seen
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
@@ -25,7 +26,7 @@ from .light_table import entry_of, is_carried, shadow_of
 from .passes import shadow_map_pass
 from .plan import Plan
 from .rounding import DOUBLE, SINGLE
-from .shadow_views import MapViews, choose_views, corners_of, find_seen, map_side, reaches
+from .shadow_views import MapViews, border_planes, choose_views, corners_of, map_side, reaches
 
 MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow_lookup.py
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
@@ -155,7 +156,8 @@ def draw_shadow_map(
             continue
         geometry = casters.geometry
         if len(maps.views) > 1:
-            seen = find_seen(geometry.positions, geometry.vertex, light_view, projection, size)
+            planes = border_planes(light_view, projection, size)
+            seen = find_seen(geometry.positions, geometry.vertex, light_view.eye, planes)
             geometry = _some_faces(geometry, seen)
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
         coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=(), has_shadows=False), screen, 0.0)

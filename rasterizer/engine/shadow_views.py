@@ -119,27 +119,26 @@ def reaches(light: Any, beam: Beam, corners: NDArray[np.float64]) -> bool:
     return bool(within.any())
 
 
-def find_seen(positions: NDArray, vertex_idx: NDArray, view: View, projection: Projection, side: int) -> NDArray:
-    """Find the triangles that a map with perspective may show, (n,) indices in order.
+def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.float64]:
+    """Return the planes that bound what a map with perspective may show, (5, 3) normals: see pipeline/outcodes.py.
 
-    Not those whose vertices all lie behind the light, or all more than a texel beyond the same border of the map: no
-    rounding of vertices to 1/256 of one brings them back.
+    What lies behind the light, or more than a texel beyond a border of the map: no rounding of vertices to 1/256 of one
+    brings it back. A texel's column is center_x + scale_x·across/depth.
 
     Parameters
     ----------
-    positions : (3, n_vertex) float64, world space, scene units
-    vertex_idx : (3, n_face) uint32
     side : texels a side of the map
     """
-    right, up, forward = (axis @ positions - axis @ view.eye for axis in (view.right, view.up, view.forward))
-    x, y = projection.scale_x * right + projection.center_x * forward, projection.center_y * forward
-    y -= projection.scale_y * up
-    furthest = (side + 1.0) * forward
-    outside = (forward < 0.0).astype(np.uint8)
-    for bit, is_beyond in enumerate((x < -forward, x > furthest, y < -forward, y > furthest)):
-        outside |= is_beyond.astype(np.uint8) << np.uint8(bit + 1)
-    first, second, third = vertex_idx
-    return np.flatnonzero((outside[first] & outside[second] & outside[third]) == 0)
+    across, upward = projection.scale_x * view.right, -projection.scale_y * view.up
+    return np.stack(
+        [
+            view.forward,
+            across + (projection.center_x + 1.0) * view.forward,
+            -across + (side + 1.0 - projection.center_x) * view.forward,
+            upward + (projection.center_y + 1.0) * view.forward,
+            -upward + (side + 1.0 - projection.center_y) * view.forward,
+        ]
+    )
 
 
 def _look(origin, forward) -> View:
