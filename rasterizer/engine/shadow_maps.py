@@ -13,7 +13,7 @@ from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.a_buffer import Opacity
 from ..pipeline.gradients import IN_ENTRIES
-from ..pipeline.outcodes import find_seen
+from ..pipeline.outcodes import list_seen_faces
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
@@ -149,24 +149,24 @@ def draw_shadow_map(
     texels = block[lookup.HEADER :].reshape(-1, size, size)
     _write_header(block, maps, light.shadow, plan)
     nothing = np.empty((1, casters.geometry.positions.shape[1], 0), np.float32)
-    place = 0
+    layer = 0
     for row, (light_view, projection), is_needed in zip(_map_rows(block), maps.views, maps.is_needed, strict=True):
         if not is_needed:
-            row[lookup.PLACE] = -1
+            row[lookup.LAYER] = -1
             continue
         geometry = casters.geometry
         if len(maps.views) > 1:
             planes = border_planes(light_view, projection, size)
-            seen = find_seen(geometry.positions, geometry.vertex, light_view.eye, planes)
+            seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
             geometry = _some_faces(geometry, seen)
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
         coding = make_coding(plan._replace(coding=IN_ENTRIES, lights=(), has_shadows=False), screen, 0.0)
-        render_pass = shadow_map_pass(nothing, coding, screen, texels[place])
+        render_pass = shadow_map_pass(nothing, coding, screen, texels[layer])
         draw(geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
         _write_view(row, light_view, projection, MAP_ROUNDING * _value_range(screen, coding))
         row[lookup.SLACK] = _slack(projection, size, plan)
-        row[lookup.PLACE] = place
-        place += 1
+        row[lookup.LAYER] = layer
+        layer += 1
     return ShadowMap(block, maps.origin)
 
 

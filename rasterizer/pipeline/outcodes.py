@@ -15,7 +15,7 @@ from ..geometry.vectors import dot, subtract, vector_of_column
 MOST_PLANES = 8  # bits of an outcode
 
 
-def find_seen(positions: NDArray, vertex_idx: NDArray, eye: NDArray, planes: NDArray) -> NDArray[np.uint32]:
+def list_seen_faces(positions: NDArray, vertex_idx: NDArray, eye: NDArray, planes: NDArray) -> NDArray[np.uint32]:
     """Find the triangles that don't lie beyond one plane as a whole, (n,) indices in order.
 
     Parameters

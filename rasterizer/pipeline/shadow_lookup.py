@@ -32,7 +32,7 @@ e before its plane has a limit that is off by m e/|c|. Counted in u L, that is i
     10   the distance from the plane: n·P 5 (n, products, two sums, the plane's offset), two moves 3, subtracting O 2
     15   the point's own 1/w or depth: 5 (axis, products, two sums, division) of m², or of m; and m <= 3/|c|, because a
          map reaches 63 degrees from its axis at most, where |X| = 3 w
-     6   its place on the map, likewise 4, along both axes: 4·√2, times the slopes n·R/c and n·U/c
+     6   its position on the map, likewise 4, along both axes: 4·√2, times the slopes n·R/c and n·U/c
      4   the limit, a sum of three terms (3), and the texel's own rounding
 
 That is ROUNDINGS = 35. What an error e of the normal, SLOPE_ERROR a tap, changes in the slopes is e/(|c| scale) and
@@ -58,7 +58,7 @@ from .visibility import CLEAR, PAYLOAD_BITS, clear
 N_MAP, SIZE, FILTER, IS_PERSPECTIVE, ORIGIN, POSITION_ROUNDING, NORMAL_ERROR, MAPS = 0, 1, 2, 3, 4, 7, 8, 9
 # A map's block: its axes, unit length; scale and centre, texels; how far its values are rounded; how many texels the
 # limit is raised by, times the slopes; which of the blocks of texels is its own, or -1 where nothing is to be seen.
-RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, SLACK, PLACE = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15
+RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, SLACK, LAYER = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15
 N_MAP_COLUMN = 16
 HEADER = MAPS + 6 * N_MAP_COLUMN
 ROUNDINGS = 35
@@ -93,7 +93,7 @@ def occlude(batch, n, shadow_map):
     if n_map == 1:
         look_up(batch, header, texels, 0, index(0), n)
         return
-    find_cube_faces(batch, n)
+    compute_cube_faces(batch, n)
     start = index(0)
     while start < n:  # neighbouring points look at the same map
         face, end = batch[CUBE_FACE + start], start + index(1)
@@ -116,7 +116,7 @@ def move_points(batch, header, n):
 
 
 @helper
-def find_cube_faces(batch, n):
+def compute_cube_faces(batch, n):
     """Fill the face of a cube round the light behind which a point lies: +x, -x, +y, -y, +z, -z."""
     real = batch.dtype.type
     zero, one, two, four = real(0), real(1), real(2), real(4)
@@ -152,11 +152,11 @@ def look_up(batch, header, texels, number, start, end):
     """Multiply STRENGTH of the points start..end by the part of the texels about each in map `number` whose surface
     doesn't lie before the point's plane."""
     size, n_tap = np.int64(header[SIZE]), np.int64(header[FILTER])
-    place = np.int64(header[MAPS + N_MAP_COLUMN * number + PLACE])
-    if place < 0:
+    layer = np.int64(header[MAPS + N_MAP_COLUMN * number + LAYER])
+    if layer < 0:
         return  # nothing is to be seen there, so nothing is in the way
     compute_limits(batch, read_view(header, number), size, n_tap >> 1, start, end)
-    first = index(HEADER + place * size * size)
+    first = index(HEADER + layer * size * size)
     if n_tap == 1:
         gather_texels(batch, texels, first, start, end)
         compare(batch, start, end)
@@ -244,7 +244,7 @@ def compute_limits(batch, view, size, radius, start, end):
 
 @helper
 def gather_texels(batch, texels, first, start, end):
-    """Fill TEXEL; `first` is the number of the texel in the place of texel 0.
+    """Fill TEXEL; `first` is the number of the map's texel 0.
 
     A loop of its own: the compiler can't know that texels are no part of the batch, and would make no vector
     instructions of what else stands in it.

@@ -10,7 +10,7 @@ from helpers.pinhole import QUAD, octasphere, unit
 import rasterizer as rz
 from rasterizer.engine.light_table import Beam, entry_of
 from rasterizer.engine.shadow_views import CUBE, choose_views, corners_of, map_side, reaches
-from rasterizer.pipeline.shadow_lookup import MAPS, N_MAP_COLUMN, PLACE
+from rasterizer.pipeline.shadow_lookup import LAYER, MAPS, N_MAP_COLUMN
 from rasterizer.scene.camera import View
 
 FLOOR = rz.Mesh([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], QUAD)
@@ -72,14 +72,14 @@ def test_a_light_reaches_nothing_only_if_no_point_is_lit(kind):
 
 
 def drawn_maps(light, meshes=(FLOOR, BALL)):
-    """The places of the maps that are drawn of a light; None for none."""
+    """The layers of the maps that are drawn of a light; None for none."""
     with rz.Renderer(rz.Scene(meshes, light), 16, shading="phong") as renderer:
         renderer.render()
         (shadow_map,) = renderer._prepared.shadows._maps.values() or [None]
     if shadow_map is None:
         return None
     block = shadow_map.block
-    return [int(block[MAPS + N_MAP_COLUMN * k + PLACE]) for k in range(int(block[0]))]
+    return [int(block[MAPS + N_MAP_COLUMN * k + LAYER]) for k in range(int(block[0]))]
 
 
 def test_maps_that_matter_to_nothing_are_not_drawn():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rasterizer.engine.shadow_views import CUBE, _look, border_planes
-from rasterizer.pipeline.outcodes import MOST_PLANES, find_seen
+from rasterizer.pipeline.outcodes import MOST_PLANES, list_seen_faces
 from rasterizer.scene.camera import Projection
 
 
@@ -21,7 +21,7 @@ def test_a_triangle_is_left_out_only_if_it_shows_nothing(shift):
     half, n_out = side / 2, 0
     for forward in CUBE:
         view, projection = _look(origin, forward), Projection(half, half, half, half, True)
-        seen = find_seen(positions, np.ascontiguousarray(faces), origin, border_planes(view, projection, side))
+        seen = list_seen_faces(positions, np.ascontiguousarray(faces), origin, border_planes(view, projection, side))
         assert (np.diff(seen.astype(int)) > 0).all()
         is_out = np.ones(600, bool)
         is_out[seen] = False
@@ -39,6 +39,6 @@ def test_what_is_no_number_is_kept():
     positions = np.array([[np.nan, 1.0, 2.0, -5.0, -6.0, -7.0], np.zeros(6), np.zeros(6)])
     faces = np.array([[0, 3], [1, 4], [2, 5]], np.uint32)
     planes = np.tile([1.0, 0.0, 0.0], (MOST_PLANES, 1))
-    assert find_seen(positions, faces, np.zeros(3), planes).tolist() == [0]
+    assert list_seen_faces(positions, faces, np.zeros(3), planes).tolist() == [0]
     positions[0, 1:3] = -1.0
-    assert find_seen(positions, faces, np.zeros(3), planes).tolist() == [0]
+    assert list_seen_faces(positions, faces, np.zeros(3), planes).tolist() == [0]

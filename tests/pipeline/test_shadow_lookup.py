@@ -133,9 +133,9 @@ def naive_share(block, row):
     if block[lookup.N_MAP] == 6:
         number = 2 * axis + (from_light[axis] <= 0)
     view = block[lookup.MAPS + number * lookup.N_MAP_COLUMN :][: lookup.N_MAP_COLUMN]
-    if view[lookup.PLACE] < 0:
+    if view[lookup.LAYER] < 0:
         return 1.0, np.inf
-    texels = block[lookup.HEADER :].reshape(-1, size, size)[int(view[lookup.PLACE])]
+    texels = block[lookup.HEADER :].reshape(-1, size, size)[int(view[lookup.LAYER])]
     right, up, forward = (view[k : k + 3] for k in (lookup.RIGHT, lookup.UP, lookup.FORWARD))
     scale = np.array([view[lookup.SCALE_X], -view[lookup.SCALE_Y]])
     center = np.array([view[lookup.CENTER_X], view[lookup.CENTER_Y]])
