@@ -119,11 +119,11 @@ class PreparedScene:
     def color_pass(self, view, screen, plan, picture, clock, seen=None) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and the points of what is `seen` lit, before
         it."""
-        options, maps = self.options, ()
+        options, maps = self.options, dict.fromkeys(plan.dtypes, ())
         if self.shadows is not None:
-            maps = self.shadows.draw(view, self.workspaces, self.threads)
+            maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
             clock.lap("shadows")
-        lightings = {dtype: make_lighting(plan, view, dtype, maps, screen.is_perspective) for dtype in plan.dtypes}
+        lightings = {d: make_lighting(plan, view, d, maps[d], screen.is_perspective) for d in plan.dtypes}
         shared = {
             "coding": make_coding(plan, screen, options.tolerance),
             "size": options.size,
