@@ -15,7 +15,6 @@ from .float64_reasons import reasons_of
 from .rounding import SINGLE
 from .tint import common_tint
 
-
 MOST_TURNED = 2.0**-12  # radians: a normal's error where shadows are looked up
 
 
