@@ -136,8 +136,12 @@ def _rarer_scenes():
     lights = [spot, replace(spot, falloff=2.0), DirectionalLight((0, -1, -1), 0.5)]
     yield replace(plain, meshes=meshes, lights=lights, camera=far_away, depth_cue=10.0)
     yield replace(plain, meshes=meshes, lights=[AmbientLight(0.1), *lights])
-    brushed = Material(reflection="cook-torrance", roughness=(0.2, 0.5))
-    yield replace(plain, meshes=[replace(plain.meshes[0], uv=plain.meshes[0].vertices[:, :2], material=brushed)])
+    brushed = replace(papered[0], material=Material(reflection="cook-torrance", roughness=(0.2, 0.5)))
+    yield replace(plain, meshes=[brushed])
+    yield replace(plain, meshes=[brushed], lights=[sun])
+    # Float64 for some surfaces of a picture in float32.
+    for others in ([papered[0]], [brushed], [papered[0], brushed]):
+        yield replace(plain, meshes=[*plain.meshes, *others])
 
 
 def _scene(reflection, is_colored) -> Scene:

@@ -9,8 +9,9 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 `finish`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from ..pipeline.textured_shading import shade_textured
 from ..pipeline.textures import Textures
 from ..pipeline.texturing import Texturing
 from ..pipeline.transform import Screen
-from ..pipeline.workspace import Workspace, WorkspaceKind
+from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture
 from .attributes import NONE, Attributes
 from .output_buffers import BUFFER_TABLE
 from .plan import Plan
@@ -105,6 +106,13 @@ class Pass:
         raise NotImplementedError
 
 
+class RowSink(NamedTuple):
+    """Who takes a picture band by band, where it is never kept as a whole."""
+
+    write: Callable[[int, Picture], None]  # called with the first row, and the rows; by any thread
+    with_color: bool  # linear colours, too
+
+
 @dataclass(**AS_PASS)
 class ColorPass(Pass):
     """What the passes of a picture share: textures before the light, depth cueing after it, and the end in 8 bits."""
@@ -112,7 +120,8 @@ class ColorPass(Pass):
     plan: Plan
     screen: Screen
     encoding: Encoding
-    picture: Picture
+    picture: Picture  # written, unless there is a sink
+    sink: RowSink | None = None
     is_filled: bool = True
 
     @property
@@ -166,13 +175,23 @@ class ColorPass(Pass):
         raise NotImplementedError
 
     def finish(self, workspace, band, counts, is_opaque, loaded_face):
-        """Average the samples of each pixel, and write the picture's rows."""
+        """Average the samples of each pixel, and write the picture's rows, or hand them to the sink."""
+        y_start, y_end = band.y_start // self.factor, band.y_end // self.factor
         n_channel = self.n_channel_of(counts)
         a_buffer = None if is_opaque else workspace.a_buffer.of_channels(n_channel)
+        if self.sink is None:
+            return self._resolve(workspace, n_channel, a_buffer, (y_start, y_end), self.picture)
+        rows = make_picture((self.size[0], y_end - y_start), self.sink.with_color)
+        n_covered = self._resolve(workspace, n_channel, a_buffer, (0, y_end - y_start), rows)
+        self.sink.write(y_start, rows)
+        return n_covered
+
+    def _resolve(self, workspace, n_channel, a_buffer, rows, out: Picture) -> int:
+        """Write a band's pixels to the rows (start, end) of `out`; return how many samples are covered."""
         encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
         return resolve(
-            workspace.visibility, workspace.radiance[:n_channel], a_buffer, band.y_start // self.factor,
-            band.y_end // self.factor, self.factor, encoding, workspace.pixels, self.picture,
+            workspace.visibility, workspace.radiance[:n_channel], a_buffer, *rows,
+            self.factor, encoding, workspace.pixels, out,
         )  # fmt: skip
 
 

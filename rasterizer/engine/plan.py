@@ -19,14 +19,16 @@ from ..pipeline.texture_packing import PackedTextures, pack_textures
 from ..pipeline.textures import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import light_table
-from .error_bounds import WRITTEN, lighting_error
+from .error_bounds import WRITTEN, bound_highlights, lighting_error
 from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
 from .material_plans import Facts, MaterialPlans, plan_materials
+from .reach import is_black
 from .rounding import SINGLE
 from .spectral_products import Products, multiply_spectra
 from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
 from .tint import common_color, common_tint
 
+SAME_SIDE = 2.0  # |L + V| where the light is behind the viewer
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 
 
@@ -110,7 +112,9 @@ class Brightness(NamedTuple):
     greatest: Reflected  # amplified
     bound: float  # of any point, the colour of the depth cue included
     behind: float  # of the background, or of the colour of the depth cue
-    rounding: float  # of float32: what it may add to an intensity
+    rounding: float  # of float32: what it may add to an intensity, wherever lights, surfaces and the eye are
+    # (n_material,): the same in the best view: lights amplify nothing, and none is opposite to the eye
+    least_roundings: np.ndarray
 
 
 def make_plan(scene, options: Options, albedo, clearances=None, colored=None) -> Plan:
@@ -130,8 +134,7 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
     facts = gather_facts(scene, sources, albedo, colored)
     tint = choose_tint(facts.tints)
     brightness = bound_brightness(scene, sources, albedo, clearances)
-    written = WRITTEN * SINGLE * (brightness.behind + brightness.bound)
-    of_materials = plan_materials(sources, brightness.greatest, options, cue, facts, tint, written)
+    of_materials = plan_materials(sources, brightness, options, cue, facts, tint)
     is_single = not of_materials.is_double.all()
     n_channel, most_level = 3 if of_materials.is_colored.any() else 1, brightness.bound + brightness.rounding
     least = least_transmittance(options.tolerance, brightness.bound, is_single)
@@ -198,9 +201,10 @@ def choose_tint(tints) -> np.ndarray | None:
 
 
 def gather_sources(scene, options: Options) -> Sources:
-    """List lights and materials, those of an area light one by one; the exposure is included."""
+    """List lights and materials, those of an area light one by one, without black ones; the exposure is included."""
     ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
     lights = tuple(part for light in scene.lights for part in light_table.entry_of(light).expand(light))
+    lights = tuple(light for light in lights if not is_black(light))
     materials = number_materials(scene.meshes)[0]
     products = multiply_spectra(materials, lights, ambient_lights, options)
     if products is None and options.exposure != 0.0:
@@ -232,8 +236,10 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     most = compute_amplifications(sources.lights, clearances)
     greatest = reflected.amplified(most)
     bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
-    rounding = lighting_error(greatest, SINGLE) + WRITTEN * SINGLE * (behind + bound)
-    return Brightness(reflected, most, greatest, bound, behind, rounding)
+    rounding = lighting_error(greatest, SINGLE).max(initial=0.0) + WRITTEN * SINGLE * (behind + bound)
+    highlights = bound_highlights(reflected, SINGLE, SAME_SIDE)
+    least_roundings = lighting_error(reflected, SINGLE, highlights) + WRITTEN * SINGLE * (behind + reflected.bounds)
+    return Brightness(reflected, most, greatest, bound, behind, float(rounding), least_roundings)
 
 
 def check_brightness(bound) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ..geometry.points import gather_geometry
 from ..options import Options
-from ..pipeline.encode import encode_picture
+from ..pipeline.encode import encode_picture, with_blank
 from ..pipeline.threads import Workers
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
@@ -18,7 +18,7 @@ from .coding import make_coding, make_encoding, make_exact_coding
 from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
-from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
+from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
 from .uniforms import make_lighting
 from .view_plans import ViewPlan, ViewPlans
 
@@ -29,11 +29,31 @@ NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 class DrawnPicture(NamedTuple):
     """A picture, and what was done for it."""
 
-    rgba: NDArray[np.uint8]  # (height, width, 4)
+    rgba: NDArray[np.uint8]  # (height, width, 4); no rows where a sink has taken them
     color: NDArray[np.float32]  # (height, width, 3), linear; no rows where only bytes were asked for
     alpha: NDArray[np.float32]  # (height, width), the same
     counts: Counts
     view_plan: ViewPlan
+
+
+class Brightest:
+    """Find the largest component of the linear colours of a picture that is drawn band by band."""
+
+    def __init__(self) -> None:
+        self._of_bands: list[float] = []
+
+    def note(self, _y_start, rows) -> None:
+        """Look at some rows, a Picture."""
+        self._of_bands.append(float(rows.color.max()))
+
+    def scale(self) -> float:
+        """What brings the whole picture into the display's range."""
+        return scale_of(max(self._of_bands))
+
+
+def scale_of(brightest: float) -> float:
+    """What a picture whose largest component is `brightest` is multiplied by where its range is global."""
+    return 1.0 / max(1.0, brightest)
 
 
 class PreparedScene:
@@ -54,16 +74,30 @@ class PreparedScene:
 
         return Shadows(self.geometry, self.bounds, self.view_plans.plan)
 
-    def draw_picture(self, camera: Camera, clock) -> DrawnPicture:
-        """Draw the picture: the colour of every pixel. `clock` notes the milliseconds of each stage."""
+    def draw_picture(self, camera: Camera, clock, out=None, sink: RowSink | None = None) -> DrawnPicture:
+        """Draw the picture: the colour of every pixel.
+
+        Parameters
+        ----------
+        clock : Clock, which notes the milliseconds of each stage
+        out : (height, width) uint32, which takes the bytes; None = a new array
+        sink : who takes the rows as they are drawn, in any order; None = they are kept
+        """
         options, geometry, view = self.options, self.geometry, camera.view()
-        picture = make_picture(options.size, "color" in options.outputs or options.color_range == "global")
+        with_color, is_global = "color" in options.outputs, options.color_range == "global"
+        picture = make_picture((0, 0), False) if sink else make_picture(options.size, with_color or is_global, out)
         screen = screen_of(camera, view, options.size, options.factor, geometry, self.bounds)
         view_plan = self.view_plans.plan_for(view, screen)
         render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock)
+        if sink is not None and is_global:  # drawn twice: the brightest pixel must be known first
+            brightest = Brightest()
+            render_pass.sink = RowSink(brightest.note, True)
+            draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
+            render_pass.encoding = with_blank(render_pass.encoding._replace(scale=brightest.scale()))
+        render_pass.sink = sink
         counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
-        if options.color_range == "global":
-            encoding = render_pass.encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
+        if sink is None and is_global:
+            encoding = render_pass.encoding._replace(scale=scale_of(float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)

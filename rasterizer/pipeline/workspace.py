@@ -84,12 +84,15 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
     )
 
 
-def make_picture(size, with_color) -> Picture:
-    """Return room for a picture of `size` = (width, height) pixels; every pixel of it is written."""
+def make_picture(size, with_color, rgba=None) -> Picture:
+    """Return room for a picture of `size` = (width, height) pixels; every pixel of it is written.
+
+    `rgba` is what takes its bytes, (height, width) uint32, or None for a new array.
+    """
     width, height = size
     n_row = height if with_color else 0
     return Picture(
         np.empty((n_row, width, 3), np.float32),
-        np.empty((height, width), np.uint32),
+        np.empty((height, width), np.uint32) if rgba is None else rgba,
         np.empty((n_row, width), np.float32),
     )

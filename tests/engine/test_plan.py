@@ -17,7 +17,7 @@ from rasterizer.engine.error_bounds import Surroundings
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.view_plans import plan_of_view
 from rasterizer.geometry.points import gather_geometry
-from rasterizer.options import DEFAULT_TOLERANCE, Options
+from rasterizer.options import DEFAULT_TOLERANCE, MOST_PIXELS, Options
 from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, IN_PLANES, NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE
 from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
 from rasterizer.pipeline.visibility import LEVEL_MASK
@@ -434,7 +434,7 @@ def test_a_camera_inside_a_mesh_may_have_any_near_plane(near):
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.integers(1, 16384), st.integers(1, 16384), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
+@given(st.integers(1, MOST_PIXELS), st.integers(1, MOST_PIXELS), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
 def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread, factor):
     width, height = max(1, columns // factor) * factor, max(1, lines // factor) * factor
     rows = choose_band_rows(width, height, n_thread, factor)
@@ -449,6 +449,7 @@ def test_bands_of_usual_pictures():
     assert choose_band_rows(640, 480, 2, 1) == 60
     assert choose_band_rows(16384, 16384, 1, 1) == 8
     assert choose_band_rows(16384, 4, 8, 4) == 4
+    assert choose_band_rows(MOST_PIXELS, MOST_PIXELS, 64, 4) == 8
 
 
 def test_too_many_polygons_for_a_band_make_it_lower(monkeypatch):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.engine import draw
+from rasterizer.options import MOST_PIXELS
 from rasterizer.pipeline import cull, drawables, gradients, records, scan, setup, visibility
 from rasterizer.pipeline.gradients import IS_INVISIBLE, NEEDS_BEHIND
 from rasterizer.pipeline.scan import make_deferred
@@ -89,6 +90,19 @@ def test_the_thinnest_triangles_are_covered_exactly(bits):
     rng = np.random.default_rng(bits)
     triangles = [needle(rng, bits, SIZE) for _ in range(20)]
     assert assert_covered_exactly(triangles) >= 20
+
+
+@pytest.mark.parametrize("size", [(65536, 8), (8, 65536), (MOST_PIXELS, 2), (2, MOST_PIXELS)])
+def test_the_longest_pictures_are_covered_exactly(size):
+    """Triangles and slivers along the whole of the longest pictures, and beyond their ends."""
+    rng, box = np.random.default_rng(11), 256 * np.array(size)
+    soup = np.rint(rng.uniform(-0.3, 1.3, (6, 3, 2)) * box).astype(np.int64)
+    along = np.array([(0, 0), box, box // 2]) + np.array([1, 3, 60, 300])[:, None, None] * rng.integers(
+        -1, 2, (4, 3, 2)
+    )
+    through = np.array([-box, 2 * box, box // 3]) + rng.integers(-90, 91, (4, 3, 2))
+    for kind in (soup, soup // 128 * 128, along, through):
+        assert assert_covered_exactly(kind.clip(-LIMIT, LIMIT), size) > 1000
 
 
 def test_soup_drawn_at_once_shows_the_lowest_face_of_those_that_cover(monkeypatch):
