@@ -169,7 +169,7 @@ class NormalAttributes:
 
     def of_faces(self, view, screen) -> Attributes:
         """Normals of flat faces, towards the viewer, two sides: side 1 is reversed, because `write_normal` flips it."""
-        normals = self._geometry.normals.T
+        normals = np.ascontiguousarray(self._geometry.normals.T)  # as kernels take all attributes
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return NONE._replace(double=np.stack([toward, -toward]))

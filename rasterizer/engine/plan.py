@@ -1,8 +1,8 @@
 """The plan of a picture: what this scene needs, and nothing else.
 
-Found here, from the scene alone: one channel or three, float32 or float64, whether the entries of the visibility buffer
-may carry intensities, which functions are compiled. The bounds that justify a cheaper way stand beside the choice. What
-a view says is added later (view_plans.py).
+Found here, from the scene alone: how bright it may be, the colour that one channel is enough for, its textures and
+transparent surfaces, which functions are compiled. What each material needs, its channels, its type and its way to the
+samples, is found in material_plans.py. What a view says is added later (view_plans.py).
 """
 
 from dataclasses import replace

@@ -25,6 +25,7 @@ MOST_MESHES = 32
 MOST_KINDS = 16  # of materials, of a mesh and of all views
 SMALL_MAP = 16  # texels
 MOST_FACES = 4  # of a mesh of one material, without polygons
+STRETCHED = (0.0, 0.0), (2.0**20, 0.0), (0.0, 2.0**20)  # texture coordinates of corners
 DISTANCE = 5.0  # of the furthest point from a camera that shows the whole scene, half diagonals
 _ATTRIBUTES = "normals", "uv", "colors", "face_colors", "smoothing", "face_material", "polygons"
 
@@ -81,7 +82,10 @@ def _with_small_texture(material: Material) -> Material:
 
 def sample_mesh(mesh: Mesh) -> Mesh:
     """Return a mesh of a few faces: the first ones with an area, those of a polygon that has several, and the fattest
-    one of each kind of material."""
+    one of each kind of material.
+
+    If it has a texture, there is a face twice, once with texture coordinates that float32 has no digits for.
+    """
     fatness = _fatness_of(mesh.vertices, mesh.faces)
     has_area = fatness > 0.0
     has_area |= not has_area.any()  # too thin for a number: then any face will do
@@ -90,9 +94,14 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         numbers, counts = np.unique(mesh.polygons, return_counts=True)
         several = np.flatnonzero(np.isin(mesh.polygons, numbers[counts > 1][:1]))
         chosen += several[: MOST_FACES * MOST_FACES].tolist()
-    chosen += [face for face, _ in _faces_of_kinds(mesh, fatness)]
-    faces = np.unique(chosen)
+    kinds = [face for face, _ in _faces_of_kinds(mesh, fatness)]
+    stretched = [face for face in kinds if _material_of(mesh, face).texture is not None][:1]
+    faces = np.array([*np.unique(chosen + kinds), *stretched])
     vertices, corners = np.unique(mesh.faces[faces], return_inverse=True)
+    corners = corners.reshape(-1, 3).astype(np.uint32)
+    if stretched:  # a face of its own
+        corners[-1] = np.arange(3) + len(vertices)
+        vertices = np.append(vertices, mesh.faces[stretched])
     palette = tuple(map(_with_small_texture, mesh.palette))
     changes: dict[str, Any] = {"material": palette[0], "materials": palette if mesh.materials is not None else None}
     for name in _ATTRIBUTES:
@@ -100,7 +109,17 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         if array is not None:
             of_vertices = name in ("normals", "uv", "colors") and array.ndim == 2
             changes[name] = array[vertices if of_vertices else faces]
-    return replace(mesh, vertices=mesh.vertices[vertices], faces=corners.reshape(-1, 3).astype(np.uint32), **changes)
+    if stretched:
+        uv = changes["uv"]
+        uv.reshape(-1, 2)[-3:] = STRETCHED
+        if "polygons" in changes:
+            changes["polygons"][-1] = changes["polygons"].max() + 1
+    return replace(mesh, vertices=mesh.vertices[vertices], faces=corners, **changes)
+
+
+def _material_of(mesh: Mesh, face: int) -> Material:
+    """Return the material of a face."""
+    return mesh.palette[0 if mesh.face_material is None else int(mesh.face_material[face])]
 
 
 def _fatness_of(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
