@@ -121,6 +121,7 @@ def _rarer_scenes():
         clear = [replace(mesh, material=replace(mesh.material, opacity=0.5)) for mesh in scene.meshes]
         yield replace(scene, meshes=[*clear, scene.meshes[0]])
         yield replace(scene, lights=[sun, lamp])
+        yield replace(scene, lights=[sun])  # float32 will do
     for opacity in (0.5, 1.0):
         look = Material(texture=checks, opacity=opacity)
         papered = [replace(mesh, uv=mesh.vertices[:, :2], material=look) for mesh in plain.meshes]

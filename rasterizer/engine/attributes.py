@@ -24,7 +24,7 @@ class Attributes(NamedTuple):
 NONE = Attributes(np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)))
 
 
-def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> Attributes:
+def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads, runs=None) -> Attributes:
     """Evaluate the illumination equation at all points, before they are drawn.
 
     Parameters
@@ -32,6 +32,7 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     lightings : {dtype: Lighting}, for each of the plan's types
     n_side : 1, or 2 where normals may have to be flipped: side 1 has the intensities of flipped normals
     normal_offsets : (n_point,) float64, scene units, see pipeline/shadow_lookup.py; empty where no light casts shadows
+    runs : list of (start, end), the points that are needed, ascending; the others may be left unset. None for all
 
     Returns
     -------
@@ -45,7 +46,7 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
 
     def light_here(geometry, chosen):
         return {
-            dtype: light(geometry, plan, lightings[dtype], screen, n_side, normal_offsets, threads, chosen[dtype])
+            dtype: light(geometry, plan, lightings[dtype], screen, n_side, normal_offsets, threads, chosen[dtype], runs)
             for dtype in lit
         }
 
@@ -96,22 +97,23 @@ def list_groups(geometry) -> list[Group]:
     return [Group(*group) for group in zip(geometry.group_material.tolist(), offsets[:-1], offsets[1:], strict=True)]
 
 
-def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups) -> np.ndarray:
+def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups, runs=None) -> np.ndarray:
     """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
     dtype, needs = lighting.materials.dtype, plan.of_materials.needs
     n_channel = 3 if any(needs[group.material] & NEEDS_COLORS for group in groups) else 1
     intensities = np.zeros((n_side, geometry.points.shape[1], n_channel), dtype)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
+    runs = [(0, geometry.points.shape[1])] if runs is None else runs
     for material, start, end in groups:
+        needed = [(max(first, start), min(last, end)) for first, last in runs if first < end and start < last]
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
 
-            def light_part(part, material=material, start=start, sign=sign, out=out):
-                batch = make_batch(dtype)
-                light_points(points, start + part[0], start + part[1], screen, sign, lighting, material, batch, out)
+            def light_part(part, material=material, sign=sign, out=out):
+                light_points(points, *part, screen, sign, lighting, material, make_batch(dtype), out)
 
-            threads.map(light_part, threads.ranges(end - start))
+            threads.map(light_part, threads.divide(needed))
     return intensities
 
 

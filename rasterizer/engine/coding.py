@@ -33,6 +33,7 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
     left, brightest = np.maximum(0.0, tolerance - of_materials.roundings), max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:
         needs_distance = any(entry_of(light).function(light).needs_position for light in plan.lights)
+        needs_distance = needs_distance or plan.has_shadows
         has_albedo = (of_materials.needs & NEEDS_ALBEDO) != 0
         of_textures = left - np.where(has_albedo, tolerance / 2, tolerance / 4)
         albedo_tolerance = float(tolerance / 4 / brightest)

@@ -54,6 +54,7 @@ class Surroundings(NamedTuple):
     deepness: float = 0.0  # the furthest depth over the nearest one that is seen; 0 without perspective
     eye_distances: ArrayLike = np.inf  # (n_light,): of each light from the eye; inf where that is not known
     least_sums: ArrayLike = 0.0  # (n_material, n_light): |L + V| is nowhere less; 0 where that is not known
+    shadow_shift: float = 0.0  # scene units: how far float32 moves what shadows are asked for, see shadow_views.py
 
     def rounded(self) -> "Surroundings":
         """Return the same, lengths rounded to an eighth of an octave and |L + V| to an eighth, to the unsafe side.
@@ -68,12 +69,16 @@ class Surroundings(NamedTuple):
         if np.isinf(clearances).all() and 2.0**-30 < furthest < 2.0**50:
             furthest = 1.0
         deepness = 2.0 ** math.ceil(math.log2(self.deepness)) if self.deepness > 2.0**20 else 0.0
+        shift = self.shadow_shift
+        if 0.0 < shift < math.inf:
+            shift = 2.0 ** (math.ceil(8.0 * math.log2(shift)) / 8.0)
         return self._replace(
             furthest=furthest,
             clearances=clearances,
             deepness=deepness,
             eye_distances=eye_distances,
             least_sums=np.floor(8.0 * np.asarray(self.least_sums)) / 8.0,
+            shadow_shift=shift,
         )
 
     def kept(self) -> "Surroundings":
@@ -85,7 +90,7 @@ class Surroundings(NamedTuple):
     def key(self) -> tuple:
         """Return what tells the surroundings of two views apart."""
         arrays = (np.asarray(values) for values in (self.clearances, self.eye_distances, self.least_sums))
-        return self.furthest, self.deepness, *(values.tobytes() for values in arrays)
+        return self.furthest, self.deepness, self.shadow_shift, *(values.tobytes() for values in arrays)
 
 
 def frame_error(reflected: Reflected, surroundings: Surroundings, u: float) -> NDArray[np.float64]:
@@ -240,8 +245,7 @@ def list_steps(plan: Any, surroundings: Surroundings) -> tuple[Step, ...]:
     u = SINGLE if plan.dtype == np.float32 else DOUBLE
     steps = _material_steps(plan, u)
     steps += [step for light in plan.lights for step in light_table.entry_of(light).steps(light, u)]
-    if plan.has_shadows:
-        steps.append(Step("the edge of a shadow", 1.0, "texels of the shadow map"))
+    steps += _shadow_steps(plan, surroundings)
     if any(m.texture is not None and m.texture.filter == "nearest" for m in plan.materials):
         steps.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
     least = LEAST_SHARE * surroundings.furthest
@@ -250,6 +254,27 @@ def list_steps(plan: Any, surroundings: Surroundings) -> tuple[Step, ...]:
     if surroundings.is_lit_per_sample and surroundings.shortest < LEAST_NORMAL:
         steps.append(Step("an interpolated normal without length", LEAST_NORMAL, "of its length"))
     return tuple(dict.fromkeys(steps))  # each cause once
+
+
+def _shadow_steps(plan, surroundings) -> list[Step]:
+    """The edges of shadows, whose exact ones are those of rays from the lights.
+
+    A point is compared with texels whose centres lie within half the filter of it, along each axis of the map; the
+    map's vertices are rounded to a 512th of a texel, float32 moves a point by `shadow_shift`. So what rises from the
+    surface towards the light, as a wall does from a floor, hides that much of it. What lies before the surface by less
+    than its depth changes over a texel isn't seen; nor what a normal offset carries the point across
+    (pipeline/shadow_lookup.py).
+    """
+    taps = [light_table.shadow_of(light).filter for light in plan.lights if light_table.shadow_of(light) is not None]
+    if not taps:
+        return []
+    cause = "the edge of a shadow, or a fold towards its light"
+    steps = [Step(cause, (max(taps) + 1) / 2, "texels of the shadow map")]
+    if plan.dtype == np.float32:
+        steps.append(Step("the edge of a shadow in float32", surroundings.shadow_shift, "scene units beside that"))
+    unit = "times what the surface's depth changes by over a texel, and its normal offset"
+    steps.append(Step("what casts a shadow next to the surface", 1.0, unit))
+    return steps
 
 
 def _material_steps(plan, u) -> list[Step]:

@@ -35,8 +35,6 @@ def reasons_of(
         "rounding beyond half of the tolerance": not rounding <= tolerance / 2,
         "lights without bound": not np.isfinite(bound),
         "numbers of lights beyond float32": not are_single(lights),
-        # Next to a step no error is small: the edges of shadows.
-        "shadows": any(light_table.shadow_of(light) is not None for light in lights),
         reflection_table.entry_of(material).reason_for_float64(material): True,
     }
     reasons |= dict.fromkeys(of_picture, True)

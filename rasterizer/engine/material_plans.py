@@ -15,6 +15,8 @@ from .float64_reasons import reasons_of
 from .rounding import SINGLE
 from .tint import common_tint
 
+MOST_TURNED = 2.0**-12  # radians: a normal's error where shadows are looked up
+
 
 class MaterialPlans(NamedTuple):
     """A row for each material."""
@@ -86,7 +88,10 @@ def plan_materials(
     # Depth cueing reads depths from exact records.
     of_picture = {"depth cueing": cue is not None, "spectra": bool(sources.products)}
     of_picture = [reason for reason, holds in of_picture.items() if holds]
-    normal_limits = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * np.maximum(greatest.turn_slopes, 1e-30))
+    angles = options.tolerance / 4 / np.maximum(greatest.turn_slopes, 1e-30)
+    if sources.has_shadows:  # they depend on normals, however dim the lights are
+        angles = np.minimum(angles, MOST_TURNED)
+    normal_limits = angles / (np.sqrt(3.0) * SINGLE)
     ways, needs, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(materials):
         bound = greatest.bounds[k]

@@ -245,7 +245,7 @@ class ShadowMapPass(Pass):
     """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
 
     depth: tuple[float, float]  # what a texel's depth is found from: offset and scale
-    texels: np.ndarray  # (n, n) float64, written
+    texels: np.ndarray  # (n, n) float32 or float64, written
 
     def finish(self, workspace, band, counts, is_opaque, loaded_face):
         """Write the texels' depths."""
@@ -254,7 +254,7 @@ class ShadowMapPass(Pass):
 
 
 def shadow_map_pass(coding, screen, texels) -> ShadowMapPass:
-    """Return the pass that draws a shadow map; `texels` is (n, n) float64, written."""
+    """Return the pass that draws a shadow map; `texels` is (n, n) float32 or float64, written."""
     depths = coding.depths
     depth = (depths.inv_w_offset, depths.inv_w_scale)
     if not screen.is_perspective:

@@ -1,7 +1,7 @@
 """The plan for each view: float64 where float32 has too few digits for it, and the error bound that holds there."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ class ViewPlans:
         self._scene, self._options, self._geometry, self._bounds = scene, options, geometry, bounds
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
+        self._shadow_precision: Any = None  # made where it is needed first
         self._colored = find_colored(geometry, len(number_materials(scene.meshes)[0]))
         self.plan = make_plan(scene, options, geometry.albedo, colored=self._colored)
         self._lit_points = LitPoints(geometry, len(self.plan.materials), self.plan.lights, self.plan.is_lit_per_sample)
@@ -98,7 +99,18 @@ class ViewPlans:
             deepness=deepness,
             eye_distances=eye_distances(lights, view),
             least_sums=least_sums,
+            shadow_shift=self._shadow_shift(view),
         )
+
+    def _shadow_shift(self, view) -> float:
+        """How far float32 moves what shadows are asked for, scene units; infinite where it can't be taken."""
+        if not self.plan.has_shadows or self.plan.of_materials.is_double.all():
+            return 0.0
+        if self._shadow_precision is None:
+            from .shadow_views import Precision
+
+            self._shadow_precision = Precision(self.plan, self._bounds)
+        return self._shadow_precision.shift(view)
 
 
 def find_colored(geometry, n_material) -> NDArray[np.bool_]:
@@ -124,7 +136,7 @@ def plan_of_view(plan: Plan, tolerance, surroundings: Surroundings) -> Plan:
     if not is_double.all():
         of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
         lengths = [surroundings.furthest, *of_positions.tolist()]
-        is_lost = not all(SMALL <= length <= LARGE for length in lengths)
+        is_lost = not all(SMALL <= length <= LARGE for length in lengths) or not np.isfinite(surroundings.shadow_shift)
         is_lost = is_lost or bool((compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any())
         is_lost = is_lost or (surroundings.is_lit_per_sample and surroundings.shortest <= 0.0)
         lost = ~is_double & (is_lost | ~(roundings <= tolerance / 2))

@@ -16,6 +16,7 @@ from ..compiler.kernels import helper, index, spelled_out
 from ..compiler.widths import PLANE_GROUP
 from . import setup as s
 from .planes import LEAST_INVERSE, compute_plane, inverse_ratios, values_at
+from .simd import record_number
 from .texture_packing import PackedTextures, texture_error
 from .textures import WRAP_CLAMP, WRAP_MIRROR
 
@@ -113,13 +114,13 @@ def gather_slopes(entries, group, out, start, stride):
 
     Parameters
     ----------
-    entries : (n,) int64, which hold indices of records
-    group : simd.PlaneGroup of float32; its scale counts for nothing
+    entries : (n,) int64; of those without the index of a record, the slopes of record 0
+    group : simd.PlaneGroup
     out : float32, of any shape; counted through from `start` on, a row a slope, `stride` apart, both uint64
     """
     out, numbers = out.reshape(-1), group.numbers
     for k in range(len(entries)):
-        record = (entries[k] & group.record_mask) << np.int64(group.shift)
+        record = record_number(entries[k], group)
         for i in range(2 * (PLANE_GROUP - 1)):
             part = i // (PLANE_GROUP - 1)
             source = record + np.int64(group.column) + PLANE_GROUP + part + i  # leaves the fourth plane out

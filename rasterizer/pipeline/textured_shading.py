@@ -28,7 +28,7 @@ from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of,
 from .shade import fill_weights
 from .simd import evaluate_values
 from .texturing import fill_texels
-from .visibility import IS_ID, is_exact, record_of, stretch_of, strip_of
+from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
 
 REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
 
@@ -68,9 +68,11 @@ def run_of_texture(entries, band):
     """Return the length of a run of samples, and the one textured material that it shows; -1 where it shows none."""
     material = np.int64(-1)
     for k in range(index(len(entries))):
-        if entries[k] & IS_ID:
-            here = material_of(entries[k], band.records)
-            here = here if band.coding.needs[here] & NEEDS_TEXTURE else np.int64(-1)
+        if entries[k] < CLEAR:  # samples that show nothing belong to any run: their entries read as record 0
+            here = np.int64(-1)
+            if entries[k] & IS_ID:
+                here = material_of(entries[k], band.records)
+                here = here if band.coding.needs[here] & NEEDS_TEXTURE else np.int64(-1)
             if here != material:
                 if k > 0:
                     return np.int64(k), material

@@ -138,7 +138,7 @@ def evaluate_plainly(entries, group, x, y, out, start, stride, weights=None):
     out, whole, real = out.copy(), numbers.view(np.int32), np.float32
     for k in range(len(entries)):
         record = int(entries[k]) & int(group.record_mask)
-        if weights is not None and not int(entries[k]) >> ID_BIT & 1:
+        if not int(entries[k]) >> ID_BIT & 1:
             record = 0
         record <<= shift
         across, down = real(x + k - int(whole[record + 1])), real(y - int(whole[record + 2]))
@@ -194,11 +194,13 @@ def assert_written(out, expected, start, stride, n):
 
 @pytest.mark.parametrize("way", EVALUATIONS, ids=WAYS)
 @pytest.mark.parametrize("column, n_unit", [(4, 1), (4, 2), (16, 3)])
+@pytest.mark.parametrize("has_others", [False, True])
 @pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
-def test_planes_are_those_of_plain_python(n, column, n_unit, way):
+def test_planes_are_those_of_plain_python(n, has_others, column, n_unit, way):
+    """Also of entries that hold intensities, or nothing: these read record 0, whatever their bits say."""
     rng = np.random.default_rng(n)
     group = plane_group(random_records(rng, n_unit), RECORD_MASK, UNIT_SHIFT - 1, column)
-    entries = random_entries(rng, 128, n_unit, False)[:n]
+    entries = random_entries(rng, 128, n_unit, has_others)[:n]
     out, stride = np.full(4 * 160 + 8, 7, np.float32), 160
     expected = evaluate_plainly(entries, group, 1900, 33, out, 5, stride)
     way(entries, group, np.int64(1900), np.int64(33), out, np.uint64(5), np.uint64(stride))

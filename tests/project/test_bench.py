@@ -72,7 +72,7 @@ def test_features(capsys):
     costs = {row["feature"]: row for row in rows if "feature" in row}
     assert set(costs) == set(features.list_features()) and all(row["ms"] > 0 for row in costs.values())
     assert costs["plain"]["ns_more"] is None and costs["plain"]["dtype"] == "float32"
-    assert costs["shadow, look-up"]["dtype"] == "float64"
+    assert costs["shadow, look-up"]["dtype"] == costs["shadow, six maps"]["dtype"] == "float32"
     maps = [row for row in rows if "light" in row]
     assert [row["triangles"] for row in maps] == [12, 12] and all(row["ms_1"] > 0 and row["ms_2"] > 0 for row in maps)
 

@@ -69,6 +69,7 @@ IN_FUNCTIONS = {
     ("compiler.store", "pwd"): "not on every platform",
     ("engine.prepared_scene", "engine.shadow_maps"): "only scenes with shadows need it",
     ("engine.reflection_table", "engine.mirror_bounds"): "only Cook-Torrance's mirrors need it",
+    ("engine.view_plans", "engine.shadow_views"): "as engine.shadow_maps",
     ("engine.spectral_products", "scene.spectrum"): "its tables are for scenes with spectra",
     ("frame", "PIL"): "heavy: a frame that is only read as arrays does without it",
     ("frame", "io.tiff"): "only TIFF files need it",
