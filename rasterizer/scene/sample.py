@@ -34,13 +34,13 @@ def sample_scene(scene: Scene) -> Scene:
     """Return a scene of a few faces that is drawn in the same way: meshes of every kind there is, faces of every kind
     of material."""
     met: set[object] = set()
-    meshes = []
+    meshes: tuple[Mesh, ...] = ()
     for mesh in scene.meshes:
         given = tuple(getattr(mesh, name) is None for name in _ATTRIBUTES)
         kinds = {(given, mesh.weighting, mesh.crease_angle is None), *map(kind_of, mesh.palette)}
         if not kinds <= met and len(meshes) < MOST_MESHES:
             met |= kinds
-            meshes.append(sample_mesh(mesh))
+            meshes = (*meshes, sample_mesh(mesh))
     camera = None
     if scene.camera is not None and not scene.camera.is_perspective:
         camera = replace(scene, meshes=meshes, camera=None).camera_for((SIZE, SIZE))
@@ -50,7 +50,8 @@ def sample_scene(scene: Scene) -> Scene:
 
 def kind_of(material: Material) -> tuple[object, ...]:
     """Return what decides how samples of a material are computed; of numbers that are their powers of two."""
-    specular, fresnel, roughness = material.specular, material.fresnel, material.roughness
+    specular, roughness = material.specular, material.roughness
+    fresnel: Any = material.fresnel
     brightest = np.max([material.ambient, material.diffuse, specular, material.emissive])
     numbers = material.shininess, brightest, *np.atleast_1d(roughness)
     return (
@@ -97,8 +98,8 @@ def sample_mesh(mesh: Mesh) -> Mesh:
     kinds = [face for face, _ in _faces_of_kinds(mesh, fatness)]
     stretched = [face for face in kinds if _material_of(mesh, face).texture is not None][:1]
     faces = np.array([*np.unique(chosen + kinds), *stretched])
-    vertices, corners = np.unique(mesh.faces[faces], return_inverse=True)
-    corners = corners.reshape(-1, 3).astype(np.uint32)
+    vertices, inverse = np.unique(mesh.faces[faces], return_inverse=True)
+    corners = inverse.reshape(-1, 3).astype(np.uint32)
     if stretched:  # a face of its own
         corners[-1] = np.arange(3) + len(vertices)
         vertices = np.append(vertices, mesh.faces[stretched])
@@ -201,4 +202,5 @@ def _beside(camera: Camera, distance: float) -> Camera:
     eye, target = np.array(camera.position), np.array(camera.target)
     along = (eye - target) / np.abs(eye - target).max()
     aside = 10.0 * distance * np.cross(along, np.eye(3)[np.abs(along).argmin()])
-    return replace(camera, position=eye + aside, target=target + aside)
+    changes: dict[str, Any] = {"position": eye + aside, "target": target + aside}
+    return replace(camera, **changes)
