@@ -30,7 +30,7 @@ def test_a_sample_of_every_kind_of_scene_is_small_and_can_be_drawn(name):
 
 
 # Where rounding takes half of the tolerance, a view decides whether float32 will do: none of these is such a scene.
-NAMES = ("grey, one channel", "transparent and textured", "shadows", "texture, bilinear", "four samples")
+NAMES = ("grey, one channel", "transparent and textured", "texture, bilinear", "four samples")
 CLIPPING = {"search_nearest", "find_crossing", "clip_faces"}  # what the whole scene needs and its sample may not
 
 
