@@ -64,6 +64,8 @@ def list_features() -> dict:
     features["spectrum, 81 samples"] = (scene_of(), {"spectral": 81}, 1)
     features["shadow, look-up"] = (scene_of(lights=(replace(SUN, shadow=True),)), {}, 1)
     features["shadow, filter 3"] = (scene_of(lights=(replace(SUN, shadow=rz.Shadow(filter=3)),)), {}, 1)
+    lamp = rz.PointLight((0, 0, -0.5), 0.1, (1, 0.01, 0), shadow=True)
+    features["shadow, six maps"] = (scene_of(lights=(SUN, lamp)), {}, 1)
     for n_layer in (1, 4):
         features[f"layers, {n_layer}"] = (scene_of(replace(LOOK, opacity=0.5), n_layer=n_layer), {}, n_layer)
     return features

@@ -14,7 +14,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
-from rasterizer.engine.attributes import point_intensities
+from rasterizer.engine.attributes import light_all
 from rasterizer.engine.coding import make_coding, make_encoding
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.draw import Drawn, choose_band_rows, cull
@@ -27,7 +27,8 @@ from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.bands import Band, sort_into_bands
 from rasterizer.pipeline.cull import first_sample
 from rasterizer.pipeline.encode import srgb_thresholds
-from rasterizer.pipeline.scan import Triangle, advance, scan, start_edge
+from rasterizer.pipeline.fill import Triangle, advance, start_edge
+from rasterizer.pipeline.scan import ScanCounts, scan
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
 from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, PAYLOAD_BITS
@@ -76,12 +77,14 @@ def go(scene) -> Way:
     visible, n_band_row = cull(drawn, render_pass, SERIAL)
     bands = sort_into_bands(visible, SERIAL)
     band = Band(bands.faces, 0, HEIGHT)
-    workspace = WorkspacePool().acquire(render_pass.workspace_kind(n_band_row), len(band.faces))
-    scan(band, drawn.drawables, render_pass.coding, workspace.block, workspace.visibility, workspace.records)
-    entries = workspace.visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
-    render_pass.shade(workspace, band, 0, NO_TABLE)
+    kind, n_record = render_pass.workspace_kind(n_band_row), render_pass.most_records(len(band.faces))
+    workspace = WorkspacePool().acquire(kind, n_record)
+    visibility, records = workspace.visibility, workspace.records
+    counts = ScanCounts(*scan(band, drawn.drawables, render_pass.coding, workspace.block, visibility, records, None))
+    entries = visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
+    render_pass.shade(workspace, band, counts, NO_TABLE)
     radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
-    render_pass.finish(workspace, band, drawn.loaded_face)
+    render_pass.finish(workspace, band, counts, True, drawn.loaded_face)
     rgba = render_pass.picture.rgba.view(np.uint8).reshape(HEIGHT, WIDTH, 4)
     return Way(render_pass, vertices, n_outside, visible, n_band_row, bands, workspace.block, entries, radiance, rgba)
 
@@ -89,9 +92,9 @@ def go(scene) -> Way:
 def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
     """Plan the picture and light the vertices: what is done before the first stage."""
     plan = ViewPlans(scene, OPTIONS, geometry, bounds).plan_for(view, screen).plan
-    lighting = make_lighting(plan, view, is_perspective=screen.is_perspective)
+    lightings = {dtype: make_lighting(plan, view, dtype, (), screen.is_perspective) for dtype in plan.dtypes}
     return InterpolatedPass(
-        attributes=point_intensities(geometry, plan, lighting, screen, 2, np.empty(0), SERIAL),
+        attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
         coding=make_coding(plan, screen, OPTIONS.tolerance),
         size=OPTIONS.size,
         plan=plan,
@@ -107,7 +110,7 @@ def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
 def describe_light(way: Way) -> list[str]:
     """What the illumination equation gives at the vertices."""
     lines = ["vertex      x       y       z       normal         N·L   intensity"]
-    intensities = way.render_pass.attributes[0, :, 0].tolist()
+    intensities = way.render_pass.attributes.single[0, :, 0].tolist()
     for name, (x, y, z), normal, intensity in zip(NAMES, VERTICES, NORMALS, intensities, strict=True):
         direction = " ".join(f"{component:.1f}" for component in normal)
         lines.append(f"  {name}    {x:7.3f} {y:7.3f} {z:7.3f}    {direction}    {normal[2]:.1f}   {intensity:.6f}")
@@ -171,7 +174,7 @@ def describe_setup(way: Way) -> list[str]:
 
 def describe_choice(way: Way) -> list[str]:
     """Why the intensity may stand in the entries: the bound of affine interpolation."""
-    intensities = way.render_pass.attributes[0, :, 0]
+    intensities = way.render_pass.attributes.single[0, :, 0]
     w = 6.0 - np.array(VERTICES)[:, 2]
     ratio, spread = w.max() / w.min(), float(np.ptp(intensities))
     return [
@@ -221,7 +224,7 @@ def describe_shade(way: Way) -> list[str]:
     """The intensity of the sample, and what it is off the true one."""
     scale = way.render_pass.coding.level_scale
     here, beside = (int(way.entries[ROW, COLUMN + k] & LEVEL_MASK) for k in range(2))
-    intensities = way.render_pass.attributes[0, :, 0].astype(float)
+    intensities = way.render_pass.attributes.single[0, :, 0].astype(float)
     weights = weights_at(way)
     q = weights / (6.0 - np.array(VERTICES)[:, 2])
     exact = float(q @ intensities / q.sum())
@@ -289,8 +292,8 @@ def edges_of(way: Way) -> tuple:
     The middle vertex is v1: it lies on the right.
     """
     corners = Triangle(*of_block(way.block.ints, s.X0, 6))
-    top, middle = first_sample.py_func(corners.y0), first_sample.py_func(corners.y1)
-    start = start_edge.py_func
+    top, middle = first_sample(corners.y0), first_sample(corners.y1)
+    start = start_edge
     return (
         start(corners.x0, corners.y0, corners.x2, corners.y2, top),
         start(corners.x0, corners.y0, corners.x1, corners.y1, top),
@@ -302,12 +305,12 @@ def walk_edges(way: Way):
     """Each row that has samples, with its left and its right edge, as the scan stage walks them."""
     left, right, lower = edges_of(way)
     top, bottom = of_block(way.block.ints, s.TOP, 2)
-    middle = first_sample.py_func(of_block(way.block.ints, s.Y1, 1)[0])
+    middle = first_sample(of_block(way.block.ints, s.Y1, 1)[0])
     for y in range(top, bottom):
         right = lower if y == middle else right
         if left.x < right.x:
             yield y, left, right
-        left, right = advance.py_func(left), advance.py_func(right)
+        left, right = advance(left), advance(right)
 
 
 STAGES = {

@@ -30,8 +30,9 @@ class Stats:
     faces : triangles of the scene
     clipped : triangles with a corner that is behind the near plane, beyond a far plane or too far beside the picture to
         be placed
-    culled : triangles left out because they showed their back
-    drawn : triangles that may cover a sample
+    culled : triangles left out because they showed their back; of a dense mesh, those in parts that lie beside the
+        picture are left out before, and not counted
+    drawn : triangles that may cover a sample: those with small boxes that cover none are left out
     covered : samples that something covers
     samples : samples of the picture
     threads : how many worked
@@ -102,7 +103,7 @@ class Frame:
         names = [name for name in ("rgb", *self._arrays) if name != "alpha" and self.has(name)]
         total = sum(self.stats.milliseconds.values())
         return (
-            f"<Frame {width}x{height} {'+'.join(names)}, {self.stats.faces} faces, "
+            f"<Frame {' '.join([f'{width}x{height}', '+'.join(names)]).strip()}, {self.stats.faces} faces, "
             f"{100 * self.stats.coverage:.1f} % covered, {total:.1f} ms>"
         )
 
@@ -200,8 +201,8 @@ class Frame:
         array : which array a `.npy` file holds: "color" (when None), "rgb", "rgba", "alpha", "depth", "face",
             "normal"
         format : overrides the suffix: "npy" or a name of Pillow's: "PNG", "JPEG", ...
-        options : passed to Pillow, e.g. quality=95 for a JPEG file; a PNG file without options is written by
-            `io.png`, which is faster
+        options : passed to Pillow, e.g. quality=95 for a JPEG file; without options a PNG file is written by `io.png`,
+            which is faster, and a TIFF file by `io.tiff`: not compressed, with alpha and a profile of sRGB
 
         Returns
         -------
@@ -236,12 +237,16 @@ class Frame:
     def encode(self, format: str = "PNG", **options: Any) -> bytes:
         """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix.
 
-        Transparency is laid on white where the format has none; `options` are passed to Pillow. A PNG file without
-        options is written by `io.png`, on as many threads as have drawn the picture.
+        Transparency is laid on white where the format has none; `options` are passed to Pillow. Without options a PNG
+        file is written by `io.png`, on as many threads as have drawn the picture, and a TIFF file by `io.tiff`.
         """
         name = picture_format(format)
         if name == "PNG" and not options:
             return self._encode_png()
+        if name == "TIFF" and not options:
+            from .io.tiff import encode_tiff
+
+            return encode_tiff(self.rgba)
         image = self.to_pil()
         try:
             return _encoded(image, name, options)
@@ -261,13 +266,16 @@ class Frame:
             workers.close()
 
 
+_OWN_FORMATS = {"PNG": "PNG", "TIF": "TIFF", "TIFF": "TIFF"}
+
+
 def picture_format(name: str) -> str:
     """Return Pillow's name of a format that it writes, given by name or suffix; OutputError if none."""
     if not isinstance(name, str):
         raise SceneError(f"format must be text; given {shown(name)}")
     word = name.upper().lstrip(".")
-    if word == "PNG":
-        return word  # without importing Pillow, which takes as long as to encode
+    if word in _OWN_FORMATS:
+        return _OWN_FORMATS[word]  # without importing Pillow, which takes as long as to encode
     from PIL import Image
 
     Image.init()

@@ -22,7 +22,10 @@ from .choices import (
 from .errors import SceneError, shown
 from .scene.validate import is_whole, number
 
-MOST_PIXELS = 16_384  # along an axis, samples included: edge functions of the screen stay far below 2^53
+# Samples along an axis, so that a picture may have 65536 pixels with 16 samples. What is counted along an axis has room
+# for 2^20, the guard band in which edge functions stay below 2^60: depths keep their order, rounded by half a unit a
+# sample beside a margin of 2^23 units (pipeline/transform.py), and columns are exact in float32 up to 2^23.
+MOST_PIXELS = 2**18
 LEAST_WAVES, MOST_WAVES = 3, 401  # samples of the spectrum: one a nanometre is the most that the tables can tell
 MOST_STOPS = 64
 MOST_THREADS = 1024
@@ -37,7 +40,7 @@ class Options:
 
     Parameters
     ----------
-    size : (width, height) in pixels, or one number for a square; stored as a pair
+    size : (width, height) in pixels, or one number for a square; up to 262144 samples along an axis. Stored as a pair
     shading : "flat" (once a polygon; "lambert" is another word for it), "gouraud" (once a vertex), "phong" (once a
         sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64. The default keeps every

@@ -83,7 +83,8 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
     for target in targets:
         scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
         drawn, frame = _draw_methods(scene, arguments)
-        doubts = [f"{target.model}: {text}" for text in find_doubts(frame, loaded, arguments, scene.camera)]
+        doubts = find_doubts(frame.stats, not frame.rgb.any(), loaded, arguments, scene.camera)
+        doubts = [f"{target.model}: {text}" for text in doubts]
         for text in doubts:
             messages.warn(text)
         against = "phong"

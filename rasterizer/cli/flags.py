@@ -79,7 +79,7 @@ def _add_files(parser, default_name, size) -> None:
         metavar="OUT",
         help=f"the picture's name (default {default_name.replace('{stem}', 'MODEL')}.png in the current folder, "
         "-VIEW before .png for several views), a folder, a template with {stem} {ext} {view}, or - for stdout; "
-        "the suffix chooses the format",
+        "the suffix chooses the format; a .tif or .npy that is larger than the memory is written while it is drawn",
     )
     add(
         "-s",

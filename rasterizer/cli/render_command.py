@@ -1,11 +1,12 @@
 """`raster render`: one model after another is loaded, drawn and written; a failure doesn't stop the rest."""
 
+import os
 from dataclasses import fields
 from pathlib import Path
 from time import perf_counter
 
 from ..errors import RasterizerError, SceneError, internal_error
-from ..frame import picture_format
+from ..frame import Frame, picture_format
 from ..options import Options
 from ..renderer import Renderer
 from .cameras_lights import camera_of, check_camera
@@ -17,6 +18,8 @@ from .warnings import find_doubts
 from .write_targets import Outputs
 
 _ENCODING = {"JPEG": {"quality": 92}}
+_IN_MEMORY = 2**28  # bytes of a picture's file; one that is larger is written while it is drawn, if its format lets it
+_LONG = 2**32  # bytes of a file that takes so long that it is told before
 
 
 def render_models(arguments, messages) -> tuple[list, int]:
@@ -98,11 +101,18 @@ def _render_model(targets, arguments, settings, messages, output) -> None:
     with Renderer(scene, **_as_keywords(options)) as renderer:
         for target in targets:
             camera = camera_of(arguments, target.view, scene, framing)
-            frame = renderer.render(camera)
-            doubts = [f"{target.model}: {text}" for text in find_doubts(frame, scene, arguments, camera)]
+            file = _row_file(target.output, options)
+            if file is not None and file.n_byte > _LONG:
+                messages.notice(
+                    f"{target.model}: drawing {file.n_byte / 1e9:.3g} GB into {target.output}, which takes a while"
+                )
+            frame, is_black, is_written = _draw(renderer, camera, file, output)
+            doubts = find_doubts(frame.stats, is_black, scene, arguments, camera)
+            doubts = [f"{target.model}: {text}" for text in doubts]
             for text in doubts:
                 messages.warn(text)
-            output.write(_content(frame, target.output, options.outputs[0]), target.output)
+            if not is_written:
+                output.write(_content(frame, target.output, options.outputs[0]), target.output)
             seconds, start = perf_counter() - start, perf_counter()
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
             messages.detail(f"{target.model}: {describe_bound(frame.stats)}")
@@ -110,6 +120,33 @@ def _render_model(targets, arguments, settings, messages, output) -> None:
             if arguments.json:
                 record = _record(target, frame, scene, seconds, of_model + doubts)
                 print_record(record, target.output == STDIO)
+
+
+def _draw(renderer, camera, file, output) -> tuple[Frame, bool, bool]:
+    """Draw a picture, into its file at once where that is a RowFile.
+
+    Returns
+    -------
+    the frame, which has no arrays where the file is written; whether the picture is black; whether the file is written
+    """
+    if file is None:
+        frame = renderer.render(camera)
+        return frame, frame.has("rgb") and not frame.rgb.any(), False
+    stats = output.draw(lambda file: renderer.render_rows(file, camera), file)
+    return Frame(None, {}, stats, file.size), file.is_black, True
+
+
+def _row_file(output, options):
+    """Return the RowFile that a large picture is drawn into, band by band; None where it is drawn in memory."""
+    format = Path(output).suffix.lower().lstrip(".")
+    is_place = output != STDIO and (os.path.isfile(output) or not os.path.exists(output))
+    if format not in ("npy", "tif", "tiff") or not is_place:
+        return None
+    from ..io.row_files import RowFile, row_format_of
+
+    kind = row_format_of(format, options.outputs[0] if format == "npy" else None)
+    file = None if kind is None else RowFile(output, kind, options.size)
+    return None if file is None or file.n_byte <= _IN_MEMORY else file
 
 
 def _is_npy(arguments) -> bool:

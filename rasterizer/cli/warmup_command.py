@@ -121,6 +121,7 @@ def _rarer_scenes():
         clear = [replace(mesh, material=replace(mesh.material, opacity=0.5)) for mesh in scene.meshes]
         yield replace(scene, meshes=[*clear, scene.meshes[0]])
         yield replace(scene, lights=[sun, lamp])
+        yield replace(scene, lights=[sun])  # float32 will do
     for opacity in (0.5, 1.0):
         look = Material(texture=checks, opacity=opacity)
         papered = [replace(mesh, uv=mesh.vertices[:, :2], material=look) for mesh in plain.meshes]
@@ -136,8 +137,12 @@ def _rarer_scenes():
     lights = [spot, replace(spot, falloff=2.0), DirectionalLight((0, -1, -1), 0.5)]
     yield replace(plain, meshes=meshes, lights=lights, camera=far_away, depth_cue=10.0)
     yield replace(plain, meshes=meshes, lights=[AmbientLight(0.1), *lights])
-    brushed = Material(reflection="cook-torrance", roughness=(0.2, 0.5))
-    yield replace(plain, meshes=[replace(plain.meshes[0], uv=plain.meshes[0].vertices[:, :2], material=brushed)])
+    brushed = replace(papered[0], material=Material(reflection="cook-torrance", roughness=(0.2, 0.5)))
+    yield replace(plain, meshes=[brushed])
+    yield replace(plain, meshes=[brushed], lights=[sun])
+    # Float64 for some surfaces of a picture in float32.
+    for others in ([papered[0]], [brushed], [papered[0], brushed]):
+        yield replace(plain, meshes=[*plain.meshes, *others])
 
 
 def _scene(reflection, is_colored) -> Scene:

@@ -5,26 +5,27 @@ import numpy as np
 from .cameras_lights import is_camera_given
 
 
-def find_doubts(frame, scene, arguments, camera) -> list[str]:
+def find_doubts(stats, is_black, scene, arguments, camera) -> list[str]:
     """Say what looks like a mistake in a picture, and what to try.
 
     Parameters
     ----------
-    frame : Frame
+    stats : Stats of the picture
+    is_black : bool, whether it has bytes, and none of its channels is more than 0 anywhere
     scene : Scene, with its own camera if it has one
     arguments : those of the command
     camera : Camera that the picture was taken with
     """
-    if frame.stats.coverage == 0.0:
-        return [f"the picture is empty: {_why_empty(frame, scene, arguments, camera)}"]
-    if frame.has("rgb") and scene.background is None and not frame.rgb.any():
+    if stats.coverage == 0.0:
+        return [f"the picture is empty: {_why_empty(stats, scene, arguments, camera)}"]
+    if is_black and scene.background is None:
         return ["the picture is black: no light reaches what is seen; try --preset headlight"]
     return []
 
 
-def _why_empty(frame, scene, arguments, camera) -> str:
+def _why_empty(stats, scene, arguments, camera) -> str:
     """The cause, where it is known, and what to try."""
-    if frame.stats.faces == frame.stats.culled:
+    if stats.faces == stats.culled:
         return "all faces are seen from behind; try --cull none"
     if all(material.opacity == 0.0 for mesh in scene.meshes for material in mesh.palette):
         names = ", ".join(sorted({f"'{material.name}'" for mesh in scene.meshes for material in mesh.palette})[:5])

@@ -72,7 +72,7 @@ def build_evaluate_values(typing_context, entries, group, x, y, out, start, stri
 def _evaluate(entries, group, x, y, out, start, stride, *weights):
     """Build the evaluation of planes: four samples at a time, each with its four planes, which are then transposed.
 
-    With `weights` values are multiplied by them and kept within a range, and entries may hold no index.
+    With `weights` values are multiplied by them and kept within a range.
     """
     unsigned, signed = types.uint64, types.int64
     numbers, *others = group
@@ -91,7 +91,7 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
         x, y, start, stride = (arguments[k] for k in (2, 3, 5, 6))
         numbers, mask, shift, column = cgutils.unpack_tuple(builder, arguments[1])
         numbers = array_of(signature.args[1][0], numbers).data
-        whole, long, real = ir.IntType(32), ir.IntType(64), ir.FloatType()
+        whole, real = ir.IntType(32), ir.FloatType()
         kind = ir.VectorType(real, PLANE_GROUP)
         x, y = builder.trunc(x, whole), builder.trunc(y, whole)
         load = partial(_load, builder)
@@ -101,11 +101,7 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
 
         def sample(k):
             entry = builder.load(builder.gep(entries, [k]))
-            number = builder.and_(entry, mask)
-            if weights:  # of an entry without an index record 0 is read
-                is_id = builder.and_(builder.lshr(entry, ir.Constant(long, ID_BIT)), ir.Constant(long, 1))
-                number = builder.and_(number, builder.neg(is_id))
-            record = builder.gep(numbers, [builder.shl(number, shift)])
+            record = builder.gep(numbers, [builder.shl(_record_number(builder, entry, mask), shift)])
             across = builder.sub(builder.add(x, builder.trunc(k, whole)), load(record, 1, whole))
             down = builder.sub(y, load(record, 2, whole))
             planes = builder.gep(record, [column])
@@ -148,8 +144,8 @@ def build_gather_slopes(typing_context, entries, group, out, start, stride):
         numbers = array_of(signature.args[1][0], numbers).data
 
         def sample(k):
-            entry = builder.and_(builder.load(builder.gep(entries.data, [k])), mask)
-            planes = builder.gep(numbers, [builder.add(builder.shl(entry, shift), column)])
+            record = _record_number(builder, builder.load(builder.gep(entries.data, [k])), mask)
+            planes = builder.gep(numbers, [builder.add(builder.shl(record, shift), column)])
             return [_load(builder, planes, part * PLANE_GROUP, _FLOATS) for part in (1, 2)]
 
         with _in_fours(builder, entries.nitems) as (first, four):
@@ -284,6 +280,13 @@ def _mix_means(reader, k):
     builder, a, b = reader.builder, _mean(reader, k), _weighted_sums(reader, k, 4)
     share = _splat(builder, _FLOATS, reader.share(8, k))
     return builder.fadd(a, builder.fmul(share, builder.fsub(b, a)))
+
+
+def _record_number(builder, entry, mask):
+    """The bits of an entry that are the index of a record; 0 where it holds none, as the next samples of a row may."""
+    one, bit = (ir.Constant(ir.IntType(64), number) for number in (1, ID_BIT))
+    is_id = builder.and_(builder.lshr(entry, bit), one)
+    return builder.and_(builder.and_(entry, mask), builder.neg(is_id))
 
 
 def build_array(typing_context, pointer, shape):

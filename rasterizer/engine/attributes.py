@@ -24,7 +24,7 @@ class Attributes(NamedTuple):
 NONE = Attributes(np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)))
 
 
-def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> Attributes:
+def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads, runs=None) -> Attributes:
     """Evaluate the illumination equation at all points, before they are drawn.
 
     Parameters
@@ -32,37 +32,53 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     lightings : {dtype: Lighting}, for each of the plan's types
     n_side : 1, or 2 where normals may have to be flipped: side 1 has the intensities of flipped normals
     normal_offsets : (n_point,) float64, scene units, see pipeline/shadow_lookup.py; empty where no light casts shadows
+    runs : list of (start, end), the points that are needed, ascending; the others may be left unset. None for all
 
     Returns
     -------
     Attributes: n_channel intensities, linear; of materials with one channel the first is written alone. With textures 8
     in float64: of textured surfaces what a black one gives off, what the whole one gives off, texture coordinates
     """
-    found = {dtype: NONE[k] for k, dtype in enumerate((np.dtype(np.float32), np.dtype(np.float64)))}
-    groups = list_groups(geometry)
-    for dtype, lighting in lightings.items():
-        is_lit = plan.of_materials.is_double == (dtype == np.float64)
-        here = [group for group in groups if is_lit[group.material]]
-        out = light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, here)
-        textured = [group for group in here if plan.materials[group.material].texture is not None]
-        if textured:
-            out = add_textured(out, here, textured, geometry, plan, lighting, screen, normal_offsets, threads)
-        found[dtype] = fill_centers(out, geometry, here, threads)
-    return Attributes(*found.values())
+    groups, of_materials = list_groups(geometry), plan.of_materials
+    lit = {
+        dtype: [g for g in groups if of_materials.is_double[g.material] == (dtype == np.float64)] for dtype in lightings
+    }
+
+    def light_here(geometry, chosen):
+        return {
+            dtype: light(geometry, plan, lightings[dtype], screen, n_side, normal_offsets, threads, chosen[dtype], runs)
+            for dtype in lit
+        }
+
+    whole, found = light_here(geometry, lit), list(NONE)
+    single = [group for group in groups if not of_materials.reads_double[group.material]]
+    double = [group for group in groups if of_materials.reads_double[group.material]]
+    if single:
+        found[0] = fill_centers(whole[np.dtype(np.float32)], geometry, single, threads)
+    if double:
+        textured = {dtype: [g for g in lit[dtype] if plan.materials[g.material].texture is not None] for dtype in lit}
+        # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
+        black = geometry._replace(albedo=np.zeros(geometry.albedo.shape))
+        rest = light_here(black, textured) if any(textured.values()) else {}
+        found[1] = fill_centers(join(geometry, plan, double, whole, rest), geometry, double, threads)
+    return Attributes(*found)
 
 
-def add_textured(whole, groups, textured, geometry, plan, lighting, screen, normal_offsets, threads) -> np.ndarray:
-    """Add what the textured ones of some groups of points have beside the intensities `whole`: see `light_all`."""
-    n_side, n_point, n_channel = whole.shape
-    # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-    black = geometry._replace(albedo=np.zeros(geometry.albedo.shape))
-    rest = light(black, plan, lighting, screen, n_side, normal_offsets, threads, textured)
-    out = np.zeros((n_side, n_point, 2 * n_channel + 2), whole.dtype)
+def join(geometry, plan, groups, whole, rest) -> np.ndarray:
+    """Put what groups of points have in float64 side by side: see `light_all`.
+
+    `whole` and `rest` are the intensities in each of the plan's types; `rest` is empty where there are no textures.
+    """
+    n_side, n_point = next(iter(whole.values())).shape[:2]
+    n_channel = max(values.shape[2] for values in whole.values())
+    out = np.zeros((n_side, n_point, 2 * n_channel + 2 if rest else n_channel))
     for group in groups:
-        here = slice(group.start, group.end)
-        out[:, here, :n_channel] = rest[:, here] if group in textured else whole[:, here]
-        if group in textured:
-            out[:, here, n_channel : 2 * n_channel] = whole[:, here]
+        here, dtype = slice(group.start, group.end), plan.of_materials.dtype_of(group.material)
+        is_textured = plan.materials[group.material].texture is not None
+        of_first = (rest if is_textured else whole)[dtype][:, here]
+        out[:, here, : of_first.shape[2]] = of_first
+        if is_textured:
+            out[:, here, n_channel : 2 * n_channel] = whole[dtype][:, here]
             out[:, here, 2 * n_channel :] = geometry.uv[here]
     return out
 
@@ -81,22 +97,23 @@ def list_groups(geometry) -> list[Group]:
     return [Group(*group) for group in zip(geometry.group_material.tolist(), offsets[:-1], offsets[1:], strict=True)]
 
 
-def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups) -> np.ndarray:
+def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups, runs=None) -> np.ndarray:
     """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
     dtype, needs = lighting.materials.dtype, plan.of_materials.needs
     n_channel = 3 if any(needs[group.material] & NEEDS_COLORS for group in groups) else 1
     intensities = np.zeros((n_side, geometry.points.shape[1], n_channel), dtype)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
+    runs = [(0, geometry.points.shape[1])] if runs is None else runs
     for material, start, end in groups:
+        needed = [(max(first, start), min(last, end)) for first, last in runs if first < end and start < last]
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
 
-            def light_part(part, material=material, start=start, sign=sign, out=out):
-                batch = make_batch(dtype)
-                light_points(points, start + part[0], start + part[1], screen, sign, lighting, material, batch, out)
+            def light_part(part, material=material, sign=sign, out=out):
+                light_points(points, *part, screen, sign, lighting, material, make_batch(dtype), out)
 
-            threads.map(light_part, threads.ranges(end - start))
+            threads.map(light_part, threads.divide(needed))
     return intensities
 
 
@@ -128,12 +145,12 @@ class NormalAttributes:
 
     def of(self, plan) -> Attributes:
         """Normals, behind them the model's colours, texture coordinates and tangents: 3 to 11 attributes."""
-        is_double, n_attributes = plan.of_materials.is_double, plan.of_materials.n_attributes
+        reads_double, n_attributes = plan.of_materials.reads_double, plan.of_materials.n_attributes
         found = list(NONE)
         for k, dtype in enumerate((np.dtype(np.float32), np.dtype(np.float64))):
-            if dtype in plan.dtypes:
-                of_dtype = is_double == (dtype == np.float64)
-                found[k] = self._of(dtype, int(n_attributes[of_dtype].max()))
+            here = n_attributes[reads_double == bool(k)]
+            if len(here):
+                found[k] = self._of(dtype, int(here.max()))
         return Attributes(*found)
 
     def normals(self) -> Attributes:
@@ -152,7 +169,7 @@ class NormalAttributes:
 
     def of_faces(self, view, screen) -> Attributes:
         """Normals of flat faces, towards the viewer, two sides: side 1 is reversed, because `write_normal` flips it."""
-        normals = self._geometry.normals.T
+        normals = np.ascontiguousarray(self._geometry.normals.T)  # as kernels take all attributes
         away = (self._geometry.points.T - view.eye) if screen.is_perspective else view.forward
         toward = np.where((normals * away).sum(axis=1, keepdims=True) > 0.0, -normals, normals)
         return NONE._replace(double=np.stack([toward, -toward]))

@@ -6,6 +6,7 @@ from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, 
 from ..pipeline.gradients import (
     EXACT,
     IN_ENTRIES,
+    NEEDS_ALBEDO,
     NEEDS_DOUBLE,
     NEEDS_SINGLE,
     Coding,
@@ -13,23 +14,44 @@ from ..pipeline.gradients import (
     LevelCoding,
     NormalCoding,
 )
+from ..pipeline.texture_planes import TextureCoding
 from ..pipeline.transform import DEPTH_MARGIN
 from .light_table import entry_of
 from .plan import Plan
 
 
 def make_coding(plan: Plan, screen, tolerance) -> Coding:
-    """Say what entries and records hold, for one view."""
-    of_materials, depths = plan.of_materials, scale_depths(screen)
-    rows = of_materials.ways, of_materials.needs, of_materials.is_double, of_materials.n_attributes
+    """Say what entries and records hold, for one view.
+
+    What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are given with
+    the model, the rest for textures; or all is for intensities, with textures one half for each.
+    """
+    of_materials, depths, n_material = plan.of_materials, scale_depths(screen), len(plan.materials)
+    rows = of_materials.ways, of_materials.needs, of_materials.reads_double, of_materials.n_attributes
     if (of_materials.ways == EXACT).all():
-        return Coding(*rows, np.zeros(len(rows[0])), None, 0.0, False, depths)
+        return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, depths)
+    left, brightest = np.maximum(0.0, tolerance - of_materials.roundings), max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:
         needs_distance = any(entry_of(light).function(light).needs_position for light in plan.lights)
-        albedo_tolerance = float(tolerance / 4 / max(plan.bound, 1e-30))
-        return NormalCoding(*rows, of_materials.normal_limits, None, albedo_tolerance, needs_distance, depths)
-    limits = np.maximum(0.0, tolerance - of_materials.roundings)
-    return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, False, depths)
+        needs_distance = needs_distance or plan.has_shadows
+        has_albedo = (of_materials.needs & NEEDS_ALBEDO) != 0
+        of_textures = left - np.where(has_albedo, tolerance / 2, tolerance / 4)
+        albedo_tolerance = float(tolerance / 4 / brightest)
+        return NormalCoding(
+            *rows, of_materials.normal_limits, None, albedo_tolerance, needs_distance,
+            code_textures(plan, of_textures / brightest), depths,
+        )  # fmt: skip
+    limits = np.where(of_materials.is_looked_up, left / 2, left)
+    textures = code_textures(plan, left / 2 / brightest)
+    return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, False, textures, depths)
+
+
+def code_textures(plan: Plan, limits) -> TextureCoding | None:
+    """Say which materials have texture coordinates that may stand in planes; `limits` are those of errors, (n,)."""
+    if plan.packed_textures is None:
+        return None
+    of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
+    return TextureCoding(plan.packed_textures, of_materials, limits)
 
 
 def make_exact_coding(screen, n_attribute) -> Coding:
@@ -46,7 +68,7 @@ def _plain_coding(kind, way, is_double, n_attribute, level_scale, screen) -> Cod
     """The coding of passes in which all is of one material."""
     needs = NEEDS_DOUBLE if is_double else NEEDS_SINGLE
     rows = np.array([way], np.uint8), np.array([needs], np.uint8), np.array([is_double]), np.array([n_attribute])
-    return kind(*rows, np.full(1, np.inf), level_scale, 0.0, False, scale_depths(screen))
+    return kind(*rows, np.full(1, np.inf), level_scale, 0.0, False, None, scale_depths(screen))
 
 
 def scale_depths(screen) -> DepthScale:

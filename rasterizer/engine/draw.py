@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import SceneError
 from ..pipeline.bands import Band, sort_into_bands
 from ..pipeline.clip import clip
+from ..pipeline.clusters import SeenClusters
 from ..pipeline.cull import Grid, find_visible
 from ..pipeline.drawables import Drawables, Triangles
 from ..pipeline.face_planes import NO_PLANES
@@ -30,7 +31,7 @@ MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture
 
 
-def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Counts":
+def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=None) -> "Counts":
     """Send every triangle of the scene through the stages.
 
     Parameters
@@ -41,12 +42,13 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock) -> "Co
     workspaces : WorkspacePool, from which each band takes the memory that it is drawn in
     threads : Workers
     clock : Clock, which notes the milliseconds of each stage
+    seen : SeenClusters, the triangles that are looked at; None for all
 
     Raises SceneError where the scene has more triangles than records can number.
     """
-    vertices, n_outside = transform(geometry.positions, screen, threads)
+    vertices, n_outside = transform(geometry.positions, screen, threads, seen and seen.vertex_runs)
     clock.lap("transform")
-    drawn = Drawn.whole(geometry, vertices, render_pass)
+    drawn = Drawn.whole(geometry, vertices, render_pass, seen)
     if n_outside:
         drawn = clip_outside(geometry, drawn, screen)
         clock.lap("clip")
@@ -89,22 +91,30 @@ class Drawn(NamedTuple):
     face_table: FaceTable
     clipped_planes: np.ndarray  # planes of the clipped faces, see pipeline/clip.py
     n_clipped: int
+    n_culled: int  # those that the cull stage will not have to look at
+    seen: SeenClusters | None  # the triangles that are looked at; None for all
 
     @classmethod
-    def whole(cls, geometry, vertices, render_pass) -> "Drawn":
+    def whole(cls, geometry, vertices, render_pass, seen=None) -> "Drawn":
         """All triangles of the scene as they are."""
         triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
         drawables = Drawables(triangles, vertices, *render_pass.attributes)
-        return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, 0))
+        n_clipped, n_culled = (0, 0) if seen is None else (seen.n_clipped, seen.n_culled)
+        return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, n_clipped, n_culled, seen))
 
 
 def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
-    """Put parts in the place of the triangles that have a vertex outside."""
-    clipped = clip(geometry.positions, drawn.drawables.triangles, drawn.drawables.vertices, screen)
+    """Put parts in the place of the triangles that have a vertex outside; those that aren't looked at are left out."""
+    triangles, looked_at = drawn.drawables.triangles, None if drawn.seen is None else drawn.seen.faces
+    if looked_at is not None:
+        triangles = triangles.of_faces(looked_at)
+    clipped = clip(geometry.positions, triangles, drawn.drawables.vertices, screen)
     drawables = drawn.drawables._replace(triangles=clipped.triangles, vertices=clipped.vertices)
-    loaded_face = geometry.face[clipped.faces] if len(geometry.face) else clipped.faces
-    face_table = drawn.face_table.of_parts(clipped.faces)
-    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, clipped.n_clipped))
+    faces = clipped.faces if looked_at is None else looked_at[clipped.faces]
+    loaded_face = geometry.face[faces] if len(geometry.face) else faces
+    face_table = drawn.face_table.of_parts(faces)
+    n_clipped = drawn.n_clipped + clipped.n_clipped
+    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, n_clipped, drawn.n_culled, None))
 
 
 def checked(drawn: Drawn) -> Drawn:
@@ -125,7 +135,8 @@ def cull(drawn: Drawn, render_pass: Pass, threads):
     while True:
         triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
         grid = Grid(width, height, n_row)
-        visible = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads)
+        clusters = None if drawn.seen is None else drawn.seen.clusters
+        visible = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, clusters)
         most = int(np.sum([part.histogram for part in visible], axis=0).max(initial=0))
         if render_pass.most_records(most) <= MAX_RECORDS:
             return visible, n_row
@@ -181,7 +192,7 @@ class Counts(NamedTuple):
     @classmethod
     def of(cls, geometry, drawn: Drawn, visible, render_pass: Pass, counts) -> "Counts":
         """Sum up the counts of the stages and bands."""
-        n_culled = sum(part.n_culled for part in visible)
+        n_culled = drawn.n_culled + sum(part.n_culled for part in visible)
         n_drawn = sum(len(part.faces) for part in visible)
         width, height = render_pass.n_sample
         covered, *ways = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)

@@ -21,11 +21,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..pipeline.transform import DEPTH_MARGIN, Screen
 from . import light_table, reflection_table
 from .intensity_bounds import Reflected
+from .reflection_entry import HighlightBounds
 from .rounding import DOUBLE, SINGLE, Step, times
 
 # In units of u:
@@ -35,8 +36,8 @@ WRITTEN = 6  # a pixel over a background, in float32
 ROUGH = 20  # the cosines of Oren-Nayar's formula
 CONE = 12  # the cosine of the angle from a spot light's axis
 CORNERS = 7  # an interpolated normal: corners, weights (two), products, sums (two), one more for the sum of the weights
-POINTS = 2  # the position of a vertex, over its distance from the eye
-SAMPLES = 20  # that of a sample: 10 u of w, its inverse, its ray, a product
+POINTS = 1  # the position of a vertex, over its distance from the eye
+SAMPLES = 19  # that of a sample: 10 u of w, its inverse, 7 u of its ray, a product
 # Shares:
 LEAST_SHARE = 2.0**-20  # a light nearer to a surface than this share of the scene's depth counts as on it
 LEAST_NORMAL = 2.0**-20  # an interpolated normal shorter than this counts as none
@@ -46,24 +47,39 @@ class Surroundings(NamedTuple):
     """What a view says about the positions of lights and surfaces."""
 
     furthest: float  # distance of the furthest point from the eye, scene units
-    clearances: NDArray[np.float64]  # (n_light,): see `LightEntry.clearance`; inf for a directional light
+    # (n_light,) or (n_material, n_light): see `LightEntry.clearance`; inf for a directional light
+    clearances: NDArray[np.float64]
     shortest: float  # the least length of a normal that is interpolated; 1 where none is
     is_lit_per_sample: bool
     deepness: float = 0.0  # the furthest depth over the nearest one that is seen; 0 without perspective
+    eye_distances: ArrayLike = np.inf  # (n_light,): of each light from the eye; inf where that is not known
+    least_sums: ArrayLike = 0.0  # (n_material, n_light): |L + V| is nowhere less; 0 where that is not known
+    shadow_shift: float = 0.0  # scene units: how far float32 moves what shadows are asked for, see shadow_views.py
 
     def rounded(self) -> "Surroundings":
-        """Return the same, lengths rounded to an eighth of an octave, to the unsafe side.
+        """Return the same, lengths rounded to an eighth of an octave and |L + V| to an eighth, to the unsafe side.
 
         Without lights that have a position the furthest point counts only as far as its square may leave float32. So a
         camera that moves finds much the same again.
         """
         with np.errstate(divide="ignore"):
             clearances = np.exp2(np.floor(8.0 * np.log2(self.clearances)) / 8.0)
+            eye_distances = np.exp2(np.ceil(8.0 * np.log2(self.eye_distances)) / 8.0)
         furthest = 2.0 ** (math.ceil(8.0 * math.log2(self.furthest)) / 8.0) if self.furthest > 0.0 else 0.0
         if np.isinf(clearances).all() and 2.0**-30 < furthest < 2.0**50:
             furthest = 1.0
         deepness = 2.0 ** math.ceil(math.log2(self.deepness)) if self.deepness > 2.0**20 else 0.0
-        return self._replace(furthest=furthest, clearances=clearances, deepness=deepness)
+        shift = self.shadow_shift
+        if 0.0 < shift < math.inf:
+            shift = 2.0 ** (math.ceil(8.0 * math.log2(shift)) / 8.0)
+        return self._replace(
+            furthest=furthest,
+            clearances=clearances,
+            deepness=deepness,
+            eye_distances=eye_distances,
+            least_sums=np.floor(8.0 * np.asarray(self.least_sums)) / 8.0,
+            shadow_shift=shift,
+        )
 
     def kept(self) -> "Surroundings":
         """Return the same without points that lie on a light, and normals that vanish: next to these nothing is
@@ -71,20 +87,47 @@ class Surroundings(NamedTuple):
         least = max(LEAST_SHARE * self.furthest, np.finfo(float).tiny)
         return self._replace(clearances=np.maximum(self.clearances, least), shortest=max(self.shortest, LEAST_NORMAL))
 
+    def key(self) -> tuple:
+        """Return what tells the surroundings of two views apart."""
+        arrays = (np.asarray(values) for values in (self.clearances, self.eye_distances, self.least_sums))
+        return self.furthest, self.deepness, self.shadow_shift, *(values.tobytes() for values in arrays)
 
-def frame_error(reflected: Reflected, surroundings: Surroundings, u: float) -> float:
-    """Return what rounding adds to an intensity of one frame at most, normals interpolated exactly."""
+
+def frame_error(reflected: Reflected, surroundings: Surroundings, u: float) -> NDArray[np.float64]:
+    """Return what rounding adds to an intensity of one frame at most, normals interpolated exactly; (n_material,)."""
     surroundings = surroundings.kept()
-    deep = 2.0 * depth_rounding(surroundings)
-    error = lighting_error(reflected, u) + position_error(reflected, surroundings, u) + deep * reflected.bound
+    highlights = bound_highlights(reflected, u, surroundings.least_sums)
+    bounds, deep = reflected.bounds, 2.0 * depth_rounding(surroundings)
+    error = lighting_error(reflected, u, highlights) + position_error(reflected, surroundings, u, highlights)
+    error += times(deep, bounds)
     if surroundings.is_lit_per_sample:
-        error += normal_error(reflected, (CORNERS * u + deep) / surroundings.shortest)
-    return min(error, reflected.bound)
+        error += normal_error(reflected, (CORNERS * u + deep) / surroundings.shortest, highlights)
+    return np.minimum(error, bounds)
 
 
-def lighting_error(reflected: Reflected, u: float) -> float:
-    """Return what rounding adds to an intensity at most, wherever lights and surfaces are."""
-    given = reflected.diffuse + reflected.specular
+def bound_highlights(reflected: Reflected, u: float, least_sums: ArrayLike) -> HighlightBounds:
+    """Return what is known of the highlights of each material and light, (n_material, n_light).
+
+    Parameters
+    ----------
+    least_sums : (n_material, n_light) or a number, see `Surroundings`
+    """
+    rows = np.broadcast_to(np.asarray(least_sums, float), reflected.specular.shape)
+    found = np.zeros((len(HighlightBounds._fields), *reflected.specular.shape))
+    for m, (material, row) in enumerate(zip(reflected.materials, rows, strict=True)):
+        found[:, m] = reflection_table.entry_of(material).highlight_bounds(material, u, row)
+    return HighlightBounds(*found)
+
+
+def lighting_error(reflected: Reflected, u: float, highlights: HighlightBounds | None = None) -> NDArray[np.float64]:
+    """Return what rounding adds to an intensity at most, wherever lights and surfaces are; (n_material,).
+
+    Parameters
+    ----------
+    highlights : what a view tells of them, see `bound_highlights`; None before there is one
+    """
+    specular = reflected.specular if highlights is None else reflected.specular * highlights.peaks
+    given = reflected.diffuse + specular
     total = reflected.undirected + given.sum(axis=1)
     # The sum over the lights is taken one after the other: each of them is rounded once for each that follows. An F0
     # with a colour has two terms for each light.
@@ -93,46 +136,80 @@ def lighting_error(reflected: Reflected, u: float) -> float:
     error = u * (LIT + INTERPOLATED + n_term) * total
     error += u * ROUGH * times(reflected.diffuse_slopes, reflected.diffuse.sum(axis=1))
     error += times(given, np.minimum(1.0, CONE * u * reflected.steepnesses)).sum(axis=1)
-    return float((error + highlight_error(reflected, u)).max(initial=0.0))
+    return error + highlight_error(reflected, u, highlights)
 
 
-def highlight_error(reflected: Reflected, u: float) -> NDArray[np.float64]:
+def highlight_error(reflected: Reflected, u: float, highlights: HighlightBounds | None = None) -> NDArray[np.float64]:
     """Return the part of `lighting_error` that is that of highlights, (n_material,)."""
-    materials = reflected.materials
-    heights = [reflection_table.entry_of(material).highlight_rounding(material, u) for material in materials]
+    if highlights is not None:
+        return times(reflected.specular, highlights.roundings).sum(axis=1)
+    heights = [reflection_table.entry_of(m).highlight_rounding(m, u) for m in reflected.materials]
     return times(reflected.specular.sum(axis=1), heights)
 
 
-def normal_error(reflected: Reflected, angle: float) -> float:
-    """Return what an error of the normals, in radians, adds to an intensity at most."""
-    parts = []
-    for k, material in enumerate(reflected.materials):
-        highlight = reflection_table.entry_of(material).highlight_change(material, angle)
-        diffuse = min(1.0, (1.0 + reflected.diffuse_slopes[k]) * angle)
-        parts.append(diffuse * reflected.diffuse[k].sum() + float(times(highlight, reflected.specular[k].sum())))
-    return max(parts, default=0.0)
+def normal_error(reflected: Reflected, angle: float, highlights: HighlightBounds) -> NDArray[np.float64]:
+    """Return what an error of the normals, in radians, adds to an intensity at most, (n_material,)."""
+    error = np.minimum(1.0, (1.0 + reflected.diffuse_slopes) * angle) * reflected.diffuse.sum(axis=1)
+    changes = times(highlights.normal_slopes, angle)
+    for m in _with_steep_powers(highlights):
+        material = reflected.materials[m]
+        changes[m] = reflection_table.entry_of(material).highlight_change(material, angle)
+    return error + times(reflected.specular, np.minimum(1.0, changes)).sum(axis=1)
 
 
-def position_error(reflected: Reflected, surroundings: Surroundings, u: float) -> float:
-    """Return what the rounding of positions adds to an intensity at most.
+def position_error(
+    reflected: Reflected, surroundings: Surroundings, u: float, highlights: HighlightBounds
+) -> NDArray[np.float64]:
+    """Return what the rounding of positions adds to an intensity at most, (n_material,).
 
-    Positions are relative to the eye, and err by k·u of the furthest distance F from it, with k as POINTS or SAMPLES
-    says; as the light's position does. Over the distance d from the light that is the angle by which the light's
-    direction is off. It moves N·L and a highlight as a turn of the normal does, and the attenuation by at most twice
-    its share: d² is in it.
+    Positions are relative to the eye. That of a point errs by k·u of its distance |P| from the eye, with k as POINTS or
+    SAMPLES says, and that of the light by u of its own, E. With the distance d between both, |P| is at most the
+    furthest distance F, and at most E + d; E is at most F + d. So both together err by less than
+
+        (k F + min(E, F))·u + [E > F]·u·d         and         (k + 1)·E·u + k·u·d
+
+    The first part of such a sum moves light and point by a length, see `LightEntry.sway`: the direction turns by this
+    over d. The second part turns it by an angle, or changes d by a share, that is the same at every distance. The turn
+    moves a highlight as `light_slopes` says. The better of both sums is taken for each material and light.
     """
-    k = SAMPLES if surroundings.is_lit_per_sample else POINTS
-    with np.errstate(over="ignore"):
-        angles = (k * u + 2.0 * depth_rounding(surroundings)) * surroundings.furthest / surroundings.clearances
-    cone = np.minimum(1.0, times(reflected.steepnesses, angles))
-    error = 0.0
-    for m, material in enumerate(reflected.materials):
-        diffuse = np.minimum(1.0, (3.0 + reflected.diffuse_slopes[m]) * angles)
-        highlight = reflection_table.entry_of(material).highlight_change(material, angles, beside=2.0)
-        given = reflected.diffuse[m] + reflected.specular[m]
-        parts = times(reflected.diffuse[m], diffuse) + times(reflected.specular[m], highlight) + times(given, cone)
-        error = max(error, float(parts.sum()))
-    return error
+    if not reflected.lights:
+        return np.zeros(len(reflected.materials))
+    k = (SAMPLES if surroundings.is_lit_per_sample else POINTS) * u + 2.0 * depth_rounding(surroundings)
+    shape, furthest = reflected.diffuse.shape, surroundings.furthest
+    away = np.broadcast_to(np.asarray(surroundings.eye_distances, float), shape)
+    clearances = np.broadcast_to(surroundings.clearances, shape)
+    sways, turns = _sways_and_turns(reflected, clearances, highlights.light_slopes)
+    far = k * furthest + u * np.minimum(away, furthest), np.where(away > furthest, u, 0.0)
+    near = (k + u) * away, np.full(shape, k)
+    of_diffuse, of_highlights = np.minimum(*(times(sways, a) + times(turns, b) for a, b in (far, near)))
+    for m in _with_steep_powers(highlights):
+        with np.errstate(over="ignore", invalid="ignore"):
+            angles = np.minimum(*(length[m] / clearances[m] + angle[m] for length, angle in (far, near)))
+        angles = np.where(np.isfinite(clearances[m]), angles, 0.0)
+        material, steep = reflected.materials[m], 2.0 + reflected.steepnesses
+        of_highlights[m] = reflection_table.entry_of(material).highlight_change(material, angles, steep)
+    error = times(reflected.diffuse, np.minimum(1.0, of_diffuse))
+    return (error + times(reflected.specular, np.minimum(1.0, of_highlights))).sum(axis=1)
+
+
+def _sways_and_turns(reflected, clearances, light_slopes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What an error of positions that is a length, or an angle, of 1 does to diffuse terms and highlights of height 1,
+    (2, n_material, n_light) each; 0 where positions play no part."""
+    diffuse_slopes = np.broadcast_to(1.0 + reflected.diffuse_slopes[:, None], clearances.shape)
+    slopes = np.stack([diffuse_slopes, light_slopes])
+    sways = np.zeros(slopes.shape)
+    has_position = np.isfinite(clearances)
+    for i in np.flatnonzero(has_position.any(axis=0)):
+        light, clearance = reflected.lights[i], clearances[:, i]
+        with np.errstate(over="ignore", invalid="ignore"):
+            sways[..., i] = light_table.entry_of(light).sway(light, clearance, slopes[..., i])
+    turns = slopes + 2.0 + reflected.steepnesses
+    return np.where(has_position, sways, 0.0), np.where(has_position, turns, 0.0)
+
+
+def _with_steep_powers(highlights) -> NDArray[np.int64]:
+    """The numbers of the materials whose highlight has no largest slope: exponents below 1."""
+    return np.flatnonzero(~np.isfinite(highlights.light_slopes).all(axis=1))
 
 
 def depth_rounding(surroundings: Surroundings) -> float:
@@ -168,8 +245,7 @@ def list_steps(plan: Any, surroundings: Surroundings) -> tuple[Step, ...]:
     u = SINGLE if plan.dtype == np.float32 else DOUBLE
     steps = _material_steps(plan, u)
     steps += [step for light in plan.lights for step in light_table.entry_of(light).steps(light, u)]
-    if plan.has_shadows:
-        steps.append(Step("the edge of a shadow", 1.0, "texels of the shadow map"))
+    steps += _shadow_steps(plan, surroundings)
     if any(m.texture is not None and m.texture.filter == "nearest" for m in plan.materials):
         steps.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
     least = LEAST_SHARE * surroundings.furthest
@@ -178,6 +254,27 @@ def list_steps(plan: Any, surroundings: Surroundings) -> tuple[Step, ...]:
     if surroundings.is_lit_per_sample and surroundings.shortest < LEAST_NORMAL:
         steps.append(Step("an interpolated normal without length", LEAST_NORMAL, "of its length"))
     return tuple(dict.fromkeys(steps))  # each cause once
+
+
+def _shadow_steps(plan, surroundings) -> list[Step]:
+    """The edges of shadows, whose exact ones are those of rays from the lights.
+
+    A point is compared with texels whose centres lie within half the filter of it, along each axis of the map; the
+    map's vertices are rounded to a 512th of a texel, float32 moves a point by `shadow_shift`. So what rises from the
+    surface towards the light, as a wall does from a floor, hides that much of it. What lies before the surface by less
+    than its depth changes over a texel isn't seen; nor what a normal offset carries the point across
+    (pipeline/shadow_lookup.py).
+    """
+    taps = [light_table.shadow_of(light).filter for light in plan.lights if light_table.shadow_of(light) is not None]
+    if not taps:
+        return []
+    cause = "the edge of a shadow, or a fold towards its light"
+    steps = [Step(cause, (max(taps) + 1) / 2, "texels of the shadow map")]
+    if plan.dtype == np.float32:
+        steps.append(Step("the edge of a shadow in float32", surroundings.shadow_shift, "scene units beside that"))
+    unit = "times what the surface's depth changes by over a texel, and its normal offset"
+    steps.append(Step("what casts a shadow next to the surface", 1.0, unit))
+    return steps
 
 
 def _material_steps(plan, u) -> list[Step]:

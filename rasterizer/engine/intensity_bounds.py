@@ -20,23 +20,34 @@ class Reflected(NamedTuple):
     diffuse_slopes: NDArray[np.float64]  # (n_material,): how far diffuse terms magnify errors of directions, see tables
     steepnesses: NDArray[np.float64]  # (n_light,): how far the factors of cone and range magnify errors
     materials: tuple
+    lights: tuple
+
+    @property
+    def bounds(self) -> NDArray[np.float64]:
+        """The largest intensity that any point of a material can have, (n_material,)."""
+        with np.errstate(over="ignore"):  # infinite where no bound holds
+            return self.undirected + self.diffuse.sum(axis=1) + self.specular.sum(axis=1)
 
     @property
     def bound(self) -> float:
         """The largest intensity that any point can have."""
-        with np.errstate(over="ignore"):  # infinite where no bound holds
-            return float((self.undirected + self.diffuse.sum(axis=1) + self.specular.sum(axis=1)).max(initial=0.0))
+        return float(self.bounds.max(initial=0.0))
+
+    @property
+    def turn_slopes(self) -> NDArray[np.float64]:
+        """What an intensity of each material changes by, at most, for each radian that the normal turns, (n_material,);
+        infinite where that has no limit."""
+        slopes = [reflection_table.entry_of(material).turn_slope(material) for material in self.materials]
+        of_diffuse = (1.0 + self.diffuse_slopes) * self.diffuse.sum(axis=1)
+        return of_diffuse + times(self.specular.sum(axis=1), slopes)
 
     @property
     def turn_slope(self) -> float:
-        """What an intensity changes by, at most, for each radian that the normal turns; infinite where that has no
-        limit."""
-        slopes = [reflection_table.entry_of(material).turn_slope(material) for material in self.materials]
-        of_diffuse = (1.0 + self.diffuse_slopes) * self.diffuse.sum(axis=1)
-        return float((of_diffuse + times(self.specular.sum(axis=1), slopes)).max(initial=0.0))
+        """The largest of `turn_slopes`."""
+        return float(self.turn_slopes.max(initial=0.0))
 
     def amplified(self, amplifications: NDArray[np.float64]) -> "Reflected":
-        """Return the same under lights that are amplified by `amplifications` (n_light,)."""
+        """Return the same under lights that are amplified by `amplifications`, (n_light,) or (n_material, n_light)."""
         return self._replace(diffuse=times(self.diffuse, amplifications), specular=times(self.specular, amplifications))
 
 
@@ -67,7 +78,7 @@ def compute_reflected(
     slopes = np.array([reflection_table.entry_of(material).diffuse_slope(material) for material in materials])
     steepnesses = np.array([light_table.entry_of(light).steepness(light) for light in lights], float)
     diffuse, specular = diffuse * most_albedo, specular * peaks[:, None]
-    return Reflected(undirected, diffuse, specular, slopes, steepnesses, tuple(materials))
+    return Reflected(undirected, diffuse, specular, slopes, steepnesses, tuple(materials), tuple(lights))
 
 
 def _highlight_peak(material) -> float:
@@ -77,12 +88,18 @@ def _highlight_peak(material) -> float:
 
 
 def compute_amplifications(lights: Sequence[Any], clearances: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-    """Compute how much each light amplifies at most (n_light,), where no lit point is nearer to it than its clearance.
+    """Compute how much each light amplifies at most, where no lit point is nearer to it than its clearance.
 
     Parameters
     ----------
-    clearances : (n_light,) scene units; None = 0 of all of them
+    clearances : (n_light,) or (n_material, n_light), scene units; None = 0 of all of them
+
+    Returns
+    -------
+    float64 of the shape of `clearances`; (n_light,) without
     """
     distances = np.zeros(len(lights)) if clearances is None else clearances
-    pairs = zip(lights, distances, strict=True)
-    return np.array([light_table.entry_of(light).amplification(light, distance) for light, distance in pairs], float)
+    found = np.ones(distances.shape)
+    for number, light in enumerate(lights):
+        found[..., number] = light_table.entry_of(light).amplification(light, distances[..., number])
+    return found

@@ -16,18 +16,24 @@ here and in the tables of the other layers.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..pipeline import light_kinds as pipeline
 from ..scene.camera import View
 from ..scene.lights import kind_of
-from .rounding import Step, step_cosine, times
+from .light_fall import cone_cosines, exponent_rise, fall_at, fall_rise, strength_at, unweakened_to
+from .rounding import SINGLE, Step, step_cosine
+
+if TYPE_CHECKING:
+    from .reach import Boxes
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
+
+_LEAST_RANGE = 2.0**-500  # scene units: the square of a shorter one is no number of its own
 
 
 class Beam(NamedTuple):
@@ -83,9 +89,23 @@ class LightEntry:
         """Return what `clearance` is at least in every view, with room for what a view takes off."""
         return math.inf
 
-    def amplification(self, light: Any, clearance: float) -> float:
+    def amplification(self, light: Any, clearance: ArrayLike) -> ArrayLike:
         """Return how much stronger than its colour the light is at most, at the clearance and beyond; at least 1."""
         return 1.0
+
+    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return how far an error of the distance between point and light, of length 1, moves what the light gives.
+
+        Parameters
+        ----------
+        clearance : (...) scene units, above 0; infinite where positions play no part
+        slope : (...) what a reflection of height 1 changes by for each radian that the light's direction turns
+
+        Returns
+        -------
+        (...) float64, over the largest strength that `amplification` allows; of the first order in the error
+        """
+        return (slope + 2.0 + self.steepness(light)) / clearance
 
     def steepness(self, light: Any) -> float:
         """Return how far factors of the strength magnify an error of the direction, or a relative one of the
@@ -95,6 +115,15 @@ class LightEntry:
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """Return where the strength jumps; u is the unit roundoff."""
         return ()
+
+    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
+        """Return for which boxes the strength may be other than 0, (n_mesh,).
+
+        Parameters
+        ----------
+        boxes : Boxes (engine/reach.py), n_mesh boxes with their errors
+        """
+        return np.ones(len(boxes.low), bool)
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients that must keep their digits in float32 when multiplied by squares of lengths."""
@@ -158,17 +187,51 @@ class PointEntry(LightEntry):
         """Return half of that; 0 for a light that moves with the camera."""
         return 0.0 if light.attached == "camera" else 0.5 * distance(light.position)
 
-    def amplification(self, light: Any, clearance: float) -> float:
+    def amplification(self, light: Any, clearance: ArrayLike) -> ArrayLike:
         """1/(kc + kl d + kq d²) is largest at the least distance d."""
         if not light.amplify or light.attenuation[0] >= 1.0:
             return 1.0
-        constant, linear, quadratic = light.attenuation
-        total = constant + times(linear, clearance) + times(quadratic, clearance) * clearance
-        return max(1.0, 1.0 / total) if total > 0.0 else np.inf
+        return strength_at(light, np.asarray(clearance, float), least=1.0)
+
+    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bound the sum of both changes at one distance, the turn's and that of the strength.
+
+        Over the distance d an error e of a position turns the direction by e/d. With s = 1/q, q = kc + kl d + kq d²,
+        the change is at most
+
+            e·(slope·s/d + |s'|) = e·(slope + ρ)·s/d,    ρ = d q'/q = (kl d + 2 kq d²)/q <= 2
+
+        For slope >= 1 that falls with d: s/d does, and s/d + |s'| = (kc + 2 b + 3 a)/(q² d) with b = kl d, a = kq d²,
+        whose derivative has the sign of -(kc² + 3 b kc + 2 a kc + 4 b² + 11 a b + 9 a²) < 0. So it is largest at the
+        clearance. A light that may not amplify has s = 1 and ρ = 0 as far as q <= 1, and the formula from there on:
+        where both meet, at d_1, the second one is larger.
+
+        The range r weakens the light by 1 - (d/r)^4, which adds 4 d³/r^4·s <= 4 s/r as far as d <= r,
+        with s of the clearance; beyond, there is no light.
+        """
+        slope = np.maximum(slope, 1.0)
+        largest = self.amplification(light, clearance)
+        if light.amplify:
+            found = fall_at(light, clearance, slope)
+        else:
+            unweakened = unweakened_to(light)
+            found = np.where(clearance < unweakened, slope / clearance, 0.0)
+            found = np.maximum(found, fall_at(light, np.maximum(clearance, unweakened), slope))
+        if light.range is not None:
+            found = found + 4.0 * np.minimum(strength_at(light, clearance), largest) / np.maximum(
+                light.range, clearance
+            )
+        return found / largest
 
     def steepness(self, light: Any) -> float:
         """(d/r)^4 rises by four times the relative error of d."""
         return 4.0 if light.range is not None else 0.0
+
+    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
+        """Nothing beyond its range. (d/r)² is rounded by less than 16 u, beside the errors of positions."""
+        if light.range is None or light.range < _LEAST_RANGE:
+            return super().reaches(light, view, boxes)
+        return boxes.distances(world_position(light, view)) <= light.range * (1.0 + 16.0 * SINGLE)
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients of the attenuation, and the range."""
@@ -207,14 +270,32 @@ class SpotEntry(PointEntry):
         has no bound. c^e rises by at most e c^(e-1): by e for e >= 1, else most at the outer cone; where that is at 90
         degrees it is multiplied by S^p, with p >= 1 at most t² (3 - 2 t) <= 3 (c/c_inner)².
         """
-        inner, outer = cone_cosines(light)
-        p, exponent = light.falloff, light.exponent
-        rise = 1.5 * p if p >= 1.0 else 6.0 * p if p >= 0.5 else np.inf
-        total = super().steepness(light) + (rise / (inner - outer) if inner > outer else np.inf)
-        if 0.0 < exponent < 1.0:
-            at_edge = 3.0 / inner**2 if inner > 0.0 and p >= 1.0 else np.inf
-            exponent *= min(outer ** (exponent - 1.0) if outer > 1e-15 else np.inf, at_edge)
-        return total + exponent
+        return super().steepness(light) + fall_rise(light) + exponent_rise(light)
+
+    def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Add the cone's: a turn of the light's direction moves its fall, too."""
+        return super().sway(light, clearance, slope + self.cone_slope(light))
+
+    def cone_slope(self, light: Any) -> float:
+        """Return what cone and exponent change the strength by, at most, for each radian; infinite for a sharp cone.
+
+        A turn moves the cosine of the angle from the axis by its sine, which is at most that of the outer cone. With
+        e >= 1 the slope of cos^e, e cos^(e-1)·sin, is largest where cos² = (e - 1)/e, and at most √e there.
+        """
+        sine = math.sin(math.radians(light.outer))
+        of_exponent = exponent_rise(light)
+        if light.exponent >= 1.0:
+            of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
+        return sine * fall_rise(light) + of_exponent
+
+    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
+        """Nothing outside the cone. The cosine of the angle from the axis is rounded by 12 u, see CONE in
+        error_bounds.py, beside the errors of positions; next to a sharp edge it counts as inside."""
+        ways, spread = boxes.directions(world_position(light, view))
+        cosine = np.clip(ways @ world_direction(light, view), -1.0, 1.0)
+        nearest = np.cos(np.clip(np.arccos(cosine) - spread, 0.0, np.pi))
+        is_inside = nearest + 16.0 * SINGLE + step_cosine(SINGLE) >= cone_cosines(light)[1]
+        return super().reaches(light, view, boxes) & is_inside
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """A sharp cone has an edge."""
@@ -281,8 +362,3 @@ def to_world(vector: Sequence[float], light: Any, view: View) -> NDArray[np.floa
     if not is_carried(light):
         return np.array(vector)
     return np.array(vector) @ view.world_from_camera.T
-
-
-def cone_cosines(light: Any) -> tuple[float, float]:
-    """Return the cosines of a spot light's inner and outer angle."""
-    return math.cos(math.radians(light.inner)), math.cos(math.radians(light.outer))

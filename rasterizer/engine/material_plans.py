@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..pipeline import gradients as g
-from . import light_table, reflection_table
-from .error_bounds import lighting_error
-from .intensity_bounds import Reflected
+from .float64_reasons import reasons_of
 from .rounding import SINGLE
 from .tint import common_tint
 
-SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them keep their digits in float32
+MOST_TURNED = 2.0**-12  # radians: a normal's error where shadows are looked up
 
 
 class MaterialPlans(NamedTuple):
@@ -35,6 +33,20 @@ class MaterialPlans(NamedTuple):
     def is_double(self) -> NDArray[np.bool_]:
         """Which need float64."""
         return (self.needs & g.NEEDS_DOUBLE) != 0
+
+    def dtype_of(self, material: int) -> np.dtype:
+        """The type that a material is lit in."""
+        return np.dtype(np.float64 if self.needs[material] & g.NEEDS_DOUBLE else np.float32)
+
+    @property
+    def is_looked_up(self) -> NDArray[np.bool_]:
+        """Which have textures whose coordinates may stand in planes."""
+        return ((self.needs & g.NEEDS_TEXTURE) != 0) & ~self.is_double
+
+    @property
+    def reads_double(self) -> NDArray[np.bool_]:
+        """Which have attributes in float64: also texture coordinates, of which large pictures need many digits."""
+        return self.is_double | self.is_looked_up
 
     @property
     def is_colored(self) -> NDArray[np.bool_]:
@@ -55,85 +67,44 @@ class Facts(NamedTuple):
     """What is known of a material's surfaces, a row a material."""
 
     has_albedo: NDArray[np.bool_]  # colours are given with the model, or a texture
+    has_vertex_colors: NDArray[np.bool_]  # colours are given with the model
     has_colors: NDArray[np.bool_]  # not only grey ones
     tints: Sequence[NDArray[np.float64] | None]  # (3,): what all intensities are multiples of, None where there is none
 
 
 def plan_materials(
-    sources: Any, reflected: Reflected, options: Any, cue: Any, facts: Facts, tint: NDArray | None, behind: float
+    sources: Any, brightness: Any, options: Any, cue: Any, facts: Facts, tint: NDArray | None
 ) -> MaterialPlans:
     """Find out what each material needs.
 
     Parameters
     ----------
-    sources : Sources of the scene (engine/plan.py)
-    reflected : what the lights make of the materials, amplified
+    sources, brightness : Sources and Brightness of the scene (engine/plan.py)
     options : Options
     cue : DepthCue or None
     tint : (3,) the colour of what has one channel; None where all has three
-    behind : what rounding may add when a picture is written, linear
     """
-    materials = sources.materials
-    of_scene = reasons_of_scene(sources, options, cue)
-    roundings = np.array([lighting_error(of_material(reflected, k), SINGLE) for k in range(len(materials))]) + behind
-    slopes = np.array([of_material(reflected, k).turn_slope for k in range(len(materials))])
-    normal_limits = options.tolerance / 4 / (np.sqrt(3.0) * SINGLE * np.maximum(slopes, 1e-30))
+    materials, greatest, roundings = sources.materials, brightness.greatest, brightness.least_roundings
+    # Depth cueing reads depths from exact records.
+    of_picture = {"depth cueing": cue is not None, "spectra": bool(sources.products)}
+    of_picture = [reason for reason, holds in of_picture.items() if holds]
+    angles = options.tolerance / 4 / np.maximum(greatest.turn_slopes, 1e-30)
+    if sources.has_shadows:  # they depend on normals, however dim the lights are
+        angles = np.minimum(angles, MOST_TURNED)
+    normal_limits = angles / (np.sqrt(3.0) * SINGLE)
     ways, needs, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(materials):
-        why = of_scene + reasons_of_material(material, roundings[k], options)
+        bound = greatest.bounds[k]
+        why = reasons_of(material, sources.lights, options.tolerance, roundings[k], bound, of_picture)
         is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
-        why = tuple(reason for reason in why if reason)
-        ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], reflected.bound))
-        needs.append(list_needs(material, bool(why), is_colored))
+        ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], brightness.bound))
+        needs.append(list_needs(material, bool(why), is_colored, facts.has_vertex_colors[k]))
         n_attributes.append(count_attributes(material, options, sources, facts, k, is_colored))
         reasons.append(why)
     return MaterialPlans(
         np.array(ways, np.uint8), np.array(needs, np.uint8), np.array(n_attributes, np.int64), normal_limits, roundings,
         facts.has_albedo, tuple(reasons),
     )  # fmt: skip
-
-
-def of_material(reflected: Reflected, k: int) -> Reflected:
-    """Return what the lights make of material k alone."""
-    row = slice(k, k + 1)
-    return Reflected(
-        reflected.undirected[row], reflected.diffuse[row], reflected.specular[row], reflected.diffuse_slopes[row],
-        reflected.steepnesses, reflected.materials[row],
-    )  # fmt: skip
-
-
-def reasons_of_scene(sources: Any, options: Any, cue: Any) -> tuple[str, ...]:
-    """Say why float32 won't do for any material; nothing where it does."""
-    reasons = {
-        "tolerance 0": options.tolerance == 0,
-        "numbers of lights beyond float32": not are_single(sources.lights),
-        # Next to a step no error is small: the edges of shadows.
-        "shadows": sources.has_shadows,
-        # Depth cueing reads depths from exact records.
-        "depth cueing": cue is not None,
-        "spectra": bool(sources.products),
-    }
-    return tuple(reason for reason, holds in reasons.items() if holds)
-
-
-def reasons_of_material(material: Any, rounding: float, options: Any) -> tuple[str, ...]:
-    """Say why float32 won't do for a material; words may be empty.
-
-    Float32 may spend half of the tolerance on rounding, a quarter each on normals and on colours between the corners;
-    or the rest on intensities between them.
-    """
-    return (
-        "" if rounding <= options.tolerance / 2 else "rounding beyond half of the tolerance",
-        # Next to a step no error is small: the edges of texels.
-        "textures" if material.texture is not None else "",
-        reflection_table.entry_of(material).reason_for_float64(material),
-    )
-
-
-def are_single(lights) -> bool:
-    """Tell whether the coefficients of lights keep their digits in float32, and their products with squares of lengths,
-    too."""
-    return all(SMALL <= length <= LARGE for light in lights for length in light_table.entry_of(light).lengths(light))
 
 
 def choose_way(reasons, options, needs_planes: bool, normal_limit: float, bound: float) -> int:
@@ -147,11 +118,14 @@ def choose_way(reasons, options, needs_planes: bool, normal_limit: float, bound:
     return g.IN_PLANES if needs_planes else g.IN_ENTRIES
 
 
-def list_needs(material: Any, is_double: bool, is_colored: bool) -> int:
+def list_needs(material: Any, is_double: bool, is_colored: bool, has_vertex_colors: bool) -> int:
     """Return what a material needs, as bits."""
     needs = g.NEEDS_DOUBLE if is_double else g.NEEDS_SINGLE
     needs |= g.NEEDS_COLORS if is_colored else 0
-    needs |= g.NEEDS_TEXTURE if material.texture is not None else 0
+    needs |= g.NEEDS_ALBEDO if has_vertex_colors else 0
+    if material.texture is not None:
+        is_nearest = material.texture.filter == "nearest" and not is_double
+        needs |= g.NEEDS_TEXTURE | (g.NEEDS_CORNERS if is_nearest else 0)
     needs |= 0 if material.is_opaque else g.NEEDS_BEHIND if material.opacity > 0.0 else g.IS_INVISIBLE
     return needs
 

@@ -9,8 +9,9 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 `finish`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -24,21 +25,22 @@ from ..pipeline.gradients import (
     NEEDS_SINGLE,
     NEEDS_TEXTURE,
     Coding,
-    LevelCoding,
-    NormalCoding,
 )
 from ..pipeline.interpolate import ScannedBand
 from ..pipeline.layers import Opacity
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
-from ..pipeline.records import ALBEDO_UNITS, NORMAL_UNITS, VALUE_UNITS
+from ..pipeline.records import most_units
 from ..pipeline.resolve import Picture, resolve
 from ..pipeline.scan import ScanCounts
 from ..pipeline.shade import shade_interpolated
 from ..pipeline.shadow_lookup import write_map
-from ..pipeline.texture_sampling import Textures, sample_textures, shade_textured
+from ..pipeline.texture_sampling import sample_textures
+from ..pipeline.textured_shading import shade_textured
+from ..pipeline.textures import Textures
+from ..pipeline.texturing import Texturing
 from ..pipeline.transform import Screen
-from ..pipeline.workspace import Workspace, WorkspaceKind
+from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture
 from .attributes import NONE, Attributes
 from .output_buffers import BUFFER_TABLE
 from .plan import Plan
@@ -86,9 +88,7 @@ class Pass:
 
     def most_records(self, n_triangle: int) -> int:
         """How many units the records of so many triangles have at most."""
-        if isinstance(self.coding, NormalCoding):
-            return n_triangle * (NORMAL_UNITS if self.attributes.single.shape[2] < 6 else ALBEDO_UNITS)
-        return n_triangle * (VALUE_UNITS if isinstance(self.coding, LevelCoding) and self.n_channel > 0 else 1)
+        return n_triangle * most_units(self.coding)
 
     def shade(self, workspace: Workspace, band: Band, counts: ScanCounts, face_table: FaceTable) -> None:
         """Fill the radiance of the band's visible samples; buffers and shadow maps need none.
@@ -106,6 +106,13 @@ class Pass:
         raise NotImplementedError
 
 
+class RowSink(NamedTuple):
+    """Who takes a picture band by band, where it is never kept as a whole."""
+
+    write: Callable[[int, Picture], None]  # called with the first row, and the rows; by any thread
+    with_color: bool  # linear colours, too
+
+
 @dataclass(**AS_PASS)
 class ColorPass(Pass):
     """What the passes of a picture share: textures before the light, depth cueing after it, and the end in 8 bits."""
@@ -113,7 +120,8 @@ class ColorPass(Pass):
     plan: Plan
     screen: Screen
     encoding: Encoding
-    picture: Picture
+    picture: Picture  # written, unless there is a sink
+    sink: RowSink | None = None
     is_filled: bool = True
 
     @property
@@ -136,15 +144,27 @@ class ColorPass(Pass):
         """None where all is opaque."""
         return self.plan.opacity
 
+    def texturing_in(self, workspace: Workspace) -> Texturing:
+        """The textures, with a workspace's memory for looking them up."""
+        return Texturing(self.textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
+
     def n_channel_of(self, counts: ScanCounts) -> int:
-        """How many channels a band needs: what fades with depth has as many everywhere."""
-        return self.n_channel if counts.needs & NEEDS_COLORS or self.plan.cue is not None else 1
+        """How many channels a band needs: what fades with depth has as many everywhere.
+
+        One channel is multiplied by the tint when pixels are finished, three are before: of a grey tint, or where there
+        is no mean of samples and nothing behind them, the same bits. Elsewhere all bands have as many channels, because
+        what else a band shows must not change them.
+        """
+        if counts.needs & NEEDS_COLORS or self.plan.cue is not None:
+            return self.n_channel
+        is_same = self.factor == 1 and self.dtype == np.float32 and self.opacity is None
+        return 1 if is_same or bool((self.plan.tint == 1.0).all()) else self.n_channel
 
     def shade(self, workspace, band, counts, face_table):
         """Find the light that comes from the visible samples, then let what is further away fade."""
         scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
         radiance = workspace.radiance[: self.n_channel_of(counts)]
-        if counts.needs & NEEDS_TEXTURE:
+        if counts.needs & NEEDS_TEXTURE and counts.n_exact > 0:
             sample_textures(scanned, self.textures, workspace.double_batch, workspace.texels)
         self.light(workspace, scanned, face_table, radiance)
         if self.plan.cue is not None:
@@ -155,12 +175,22 @@ class ColorPass(Pass):
         raise NotImplementedError
 
     def finish(self, workspace, band, counts, translucent, loaded_face):
-        """Average the samples of each pixel, and write the picture's rows."""
+        """Average the samples of each pixel, and write the picture's rows, or hand them to the sink."""
+        y_start, y_end = band.y_start // self.factor, band.y_end // self.factor
         n_channel = self.n_channel_of(counts)
+        if self.sink is None:
+            return self._resolve(workspace, n_channel, translucent, (y_start, y_end), self.picture)
+        rows = make_picture((self.size[0], y_end - y_start), self.sink.with_color)
+        n_covered = self._resolve(workspace, n_channel, translucent, (0, y_end - y_start), rows)
+        self.sink.write(y_start, rows)
+        return n_covered
+
+    def _resolve(self, workspace, n_channel, translucent, rows, out: Picture) -> int:
+        """Write a band's pixels to the rows (start, end) of `out`; return how many samples are covered."""
         encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
         return resolve(
-            workspace.visibility, workspace.radiance[:n_channel], translucent, band.y_start // self.factor,
-            band.y_end // self.factor, self.factor, encoding, workspace.pixels, self.picture,
+            workspace.visibility, workspace.radiance[:n_channel], translucent, *rows,
+            self.factor, encoding, workspace.pixels, out,
         )  # fmt: skip
 
 
@@ -172,7 +202,7 @@ class InterpolatedPass(ColorPass):
         """Interpolate the intensities; of textured surfaces those of the parts that the texture weakens and doesn't."""
         shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
         if band.counts.needs & NEEDS_TEXTURE:
-            shade_textured(band, workspace.texels, radiance)
+            shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
 
 
 @dataclass(**AS_PASS)
@@ -183,13 +213,13 @@ class LitPass(ColorPass):
 
     def light(self, workspace, band, face_table, radiance):
         """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
-        texels = workspace.texels if self.textures is not None else None
+        texturing = self.texturing_in(workspace) if self.textures is not None else None
         tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
         ways = (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)
         for need, dtype, batch in ways:
             if band.counts.needs & need:
                 shade_lit(
-                    band, self.screen, self.lightings[np.dtype(dtype)], face_table, tangents, texels, self.plan.tint,
+                    band, self.screen, self.lightings[np.dtype(dtype)], face_table, tangents, texturing, self.plan.tint,
                     need == NEEDS_DOUBLE, batch, radiance,
                 )  # fmt: skip
 
@@ -214,7 +244,7 @@ class ShadowMapPass(Pass):
     """What a light sees: a texel for every sample of a square map, and nothing interpolated."""
 
     depth: tuple[float, float]  # what a texel's depth is found from: offset and scale
-    texels: np.ndarray  # (n, n) float64, written
+    texels: np.ndarray  # (n, n) float32 or float64, written
 
     def finish(self, workspace, band, counts, translucent, loaded_face):
         """Write the texels' depths."""
@@ -223,7 +253,7 @@ class ShadowMapPass(Pass):
 
 
 def shadow_map_pass(coding, screen, texels) -> ShadowMapPass:
-    """Return the pass that draws a shadow map; `texels` is (n, n) float64, written."""
+    """Return the pass that draws a shadow map; `texels` is (n, n) float32 or float64, written."""
     depths = coding.depths
     depth = (depths.inv_w_offset, depths.inv_w_scale)
     if not screen.is_perspective:

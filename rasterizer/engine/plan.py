@@ -1,8 +1,8 @@
 """The plan of a picture: what this scene needs, and nothing else.
 
-Found here, from the scene alone: one channel or three, float32 or float64, whether the entries of the visibility buffer
-may carry intensities, which functions are compiled. The bounds that justify a cheaper way stand beside the choice. What
-a view says is added later (view_plans.py).
+Found here, from the scene alone: how bright it may be, the colour that one channel is enough for, its textures and
+transparent surfaces, which functions are compiled. What each material needs, its channels, its type and its way to the
+samples, is found in material_plans.py. What a view says is added later (view_plans.py).
 """
 
 from dataclasses import replace
@@ -15,17 +15,20 @@ from ..geometry.points import number_materials
 from ..options import Options
 from ..pipeline.depth_cueing import Cue
 from ..pipeline.layers import Opacity, least_transmittance
-from ..pipeline.texture_sampling import Textures
+from ..pipeline.texture_packing import PackedTextures, pack_textures
+from ..pipeline.textures import Textures
 from ..pipeline.visibility import LEVEL_MASK
 from . import light_table
-from .error_bounds import WRITTEN, lighting_error
+from .error_bounds import WRITTEN, bound_highlights, lighting_error
 from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
 from .material_plans import Facts, MaterialPlans, plan_materials
+from .reach import is_black
 from .rounding import SINGLE
 from .spectral_products import Products, multiply_spectra
 from .surface_arrays import brightest_texel, list_opacities, list_textures, make_cue
 from .tint import common_color, common_tint
 
+SAME_SIDE = 2.0  # |L + V| where the light is behind the viewer
 LARGEST = float(np.finfo(np.float32).max)  # that a picture can hold
 
 
@@ -49,6 +52,7 @@ class Plan(NamedTuple):
     has_shadows: bool
     has_tangents: bool  # some material is brushed along u
     textures: Textures | None  # None where the scene has none
+    packed_textures: PackedTextures | None  # the same for look-ups in float32; None where there are none
     opacity: Opacity | None  # None where all is opaque
     products: Products | None  # None where colours are multiplied channel by channel
     cue: Cue | None  # None where nothing fades with depth
@@ -108,7 +112,9 @@ class Brightness(NamedTuple):
     greatest: Reflected  # amplified
     bound: float  # of any point, the colour of the depth cue included
     behind: float  # of the background, or of the colour of the depth cue
-    rounding: float  # of float32: what it may add to an intensity
+    rounding: float  # of float32: what it may add to an intensity, wherever lights, surfaces and the eye are
+    # (n_material,): the same in the best view: lights amplify nothing, and none is opposite to the eye
+    least_roundings: np.ndarray
 
 
 def make_plan(scene, options: Options, albedo, clearances=None, colored=None) -> Plan:
@@ -128,11 +134,11 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
     facts = gather_facts(scene, sources, albedo, colored)
     tint = choose_tint(facts.tints)
     brightness = bound_brightness(scene, sources, albedo, clearances)
-    written = WRITTEN * SINGLE * (brightness.behind + brightness.bound)
-    of_materials = plan_materials(sources, brightness.greatest, options, cue, facts, tint, written)
+    of_materials = plan_materials(sources, brightness, options, cue, facts, tint)
     is_single = not of_materials.is_double.all()
     n_channel, most_level = 3 if of_materials.is_colored.any() else 1, brightness.bound + brightness.rounding
     least = least_transmittance(options.tolerance, brightness.bound, is_single)
+    textures = list_textures(materials) if sources.is_textured else None
     return Plan(
         n_channel=n_channel,
         tint=np.ones(3, np.float32) if tint is None else tint.astype(np.float32),
@@ -150,7 +156,8 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
         has_albedo=len(albedo) > 0,
         has_shadows=sources.has_shadows,
         has_tangents=any(material.is_anisotropic and material.tangent == "u" for material in materials),
-        textures=list_textures(materials) if sources.is_textured else None,
+        textures=textures,
+        packed_textures=pack_textures(textures) if of_materials.is_looked_up.any() else None,
         opacity=None if sources.is_opaque else list_opacities(materials, least),
         products=sources.products,
         cue=None if cue is None else make_cue(cue, n_channel),
@@ -160,19 +167,20 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
 def gather_facts(scene, sources: "Sources", albedo, colored) -> Facts:
     """Find out which materials have colours that are given with the model, and which have one channel."""
     materials = sources.materials
-    has_albedo = np.array([material.texture is not None for material in materials], np.bool_)
+    has_texture = np.array([material.texture is not None for material in materials], np.bool_)
+    has_vertex_colors = np.zeros(len(materials), np.bool_)
     if len(albedo) > 0:
         given = number_materials(scene.meshes)[1]
         for mesh, numbers in zip(scene.meshes, given, strict=True):
             if mesh.colors is not None or mesh.face_colors is not None:
-                has_albedo[numbers] = True
+                has_vertex_colors[numbers] = True
     if colored is None:
         colored = np.full(len(materials), len(albedo) > 0 and bool(np.ptp(albedo, axis=1).any()))
     tints = [
         None if has_colors else tint_of(material, sources, scene.depth_cue)
         for material, has_colors in zip(materials, colored, strict=True)
     ]
-    return Facts(has_albedo, colored, tints)
+    return Facts(has_texture | has_vertex_colors, has_vertex_colors, colored, tints)
 
 
 def tint_of(material, sources: "Sources", cue) -> np.ndarray | None:
@@ -193,9 +201,10 @@ def choose_tint(tints) -> np.ndarray | None:
 
 
 def gather_sources(scene, options: Options) -> Sources:
-    """List lights and materials, those of an area light one by one; the exposure is included."""
+    """List lights and materials, those of an area light one by one, without black ones; the exposure is included."""
     ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
     lights = tuple(part for light in scene.lights for part in light_table.entry_of(light).expand(light))
+    lights = tuple(light for light in lights if not is_black(light))
     materials = number_materials(scene.meshes)[0]
     products = multiply_spectra(materials, lights, ambient_lights, options)
     if products is None and options.exposure != 0.0:
@@ -227,8 +236,10 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     most = compute_amplifications(sources.lights, clearances)
     greatest = reflected.amplified(most)
     bound, behind = max(greatest.bound, fades_to), max(fades_to, *(scene.background or (0.0,)))
-    rounding = lighting_error(greatest, SINGLE) + WRITTEN * SINGLE * (behind + bound)
-    return Brightness(reflected, most, greatest, bound, behind, rounding)
+    rounding = lighting_error(greatest, SINGLE).max(initial=0.0) + WRITTEN * SINGLE * (behind + bound)
+    highlights = bound_highlights(reflected, SINGLE, SAME_SIDE)
+    least_roundings = lighting_error(reflected, SINGLE, highlights) + WRITTEN * SINGLE * (behind + reflected.bounds)
+    return Brightness(reflected, most, greatest, bound, behind, float(rounding), least_roundings)
 
 
 def check_brightness(bound) -> None:

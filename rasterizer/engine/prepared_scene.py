@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.clusters import Clusters, has_clusters, make_clusters
 from ..geometry.points import gather_geometry
 from ..options import Options
-from ..pipeline.encode import encode_picture
+from ..pipeline.clusters import SeenClusters, find_seen, reaches_out
+from ..pipeline.encode import encode_picture, with_blank
 from ..pipeline.threads import Workers
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
@@ -18,7 +20,7 @@ from .coding import make_coding, make_encoding, make_exact_coding
 from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
-from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass
+from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
 from .uniforms import make_lighting
 from .view_plans import ViewPlan, ViewPlans
 
@@ -29,11 +31,31 @@ NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 class DrawnPicture(NamedTuple):
     """A picture, and what was done for it."""
 
-    rgba: NDArray[np.uint8]  # (height, width, 4)
+    rgba: NDArray[np.uint8]  # (height, width, 4); no rows where a sink has taken them
     color: NDArray[np.float32]  # (height, width, 3), linear; no rows where only bytes were asked for
     alpha: NDArray[np.float32]  # (height, width), the same
     counts: Counts
     view_plan: ViewPlan
+
+
+class Brightest:
+    """Find the largest component of the linear colours of a picture that is drawn band by band."""
+
+    def __init__(self) -> None:
+        self._of_bands: list[float] = []
+
+    def note(self, _y_start, rows) -> None:
+        """Look at some rows, a Picture."""
+        self._of_bands.append(float(rows.color.max()))
+
+    def scale(self) -> float:
+        """What brings the whole picture into the display's range."""
+        return scale_of(max(self._of_bands))
+
+
+def scale_of(brightest: float) -> float:
+    """What a picture whose largest component is `brightest` is multiplied by where its range is global."""
+    return 1.0 / max(1.0, brightest)
 
 
 class PreparedScene:
@@ -47,6 +69,7 @@ class PreparedScene:
         self.view_plans = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)
         self.shadows = self._make_shadows() if self.view_plans.plan.has_shadows else None
+        self._clusters: Clusters | None = None  # made for the first view that may skip some
         self.workspaces = WorkspacePool()
 
     def _make_shadows(self):
@@ -54,28 +77,53 @@ class PreparedScene:
 
         return Shadows(self.geometry, self.bounds, self.view_plans.plan)
 
-    def draw_picture(self, camera: Camera, clock) -> DrawnPicture:
-        """Draw the picture: the colour of every pixel. `clock` notes the milliseconds of each stage."""
+    def find_seen(self, screen, n_sample) -> SeenClusters | None:
+        """The clusters of triangles that a view of `n_sample` (columns, rows) looks at; None for all triangles."""
+        geometry, is_culled = self.geometry, self.options.cull == "back"
+        if not has_clusters(geometry.vertex) or not (is_culled or reaches_out(self.bounds, screen, n_sample)):
+            return None
+        if self._clusters is None:
+            self._clusters = make_clusters(geometry.positions, geometry.vertex, self.threads)
+        return find_seen(self._clusters, geometry.positions.shape[1], screen, n_sample, is_culled)
+
+    def draw_picture(self, camera: Camera, clock, out=None, sink: RowSink | None = None) -> DrawnPicture:
+        """Draw the picture: the colour of every pixel.
+
+        Parameters
+        ----------
+        clock : Clock, which notes the milliseconds of each stage
+        out : (height, width) uint32, which takes the bytes; None = a new array
+        sink : who takes the rows as they are drawn, in any order; None = they are kept
+        """
         options, geometry, view = self.options, self.geometry, camera.view()
-        picture = make_picture(options.size, "color" in options.outputs or options.color_range == "global")
+        with_color, is_global = "color" in options.outputs, options.color_range == "global"
+        picture = make_picture((0, 0), False) if sink else make_picture(options.size, with_color or is_global, out)
         screen = screen_of(camera, view, options.size, options.factor, geometry, self.bounds)
         view_plan = self.view_plans.plan_for(view, screen)
-        render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock)
-        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
-        if options.color_range == "global":
-            encoding = render_pass.encoding._replace(scale=1.0 / max(1.0, float(picture.color.max())))
+        seen = self.find_seen(screen, (options.size[0] * options.factor, options.size[1] * options.factor))
+        render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock, seen)
+        if sink is not None and is_global:  # drawn twice: the brightest pixel must be known first
+            brightest = Brightest()
+            render_pass.sink = RowSink(brightest.note, True)
+            draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
+            render_pass.encoding = with_blank(render_pass.encoding._replace(scale=brightest.scale()))
+        render_pass.sink = sink
+        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
+        if sink is None and is_global:
+            encoding = render_pass.encoding._replace(scale=scale_of(float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
         return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan)
 
-    def color_pass(self, view, screen, plan, picture, clock) -> ColorPass:
-        """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
-        options, maps = self.options, ()
+    def color_pass(self, view, screen, plan, picture, clock, seen=None) -> ColorPass:
+        """Return the pass that draws `picture`: shadow maps are drawn, and the points of what is `seen` lit, before
+        it."""
+        options, maps = self.options, dict.fromkeys(plan.dtypes, ())
         if self.shadows is not None:
-            maps = self.shadows.draw(view, self.workspaces, self.threads)
+            maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
             clock.lap("shadows")
-        lightings = {dtype: make_lighting(plan, view, dtype, maps, screen.is_perspective) for dtype in plan.dtypes}
+        lightings = {d: make_lighting(plan, view, d, maps[d], screen.is_perspective) for d in plan.dtypes}
         shared = {
             "coding": make_coding(plan, screen, options.tolerance),
             "size": options.size,
@@ -90,16 +138,19 @@ class PreparedScene:
             attributes = self.normals.of(plan)
             face_table = FaceTable(NO_SHAPES if self.shadows is None else self.shadows.shapes)
             return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
-        attributes = self._light_points(plan, lightings, screen)
+        attributes = self._light_points(plan, lightings, screen, seen)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, face_table=FaceTable(NO_SHAPES), **shared)
 
-    def _light_points(self, plan, lightings, screen) -> Attributes:
+    def _light_points(self, plan, lightings, screen, seen) -> Attributes:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
         normal_offsets = np.empty(0) if self.shadows is None else self.shadows.normal_offsets
-        return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
+        # Points are vertices, but for flat shading; the means at centres need all points round them.
+        has_runs = seen is not None and not self.options.is_flat and self.geometry.centers is None
+        runs = seen.vertex_runs if has_runs else None
+        return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads, runs)
 
     def draw_buffers(self, camera: Camera, clock) -> tuple[dict[str, NDArray], Counts]:
         """Draw the exact buffers that are asked for, by name: always with one sample a pixel and float64 records, so
@@ -121,6 +172,6 @@ class PreparedScene:
             screen=screen,
             buffers=buffers,
         )
-        geometry = self.geometry._replace(face_material=NO_MATERIALS)
-        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
+        geometry, seen = self.geometry._replace(face_material=NO_MATERIALS), self.find_seen(screen, options.size)
+        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
         return buffers, counts

@@ -32,72 +32,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError
 from ..pipeline import reflection as pipeline
+from .reflection_entry import HighlightBounds, ReflectionEntry
 from .rounding import DOUBLE, SINGLE, Step, step_cosine, times
 
 REFLECTED = 68  # u: of R - V, see above
 MIRRORS = 30  # u: the half vector of Cook-Torrance, whose highlight shrinks with N·L as |L + V| does
 LEAST_SUM = {SINGLE: 2.0**-3, DOUBLE: 2.0**-20}  # by u: |L + V| from which the bound of Blinn's highlight holds
-
-
-class ReflectionEntry:
-    """Hold what the engine knows of a reflection model.
-
-    Every method takes a Material that names the model. What is said here holds for a model without a highlight, whose
-    diffuse term errs by no more than N·L does.
-    """
-
-    is_lambert_when_dull = False  # with a black `specular` it reflects as Lambert's model does
-    default_fresnel = 1.0  # F0 of a material that gives none
-
-    def function(self, material: Any) -> pipeline.ReflectionFunction:
-        """Return the pipeline's function for the material, and what it needs."""
-        raise NotImplementedError(f"{type(self).__name__} has no function")
-
-    def has_highlight(self, material: Any) -> bool:
-        """Tell whether the material has a highlight."""
-        return max(material.specular) > 0 and self.function(material).has_highlight
-
-    def reason_for_float64(self, material: Any) -> str:
-        """Return why float32 won't do, in a few words; empty where it does."""
-        return ""
-
-    def highlight_scale(self, material: Any) -> float:
-        """Return the factor of a normalised highlight, beside N·L; 0 for a classic one."""
-        return 0.0
-
-    def brightest_highlight(self, material: Any) -> float:
-        """Return the largest value of a highlight where `specular` is 1."""
-        return 0.0
-
-    def diffuse_slope(self, material: Any) -> float:
-        """Return how far the diffuse term magnifies an error of the directions, beyond Lambert's."""
-        return 0.0
-
-    def turn_slope(self, material: Any) -> float:
-        """Return what a highlight of height 1 changes by, at most, for each radian that the normal turns."""
-        return 0.0
-
-    def highlight_rounding(self, material: Any, u: float) -> float:
-        """Return how far a highlight of height 1 is off by rounding, at most 1."""
-        return 0.0
-
-    def highlight_change(self, material: Any, angle: ArrayLike, beside: float = 0.0) -> NDArray[np.float64]:
-        """Return what a highlight of height 1 changes by, at most, where the normal turns by an angle, at most 1.
-
-        Parameters
-        ----------
-        angle : (...) radians
-        beside : what else it changes by for each radian, in the light's strength
-        """
-        return np.minimum(1.0, times(self.turn_slope(material) + beside, angle))
-
-    def diffuse_steps(self, material: Any, u: float) -> tuple[Step, ...]:
-        """Return where the diffuse term jumps."""
-        return ()
-
-    def highlight_steps(self, material: Any, u: float) -> tuple[Step, ...]:
-        """Return where a highlight jumps."""
-        return ()
 
 
 class LambertEntry(ReflectionEntry):
@@ -129,7 +69,7 @@ class PowerEntry(ReflectionEntry):
     is_lambert_when_dull = True
     turns = 1.0  # how many times as far as the normal the direction turns whose cosine h is
 
-    def highlight_error(self, u: float) -> float:
+    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
         """Return the error of the vectors whose distance |R - V| or |N - H| gives h."""
         raise NotImplementedError
 
@@ -154,16 +94,24 @@ class PowerEntry(ReflectionEntry):
         """Return that of the power, of W(θ), which rises by 5 at most, and of N·L; infinite for n < 1."""
         if material.shininess < 1.0:
             return np.inf
-        of_power = self.turns * power_slope(material.shininess)
-        return of_power + 5.0 * (material.fresnel is not None) + 1.0 * material.normalized
+        return self.turns * power_slope(material.shininess) + weight_slope(material)
 
     def highlight_rounding(self, material: Any, u: float) -> float:
-        """Return what the head of this file derives."""
-        n, error = material.shininess, self.highlight_error(u)
+        """Return what is said by `highlight_roundings` where nothing is known of |L + V|."""
+        return float(self.highlight_roundings(material, u, np.zeros(1))[0])
+
+    def highlight_bounds(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> HighlightBounds:
+        """Know more of the rounding where |L + V| is known."""
+        bounds = super().highlight_bounds(material, u, least_sums)
+        return bounds._replace(roundings=self.highlight_roundings(material, u, least_sums))
+
+    def highlight_roundings(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what the head of this file derives, (n_light,)."""
+        n, error = material.shininess, self.highlight_error(u, least_sums)
         if n < 1.0:
-            return min(1.0, (1.5 * error) ** n + 4.0 * u)
-        weights = 16.0 * u * (5.0 * (material.fresnel is not None) + 1.0 * material.normalized)
-        return min(1.0, power_slope(n) * error + (1.5 * n + 4.0) * u + weights)
+            return np.minimum(1.0, (1.5 * error) ** n + 4.0 * u) + 0.0 * least_sums
+        found = power_slope(n) * error + (1.5 * n + 4.0) * u + 16.0 * u * weight_slope(material)
+        return np.minimum(1.0, found) + 0.0 * least_sums
 
     def highlight_change(self, material: Any, angle: ArrayLike, beside: float = 0.0) -> NDArray[np.float64]:
         """Bound h^n with n < 1 by the power of the error itself: |R - V| <= 2, so h errs by 3 times the angle at
@@ -185,7 +133,12 @@ class PhongEntry(PowerEntry):
 
     turns = 2.0  # the mirrored light direction turns twice as far as the normal
 
-    def highlight_error(self, u: float) -> float:
+    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """R turns as far as L does."""
+        slope = power_slope(material.shininess) if material.shininess >= 1.0 else np.inf
+        return np.full(least_sums.shape, slope + weight_slope(material))
+
+    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
         """Return the error of R - V."""
         return REFLECTED * u
 
@@ -197,9 +150,16 @@ class PhongEntry(PowerEntry):
 class BlinnEntry(PowerEntry):
     """Blinn's highlight: h = N·H."""
 
-    def highlight_error(self, u: float) -> float:
-        """Return the error of N - H where |L + V| is LEAST_SUM."""
-        return (13.0 + 20.0 / LEAST_SUM[u]) * u
+    needs_least_sums = True
+
+    def highlight_error(self, u: float, least_sum: ArrayLike = 0.0) -> ArrayLike:
+        """Return the error of N - H where |L + V| is `least_sum`, but no less than LEAST_SUM."""
+        return (13.0 + 20.0 / np.maximum(least_sum, LEAST_SUM[u])) * u
+
+    def light_slopes(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """H turns by 1/|L + V| of what L does across their plane, and by half of it within."""
+        slope = power_slope(material.shininess) if material.shininess >= 1.0 else np.inf
+        return slope / np.maximum(least_sums, LEAST_SUM[u]) + weight_slope(material)
 
     def highlight_scale(self, material: Any) -> float:
         """Return the factor of Blinn's highlight."""
@@ -217,6 +177,7 @@ class CookTorranceEntry(ReflectionEntry):
 
     is_lambert_when_dull = True
     default_fresnel = 0.04
+    needs_least_sums = True
 
     def function(self, material: Any) -> pipeline.ReflectionFunction:
         """Return the function of the distribution, and of the direction along which the surface is brushed."""
@@ -255,12 +216,33 @@ class CookTorranceEntry(ReflectionEntry):
         """Return the error of the half vector, magnified."""
         return min(1.0, MIRRORS * u * self.turn_slope(material))
 
+    def highlight_bounds(self, material: Any, u: float, least_sums: NDArray[np.float64]) -> HighlightBounds:
+        """Return those of mirror_bounds.py for isotropic mirrors, over the largest value that the highlight counts
+        with."""
+        from .mirror_bounds import bound_lobe
+
+        slope, brightest = self.turn_slope(material), self.brightest_highlight(material)
+        if material.is_anisotropic:
+            return super().highlight_bounds(material, u, least_sums)
+        lobe = bound_lobe(material.distribution, material.roughness, least_sums)
+        return HighlightBounds(
+            peaks=np.minimum(1.0, lobe.peak / brightest),
+            roundings=np.minimum(1.0, u * lobe.rounding / brightest),
+            normal_slopes=np.minimum(slope, lobe.normal_slope / brightest),
+            light_slopes=lobe.light_slope / brightest,
+        )
+
     def highlight_steps(self, material: Any, u: float) -> tuple[Step, ...]:
-        """Isotropic GGX mirrors that are tilted by more than a right angle count as none."""
-        if material.is_anisotropic or material.distribution != "ggx":
+        """GGX mirrors that are tilted by more than a right angle count as none. Where a normal looks away from the
+        viewer, and the light is opposite to him, the highlight doesn't shrink as the half vector does."""
+        if material.is_anisotropic:
             return ()
+        opposite = "Cook-Torrance where a normal looks away from the viewer, the light opposite to him"
+        steps = (Step(opposite, LEAST_SUM[u], "|L + V|"),)
+        if material.distribution != "ggx":
+            return steps
         cause = "Cook-Torrance where a normal looks away from the viewer, N·H = 0"
-        return (Step(cause, step_cosine(u), "cosine of an angle"),)
+        return (Step(cause, step_cosine(u), "cosine of an angle"), *steps)
 
 
 class ToonEntry(ReflectionEntry):
@@ -341,6 +323,11 @@ def blinn_scale(material: Any) -> float:
     """
     n = material.shininess
     return (n + 2) * (n + 4) / (8 * (2 ** (-n / 2) + n)) if material.normalized else 0.0
+
+
+def weight_slope(material: Any) -> float:
+    """Return the slope of the weights of a power: 5 of W(θ), 1 of N·L where the highlight is normalised."""
+    return 5.0 * (material.fresnel is not None) + 1.0 * material.normalized
 
 
 def power_slope(exponent: float) -> float:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from ..pipeline import texture_sampling as texturing
+from ..pipeline import textures as texturing
 from ..pipeline.depth_cueing import Cue
 from ..pipeline.layers import Opacity
-from ..pipeline.texture_sampling import Textures
+from ..pipeline.textures import Textures
 
 
 def list_opacities(materials, least) -> Opacity:

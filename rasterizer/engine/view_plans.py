@@ -1,18 +1,21 @@
 """The plan for each view: float64 where float32 has too few digits for it, and the error bound that holds there."""
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..geometry.points import number_materials
-from ..geometry.surfaces import compute_clearance, compute_point_clearance, find_shortest_normal
+from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline.gradients import EXACT, IN_ENTRIES
+from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
+from . import reflection_table
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
+from .float64_reasons import LARGE, SMALL
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of
-from .material_plans import LARGE, SMALL, of_material
+from .lit_points import LitPoints, eye_distances
 from .plan import Plan, make_plan
 from .plan_summary import PlanSummary, summarize
 from .rounding import DOUBLE, SINGLE
@@ -32,14 +35,14 @@ class ViewPlans:
 
     def __init__(self, scene, options: Options, geometry, bounds):
         self._scene, self._options, self._geometry, self._bounds = scene, options, geometry, bounds
-        self._clearances: dict[tuple, float] = {}  # by position
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
-        colored = find_colored(geometry, len(number_materials(scene.meshes)[0]))
-        self.plan = make_plan(scene, options, geometry.albedo, colored=colored)
+        self._shadow_precision: Any = None  # made where it is needed first
+        self._colored = find_colored(geometry, len(number_materials(scene.meshes)[0]))
+        self.plan = make_plan(scene, options, geometry.albedo, colored=self._colored)
+        self._lit_points = LitPoints(geometry, len(self.plan.materials), self.plan.lights, self.plan.is_lit_per_sample)
         if not np.isfinite(self.plan.bound):
-            clearances = self._lasting_clearances()
-            self.plan = make_plan(scene, options, geometry.albedo, clearances, colored)
+            self.plan = make_plan(scene, options, geometry.albedo, self._lasting_clearances(), self._colored)
         self._shortest = 1.0
         if self.plan.is_lit_per_sample and self.plan.reflected.turn_slope > 0.0:
             self._shortest = find_shortest_normal(geometry.normals, geometry.corner)
@@ -48,26 +51,30 @@ class ViewPlans:
         """The plan for a view, or one with float64 where float32 has too few digits for it."""
         reach = np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()
         surroundings = self._surroundings(view, screen, math.sqrt(sum(side * side for side in reach))).rounded()
-        key = surroundings.furthest, surroundings.clearances.tobytes(), surroundings.deepness, screen.is_perspective
+        key = *surroundings.key(), screen.is_perspective
         if self._last_key != key:
             tolerance = self._options.tolerance
-            plan = plan_of_view(self.plan, tolerance, surroundings)
-            error_bound = error_bound_of(plan, tolerance, surroundings)
+            plan = plan_of_view(self._bounded_plan(surroundings), tolerance, surroundings)
+            error_bound = float(error_bounds_of(plan, tolerance).max(initial=0.0))
             steps, summary = list_steps(plan, surroundings), summarize(plan, screen.is_perspective)
             self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, summary)
         return self._last
+
+    def _bounded_plan(self, surroundings: Surroundings) -> Plan:
+        """The scene's plan; where lights that move with the camera amplify without limit one for their clearances in
+        this view."""
+        if np.isfinite(self.plan.bound):
+            return self.plan
+        clearances = surroundings.kept().clearances.min(axis=0, initial=np.inf)
+        return make_plan(self._scene, self._options, self._geometry.albedo, clearances, self._colored)
 
     def _lasting_clearances(self) -> np.ndarray:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
         moves with the camera."""
         lights = self.plan.lights
-        return np.array([entry_of(light).lasting_clearance(light, self._clearance_of) for light in lights], float)
-
-    def _clearance_of(self, position) -> float:
-        """How near the lit points come to a position: surfaces in Phong's method, else vertices or centroids."""
-        if self.plan.is_lit_per_sample:
-            return compute_clearance(self._geometry.positions, self._geometry.vertex, *map(float, position))
-        return compute_point_clearance(self._geometry.points, *map(float, position))
+        return np.array(
+            [entry_of(light).lasting_clearance(light, self._lit_points.distance) for light in lights], float
+        )
 
     def _surroundings(self, view, screen, furthest) -> Surroundings:
         """What this view says about the positions of lights and surfaces.
@@ -76,26 +83,38 @@ class ViewPlans:
         A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its
         depth.
         """
-        kept, self._clearances = self._clearances, {}
-
-        def distance(position) -> float:
-            key = tuple(map(float, position))
-            if key not in self._clearances:
-                self._clearances[key] = kept[key] if key in kept else self._clearance_of(position)
-            return self._clearances[key]
-
         beside = 0.0
         if self.plan.is_lit_per_sample:
             deepest = furthest if screen.is_perspective else 1.0
             beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
-        clearances = [entry_of(light).clearance(light, view, distance) - beside for light in self.plan.lights]
+        lights, least_sums = self.plan.lights, 0.0
+        if any(reflection_table.entry_of(material).needs_least_sums for material in self.plan.materials):
+            least_sums = self._lit_points.least_sums(view, screen.is_perspective, beside)
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
-        clearances = np.maximum(np.array(clearances, float), 0.0)
-        return Surroundings(furthest, clearances, self._shortest, self.plan.is_lit_per_sample, deepness)
+        return Surroundings(
+            furthest=furthest,
+            clearances=np.maximum(self._lit_points.clearances(view) - beside, 0.0),
+            shortest=self._shortest,
+            is_lit_per_sample=self.plan.is_lit_per_sample,
+            deepness=deepness,
+            eye_distances=eye_distances(lights, view),
+            least_sums=least_sums,
+            shadow_shift=self._shadow_shift(view),
+        )
+
+    def _shadow_shift(self, view) -> float:
+        """How far float32 moves what shadows are asked for, scene units; infinite where it can't be taken."""
+        if not self.plan.has_shadows or self.plan.of_materials.is_double.all():
+            return 0.0
+        if self._shadow_precision is None:
+            from .shadow_views import Precision
+
+            self._shadow_precision = Precision(self.plan, self._bounds)
+        return self._shadow_precision.shift(view)
 
 
-def find_colored(geometry, n_material) -> np.ndarray:
-    """Find the materials that have points whose albedo isn't grey, (n_material,) bool."""
+def find_colored(geometry, n_material) -> NDArray[np.bool_]:
+    """Find the materials that have points whose albedo isn't grey, (n_material,)."""
     colored = np.zeros(n_material, np.bool_)
     if len(geometry.albedo):
         offsets = geometry.point_offsets.tolist()
@@ -113,44 +132,48 @@ def plan_of_view(plan: Plan, tolerance, surroundings: Surroundings) -> Plan:
     normal vanishes or a light lies on a surface, float64 is right.
     """
     is_double = plan.of_materials.is_double
-    if is_double.all():
-        return plan
-    of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
-    lengths = [surroundings.furthest, *of_positions]
-    is_lost = not all(SMALL <= length <= LARGE for length in lengths)
-    is_lost = is_lost or bool((compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any())
-    is_lost = is_lost or (surroundings.is_lit_per_sample and surroundings.shortest <= 0.0)
     roundings = roundings_of(plan, surroundings)
-    lost = ~is_double & (is_lost | ~(roundings <= tolerance / 2))
-    of_materials = plan.of_materials._replace(roundings=roundings)
-    return plan._replace(of_materials=of_materials.doubled(lost, "this view") if lost.any() else of_materials)
+    if not is_double.all():
+        of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
+        lengths = [surroundings.furthest, *of_positions.tolist()]
+        is_lost = not all(SMALL <= length <= LARGE for length in lengths) or not np.isfinite(surroundings.shadow_shift)
+        is_lost = is_lost or bool((compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any())
+        is_lost = is_lost or (surroundings.is_lit_per_sample and surroundings.shortest <= 0.0)
+        lost = ~is_double & (is_lost | ~(roundings <= tolerance / 2))
+        if lost.any():
+            plan = plan._replace(of_materials=plan.of_materials.doubled(lost, "this view"))
+            roundings = roundings_of(plan, surroundings)
+    return plan._replace(of_materials=plan.of_materials._replace(roundings=roundings))
 
 
-def roundings_of(plan: Plan, surroundings: Surroundings) -> np.ndarray:
-    """What rounding may add to an intensity of each material in one view, in its type, and in the float32 of the
-    picture."""
+def roundings_of(plan: Plan, surroundings: Surroundings) -> NDArray[np.float64]:
+    """What rounding may add to an intensity of each material in one view, (n_material,), in its type, and in the
+    float32 of the picture."""
     reflected = plan.reflected.amplified(compute_amplifications(plan.lights, surroundings.kept().clearances))
-    written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bound)
-    errors = [
-        frame_error(of_material(reflected, k), surroundings, DOUBLE if is_double else SINGLE)
-        for k, is_double in enumerate(plan.of_materials.is_double)
-    ]
-    return np.array(errors) + written
+    written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bounds)
+    is_double = plan.of_materials.is_double
+    errors = {
+        u: frame_error(reflected, surroundings, u) for u in {DOUBLE if double else SINGLE for double in is_double}
+    }
+    return np.where(is_double, errors.get(DOUBLE, 0.0), errors.get(SINGLE, 0.0)) + written
 
 
-def error_bound_of(plan: Plan, tolerance, surroundings: Surroundings) -> float:
-    """The largest error of an intensity in one view, against the exact evaluation of the same polygons; see `Stats`.
+def error_bounds_of(plan: Plan, tolerance) -> NDArray[np.float64]:
+    """The largest error of an intensity of each material in one view, (n_material,), against the exact evaluation of
+    the same polygons; see `Stats`. The plan's roundings are those of the view.
 
     Float64 leaves the rounding alone. Float32 adds half a level where a polygon has one intensity in its visibility
-    entries, a quarter of the tolerance for the normals' planes and one for colours', or all of it for what Gouraud's
-    method has between the corners.
+    entries, a quarter of the tolerance for the normals' planes and one for colours'; or all that rounding leaves of it,
+    for what Gouraud's method has between the corners, and for textures.
     """
-    roundings, ways = roundings_of(plan, surroundings), plan.of_materials.ways
-    approximated = np.zeros(len(ways))
+    of_materials, roundings = plan.of_materials, plan.of_materials.roundings
+    rest = np.maximum(tolerance - roundings, 0.0)
     if plan.is_lit_per_sample:
-        approximated[:] = np.where(plan.of_materials.has_albedo, tolerance / 2, tolerance / 4)
+        has_colors = (of_materials.needs & NEEDS_ALBEDO) != 0
+        approximated = np.where(has_colors, tolerance / 2, tolerance / 4)
     elif plan.is_flat:
-        approximated[ways == IN_ENTRIES] = 0.5 / plan.level_scale
+        approximated = np.where(of_materials.ways == IN_ENTRIES, 0.5 / plan.level_scale, 0.0)
     else:
-        approximated = np.maximum(tolerance - roundings, 0.0)
-    return float((roundings + np.where(ways == EXACT, 0.0, approximated)).max())
+        approximated = rest
+    approximated = np.where(of_materials.is_looked_up, rest, approximated)
+    return roundings + np.where(of_materials.ways == EXACT, 0.0, approximated)

@@ -1,13 +1,19 @@
-"""Stage 3, cull: which triangles can touch a sample, and in which bands.
+"""Stage 3, cull: which triangles can cover a sample, and in which bands.
 
-In:  index columns of the triangles and the vertices on the screen.
+In:  index columns of the triangles, the vertices on the screen, and the clusters of triangles that are looked at.
 Out: `Visible`: the triangles that are left, in face order, each with the first and last band of scanlines that it
      reaches.
 
 A triangle is dropped when it has no area, when a vertex is OUTSIDE (the clip stage has put its parts in its place),
-when its back is seen and backs are culled, or when its box holds no sample of the picture. PASS triangles at a time go
-through three loops, each of which the compiler can vectorise or keep free of mispredicted branches: signed areas,
-compaction, boxes.
+when its back is seen and backs are culled, when its box holds no sample of the picture, or when its box is small and
+none of its samples is covered. PASS triangles at a time go through four loops: their vertices are gathered into rows,
+side by side the compiler's vector instructions find the signs of their areas, then what their boxes hold, and what is
+left is written out without a branch.
+
+    box of a sliver   + . . +     Up to MOST_WIDE x MOST_WIDE samples are tested with the edge functions of the scan
+                      |\\    |     stage, in exact integers. They hold the top-left rule, so a triangle that is dropped
+    . sample          | '\\. |     covers none of these samples; and what it covers lies in its box: small_boxes.py has
+                      +----'+     the proof.
 """
 
 from typing import NamedTuple
@@ -15,9 +21,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
+from ..geometry.clusters import CLUSTER
+from .small_boxes import MOST_WIDE, is_any_covered
 from .transform import HALF, OUTSIDE
 
-PASS = 2048  # triangles: what is noted of them on the way stays in the L1 cache
+PASS = 2048  # triangles, a multiple of CLUSTER: what is noted of them on the way stays in the L1 and L2 caches
+CLUSTERS_A_PASS = PASS // CLUSTER
 SUBPIXEL_SHIFT = 8  # log2 of SUBPIXEL
 
 
@@ -39,16 +48,24 @@ class Visible(NamedTuple):
     n_culled: int
 
 
-class CullScratch(NamedTuple):
-    """What is noted of PASS triangles between the three loops."""
+# Rows of int32 that are noted of PASS triangles, one quantity a row; all stand one behind the other in one flat array,
+# `rows[X0 + k]`, so that the compiler sees that they don't overlap.
+X0, Y0, X1, Y1, X2, Y2, SIDE, TOP, BOTTOM, IS_KEPT = (index(PASS * row) for row in range(10))
+N_ROW = 10
 
-    is_kept: np.ndarray  # (PASS,) uint8
-    candidates: np.ndarray  # (PASS,) uint32
+
+class CullScratch(NamedTuple):
+    """What is noted of PASS triangles between the loops."""
+
+    faces: np.ndarray  # (PASS,) uint32
+    # (N_ROW * PASS,) int32: the vertices, 1/256 px; 1 clockwise on the screen, -1 counter-clockwise, 0 dropped; the
+    # rows of samples TOP..BOTTOM of the box in the picture; whether it is kept
+    rows: np.ndarray
 
 
 def make_cull_scratch() -> CullScratch:
     """Return room for what is noted of PASS triangles."""
-    return CullScratch(np.empty(PASS, np.uint8), np.empty(PASS, np.uint32))
+    return CullScratch(np.empty(PASS, np.uint32), np.empty(N_ROW * PASS, np.int32))
 
 
 @helper
@@ -57,7 +74,7 @@ def first_sample(coordinate):
     return (np.int64(coordinate) + HALF - 1) >> SUBPIXEL_SHIFT
 
 
-def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers) -> list[Visible]:
+def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, clusters=None) -> list[Visible]:
     """Drop the triangles that can't be seen; one Visible for each part of the range of faces, in order.
 
     Parameters
@@ -65,87 +82,124 @@ def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers) -> list[V
     vertex_idx : (3, n) uint32, as in Triangles
     vertices : Vertices
     cull_back : bool, drop triangles that are seen clockwise
+    clusters : (n_cluster,) uint32, ascending, the clusters of CLUSTER triangles that are looked at; None for all
     """
+    n_face = vertex_idx.shape[1]
+    clusters = np.arange(-(-n_face // CLUSTER), dtype=np.uint32) if clusters is None else clusters
     n_band = -(-grid.height // grid.band_rows)
     dtype = np.uint16 if n_band <= 2**16 else np.uint32
 
     def find(part):
-        n = part[1] - part[0]
+        some = clusters[part[0] // CLUSTER : part[1] // CLUSTER]
+        n = len(some) * CLUSTER
         out = Visible(np.empty(n, np.uint32), np.empty(n, dtype), np.empty(n, dtype), np.zeros(n_band + 1, np.int64), 0)
-        n_kept, n_culled = find_visible_range(*part, vertex_idx, vertices, grid, cull_back, make_cull_scratch(), out)
+        n_kept, n_culled = find_visible_in(some, vertex_idx, vertices, grid, cull_back, make_cull_scratch(), out)
         return Visible(*(column[:n_kept] for column in out[:3]), out.histogram[:n_band], n_culled)
 
-    return workers.map(find, workers.ranges(vertex_idx.shape[1]))
+    return workers.map(find, workers.ranges(len(clusters) * CLUSTER))
 
 
 @kernel
-def find_visible_range(start, end, vertex_idx, vertices, grid, cull_back, scratch, out):
-    """Write the visible ones of the triangles start..end to `out`; return how many they are, and how many were culled.
+def find_visible_in(clusters, vertex_idx, vertices, grid, cull_back, scratch, out):
+    """Write the visible triangles of some clusters to `out`; return how many they are, and how many were culled.
 
     Parameters
     ----------
-    vertex_idx : (3, n) uint32
+    clusters : (n,) uint32, ascending
+    vertex_idx : (3, n_face) uint32
     scratch : CullScratch
     out : Visible with room for all triangles; its histogram is zero and has n_band + 1 places
     """
-    a, b, c = vertex_idx[0], vertex_idx[1], vertex_idx[2]
-    x, y = vertices.x, vertices.y
-    out_faces, out_first, out_last, histogram = out.faces, out.first_bands, out.last_bands, out.histogram
-    is_kept, candidates = scratch.is_kept, scratch.candidates
-    bands_a_row = 1.0 / grid.band_rows
-    n_kept = index(0)
-    n_culled = 0
-    for first_face in range(index(start), index(end), index(PASS)):
-        n = index(min(PASS, end - np.int64(first_face)))
-        end_face = first_face + n
-        n_culled += flag_by_area(a[first_face:end_face], b[first_face:end_face], c[first_face:end_face],
-                                 x, y, cull_back, is_kept)  # fmt: skip
-        n_candidate = index(0)
-        for k in range(n):
-            candidates[n_candidate] = np.uint32(first_face + k)
-            n_candidate += index(is_kept[k])
-        for k in range(n_candidate):
-            face = candidates[k]
-            v0, v1, v2 = a[face], b[face], c[face]
-            left = first_sample(min(x[v0], x[v1], x[v2]))
-            right = first_sample(max(x[v0], x[v1], x[v2]))
-            top = max(first_sample(min(y[v0], y[v1], y[v2])), 0)
-            bottom = min(first_sample(max(y[v0], y[v1], y[v2])), grid.height)
-            is_hit = (max(left, 0) < min(right, grid.width)) & (top < bottom)
-            # Quotients of integers: half a row more keeps the product further from a whole number than it is rounded.
-            # So what is rounded down lies within 0..n_band - 1, as the rows do within 0..height.
-            first = index((top + 0.5) * bands_a_row) if is_hit else index(0)
-            last = index((bottom - 0.5) * bands_a_row) if is_hit else index(0)
-            out_faces[n_kept] = face
-            out_first[n_kept] = first
-            out_last[n_kept] = last
-            n_kept += index(is_hit)
-            histogram[first] += is_hit  # for now: how many more than in the band before
-            histogram[last + index(1)] -= is_hit
+    n_kept, n_culled = index(0), 0
+    for first in range(index(0), index(len(clusters)), index(CLUSTERS_A_PASS)):
+        some = clusters[first : min(first + index(CLUSTERS_A_PASS), index(len(clusters)))]
+        n = gather_clusters(some, vertex_idx, vertices, scratch)
+        n_culled += note_sides(n, cull_back, scratch)
+        flag_covering(n, grid, scratch)
+        n_kept = append_kept(n, n_kept, grid, scratch, out)
+    histogram = out.histogram
     for band in range(1, len(histogram)):
         histogram[band] += histogram[band - 1]
     return np.int64(n_kept), n_culled
 
 
 @helper
-def flag_by_area(a, b, c, x, y, cull_back, is_kept):
-    """Set is_kept[k] to 1 for every triangle that has area and is not culled, else to 0; return how many were culled.
+def gather_clusters(clusters, vertex_idx, vertices, scratch):
+    """Fetch the triangles of up to CLUSTERS_A_PASS clusters; return how many they are, uint64."""
+    a, b, c = vertex_idx[0], vertex_idx[1], vertex_idx[2]
+    x, y, rows = vertices.x, vertices.y, scratch.rows
+    n = index(0)
+    for cluster in clusters:
+        first = index(cluster) * index(CLUSTER)
+        for face in range(first, min(first + index(CLUSTER), index(len(a)))):
+            v0, v1, v2 = a[face], b[face], c[face]
+            scratch.faces[n] = face
+            rows[X0 + n], rows[Y0 + n] = x[v0], y[v0]
+            rows[X1 + n], rows[Y1 + n] = x[v1], y[v1]
+            rows[X2 + n], rows[Y2 + n] = x[v2], y[v2]
+            n += index(1)
+    return n
 
-    Parameters
-    ----------
-    a, b, c : (n,) uint32, vertices of the triangles
-    x, y : (n_vertex,) int32, 1/256 px
-    is_kept : (PASS,) uint8
-    """
-    n_culled = 0
-    for k in range(len(a)):
-        x0, y0 = np.int64(x[a[k]]), np.int64(y[a[k]])
-        x1, y1 = np.int64(x[b[k]]), np.int64(y[b[k]])
-        x2, y2 = np.int64(x[c[k]]), np.int64(y[c[k]])
+
+@helper
+def note_sides(n, cull_back, scratch):
+    """Note which sides of the first n triangles are seen, 0 where they are dropped; return how many were culled."""
+    rows, n_culled = scratch.rows, 0
+    for k in range(n):
+        x0, y0 = np.int64(rows[X0 + k]), np.int64(rows[Y0 + k])
+        x1, y1 = np.int64(rows[X1 + k]), np.int64(rows[Y1 + k])
+        x2, y2 = np.int64(rows[X2 + k]), np.int64(rows[Y2 + k])
         # Twice the signed area; the y axis points down, so counter-clockwise triangles are negative.
         area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-        is_placed = (min(x0, x1, x2) != OUTSIDE) & (area != 0)
+        is_placed = min(x0, x1, x2) != OUTSIDE
         is_culled = is_placed & cull_back & (area > 0)
-        is_kept[k] = np.uint8(is_placed & (not is_culled))
+        side = np.int32(area > 0) - np.int32(area < 0)
+        rows[SIDE + k] = np.int32(side if is_placed & (not is_culled) else 0)
         n_culled += is_culled
     return n_culled
+
+
+@helper
+def flag_covering(n, grid, scratch):
+    """Flag those of the first n triangles that can cover a sample of the picture, and note the rows of their boxes.
+
+    All arithmetic is int32, so that twice as many triangles go side by side. It wraps where triangles are large; these
+    are kept, whatever their samples are.
+    """
+    rows = scratch.rows
+    for k in range(n):
+        x0, y0, x1, y1, x2, y2 = rows[X0 + k], rows[Y0 + k], rows[X1 + k], rows[Y1 + k], rows[X2 + k], rows[Y2 + k]
+        first_x, end_x = first_sample_int32(min(x0, x1, x2)), first_sample_int32(max(x0, x1, x2))
+        first_y, end_y = first_sample_int32(min(y0, y1, y2)), first_sample_int32(max(y0, y1, y2))
+        left, right = max(first_x, np.int32(0)), min(end_x, np.int32(grid.width))
+        top, bottom = max(first_y, np.int32(0)), min(end_y, np.int32(grid.height))
+        is_hit = (left < right) & (top < bottom) & (rows[SIDE + k] != 0)
+        is_large = (end_x - first_x > MOST_WIDE) | (end_y - first_y > MOST_WIDE)
+        triangle = (x0, y0, x1, y1, x2, y2)
+        rows[IS_KEPT + k] = is_hit & (is_large | is_any_covered(triangle, rows[SIDE + k], left, top))
+        rows[TOP + k], rows[BOTTOM + k] = top, bottom
+
+
+@helper
+def first_sample_int32(coordinate):
+    """Compute what `first_sample` does, int32; exact up to the limits of coordinates, 2^28, and for OUTSIDE."""
+    return np.int32(np.int32(coordinate + (HALF - 1)) >> SUBPIXEL_SHIFT)
+
+
+@helper
+def append_kept(n, n_kept, grid, scratch, out):
+    """Append those of the first n triangles that are kept to `out`, which has n_kept; return how many it has then."""
+    faces, rows, histogram = scratch.faces, scratch.rows, out.histogram
+    out_faces, out_first, out_last = out.faces, out.first_bands, out.last_bands
+    bands_a_row, start = 1.0 / grid.band_rows, n_kept
+    for k in range(n):
+        # Quotients of integers: half a row more keeps the product further from a whole number than it is rounded. So
+        # what is rounded down lies within 0..n_band - 1, as the rows do within 0..height.
+        out_faces[n_kept] = faces[k]
+        out_first[n_kept] = index((rows[TOP + k] + 0.5) * bands_a_row)
+        out_last[n_kept] = index((max(rows[BOTTOM + k], np.int32(1)) - 0.5) * bands_a_row)
+        n_kept += index(rows[IS_KEPT + k])
+    for k in range(start, n_kept):
+        histogram[index(out_first[k])] += 1  # for now: how many more than in the band before
+        histogram[index(out_last[k]) + index(1)] -= 1
+    return n_kept

@@ -32,11 +32,12 @@ DIFFUSE_SUM, SPECULAR_SUM = _quantity(17), _quantity(20)  # over the lights, thr
 ALBEDO = _quantity(23)  # three channels; planes of attributes come in fours, so a fourth quantity is written, too
 INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to ask
 # For shadows. The plane of the polygon is n·P = FACE_OFFSET with the unit normal n = FACE_NORMAL; NORMAL_OFFSET is how
-# far the point is moved along its own normal. The other two belong to shadow_lookup.py.
+# far the point is moved along its own normal. The other three belong to shadow_lookup.py.
 FACE_NORMAL, FACE_OFFSET, NORMAL_OFFSET = _quantity(27), _quantity(30), _quantity(31)
-FROM_LIGHT, LIMIT_SLOPES = _quantity(32), _quantity(35)
+FROM_LIGHT, LIMIT_SLOPES, SHADOW_COUNT = _quantity(32), _quantity(35), _quantity(40)
 TANGENT = _quantity(37)  # a vector of any length, of anisotropic materials
-N_QUANTITY = 40
+TEXEL = _quantity(41)  # what a texture shows: red, green, blue, alpha
+N_QUANTITY = 45
 BATCH_SHAPE = (N_QUANTITY * BATCH_SIZE,)
 
 

@@ -25,29 +25,17 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index
 from . import setup as s
+from .planes import LEAST_INVERSE, DepthScale, compute_plane, depth_rounding, inverse_depths, inverse_ratios, values_at
+from .texture_planes import TEXCOORDS, TextureCoding, compute_texcoord_planes
 from .visibility import LEVEL_MASK
 
 EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest way that a material's triangles may take
 # What a material needs, bits: float32, or float64 and so exact records; three channels; a texture; that what is behind
 # is seen, or nothing but that.
 NEEDS_SINGLE, NEEDS_DOUBLE, NEEDS_COLORS, NEEDS_TEXTURE, NEEDS_BEHIND, IS_INVISIBLE = 1, 2, 4, 8, 16, 32
-# How far a plane of depth may be off, z-buffer units, beside half a unit a step: half a unit at the anchor, and what
-# setup.MAX_ELONGATION says.
-DEPTH_PLANE_ROUNDING = 40.0
+# Colours that are given with the model; an exact record beside the planes.
+NEEDS_ALBEDO, NEEDS_CORNERS = 64, 128
 MOST_CHANNELS = 3
-# Where r is less, its inverse is no number that float32 is at home with.
-LEAST_INVERSE = 2.0**-40
-
-
-class DepthScale(NamedTuple):
-    """What the z of an entry says, z-buffer units."""
-
-    inv_w_offset: float  # 1/w = inv_w_offset + inv_w_scale · z; 1 + 0 z without perspective
-    inv_w_scale: float
-    depth_offset: float  # orthographic depth = depth_offset + depth_scale · z, scene units; 0 + 0 z in perspective
-    depth_scale: float
-    ratio_offset: float  # r = ratio_offset + ratio_scale · z; 1 + 0 z without perspective
-    ratio_scale: float
 
 
 class Coding(NamedTuple):
@@ -55,12 +43,13 @@ class Coding(NamedTuple):
 
     ways: np.ndarray  # (n_material,) uint8: EXACT, IN_ENTRIES or IN_PLANES
     needs: np.ndarray  # (n_material,) uint8: the bits above
-    is_double: np.ndarray  # (n_material,) bool: one of them
+    reads_double: np.ndarray  # (n_material,) bool: attributes are those in float64
     n_attributes: np.ndarray  # (n_material,) int64: how many of the attributes are read
     limits: np.ndarray  # (n_material,) float64: error that is accepted: in an intensity, or of a normal, in 2^-24 / √3
     level_scale: float | None  # levels a unit of intensity; None where attributes are no intensities
     albedo_tolerance: float  # error that is accepted in an attribute behind the normals
     needs_distance: bool  # samples have positions, which are found from their entries
+    textures: TextureCoding | None  # None where no texture coordinates stand in planes
     depths: DepthScale
 
 
@@ -108,7 +97,8 @@ def compute_levels(n_attribute, coding, block):
     for k in range(index(s.BLOCK)):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
     if n_left > 0 and n_attribute > 0:
-        compute_value_planes(0, min(n_attribute, MOST_CHANNELS), 0.0, coding, block)
+        compute_value_planes(0, min(n_attribute, 2 * MOST_CHANNELS), 0.0, coding, block)
+        compute_texcoords(n_attribute, coding.textures, coding.depths, block)
 
 
 @helper
@@ -121,30 +111,17 @@ def compute_normals(n_attribute, coding, block):
     compute_normal_planes(coding, block)
     if n_attribute > 3:
         compute_value_planes(3, 3 + MOST_CHANNELS, coding.albedo_tolerance, coding, block)
+    compute_texcoords(n_attribute, coding.textures, coding.depths, block)
     if coding.needs_distance:
         check_distances(coding, block)
 
 
 @helper
-def inverse_depths(k, coding, block):
-    """Compute 1/w at the three vertices of triangle k."""
-    z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
-    offset, scale = coding.depths.inv_w_offset, coding.depths.inv_w_scale
-    return offset + scale * z0, offset + scale * z1, offset + scale * z2
-
-
-@helper
-def inverse_ratios(k, coding, block):
-    """Compute r at the three vertices of triangle k."""
-    z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
-    offset, scale = coding.depths.ratio_offset, coding.depths.ratio_scale
-    return offset + scale * z0, offset + scale * z1, offset + scale * z2
-
-
-@helper
-def values_at(row, block):
-    """Return an attribute of a triangle at the three vertices."""
-    return block.reals[row], block.reals[row + s.NEXT], block.reals[row + s.NEXT + s.NEXT]
+def compute_texcoords(n_attribute, textures, depths, block):
+    """Compute the planes of texture coordinates, if there are any."""
+    if textures is not None:
+        if n_attribute > TEXCOORDS:
+            compute_texcoord_planes(textures, depths, block)
 
 
 @helper
@@ -170,7 +147,7 @@ def compute_level_plane(coding, block):
         reach = float(ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k]) + 1.0  # 2e
         shrink = 1.0 - reach / spread if spread > reach else 0.0
         drift = reach if spread > reach else 0.5 * spread
-        w0, w1, w2 = inverse_depths(k, coding, block)
+        w0, w1, w2 = inverse_depths(k, coding.depths, block)
         least = min(w0, w1, w2)
         rise = max(w0, w1, w2) - least
         # Compared after multiplication by 4/w_max, so that nothing is divided; half a level is the rounding of the
@@ -203,7 +180,7 @@ def compute_normal_planes(coding, block):
     shortest_normal says how long n/w is at least. Where nothing is left of it, the record is exact.
     """
     for k in range(index(s.BLOCK)):
-        w0, w1, w2 = inverse_depths(k, coding, block)
+        w0, w1, w2 = inverse_depths(k, coding.depths, block)
         least = min(w0, w1, w2)
         largest = least + (max(w0, w1, w2) - least)
         sign = -1.0 if block.ints[s.IS_FLIPPED + k] else 1.0
@@ -265,7 +242,7 @@ def compute_value_planes(first, end, tolerance, coding, block):
     """
     ints, u = block.ints, 2.0**-24
     for k in range(index(s.BLOCK)):
-        r0, r1, r2 = inverse_ratios(k, coding, block)
+        r0, r1, r2 = inverse_ratios(k, coding.depths, block)
         least, largest = min(r0, r1, r2), max(r0, r1, r2)
         shift = depth_rounding(k, block) * abs(coding.depths.ratio_scale)
         accepted = tolerance if tolerance > 0.0 else coding.limits[ints[s.MATERIAL + k]]
@@ -277,14 +254,8 @@ def compute_value_planes(first, end, tolerance, coding, block):
             most = max(most, abs(a0), abs(a1), abs(a2)) if attribute < n_own else most
             rise = max(rise, here) if attribute < n_own else rise
         error = u * (3.0 * most * largest + 4.0 * rise) + most * shift
-        is_good = error <= least * (accepted - 3.0 * u * most)
-        ints[s.HAS_PLANES + k] &= is_good & (least >= LEAST_INVERSE)
-
-
-@helper
-def depth_rounding(k, block):
-    """Return how far the depth of a sample of triangle k may be off, in z-buffer units: see setup.py."""
-    return 0.5 * float(block.ints[s.EXTENT_X + k] + block.ints[s.EXTENT_Y + k]) + DEPTH_PLANE_ROUNDING
+        is_good = (error <= least * (accepted - 3.0 * u * most)) & (least >= LEAST_INVERSE)
+        ints[s.HAS_PLANES + k] &= is_good | (n_own <= first)  # where it has none of these, any are good
 
 
 @helper
@@ -292,19 +263,6 @@ def check_distances(coding, block):
     """Clear HAS_PLANES where the distance that is found from a sample's depth may be off by more than 10 u of itself:
     2 u of rounding, the rest that of the depth."""
     for k in range(index(s.BLOCK)):
-        w0, w1, w2 = inverse_depths(k, coding, block)
+        w0, w1, w2 = inverse_depths(k, coding.depths, block)
         shift = depth_rounding(k, block) * abs(coding.depths.inv_w_scale)
         block.ints[s.HAS_PLANES + k] &= shift <= 8.0 * 2.0**-24 * min(w0, w1, w2)
-
-
-@helper
-def compute_plane(k, plane, a0, a1, a2, block):
-    """Compute a plane through the values at the vertices of triangle k; return how much it rises over the whole box."""
-    ints, reals = block.ints, block.reals
-    rise1, rise2 = a1 - a0, a2 - a0
-    dx = rise1 * reals[s.SLOPE_X1 + k] + rise2 * reals[s.SLOPE_X2 + k]
-    dy = rise1 * reals[s.SLOPE_Y1 + k] + rise2 * reals[s.SLOPE_Y2 + k]
-    out = s.PLANE_ATTRIBUTE + plane * s.NEXT_PLANE + k
-    reals[out] = a0 + dx * reals[s.OFFSET_X + k] + dy * reals[s.OFFSET_Y + k]
-    reals[out + s.NEXT], reals[out + s.NEXT + s.NEXT] = dx, dy
-    return abs(dx) * float(ints[s.EXTENT_X + k] + 1) + abs(dy) * float(ints[s.EXTENT_Y + k] + 1)

@@ -18,7 +18,7 @@ from ..compiler.kernels import choice, helper, index, kernel
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import BATCH_SIZE, read_vector, set_vector
-from .gradients import NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE
+from .gradients import NEEDS_ALBEDO, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE
 from .interpolate import (
     corner_values,
     corner_vectors,
@@ -34,9 +34,10 @@ from .interpolate import (
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
 from .power import is_single
-from .records import DEPTH, FIRST_GROUP, NORMAL_GROUP, SIDE, face_of, material_of, plane_group
+from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
 from .shade import fill_weights
 from .simd import evaluate_planes, evaluate_values
+from .texturing import fill_texels
 from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
@@ -53,7 +54,7 @@ class FaceTable(NamedTuple):
 
 
 @kernel
-def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, tint, is_double, batch, out_radiance):
+def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint, is_double, batch, out_radiance):
     """Interpolate normals and evaluate the illumination equation at the visible samples of materials that are computed
     in float64, or of those in float32.
 
@@ -65,7 +66,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, tint, is
     faces : FaceTable
     tangent_attribute : the first of three attributes that are tangents, of records all of which are exact; None where
         no material needs them: then they are not compiled
-    texels : (4, n_row * pitch), see texture_sampling.py; None where there are no textures
+    texturing : Texturing, after `sample_textures`; None where there are no textures
     tint : (3,) float32, the colour of what has one channel, where the band has three
     is_double : which of the two
     batch : see fragments.py, in that type
@@ -84,11 +85,9 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texels, tint, is
                 n, material = end - first, np.int64(-1)
             entries = visibility.entries[start : start + index(n)]
             if material >= 0:
-                gather_fragments(entries, band, (first, y), lighting.has_albedo[material], screen, is_double, batch)
+                gather_fragments(entries, band, (first, y), material, screen, is_double, batch)
                 interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
-                if texels is not None and band.coding.needs[material] & NEEDS_TEXTURE:
-                    for channel in range(index(3)):
-                        weight_albedo(batch, n, channel, texels[channel, start : start + index(n)])
+                weight_albedo(entries, band, (first, y), material, texturing, start, batch)
                 gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
                 normalize_normals(batch, n)
                 if lighting.needs_view or lighting.needs_position:
@@ -153,41 +152,42 @@ def write_radiance(batch, n, n_channel, tint, out):
 
 
 @helper
-def gather_fragments(entries, band, first, has_albedo, screen, is_double, batch):
+def gather_fragments(entries, band, first, material, screen, is_double, batch):
     """Fill normals, distances and albedo of the samples; `first` is the sample (x, y) of the first entry.
 
     Samples that show nothing get anything.
     """
-    gather_planes(entries, band, first, has_albedo, batch)
+    has_albedo = band.coding.needs[material] & NEEDS_ALBEDO != 0
+    gather_planes(entries, band, first, material, batch)
     if band.counts.n_exact > 0 and has_exact(entries):
         interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, is_double, batch)
 
 
-def choose_planes(entries, band, first, has_albedo, batch):
+def choose_planes(entries, band, first, material, batch):
     """Return what is compiled in the place of `gather_planes`: nothing in float64."""
     return evaluate_fragments if is_single(batch.dtype) else leave_fragments
 
 
 @choice(choose_planes)
-def gather_planes(entries, band, first, has_albedo, batch):
+def gather_planes(entries, band, first, material, batch):
     """Fill what stands in planes: normals, albedo; and distances."""
     if batch.dtype == np.float32:
-        evaluate_fragments(entries, band, first, has_albedo, batch)
+        evaluate_fragments(entries, band, first, material, batch)
 
 
 @helper
-def leave_fragments(entries, band, first, has_albedo, batch):
+def leave_fragments(entries, band, first, material, batch):
     """Do nothing."""
 
 
 @helper
-def evaluate_fragments(entries, band, first, has_albedo, batch):
+def evaluate_fragments(entries, band, first, material, batch):
     """See `gather_planes`."""
-    (x, y), depths = first, band.coding.depths
-    evaluate_planes(entries, plane_group(band.records, FIRST_GROUP), x, y, batch, f.NORMAL, f.NEXT)
-    if has_albedo:
+    (x, y), depths, needs = first, band.coding.depths, band.coding.needs[material]
+    evaluate_planes(entries, plane_group(band.records, NORMALS), x, y, batch, f.NORMAL, f.NEXT)
+    if needs & NEEDS_ALBEDO:
         fill_weights(entries, depths, batch)
-        group = plane_group(band.records, FIRST_GROUP + NORMAL_GROUP)
+        group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if needs & NEEDS_TEXTURE else 0))
         evaluate_values(entries, group, x, y, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
     if band.coding.needs_distance:
         is_perspective = depths.depth_scale == 0.0 and depths.depth_offset == 0.0
@@ -255,11 +255,20 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
 
 
 @helper
-def weight_albedo(batch, n, channel, texels):
-    """Multiply one channel of the albedo by the texture."""
-    first = f.ALBEDO + channel * f.NEXT
-    for k in range(index(n)):
-        batch[first + k] *= texels[k]
+def weight_albedo(entries, band, first, material, texturing, start, batch):
+    """Multiply the albedo by the texture, if there is one; where no colours are given with the model, it is that."""
+    needs, n = band.coding.needs[material], index(len(entries))
+    if texturing is not None:
+        if needs & NEEDS_TEXTURE:
+            fill_texels(entries, band, first, material, BEHIND_NORMALS, texturing, start, batch)
+            for channel in range(index(3)):
+                albedo, texel = f.ALBEDO + channel * f.NEXT, f.TEXEL + channel * f.NEXT
+                if needs & NEEDS_ALBEDO:
+                    for k in range(n):
+                        batch[albedo + k] *= batch[texel + k]
+                else:
+                    for k in range(n):
+                        batch[albedo + k] = batch[texel + k]
 
 
 @helper

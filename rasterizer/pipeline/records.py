@@ -7,9 +7,8 @@ Records of planes are of different lengths, multiples of UNIT numbers in a flat 
 its first unit, and is found by a shift. The planes of four attributes stand side by side, for simd.py; behind those
 whose samples must stay within the range of the vertices stands that range:
 
-    material  anchor x  anchor y  face  |  4 values  4 d/dx  4 d/dy                          normals
-                                        |  4 values  4 d/dx  4 d/dy  4 least  4 greatest     intensities; behind normals
-                                                                                             the albedo
+    material  anchor x  anchor y  face  |  4 values  4 d/dx  4 d/dy                          normals, texcoords
+                                        |  4 values  4 d/dx  4 d/dy  4 least  4 greatest     intensities, albedo
 """
 
 from typing import NamedTuple
@@ -19,7 +18,9 @@ import numpy as np
 from ..compiler.kernels import helper, index
 from . import setup as s
 from .face_planes import FACE_DEPTH, NO_PLANES
+from .gradients import MOST_CHANNELS, NEEDS_ALBEDO, NEEDS_TEXTURE, LevelCoding, NormalCoding
 from .simd import PLANE_GROUP, PlaneGroup
+from .texture_planes import TEXCOORD_PLANE
 from .visibility import RECORD_MASK, RECORD_SHIFT, is_exact, record_of
 
 # Columns of an exact record's integers: the first vertex and the two edges that leave it (1/256 px), the triangle, and
@@ -30,12 +31,13 @@ N_INTEGER = 10
 INV_W, DEPTH, ATTRIBUTE = 0, 3, 6
 # Columns of a record of planes: the sample where the planes are anchored, then groups of four planes.
 PLANES_MATERIAL, PLANES_ANCHOR_X, PLANES_ANCHOR_Y, PLANES_FACE, FIRST_GROUP = 0, 1, 2, 3, 4
-NORMAL_GROUP, VALUE_GROUP = 3 * PLANE_GROUP, 5 * PLANE_GROUP  # numbers of a group without and with a range
+# Numbers of a group without and with a range. Where groups stand: the normals or the intensities come first, then the
+# texture coordinates, then the albedo, or what a textured surface gives off as a whole.
+PLAIN_GROUP, VALUE_GROUP = 3 * PLANE_GROUP, 5 * PLANE_GROUP
+NORMALS, BEHIND_NORMALS = FIRST_GROUP, FIRST_GROUP + PLAIN_GROUP
+VALUES, BEHIND_VALUES = FIRST_GROUP, FIRST_GROUP + VALUE_GROUP
 UNIT_SHIFT = 4
 UNIT = 1 << UNIT_SHIFT
-VALUE_UNITS = -(-(FIRST_GROUP + VALUE_GROUP) // UNIT)  # of records of intensities, of normals, of normals and albedo
-NORMAL_UNITS = -(-(FIRST_GROUP + NORMAL_GROUP) // UNIT)
-ALBEDO_UNITS = -(-(FIRST_GROUP + NORMAL_GROUP + VALUE_GROUP) // UNIT)
 
 
 class Records(NamedTuple):
@@ -56,6 +58,18 @@ def make_records(n, n_attribute) -> Records:
     integers, reals = np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute))
     int_planes = np.zeros(n << UNIT_SHIFT, np.int32)
     return Records(integers, reals, int_planes, int_planes.view(np.float32), NO_PLANES)
+
+
+def most_units(coding) -> int:
+    """Return how many units a record has at most."""
+    is_textured = coding.textures is not None
+    end = UNIT
+    if isinstance(coding, LevelCoding):
+        end = BEHIND_VALUES + (PLAIN_GROUP + VALUE_GROUP) * is_textured
+    elif isinstance(coding, NormalCoding):
+        has_albedo = bool((coding.needs & NEEDS_ALBEDO).any())
+        end = BEHIND_NORMALS + PLAIN_GROUP * is_textured + VALUE_GROUP * has_albedo
+    return -(-end // UNIT)
 
 
 @helper
@@ -84,7 +98,7 @@ def plane_group(records, column):
 
 @helper
 def begin_planes(records, n_record, k, face, block):
-    """Write what comes before the planes of record number `n_record`; return where these begin, an `index`.
+    """Write what comes before the planes of record number `n_record`; return where it begins, an `index`.
 
     Parameters
     ----------
@@ -97,27 +111,50 @@ def begin_planes(records, n_record, k, face, block):
     planes[record + index(PLANES_ANCHOR_X)] = ints[s.ANCHOR_X + k]
     planes[record + index(PLANES_ANCHOR_Y)] = ints[s.ANCHOR_Y + k]
     planes[record + index(PLANES_FACE)] = face
-    return record + index(FIRST_GROUP)
+    return record
 
 
 @helper
-def write_values(records, n_record, k, face, n_attribute, coding, block):
+def write_values(records, n_record, k, face, coding, block):
     """Write record number `n_record`, planes of intensities; return its length in units."""
-    first, n = begin_planes(records, n_record, k, face, block), min(n_attribute, PLANE_GROUP - 1)
-    write_value_group(records.float_planes, first, k, 0, n, block)
-    return VALUE_UNITS
+    planes, record = records.float_planes, begin_planes(records, n_record, k, face, block)
+    needs = coding.needs[block.ints[s.MATERIAL + k]]
+    write_value_group(planes, record + index(VALUES), k, 0, MOST_CHANNELS, block)
+    end = BEHIND_VALUES
+    if needs & NEEDS_TEXTURE:
+        write_texcoords(planes, record + index(end), k, coding.textures, block)
+        write_value_group(planes, record + index(end + PLAIN_GROUP), k, MOST_CHANNELS, MOST_CHANNELS, block)
+        end += PLAIN_GROUP + VALUE_GROUP
+    return units_of(end)
 
 
 @helper
-def write_normals(records, n_record, k, face, n_attribute, coding, block):
-    """Write record number `n_record`, planes of normals, behind them those of the albedo if there is one; return its
-    length in units."""
-    first = begin_planes(records, n_record, k, face, block)
-    write_planes(records.float_planes, first, k, 0, 3, block)
-    if n_attribute < 6:
-        return NORMAL_UNITS
-    write_value_group(records.float_planes, first + index(NORMAL_GROUP), k, 3, 3, block)
-    return ALBEDO_UNITS
+def write_normals(records, n_record, k, face, coding, block):
+    """Write record number `n_record`: planes of normals and what stands behind them; return its length in units."""
+    planes, record = records.float_planes, begin_planes(records, n_record, k, face, block)
+    needs = coding.needs[block.ints[s.MATERIAL + k]]
+    write_planes(planes, record + index(NORMALS), k, 0, 3, block)
+    end = BEHIND_NORMALS
+    if needs & NEEDS_TEXTURE:
+        write_texcoords(planes, record + index(end), k, coding.textures, block)
+        end += PLAIN_GROUP
+    if needs & NEEDS_ALBEDO:
+        write_value_group(planes, record + index(end), k, 3, MOST_CHANNELS, block)
+        end += VALUE_GROUP
+    return units_of(end)
+
+
+@helper
+def write_texcoords(planes, target, k, textures, block):
+    """Copy the planes of texture coordinates to a group of a record; `textures` is None where none stand in planes."""
+    if textures is not None:
+        write_planes(planes, target, k, TEXCOORD_PLANE, PLANE_GROUP, block)
+
+
+@helper
+def units_of(n_number):
+    """Return how many units so many numbers take."""
+    return np.int64((n_number + UNIT - 1) >> UNIT_SHIFT)
 
 
 @helper

@@ -14,10 +14,11 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
 from . import setup as s
-from .fill import Box, Depths, Plane, Surface, Triangle, fill_box, fill_spans
-from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NormalCoding, compute_gradients
+from .fill import Box, Depths, Plane, Surface, Triangle, entry_at, fill_box, fill_spans
+from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NEEDS_CORNERS, NormalCoding, compute_gradients
 from .records import write_exact, write_normals, write_values
 from .simd import MOST_HIGH, MOST_WIDE
+from .small_boxes import fill_covered
 from .visibility import IS_EXACT, VisibilityBuffer, id_payload, note_extent, note_material, pack
 
 
@@ -98,7 +99,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
         needs |= of_block
         material = np.int64(-1) if has_others else material
         s.order_vertices(block)
-        s.gather_attributes(len(some), n_attribute, drawables, coding.is_double, block)
+        s.gather_attributes(len(some), n_attribute, drawables, coding.reads_double, block)
         s.compute_boxes(band, visibility.width, block)
         s.compute_depth_planes(block)
         compute_gradients(n_attribute, coding, block)
@@ -113,13 +114,14 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
             else:
                 has_planes = block.ints[s.HAS_PLANES + k] != 0
                 payload = Payload(id_payload(n_record, not has_planes), np.int64(0), np.int64(0))
-                if has_planes:
-                    n_record += write_planes(records, n_record, k, some[k], n_attribute, coding, block)
-                    n_plane += 1
-                else:
+                n_unit = np.int64(1)
+                if not has_planes or needs_corners(k, coding, block):
                     write_exact(records, n_record, k, some[k], n_attribute, coding, block)
-                    n_record += 1
-                    n_exact += 1
+                if has_planes:
+                    n_unit = write_planes(records, n_record, k, some[k], coding, block)
+                n_record += n_unit
+                n_plane += has_planes
+                n_exact += not has_planes
                 if is_deferred(k, some[k], payload.value, box, band, coding, block, deferred):
                     continue
             first_row, end_row = box.top - band.y_start, box.bottom - band.y_start
@@ -160,16 +162,22 @@ def needs_when_drawn(needs, deferred):
     return np.int64(needs)
 
 
-def choose_writer(records, n_record, k, face, n_attribute, coding, block):
+@helper
+def needs_corners(k, coding, block):
+    """Tell whether triangle k needs an exact record beside its planes."""
+    return coding.needs[block.ints[s.MATERIAL + k]] & NEEDS_CORNERS != 0
+
+
+def choose_writer(records, n_record, k, face, coding, block):
     """Return what is compiled in the place of `write_planes`: only what the coding needs."""
     return write_normals if coding.instance_class is NormalCoding else write_values
 
 
 @choice(choose_writer)
-def write_planes(records, n_record, k, face, n_attribute, coding, block):
+def write_planes(records, n_record, k, face, coding, block):
     """Write record number `n_record`, the planes of triangle k of the block; return its length in units."""
     write = write_normals if isinstance(coding, NormalCoding) else write_values
-    return write(records, n_record, k, face, n_attribute, coding, block)
+    return write(records, n_record, k, face, coding, block)
 
 
 @helper
@@ -193,10 +201,15 @@ def is_deferred(k, face, payload, box, band, coding, block, deferred):
 
 @helper
 def fill(visibility, y_start, box, k, payload, block):
-    """Fill triangle k of the block: all samples of a small box side by side, else span by span."""
-    surface = surface_of(k, payload, block)
+    """Fill triangle k of the block: the covered samples of a very small box, all samples of a small one side by side,
+    else span by span."""
+    surface, covered = surface_of(k, payload, block), block.ints[s.COVERED + k]
     is_small = block.ints[s.EXTENT_X + k] <= MOST_WIDE and block.ints[s.EXTENT_Y + k] <= MOST_HIGH
-    if is_small and not surface.is_sliver:
+    if covered > 0 and not surface.is_sliver:
+        first = (box.top - y_start) * visibility.pitch + box.left
+        plane = (entry_at(surface.plane, box.left, box.top), surface.plane.dx, surface.plane.dy)
+        fill_covered(visibility.entries, first, visibility.pitch, covered, plane)
+    elif is_small and not surface.is_sliver:
         fill_box(visibility, y_start, box, surface)
     else:
         fill_spans(visibility, y_start, box, surface, None)

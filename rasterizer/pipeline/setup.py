@@ -25,6 +25,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from .cull import first_sample
+from .small_boxes import MOST_WIDE, find_covered
 from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
 
 BLOCK = 64  # triangles
@@ -46,7 +47,8 @@ IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_LEVELS = _starts(14, 18)
 CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes are
 CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
 MATERIAL = index(BLOCK * 22)
-N_INT = 23
+COVERED = index(BLOCK * 23)  # the covered samples of a small box, see small_boxes.py; -1 where it isn't small
+N_INT = 24
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
@@ -60,7 +62,7 @@ SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 LEAST_Z, LARGEST_Z = _starts(9, 11)
 ATTRIBUTE, MOST_ATTRIBUTES = index(BLOCK * 11), 11
-PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 6
+PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 10
 N_REAL = 11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
@@ -155,7 +157,7 @@ def rotate_to_first(a, b, c, is_b_first, is_c_first, is_front):
 
 
 @helper
-def gather_attributes(n, n_attribute, drawables, is_double, block):
+def gather_attributes(n, n_attribute, drawables, reads_double, block):
     """Fetch the first `n_attribute` attributes of the vertices of the first n triangles.
 
     Side 0 of the attributes is for triangles whose normals look at the viewer as they are, the last side for those
@@ -163,13 +165,13 @@ def gather_attributes(n, n_attribute, drawables, is_double, block):
 
     Parameters
     ----------
-    is_double : (n_material,) bool, whose attributes are those of float64
+    reads_double : (n_material,) bool, whose attributes are those of float64
     """
     if n_attribute == 0:
         return
     materials = block.ints[MATERIAL : MATERIAL + index(BLOCK)]
     for k in range(index(n)):
-        if is_double[materials[k]]:
+        if reads_double[materials[k]]:
             gather_corners(k, n_attribute, drawables.double_attributes, block)
         else:
             gather_corners(k, n_attribute, drawables.attributes, block)
@@ -196,6 +198,8 @@ def compute_boxes(rows, width, block):
     Clipped at the picture's left and upper border for the anchor: from an anchor far outside, the rounding of a plane's
     steps would add up before the picture is reached. Clipped to the band for the loops over samples.
 
+    In small boxes, the covered samples are found, too.
+
     Parameters
     ----------
     rows : Band or Rows: y_start..y_end is drawn
@@ -211,6 +215,18 @@ def compute_boxes(rows, width, block):
         ints[EXTENT_X + k], ints[EXTENT_Y + k] = end_x - first_x, end_y - first_y
         ints[LEFT + k], ints[RIGHT + k] = max(first_x, 0), min(end_x, width)
         ints[TOP + k], ints[BOTTOM + k] = max(first_y, rows.y_start), min(end_y, rows.y_end)
+    find_covered_samples(block)
+
+
+@helper
+def find_covered_samples(block):
+    """Find the samples that triangles with small boxes cover."""
+    ints = block.ints
+    for k in range(index(BLOCK)):
+        triangle = (ints[X0 + k], ints[Y0 + k], ints[X1 + k], ints[Y1 + k], ints[X2 + k], ints[Y2 + k])
+        covered = find_covered(triangle, ints[LEFT + k], ints[TOP + k], ints[RIGHT + k], ints[BOTTOM + k])
+        is_small = max(ints[EXTENT_X + k], ints[EXTENT_Y + k]) <= MOST_WIDE
+        ints[COVERED + k] = covered if is_small else np.int32(-1)
 
 
 @helper

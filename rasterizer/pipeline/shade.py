@@ -34,7 +34,7 @@ from .interpolate import (
     next_exact_run,
     row_extent,
 )
-from .records import ATTRIBUTE, FIRST_GROUP, material_of, plane_group
+from .records import ATTRIBUTE, VALUES, material_of, plane_group
 from .simd import evaluate_values
 from .visibility import IS_ID, LEVEL_MASK, PAYLOAD_BITS, record_of
 
@@ -87,7 +87,7 @@ def decode_entries(entries, band, first, tint, batch, out):
     if band.counts.n_plane > 0 and has_id(entries):
         (x, y), n = first, len(entries)
         fill_weights(entries, band.coding.depths, batch)
-        group = plane_group(band.records, FIRST_GROUP)
+        group = plane_group(band.records, VALUES)
         evaluate_values(entries, group, x, y, batch, f.NORMAL, f.NEXT, f.WEIGHT)
         if out.shape[0] == 1:
             merge_levels(entries, step, batch[f.NORMAL : f.NORMAL + index(n)], out[0])

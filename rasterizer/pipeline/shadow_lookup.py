@@ -6,8 +6,7 @@ surface is one.
 
 `occlude` is called as a light function is (light_kinds.py), after the light's own: it reads POSITION, NORMAL,
 FACE_NORMAL, FACE_OFFSET and NORMAL_OFFSET of the batch, and multiplies STRENGTH by the lit part. In place of
-coefficients it gets a header followed by the maps' texels. A picture with shadows is computed in float64: next to a
-shadow's edge no error is small.
+coefficients it gets a header followed by the maps' texels, in the type of the batch.
 
 A texel shows the depth at its centre alone. So a surface's own depth is taken there, too: the value at the point plus
 the slopes of its tangent plane, which the normal gives, times the way to the centre. On one plane both agree, but for
@@ -15,7 +14,7 @@ the slopes of its tangent plane, which the normal gives, times the way to the ce
     half a texel times the slopes   neighbouring polygons that fold towards the light reach into the texel by that much;
                                     it also covers the rounding of the map's vertices, a 512th of a texel
     2^-32 of the map's range        rounding of its values: planes of depth err by a 2^-33rd of it (setup.py)
-    2^-40 of the distances          rounding of positions: float64, a few operations from the corners to the point
+    the rounding of positions       in float32 ROUNDINGS·u of the distances, in float64 2^-40 of them; see below
 
 which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px,
 which tilts its polygons a little: so a point is first moved onto the plane that its polygon has in the scene. A polygon
@@ -24,32 +23,50 @@ how far the polygon's corners lie from their neighbours' tangent planes (geometr
 nothing of a convex surface lies before the tangent plane of an offset point; before the plane of its polygon neighbours
 may lie, where the polygon is turned away from the light and its normals are not yet. Where a point is moved beyond the
 light, it is lit.
+
+The rounding of positions. X is the point as seen from the light, O the light as seen from the eye; the point as seen
+from the eye is X + O, so no longer than L = |X| + |O|, lengths as sums of components. u is the unit roundoff, n the
+plane's unit normal, c = n·X (n·F for parallel rays, F the map's axis), m = 1/w (1 for parallel rays). A point that lies
+e before its plane has a limit that is off by m e/|c|. Counted in u L, that is in m u L/|c|:
+
+    10   the distance from the plane: n·P 5 (n, products, two sums, the plane's offset), two moves 3, subtracting O 2
+    15   the point's own 1/w or depth: 5 (axis, products, two sums, division) of m², or of m; and m <= 3/|c|, because a
+         map reaches 63 degrees from its axis at most, where |X| = 3 w
+     6   its position on the map, likewise 4, along both axes: 4·√2, times the slopes n·R/c and n·U/c
+     4   the limit, a sum of three terms (3), and the texel's own rounding
+
+That is ROUNDINGS = 35. What an error e of the normal, SLOPE_ERROR a tap, changes in the slopes is e/(|c| scale) and
+e/|c| of the slope itself, times |X| (1 for parallel rays); times the way to the furthest texel of the filter.
+Errors of a position along its own plane move what the point is compared with: an edge appears that much elsewhere.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import as_array, helper, index, kernel
+from ..compiler.kernels import as_array, choice, helper, index, kernel
 from ..geometry.vectors import add, dot, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
 from .interpolate import row_extent
+from .power import is_single
 from .visibility import CLEAR, PAYLOAD_BITS, clear
 
 # The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether
-# rays diverge; then a block of N_MAP_COLUMN numbers for each map.
-N_MAP, SIZE, FILTER, IS_PERSPECTIVE, MAPS = 0, 1, 2, 3, 4
-# A map's block: the light's position relative to the eye; its axes, unit length; scale and centre, texels; how far its
-# values are rounded.
-ORIGIN, RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING = 0, 3, 6, 9, 12, 13, 14, 15, 16
-N_MAP_COLUMN = 17
+# rays diverge; the light's position relative to the eye; how far positions are rounded, as a share of the distances;
+# how far the normal's error turns the slopes, in texels. Then a block of N_MAP_COLUMN numbers for each map.
+N_MAP, SIZE, FILTER, IS_PERSPECTIVE, ORIGIN, POSITION_ROUNDING, NORMAL_ERROR, MAPS = 0, 1, 2, 3, 4, 7, 8, 9
+# A map's block: its axes, unit length; scale and centre, texels; how far its values are rounded; how many texels the
+# limit is raised by, times the slopes; which of the blocks of texels is its own, or -1 where nothing is to be seen.
+RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, SLACK, LAYER = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15
+N_MAP_COLUMN = 16
 HEADER = MAPS + 6 * N_MAP_COLUMN
-POSITION_ROUNDING = 2.0**-40
-# Quantities of the batch: the point as seen from the light, which becomes its position on the map, texels, and the
-# limit of the texels there; and the slopes of the limit.
-MAP_X, MAP_Y, LIMIT = f.FROM_LIGHT, f.FROM_LIGHT + f.NEXT, f.FROM_LIGHT + f.NEXT + f.NEXT
+ROUNDINGS = 35
+# Quantities of the batch. FROM_LIGHT, the point as seen from the light, becomes: the number of the texel that it lies
+# in, the limit there, and the texel. Beside the slopes of the limit: the face of the cube, or how many taps are lit.
+TEXEL_IDX, LIMIT, TEXEL = f.FROM_LIGHT, f.FROM_LIGHT + f.NEXT, f.FROM_LIGHT + f.NEXT + f.NEXT
 SLOPE_X, SLOPE_Y = f.LIMIT_SLOPES, f.LIMIT_SLOPES + f.NEXT
+CUBE_FACE = N_LIT = f.SHADOW_COUNT
 
 
 class MapView(NamedTuple):
@@ -59,6 +76,9 @@ class MapView(NamedTuple):
     scales: tuple  # texels along x and y for a unit of length, in perspective at depth 1
     center: tuple  # texels: where the axis FORWARD meets the map
     rounding: float  # of the map's values
+    slack: float  # texels: what the limit is raised by, times the slopes
+    position_rounding: float  # share of the distances
+    normal_error: float  # texels
     far: float  # sum of the components of the light's position, scene units: what positions lose digits by
     is_perspective: bool
 
@@ -70,23 +90,23 @@ def occlude(batch, n, shadow_map):
     texels = as_array(shadow_map, (HEADER + n_map * size * size,))
     n = index(n)
     move_points(batch, header, n)
+    if n_map == 1:
+        look_up(batch, header, texels, 0, index(0), n)
+        return
+    compute_cube_faces(batch, n)
     start = index(0)
-    while start < n:
-        # Neighbouring points look at the same map, as far as there are several.
-        end, face = n, 0
-        if n_map > 1:
-            face, end = cube_face(batch, start), start + index(1)
-            while end < n and cube_face(batch, end) == face:
-                end += index(1)
-        compute_limits(batch, read_view(header, face), header[SIZE], start, end)
-        compare(batch, header, texels, index(HEADER + face * size * size), start, end)
+    while start < n:  # neighbouring points look at the same map
+        face, end = batch[CUBE_FACE + start], start + index(1)
+        while end < n and batch[CUBE_FACE + end] == face:
+            end += index(1)
+        look_up(batch, header, texels, np.int64(face), start, end)
         start = end
 
 
 @helper
 def move_points(batch, header, n):
     """Move points onto the planes of their polygons, then by their normal offsets; count from the light."""
-    origin = read_vector(header, MAPS + ORIGIN)
+    origin = read_vector(header, ORIGIN)
     for k in range(n):
         position, plane = get_vector(batch, f.POSITION, k), get_vector(batch, f.FACE_NORMAL, k)
         back = batch[f.FACE_OFFSET + k] - dot(plane, position)
@@ -96,97 +116,176 @@ def move_points(batch, header, n):
 
 
 @helper
-def cube_face(batch, k):
-    """Return the face of a cube round the light behind which a point lies: +x, -x, +y, -y, +z, -z."""
-    x, y, z = get_vector(batch, f.FROM_LIGHT, k)
-    ax, ay, az = abs(x), abs(y), abs(z)
-    if ax >= ay and ax >= az:
-        return 0 if x > 0 else 1
-    if ay >= az:
-        return 2 if y > 0 else 3
-    return 4 if z > 0 else 5
+def compute_cube_faces(batch, n):
+    """Fill the face of a cube round the light behind which a point lies: +x, -x, +y, -y, +z, -z."""
+    real = batch.dtype.type
+    zero, one, two, four = real(0), real(1), real(2), real(4)
+    for k in range(n):
+        x, y, z = get_vector(batch, f.FROM_LIGHT, k)
+        ax, ay, az = abs(x), abs(y), abs(z)
+        of_yz = two if ay >= az else four
+        along_yz = y if ay >= az else z
+        is_x = (ax >= ay) & (ax >= az)
+        along, axis = x if is_x else along_yz, zero if is_x else of_yz
+        batch[CUBE_FACE + k] = axis + (zero if along > zero else one)
 
 
 @helper
-def read_view(header, face):
+def read_view(header, number):
     """Read how a map sees the scene."""
-    first = MAPS + N_MAP_COLUMN * face
+    first = MAPS + N_MAP_COLUMN * number
     axes = (
         read_vector(header, first + RIGHT),
         read_vector(header, first + UP),
         read_vector(header, first + FORWARD),
     )
-    x, y, z = read_vector(header, MAPS + ORIGIN)
+    x, y, z = read_vector(header, ORIGIN)
     return MapView(
         axes, (header[first + SCALE_X], header[first + SCALE_Y]), (header[first + CENTER_X], header[first + CENTER_Y]),
-        header[first + ROUNDING], abs(x) + abs(y) + abs(z), header[IS_PERSPECTIVE] != header.dtype.type(0),
+        header[first + ROUNDING], header[first + SLACK], header[POSITION_ROUNDING], header[NORMAL_ERROR],
+        abs(x) + abs(y) + abs(z), header[IS_PERSPECTIVE] != header.dtype.type(0),
     )  # fmt: skip
 
 
 @helper
-def compute_limits(batch, view, size, start, end):
-    """Compute where points lie on one map, and the largest value that a texel may have there: a plane over the map.
+def look_up(batch, header, texels, number, start, end):
+    """Multiply STRENGTH of the points start..end by the part of the texels about each in map `number` whose surface
+    doesn't lie before the point's plane."""
+    size, n_tap = np.int64(header[SIZE]), np.int64(header[FILTER])
+    layer = np.int64(header[MAPS + N_MAP_COLUMN * number + LAYER])
+    if layer < 0:
+        return  # nothing is to be seen there, so nothing is in the way
+    compute_limits(batch, read_view(header, number), size, n_tap >> 1, start, end)
+    first = index(HEADER + layer * size * size)
+    if n_tap == 1:
+        gather_texels(batch, texels, first, start, end)
+        compare(batch, start, end)
+    else:
+        count_lit(batch, texels, first, (size, n_tap), start, end)
 
-    These take the place of the points as seen from the light. The plane is LIMIT + column·SLOPE_X + line·SLOPE_Y at a
-    texel's centre. `size` is that of the map, texels a side.
+
+@choice(lambda whole, like: store_bits if is_single(like) else store_number)
+def stored_index(whole, like):
+    """Return an int32 as a quantity of the batch, of the type of `like`, holds it: float32 holds its bits."""
+    return store_bits(whole, like) if isinstance(like, np.float32) else store_number(whole, like)
+
+
+@helper
+def store_bits(whole, like):
+    """Return the float32 with the same bits."""
+    return np.int32(whole).view(np.float32)
+
+
+@helper
+def store_number(whole, like):
+    """Return the same number, float64."""
+    return float(whole)
+
+
+@choice(lambda stored: read_bits if is_single(stored) else read_number)
+def index_of(stored):
+    """Return the number that `stored_index` has stored, int32."""
+    return read_bits(stored) if isinstance(stored, np.float32) else read_number(stored)
+
+
+@helper
+def read_bits(stored):
+    """Return the int32 with the same bits."""
+    return np.float32(stored).view(np.int32)
+
+
+@helper
+def read_number(stored):
+    """Return the same number, int32."""
+    return np.int32(stored)
+
+
+@helper
+def compute_limits(batch, view, size, radius, start, end):
+    """Compute in which texel of one map points lie, and the largest value that a texel may have there: a plane over the
+    map.
+
+    These take the place of the points as seen from the light. The plane is LIMIT + i·SLOPE_X + j·SLOPE_Y at the centre
+    of the texel that lies i to the right and j below. Whatever the numbers are, also none, a point's texel is at least
+    `radius` texels from the borders of a map of `size` texels a side.
     """
     real, (right, up, forward) = batch.dtype.type, view.axes
-    zero, one, half = real(0), real(1), real(0.5)
-    growing, infinite = real(POSITION_ROUNDING), real(np.inf)
+    zero, one, half, infinite = real(0), real(1), real(0.5), real(np.inf)
+    low, high, pitch = real(radius), real(size - 1 - radius), np.int32(size)
+    scale_x, scale_y = view.scales
+    inv_x, inv_y = one / scale_x, one / scale_y
+    turned = view.normal_error * (abs(inv_x) + abs(inv_y))
     for k in range(start, end):
         position, normal = get_vector(batch, f.FROM_LIGHT, k), get_vector(batch, f.NORMAL, k)
         x, y, depth = dot(position, right), dot(position, up), dot(position, forward)
         # n·X = c with X = w (F + a R + b U): 1/w is the plane (n·F + a n·R + b n·U)/c. Parallel rays: X = a R + b U + w
         # F.
         constant = dot(normal, position) if view.is_perspective else dot(normal, forward)
+        inverse = one / constant
         magnification = one / depth if view.is_perspective else one
         value = magnification if view.is_perspective else -depth
-        slope_x = dot(normal, right) / (constant * view.scales[0])
-        slope_y = -dot(normal, up) / (constant * view.scales[1])
-        map_x = view.center[0] + view.scales[0] * x * magnification
-        map_y = view.center[1] - view.scales[1] * y * magnification
-        reach = abs(position[0]) + abs(position[1]) + abs(position[2]) + view.far
-        rounding = view.rounding + growing * reach * magnification * magnification
-        slack = half * (abs(slope_x) + abs(slope_y)) + rounding
-        limit = value + slack + slope_x * (half - map_x) + slope_y * (half - map_y)
+        slope_x, slope_y = dot(normal, right) * inverse * inv_x, -dot(normal, up) * inverse * inv_y
+        map_x = view.center[0] + scale_x * x * magnification
+        map_y = view.center[1] - scale_y * y * magnification
+        # Comparisons, not min and max: what is no number becomes a number, too.
+        within_x, within_y = map_x if map_x > low else low, map_y if map_y > low else low
+        column, line = np.int32(within_x if within_x < high else high), np.int32(within_y if within_y < high else high)
+        length = abs(position[0]) + abs(position[1]) + abs(position[2])
+        nearness = abs(inverse) * (length if view.is_perspective else one)  # 1 over the cosine of the ray's angle
+        rounding = abs(inverse) * (magnification * view.position_rounding * (length + view.far) + turned)
+        slack = (view.slack + view.normal_error * nearness) * (abs(slope_x) + abs(slope_y)) + rounding + view.rounding
+        limit = value + slack + slope_x * (real(column) + half - map_x) + slope_y * (real(line) + half - map_y)
         # Lit is what lies behind the light, or is moved beyond it: its own plane hides nothing from such a point.
         is_free = view.is_perspective & ((depth <= zero) | (constant >= zero))
         batch[LIMIT + k] = infinite if is_free else limit
         batch[SLOPE_X + k], batch[SLOPE_Y + k] = zero if is_free else slope_x, zero if is_free else slope_y
-        # A position outside the map may be any number, or none; one texel beyond the border says as much.
-        batch[MAP_X + k] = min(max(map_x, -one), size) if abs(map_x) < infinite else -one
-        batch[MAP_Y + k] = min(max(map_y, -one), size) if abs(map_y) < infinite else -one
+        batch[TEXEL_IDX + k] = stored_index(np.int32(np.int32(line * pitch) + column), zero)
 
 
 @helper
-def compare(batch, header, texels, first, start, end):
-    """Multiply STRENGTH by the part of the texels about each point whose surface doesn't lie before the point's plane.
+def gather_texels(batch, texels, first, start, end):
+    """Fill TEXEL; `first` is the number of the map's texel 0.
 
-    `first` is the map's first texel.
+    A loop of its own: the compiler can't know that texels are no part of the batch, and would make no vector
+    instructions of what else stands in it.
     """
-    size, taps = np.int64(header[SIZE]), np.int64(header[FILTER])
-    last, radius = size - 1, taps >> 1
-    zero, one = header.dtype.type(0), header.dtype.type(1)
-    if taps == 1:
-        for k in range(start, end):
-            column = min(max(np.int64(np.floor(batch[MAP_X + k])), 0), last)
-            line = min(max(np.int64(np.floor(batch[MAP_Y + k])), 0), last)
-            limit = batch[LIMIT + k] + batch[SLOPE_X + k] * column + batch[SLOPE_Y + k] * line
-            # Lit also where the limit is no number, because the slopes are infinite: the plane is seen edge-on.
-            is_occluded = texels[first + index(line * size + column)] > limit
-            batch[f.STRENGTH + k] = zero if is_occluded else batch[f.STRENGTH + k]
-        return
-    share = one / header.dtype.type(taps * taps)
     for k in range(start, end):
-        i, j, n_lit = np.int64(np.floor(batch[MAP_X + k])), np.int64(np.floor(batch[MAP_Y + k])), zero
-        for v in range(j - radius, j + radius + 1):
-            line = min(max(v, 0), last)
-            limit = batch[LIMIT + k] + batch[SLOPE_Y + k] * line
-            for u in range(i - radius, i + radius + 1):
-                column = min(max(u, 0), last)
-                is_occluded = texels[first + index(line * size + column)] > limit + batch[SLOPE_X + k] * column
-                n_lit += zero if is_occluded else one
-        batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * (n_lit * share) if n_lit > zero else zero
+        batch[TEXEL + k] = texels[first + index(index_of(batch[TEXEL_IDX + k]))]
+
+
+@helper
+def compare(batch, start, end):
+    """Multiply STRENGTH by 0 where the texel lies before the limit.
+
+    Lit also where the limit is no number, because the slopes are infinite: the plane is seen edge-on.
+    """
+    zero = batch.dtype.type(0)
+    for k in range(start, end):
+        batch[f.STRENGTH + k] = zero if batch[TEXEL + k] > batch[LIMIT + k] else batch[f.STRENGTH + k]
+
+
+@helper
+def count_lit(batch, texels, first, sizes, start, end):
+    """Multiply STRENGTH by the share of the texels about a point that don't lie before the limit.
+
+    `first` is the map's first texel; `sizes` are texels a side of the map and of the filter.
+    """
+    real, (size, n_tap) = batch.dtype.type, sizes
+    zero, one, radius = real(0), real(1), n_tap >> 1
+    for k in range(start, end):
+        batch[N_LIT + k] = zero
+    for j in range(-radius, radius + 1):
+        for i in range(-radius, radius + 1):
+            gather_texels(batch, texels, index(np.int64(first) + j * size + i), start, end)
+            right, down = real(i), real(j)
+            for k in range(start, end):
+                limit = batch[LIMIT + k] + right * batch[SLOPE_X + k] + down * batch[SLOPE_Y + k]
+                batch[N_LIT + k] += zero if batch[TEXEL + k] > limit else one
+    # A quotient: where all taps are lit, it is 1, and no rounding changes the strength.
+    total = real(n_tap * n_tap)
+    for k in range(start, end):
+        share = batch[N_LIT + k] / total
+        batch[f.STRENGTH + k] = batch[f.STRENGTH + k] * share if share > zero else zero
 
 
 @kernel
@@ -196,18 +295,20 @@ def write_map(visibility, y_start, n_row, offset, slope, out_texels):
     Parameters
     ----------
     visibility : of the band
-    offset, slope : the texels are offset + slope·z, 1/w or minus the depth
-    out_texels : (size, size) float64, row y_start.. of it; -inf where nothing is
+    offset, slope : the texels are offset + slope·z, 1/w or minus the depth; computed in float64
+    out_texels : (size, size) float32 or float64, row y_start.. of it; -inf where nothing is
     """
-    entries, nothing = visibility.entries, out_texels.dtype.type(-np.inf)
+    entries, real = visibility.entries, out_texels.dtype.type
+    nothing = real(-np.inf)
     for j in range(n_row):
         left, right = row_extent(visibility, j)
         row = out_texels[index(y_start + j)]
-        for i in range(index(len(row))):
+        left, right = index(max(left, 0)), index(min(max(right, left, 0), len(row)))
+        for i in range(min(left, index(len(row)))):
             row[i] = nothing
-        if left < right:
-            start = index(j * visibility.pitch)
-            for i in range(index(left), index(min(right, len(row)))):
-                entry = entries[start + i]
-                row[i] = offset + slope * float(entry >> PAYLOAD_BITS) if entry < CLEAR else nothing
+        for i in range(right, index(len(row))):
+            row[i] = nothing
+        here = entries[index(j * visibility.pitch) :]
+        for i in range(left, right):
+            row[i] = real(offset + slope * float(here[i] >> PAYLOAD_BITS)) if here[i] < CLEAR else nothing
     clear(visibility, n_row)

@@ -61,14 +61,14 @@ def evaluate_planes(entries, group, x, y, out, start, stride):
 
     Parameters
     ----------
-    entries : (n,) int64, which hold indices of records
+    entries : (n,) int64; of those without the index of a record, the values of record 0
     group : PlaneGroup
     x, y : int64, the first sample
     out : float32, of any shape; counted through from `start` on, a row a plane, `stride` apart, both uint64
     """
     out, numbers = out.reshape(-1), group.numbers
     for k in range(len(entries)):
-        record = (entries[k] & group.record_mask) << np.int64(group.shift)
+        record = record_number(entries[k], group)
         for i in range(PLANE_GROUP):
             plane = record + np.int64(group.column) + i
             out[np.int64(start) + i * np.int64(stride) + k] = value_at(numbers, record, plane, x + k, y)
@@ -86,14 +86,20 @@ def evaluate_values(entries, group, x, y, out, start, stride, weights):
     """
     out, numbers = out.reshape(-1), group.numbers
     for k in range(len(entries)):
-        mask = group.record_mask if entries[k] >> ID_BIT & 1 else np.int64(0)
-        record = (entries[k] & mask) << np.int64(group.shift)
+        record = record_number(entries[k], group)
         for i in range(PLANE_GROUP):
             plane = record + np.int64(group.column) + i
             value = np.float32(value_at(numbers, record, plane, x + k, y) * out[np.int64(weights) + k])
             least, greatest = numbers[plane + 3 * PLANE_GROUP], numbers[plane + 4 * PLANE_GROUP]
             value = value if value > least else least
             out[np.int64(start) + i * np.int64(stride) + k] = value if value < greatest else greatest
+
+
+@helper
+def record_number(entry, group):
+    """Return where the record that an entry shows begins; 0 where it shows none."""
+    mask = group.record_mask if entry >> ID_BIT & 1 else np.int64(0)
+    return (entry & mask) << np.int64(group.shift)
 
 
 @helper

@@ -1,7 +1,7 @@
 """Which texels a sample needs, and their weights, from its texture coordinates and its mip level (texture_lookup.py).
 
-In:  S, T and MIP_LEVEL of a batch (lookup_batch.py). With b of n texels the fixed-point number s lies in texel
-     ⌊s·n/2^32⌋ of any mip level n texels wide: whatever the numbers are, that texel exists.
+In:  S, T and MIP_LEVEL of a batch (lookup_batch.py). The fixed-point number s lies in texel ⌊s·n/2^32⌋ of a mip level n
+     texels wide: whatever s is, that texel exists.
 Out: the rows that texel_blend.py reads.
 """
 
@@ -26,9 +26,9 @@ from .lookup_batch import (
     bits_of,
     from_bits,
 )
-from .texture_sampling import WRAP_REPEAT
+from .textures import WRAP_REPEAT
 
-HALF_WORD, LOW_BITS = np.int32(16), np.int32(0xFFFF)
+HALF_BITS, LOW_BITS = np.int32(16), np.int32(0xFFFF)
 WEIGHT_BITS = np.int32(15)
 NEAREST_ERROR = 2.0**-10  # of s and t, texels, where the nearest texel is looked for: one of 256 samples is doubtful
 REACH = np.int32(int(NEAREST_ERROR * 2.0**16) + 4)
@@ -92,7 +92,7 @@ def halved(n_texel, mip_level):
 
 
 @helper
-def find_texels(batch, n, texture):
+def locate_texels(batch, n, texture):
     """Fill the texels and weights of mip level ⌊MIP_LEVEL⌋ and of the next one."""
     width, height = np.int32(texture.width), np.int32(texture.height)
     area, rim = level_terms(width, height)
@@ -106,7 +106,7 @@ def find_texels(batch, n, texture):
 
 
 @helper
-def find_texels_of_picture(batch, n, texture):
+def locate_picture_texels(batch, n, texture):
     """Fill the texels and weights of the first mip level."""
     size = np.int32(texture.width), np.int32(texture.height)
     for k in range(index(n)):
@@ -122,8 +122,8 @@ def set_texels(batch, k, out, start, size):
     """
     x, y = texel_position(bits_of(batch[S + k]), size[0]), texel_position(bits_of(batch[T + k]), size[1])
     pitch = np.int32(size[0] + np.int32(2))
-    column = np.int32(np.int32(x >> HALF_WORD) + ONE)
-    row = np.int32(np.int32(y >> HALF_WORD) + ONE)
+    column = np.int32(np.int32(x >> HALF_BITS) + ONE)
+    row = np.int32(np.int32(y >> HALF_BITS) + ONE)
     top = np.int32(np.int32(start + column) + np.int32(row * pitch))
     batch[out + TOP + k], batch[out + BOTTOM + k] = from_bits(top), from_bits(np.int32(top + pitch))
     f, g = np.int32(np.int32(x & LOW_BITS) >> ONE), np.int32(np.int32(y & LOW_BITS) >> ONE)
@@ -137,7 +137,7 @@ def set_texels(batch, k, out, start, size):
 @helper
 def pack_weights(top, bottom):
     """Return two numbers of 16 bits in one of 32, the first one in the lower half."""
-    return np.int32(np.int32(top & LOW_BITS) | np.int32(bottom << HALF_WORD))
+    return np.int32(np.int32(top & LOW_BITS) | np.int32(bottom << HALF_BITS))
 
 
 @helper
@@ -153,8 +153,8 @@ def texel_position(s, n_texel):
 @helper
 def product_of(s, n_texel):
     """Return ⌊s·n⌋ in 1/2^16 of a texel for the fraction s of n_texel <= 2^14 texels: less than n·2^16."""
-    high = np.int32(np.int32(np.int32(s >> HALF_WORD) & LOW_BITS) * n_texel)
-    low = np.int32(np.int32(np.int32(s & LOW_BITS) * n_texel) >> HALF_WORD)
+    high = np.int32(np.int32(np.int32(s >> HALF_BITS) & LOW_BITS) * n_texel)
+    low = np.int32(np.int32(np.int32(s & LOW_BITS) * n_texel) >> HALF_BITS)
     return np.int32(high + low)
 
 
@@ -162,7 +162,7 @@ def product_of(s, n_texel):
 
 
 @helper
-def find_nearest_texels(batch, n, texture):
+def locate_nearest_texels(batch, n, texture):
     """Fill the texels that samples lie in, and whether a sample is so near to a border that it may lie in another one;
     tell whether any is.
 
@@ -174,7 +174,7 @@ def find_nearest_texels(batch, n, texture):
     repeats_s, repeats_t = texture.wraps[0] == WRAP_REPEAT, texture.wraps[1] == WRAP_REPEAT
     for k in range(index(n)):
         x, y = product_of(bits_of(batch[S + k]), width), product_of(bits_of(batch[T + k]), height)
-        column, row = np.int32(x >> HALF_WORD), np.int32(y >> HALF_WORD)
+        column, row = np.int32(x >> HALF_BITS), np.int32(y >> HALF_BITS)
         batch[TEXEL + k] = from_bits(np.int32(np.int32(column + ONE) + np.int32(np.int32(row + ONE) * pitch)))
         is_near = is_near_border(np.int32(x & LOW_BITS), column, width, repeats_s)
         is_near |= is_near_border(np.int32(y & LOW_BITS), row, height, repeats_t)

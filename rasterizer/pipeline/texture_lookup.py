@@ -2,25 +2,22 @@
 come from planes, of triangles for which `texture_error` (texture_packing.py) is small enough; texture_sampling.py does
 the others.
 
-In:  a batch of samples of one texture, with the planes of their texture coordinates (below).
+In:  a batch of samples of one texture, with the planes of their texture coordinates (lookup_batch.py has the letters).
 Out: red, green, blue and alpha, linear, a row each.
 
-    s, t     texture coordinates in texels of the picture: s to the right, t downwards, (0, 0) its upper left corner
-    s', t'   s - s_ref, t - t_ref, relative to a reference that a triangle has (`texcoord_reference`)
-    S, T, D  s'/w, t'/w and 1/w: linear on the screen
+A quotient s' = S/D errs relative to the extent of its triangle alone. It is turned into a fixed-point number, 2^32 of
+which are the picture's width or height, and the reference is added in whole numbers: to repeat the picture is to let
+them wrap around. The fixed-point number s lies in texel ⌊s·n/2^32⌋ of a mip level n texels wide. So every texel that is
+read exists, whatever the planes hold.
 
-A quotient S/D errs relative to the extent of its triangle alone. It is turned into a fixed-point number, 2^32 of which
-are the picture's width or height, and the reference is added in whole numbers: to repeat the picture is to let them
-wrap around. With b of n texels a fixed-point number s lies in texel ⌊s·n/2^32⌋ of any mip level n texels wide. So every
-texel that is read exists, whatever the planes hold.
-
-Work goes row by row, in loops without branches. Only texels are read sample by sample, by loops that are spelled out
-(compiler/intrinsics.py).
+Work goes row by row, in loops without branches, which become vector instructions. Only texels are read sample by
+sample, by loops that are spelled out (texel_blend.py).
 """
 
 import numpy as np
 
 from ..compiler.kernels import helper, index
+from ..compiler.widths import PLANE_GROUP
 from .lookup_batch import (
     INV_W,
     INV_W_DX,
@@ -46,9 +43,9 @@ from .lookup_batch import (
     from_bits,
 )
 from .texel_blend import blend_mip_levels, blend_texels, fetch_texels
-from .texel_positions import find_nearest_texels, find_texels, find_texels_of_picture
+from .texel_positions import locate_nearest_texels, locate_picture_texels, locate_texels
 from .texture_planes import REFERENCE_BITS
-from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR
+from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR
 
 SQUARE_LIMIT = np.float32(2.0**60)
 
@@ -59,7 +56,7 @@ def sample_batch(batch, n, texture, out, start, stride):
 
     Parameters
     ----------
-    batch : LOOKUP_SHAPE float32, with the planes of the samples; they are lost
+    batch : LOOKUP_SHAPE float32, with the planes of the samples, up to the next multiple of four; they are lost
     texture : PackedTexture
     out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
         up to the next multiple of four may be written, too
@@ -69,17 +66,18 @@ def sample_batch(batch, n, texture, out, start, stride):
     whether any sample is to be looked up exactly: those where the row IS_DOUBTFUL isn't 0. Only with the filter
     "nearest", next to the border of two texels
     """
+    n = (n + PLANE_GROUP - 1) // PLANE_GROUP * PLANE_GROUP  # texels are read for so many
     divide_planes(batch, n)
     wrap_texcoords(batch, n, texture)
     if texture.filter == FILTER_NEAREST:
-        is_doubtful = find_nearest_texels(batch, n, texture)
+        is_doubtful = locate_nearest_texels(batch, n, texture)
         fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
         return is_doubtful
     if texture.filter == FILTER_TRILINEAR and fill_mip_levels(batch, n, texture):
-        find_texels(batch, n, texture)
+        locate_texels(batch, n, texture)
         blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
     else:
-        find_texels_of_picture(batch, n, texture)
+        locate_picture_texels(batch, n, texture)
         blend_texels(texture.texels, batch, TEXEL_ROWS, index(n), out, start, stride, texture.step)
     return False
 

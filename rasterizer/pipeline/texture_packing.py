@@ -13,7 +13,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from .texel_positions import NEAREST_ERROR, PackedTexture, first_texel
-from .texture_sampling import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_REPEAT, Textures
+from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_REPEAT, Textures
 
 OF_S, OF_T, OF_LEVEL, ALWAYS = range(4)  # columns of `errors`
 # What a lookup loses itself, see `texture_error`.
@@ -78,7 +78,7 @@ def texture_error(textures, texture, s_error, t_error, level_error):
 
     A level that errs by e mixes two means by a share that errs by e. They differ by at most D, see `level_difference`;
     that also holds where e leads to other levels, as the mixture is continuous. LEVEL_ERROR is what the look-up adds:
-    0.74e-5 of the logarithm's polynomial, 2^-24·20 of its rounding, 2^-24·8 of that of the squares, and 2^-20 where
+    0.74e-5 of the logarithm's polynomial, 2^-24·10 of its rounding, 2^-24·8 of that of the squares, and 2^-20 where
     levels end.
 
     Values are rounded to 16 bits by half a step, and eight times in float32.

@@ -8,14 +8,102 @@ Both references of a triangle are one float32, a whole number below 2^24: 12 bit
 the whole picture, or two of them where the picture is mirrored.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
-from ..compiler.kernels import helper, spelled_out
+from ..compiler.kernels import helper, index, spelled_out
 from ..compiler.widths import PLANE_GROUP
-from .texture_sampling import WRAP_CLAMP, WRAP_MIRROR
+from . import setup as s
+from .planes import LEAST_INVERSE, compute_plane, inverse_ratios, values_at
+from .simd import record_number
+from .texture_packing import PackedTextures, texture_error
+from .textures import WRAP_CLAMP, WRAP_MIRROR
 
+TEXCOORDS = 6  # which attributes of a textured surface are texture coordinates: this one and the next
+TEXCOORD_PLANE = index(6)  # the first of four planes of a block's triangles
 REFERENCE_BITS = np.int32(12)
 REFERENCE_UNIT = 2.0**11  # of a picture, or of a period
+SINGLE = 2.0**-24  # u
+LEVEL_SLOPE = 1.45  # more than 1/ln 2, see texture_error
+
+
+class TextureCoding(NamedTuple):
+    """The textures of surfaces whose texture coordinates may stand in planes."""
+
+    packed: PackedTextures
+    of_materials: np.ndarray  # (n_material,) int64: the texture of each, -1 for none
+    limits: np.ndarray  # (n_material,) float64: error that is accepted in a texture's colours
+
+
+@helper
+def compute_texcoord_planes(textures, depths, block):
+    """Compute the planes of texture coordinates over r; clear HAS_PLANES where a texture's colours may err by more than
+    is accepted.
+
+    A plane of a·r with |a·r| <= m that rises by s over the box errs by u·(3 m + 4 s), see gradients.py: so do S, T and
+    D, with a = s', t' and 1. The slopes of a sample's texture coordinates are quotients like (S_x - s'·D_x)/D, with six
+    roundings, of which s' has some more: they err by
+
+        (8 u·(|S_x| + |s'|·|D_x|) + e_s·|D_x|)/r_min,    e_s the error of s', and the length of a slope by less than
+        the sum over both coordinates.
+    """
+    ints = block.ints
+    for k in range(index(s.BLOCK)):
+        texture = textures.of_materials[ints[s.MATERIAL + k]]
+        if texture < 0 or not ints[s.HAS_PLANES + k]:
+            continue
+        (s0, s1, s2), (t0, t1, t2), number = relative_texcoords(k, textures.packed, index(texture), block)
+        r0, r1, r2 = inverse_ratios(k, depths, block)
+        least, largest = min(r0, r1, r2), max(r0, r1, r2)
+        s_reach, t_reach = max(abs(s0), abs(s1), abs(s2)), max(abs(t0), abs(t1), abs(t2))
+        s_rise = compute_plane(k, TEXCOORD_PLANE, s0 * r0, s1 * r1, s2 * r2, block)
+        t_rise = compute_plane(k, TEXCOORD_PLANE + index(1), t0 * r0, t1 * r1, t2 * r2, block)
+        r_rise = compute_plane(k, TEXCOORD_PLANE + index(2), r0, r1, r2, block)
+        compute_plane(k, TEXCOORD_PLANE + index(3), number, number, number, block)
+        r_error = plane_rounding(largest, r_rise)
+        at_least = least - r_error
+        s_error = texcoord_error(plane_rounding(s_reach * largest, s_rise), r_error, at_least, s_reach)
+        t_error = texcoord_error(plane_rounding(t_reach * largest, t_rise), r_error, at_least, t_reach)
+        slope_error = slope_rounding(k, s_reach, s_error, index(0), block)
+        slope_error += slope_rounding(k, t_reach, t_error, index(1), block)
+        level_error = LEVEL_SLOPE * slope_error / at_least
+        error = texture_error(textures.packed, index(texture), s_error, t_error, level_error)
+        limit = textures.limits[ints[s.MATERIAL + k]]
+        is_good = (at_least >= LEAST_INVERSE) & (error <= limit)
+        ints[s.HAS_PLANES + k] &= is_good
+
+
+@helper
+def relative_texcoords(k, packed, texture, block):
+    """Return s' and t' at the vertices of triangle k, texels, and the number of their references."""
+    width, height = float(packed.sizes[texture, 0]), float(packed.sizes[texture, 1])
+    u0, u1, u2 = values_at(s.ATTRIBUTE + index(TEXCOORDS) * s.NEXT_PLANE + k, block)
+    v0, v1, v2 = values_at(s.ATTRIBUTE + index(TEXCOORDS + 1) * s.NEXT_PLANE + k, block)
+    s0, s1, s2 = u0 * width, u1 * width, u2 * width
+    t0, t1, t2 = (1.0 - v0) * height, (1.0 - v1) * height, (1.0 - v2) * height
+    middle = (s0 + s1 + s2) / 3.0, (t0 + t1 + t2) / 3.0
+    wraps = packed.wraps[texture, 0], packed.wraps[texture, 1]
+    s_ref, t_ref, number = texcoord_references(middle, (width, height), wraps)
+    return (s0 - s_ref, s1 - s_ref, s2 - s_ref), (t0 - t_ref, t1 - t_ref, t2 - t_ref), number
+
+
+@helper
+def plane_rounding(largest, rise):
+    """Return how far a float32 plane errs within its box."""
+    return SINGLE * (3.0 * largest + 4.0 * rise)
+
+
+@helper
+def slope_rounding(k, reach, error, number, block):
+    """Return how far S_x - s'·D_x, or the same downwards, errs; of T and t' with `number` 1."""
+    row, last = s.PLANE_ATTRIBUTE + (TEXCOORD_PLANE + number) * s.NEXT_PLANE + k, s.NEXT + s.NEXT
+    of_r = s.PLANE_ATTRIBUTE + (TEXCOORD_PLANE + index(2)) * s.NEXT_PLANE + k
+    steep, r_steep = (
+        max(abs(block.reals[row + s.NEXT]), abs(block.reals[row + last])),
+        max(abs(block.reals[of_r + s.NEXT]), abs(block.reals[of_r + last])),
+    )
+    return 8.0 * SINGLE * (steep + reach * r_steep) + error * r_steep
 
 
 @spelled_out("build_gather_slopes")
@@ -26,13 +114,13 @@ def gather_slopes(entries, group, out, start, stride):
 
     Parameters
     ----------
-    entries : (n,) int64, which hold indices of records
-    group : simd.PlaneGroup of float32; its scale counts for nothing
+    entries : (n,) int64; of those without the index of a record, the slopes of record 0
+    group : simd.PlaneGroup
     out : float32, of any shape; counted through from `start` on, a row a slope, `stride` apart, both uint64
     """
     out, numbers = out.reshape(-1), group.numbers
     for k in range(len(entries)):
-        record = (entries[k] & group.record_mask) << np.int64(group.shift)
+        record = record_number(entries[k], group)
         for i in range(2 * (PLANE_GROUP - 1)):
             part = i // (PLANE_GROUP - 1)
             source = record + np.int64(group.column) + PLANE_GROUP + part + i  # leaves the fourth plane out

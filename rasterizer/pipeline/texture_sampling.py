@@ -11,14 +11,11 @@ lengths, in texels, that one step of the sample to the right and one down move o
 parametrics"; Heckbert 1983): with u = U/D, both linear on the screen, du/dx = (U_x - u·D_x)/D.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import scale
 from .fragments import BATCH_SIZE
-from .gradients import NEEDS_TEXTURE
 from .interpolate import (
     corner_values,
     corner_weights,
@@ -30,25 +27,13 @@ from .interpolate import (
     weight_steps,
 )
 from .records import ATTRIBUTE, material_of
+from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
 from .visibility import record_of, stretch_of, strip_of
 
-FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR = 0, 1, 2
-WRAP_REPEAT, WRAP_CLAMP, WRAP_MIRROR = 0, 1, 2  # what lies outside the picture
 # Quantities of a batch, in place of those of lighting (fragments.py): texture coordinates, the same within the picture,
 # 1 / Σ q, and the mip level, whole or between two.
 TEXCOORD_U, TEXCOORD_V, TEXCOORD_S, TEXCOORD_T, INVERSE_SUM, MIP_LEVEL = (index(BATCH_SIZE * k) for k in range(6))
 LIGHT_COLUMNS = 6  # attributes of a textured surface in front of the texture coordinates
-
-
-class Textures(NamedTuple):
-    """All textures of a scene, one mip level behind the other in one array."""
-
-    texels: np.ndarray  # (4 * n_texel,) float32: linear red, green, blue, and alpha of each
-    mip_levels: np.ndarray  # (n_level, 3) int64: first texel, width, height
-    first_levels: np.ndarray  # (n_texture + 1,) int64
-    filters: np.ndarray  # (n_texture,) int64, FILTER_...
-    wraps: np.ndarray  # (n_texture, 2) int64, WRAP_... along u and v
-    of_materials: np.ndarray  # (n_material,) int64, the texture of each, -1 for none
 
 
 @kernel
@@ -243,42 +228,3 @@ def texel_at(textures, texel):
     """Return a texel's red, green, blue and alpha, float64."""
     i, texels = index(texel) << index(2), textures.texels
     return float(texels[i]), float(texels[i + index(1)]), float(texels[i + index(2)]), float(texels[i + index(3)])
-
-
-@kernel
-def shade_textured(band, texels, out_radiance):
-    """Flat shading and Gouraud's method with textures: interpolate the light that the texture weakens and the rest
-    apart.
-
-    Attributes 0-2 of the records are what a black surface gives off, 3-5 what the whole one gives off.
-
-    Parameters
-    ----------
-    band : ScannedBand; the records of textured surfaces are exact
-    texels : (4, n_row * pitch) float64, of `sample_textures`
-    out_radiance : (3, n_row * pitch) float32 or float64, linear; only the samples of textured surfaces are written
-    """
-    visibility, records = band.visibility, band.records
-    for j in range(band.n_row):
-        left, right = row_extent(visibility, j)
-        if left >= right:
-            continue
-        first = index(j * visibility.pitch + left)
-        entries = visibility.entries[first : first + index(right - left)]
-        start, end = next_exact_run(entries, index(0))
-        while start < end:
-            record = record_of(entries[start])
-            if not band.coding.needs[material_of(entries[start], records)] & NEEDS_TEXTURE:
-                start, end = next_exact_run(entries, end)
-                continue
-            triangle = exact_triangle(records, record)
-            for k in range(start, end):
-                q = corner_weights(triangle, left + np.int64(k), band.y_start + j)
-                p = scale(q, inverse_sum(q))
-                for channel in range(index(3)):
-                    column = index(ATTRIBUTE) + index(3) * channel
-                    of_rest = corner_values(records.reals, record, column)
-                    of_whole = corner_values(records.reals, record, column + index(9))
-                    rest, whole = mean(of_rest, p), mean(of_whole, p)
-                    out_radiance[channel, first + k] = rest + (whole - rest) * texels[channel, first + k]
-            start, end = next_exact_run(entries, end)

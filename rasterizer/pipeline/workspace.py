@@ -6,6 +6,7 @@ import numpy as np
 
 from .a_buffer import Room
 from .fragments import make_batch
+from .lookup_batch import make_lookup_batch
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
@@ -21,6 +22,7 @@ class Workspace(NamedTuple):
     radiance: np.ndarray  # (n_channel, n_row * pitch), linear intensities
     batch: np.ndarray  # of fragments, float32, for lighting
     double_batch: np.ndarray  # the same in float64
+    lookup_batch: np.ndarray  # of samples, for looking textures up
     pixels: PixelBatch  # for the resolve stage
     texels: np.ndarray  # (4, n_row * pitch) float64; (0, n_row * pitch) where the scene has no textures
     # None where the scene has no transparent surfaces:
@@ -77,6 +79,7 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
         np.zeros((kind.n_channel, n_sample), kind.dtype),
         make_batch(np.float32),
         make_batch(np.float64),
+        make_lookup_batch() if kind.is_textured else np.zeros(0, np.float32),
         make_pixel_batch(),
         np.zeros((4 if kind.is_textured else 0, n_sample)),
         Room() if kind.is_transparent else None,
@@ -84,12 +87,15 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
     )
 
 
-def make_picture(size, with_color) -> Picture:
-    """Return room for a picture of `size` = (width, height) pixels; every pixel of it is written."""
+def make_picture(size, with_color, rgba=None) -> Picture:
+    """Return room for a picture of `size` = (width, height) pixels; every pixel of it is written.
+
+    `rgba` is what takes its bytes, (height, width) uint32, or None for a new array.
+    """
     width, height = size
     n_row = height if with_color else 0
     return Picture(
         np.empty((n_row, width, 3), np.float32),
-        np.empty((height, width), np.uint32),
+        np.empty((height, width), np.uint32) if rgba is None else rgba,
         np.empty((n_row, width), np.float32),
     )

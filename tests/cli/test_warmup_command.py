@@ -5,7 +5,10 @@ import re
 
 import pytest
 from helpers.command import errors, one_error
+from helpers.mixed_scenes import mixed
+from helpers.small_scenes import SHADINGS, SIZE
 
+import rasterizer as rz
 from rasterizer.cli import main, warmup_command
 from rasterizer.compiler import fingerprint, kernels, store
 from rasterizer.compiler.store import Store
@@ -75,3 +78,18 @@ def test_kernels_that_could_not_be_compiled_are_named(capsys, few, monkeypatch):
     monkeypatch.setattr(kernels, "compile_into", lambda _store, _jobs: None)
     assert main(["warmup", "--into", str(few / "kernels")]) == 4
     assert "not all kernels could be compiled into" in (error := one_error(capsys)) and "lambert" in error
+
+
+@pytest.fixture(scope="module")
+def warm():
+    """The kernels that are compiled."""
+    return set(warmup_command.list_all_needs())
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("name", mixed())
+def test_nothing_is_left_to_compile_for_materials_that_need_different_things(name, shading, warm):
+    with kernels.noting_needs() as needs:
+        rz.render(mixed()[name], SIZE, shading=shading, outputs=("color", "depth", "face", "normal"), threads=1)
+    missing = {function.__name__ for function, _ in set(needs) - warm}
+    assert not missing, f"{sorted(missing)} are compiled at the first picture"

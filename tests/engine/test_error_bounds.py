@@ -365,10 +365,15 @@ def test_the_stated_bound_holds_in_a_campaign(part):
 
 
 def test_amplifying_lights_at_a_distance_do_not_need_float64():
-    """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them."""
+    """Those of glTF files fall off as 1/d² without a limit, and their clearance limits them, that of each view where
+    they move with the camera."""
     mesh = rz.Mesh(*octasphere(2), crease_angle=180)
-    for attached, dtype in (("world", "float32"), ("camera", "float64")):
-        light = rz.PointLight((0.5, 1.0, 3.0), 2.0, (0, 0, 1), attached, amplify=True)
+    for attached, dtype, place in (
+        ("world", "float32", (0.5, 1.0, 3.0)),
+        ("camera", "float32", (0.5, 1.0, 1.0)),
+        ("camera", "float64", (0.0, 0.0, -1.9999)),  # next to the ball
+    ):
+        light = rz.PointLight(place, 2.0, (0, 0, 1), attached, amplify=True)
         scene = rz.Scene([mesh], light, FRONT)
         for shading in SHADINGS:
             assert rz.render(scene, SMALL, shading=shading).stats.plan.dtype == dtype, f"{attached}, {shading}"

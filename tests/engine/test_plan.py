@@ -15,10 +15,10 @@ from rasterizer.engine.depth_range import NEAREST, fit_depth_range
 from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows
 from rasterizer.engine.error_bounds import Surroundings
 from rasterizer.engine.plan import make_plan
-from rasterizer.engine.view_plans import fits_float32
+from rasterizer.engine.view_plans import plan_of_view
 from rasterizer.geometry.points import gather_geometry
-from rasterizer.options import DEFAULT_TOLERANCE, Options
-from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
+from rasterizer.options import DEFAULT_TOLERANCE, MOST_PIXELS, Options
+from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, IN_PLANES, NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE
 from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
 from rasterizer.pipeline.visibility import LEVEL_MASK
 
@@ -148,7 +148,46 @@ def test_no_intensity_leaves_the_tint_that_is_found(materials, colors, ambient):
         assert any(np.ptp(color) > 0 for color in [*everything, *map(np.array, colors), np.array(ambient)])
 
 
-# ---------------------------------------------------------------- number formats and codings
+def test_each_material_has_the_channels_that_it_needs():
+    """One of the tint that most have; what else has one channel, and another tint, has three beside them."""
+    blue = rz.Material(diffuse=(0.2, 0.4, 0.8), specular=0)
+    for materials, tint, colored in (
+        ([GREY, DULL_CLAY], (1, 1, 1), [False, True]),
+        ([DULL_CLAY, GREY], (1, 0.5, 0.25), [False, True]),
+        ([GREY, DULL_CLAY, TINTED], (1, 0.5, 0.25), [True, False, False]),
+        ([GLOSSY_CLAY, blue], (0.25, 0.5, 1), [True, False]),
+        ([GLOSSY_CLAY, GREY, rz.Material(diffuse=0.3)], (1, 1, 1), [True, False, False]),
+        ([GLOSSY_CLAY], (1, 1, 1), [True]),
+    ):
+        scene = scene_of(materials, GREY_LIGHTS)
+        found = plan_of(scene)
+        assert found.tint == pytest.approx(tint, abs=1e-7) and found.n_channel == 3
+        assert found.of_materials.is_colored.tolist() == colored
+        assert [bool(needs & NEEDS_COLORS) for needs in found.of_materials.needs] == colored
+        for shading in SHADINGS:
+            assert_matches_reference(scene, (48, 20), EXACTLY, shading=shading, tolerance=0, ignored=0.01)
+            assert_matches_reference(scene, (48, 20), DEFAULT_TOLERANCE, shading=shading, ignored=0.01)
+
+
+def test_float64_of_one_material_leaves_the_others_their_way():
+    """Reasons of a scene are those of all; a material's own are its own."""
+    toon, mirror = rz.Material(reflection="toon"), rz.Material(specular=0.5, shininess=200_000)
+    scene = scene_of([GREY, toon, mirror], GREY_LIGHTS)
+    for shading in SHADINGS:
+        found = plan_of(scene, shading=shading)
+        assert found.of_materials.is_double.tolist() == [False, True, True] and found.dtype == np.float32
+        way = IN_PLANES if shading == "phong" else IN_ENTRIES
+        assert found.of_materials.ways.tolist() == [way, EXACT, EXACT]
+        assert [dtype.name for dtype in found.dtypes] == ["float32", "float64"]
+        (none, of_toon, of_mirror), all_reasons = found.of_materials.reasons, found.reasons
+        assert none == () and "toon" in of_toon[0] and "rounding" in of_mirror[0]
+        assert set(all_reasons) == {*of_toon, *of_mirror}
+        exact = plan_of(scene, shading=shading, tolerance=0)
+        assert exact.of_materials.is_double.all() and all("tolerance 0" in r for r in exact.of_materials.reasons)
+        assert [dtype.name for dtype in exact.dtypes] == ["float64"]
+
+
+# ---------------------------------------------------------------- number formats and ways
 
 SHINY = rz.Material(specular=0.5, shininess=400)
 AMPLIFIED = (rz.PointLight((3, 3, 3), 0.3, (0.1, 0, 0.3), amplify=True),)
@@ -156,13 +195,13 @@ INVERSE_SQUARE = (rz.PointLight((3, 3, 3), 0.3, (0, 0, 1), amplify=True),)
 MIRROR = rz.Material(specular=0.5, shininess=20_000)
 DULL = rz.Material(specular=0.5, shininess=0.5)
 BRIGHT = (rz.DirectionalLight((0, 0, -1), 500),)
-PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated, coding when lit a sample)
-    "default": (GREY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, NORMAL_PLANES),
-    "three channels": (GLOSSY_CLAY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, LEVEL_PLANES, NORMAL_PLANES),
+PLANS = {  # name: (material, lights, tolerance, dtype, way when interpolated, way when lit a sample)
+    "default": (GREY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, IN_PLANES),
+    "three channels": (GLOSSY_CLAY, GREY_LIGHTS, DEFAULT_TOLERANCE, np.float32, IN_PLANES, IN_PLANES),
     "exact": (GREY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
     "exact, three channels": (GLOSSY_CLAY, GREY_LIGHTS, 0.0, np.float64, EXACT, EXACT),
     "nearly exact": (GREY, GREY_LIGHTS, 1e-7, np.float64, EXACT, EXACT),
-    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, NORMAL_PLANES),
+    "shiny": (SHINY, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, IN_PLANES),
     "a mirror": (MIRROR, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "too dull": (DULL, (rz.DirectionalLight((0, 0, -1), 1.0),), DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
     "shiny, and generous": (
@@ -171,13 +210,13 @@ PLANS = {  # name: (material, lights, tolerance, dtype, coding when interpolated
         1e-2,
         np.float32,
         IN_ENTRIES,
-        NORMAL_PLANES,
+        IN_PLANES,
     ),
     "too bright": (GREY, BRIGHT, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
-    "bright, and generous": (GREY, BRIGHT, 0.1, np.float32, IN_ENTRIES, NORMAL_PLANES),
-    "amplified ten times": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, NORMAL_PLANES),
+    "bright, and generous": (GREY, BRIGHT, 0.1, np.float32, IN_ENTRIES, IN_PLANES),
+    "amplified ten times": (GREY, AMPLIFIED, DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, IN_PLANES),
     "without bound": (GREY, INVERSE_SQUARE, DEFAULT_TOLERANCE, np.float64, EXACT, EXACT),
-    "dark": (GREY, (), DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, NORMAL_PLANES),
+    "dark": (GREY, (), DEFAULT_TOLERANCE, np.float32, IN_ENTRIES, IN_PLANES),
 }
 
 
@@ -188,9 +227,11 @@ def test_the_cheapest_way_inside_the_tolerance(name):
     for shading in SHADINGS:
         found = plan_of(scene, shading=shading, tolerance=tolerance)
         assert found.dtype == dtype, shading
-        assert found.coding == (lit if shading == "phong" else interpolated), shading
+        (way,) = found.of_materials.ways
+        assert way == (lit if shading == "phong" else interpolated), shading
+        assert bool(found.of_materials.reasons[0]) == (dtype == np.float64), found.of_materials.reasons
         assert found.is_lit_per_sample == (shading == "phong")
-        assert found.coding == EXACT or found.level_scale * found.bound <= LEVEL_MASK
+        assert way == EXACT or found.level_scale * found.bound <= LEVEL_MASK
         if dtype == np.float32:
             assert found.rounding <= tolerance / 2
 
@@ -210,7 +251,7 @@ def test_a_light_on_a_surface_needs_float64():
 
     def fits(furthest, clearance, shortest=1.0):
         around = Surroundings(furthest, np.array([np.inf, clearance]), shortest, True)
-        return fits_float32(found, DEFAULT_TOLERANCE, around)
+        return plan_of_view(found, DEFAULT_TOLERANCE, around).dtype == np.float32
 
     assert fits(5.0, 1.0) and not fits(1e6, 1.0) and not fits(5.0, 0.0)
     assert fits(5.0, np.inf, 0.3) and not fits(5.0, np.inf, 1e-6) and not fits(5.0, np.inf, 0.0)
@@ -218,9 +259,27 @@ def test_a_light_on_a_surface_needs_float64():
     for unit in (1e-30, 1e-21, 1e19, 1e30):
         assert not fits(5.0 * unit, unit), unit
     assert not fits(5.0, 1e25)
-    scene = scene_of([GREY], GREY_LIGHTS)
-    precise = make_plan(scene, Options(), np.empty((0, 3)), is_precise=True)
-    assert precise.dtype == np.float64 and precise.coding == EXACT
+    lost = plan_of_view(found, DEFAULT_TOLERANCE, Surroundings(5.0, np.array([np.inf, 0.0]), 1.0, True))
+    assert lost.dtype == np.float64 and lost.of_materials.ways.tolist() == [EXACT]
+    assert lost.of_materials.needs.tolist() == [NEEDS_DOUBLE] and lost.reasons == ("this view",)
+    assert found.of_materials.needs.tolist() == [NEEDS_SINGLE], "the plan of the scene is another"
+
+
+def test_a_view_asks_float64_of_the_materials_that_need_it_and_of_no_others():
+    """A highlight loses digits with the distance; diffuse light does not."""
+    dull, shiny = rz.Material(diffuse=0.3, specular=0), rz.Material(specular=0.5, shininess=400)
+    found = plan_of(scene_of([dull, shiny], (rz.DirectionalLight((0, -1, -1), 0.6),)), shading="phong")
+    ways = {}
+    for shortest in (1.0, 0.1, 0.03, 0.01, 1e-3):
+        around = Surroundings(5.0, np.array([np.inf]), shortest, True)
+        of_view = plan_of_view(found, DEFAULT_TOLERANCE, around).of_materials
+        is_double = of_view.is_double.tolist()
+        ways[shortest] = is_double
+        for k, double in enumerate(is_double):
+            assert of_view.ways[k] == (EXACT if double else IN_PLANES)
+            assert of_view.reasons[k] == (("this view",) if double else ())
+            assert double or of_view.roundings[k] <= DEFAULT_TOLERANCE / 2
+    assert ways[1.0] == [False, False] and [False, True] in ways.values(), ways
 
 
 def test_entries_accept_what_is_left_of_the_tolerance():
@@ -229,11 +288,13 @@ def test_entries_accept_what_is_left_of_the_tolerance():
     screen = screen_for(camera, (1.0, 9.0))
     found = plan_of(scene_of([GREY], GREY_LIGHTS))
     coding = make_coding(found, screen, DEFAULT_TOLERANCE)
-    assert coding.level_tolerance / coding.level_scale + found.rounding == pytest.approx(DEFAULT_TOLERANCE)
+    assert coding.limits[0] + found.rounding == pytest.approx(DEFAULT_TOLERANCE)
     assert not coding.needs_distance
     for w in (1.0, 3.7, 9.0):
         z = screen.z_offset + screen.z_scale / w
-        assert coding.inv_w_offset + coding.inv_w_scale * z == pytest.approx(1 / w, rel=1e-12)
+        assert coding.depths.inv_w_offset + coding.depths.inv_w_scale * z == pytest.approx(1 / w, rel=1e-12)
+        ratio = coding.depths.ratio_offset + coding.depths.ratio_scale * z
+        assert ratio == pytest.approx(1.0 / w, rel=1e-4) and ratio <= 1.0 + 1e-4, "r = w_0/w"
 
 
 @pytest.mark.parametrize("needs", [False, True])
@@ -373,7 +434,7 @@ def test_a_camera_inside_a_mesh_may_have_any_near_plane(near):
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.integers(1, 16384), st.integers(1, 16384), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
+@given(st.integers(1, MOST_PIXELS), st.integers(1, MOST_PIXELS), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
 def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread, factor):
     width, height = max(1, columns // factor) * factor, max(1, lines // factor) * factor
     rows = choose_band_rows(width, height, n_thread, factor)
@@ -388,6 +449,7 @@ def test_bands_of_usual_pictures():
     assert choose_band_rows(640, 480, 2, 1) == 60
     assert choose_band_rows(16384, 16384, 1, 1) == 8
     assert choose_band_rows(16384, 4, 8, 4) == 4
+    assert choose_band_rows(MOST_PIXELS, MOST_PIXELS, 64, 4) == 8
 
 
 def test_too_many_polygons_for_a_band_make_it_lower(monkeypatch):

@@ -5,7 +5,7 @@ import pytest
 from helpers.pinhole import octasphere
 
 import rasterizer as rz
-from rasterizer.engine.attributes import point_intensities
+from rasterizer.engine.attributes import light_all
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.uniforms import make_lighting
@@ -114,7 +114,8 @@ def test_it_is_what_the_renderer_computes():
     plan = make_plan(scene, options, geometry.albedo)
     bounds = np.stack([mesh.bounds for mesh in scene.meshes])
     screen = screen_of(scene.camera, view, options.size, 1, geometry, bounds)
-    rendered = point_intensities(geometry, plan, make_lighting(plan, view), screen, 1, np.empty(0), Workers(1))[0]
+    lightings = {plan.dtype: make_lighting(plan, view, plan.dtype)}
+    rendered = light_all(geometry, plan, lightings, screen, 1, np.empty(0), Workers(1)).double[0]
     found = rz.illuminate(geometry.points.T, geometry.normals.T, SHINY, LIGHTS, scene.camera)
     assert np.abs(found - rendered).max() <= 2e-16 * found.max()
 

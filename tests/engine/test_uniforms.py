@@ -40,7 +40,12 @@ def lighting_of(lights, *materials, shadows=(), **options):
     plan = make_plan(
         rz.Scene(meshes, lights, CAMERA), Options(shading="phong", tolerance=0, **options), np.empty((0, 3))
     )
-    return make_lighting(plan, VIEW, shadows), plan
+    return make_lighting(plan, VIEW, plan.dtype, shadows), plan
+
+
+def channels_of(lighting):
+    """Channels of each material, and of the sums over the lights for it."""
+    return list(zip(lighting.n_channels.tolist(), lighting.n_light_channels.tolist(), strict=True))
 
 
 # ── lights ──────────────────────────────────────────────────────────────────────────────────────────────
@@ -101,7 +106,7 @@ def test_a_grey_scene_has_one_channel_of_everything():
     material = rz.Material(ambient=0.5, diffuse=0.6, specular=0.2, emissive=0.1, shininess=7)
     lighting, _ = lighting_of((rz.AmbientLight(0.4), rz.AmbientLight(0.2), rz.PointLight((1, 2, 3), 0.7)), material)
     (row,) = lighting.materials
-    assert (lighting.n_channel, lighting.n_light_channel) == (1, 1) and row[m.SHININESS] == 7
+    assert channels_of(lighting) == [(1, 1)] and row[m.SHININESS] == 7
     assert [row[k] for k in (m.EMISSION, m.DIFFUSE, m.SPECULAR)] == [0.1, 0.6, 0.2]
     assert row[m.AMBIENT] == pytest.approx(0.3)
     assert lighting.colors.shape == (1, 1, 6) and (lighting.colors == 0.7).all()
@@ -115,11 +120,37 @@ def test_lights_of_several_colours_need_three_sums():
         rz.DirectionalLight((0, 0, -1), 0.5),
     )
     lighting, _ = lighting_of(lights, material)
-    assert (lighting.n_channel, lighting.n_light_channel) == (3, 3)
+    assert channels_of(lighting) == [(3, 3)]
     assert np.allclose(lighting.colors[0], [[0.7, 0.1, 0.2] * 2, [0.5] * 6])
     assert np.allclose(lighting.materials[0, m.AMBIENT : m.AMBIENT + 3], (0.2, 0.02, 0.02))
     grey = lighting_of((rz.PointLight((1, 2, 3), 0.7),), rz.Material(diffuse=(0.6, 0.4, 0.2)))[0]
-    assert (grey.n_channel, grey.n_light_channel) == (3, 1)
+    assert channels_of(grey) == [(3, 1)]
+
+
+def test_beside_a_coloured_material_a_grey_one_has_one_channel():
+    """Where all lights are grey: then one set of their colours is enough for both."""
+    grey, clay = rz.Material(ambient=0.5, diffuse=0.6, specular=0.2), rz.Material(diffuse=(0.6, 0.4, 0.2))
+    lighting, plan = lighting_of((rz.AmbientLight(0.5), rz.PointLight((1, 2, 3), 0.7)), grey, clay)
+    assert channels_of(lighting) == [(1, 1), (3, 1)] and (plan.tint == 1).all()
+    assert lighting.colors.shape == (1, 1, 6) and (lighting.colors == 0.7).all()
+    assert lighting.materials[0, m.DIFFUSE] == 0.6 and lighting.materials[1, m.DIFFUSE : m.DIFFUSE + 3].tolist() == [
+        0.6, 0.4, 0.2,
+    ]  # fmt: skip
+    # Coloured light leaves nothing grey.
+    lighting, _ = lighting_of((rz.DirectionalLight((0, 0, -1), (0.5, 0.2, 0.1)),), grey, clay)
+    assert channels_of(lighting) in ([(3, 3)] * 2, [(1, 1), (3, 3)])
+    assert np.allclose(lighting.colors[-1], [[0.5, 0.2, 0.1] * 2])
+
+
+def test_only_the_materials_of_a_type_have_functions_in_it():
+    toon, view = rz.Material(reflection="toon"), VIEW
+    scene = rz.Scene([rz.Mesh(*TRIANGLE, material=look) for look in (rz.Material(), toon)], rz.PointLight((1, 2, 3)))
+    plan = make_plan(scene, Options(shading="phong"), np.empty((0, 3)))
+    single, double = (make_lighting(plan, view, dtype) for dtype in plan.dtypes)
+    assert single.materials.dtype == np.float32 and double.materials.dtype == np.float64
+    assert (single.reflection_functions != 0).tolist() == [[True], [False]]
+    assert (double.reflection_functions != 0).tolist() == [[False], [True]]
+    assert single.light_functions[0] != double.light_functions[0]
 
 
 def test_with_spectra_every_material_has_sums_of_its_own():
@@ -128,7 +159,7 @@ def test_with_spectra_every_material_has_sums_of_its_own():
     materials.append(rz.Material(diffuse=(0.2, 0.6, 0.4), specular=0, emissive=0.1))
     lights = (rz.AmbientLight(0.4), rz.PointLight((1, 2, 3), 0.5), rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, *materials, exposure=1)
-    assert (lighting.n_channel, lighting.n_light_channel) == (3, 3) and lighting.colors.shape == (2, 2, 6)
+    assert channels_of(lighting) == [(3, 3)] * 2 and lighting.colors.shape == (2, 2, 6)
     assert np.allclose(lighting.colors[0], [[0.5] * 3 + [0.3] * 3, [1.0] * 3 + [0.6] * 3], atol=1e-9)
     assert np.allclose(lighting.colors[1], [[0.2, 0.6, 0.4, 0, 0, 0], [0.4, 1.2, 0.8, 0, 0, 0]], atol=1e-9)
     assert (lighting.materials[:, m.DIFFUSE : m.DIFFUSE + 3] == 1).all()

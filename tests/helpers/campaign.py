@@ -24,7 +24,7 @@ from helpers.campaign_scenes import Case, make_case
 from helpers.campaign_steps import next_to_step
 from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
-from rasterizer.pipeline.a_buffer import INVISIBLE_ALPHA
+from rasterizer.pipeline.layers import INVISIBLE_ALPHA
 
 OUTPUTS = ("color", "depth", "face")
 ROUNDED = 2.0**-23  # relative, of an intensity stored as float32: in the frame, and in its alpha
@@ -147,7 +147,7 @@ def check_surfaces(case, frame, exact, expected):
     n_wrong = ((frame.face >= 0) != (expected.face >= 0)).sum()
     if n_wrong:
         faults.append(f"{n_wrong} samples covered wrongly")
-    # Layers of which less is seen than this are left out, see pipeline/a_buffer.py.
+    # Layers of which less is seen than this are left out, see pipeline/layers.py.
     hidden = 0.0 if is_opaque(case.scene) else min(case.options["tolerance"] / 4, INVISIBLE_ALPHA)
     for name, one, most in (("", frame, 1e-6 + hidden), ("with tolerance 0, ", exact, 1e-6)):
         off = np.abs(one.alpha - expected.alpha)

@@ -1,17 +1,32 @@
 """Stages of the pipeline fed by hand, one at a time: help for their tests."""
 
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 
 import rasterizer as rz
+from rasterizer.engine.coding import scale_depths
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.uniforms import make_lighting
 from rasterizer.options import Options
 from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.drawables import Drawables, Triangles
-from rasterizer.pipeline.gradients import CODINGS
-from rasterizer.pipeline.scan import scan
+from rasterizer.pipeline.gradients import (
+    EXACT,
+    IN_ENTRIES,
+    IN_PLANES,
+    NEEDS_ALBEDO,
+    NEEDS_COLORS,
+    NEEDS_DOUBLE,
+    NEEDS_SINGLE,
+    Coding,
+    LevelCoding,
+    NormalCoding,
+)
+from rasterizer.pipeline.interpolate import ScannedBand
+from rasterizer.pipeline.records import most_units
+from rasterizer.pipeline.scan import ScanCounts, scan
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import Vertices, make_screen
 from rasterizer.pipeline.workspace import WorkspaceKind, make_workspace
@@ -20,6 +35,7 @@ from rasterizer.scene.camera import Projection, View
 
 SERIAL = Workers(1)
 NOTHING = np.empty((0, 3))
+NO_MATERIALS = np.empty(0, np.uint32)
 
 
 def plain_screen(is_perspective=True, depths=(1.0, 100.0), far_clip=np.inf, scale=1.0, center=(0.0, 0.0)):
@@ -33,41 +49,107 @@ def screen_of(view, projection, depths, far_clip=np.inf):
     return make_screen(view, projection, depths, depths[0], far_clip)
 
 
-def plain_coding(kind, screen, level_scale=1.0, tolerance=0.0, normal_limit=0.0, needs_distance=False):
-    """What entries and records hold, for a screen; `tolerance` in units of intensity."""
-    inverse = 1.0 / screen.z_scale
-    line = (-screen.z_offset * inverse, inverse)
-    of_w, of_depth = (line, (0.0, 0.0)) if screen.is_perspective else ((1.0, 0.0), line)
-    return CODINGS[kind](
-        kind, level_scale, tolerance * level_scale, normal_limit, tolerance, needs_distance, *of_w, *of_depth
+class Given(NamedTuple):
+    """What a coding of tests is made of: its class, and the way that all of its materials ask for."""
+
+    kind: type
+    way: int
+
+
+# Exact records · intensities in entries · intensities in planes · normals, and albedo behind them, in planes.
+KINDS = {
+    "exact": Given(Coding, EXACT),
+    "entries": Given(LevelCoding, IN_ENTRIES),
+    "values": Given(LevelCoding, IN_PLANES),
+    "normals": Given(NormalCoding, IN_PLANES),
+}
+
+
+def plain_coding(
+    kind, screen, n_attributes=1, dtypes=np.float32, *, level_scale=1.0, tolerance=0.0, normal_limit=0.0, **options
+):
+    """What entries and records hold, for a screen.
+
+    Parameters
+    ----------
+    kind : one of KINDS
+    n_attributes, dtypes : of each material; a number, or a type, for one material, which all triangles have
+    tolerance : units of intensity, or of albedo · normal_limit : see gradients.Coding
+    options : needs_distance; needs, bits that all materials have beside their type
+    """
+    made, n_attributes = KINDS[kind], np.atleast_1d(n_attributes).astype(np.int64)
+    types = dtypes if isinstance(dtypes, (list, tuple)) else [dtypes]
+    is_double = np.array([np.dtype(dtype) == np.float64 for dtype in types]) | np.zeros(len(n_attributes), bool)
+    needs = np.where(is_double, NEEDS_DOUBLE, NEEDS_SINGLE) | np.where(n_attributes >= 3, NEEDS_COLORS, 0)
+    needs = needs | NEEDS_COLORS if kind == "normals" else needs
+    needs = needs | np.where(n_attributes >= 6, NEEDS_ALBEDO, 0) if kind in ("exact", "normals") else needs
+    ways = np.where((made.way == IN_ENTRIES) & (n_attributes >= 3), IN_PLANES, made.way)  # an entry has one channel
+    return made.kind(
+        ways=np.where(is_double, EXACT, ways).astype(np.uint8),
+        needs=(needs | options.get("needs", 0)).astype(np.uint8),
+        reads_double=is_double,
+        n_attributes=n_attributes,
+        limits=np.full(len(n_attributes), float(normal_limit if kind == "normals" else tolerance)),
+        level_scale=float(level_scale) if made.kind is LevelCoding else None,
+        albedo_tolerance=float(tolerance),
+        needs_distance=options.get("needs_distance", False),
+        textures=None,
+        depths=scale_depths(screen),
     )
 
 
-def drawables_of(triangles, z, attributes, is_inverted=None):
-    """Separate triangles (n, 3, 2), in 1/256 px, with z (n, 3), z-buffer units, and attributes (side, n, 3, k)."""
+def drawables_of(triangles, z, attributes, is_inverted=None, material=NO_MATERIALS):
+    """Separate triangles (n, 3, 2), in 1/256 px, with z (n, 3), z-buffer units.
+
+    `attributes` is (side, n, 3, k), float32 or float64, or one of each.
+    """
     triangles, n = np.asarray(triangles, np.int32), len(triangles)
     vertices = Vertices(*(np.ascontiguousarray(triangles[..., k].ravel()) for k in range(2)), z.ravel())
     columns = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
     is_inverted = np.zeros(n, np.uint8) if is_inverted is None else np.asarray(is_inverted, np.uint8)
-    n_side, *_, n_attribute = attributes.shape
-    rows = np.ascontiguousarray(attributes.reshape(n_side, 3 * n, n_attribute))
-    return Drawables(Triangles(columns, columns, is_inverted), vertices, rows)
+    found = {array.dtype.type: array for array in (attributes if isinstance(attributes, tuple) else (attributes,))}
+    rows = [found.get(dtype, np.empty((1, 0, 3, 0), dtype)) for dtype in (np.float32, np.float64)]
+    rows = [np.ascontiguousarray(array.reshape(len(array), array.shape[1] * 3, array.shape[3])) for array in rows]
+    return Drawables(Triangles(columns, columns, is_inverted, np.asarray(material, np.uint32)), vertices, *rows)
 
 
-def scan_alone(triangles, depth, attributes, coding, screen, size, is_inverted=None, n_group=0, n_channel=0):
-    """Scan triangles (n, 3, 2), in 1/256 px, with depths (n, 3) and attributes (n, 3, k), into one band.
+def scan_alone(
+    triangles, depth, attributes, coding, screen, size, is_inverted=None, n_channel=0, material=NO_MATERIALS, **options
+):
+    """Scan triangles (n, 3, 2), in 1/256 px, with depths (n, 3) and attributes (n, 3, k) into one band.
 
-    Returns the workspace, how many records were written, and how many of them are exact.
+    Parameters
+    ----------
+    attributes : float32, or float64 where all materials of the coding are, or one of each
+    material : (n,) of each triangle
+    options : deferred, where transparent triangles go; y_start, of the band; room for records, units, and what they are
+        filled with before
+
+    Returns
+    -------
+    the workspace, and ScanCounts
     """
-    depth, n, n_attribute = np.asarray(depth, float), len(triangles), attributes.shape[2]
+    depth, n = np.asarray(depth, float), len(triangles)
+    sides = attributes if isinstance(attributes, tuple) else (attributes,)
     z = screen.z_offset + screen.z_scale * (1.0 / depth if screen.is_perspective else depth)
-    dtype, n_channel = attributes.dtype, n_channel or n_attribute
-    kind = WorkspaceKind(size[0], size[1], n_channel, n_attribute, n_group, dtype, False, False)
-    workspace = make_workspace(kind, n)
-    band = Band(np.arange(n, dtype=np.uint32), 0, size[1])
-    drawables = drawables_of(triangles, z, attributes[None], is_inverted)
-    counts = scan(band, drawables, coding, workspace.block, workspace.visibility, workspace.records)
-    return workspace, *counts
+    n_attribute = max(array.shape[2] for array in sides)
+    dtype = np.dtype(np.float64 if coding.reads_double.all() else np.float32)
+    kind = WorkspaceKind(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, False, False)
+    workspace = make_workspace(kind, options.get("room", n * most_units(coding)))
+    for array in (workspace.records.integers, workspace.records.int_planes):
+        array.fill(options.get("fill", 0))
+    y_start = options.get("y_start", 0)
+    band = Band(np.arange(n, dtype=np.uint32), y_start, y_start + size[1])
+    drawables = drawables_of(triangles, z, tuple(array[None] for array in sides), is_inverted, material)
+    counts = scan(
+        band, drawables, coding, workspace.block, workspace.visibility, workspace.records, options.get("deferred")
+    )
+    return workspace, ScanCounts(*counts)
+
+
+def band_of(workspace, coding, counts, n_row, y_start=0):
+    """What a scan left, for the stages behind it."""
+    return ScannedBand(workspace.visibility, workspace.records, coding, counts, y_start, n_row)
 
 
 def interpret(monkeypatch, *modules):
@@ -115,11 +197,21 @@ def exact_means(edges, depth, values, is_perspective=True):
 
 
 def lighting_of(lights, materials, view, dtype, albedo=NOTHING):
-    """(Lighting, plan) of materials under lights, computed in `dtype`."""
+    """(Lighting, plan) of materials under lights, all computed in `dtype`."""
     triangle = np.eye(3), [[0, 1, 2]]
     scene = rz.Scene([rz.Mesh(*triangle, material=material) for material in materials], lights)
-    plan = make_plan(scene, Options(shading="phong"), albedo)._replace(dtype=np.dtype(dtype))
-    return make_lighting(plan, view), plan
+    plan = computed_in(make_plan(scene, Options(shading="phong"), albedo), dtype)
+    if len(albedo):
+        has_albedo = np.ones(len(plan.materials), np.bool_)
+        plan = plan._replace(of_materials=plan.of_materials._replace(has_albedo=has_albedo))
+    return make_lighting(plan, view, np.dtype(dtype)), plan
+
+
+def computed_in(plan, dtype):
+    """A plan with all materials in one type."""
+    bit = NEEDS_DOUBLE if np.dtype(dtype) == np.float64 else NEEDS_SINGLE
+    needs = plan.of_materials.needs & np.uint8(255 - NEEDS_DOUBLE - NEEDS_SINGLE) | np.uint8(bit)
+    return plan._replace(of_materials=plan.of_materials._replace(needs=needs))
 
 
 def random_triangles(rng, n, size, reach):

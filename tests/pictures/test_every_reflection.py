@@ -307,7 +307,7 @@ def planned(*materials, shading="phong", lights=GREY, **options):
     meshes = [rz.Mesh(*octasphere(0), material=material) for material in materials]
     scene = rz.Scene(meshes, lights, VIEW)
     made_plan = plan.make_plan(scene, rz.Options(shading=shading, **options), np.zeros((0, 3)))
-    return made_plan, uniforms.make_lighting(made_plan, VIEW.view())
+    return made_plan, uniforms.make_lighting(made_plan, VIEW.view(), made_plan.dtype)
 
 
 def test_every_name_has_a_reflection_function_and_options_choose_another():
@@ -332,7 +332,8 @@ def test_only_what_needs_the_viewer_pays_for_it():
 
 def test_what_float32_cannot_draw_is_drawn_in_float64():
     assert planned(rz.Material(reflection="toon"))[0].dtype == np.float64
-    assert planned(rz.Material(), rz.Material(reflection="toon"))[0].dtype == np.float64
+    both, _ = planned(rz.Material(), rz.Material(reflection="toon"))
+    assert both.of_materials.is_double.tolist() == [False, True]
     assert planned(rz.Material(reflection="oren-nayar", roughness=1.0))[0].dtype == np.float32
     assert planned(rz.Material(reflection="cook-torrance"))[0].dtype == np.float32
     assert planned(rz.Material(reflection="cook-torrance", roughness=0.05))[0].dtype == np.float64

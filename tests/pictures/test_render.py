@@ -315,13 +315,29 @@ def test_vertex_and_face_colours_together():
         check_all(sheet(SIZE, square, 1.0, [[0, 1, 2], [0, 2, 3]], **given))
 
 
-@pytest.mark.parametrize("size", [(1, 1), (1, 50), (50, 1), (16384, 3), (3, 16384), (7, 9), (8, 8), (9, 7)])
+LONG = [(65536, 3), (3, 65536), (2**18, 1), (1, 2**18)]
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 50), (50, 1), (16384, 3), (3, 16384), *LONG, (7, 9), (8, 8), (9, 7)])
 def test_pictures_of_any_shape(size):
     width, height = size
     points = [(-3, -3), (width + 5, -2), (width / 2, 2 * height + 5)]
     for is_perspective, lights in ((True, GREY), (False, COLORED)):
         scene = sheet(size, points, [1, 2.0, 1.5], [[0, 1, 2]], lights, is_perspective)
-        check_all(scene, size, units=2.0**16)
+        check_all(scene, size, units=max(2.0**16, width + height))
+
+
+@pytest.mark.parametrize("size", [(2**16, 1), (1, 2**16)])
+def test_samples_of_the_longest_pictures(size):
+    """Two surfaces that cross, with 16 samples: as many along an axis as there may be."""
+    (width, height), lights = size, COLORED
+    points = [(-3, -3), (width + 5, -2), (width / 2, 2 * height + 5)] * 2
+    scene = sheet(size, points, [1, 2.0, 1.5, 2.0, 1.0, 1.5], [[0, 1, 2], [3, 4, 5]], lights)
+    frame = rz.render(scene, size, samples=16, tolerance=0)
+    expected = reference.render(scene, size, samples=16)
+    assert np.abs(frame.alpha - expected.alpha).max() < 1e-6
+    error = np.abs(frame.color - expected.color).max()
+    assert error <= EXACT, f"colours differ by {error:.3g} > {EXACT:.3g}"
 
 
 EMPTY = {

@@ -200,11 +200,11 @@ def test_a_pickled_renderer_is_one_of_the_same_scene_and_options(kind):
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, MemoryError, RuntimeError])
-@pytest.mark.parametrize("stage", ["scan", "shade_interpolated", "resolve", "scan_opaque", "composite"])
+@pytest.mark.parametrize("stage", ["scan", "shade_interpolated", "resolve", "list_fragments", "composite"])
 @pytest.mark.parametrize("n_thread", [1, 3])
 def test_a_picture_that_fails_leaves_nothing_in_the_next(monkeypatch, fault, stage, n_thread):
     """A z-buffer half full would show the first picture's surfaces in the second."""
-    kind = "layered" if stage in ("scan_opaque", "composite") else "plain"
+    kind = "layered" if stage in ("list_fragments", "composite") else "plain"
     with rz.Renderer(scene_of(kind), (200, 150), threads=n_thread) as renderer:
         expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS[:3]]
         module = next(each for each in (drawing, passes, transparency) if hasattr(each, stage))

@@ -163,7 +163,7 @@ def test_others_neither_compile_nor_hold_tangents():
     assert gather_geometry(scene, False).tangents.size == 0
     plan = make_plan(scene, Options(), np.empty((0, 3)))
     view = scene.camera_for((4, 3)).view()
-    assert not plan.has_tangents and make_lighting(plan, view).shadows is None
+    assert not plan.has_tangents and make_lighting(plan, view, plan.dtype).shadows is None
     by_axis = make_plan(ball(BY_AXIS), Options(), np.empty((0, 3)))
     assert not by_axis.has_tangents and by_axis.dtype == np.float64
     assert make_plan(ball(BRUSHED), Options(), np.empty((0, 3))).has_tangents

@@ -18,7 +18,6 @@ from helpers.stages import (
 from rasterizer.engine.output_buffers import BUFFER_TABLE
 from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.buffers import VisibleSurfaces, clear_band
-from rasterizer.pipeline.gradients import EXACT
 from rasterizer.pipeline.visibility import CLEAR, NO_END, NO_START
 
 SIZE = (90, 70)
@@ -29,7 +28,8 @@ NO_FACE = np.empty(0, np.uint32)
 
 def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None):
     """Scan and write the buffers; return (buffers, workspace, samples covered)."""
-    workspace, *_ = scan_alone(triangles, depth, normals, plain_coding(EXACT, screen), screen, SIZE, is_inverted)
+    coding = plain_coding("exact", screen, 3, normals.dtype)
+    workspace, _ = scan_alone(triangles, depth, normals, coding, screen, SIZE, is_inverted)
     out = SimpleNamespace(**{name: BUFFER_TABLE[name].make(SIZE) for name in names})
     surfaces = VisibleSurfaces(workspace.visibility, workspace.records, loaded_face, screen)
     for name in names:

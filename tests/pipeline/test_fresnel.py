@@ -119,9 +119,8 @@ def test_grey_pictures_keep_one_channel_and_compile_nothing_more():
         assert not has_colored_fresnel(grey) and same_light_again not in batch_functions_of(plan, True)[0]
     neutral = rz.Scene(ball(rz.Material(fresnel=0.3)).meshes)
     plan = make_plan(neutral, Options(), np.empty((0, 3)))
-    assert plan.n_channel == 1 and len(make_lighting(plan, neutral.camera_for((4, 3)).view()).light_functions) == len(
-        plan.lights
-    )
+    lighting = make_lighting(plan, neutral.camera_for((4, 3)).view(), plan.dtype)
+    assert plan.n_channel == 1 and len(lighting.light_functions) == len(plan.lights)
     # A colour that no highlight shows is none.
     dull = replace(neutral, meshes=ball(rz.Material(specular=0, fresnel=GOLD)).meshes)
     assert make_plan(dull, Options(), np.empty((0, 3))).n_channel == 1

@@ -107,7 +107,7 @@ def test_points_are_lit_as_the_judge_lights_them(camera, lights, has_albedo, dty
             expected = judge_them(*case, side, points, has_albedo)
             # A picture of one channel is its tint times the intensity.
             color = found * plan.tint if plan.n_channel == 1 else found
-            allowed = budget or plan.rounding + 2.0**-28
+            allowed = budget or plan.of_materials.roundings.max() + 2.0**-28
             error = np.abs(color - expected).max()
             assert error <= allowed + 2.0**-24 * expected.max(), f"{material}, side {side}: {error:.3g} > {allowed:.3g}"
             assert plan.bound * (1 + 1e-6) + allowed >= expected.max(), (

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.engine import draw
+from rasterizer.options import MOST_PIXELS
 from rasterizer.pipeline import cull, drawables, gradients, records, scan, setup, visibility
-from rasterizer.pipeline.gradients import CODINGS, EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
-from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK
+from rasterizer.pipeline.gradients import IS_INVISIBLE, NEEDS_BEHIND
+from rasterizer.pipeline.scan import make_deferred
+from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, id_payload
 from rasterizer.reference import coverage
 
 SIZE = (37, 29)
@@ -88,6 +90,19 @@ def test_the_thinnest_triangles_are_covered_exactly(bits):
     rng = np.random.default_rng(bits)
     triangles = [needle(rng, bits, SIZE) for _ in range(20)]
     assert assert_covered_exactly(triangles) >= 20
+
+
+@pytest.mark.parametrize("size", [(65536, 8), (8, 65536), (MOST_PIXELS, 2), (2, MOST_PIXELS)])
+def test_the_longest_pictures_are_covered_exactly(size):
+    """Triangles and slivers along the whole of the longest pictures, and beyond their ends."""
+    rng, box = np.random.default_rng(11), 256 * np.array(size)
+    soup = np.rint(rng.uniform(-0.3, 1.3, (6, 3, 2)) * box).astype(np.int64)
+    along = np.array([(0, 0), box, box // 2]) + np.array([1, 3, 60, 300])[:, None, None] * rng.integers(
+        -1, 2, (4, 3, 2)
+    )
+    through = np.array([-box, 2 * box, box // 3]) + rng.integers(-90, 91, (4, 3, 2))
+    for kind in (soup, soup // 128 * 128, along, through):
+        assert assert_covered_exactly(kind.clip(-LIMIT, LIMIT), size) > 1000
 
 
 def test_soup_drawn_at_once_shows_the_lowest_face_of_those_that_cover(monkeypatch):
@@ -207,14 +222,15 @@ def test_of_equal_triangles_the_first_is_shown(shading, is_perspective):
         colors = np.array([(0.5, 0.5, 0.5), (0.9, 0.1, 0.1)])
         for face_colors in (None, colors) if order[0] == 0 else (None,):
             drawn = []
-            for faces, n in (
-                ([[0, 1, 2], order], np.stack([normals, normals[order]])),
-                ([[0, 1, 2]], normals[None]),
-            ):
-                given = None if face_colors is None else face_colors[: len(faces)]
-                scene = sheet(size, points, depth, faces, is_perspective=is_perspective, normals=n, face_colors=given)
+            # The second triangle lies beside the picture, or before the first one: what a scene needs is the same.
+            for second in ([3, 4, 5], order):
+                n, faces = np.stack([normals, normals[[k % 3 for k in second]]]), [[0, 1, 2], second]
+                scene = sheet(
+                    size, points + [(-50, 5), (-40, 9), (-30, 0)], depth + depth, faces, is_perspective=is_perspective,
+                    normals=n, face_colors=face_colors,
+                )  # fmt: skip
                 drawn.append(rz.render(scene, size, shading=shading, outputs=outputs, tolerance=tolerance))
-            both, first = drawn
+            first, both = drawn
             for name in outputs:
                 assert getattr(both, name).tobytes() == getattr(first, name).tobytes(), f"{order} {name}"
 
@@ -240,33 +256,116 @@ def test_the_first_of_equal_slivers_is_shown():
 BAND = (24, 18)
 
 
-def scanned(triangles, depth, values, kind):
-    """What the scan stage leaves of a small band: the counts, and the bytes of buffer and records."""
-    screen = stages.plain_screen(True, (1.0, 4.0))
-    coding = stages.plain_coding(kind, screen, LEVEL_MASK - 1.0, 0.01, normal_limit=2.0**12, needs_distance=True)
-    workspace, *counts = stages.scan_alone(
-        triangles, depth, values, coding, screen, BAND, is_inverted=np.arange(len(triangles)) % 2, n_group=2
-    )
+def scanned(given, kind, deferred=None):
+    """What the scan stage leaves of a small band: the counts, and the bytes of buffer and records.
+
+    `given`: triangles, depths, attributes (float32, float64) and materials.
+    """
+    triangles, depth, attributes, material = given
+    coding = coding_of(kind, deferred is not None)
+    workspace, counts = stages.scan_alone(
+        triangles, depth, attributes, coding, SCREEN, BAND, is_inverted=np.arange(len(triangles)) % 2,
+        material=material, deferred=deferred,
+    )  # fmt: skip
     buffer, kept = workspace.visibility, workspace.records
     arrays = buffer.entries, buffer.left, buffer.right, kept.integers, kept.reals, kept.int_planes
     return counts, [array.tobytes() for array in arrays], (buffer.entries < CLEAR).sum()
 
 
-@pytest.mark.parametrize("kind", CODINGS)
-def test_without_the_compiler_the_same_comes_out(kind, monkeypatch):
-    """Small and large triangles and slivers: every way through the stage, vector instructions included, bit for bit."""
-    rng = np.random.default_rng(kind)
-    found = [stages.random_triangles(rng, 12, BAND, reach) for reach in (1.5, 6.0, 30.0)]
+SCREEN = stages.plain_screen(True, (1.0, 4.0))
+N_ATTRIBUTES, TYPES = [1, 3, 6, 8], [np.float32, np.float32, np.float32, np.float64]
+
+
+def coding_of(kind, has_transparent=False):
+    """Four materials, of 1, 3, 6 and 8 attributes, the last in float64; where some are transparent, the first is opaque
+    and the third invisible."""
+    n_attributes = [max(n, 3) if kind == "normals" else n for n in N_ATTRIBUTES]
+    options = {"level_scale": LEVEL_MASK - 1.0, "tolerance": 0.01, "normal_limit": 2.0**12}
+    coding = stages.plain_coding(kind, SCREEN, n_attributes, TYPES, **options, needs_distance=kind == "normals")
+    extra = (0, NEEDS_BEHIND, IS_INVISIBLE, NEEDS_BEHIND) if has_transparent else (0, 0, 0, 0)
+    return coding._replace(needs=coding.needs | np.array(extra, np.uint8))
+
+
+def small_band(seed):
+    """Small and large triangles and slivers of four materials."""
+    rng = np.random.default_rng(seed)
+    found = [stages.random_triangles(rng, 24, BAND, reach) for reach in (1.5, 6.0, 30.0)]
     found += [stages.slivers(rng, 8, BAND, 2**10, 3), stages.slivers(rng, 4, BAND, 2**18, 1)]
-    triangles = np.concatenate(found).clip(-LIMIT, LIMIT)
+    triangles = rng.permutation(np.concatenate(found).clip(-LIMIT, LIMIT))
     depth = rng.uniform(1.0, 4.0, (len(triangles), 1)) * rng.uniform(1.0, 1.01, (len(triangles), 3))
-    values = rng.random((len(triangles), 3, {IN_ENTRIES: 1, NORMAL_PLANES: 6}.get(kind, 3))).astype(np.float32)
+    values = rng.random((len(triangles), 3, 8))
     values[::2] = values[::2, :1]
-    given = triangles, depth.clip(1.0, 4.0), values, kind
-    compiled = scanned(*given)
+    material = rng.integers(0, 4, len(triangles)).astype(np.uint32)
+    return triangles, depth.clip(1.0, 4.0), (values[..., :6].astype(np.float32), values), material
+
+
+@pytest.mark.parametrize("kind", stages.KINDS)
+def test_without_the_compiler_the_same_comes_out(kind, monkeypatch):
+    """Small and large triangles and slivers of several materials: every way through the stage, vector instructions
+    included, bit for bit."""
+    given = small_band(len(kind))
+    n_triangle = len(given[0])
+    compiled, listed = scanned(given, kind), make_deferred(n_triangle, visibility.make_extents(BAND[1]))
+    with_deferred = scanned(given, kind, listed)
     stages.interpret(monkeypatch, stages, scan, setup, gradients, records, visibility, cull, drawables)
     with np.errstate(all="ignore"):  # unsigned integers wrap, as they do in compiled code
-        assert scanned(*given) == compiled
-    (n_record, n_exact), _, n_covered = compiled
-    assert n_covered > 300 and n_exact > 0 and (kind == EXACT or n_exact < len(triangles))
-    assert n_record > n_exact if kind in (LEVEL_PLANES, NORMAL_PLANES) else n_record == n_exact
+        assert scanned(given, kind) == compiled
+        again = make_deferred(n_triangle, visibility.make_extents(BAND[1]))
+        assert scanned(given, kind, again) == with_deferred
+    assert again.count == listed.count
+    for array, other in zip(again.listed(), listed.listed(), strict=True):
+        assert (array == other).all()
+    counts, _, n_covered = compiled
+    assert n_covered > 300 and counts.n_exact > 0
+    assert (counts.n_level > 0) == (kind == "entries") and (counts.n_plane > 0) == (kind != "exact")
+
+
+@pytest.mark.parametrize("kind", stages.KINDS)
+def test_transparent_triangles_are_listed_and_not_drawn(kind):
+    """In the order of the faces, each with the payload of its record; invisible ones are not there at all."""
+    given = small_band(7)
+    triangles, depth, attributes, material = given
+    deferred, coding = (
+        make_deferred(len(triangles), visibility.make_extents(BAND[1])),
+        coding_of(kind, True)._replace(ways=np.array([1, 2, 2, 0])),
+    )
+    coding = coding._replace(ways=coding_of(kind).ways) if kind != "entries" else coding
+    workspace, counts = stages.scan_alone(
+        triangles, depth, attributes, coding, SCREEN, BAND, material=material, deferred=deferred
+    )
+    low, high = (f(triangles, axis=1) for f in (np.min, np.max))
+    touches = (high > 128).all(axis=1) & (low <= 256 * np.array(BAND) - 128).all(axis=1)
+    found = deferred.listed()
+    faces = found.faces.tolist()
+    assert faces == sorted(faces) and len(faces) > 20
+    assert set(faces) <= set(np.flatnonzero(np.isin(material, (1, 3)) & touches).tolist())
+    kept = workspace.records
+    for face, payload in zip(faces, found.payloads, strict=True):
+        record, is_exact = int(payload >> 1) & 0x7FFFFF, bool(payload & 1)
+        assert payload == id_payload.py_func(record, is_exact)
+        its_face = kept.integers[record, records.FACE] if is_exact else kept.int_planes[16 * record + 3]
+        its_material = kept.integers[record, records.MATERIAL] if is_exact else kept.int_planes[16 * record]
+        assert (its_face, its_material) == (face, material[face])
+    opaque = material == 0
+    alone, _ = stages.scan_alone(
+        triangles[opaque], depth[opaque], tuple(a[opaque] for a in attributes), coding, SCREEN, BAND,
+        material=material[opaque],
+    )  # fmt: skip
+    depths = [stages.entries_of(drawn, BAND) >> 25 for drawn in (workspace, alone)]
+    assert (depths[0] == depths[1]).all(), "something transparent is drawn"
+    assert counts.needs & (NEEDS_BEHIND | IS_INVISIBLE) == NEEDS_BEHIND | IS_INVISIBLE
+
+
+@pytest.mark.parametrize("kind", stages.KINDS)
+def test_a_band_says_what_its_materials_need_and_whether_there_is_one(kind):
+    given = small_band(3)
+    triangles, depth, attributes, _ = given
+    coding = coding_of(kind)
+    for chosen, expected in (([2], 2), ([3], 3), ([0, 1], -1), ([0, 2, 3], -1)):
+        material = np.array(chosen, np.uint32)[np.arange(len(triangles)) * len(chosen) // len(triangles)]
+        _, counts = stages.scan_alone(triangles, depth, attributes, coding, SCREEN, BAND, material=material)
+        assert counts.material == expected and counts.needs == np.bitwise_or.reduce(coding.needs[chosen])
+    _, counts = stages.scan_alone(
+        triangles[:0], depth[:0], tuple(a[:0] for a in attributes), coding, SCREEN, BAND, room=1
+    )
+    assert counts[:4] == (0, 0, 0, 0)

@@ -5,22 +5,24 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from helpers.stages import drawables_of, random_triangles, slivers
+from helpers.stages import NO_MATERIALS, drawables_of, random_triangles, slivers
 
 from rasterizer.compiler.kernels import kernel
 from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.cull import first_sample
+from rasterizer.pipeline.small_boxes import MOST_WIDE, NEXT_ROW
+from rasterizer.reference import coverage
 
 SIZE, ROWS = (120, 90), (16, 80)
 
 
 @kernel
-def set_up(band, drawables, width, block):
+def set_up(band, drawables, width, n_attribute, is_double, block):
     """The first part of the scan stage, for one block."""
     s.gather_vertices(band.faces, drawables.triangles, drawables.vertices, block)
     s.order_vertices(block)
-    s.gather_attributes(len(band.faces), drawables.attributes, block)
+    s.gather_attributes(len(band.faces), n_attribute, drawables, is_double, block)
     s.compute_boxes(band, width, block)
     s.compute_depth_planes(block)
 
@@ -38,14 +40,16 @@ def triangles(seed):
     return found
 
 
-def block_of(corners, z, attributes, n_side=1):
+def block_of(corners, z, attributes, n_side=1, material=NO_MATERIALS, is_double=(True,)):
     """Set up triangles (n, 3, 2) with z-buffer depths (n, 3); return the block, and which triangles are inverted."""
     n = len(corners)
     inverted = (np.arange(n) % 3 == 0).astype(np.uint8)
-    values = attributes.reshape(n_side, n, 3, attributes.shape[-1])
+    sides = attributes if isinstance(attributes, tuple) else (attributes,)
+    values = tuple(side.reshape(n_side, n, 3, side.shape[-1]) for side in sides)
     block = s.make_block()
     band = Band(np.arange(n, dtype=np.uint32), *ROWS)
-    set_up(band, drawables_of(corners, z, values, inverted), SIZE[0], block)
+    drawables, n_attribute = drawables_of(corners, z, values, inverted, material), max(v.shape[3] for v in values)
+    set_up(band, drawables, SIZE[0], n_attribute, np.array(is_double), block)
     return block, inverted
 
 
@@ -79,6 +83,24 @@ def test_vertices_are_clockwise_and_the_topmost_is_first(seed, n):
             assert carried == values[int(is_flipped), k, order].T.ravel().tolist()
 
 
+def test_each_triangle_has_the_attributes_of_its_material():
+    """As many as the array of its type has; of float64 where its material needs that."""
+    corners, rng = triangles(2), np.random.default_rng(5)
+    n = len(corners)
+    values = rng.random((2, n, 3, 8))
+    single, double, is_double = values[..., :3].astype(np.float32), -values, (False, True, False)
+    material = rng.integers(0, 3, n).astype(np.uint32)
+    block, _ = block_of(corners, rng.random((n, 3)), (single, double), 2, material, is_double)
+    assert row(block.ints, s.MATERIAL, n).tolist() == material.tolist()
+    rows = row(block.reals, s.ATTRIBUTE, 24 * s.BLOCK).reshape(8, 3, s.BLOCK)
+    for k in range(n):
+        is_flipped = int(block.ints[int(s.IS_FLIPPED) + k])
+        wanted = (double if is_double[material[k]] else single)[is_flipped, k]
+        found = rows[: wanted.shape[1], :, k].T
+        assert sorted(found.tolist()) == sorted(wanted.astype(float).tolist())
+        assert is_double[material[k]] or not rows[3:, :, k].any(), "more is written than there is"
+
+
 def test_boxes_hold_the_samples_of_the_band():
     corners = triangles(7)
     n = len(corners)
@@ -93,6 +115,31 @@ def test_boxes_hold_the_samples_of_the_band():
     assert row(block.ints, s.RIGHT, n).tolist() == np.minimum(high[0], SIZE[0]).tolist()
     assert row(block.ints, s.TOP, n).tolist() == np.maximum(low[1], ROWS[0]).tolist()
     assert row(block.ints, s.BOTTOM, n).tolist() == np.minimum(high[1], ROWS[1]).tolist()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("reach", [0.4, 0.8, 1.2])
+def test_covered_samples_of_small_boxes_are_those_of_the_reference_in_the_band(reach, seed):
+    """About the borders of the picture and of the band, too; what lies beyond them is not covered."""
+    rng = np.random.default_rng(seed)
+    corners = random_triangles(rng, s.BLOCK, SIZE, reach)
+    corners[::2, :, 1] += 256 * (rng.choice(ROWS, (32, 1)) - corners[::2, :1, 1] // 256)
+    corners[1::4, :, 0] += 256 * (rng.choice([0, SIZE[0]], (16, 1)) - corners[1::4, :1, 0] // 256)
+    corners[::3] = corners[::3] // 128 * 128
+    block, _ = block_of(corners, np.zeros((s.BLOCK, 3)), np.zeros((s.BLOCK, 3, 0)))
+    covered, left, top = (row(block.ints, name, s.BLOCK).tolist() for name in (s.COVERED, s.LEFT, s.TOP))
+    extents = np.maximum(row(block.ints, s.EXTENT_X, s.BLOCK), row(block.ints, s.EXTENT_Y, s.BLOCK))
+    assert (np.array(covered) == -1).tolist() == (extents > MOST_WIDE).tolist()
+    n_covered = 0
+    for k in np.flatnonzero(extents <= MOST_WIDE):
+        expected = coverage(corners[k], SIZE[0], ROWS[1])
+        expected[: ROWS[0]] = False
+        found = {(top[k] + bit // NEXT_ROW, left[k] + bit % NEXT_ROW) for bit in range(16) if covered[k] >> bit & 1}
+        (ax, ay), (bx, by), (cx, cy) = corners[k]
+        if (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):  # the cull stage drops those without area
+            assert found == set(zip(*np.nonzero(expected), strict=True)), corners[k].tolist()
+            n_covered += len(found)
+    assert n_covered > 0
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from helpers.stages import (
+    band_of,
     covered,
     entries_of,
     exact_means,
@@ -17,10 +18,11 @@ from helpers.stages import (
 
 import rasterizer as rz
 from rasterizer.pipeline.fragments import BATCH_SIZE
-from rasterizer.pipeline.gradients import EXACT, IN_ENTRIES, LEVEL_PLANES, NORMAL_PLANES
-from rasterizer.pipeline.interpolate import ScannedBand
-from rasterizer.pipeline.shade import FaceTable, shade_interpolated, shade_lit
-from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK
+from rasterizer.pipeline.gradients import NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE
+from rasterizer.pipeline.phong_shading import FaceTable, shade_lit
+from rasterizer.pipeline.records import FACE, PLANES_FACE, UNIT_SHIFT
+from rasterizer.pipeline.shade import shade_interpolated
+from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_MASK, RECORD_MASK, RECORD_SHIFT
 from rasterizer.reference import light as reference_light
 from rasterizer.reference.light import Lighting
 from rasterizer.reference.materials import read_materials
@@ -30,28 +32,32 @@ SIZE, WIDE = (120, 90), (3 * BATCH_SIZE + 50, 12)
 LEVELS = float(LEVEL_MASK - 1)
 DEPTHS = (1.0, 4.0)
 DTYPES = [np.float32, np.float64]
-ONE_MATERIAL = FaceTable(np.empty(0, np.uint32), np.empty((0, 5)))
-MAYBE_EXACT = 1  # how many records are exact: the shade stage looks for them unless it is told that there are none
+NO_FACES = FaceTable(np.empty((0, 5)))
+WHITE = np.ones(3, np.float32)
 
 
-def shade(workspace, kind, size, n_channel):
+def shade(scanned, coding, size, n_channel, tint=WHITE):
     """Intensities (n_channel, rows, columns) of a band of entries, planes or exact records."""
-    real = workspace.radiance.dtype.type
+    workspace, counts = scanned
     workspace.radiance[:] = np.nan
-    shade_interpolated(band_of(workspace, kind, size), n_channel, real(1 / LEVELS), workspace.radiance)
-    return workspace.radiance.reshape(n_channel, size[1], -1)[:, :, : size[0]]
+    band = band_of(workspace, coding, counts, size[1])
+    shade_interpolated(band, tint, workspace.batch, workspace.radiance[:n_channel])
+    return workspace.radiance[:n_channel].reshape(n_channel, size[1], -1)[:, :, : size[0]]
 
 
-def shade_by_phong(workspace, kind, size, screen, lighting, faces=ONE_MATERIAL):
-    """Intensities (3, rows, columns) of a band, every sample of which is lit."""
+def shade_by_phong(scanned, coding, size, screen, lightings, n_channel=3, tint=WHITE, y_start=0):
+    """Intensities (n_channel, rows, columns) of a band, every sample of which is lit; float32 before float64."""
+    workspace, counts = scanned
     workspace.radiance[:] = np.nan
-    shade_lit(band_of(workspace, kind, size), screen, lighting, faces, None, None, workspace.batch, workspace.radiance)
-    return workspace.radiance.reshape(3, size[1], -1)[:, :, : size[0]]
-
-
-def band_of(workspace, kind, size):
-    """The whole picture as one band."""
-    return ScannedBand(workspace.visibility, workspace.records, kind, MAYBE_EXACT, 0, size[1])
+    band = band_of(workspace, coding, counts, size[1], y_start)
+    out = workspace.radiance[:n_channel]
+    for need, dtype, batch in (
+        (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)
+    ):  # fmt: skip
+        if counts.needs & need:
+            is_double = dtype == np.float64
+            shade_lit(band, screen, lightings[dtype], NO_FACES, None, None, tint, is_double, batch, out)
+    return out.reshape(n_channel, size[1], -1)[:, :, : size[0]]
 
 
 SHAPES = {
@@ -75,8 +81,9 @@ def test_exact_interpolation_is_that_of_rational_numbers(shape, n_channel, is_pe
         if not len(rows) or n_sample > 3000:
             continue
         depth, values = rng.uniform(*DEPTHS, 3), rng.random((3, n_channel)).astype(dtype)
-        workspace, *_ = scan_alone([triangle], depth[None], values[None], plain_coding(EXACT, screen), screen, SIZE)
-        found = shade(workspace, EXACT, SIZE, n_channel)[:, rows, columns]
+        coding = plain_coding("exact", screen, n_channel, dtype)
+        scanned = scan_alone([triangle], depth[None], values[None], coding, screen, SIZE)
+        found = shade(scanned, coding, SIZE, n_channel)[:, rows, columns]
         assert (found >= values.min(axis=0)[:, None]).all() and (found <= values.max(axis=0)[:, None]).all()
         some = rng.permutation(len(rows))[:40]
         n_sample += len(some)
@@ -94,10 +101,9 @@ def test_constants_stay_constant(shape, dtype):
     for triangle in SHAPES[shape](rng):
         rows, columns, _ = covered(triangle, SIZE)
         values = np.full((3, 1), rng.random(), dtype)
-        workspace, *_ = scan_alone(
-            [triangle], rng.uniform(*DEPTHS, (1, 3)), values[None], plain_coding(EXACT, screen), screen, SIZE
-        )
-        assert (shade(workspace, EXACT, SIZE, 1)[0, rows, columns] == values[0]).all()
+        coding = plain_coding("exact", screen, 1, dtype)
+        scanned = scan_alone([triangle], rng.uniform(*DEPTHS, (1, 3)), values[None], coding, screen, SIZE)
+        assert (shade(scanned, coding, SIZE, 1)[0, rows, columns] == values[0]).all()
 
 
 def test_levels_in_entries_become_intensities():
@@ -106,19 +112,49 @@ def test_levels_in_entries_become_intensities():
         np.array([[-9000, -500], [2000 * 256, 900], [300, 256 * 20]]),
     )
     values = np.array([[0.2], [0.9], [0.5]], np.float32)
-    workspace, n_record, _ = scan_alone(
-        [triangle],
-        np.full((1, 3), 2.0),
-        values[None],
-        plain_coding(IN_ENTRIES, screen, LEVELS, 1.0),
-        screen,
-        WIDE,
-    )
-    assert n_record == 0
+    coding = plain_coding("entries", screen, level_scale=LEVELS, tolerance=1.0)
+    scanned = scan_alone([triangle], np.full((1, 3), 2.0), values[None], coding, screen, WIDE, n_channel=3)
+    assert scanned[1][:3] == (1, 0, 0)
     rows, columns, _ = covered(triangle, WIDE)
-    levels = entries_of(workspace, WIDE)[rows, columns] & LEVEL_MASK
-    found = shade(workspace, IN_ENTRIES, WIDE, 1)[0, rows, columns]
-    assert (found == levels.astype(np.float32) * np.float32(1 / LEVELS)).all() and len(rows) > 2 * BATCH_SIZE
+    levels = entries_of(scanned[0], WIDE)[rows, columns] & LEVEL_MASK
+    expected = levels.astype(np.float32) * np.float32(1 / LEVELS)
+    found = shade(scanned, coding, WIDE, 1)[0, rows, columns]
+    assert (found == expected).all() and len(rows) > 2 * BATCH_SIZE
+    # Three channels are multiples of the tint, rounded as the resolve stage would.
+    found = shade(scanned, coding, WIDE, 3, TINT)[:, rows, columns]
+    assert (found == expected * TINT[:, None]).all()
+
+
+TINT = np.array([1.0, 0.3, 0.07], np.float32)
+
+
+@pytest.mark.parametrize("kind", ["exact", "entries", "values"])
+def test_what_has_one_channel_is_tinted_beside_what_has_three(kind):
+    """In a band of three channels; in one of one, it has the same intensities, not tinted yet."""
+    rng, screen = np.random.default_rng(9), plain_screen(True, DEPTHS)
+    triangles, depth = random_triangles(rng, 60, SIZE, 30.0), rng.uniform(*DEPTHS, (60, 3))
+    depth[::2] = depth[::2, :1]
+    values, material = rng.random((60, 3, 3)).astype(np.float32), rng.integers(0, 2, 60).astype(np.uint32)
+    coding = plain_coding(kind, screen, [1, 3], level_scale=LEVELS, tolerance=1 / 256)
+    scanned = scan_alone(triangles, depth, values, coding, screen, SIZE, material=material)
+    both = shade(scanned, coding, SIZE, 3, TINT).copy()
+    workspace, counts = scanned
+    assert counts.needs & NEEDS_COLORS and counts.material == -1
+    entries, plain = entries_of(workspace, SIZE).copy(), np.zeros(SIZE[::-1], bool)
+    for y, x in np.argwhere(entries < CLEAR):
+        plain[y, x] = not entries[y, x] & IS_ID or material[face_at(workspace, entries[y, x])] == 0
+    assert plain.sum() > 300 and ((entries < CLEAR) & ~plain).sum() > 300
+    # The same triangles, all of one channel: those of the other material in the same places.
+    alone = plain_coding(kind, screen, [1, 1], level_scale=LEVELS, tolerance=1 / 256)
+    one = shade(scan_alone(triangles, depth, values, alone, screen, SIZE, material=material), alone, SIZE, 1)[0]
+    assert (both[:, plain] == one[plain] * TINT[:, None]).all()
+    assert not (both[1:, ~plain & (entries < CLEAR)] == one[~plain & (entries < CLEAR)] * TINT[1:, None]).all()
+
+
+def face_at(workspace, entry):
+    """The triangle whose record an entry shows."""
+    record, kept = (int(entry) & int(RECORD_MASK)) >> RECORD_SHIFT, workspace.records
+    return kept.integers[record, FACE] if entry & IS_EXACT else kept.int_planes[(record << UNIT_SHIFT) + PLANES_FACE]
 
 
 # ---------------------------------------------------------------- one triangle over a batch, and many
@@ -131,6 +167,7 @@ COLORED = (
 )
 SHINY = rz.Material(specular=0.4, shininess=20)
 SMALLEST = 2.0**-28  # highlights below it become 0, see reflection.square_and_multiply
+MATTE = rz.Material(diffuse=(0.1, 0.9, 0.3), specular=0)
 DULL = rz.Material(diffuse=(0.2, 0.5, 0.9), specular=(0.5, 0.1, 0.1), reflection="blinn", shininess=7.5)
 
 
@@ -149,10 +186,10 @@ def over_floor(n_front, rng):
 
 
 def shade_floor(n_front, kind, is_perspective, draw):
-    """(entries, intensities) of FLOOR behind some small triangles; `draw` takes (workspace, screen)."""
+    """(entries, intensities) of FLOOR behind some small triangles; `draw` takes what was scanned, coding and screen."""
     rng = np.random.default_rng(n_front)
     triangles, depth = over_floor(n_front, rng)
-    n_attribute = 3 if kind == LEVEL_PLANES else 6
+    n_attribute = 3 if kind == "values" else 6
     values = np.random.default_rng(7).normal(size=(1, 3, n_attribute))
     values = (
         np.concatenate([np.abs(values) / 3, np.abs(rng.normal(size=(n_front, 3, n_attribute)) / 3)])
@@ -160,29 +197,30 @@ def shade_floor(n_front, kind, is_perspective, draw):
         .astype(np.float32)
     )
     screen = plain_screen(is_perspective, DEPTHS, scale=40.0, center=(100.0, 6.0))
-    coding = plain_coding(kind, screen, LEVELS, 1e9, 1e30, needs_distance=kind == NORMAL_PLANES)
-    workspace, *_ = scan_alone(triangles, depth, values, coding, screen, WIDE, n_group=2, n_channel=3)
-    entries = entries_of(workspace, WIDE).copy()
-    assert not (entries[entries < CLEAR] & IS_ID & ((entries[entries < CLEAR] & IS_EXACT) << 1)).any(), (
-        "a record is exact"
-    )
-    return entries, draw(workspace, screen)
+    coding = plain_coding(
+        kind, screen, n_attribute, level_scale=LEVELS, tolerance=1e9, normal_limit=1e30,
+        needs_distance=kind == "normals",
+    )  # fmt: skip
+    scanned = scan_alone(triangles, depth, values, coding, screen, WIDE, n_channel=3)
+    entries = entries_of(scanned[0], WIDE).copy()
+    assert scanned[1].n_exact == 0, "a record is exact"
+    return entries, draw(scanned, coding, screen)
 
 
-def draw_levels(workspace, _):
-    return shade(workspace, LEVEL_PLANES, WIDE, 3)
+def draw_values(scanned, coding, _):
+    return shade(scanned, coding, WIDE, 3)
 
 
-def draw_lit(workspace, screen):
+def draw_lit(scanned, coding, screen):
     lighting, _ = lighting_of(COLORED, [SHINY], view_of(screen), np.float32, np.ones((1, 3)))
-    assert lighting.needs_position and lighting.has_albedo and lighting.n_channel == 3
-    return shade_by_phong(workspace, NORMAL_PLANES, WIDE, screen, lighting)
+    assert lighting.needs_position and lighting.has_albedo.all() and lighting.n_channels.tolist() == [3]
+    return shade_by_phong(scanned, coding, WIDE, screen, {np.float32: lighting})
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("kind, draw", [(LEVEL_PLANES, draw_levels), (NORMAL_PLANES, draw_lit)])
+@pytest.mark.parametrize("kind, draw", [("values", draw_values), ("normals", draw_lit)])
 def test_one_triangle_over_a_batch_and_many_give_the_same_bits(kind, draw, is_perspective):
-    """Alone, a triangle's planes are fetched once for a batch; among others, sample by sample."""
+    """Alone, and among others, which are nearer."""
     alone, expected = shade_floor(0, kind, is_perspective, draw)
     is_whole = (alone < CLEAR).all(axis=1)
     assert is_whole.sum() > 5, "batches of one triangle"
@@ -230,25 +268,23 @@ def expected_light(screen, size, triangle, depth, normals, albedo, lights, mater
 @pytest.mark.parametrize("is_perspective", [True, False])
 @pytest.mark.parametrize(
     "kind, dtype, budget",
-    [(EXACT, np.float64, SMALLEST), (EXACT, np.float32, 2e-5), (NORMAL_PLANES, np.float32, 4e-5)],
+    [("exact", np.float64, SMALLEST), ("exact", np.float32, 2e-5), ("normals", np.float32, 4e-5)],
 )
 def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspective, material):
     rng = np.random.default_rng(5)
     screen = plain_screen(is_perspective, DEPTHS, scale=60.0, center=(61.0, 43.0))
     lighting, plan = lighting_of(COLORED, [material], view_of(screen), dtype, np.ones((1, 3)))
     assert plan.has_albedo and lighting.needs_view == (max(material.specular) > 0)
-    coding = plain_coding(kind, screen, tolerance=1e9, normal_limit=1e30, needs_distance=kind == NORMAL_PLANES)
+    coding = plain_coding(kind, screen, 6, dtype, tolerance=1e9, normal_limit=1e30, needs_distance=kind == "normals")
     worst = n_sample = 0
     for triangle in random_triangles(rng, 12, SIZE, 50.0):
         depth = rng.uniform(2.0, 3.5, 3)
-        if kind == NORMAL_PLANES:
-            depth[:] = depth[0]  # the albedo's planes know no perspective
         normals = rng.normal(size=3) + 0.3 * rng.normal(size=(3, 3))
         values = np.concatenate(
             [normals / np.linalg.norm(normals, axis=1, keepdims=True), rng.random((3, 3))], axis=1
         ).astype(dtype)
-        workspace, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, SIZE, n_group=2, n_channel=3)
-        picture = shade_by_phong(workspace, kind, SIZE, screen, lighting)
+        scanned = scan_alone([triangle], depth[None], values[None], coding, screen, SIZE, n_channel=3)
+        picture = shade_by_phong(scanned, coding, SIZE, screen, {dtype: lighting})
         rows, columns, expected = expected_light(
             screen, SIZE, triangle, depth, values[:, :3], values[:, 3:], COLORED, material
         )
@@ -257,27 +293,64 @@ def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspe
     assert n_sample > 3000 and worst <= budget, f"{worst:.3g} > {budget:.3g}"
 
 
-@pytest.mark.parametrize("kind", [EXACT, NORMAL_PLANES])
-def test_each_sample_takes_the_material_of_its_own_face(kind):
-    """Two materials in one batch, by turns: as if each face were drawn with its material alone."""
+@pytest.mark.parametrize("is_mixed", [False, True], ids=["float32", "float32 and float64"])
+@pytest.mark.parametrize("kind", ["exact", "normals"])
+def test_each_sample_takes_the_material_of_its_own_face(kind, is_mixed):
+    """Three materials in one batch, by turns, the last perhaps in float64: as if each face were drawn with its material
+    alone."""
     rng = np.random.default_rng(6)
     triangles, depth = over_floor(40, rng)
     normals = np.abs(rng.normal(size=(41, 3, 3)))
-    normals = (normals / np.linalg.norm(normals, axis=2, keepdims=True)).astype(np.float32)
+    normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
+    values = normals.astype(np.float32), normals
     screen = plain_screen(True, DEPTHS, scale=40.0, center=(100.0, 6.0))
-    coding = plain_coding(kind, screen, tolerance=1e9, normal_limit=1e30, needs_distance=kind == NORMAL_PLANES)
-    lighting, _ = lighting_of(COLORED, [SHINY, DULL], view_of(screen), np.float32)
-    pictures = []
-    face_material = (np.arange(41) % 2).astype(np.uint32)
-    for material in (face_material, np.zeros(41, np.uint32), np.ones(41, np.uint32)):
-        workspace, *_ = scan_alone(triangles, depth, normals, coding, screen, WIDE, n_group=2, n_channel=3)
-        entries = entries_of(workspace, WIDE).copy()
-        faces = ONE_MATERIAL._replace(materials=material)
-        pictures.append(shade_by_phong(workspace, kind, WIDE, screen, lighting, faces).copy())
-    # Every triangle has a record of its number: none is dropped.
-    of_sample = (entries & (IS_EXACT - 1)) % 2
+    types = [np.float32, np.float32, np.float64 if is_mixed else np.float32]
+    coding = plain_coding(
+        kind, screen, [3, 3, 3], types, tolerance=1e9, normal_limit=1e30, needs_distance=kind == "normals"
+    )
+    looks = [SHINY, DULL, MATTE]
+    lightings = {dtype: lighting_of(COLORED, looks, view_of(screen), dtype)[0] for dtype in DTYPES}
+    pictures, faces = [], np.full(WIDE[::-1], -1)
+    of_face = (np.arange(41) % 3).astype(np.uint32)
+    for material in (of_face, *(np.full(41, k, np.uint32) for k in range(3))):
+        scanned = scan_alone(triangles, depth, values, coding, screen, WIDE, material=material, n_channel=3)
+        entries = entries_of(scanned[0], WIDE).copy()
+        if material is of_face:
+            for y, x in np.argwhere(entries < CLEAR):
+                faces[y, x] = face_at(scanned[0], entries[y, x])
+        assert scanned[1].material == (-1 if material is of_face else material[0])
+        pictures.append(shade_by_phong(scanned, coding, WIDE, screen, lightings).copy())
     mixed, *alone = pictures
     for k, picture in enumerate(alone):
-        here = (entries < CLEAR) & (of_sample == k)
-        assert here.sum() > 50 and (mixed[:, here] == picture[:, here]).all()
-    assert (alone[0][:, entries < CLEAR] != alone[1][:, entries < CLEAR]).any(axis=0).mean() > 0.9
+        here = (faces >= 0) & (faces % 3 == k)
+        assert here.sum() > 50 and (mixed[:, here] == picture[:, here]).all(), f"material {k}"
+    assert (alone[0][:, faces >= 0] != alone[1][:, faces >= 0]).any(axis=0).mean() > 0.9
+
+
+@pytest.mark.parametrize("kind", ["exact", "normals"])
+def test_rows_below_the_first_are_lit_as_in_one_band(kind):
+    """A band that begins further down, of three materials in both types: the same bits."""
+    rng, n_row = np.random.default_rng(13), 5
+    triangles, depth = over_floor(30, rng)
+    values = rng.normal(size=(31, 3, 6))
+    values[..., 3:] = np.abs(values[..., 3:]).clip(0, 1)
+    screen = plain_screen(True, DEPTHS, scale=40.0, center=(100.0, 6.0))
+    coding = plain_coding(
+        kind, screen, [3, 6, 6], [np.float32, np.float32, np.float64], tolerance=1e9, normal_limit=1e30,
+        needs_distance=kind == "normals",
+    )  # fmt: skip
+    lightings = {}
+    for dtype in DTYPES:
+        lighting, _ = lighting_of(COLORED, [SHINY, DULL, MATTE], view_of(screen), dtype, np.ones((1, 3)))
+        lightings[dtype] = lighting._replace(has_albedo=np.array([False, True, True]))
+    given, material = (values.astype(np.float32), values), (np.arange(31) % 3).astype(np.uint32)
+    whole = scan_alone(triangles, depth, given, coding, screen, WIDE, material=material, n_channel=3)
+    entries = entries_of(whole[0], WIDE).copy()
+    expected = shade_by_phong(whole, coding, WIDE, screen, lightings).copy()
+    assert np.isfinite(expected[:, entries < CLEAR]).all()
+    for first in range(0, WIDE[1], n_row):
+        size = WIDE[0], min(n_row, WIDE[1] - first)
+        part = scan_alone(triangles, depth, given, coding, screen, size, material=material, n_channel=3, y_start=first)
+        found = shade_by_phong(part, coding, size, screen, lightings, y_start=first)
+        is_seen = entries[first : first + size[1]] < CLEAR
+        assert (found[:, is_seen] == expected[:, first : first + size[1]][:, is_seen]).all(), f"from row {first}"

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline.simd import LANES, PLANE_GROUP, PlaneGroup, evaluate_planes, merge_box
+from rasterizer.pipeline.simd import LANES, PLANE_GROUP, PlaneGroup, evaluate_planes, evaluate_values, merge_box
 
 PITCH, ROWS = 21, 6
 
@@ -118,62 +118,130 @@ EVALUATIONS = (
 )
 
 
-def evaluate_plainly(entries, group, x, y, out, start, stride):
-    """The same loop with numpy's scalars: int32 that wraps, or float32 that rounds after every operation."""
+@kernel
+def evaluate_within(entries, group, x, y, out, start, stride, weights):
+    """Call evaluate_values from a kernel, as the shade stage does."""
+    evaluate_values(entries, group, x, y, out, start, stride, weights)
+
+
+WITHIN = (
+    evaluate_within,
+    np.errstate(over="ignore", invalid="ignore")(evaluate_values.py_func),
+    numba.njit(evaluate_values.py_func),
+)
+WAYS, ID_BIT = ["vectors", "plain", "compiled"], 24
+
+
+def evaluate_plainly(entries, group, x, y, out, start, stride, weights=None):
+    """The same loop with numpy's float32, which rounds after every operation; within ranges where there are weights."""
     numbers, column, shift = group.numbers, int(group.column), int(group.shift)
-    out, whole, number = out.copy(), numbers.view(np.int32), numbers.dtype.type
-    is_integer = number == np.int32
+    out, whole, real = out.copy(), numbers.view(np.int32), np.float32
     for k in range(len(entries)):
-        record = (int(entries[k]) & int(group.record_mask)) << shift
-        across, down = x + k - int(whole[record + 1]), y - int(whole[record + 2])
-        for i in range(PLANE_GROUP - is_integer):
+        record = int(entries[k]) & int(group.record_mask)
+        if not int(entries[k]) >> ID_BIT & 1:
+            record = 0
+        record <<= shift
+        across, down = real(x + k - int(whole[record + 1])), real(y - int(whole[record + 2]))
+        for i in range(PLANE_GROUP):
             value, dx, dy = (numbers[record + column + part * PLANE_GROUP + i] for part in range(3))
-            if is_integer:
-                level = signed(int(value) + across * int(dx) + down * int(dy), 32)
-                out[start + i * stride + k] = out.dtype.type(level) * group.scale
-            else:
-                out[start + i * stride + k] = value + number(across) * dx + number(down) * dy
+            value = value + across * dx + down * dy
+            if weights is not None:
+                least, greatest = (numbers[record + column + part * PLANE_GROUP + i] for part in (3, 4))
+                value = value * out[weights + k]
+                value = value if value > least else least
+                value = value if value < greatest else greatest
+            out[start + i * stride + k] = value
     return out
 
 
-def plane_group(numbers, record_mask, shift, column, scale):
+def plane_group(numbers, record_mask, shift, column):
     """A PlaneGroup with the types that kernels take."""
-    return PlaneGroup(numbers, np.int64(record_mask), np.uint64(shift), np.uint64(column), scale)
+    return PlaneGroup(numbers, np.int64(record_mask), np.uint64(shift), np.uint64(column))
 
 
-@pytest.mark.parametrize("way", EVALUATIONS, ids=["vectors", "plain", "compiled"])
-@pytest.mark.parametrize("column", [4, 16])
-@pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
-@pytest.mark.parametrize("out_dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("dtype", [np.int32, np.float32])
-def test_planes_are_those_of_plain_python(dtype, out_dtype, n, column, way):
-    rng, shift, n_record, mask = np.random.default_rng(n), 5, 40, (1 << 23) - 1
-    numbers = rng.integers(-(2**31), 2**31, n_record << shift).astype(np.int32)
-    if dtype == np.float32:
-        numbers = rng.normal(size=len(numbers)).astype(np.float32)
-        anchors = numbers.view(np.int32).reshape(n_record, -1)[:, 1:3]
-        anchors[:] = rng.integers(-(2**20), 2**20, anchors.shape)
-    entries = (rng.integers(0, 2**38, 128) << 25 | 1 << 24 | rng.integers(0, n_record, 128)).astype(np.int64)[:n]
-    out, stride = np.full(4 * 160 + 8, 7, out_dtype), 160
-    group = plane_group(numbers, mask, shift, column, out_dtype(0.37))
-    expected = evaluate_plainly(entries, group, 1900, 33, out, 5, stride)
-    way(entries, group, np.int64(1900), np.int64(33), out, np.uint64(5), np.uint64(stride))
+N_RECORD, UNIT_SHIFT, RECORD_MASK = 40, 4, (1 << 24) - 2  # as in the pipeline: bit 0 says whether a record is exact
+
+
+def random_records(rng, n_unit):
+    """Records of `n_unit` units of 16 numbers each, with anchors, as float32."""
+    numbers = rng.normal(size=N_RECORD * n_unit << UNIT_SHIFT).astype(np.float32)
+    heads = numbers.view(np.int32).reshape(N_RECORD * n_unit, -1)[:, 1:3]
+    heads[:] = rng.integers(-(2**20), 2**20, heads.shape)
+    return numbers
+
+
+def random_entries(rng, n, n_unit, has_others):
+    """Entries that hold indices of records, some of exact ones; with others that hold intensities, and clear ones."""
+    record = n_unit * rng.integers(0, N_RECORD - 1, n) << 1 | rng.integers(0, 2, n)
+    entries = rng.integers(0, 2**38, n) << 25 | 1 << ID_BIT | record
+    if has_others:
+        levels = rng.integers(0, 2**38, n) << 25 | rng.integers(0, 1 << ID_BIT, n)
+        entries = np.where(rng.random(n) < 0.3, levels, entries)
+        entries[rng.random(n) < 0.1] = ((1 << 38) - 1) << 25
+    return entries.astype(np.int64)
+
+
+def assert_written(out, expected, start, stride, n):
+    """Refuse other bits than expected, and what is written beyond the next multiple of a group."""
     stop = -(-n // PLANE_GROUP) * PLANE_GROUP
     untouched = np.ones(len(out), bool)
     for i in range(PLANE_GROUP):
-        row = slice(5 + i * stride, 5 + i * stride + n)
+        row = slice(start + i * stride, start + i * stride + n)
         assert out[row].tobytes() == expected[row].tobytes()
-        untouched[5 + i * stride : 5 + i * stride + stop] = False
-    assert (out[untouched] == 7).all(), "wrote beyond the next multiple of a group"
+        untouched[start + i * stride : start + i * stride + stop] = False
+    assert out[untouched].tobytes() == expected[untouched].tobytes(), "wrote beyond the next multiple of a group"
 
 
-@pytest.mark.filterwarnings("ignore:overflow")
-@pytest.mark.parametrize("way", EVALUATIONS, ids=["vectors", "plain", "compiled"])
-def test_planes_of_integers_wrap(way):
-    """Values far out may leave 32 bits on the way, if they come back."""
-    numbers = np.zeros(16, np.int32)
-    numbers[4:8], numbers[8:12] = 2**31 - 1, 2**30
-    out = np.zeros(16, np.float32)
-    group = plane_group(numbers, 1, 4, 4, np.float32(1))
-    way(np.zeros(4, np.int64), group, np.int64(0), np.int64(0), out, np.uint64(0), np.uint64(4))
-    assert out[:4].tolist() == [np.float32(signed(2**31 - 1 + k * 2**30, 32)) for k in range(4)]
+@pytest.mark.parametrize("way", EVALUATIONS, ids=WAYS)
+@pytest.mark.parametrize("column, n_unit", [(4, 1), (4, 2), (16, 3)])
+@pytest.mark.parametrize("has_others", [False, True])
+@pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
+def test_planes_are_those_of_plain_python(n, has_others, column, n_unit, way):
+    """Also of entries that hold intensities, or nothing: these read record 0, whatever their bits say."""
+    rng = np.random.default_rng(n)
+    group = plane_group(random_records(rng, n_unit), RECORD_MASK, UNIT_SHIFT - 1, column)
+    entries = random_entries(rng, 128, n_unit, has_others)[:n]
+    out, stride = np.full(4 * 160 + 8, 7, np.float32), 160
+    expected = evaluate_plainly(entries, group, 1900, 33, out, 5, stride)
+    way(entries, group, np.int64(1900), np.int64(33), out, np.uint64(5), np.uint64(stride))
+    assert_written(out, expected, 5, stride, n)
+
+
+@pytest.mark.parametrize("way", WITHIN, ids=WAYS)
+@pytest.mark.parametrize("column, n_unit", [(4, 2), (16, 3)])
+@pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
+def test_values_within_their_ranges_are_those_of_plain_python(n, column, n_unit, way):
+    """Also of entries that hold intensities, or nothing: these read record 0, whatever their bits say."""
+    rng = np.random.default_rng(n)
+    numbers = random_records(rng, n_unit)
+    records = numbers.reshape(N_RECORD, -1)
+    least = column + 3 * PLANE_GROUP
+    limits = np.sort(rng.normal(size=(N_RECORD, 2, PLANE_GROUP)) * 2.0**20, axis=1)
+    limits[::3, 1] = limits[::3, 0]  # a constant
+    records[:, least : least + 2 * PLANE_GROUP] = limits.reshape(N_RECORD, -1)
+    group = plane_group(numbers, RECORD_MASK, UNIT_SHIFT - 1, column)
+    entries = random_entries(rng, 128, n_unit, True)[:n]
+    out, stride, weights = np.full(6 * 160 + 8, 7, np.float32), 160, 5 + 5 * 160
+    out[weights : weights + 128] = rng.uniform(0.5, 2.0**20, 128)
+    expected = evaluate_plainly(entries, group, 1900, 33, out, 5, stride, weights)
+    assert n < 64 or len(np.unique(expected[5 : 5 + n])) > 10
+    way(entries, group, np.int64(1900), np.int64(33), out, np.uint64(5), np.uint64(stride), np.uint64(weights))
+    assert_written(out, expected, 5, stride, n)
+
+
+@pytest.mark.parametrize("way", WITHIN, ids=WAYS)
+def test_values_that_are_no_numbers_become_the_least_and_constants_stay_constant(way):
+    """NaN and infinite planes and weights leave no range: what is compared with NaN is false."""
+    numbers = np.zeros(32, np.float32)
+    numbers[4:8] = (np.nan, np.inf, -np.inf, 1e38)
+    numbers[16:20], numbers[20:24] = (0.25, 0.25, 0.25, 0.5), (0.75, 0.75, 0.25, 0.5)
+    entries = np.full(8, 1 << ID_BIT, np.int64)
+    out = np.zeros(40, np.float32)
+    out[32:40] = (1, np.inf, np.nan, 0, 1e-38, 2, 3, 1)
+    way(
+        entries, plane_group(numbers, RECORD_MASK, UNIT_SHIFT - 1, 4), np.int64(0), np.int64(0), out, np.uint64(0),
+        np.uint64(8), np.uint64(32),
+    )  # fmt: skip
+    found = out[:32].reshape(4, 8)
+    assert (found[0] == 0.25).all() and (found[2] == 0.25).all() and (found[3] == 0.5).all()
+    assert found[1].tolist() == [0.75, 0.75, 0.25, 0.25, 0.75, 0.75, 0.75, 0.75]

@@ -10,7 +10,7 @@ from rasterizer.pipeline import texture_packing as packing
 from rasterizer.pipeline import texture_sampling as exact
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.texel_positions import NEAREST_ERROR
-from rasterizer.pipeline.texture_lookup import sample_batch
+from rasterizer.pipeline.texture_lookup import fill_mip_levels, sample_batch
 from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_references
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
@@ -199,6 +199,30 @@ def test_the_bound_holds_where_mip_levels_err(kind):
             off = np.abs(found - samples.expected(textures)).max(axis=0)
             worst = max(worst, (off / (bounds + error * packed.errors[0, packing.OF_LEVEL])).max())
     assert worst <= 1.0, f"{worst:.3f} of the bound"
+
+
+@kernel
+def mip_levels(batch, n, packed):
+    """Fill the mip levels of a batch."""
+    fill_mip_levels(batch, n, packing.packed_texture(packed, index(0)))
+
+
+def test_mip_levels_lose_no_more_than_they_are_said_to():
+    """Of slopes of one axis, whose squares are exact but for rounding, up to the coarsest level and beyond."""
+    rng = np.random.default_rng(12)
+    for width in (2, 64, 16384):
+        _, packed = textures_of(np.zeros((1, width, 3)))
+        coarsest, worst = packed.sizes[0, 2] - 1, 0.0
+        for _ in range(200):
+            slopes = np.float32(2.0 ** rng.uniform(-1, coarsest + 1, BATCH_SIZE))
+            batch = b.make_lookup_batch()
+            rows = batch.reshape(-1, BATCH_SIZE)
+            rows[int(b.W) // BATCH_SIZE], rows[int(b.S_DX) // BATCH_SIZE] = 1.0, slopes
+            mip_levels(batch, BATCH_SIZE, packed)
+            found = rows[int(b.MIP_LEVEL) // BATCH_SIZE].astype(float)
+            expected = np.clip(np.log2(slopes.astype(float)), 0, coarsest)
+            worst = max(worst, abs(found - expected).max())
+        assert worst <= packing.LEVEL_ERROR, f"{width}: {worst:.3g} > {packing.LEVEL_ERROR:.3g}"
 
 
 def test_a_large_texture_is_as_good():

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from rasterizer.compiler.kernels import index, kernel
 from rasterizer.engine.surface_arrays import list_textures
 from rasterizer.pipeline import texture_packing as packing
 from rasterizer.pipeline.texel_positions import first_texel
+from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_references
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
 
@@ -112,3 +114,23 @@ def test_what_textures_need_does_not_depend_on_their_neighbours():
         assert np.array_equal(alone.texels, together.texels[4 * first :][: len(alone.texels)])
         assert np.array_equal(alone.errors[0], together.errors[k]) and alone.steps[0] == together.steps[k]
         assert np.array_equal(alone.sizes[0], together.sizes[k])
+
+
+@kernel
+def errors_of(textures, texture, errors, wraps):
+    """Call what the set-up of triangles needs, inside a kernel."""
+    error = texcoord_error(errors[0], errors[1], 0.5, 20.0)
+    s_ref, t_ref, number = texcoord_references((31.7, -4.2), (8.0, 16.0), wraps)
+    return packing.texture_error(textures, index(texture), error, error, errors[2]), s_ref, t_ref, number
+
+
+@pytest.mark.parametrize("wraps", [(0, 1), (2, 0), (1, 2)])
+def test_a_kernel_finds_the_same_errors_and_references(wraps):
+    rng = np.random.default_rng(6)
+    every = [Texture(rng.random((8, 16, 3)), filter) for filter in ("nearest", "bilinear", "trilinear")]
+    textures = packed(*every)
+    for texture in range(3):
+        for errors in ((1e-6, 1e-8, 1e-5), (1.0, 0.0, 0.0)):
+            found = errors_of(textures, texture, errors, wraps)
+            assert found == pytest.approx(errors_of.py_func(textures, texture, errors, wraps), rel=1e-15)
+            assert found[0] > 0.0 and (texture > 0 or np.isfinite(found[0]) == (errors[0] < 1))

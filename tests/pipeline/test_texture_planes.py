@@ -26,13 +26,15 @@ def test_slopes_are_copied_bit_for_bit(n, column, way):
     rng, shift, n_record, mask, stride = np.random.default_rng(n), 5, 40, (1 << 23) - 1, 160
     numbers = rng.integers(-(2**31), 2**31, n_record << shift).astype(np.int32).view(np.float32)
     entries = (rng.integers(0, 2**38, 128) << 25 | 1 << 24 | rng.integers(0, n_record, 128)).astype(np.int64)[:n]
+    entries[::5] &= ~np.int64(1 << 24)  # intensities: record 0 is read, whatever the bits say
+    records = np.where(entries & 1 << 24, entries & mask, 0)
     out = np.full(6 * stride + 8, 7, np.float32)
-    group = PlaneGroup(numbers, np.int64(mask), np.uint64(shift), np.uint64(column), np.float32(1))
+    group = PlaneGroup(numbers, np.int64(mask), np.uint64(shift), np.uint64(column))
     WAYS[way](entries, group, out, np.uint64(5), np.uint64(stride))
     untouched, bits = np.ones(len(out), bool), numbers.view(np.int32).reshape(n_record, -1)
     for i, source in enumerate((4, 5, 6, 8, 9, 10)):
         first = 5 + i * stride
-        expected = bits[entries & mask, column + source]
+        expected = bits[records, column + source]
         assert out.view(np.int32)[first : first + n].tolist() == expected.tolist()
         untouched[first : first + -(-n // 4) * 4] = False
     assert (out[untouched] == 7).all(), "wrote beyond the next multiple of four"

@@ -16,6 +16,7 @@ from bench import (
     frame,
     margins,
     measure,
+    scale,
     scenes,
     speed_vs_error,
     stages,
@@ -71,7 +72,7 @@ def test_features(capsys):
     costs = {row["feature"]: row for row in rows if "feature" in row}
     assert set(costs) == set(features.list_features()) and all(row["ms"] > 0 for row in costs.values())
     assert costs["plain"]["ns_more"] is None and costs["plain"]["dtype"] == "float32"
-    assert costs["shadow, look-up"]["dtype"] == "float64"
+    assert costs["shadow, look-up"]["dtype"] == costs["shadow, six maps"]["dtype"] == "float32"
     maps = [row for row in rows if "light" in row]
     assert [row["triangles"] for row in maps] == [12, 12] and all(row["ms_1"] > 0 and row["ms_2"] > 0 for row in maps)
 
@@ -92,6 +93,74 @@ def test_frame_in_fresh_processes(capsys):
     steps = {"import_ms", "build_ms", "prepare_ms", "first_ms", "warm_ms"}
     assert set(row) == {"case", "triangles", "size", "shading", "threads", "peak_mib"} | steps
     assert all(row[step] > 0 for step in steps) and row["triangles"] == 12
+
+
+AXES = ("triangles", "pixels", "lights", "shadows", "materials", "textures", "objects", "threads")
+
+
+@pytest.mark.slow
+def test_scale(capsys):
+    """The beginning of each axis; every point is a process of its own."""
+    assert tuple(scale.AXES) == AXES
+    assert scale.main(["lights", "objects", "--most", "4", "--seconds", "0.01", "--frames", "3"]) == 0
+    rows = record_of(capsys, "scale")["rows"]
+    points = [(row["axis"], row["n"]) for row in rows if "n" in row]
+    assert points == [("lights", 1), ("lights", 4), ("objects", 1)]
+    for row in rows:
+        if "n" in row:
+            assert set(row) == {"axis", "n", "build_ms", "prepare_ms", "cpu_ms", "best_ms", "mib"}
+            assert row["best_ms"] > 0 and row["cpu_ms"] > 0
+        else:
+            assert set(row["slopes"]) == {"build_ms", "prepare_ms", "cpu_ms", "mib"}
+
+
+@pytest.mark.parametrize("name", AXES[1:])
+def test_what_grows_is_what_its_axis_says(name):
+    small, large = (scale.AXES[name].make(n).scene for n in (1, 20))
+    assert scale.AXES[name].counts == tuple(sorted(scale.AXES[name].counts))
+    counted = {
+        "lights": lambda scene: len(scene.lights) >= 20,
+        "shadows": lambda scene: sum(light.shadow is not None for light in scene.lights) == 20,
+        "materials": lambda scene: len(scene.meshes[0].palette) == 20,
+        "textures": lambda scene: len({id(material.texture) for material in scene.meshes[0].palette}) == 20,
+        "objects": lambda scene: len(scene.meshes) == 20,
+    }
+    if name in counted:
+        assert counted[name](large) and not counted[name](small)
+    else:
+        assert small.n_face == large.n_face
+
+
+def test_spheres_have_the_triangles_that_are_asked_for():
+    for n in (1000, 10_000, 100_000):
+        assert abs(scale.triangles(n).scene.n_face / n - 1) < 0.1
+
+
+@pytest.mark.parametrize(("power", "floor"), [(1.0, 0.0), (2.0, 0.0), (0.5, 0.0), (1.0, 5.0)])
+def test_a_slope_is_the_power_with_which_a_cost_grows(power, floor):
+    rows = [{"n": n, "ms": floor + 0.1 * n**power} for n in (1, 10, 100, 1000, 10_000)]
+    assert scale.slope_of(rows, "ms", 1.0) == pytest.approx(power, abs=0.15)
+    assert scale.slope_of(rows, "ms", 1e9) is None and scale.slope_of([], "ms", 1.0) is None
+
+
+def test_scale_draws_many_and_large_pictures(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert scale.main(["--many", "20"]) == 0
+    rows = record_of(capsys, "scale")["rows"]
+    assert [row["n"] for row in rows] == list(range(2, 21, 2)) and all(row["mib"] > 10 for row in rows)
+    assert scale.main(["--large", "256"]) == 0
+    rows = record_of(capsys, "scale")["rows"]
+    assert [row["n"] for row in rows] == [32, 64, 128, 256] and not list(tmp_path.iterdir())
+    assert all(row["s"] > 0 and row["mib"] > 10 and row["ns_pixel"] > 0 for row in rows)
+
+
+def test_scale_plots_what_it_has_measured(tmp_path):
+    pytest.importorskip("matplotlib")
+    point = {"build_ms": 1.0, "prepare_ms": 2.0, "cpu_ms": 3.0, "mib": None}
+    rows = [row for name in ("a", "b") for row in [*({"axis": name, "n": n} | point for n in (1, 10)),
+                                                   {"axis": name, "slopes": {}}]]  # fmt: skip
+    scale.plot(rows, tmp_path / "x.png")
+    assert (tmp_path / "x.png").stat().st_size > 1000
 
 
 def test_encode(capsys):

@@ -137,7 +137,7 @@ def test_the_plan_knows_it(toys):
 
 def test_the_uniforms_hold_its_coefficients(toys):
     plan = make_plan(scene_of(moon(), slab_light()), Options(tolerance=0), np.empty((0, 3)))
-    lighting = make_lighting(plan, CAMERA.view())
+    lighting = make_lighting(plan, CAMERA.view(), plan.dtype)
     (row,) = lighting.lights
     to_light = np.array((1, 2, 1.5)) / np.linalg.norm((1, 2, 1.5))
     assert row[VECTOR : VECTOR + 3] == pytest.approx(to_light, abs=1e-15)

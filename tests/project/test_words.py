@@ -48,9 +48,9 @@ RULES = (
 # Functions whose name begins with find_ and that search: for what may not be there. Others compute.
 FINDS = {
     "find_doubts", "find_distrust", "find_hindrance", "find_entry_point", "find_tint", "find_rings",
-    "find_shortest_normal", "find_colored",
+    "find_shortest_normal", "find_colored", "find_texels", "find_nearest_texels", "find_texels_of_picture",
     "find_alike", "find_materials", "find_crossing", "find_nearest", "find_topmost", "find_visible",
-    "find_visible_range", "find_fans", "find_loops",
+    "find_visible_in", "find_seen", "find_covered", "find_covered_samples", "find_fans", "find_loops",
 }  # fmt: skip
 
 

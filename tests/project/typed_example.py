@@ -42,7 +42,9 @@ def draw_pictures(folder: Path) -> list[Path]:
     pair = rz.render((scene.meshes[0].vertices, scene.meshes[0].faces), 16, cull="back", exposure=0.5)
     camera = rz.Camera.framing(scene, azimuth=30, aspect=SIZE[0] / SIZE[1], up="z")
     with rz.Renderer(scene, SIZE, shading="gouraud", outputs="color", color_range="global") as renderer:
-        turned = renderer.render(camera)
+        turned = renderer.render(camera, out=np.empty((*SIZE[::-1], 4), np.uint8))
+        covered: int = renderer.render_to(folder / "written.tif", camera).covered
+    assert covered == turned.stats.covered
     assert turned.color.shape == (*SIZE[::-1], 3)
     assert rz.compare(frame, turned.color).rms > 0.0
     assert rz.mach_bands(frame, scene).n_place >= 0

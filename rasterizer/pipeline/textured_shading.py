@@ -1,0 +1,135 @@
+"""Stage 6, shade, of textured surfaces by flat shading and Gouraud's method: intensities of vertices times texels.
+
+In:  the band's visibility entries and records. Attributes 0-2 of a textured surface are what a black one gives off, 3-5
+     what the whole one gives off.
+Out: `radiance` of the samples that show a textured surface. shade.py has filled that of the others.
+
+    I = I_rest + texel · (I_whole - I_rest)
+"""
+
+import numpy as np
+
+from ..compiler.kernels import choice, helper, index, kernel
+from ..geometry.vectors import scale
+from . import fragments as f
+from .fragments import BATCH_SIZE
+from .gradients import NEEDS_TEXTURE, LevelCoding
+from .interpolate import (
+    corner_values,
+    corner_weights,
+    exact_triangle,
+    has_exact,
+    inverse_sum,
+    mean,
+    next_exact_run,
+    row_extent,
+)
+from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
+from .shade import fill_weights
+from .simd import evaluate_values
+from .texturing import fill_texels
+from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
+
+REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
+
+
+@kernel
+def shade_textured(band, texturing, batch, out_radiance):
+    """Interpolate the light that a texture weakens and the rest apart, for the samples that show a texture.
+
+    Parameters
+    ----------
+    band : ScannedBand
+    texturing : Texturing, after `sample_textures`
+    batch : see fragments.py, float32
+    out_radiance : (3, n_row * pitch) float32 or float64, linear
+    """
+    visibility = band.visibility
+    for j in range(band.n_row):
+        y, (first, right) = band.y_start + j, row_extent(visibility, j)
+        while first < right:
+            start = index(j * visibility.pitch + first)
+            end, material = stretch_of(visibility, strip_of(j), first, right, band.counts.material)
+            n = min(end - first, BATCH_SIZE)
+            if material < 0:
+                n, material = run_of_texture(visibility.entries[start : start + index(n)], band)
+            elif not band.coding.needs[material] & NEEDS_TEXTURE:
+                n, material = end - first, np.int64(-1)
+            if material >= 0:
+                entries, out = visibility.entries[start : start + index(n)], out_radiance[:, start : start + index(n)]
+                shade_planes(entries, band, (first, y), material, texturing, start, batch, out)
+                if has_exact(entries):
+                    shade_exact(entries, band, (first, y), texturing.texels[:, start : start + index(n)], out)
+            first += n
+
+
+@helper
+def run_of_texture(entries, band):
+    """Return the length of a run of samples, and the one textured material that it shows; -1 where it shows none."""
+    material = np.int64(-1)
+    for k in range(index(len(entries))):
+        if entries[k] < CLEAR:  # samples that show nothing belong to any run: their entries read as record 0
+            here = np.int64(-1)
+            if entries[k] & IS_ID:
+                here = material_of(entries[k], band.records)
+                here = here if band.coding.needs[here] & NEEDS_TEXTURE else np.int64(-1)
+            if here != material:
+                if k > 0:
+                    return np.int64(k), material
+                material = here
+    return np.int64(len(entries)), material
+
+
+def choose_shading(entries, band, first, material, texturing, start, batch, out):
+    """Return what is compiled in the place of `shade_planes`: nothing where all records are exact."""
+    coding = dict(zip(band.fields, band.types, strict=True))["coding"]
+    return evaluate_textured if coding.instance_class is LevelCoding else leave_textured
+
+
+@choice(choose_shading)
+def shade_planes(entries, band, first, material, texturing, start, batch, out):
+    """Fill the intensities of samples that show planes; `first` is the sample (x, y) of the first entry."""
+    if isinstance(band.coding, LevelCoding):
+        evaluate_textured(entries, band, first, material, texturing, start, batch, out)
+
+
+@helper
+def leave_textured(entries, band, first, material, texturing, start, batch, out):
+    """Do nothing."""
+
+
+@helper
+def evaluate_textured(entries, band, first, material, texturing, start, batch, out):
+    """See `shade_planes`."""
+    (x, y), records = first, band.records
+    fill_texels(entries, band, first, material, BEHIND_VALUES, texturing, start, batch)
+    fill_weights(entries, band.coding.depths, batch)
+    evaluate_values(entries, plane_group(records, VALUES), x, y, batch, REST, f.NEXT, f.WEIGHT)
+    group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
+    evaluate_values(entries, group, x, y, batch, WHOLE, f.NEXT, f.WEIGHT)
+    for channel in range(index(3)):
+        step = channel * f.NEXT
+        for k in range(index(len(entries))):
+            rest, whole = batch[REST + step + k], batch[WHOLE + step + k]
+            value = rest + batch[f.TEXEL + step + k] * (whole - rest)
+            out[channel, k] = value if entries[k] & IS_ID and not is_exact(entries[k]) else out[channel, k]
+
+
+@helper
+def shade_exact(entries, band, first, texels, out):
+    """Fill the intensities of exact records; `first` is the sample (x, y) of the first entry."""
+    records = band.records
+    start, end = next_exact_run(entries, index(0))
+    while start < end:
+        record = record_of(entries[start])
+        triangle = exact_triangle(records, record)
+        for k in range(start, end):
+            q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+            p = scale(q, inverse_sum(q))
+            for channel in range(index(3)):
+                column = index(ATTRIBUTE) + index(3) * channel
+                of_rest = corner_values(records.reals, record, column)
+                of_whole = corner_values(records.reals, record, column + index(9))
+                rest, whole = mean(of_rest, p), mean(of_whole, p)
+                out[channel, k] = rest + (whole - rest) * texels[channel, k]
+        start, end = next_exact_run(entries, end)

@@ -1,0 +1,110 @@
+"""Between scan and shade of textured surfaces: what their textures show at a run of samples, whichever way texture
+coordinates have come.
+
+In:  the entries of samples that show one material, in records of planes or exact ones.
+Out: TEXEL of a batch of fragments: red, green, blue and alpha.
+
+Planes are looked up in float32 (texture_lookup.py), exact records in float64 (texture_sampling.py).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler.kernels import choice, helper, index
+from . import fragments as f
+from .fragments import BATCH_SIZE
+from .gradients import NEEDS_BEHIND
+from .interpolate import has_exact
+from .lookup_batch import IS_DOUBTFUL, S_DX, S_PLANE
+from .power import is_single
+from .records import plane_group
+from .simd import evaluate_planes
+from .texture_lookup import sample_batch
+from .texture_packing import packed_texture
+from .texture_planes import gather_slopes
+from .texture_sampling import sample_run
+from .textures import FILTER_TRILINEAR, Textures
+from .visibility import IS_ID, is_exact, record_of
+
+
+class Texturing(NamedTuple):
+    """The textures of a scene, and memory for looking them up."""
+
+    textures: Textures
+    lookup_batch: np.ndarray  # see lookup_batch.py
+    double_batch: np.ndarray  # see texture_sampling.py
+    texels: np.ndarray  # (4, n_row * pitch) float64: those of exact records; the alpha of all, for transparent surfaces
+
+
+@helper
+def fill_texels(entries, band, first, material, group_column, texturing, start, batch):
+    """Fill TEXEL with what the texture of a material shows at samples that show it.
+
+    Parameters
+    ----------
+    entries : (n,) int64, n <= BATCH_SIZE; what doesn't show the material gets anything
+    band : ScannedBand
+    first : the sample (x, y) of the first entry
+    group_column : where the planes of the material's texture coordinates begin in its records
+    start : index of the first entry's sample in the band
+    """
+    look_up_planes(entries, band, first, material, group_column, texturing, start, batch)
+    if has_exact(entries):
+        for k in range(index(len(entries))):
+            if is_exact(entries[k]):
+                for channel in range(index(4)):
+                    batch[f.TEXEL + channel * f.NEXT + k] = batch.dtype.type(texturing.texels[channel, start + k])
+    if band.coding.needs[material] & NEEDS_BEHIND:
+        for k in range(index(len(entries))):
+            texturing.texels[3, start + k] = batch[f.TEXEL + f.NEXT + f.NEXT + f.NEXT + k]
+
+
+def choose_look_up(entries, band, first, material, group_column, texturing, start, batch):
+    """Return what is compiled in the place of `look_up_planes`: nothing where there are no planes, as in float64."""
+    coding = field_of(band, "coding")
+    has_planes = is_single(batch.dtype) and str(field_of(coding, "textures")) != "none"
+    return look_up if has_planes else look_up_nothing
+
+
+def field_of(kind, name):
+    """Return the type of a field of a type of named tuples."""
+    return dict(zip(kind.fields, kind.types, strict=True))[name]
+
+
+@choice(choose_look_up)
+def look_up_planes(entries, band, first, material, group_column, texturing, start, batch):
+    """Fill TEXEL of samples whose texture coordinates stand in planes."""
+    if batch.dtype == np.float32 and band.coding.textures is not None:
+        look_up(entries, band, first, material, group_column, texturing, start, batch)
+
+
+@helper
+def look_up_nothing(entries, band, first, material, group_column, texturing, start, batch):
+    """Do nothing."""
+
+
+@helper
+def look_up(entries, band, first, material, group_column, texturing, start, batch):
+    """See `look_up_planes`."""
+    coding, (x, y), rows = band.coding.textures, first, texturing.lookup_batch
+    texture, group = index(coding.of_materials[material]), plane_group(band.records, group_column)
+    evaluate_planes(entries, group, x, y, rows, S_PLANE, index(BATCH_SIZE))
+    packed = packed_texture(coding.packed, texture)
+    if packed.filter == FILTER_TRILINEAR:
+        gather_slopes(entries, group, rows, S_DX, index(BATCH_SIZE))
+    if sample_batch(rows, len(entries), packed, batch, f.TEXEL, f.NEXT):
+        look_up_doubtful(entries, band, first, texture, texturing, start, batch)
+
+
+@helper
+def look_up_doubtful(entries, band, first, texture, texturing, start, batch):
+    """Look up exactly what lies next to the border of two texels that are not blended: its record has corners, too."""
+    for k in range(index(len(entries))):
+        is_doubtful = texturing.lookup_batch[IS_DOUBTFUL + k] != np.float32(0)
+        if is_doubtful and entries[k] & IS_ID and not is_exact(entries[k]):
+            sample, record = (first[0] + np.int64(k), first[1]), record_of(entries[k])
+            texels = texturing.texels[:, start + k : start + k + index(1)]
+            sample_run(band.records, record, sample, texturing.textures, texture, texturing.double_batch, texels)
+            for channel in range(index(4)):
+                batch[f.TEXEL + channel * f.NEXT + k] = np.float32(texels[channel, 0])

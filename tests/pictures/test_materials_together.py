@@ -1,0 +1,290 @@
+"""Check scenes whose surfaces need different things: each is drawn as the reference draws it, and no surface changes a
+bit of another.
+
+A pixel is a function of the polygon that it shows and of its place: what else is in its band, how high the band is and
+which thread draws it must not matter.
+"""
+
+import os
+
+import numpy as np
+import pytest
+from helpers.against_reference import assert_matches_reference
+from helpers.pinhole import SHADINGS, octasphere
+
+import rasterizer as rz
+from rasterizer.engine import draw
+
+SIZE = (52, 44)
+N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", "1600")) // 50
+BALL = octasphere(1)
+RNG = np.random.default_rng(12)
+PAPER = rz.Texture(RNG.uniform(0.2, 1, (6, 5, 3)), "bilinear")
+FOIL = rz.Texture(np.concatenate([RNG.uniform(0.2, 1, (4, 4, 3)), RNG.uniform(0, 1, (4, 4, 1))], axis=2), "bilinear")
+CLAY = (0.8, 0.4, 0.2)
+LOOKS = {
+    "plain": rz.Material(diffuse=0.7),
+    "dull": rz.Material(diffuse=0.5, specular=0),
+    "tinted": rz.Material(ambient=CLAY, diffuse=CLAY, specular=0),
+    "coloured": rz.Material(diffuse=(0.2, 0.5, 0.9), specular=0.3),
+    "textured": rz.Material(texture=PAPER),
+    "toon": rz.Material(reflection="toon", specular=0.5, diffuse=(0.3, 0.7, 0.4)),
+    "shininess 1000": rz.Material(specular=0.5, shininess=1000),
+    "mirror": rz.Material(specular=0.5, shininess=20_000),
+    "cook-torrance": rz.Material(reflection="cook-torrance", specular=0.6, fresnel=(0.9, 0.6, 0.2)),
+    "glass": rz.Material(diffuse=(0.5, 0.8, 0.6), opacity=0.4),
+    "smoke": rz.Material(diffuse=0.3, specular=0, opacity=0.7),
+    "foil": rz.Material(texture=FOIL, opacity=0.8),
+    "opacity 0": rz.Material(diffuse="red", opacity=0.0),
+    "vertex colours": rz.Material(),
+}
+GREY = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8))
+LAMPS = (*GREY, rz.PointLight((2, 3, 4), (0.4, 0.3, 0.2), (1, 0.1, 0.05)))
+CAMERA = rz.Camera.perspective((1.0, 1.5, 5.5), (0, 0, 0), fov=40, near=1.0, far=20.0)
+
+
+def ball(look, center=(0, 0, 0), radius=0.7, shape=BALL):
+    """A ball of one of LOOKS."""
+    vertices, faces = shape
+    extras = {"uv": 1.3 * vertices[:, :2]}
+    if look == "vertex colours":
+        extras["colors"] = np.random.default_rng(len(vertices)).uniform(0, 1, vertices.shape)
+    return rz.Mesh(vertices * radius + np.array(center, float), faces, material=LOOKS[look], crease_angle=60, **extras)
+
+
+def balls(looks, rng=None, lights=GREY):
+    """A scene with a ball of each look, side by side and one before another; at random places where `rng` is given."""
+    centers = [(1.05 * (k % 3) - 1.05, 1.05 * (k // 3 % 3) - 1.05, 0.45 * (k * 5 % 4) - 0.9) for k in range(len(looks))]
+    sizes = [0.75] * len(looks)
+    if rng is not None:
+        centers, sizes = rng.uniform(-1.6, 1.6, (len(looks), 3)), rng.uniform(0.2, 1.2, len(looks))
+    made = [ball(look, center, size) for look, center, size in zip(looks, centers, sizes, strict=True)]
+    return rz.Scene(made, lights, CAMERA)
+
+
+def patchwork(looks, lights=GREY, **mesh):
+    """One mesh, whose faces have the looks by turns."""
+    vertices, faces = octasphere(2)
+    numbers = np.random.default_rng(3).integers(0, len(looks), len(faces))
+    mesh = {"uv": vertices[:, :2], "materials": [LOOKS[look] for look in looks], "face_material": numbers} | mesh
+    return rz.Scene([rz.Mesh(1.5 * vertices, faces, crease_angle=60, **mesh)], lights, CAMERA)
+
+
+def floor_with(looks, lights=LAMPS):
+    """Balls on a floor that reaches behind the camera: it is clipped."""
+    corners = np.array([(-30.0, -1.2, -12), (30, -1.2, -12), (30, -1.2, 30), (-30, -1.2, 30)])
+    floor = rz.Mesh(corners, [(0, 2, 1), (0, 3, 2)], uv=0.4 * corners[:, [0, 2]], material=LOOKS[looks[0]])
+    return rz.Scene([floor, *balls(looks[1:]).meshes], lights, CAMERA)
+
+
+SCENES = {
+    "balls": lambda: balls([look for look in LOOKS if look != "foil"]),
+    "balls, none transparent": lambda: balls(
+        ["plain", "coloured", "textured", "shininess 1000", "vertex colours", "dull", "cook-torrance"], lights=LAMPS
+    ),
+    "balls of one tint beside a coloured one": lambda: balls(["tinted", "tinted", "coloured", "textured", "tinted"]),
+    "one mesh": lambda: patchwork(["plain", "dull", "coloured", "textured", "toon", "shininess 1000", "glass"]),
+    "one mesh with colours": lambda: patchwork(
+        ["plain", "coloured", "textured", "smoke"], LAMPS, colors=RNG.uniform(0, 1, octasphere(2)[0].shape)
+    ),
+    "a plain floor": lambda: floor_with(["plain", "textured", "coloured", "plain", "glass"]),
+    "a textured floor": lambda: floor_with(["textured", "plain", "plain", "toon", "coloured", "opacity 0"]),
+    "transparent textures": lambda: balls(["foil", "plain", "glass", "smoke", "textured", "foil", "tinted"]),
+}
+
+
+# ---------------------------------------------------------------- as the reference draws them
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1 / 4096, 0.01])
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("name", SCENES)
+def test_each_surface_is_within_the_bound_of_the_picture(name, shading, samples, tolerance):
+    """Against the reference, which knows of no ways; a toon's levels jump, so a few of their pixels may be off."""
+    scene, options = SCENES[name](), {"shading": shading, "samples": samples, "tolerance": tolerance}
+    stats = rz.render(scene, SIZE, **options).stats
+    bound, most = stats.error_bound, max(1.01 * tolerance, 1e-6 * max(stats.plan.bound, 1.0))
+    assert bound <= most, f"the bound {bound:.3g} > {most:.3g}"
+    has_steps = any(material.reflection == "toon" for mesh in scene.meshes for material in mesh.palette)
+    far = 0.01 if has_steps and shading == "phong" else 0.0
+    assert_matches_reference(scene, SIZE, bound, ignored=0.08, far=far, **options)
+
+
+# ---------------------------------------------------------------- whatever else is in the band
+
+
+def draw_in_bands(monkeypatch, scene, n_row, size=SIZE, **options):
+    """Draw a scene in bands of so many rows of samples."""
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            draw, "choose_band_rows", lambda width, height, n_thread, factor: max(n_row // factor, 1) * factor
+        )
+        return rz.render(scene, size, outputs=("color", "rgb"), **options)
+
+
+def assert_same_in_all_bands(monkeypatch, scene, message, size=SIZE, **options):
+    """Refuse a picture that bands of other heights, or other threads, change."""
+    expected = draw_in_bands(monkeypatch, scene, 64, size, threads=1, **options)
+    is_clear = all(material.opacity == 0 for mesh in scene.meshes for material in mesh.palette)
+    assert expected.alpha.any() != is_clear, f"{message}: nothing is seen, or what is not there"
+    for n_row, threads in ((1, 1), (8, 1), (8, 3), (64, 2)):
+        frame = draw_in_bands(monkeypatch, scene, n_row, size, threads=threads, **options)
+        for buffer in ("color", "alpha", "rgba"):
+            found, wanted = getattr(frame, buffer), getattr(expected, buffer)
+            n_off = int((found != wanted).sum())
+            assert n_off == 0, f"{message}: {n_off} values of {buffer} differ in bands of {n_row} rows"
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1 / 4096])
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("name", SCENES)
+def test_bands_and_threads_do_not_change_a_bit(monkeypatch, name, shading, samples, tolerance):
+    options = {"shading": shading, "samples": samples, "tolerance": tolerance}
+    assert_same_in_all_bands(monkeypatch, SCENES[name](), f"{name}, {options}", **options)
+
+
+@pytest.mark.parametrize("part", range(4))
+def test_no_band_changes_a_bit_of_random_scenes(monkeypatch, part):
+    """Any looks at any places, also a background, all ranges of colours and shapes of pictures."""
+    n_case = -(-N_CASE // 4)
+    for case in range(part * n_case, (part + 1) * n_case):
+        rng = np.random.default_rng((11, case))
+        looks = rng.choice(list(LOOKS), rng.integers(1, 7)).tolist()
+        lights = [GREY, LAMPS, (rz.DirectionalLight((0.2, -1, -0.4), CLAY),)][rng.integers(3)]
+        scene = balls(looks, rng, lights) if rng.random() < 0.7 else patchwork(looks, lights)
+        if rng.random() < 0.2:
+            scene = rz.Scene(scene.meshes, scene.lights, scene.camera, background=tuple(rng.uniform(0, 1, 3)))
+        options = {
+            "shading": str(rng.choice(SHADINGS)),
+            "samples": int(rng.choice([1, 4, 9])),
+            "tolerance": float(rng.choice([0, 1e-6, 1 / 4096, 0.05])),
+            "color_range": str(rng.choice(["clamp", "clamp", "local"])),
+        }
+        size = tuple(int(n) for n in rng.integers(9, 80, 2))
+        assert_same_in_all_bands(monkeypatch, scene, f"case {case}: {looks}, {options}", size, **options)
+
+
+SPECK = octasphere(0)
+FRAME_OF_ALL = rz.Mesh(  # two triangles out of sight, so that all scenes have the same bounds
+    [(-9, -9, -9), (-9, -8.9, -9), (-9, -9, -8.9), (9, 9, 4), (9, 8.9, 4), (9, 9, 3.9)], [(0, 1, 2), (3, 4, 5)],
+    material=LOOKS["dull"],
+)  # fmt: skip
+PLACES = {
+    "far above": (0.0, 3.0, 0.0),
+    "beside it": (-1.5, 0.3, 0.2),
+    "before it": (0.2, 0.3, 1.1),
+    "behind it": (0, 0, -3),
+}
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1 / 4096])
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("speck", [look for look in LOOKS if look not in ("plain", "dull")])
+def test_a_speck_leaves_every_pixel_of_a_plain_object_as_it_is(speck, shading, samples, tolerance):
+    """Wherever the speck is: out of the picture, in the same band, before or behind the object."""
+    options = {"shading": shading, "samples": samples, "tolerance": tolerance, "threads": 1}
+    plain, pictures = ball("plain", radius=1.1), {}
+    for name, center in PLACES.items():
+        scene = rz.Scene([plain, FRAME_OF_ALL, ball(speck, center, 0.12, SPECK)], GREY, CAMERA)
+        pictures[name] = rz.render(scene, SIZE, outputs=("color", "rgb", "face"), **options)
+    expected = pictures["far above"]
+    is_plain = (expected.face >= 0) & (expected.face < plain.n_face)
+    for name, frame in pictures.items():
+        # With several samples, pixels about the speck show both.
+        is_other = (frame.face != expected.face) | (frame.color != expected.color).any(axis=-1) & near(frame, expected)
+        here = is_plain & ~is_other
+        assert here.sum() > 300 and (is_other.any() or name in ("far above", "behind it") or speck == "opacity 0"), name
+        assert (frame.color[here] == expected.color[here]).all(), f"{speck} {name}: colours differ"
+        assert (frame.rgba[here] == expected.rgba[here]).all(), f"{speck} {name}: bytes differ"
+
+
+def near(frame, expected):
+    """Pixels next to those that show another face."""
+    other = np.pad(frame.face != expected.face, 1)
+    rows, columns = frame.face.shape
+    return np.any([other[j : j + rows, i : i + columns] for j in range(3) for i in range(3)], axis=0)
+
+
+# ---------------------------------------------------------------- what the plan tells
+
+
+NORMALS, INTENSITIES = "planes of the normals", "planes of the intensities"
+ENTRIES, RECORDS = "one intensity in each visibility entry", "exact records"
+NEEDS = {  # (channels, type, what the reason speaks of), then the ways with and without transparent surfaces, and lit
+    "plain": (1, "float32", ""),
+    "coloured": (3, "float32", ""),
+    "textured": (3, "float32", ""),
+    "toon": (3, "float64", "toon"),
+    "shininess 1000": (1, "float32", ""),
+    "mirror": (1, "float64", "rounding"),
+    "glass": (3, "float32", ""),
+    "smoke": (1, "float32", ""),
+    "vertex colours": (3, "float32", ""),
+}
+
+
+def way_of(shading, channels, dtype, is_opaque):
+    """The way that a plan should name."""
+    if dtype == "float64":
+        return RECORDS
+    if shading == "phong":
+        return NORMALS
+    return ENTRIES if channels == 1 and is_opaque else INTENSITIES
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("looks", [
+    ["plain", "coloured", "textured", "plain"], ["coloured", "glass", "plain"],
+    ["plain", "toon", "shininess 1000", "vertex colours", "mirror"], ["plain", "smoke", "textured"],
+])  # fmt: skip
+def test_a_plan_tells_what_each_material_needs(looks, shading):
+    """Materials of equal needs together; the picture's own line says what all of them need at most."""
+    with rz.Renderer(balls(looks), SIZE, shading=shading) as renderer:
+        before, frame = renderer.plan, renderer.render()
+    plan = frame.stats.plan
+    assert before._replace(ways=plan.ways) == plan
+    different = list(dict.fromkeys(looks))
+    assert sorted(number for need in plan.needs for number in need.materials) == list(range(len(different)))
+    is_opaque = all(LOOKS[look].is_opaque for look in looks)
+    for need in plan.needs:
+        for number in need.materials:
+            channels, dtype, reason = NEEDS[different[number]]
+            assert (need.channels, need.dtype) == (channels, dtype), f"{different[number]}: {need}"
+            assert need.way == way_of(shading, channels, dtype, is_opaque), f"{different[number]}: {need}"
+            assert bool(need.reasons) == bool(reason) and reason in " ".join(need.reasons), f"{need.reasons}"
+    keys = [need[1:] for need in plan.needs]
+    assert len(set(keys)) == len(keys), "equal needs are told apart"
+    assert plan.channels == max(NEEDS[look][0] for look in looks)
+    assert plan.dtype == ("float64" if all(NEEDS[look][1] == "float64" for look in looks) else "float32")
+    assert plan.reasons == tuple(dict.fromkeys(reason for need in plan.needs for reason in need.reasons))
+    for need in plan.needs:
+        assert repr(need) in repr(plan)
+        assert f"material{'s' * (len(need.materials) > 1)} {', '.join(map(str, need.materials))}: " in repr(plan)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_stats_count_the_ways_of_every_material(shading):
+    """Those of a fine plain ball beside a toon and a coloured one."""
+    meshes = ball("plain", (-1, -1, 0), shape=octasphere(5)), *balls(["toon", "coloured"]).meshes
+    frame = rz.render(rz.Scene(meshes, GREY, CAMERA), SIZE, shading=shading, threads=1)
+    ways, n_face = frame.stats.plan.ways, len(BALL[1])
+    assert ways.exact >= n_face // 2, f"the toon: {ways}"
+    assert ways.planes >= n_face // 2, f"the coloured ball: {ways}"
+    if shading == "phong":
+        assert ways.entries == 0, ways
+    else:
+        assert ways.entries >= 100, f"the plain ball: {ways}"
+    assert sum(ways) >= frame.stats.drawn
+
+
+def test_the_report_of_many_materials_is_short():
+    looks = [rz.Material(diffuse=0.1 + 0.01 * k) for k in range(30)]
+    vertices, faces = octasphere(1)
+    mesh = rz.Mesh(vertices, faces, materials=looks, face_material=np.arange(len(faces)) % 30)
+    colored = ball("coloured", (1, 1, 0))
+    plan = rz.render(rz.Scene([mesh, colored], GREY, CAMERA), SIZE, shading="phong").stats.plan
+    assert len(plan.needs) == 2 and plan.needs[0].materials == tuple(range(30))
+    assert "materials 0, 1, 2, 3, 4, 5, 6, 7, … (30 of them): 1 channel, float32" in repr(plan)
