@@ -274,13 +274,13 @@ def test_an_opaque_scene_plans_no_layers():
 def test_an_opaque_scene_compiles_no_layers():
     assert_runs(
         "import numpy as np, rasterizer as rz\n"
-        "from rasterizer.pipeline import a_buffer, layers, resolve, shadow_lookup, texture_sampling\n"
+        "from rasterizer.pipeline import a_buffer, layers, resolve, shadow_lookup, texture_sampling, textured_shading\n"
         "scene = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]])])\n"
         "for shading in ('flat', 'gouraud', 'phong'):\n"
         "    rz.render(scene, 16, shading=shading)\n"
         "kernels = [a_buffer.list_fragments, a_buffer.divide_room, a_buffer.sort_lists, layers.show_layer]\n"
         "kernels += [layers.composite, layers.put_behind, resolve.resolve_translucent]\n"
-        "kernels += [shadow_lookup.write_map, texture_sampling.sample_textures, texture_sampling.shade_textured]\n"
+        "kernels += [shadow_lookup.write_map, texture_sampling.sample_textures, textured_shading.shade_textured]\n"
         "assert not any(kernel.signatures for kernel in kernels)\n"
         "glass = rz.Scene([rz.Mesh(np.eye(3), [[0, 1, 2]], material=rz.Material(opacity=0.5))])\n"
         "rz.render(glass, 16)\n"
