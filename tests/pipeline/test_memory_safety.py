@@ -57,7 +57,7 @@ def test_texture_coordinates_of_any_size(kind, wrap, shape):
                 [rz.Mesh(corners, QUAD, uv=uv, material=material)], (rz.AmbientLight(1.0),), sheet_camera(12)
             )
             frame = rz.render(scene, (16, 12), shading="flat", threads=1)
-            assert np.isfinite(frame.color).all() and frame.color.max() <= image.max() + 1e-6
+            assert np.isfinite(frame.color).all() and frame.color.max() <= image.max() + 1e-5  # texels of 16 bits
 
 
 @pytest.mark.parametrize("distance", [1e-3, 1.0, 5.0, 1e6])
