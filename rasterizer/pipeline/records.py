@@ -38,6 +38,7 @@ NORMALS, BEHIND_NORMALS = FIRST_GROUP, FIRST_GROUP + PLAIN_GROUP
 VALUES, BEHIND_VALUES = FIRST_GROUP, FIRST_GROUP + VALUE_GROUP
 UNIT_SHIFT = 4
 UNIT = 1 << UNIT_SHIFT
+LONGEST = -(-(BEHIND_VALUES + PLAIN_GROUP + VALUE_GROUP) // UNIT)  # units of the longest record
 
 
 class Records(NamedTuple):
@@ -45,7 +46,7 @@ class Records(NamedTuple):
 
     integers: np.ndarray  # (n, N_INTEGER) int32
     reals: np.ndarray  # (n, ATTRIBUTE + 3 * n_attribute) float64
-    int_planes: np.ndarray  # (n * UNIT,) int32
+    int_planes: np.ndarray  # int32, UNIT for each, and room behind the last
     float_planes: np.ndarray  # the same memory as float32
     clipped_planes: np.ndarray  # (n_clipped, 14) float64, see clip.Clipped: those of the picture, not of the band
 
@@ -53,10 +54,11 @@ class Records(NamedTuple):
 def make_records(n, n_attribute) -> Records:
     """Return room for n records of either kind, of a unit each.
 
-    Only what is written to becomes memory, so both kinds may have room for every triangle.
+    Only what is written to becomes memory, so both kinds may have room for every triangle. Loops without branches read
+    the planes of exact records, too, as far as the longest record goes: the last has as much behind it.
     """
     integers, reals = np.zeros((n, N_INTEGER), np.int32), np.zeros((n, ATTRIBUTE + 3 * n_attribute))
-    int_planes = np.zeros(n << UNIT_SHIFT, np.int32)
+    int_planes = np.zeros((n + LONGEST - 1) << UNIT_SHIFT, np.int32)
     return Records(integers, reals, int_planes, int_planes.view(np.float32), NO_PLANES)
 
 

@@ -88,6 +88,8 @@ def look_up_nothing(entries, band, first, material, group_column, texturing, sta
 def look_up(entries, band, first, material, group_column, texturing, start, batch):
     """See `look_up_planes`."""
     coding, (x, y), rows = band.coding.textures, first, texturing.lookup_batch
+    if coding.of_materials[material] < 0:  # computed in float64: all of its records are exact
+        return
     texture, group = index(coding.of_materials[material]), plane_group(band.records, group_column)
     evaluate_planes(entries, group, x, y, rows, S_PLANE, index(BATCH_SIZE))
     packed = packed_texture(coding.packed, texture)

@@ -75,7 +75,8 @@ def drawn_maps(light, meshes=(FLOOR, BALL)):
     """The layers of the maps that are drawn of a light; None for none."""
     with rz.Renderer(rz.Scene(meshes, light), 16, shading="phong") as renderer:
         renderer.render()
-        (shadow_map,) = renderer._prepared.shadows._maps.values() or [None]
+        shadows = renderer._prepared.shadows  # None where no light is left that casts any
+        (shadow_map,) = (shadows and shadows._maps.values()) or [None]
     if shadow_map is None:
         return None
     block = shadow_map.block

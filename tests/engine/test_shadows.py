@@ -278,7 +278,7 @@ def test_edges_are_within_a_pixel_of_the_analytic_ones(name, tolerance):
     frame, bare = draw_both(meshes, light, ABOVE, FLOOR_SIZE, tolerance=tolerance)
     with rz.Renderer(rz.Scene(meshes, (light,), ABOVE), 16) as renderer:
         renderer.render()
-        assert renderer._prepared.shadows._maps[0].block[N_MAP] == n_map
+        assert renderer._prepared.shadows._maps[0, np.dtype(renderer.plan.dtype)].block[N_MAP] == n_map
     hidden = is_hidden(quad, floor_points(), light)
     could_be_lit = (bare.color[..., 0] > AMBIENT * 0.7) & (frame.face < 2)
     wrong = (is_changed(frame, bare) != hidden) & could_be_lit

@@ -35,6 +35,7 @@ LOOKS = {
     "glass": rz.Material(diffuse=(0.5, 0.8, 0.6), opacity=0.4),
     "smoke": rz.Material(diffuse=0.3, specular=0, opacity=0.7),
     "foil": rz.Material(texture=FOIL, opacity=0.8),
+    "textured toon": rz.Material(reflection="toon", specular=0.5, texture=PAPER),
     "opacity 0": rz.Material(diffuse="red", opacity=0.0),
     "vertex colours": rz.Material(),
 }
@@ -89,6 +90,7 @@ SCENES = {
     ),
     "a plain floor": lambda: floor_with(["plain", "textured", "coloured", "plain", "glass"]),
     "a textured floor": lambda: floor_with(["textured", "plain", "plain", "toon", "coloured", "opacity 0"]),
+    "textures in both types": lambda: balls(["textured", "textured toon", "plain", "foil", "textured toon"]),
     "transparent textures": lambda: balls(["foil", "plain", "glass", "smoke", "textured", "foil", "tinted"]),
 }
 

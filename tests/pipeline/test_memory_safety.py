@@ -57,7 +57,7 @@ def test_texture_coordinates_of_any_size(kind, wrap, shape):
                 [rz.Mesh(corners, QUAD, uv=uv, material=material)], (rz.AmbientLight(1.0),), sheet_camera(12)
             )
             frame = rz.render(scene, (16, 12), shading="flat", threads=1)
-            assert np.isfinite(frame.color).all() and frame.color.max() <= image.max() + 1e-6
+            assert np.isfinite(frame.color).all() and frame.color.max() <= image.max() + 1e-5  # texels of 16 bits
 
 
 @pytest.mark.parametrize("distance", [1e-3, 1.0, 5.0, 1e6])
@@ -140,6 +140,8 @@ def vertices_of(rng, unit):
 
 def material_of(rng):
     choice = rng.choice
+    if rng.random() < 0.25:  # what is cheapest, beside what isn't
+        return rz.Material(diffuse=float(rng.uniform(0, 1)), specular=float(choice((0, 0.3))))
     image = rng.uniform(0, 1, (int(choice((1, 2, 5, 16))), int(choice((1, 3, 8))), 4))
     textured = rz.Texture(image, str(choice(FILTERS)), (str(choice(WRAPS)), str(choice(WRAPS))))
     reflection = str(choice(("phong", "blinn", "cook-torrance", "toon", "oren-nayar")))
@@ -196,7 +198,7 @@ def scene_of(rng):
     )
     uv = rng.normal(size=(len(points), 2)) * float(rng.choice((1, 1, 1e6, 1e300)))
     uv[rng.random(uv.shape) < 0.1] = rng.choice(NASTY)
-    extras = {"uv": uv, "materials": [material_of(rng) for _ in range(2)], "face_material": rng.integers(0, 2, n_face)}
+    extras = {"uv": uv, "materials": [material_of(rng) for _ in range(4)], "face_material": rng.integers(0, 4, n_face)}
     if rng.random() < 0.3:
         extras["normals"] = rng.normal(size=points.shape) * rng.choice((0, 1e-200, 1, 1e100), (len(points), 1))
     if rng.random() < 0.3:

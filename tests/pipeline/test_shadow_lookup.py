@@ -50,7 +50,7 @@ class Points:
         for tolerance in (rz.Options().tolerance, 0.0):
             plan = make_plan(scene, rz.Options(shading="phong", tolerance=tolerance), geometry.albedo)
             shadows = Shadows(geometry, bounds, plan)
-            self.maps.append(shadows.draw(plan, view, WorkspacePool(), Workers(1))[0])
+            self.maps.append(shadows.draw(plan, view, plan.dtype, WorkspacePool(), Workers(1))[0])
             self.blocks.append(self.maps[-1].block)
             if tolerance > 0:
                 self.shift = Precision(plan, bounds).shift(view)

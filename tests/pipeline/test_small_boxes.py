@@ -6,7 +6,7 @@ from helpers.stages import random_triangles, slivers
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rasterizer.pipeline import scan, small_boxes
+from rasterizer.pipeline import fill, small_boxes
 from rasterizer.pipeline.cull import first_sample
 from rasterizer.pipeline.small_boxes import MOST_WIDE, NEXT_ROW, fill_covered, find_covered, is_any_covered
 from rasterizer.pipeline.visibility import CLEAR, DEPTH_MASK
@@ -80,7 +80,7 @@ def test_soups_and_slivers_are_covered_as_the_reference_says():
 def test_edge_functions_are_those_of_the_scan_stage():
     rng = np.random.default_rng(2)
     for xa, ya, xb, yb, sx, sy in rng.integers(-700, 700, (500, 6)).tolist():
-        expected = scan.edge_function(xa, ya, xb, yb, sx, sy)
+        expected = fill.edge_function(xa, ya, xb, yb, sx, sy)
         given_numbers = [np.int32(v) for v in (xa, ya, xb, yb)]
         for a, b, side in ((given_numbers[:2], given_numbers[2:], 1), (given_numbers[2:], given_numbers[:2], -1)):
             found = small_boxes.edge_function(*a, *b, np.int32(side), np.int32(sx), np.int32(sy))
