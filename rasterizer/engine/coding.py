@@ -39,17 +39,19 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         albedo_tolerance = float(tolerance / 4 / brightest)
         return NormalCoding(
             *rows, of_materials.normal_limits, None, albedo_tolerance, needs_distance,
-            code_textures(plan, of_textures / brightest), depths,
+            code_textures(plan, of_textures), depths,
         )  # fmt: skip
     limits = np.where(of_materials.is_looked_up, left / 2, left)
-    textures = code_textures(plan, left / 2 / brightest)
+    textures = code_textures(plan, left / 2)
     return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, False, textures, depths)
 
 
 def code_textures(plan: Plan, limits) -> TextureCoding | None:
-    """Say which materials have texture coordinates that may stand in planes; `limits` are those of errors, (n,)."""
+    """Say which materials have texture coordinates that may stand in planes; `limits` are those of errors of
+    intensities, (n,), and of alpha."""
     if plan.packed_textures is None:
         return None
+    limits = limits / max(plan.bound, 1.0)
     of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
     return TextureCoding(plan.packed_textures, of_materials, limits)
 

@@ -143,7 +143,7 @@ def _directions(centers, radii, origin, back) -> tuple[NDArray[np.float64], NDAr
     largest = np.maximum(np.abs(away).max(axis=1, keepdims=True), np.finfo(float).tiny)
     scaled = away / largest
     lengths = np.linalg.norm(scaled, axis=1, keepdims=True)
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # NaN is not below 1: a point at the origin
         share = radii / (largest * lengths)[:, 0]
     return scaled / np.maximum(lengths, 0.5), np.where(share < 1.0, np.arcsin(np.minimum(share, 1.0)), np.pi)
 

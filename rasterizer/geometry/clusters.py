@@ -103,7 +103,8 @@ def make_clusters(positions: NDArray[np.float64], vertex_idx: NDArray[np.uint32]
 
 @kernel
 def describe_clusters(first, end, positions, vertex_idx, scratch, out_shapes, out_counts, out_blocks):
-    """Describe the clusters first..end; return how many blocks they use, or -1 if more than there is room for.
+    """Describe the clusters first..end; return how many blocks they use, or -1 if more than there is room for: then all
+    are described, but what they use is not told.
 
     Parameters
     ----------
@@ -113,7 +114,7 @@ def describe_clusters(first, end, positions, vertex_idx, scratch, out_shapes, ou
     out_counts : (end - first,) int64, blocks that each cluster uses
     out_blocks : (n,) uint32, these blocks
     """
-    n_face, n_block = index(vertex_idx.shape[1]), index(0)
+    n_face, n_block, has_room = index(vertex_idx.shape[1]), index(0), True
     for cluster in range(index(first), index(end)):
         start = cluster * index(CLUSTER)
         faces = vertex_idx[:, start : min(start + index(CLUSTER), n_face)]
@@ -122,12 +123,12 @@ def describe_clusters(first, end, positions, vertex_idx, scratch, out_shapes, ou
         measure_box(n, scratch.rows, shape)
         measure_normals(n, scratch.rows)
         measure_cone(n, scratch.rows, shape)
-        if n_block + index(3 * CLUSTER) > index(len(out_blocks)):
-            return np.int64(-1)
-        n_listed = list_blocks(cluster, faces, scratch.last_user, out_blocks, n_block)
-        out_counts[cluster - index(first)] = np.int64(n_listed - n_block)
-        n_block = n_listed
-    return np.int64(n_block)
+        has_room &= n_block + index(3 * CLUSTER) <= index(len(out_blocks))
+        if has_room:
+            n_listed = list_blocks(cluster, faces, scratch.last_user, out_blocks, n_block)
+            out_counts[cluster - index(first)] = np.int64(n_listed - n_block)
+            n_block = n_listed
+    return np.int64(n_block) if has_room else np.int64(-1)
 
 
 @helper

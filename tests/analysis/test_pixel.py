@@ -44,7 +44,7 @@ def test_all_else_is_what_the_reference_says():
     found = rz.explain(scene, 18, 13, SIZE, **options)
     expected = explaining.explain(scene, 18, 13, rz.Options(size=SIZE, **options))
     assert replace(found, way=None) == expected and expected.way is None
-    assert found.way == "exact record"  # as everything is that lets light through
+    assert found.way == "plane record"
 
 
 def test_a_pixel_that_shows_nothing_has_no_way():

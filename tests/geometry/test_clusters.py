@@ -70,6 +70,10 @@ def test_where_neighbours_are_scattered_blocks_are_not_told():
     faces = faces[:, np.random.default_rng(1).permutation(faces.shape[1])]
     found = c.make_clusters(positions, np.ascontiguousarray(faces), SERIAL)
     assert len(found.blocks) == 0 and np.isfinite(found.shapes).all()
+    for k, shape in enumerate(found.shapes.T):  # all are described nevertheless
+        corners = triangles_of(positions, faces, k).reshape(-1, 3)
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        assert np.abs(shape[c.CENTER : c.CENTER + 3] - middle).max() < 1e-9, k
 
 
 @pytest.mark.parametrize("kind", ["two corners alike", "collinear", "too thin"])
