@@ -84,7 +84,7 @@ def go(scene) -> Way:
     entries = visibility.entries.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.shade(workspace, band, counts, NO_TABLE)
     radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
-    render_pass.finish(workspace, band, counts, True, drawn.loaded_face)
+    render_pass.finish(workspace, band, counts, None, drawn.loaded_face)
     rgba = render_pass.picture.rgba.view(np.uint8).reshape(HEIGHT, WIDTH, 4)
     return Way(render_pass, vertices, n_outside, visible, n_band_row, bands, workspace.block, entries, radiance, rgba)
 
