@@ -250,11 +250,11 @@ def test_a_plan_tells_what_each_material_needs(looks, shading):
     assert before._replace(ways=plan.ways) == plan
     different = list(dict.fromkeys(looks))
     assert sorted(number for need in plan.needs for number in need.materials) == list(range(len(different)))
-    is_opaque = all(LOOKS[look].is_opaque for look in looks)
     for need in plan.needs:
         for number in need.materials:
             channels, dtype, reason = NEEDS[different[number]]
             assert (need.channels, need.dtype) == (channels, dtype), f"{different[number]}: {need}"
+            is_opaque = LOOKS[different[number]].is_opaque
             assert need.way == way_of(shading, channels, dtype, is_opaque), f"{different[number]}: {need}"
             assert bool(need.reasons) == bool(reason) and reason in " ".join(need.reasons), f"{need.reasons}"
     keys = [need[1:] for need in plan.needs]
