@@ -43,10 +43,11 @@ class Version:
     """A process that draws a frame whenever it is asked to."""
 
     def __init__(self, folder, arguments):
-        # The bench of this checkout with the package of that folder.
+        # The bench of this checkout with the package of that folder: not that of the folder it is called from, which
+        # Python would look at first.
         environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(folder), str(ROOT)])}
         self._process = subprocess.Popen([sys.executable, "-c", CHILD, *map(str, arguments)], env=environment,
-                                         text=True,
+                                         text=True, cwd=ROOT.anchor,
                                          stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # fmt: skip
         if self._process.stdout.readline().strip() != "ready":
             raise SystemExit(f"the package in {folder} can't draw this scene")
@@ -74,6 +75,7 @@ def main(argv=None) -> int:
     parser.add_argument("--frames", type=int, default=30, help="of each pair of processes (default: %(default)s)")
     parser.add_argument("--pairs", type=int, default=4, help="of processes (default: %(default)s)")
     args = parser.parse_args(argv)
+    args.cases = [str(Path(case).resolve()) if Path(case).exists() else case for case in args.cases]
     machine, rows = measure.Machine(), []
     table = measure.Table([("case        ", "case", ""), ("shading", "shading", ""), ("channels", "channels", ""),
                            ("before", "ms_before", ".2f"), (" after", "ms_after", ".2f"), ("ratio", "ratio", ".3f"),
