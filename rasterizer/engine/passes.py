@@ -11,6 +11,7 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -129,7 +130,7 @@ class ColorPass(Pass):
         """Of the intensities."""
         return self.plan.n_channel
 
-    @property
+    @cached_property
     def dtype(self) -> np.dtype:
         """Of the intensities."""
         return self.plan.dtype
@@ -149,13 +150,18 @@ class ColorPass(Pass):
         return Texturing(self.textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
 
     def n_channel_of(self, counts: ScanCounts) -> int:
-        """How many channels a band needs: what fades with depth has as many everywhere.
+        """How many channels a band needs."""
+        return self.n_channel if counts.needs & NEEDS_COLORS else self.least_channels
+
+    @cached_property
+    def least_channels(self) -> int:
+        """How many channels any band needs: what fades with depth has as many everywhere.
 
         One channel is multiplied by the tint when pixels are finished, three are before: of a grey tint, or where there
         is no mean of samples and nothing behind them, the same bits. Elsewhere all bands have as many channels, because
         what else a band shows must not change them.
         """
-        if counts.needs & NEEDS_COLORS or self.plan.cue is not None:
+        if self.plan.cue is not None:
             return self.n_channel
         is_same = self.factor == 1 and self.dtype == np.float32 and self.opacity is None
         return 1 if is_same or bool((self.plan.tint == 1.0).all()) else self.n_channel

@@ -107,7 +107,7 @@ def compute_normals(n_attribute, coding, block):
     ints = block.ints
     for k in range(index(s.BLOCK)):
         ints[s.HAS_LEVELS + k] = 0
-        ints[s.HAS_PLANES + k] &= coding.ways[ints[s.MATERIAL + k]] == IN_PLANES
+        ints[s.HAS_PLANES + k] &= ints[s.WAY + k] == IN_PLANES
     compute_normal_planes(coding, block)
     if n_attribute > 3:
         compute_value_planes(3, 3 + MOST_CHANNELS, coding.albedo_tolerance, coding, block)
@@ -138,8 +138,7 @@ def compute_level_plane(coding, block):
     ints, longs, reals = block.ints, block.longs, block.reals
     scale, most = coding.level_scale, float(LEVEL_MASK - 1)  # no rounding can carry into the bits above
     for k in range(index(s.BLOCK)):
-        material = ints[s.MATERIAL + k]
-        way, tolerance = coding.ways[material], coding.limits[material] * scale
+        way, tolerance = ints[s.WAY + k], reals[s.LIMIT + k] * scale
         i0, i1, i2 = values_at(s.ATTRIBUTE + k, block)
         level0, level1, level2 = clamp(i0 * scale, most), clamp(i1 * scale, most), clamp(i2 * scale, most)
         low, high = min(level0, level1, level2), max(level0, level1, level2)
@@ -194,7 +193,7 @@ def compute_normal_planes(coding, block):
             n0, n1, n2 = values_at(s.ATTRIBUTE + axis * s.NEXT_PLANE + k, block)
             most = max(most, compute_plane(k, axis, n0 * w0, n1 * w1, n2 * w2, block))
         # No normals at all are exact.
-        limit = coding.limits[block.ints[s.MATERIAL + k]]
+        limit = block.reals[s.LIMIT + k]
         block.ints[s.HAS_PLANES + k] &= (3.0 + 4.0 * most <= limit * length) | (most == 0.0)
 
 
@@ -245,9 +244,9 @@ def compute_value_planes(first, end, tolerance, coding, block):
         r0, r1, r2 = inverse_ratios(k, coding.depths, block)
         least, largest = min(r0, r1, r2), max(r0, r1, r2)
         shift = depth_rounding(k, block) * abs(coding.depths.ratio_scale)
-        accepted = tolerance if tolerance > 0.0 else coding.limits[ints[s.MATERIAL + k]]
+        accepted = tolerance if tolerance > 0.0 else block.reals[s.LIMIT + k]
         most = rise = 0.0
-        n_own = index(coding.n_attributes[ints[s.MATERIAL + k]])  # other materials of the block may have more
+        n_own = index(ints[s.N_OWN + k])  # other materials of the block may have more
         for attribute in range(index(first), index(end)):
             a0, a1, a2 = values_at(s.ATTRIBUTE + attribute * s.NEXT_PLANE + k, block)
             here = compute_plane(k, attribute, a0 * r0, a1 * r1, a2 * r2, block)

@@ -93,7 +93,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint,
                 if lighting.needs_view or lighting.needs_position:
                     fill_positions(screen, (first, y), n, lighting.needs_position, batch)
                 light_batch(batch, n, lighting, material)
-                write_radiance(batch, n, lighting.n_channels[material], tint, out_radiance[:, start : start + index(n)])
+                write_radiance(batch, n, lighting.n_channels[material], tint, out_radiance, start)
             first += n
 
 
@@ -139,16 +139,18 @@ def run_of_material(entries, band, shown):
 
 
 @helper
-def write_radiance(batch, n, n_channel, tint, out):
+def write_radiance(batch, n, n_channel, tint, out_radiance, start):
     """Write the intensities of a run of n samples, which have one channel or three, to as many, or to three."""
-    for channel in range(index(out.shape[0])):
-        if n_channel == out.shape[0]:
+    for channel in range(index(out_radiance.shape[0])):
+        out = out_radiance[channel, start : start + index(n)]
+        if n_channel == out_radiance.shape[0]:
+            source = f.INTENSITY + channel * f.NEXT
             for k in range(index(n)):
-                out[channel, k] = batch[f.INTENSITY + channel * f.NEXT + k]
+                out[k] = batch[source + k]
         else:
             factor = batch.dtype.type(tint[channel])
             for k in range(index(n)):
-                out[channel, k] = batch[f.INTENSITY + k] * factor
+                out[k] = batch[f.INTENSITY + k] * factor
 
 
 @helper

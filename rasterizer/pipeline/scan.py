@@ -144,6 +144,7 @@ def look_at_materials(n, material, coding, block, deferred):
     """Return how many attributes the first n triangles of a block have at most, what the materials of those that are
     not deferred need together, and whether one of all these is another than `material`."""
     n_attribute = needs = others = np.int64(0)
+    s.gather_materials(n, coding, block)
     if len(coding.ways) == 1:
         return coding.n_attributes[0], needs_when_drawn(coding.needs[0], deferred), False
     for k in range(index(n)):

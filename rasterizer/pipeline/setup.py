@@ -48,7 +48,9 @@ CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes ar
 CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
 MATERIAL = index(BLOCK * 22)
 COVERED = index(BLOCK * 23)  # the covered samples of a small box, see small_boxes.py; -1 where it isn't small
-N_INT = 24
+# What is known of its material, see gradients.py: its cheapest way, how many attributes are read.
+WAY, N_OWN = index(BLOCK * 24), index(BLOCK * 25)
+N_INT = 26
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
@@ -63,7 +65,8 @@ OFFSET_X, OFFSET_Y = _starts(7, 9)
 LEAST_Z, LARGEST_Z = _starts(9, 11)
 ATTRIBUTE, MOST_ATTRIBUTES = index(BLOCK * 11), 11
 PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 10
-N_REAL = 11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
+LIMIT = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES))  # error that its material accepts
+N_REAL = 12 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
 
@@ -121,6 +124,21 @@ def gather_vertices(faces, triangles, vertices, block):
 
 
 @helper
+def gather_materials(n, coding, block):
+    """Fetch what is known of the first n triangles' materials, so that loops over the block needn't look it up."""
+    ints, reals = block.ints, block.reals
+    if len(coding.ways) == 1:
+        way, n_own, limit = np.int32(coding.ways[0]), np.int32(coding.n_attributes[0]), coding.limits[0]
+        for k in range(index(BLOCK)):
+            ints[WAY + k], ints[N_OWN + k], reals[LIMIT + k] = way, n_own, limit
+        return
+    for k in range(index(n)):
+        material = ints[MATERIAL + k]
+        ints[WAY + k], ints[N_OWN + k] = coding.ways[material], coding.n_attributes[material]
+        reals[LIMIT + k] = coding.limits[material]
+
+
+@helper
 def order_vertices(block):
     """Order the vertices, so that the same triangle gives the same planes however the file lists them.
 
@@ -169,9 +187,12 @@ def gather_attributes(n, n_attribute, drawables, reads_double, block):
     """
     if n_attribute == 0:
         return
-    materials = block.ints[MATERIAL : MATERIAL + index(BLOCK)]
+    if len(reads_double) == 1 and not reads_double[0]:  # without asking each
+        for k in range(index(n)):
+            gather_corners(k, n_attribute, drawables.attributes, block)
+        return
     for k in range(index(n)):
-        if reads_double[materials[k]]:
+        if reads_double[block.ints[MATERIAL + k]]:
             gather_corners(k, n_attribute, drawables.double_attributes, block)
         else:
             gather_corners(k, n_attribute, drawables.attributes, block)

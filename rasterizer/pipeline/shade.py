@@ -56,47 +56,62 @@ def shade_interpolated(band, tint, batch, out_radiance):
         for first in range(left, right, BATCH_SIZE):
             start, n = index(j * visibility.pitch + first), index(min(right - first, BATCH_SIZE))
             entries = visibility.entries[start : start + n]
-            out = out_radiance[:, start : start + n]
-            decode_batch(entries, band, (first, y), tint, batch, out)
+            decode_batch(entries, band, (first, y), tint, batch, out_radiance, start)
             if band.counts.n_exact > 0 and has_exact(entries):
+                out = out_radiance[:, start : start + n]
                 interpolate_intensities(entries, records, (first, y), band.coding.needs, tint, out)
 
 
-def choose_decoding(entries, band, first, tint, batch, out):
+def choose_decoding(entries, band, first, tint, batch, out_radiance, start):
     """Return what is compiled in the place of `decode_batch`: nothing where all records are exact."""
     coding = dict(zip(band.fields, band.types, strict=True))["coding"]
     return decode_entries if coding.instance_class is LevelCoding else decode_nothing
 
 
 @choice(choose_decoding)
-def decode_batch(entries, band, first, tint, batch, out):
-    """Fill intensities that stand in entries and in planes; `first` is the sample (x, y) of the first entry."""
+def decode_batch(entries, band, first, tint, batch, out_radiance, start):
+    """Fill intensities that stand in entries and in planes; `first` is the sample (x, y) of the first entry, `start`
+    its number in the band."""
     if isinstance(band.coding, LevelCoding):
-        decode_entries(entries, band, first, tint, batch, out)
+        decode_entries(entries, band, first, tint, batch, out_radiance, start)
 
 
 @helper
-def decode_nothing(entries, band, first, tint, batch, out):
+def decode_nothing(entries, band, first, tint, batch, out_radiance, start):
     """Do nothing."""
 
 
 @helper
-def decode_entries(entries, band, first, tint, batch, out):
+def decode_entries(entries, band, first, tint, batch, out_radiance, start):
     """See `decode_batch`."""
-    step = np.float32(1.0 / band.coding.level_scale)
+    step, n_channel, n = np.float32(1.0 / band.coding.level_scale), out_radiance.shape[0], index(len(entries))
     if band.counts.n_plane > 0 and has_id(entries):
-        (x, y), n = first, len(entries)
+        (x, y), group = first, plane_group(band.records, VALUES)
         fill_weights(entries, band.coding.depths, batch)
-        group = plane_group(band.records, VALUES)
         evaluate_values(entries, group, x, y, batch, f.NORMAL, f.NEXT, f.WEIGHT)
-        if out.shape[0] == 1:
-            merge_levels(entries, step, batch[f.NORMAL : f.NORMAL + index(n)], out[0])
+        if band.counts.n_level == 0 and all_have_colors(band.coding.needs):
+            for channel in range(index(n_channel)):
+                out, source = out_radiance[channel, start : start + n], f.NORMAL + channel * f.NEXT
+                for k in range(n):
+                    out[k] = batch[source + k]
+        elif n_channel == 1:
+            merge_levels(entries, step, batch[f.NORMAL : f.NORMAL + n], out_radiance[0, start : start + n])
         else:
-            merge_colors(entries, band, step, tint, batch, out)
+            merge_colors(entries, band, step, tint, batch, out_radiance[:, start : start + n])
         return
-    for channel in range(index(out.shape[0])):
+    for channel in range(index(n_channel)):
         # A level times the tint, as the resolve stage multiplies it: rounded twice.
-        decode_levels(entries, step, tint[channel] if out.shape[0] > 1 else np.float32(1), out[channel])
+        factor = tint[channel] if n_channel > 1 else np.float32(1)
+        decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
+
+
+@helper
+def all_have_colors(needs):
+    """Tell whether all materials have three channels."""
+    common = NEEDS_COLORS
+    for k in range(index(len(needs))):
+        common &= needs[k]
+    return common != 0
 
 
 @helper
