@@ -4,13 +4,11 @@ import json
 import os
 import shutil
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, one_error, run
+from helpers.command import CUBE, end_by_signal, one_error, run, start_with
 from helpers.raster import ROOT
 from PIL import Image
 
@@ -180,16 +178,9 @@ def test_a_signal_while_drawing_leaves_nothing(folder, number):
         "sys.argv[1:] = ['render', sys.argv[1], '-s', '16', '-o', 'x.tif', '--threads', '1']\n"
         "sys.exit(main())"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, CUBE],
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
+    process = start_with(code)
     assert process.stdout.readline() == b"now\n"
     assert len(os.listdir(folder)) == 1
     time.sleep(0.1)
-    process.send_signal(number)
-    _, err = process.communicate(timeout=20)
-    assert process.returncode == (143 if number == signal.SIGTERM else 130) and b"Traceback" not in err
+    end_by_signal(process, number)
     assert os.listdir(folder) == []

@@ -10,7 +10,7 @@ import sys
 import time
 
 import pytest
-from helpers.command import CUBE, one_error, run, start
+from helpers.command import CUBE, end_by_signal, one_error, run, start, start_with
 from helpers.raster import HAS_TOML, ROOT
 from PIL import Image
 
@@ -145,16 +145,9 @@ def test_a_signal_while_writing_leaves_nothing(folder, number):
         "sys.argv[1:] = ['render', sys.argv[1], '-s', '16', '-o', 'x.png']\n"
         "sys.exit(main())"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, CUBE],
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
+    process = start_with(code)
     assert process.stdout.readline() == b"now\n"
-    process.send_signal(number)
-    _, err = process.communicate(timeout=20)
-    assert process.returncode == (143 if number == signal.SIGTERM else 130) and b"Traceback" not in err
+    end_by_signal(process, number)
     assert not os.listdir(folder)
 
 

@@ -1,6 +1,7 @@
 """The command line, run in this process or as the program itself: help for its tests."""
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -25,6 +26,23 @@ def start(*argv, cwd=None, **options):
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", "rasterizer", *argv]
     return subprocess.run(command, capture_output=True, env=environment, cwd=cwd, **options)
+
+
+def start_with(code) -> subprocess.Popen:
+    """Start a program in Python, with the cube's file as its argument and its output in pipes."""
+    return subprocess.Popen(
+        [sys.executable, "-c", code, CUBE],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def end_by_signal(process, number):
+    """Send a signal; the process must end with its exit code, and without a traceback."""
+    process.send_signal(number)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == (143 if number == signal.SIGTERM else 130) and b"Traceback" not in err
 
 
 def errors(capsys) -> str:
