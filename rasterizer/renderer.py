@@ -18,6 +18,7 @@ from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
 from .errors import RasterizerError, SceneError, shown
 from .frame import Frame, Stats
+from .geometry.clusters import has_clusters
 from .options import Options
 from .scene.camera import Camera
 from .scene.scene import Scene, SceneLike
@@ -252,6 +253,9 @@ class Renderer:
             try:
                 sample = sample_scene(self.scene)
                 with Renderer(sample, **options | {"size": SIZE, "threads": 1}) as renderer:
+                    # A view of the whole scene skips nothing but what faces away.
+                    is_part_skipped = camera is not None or self.options.cull == "back"
+                    renderer._prepared.uses_clusters = is_part_skipped and has_clusters(self.scene.n_face)
                     for view in sample_views(sample, self.scene, camera):
                         renderer.render(view)
             except RasterizerError as fault:  # what was noted until then is of use

@@ -10,8 +10,11 @@ import numpy as np
 
 from ..compiler import fingerprint, kernels
 from ..compiler.store import Store
+from ..engine.prepared_scene import PreparedScene
 from ..errors import OutputError
-from ..renderer import render
+from ..geometry.normals import vertex_normals
+from ..options import Options
+from ..renderer import Clock, render
 from ..scene.camera import Camera
 from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTIONS, Material
@@ -105,10 +108,20 @@ def draw_all_kinds() -> None:
     )  # a convex one, and one with ears
     for tolerance in (0.0, 1 / 4096):
         render(polygons, SIZE, tolerance=tolerance, threads=1, outputs=("rgb",))
+    _draw_clusters(scenes[0])
+    vertex_normals(_VERTICES, _FACES)
     for scene in _rarer_scenes():
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):
                 render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, outputs=("rgb",))
+
+
+def _draw_clusters(scene) -> None:
+    """Draw what a dense scene is drawn with, of a few triangles."""
+    for cull in ("back", "none"):
+        prepared = PreparedScene(scene, Options(size=SIZE, cull=cull, threads=1))
+        prepared.uses_clusters = True
+        prepared.draw_picture(scene.camera_for(prepared.options.size), Clock())
 
 
 def _rarer_scenes():

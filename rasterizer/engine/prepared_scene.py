@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..geometry.clusters import Clusters, has_clusters, make_clusters
 from ..geometry.points import gather_geometry
 from ..options import Options
-from ..pipeline.clusters import SeenClusters, find_seen, reaches_out
+from ..pipeline.clusters import SeenClusters, find_seen, leaves_out
 from ..pipeline.encode import encode_picture, with_blank
 from ..pipeline.threads import Workers
 from ..pipeline.workspace import WorkspacePool, make_picture
@@ -69,6 +69,7 @@ class PreparedScene:
         self.view_plans = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)
         self.shadows = self._make_shadows() if self.view_plans.plan.has_shadows else None
+        self.uses_clusters: bool | None = None  # None = where they save time
         self._clusters: Clusters | None = None  # made for the first view that may skip some
         self.workspaces = WorkspacePool()
 
@@ -80,7 +81,10 @@ class PreparedScene:
     def find_seen(self, screen, n_sample) -> SeenClusters | None:
         """The clusters of triangles that a view of `n_sample` (columns, rows) looks at; None for all triangles."""
         geometry, is_culled = self.geometry, self.options.cull == "back"
-        if not has_clusters(geometry.vertex) or not (is_culled or reaches_out(self.bounds, screen, n_sample)):
+        is_used = self.uses_clusters
+        if is_used is None and has_clusters(geometry.vertex.shape[1]):
+            is_used = is_culled or leaves_out(geometry.positions, screen, n_sample)
+        if not is_used:
             return None
         if self._clusters is None:
             self._clusters = make_clusters(geometry.positions, geometry.vertex, self.threads)

@@ -65,9 +65,9 @@ X0, Y0, Z0, X1, Y1, Z1, X2, Y2, Z2, NX, NY, NZ, HEIGHT_ROW = (index(CLUSTER * ro
 NEXT, N_ROW = index(CLUSTER), 13
 
 
-def has_clusters(vertex_idx: NDArray[np.uint32]) -> bool:
-    """Tell whether a scene has so many triangles, (3, n_face), that clusters of them save time."""
-    return vertex_idx.shape[1] >= LEAST_FACES
+def has_clusters(n_face: int) -> bool:
+    """Tell whether a scene has so many triangles that clusters of them save time."""
+    return n_face >= LEAST_FACES
 
 
 def make_clusters(positions: NDArray[np.float64], vertex_idx: NDArray[np.uint32], workers) -> Clusters:

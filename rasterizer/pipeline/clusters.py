@@ -77,6 +77,9 @@ SLACK = 2.0**-45  # of the distance from the eye: what depths and positions acro
 # beginning a run takes as long.
 SHORTEST_GAP = 1024 // VERTEX_BLOCK  # blocks
 
+# How many vertices are looked at to tell whether a view leaves out a good part of the scene, and how much that is.
+N_TESTED, LEAST_OUTSIDE = 1024, 1 / 16
+
 SEEN, SKIPPED, FACING_AWAY, CLIPPED_AWAY = range(4)  # what becomes of a cluster
 
 
@@ -130,22 +133,23 @@ def find_seen(clusters: Clusters, n_vertex, screen, size, cull_back) -> SeenClus
     return SeenClusters(seen, clusters.n_face, n_culled, n_clipped, runs)
 
 
-def reaches_out(bounds, screen, size) -> bool:
-    """Tell whether a part of some boxes may lie outside of the picture, or before the near plane: else there is nothing
-    to skip but what faces away.
+def leaves_out(positions, screen, size) -> bool:
+    """Tell whether a view leaves out so many vertices that clusters save time, by a look at N_TESTED of them.
 
     Parameters
     ----------
-    bounds : (n, 2, 3) float64, least and largest corners, world space
+    positions : (3, n) float64, world space
+    screen, size : as `find_seen` takes them
     """
-    low, high = bounds.min(axis=(0, 1)), bounds.max(axis=(0, 1))
-    corners = np.where(np.indices((2, 2, 2)).reshape(3, 8).T == 1, high, low) - screen.eye
-    depth = corners @ screen.forward
-    w = depth if screen.is_perspective else np.ones(8)
-    if not (depth.min() > screen.near and depth.max() < screen.far):
-        return True
-    x, y = project(corners @ screen.right, corners @ screen.up, w, screen)
-    return not (x.min() >= 0.0 and y.min() >= 0.0 and x.max() <= size[0] * SUBPIXEL and y.max() <= size[1] * SUBPIXEL)
+    step = max(1, positions.shape[1] // N_TESTED)
+    across, upward, depth = np.stack([screen.right, screen.up, screen.forward]) @ (
+        positions[:, ::step] - screen.eye[:, None]
+    )
+    with np.errstate(all="ignore"):  # what isn't finite, or at the camera's depth, isn't in the picture
+        x, y = project(across, upward, depth if screen.is_perspective else 1.0, screen)
+    is_inside = (depth > screen.near) & (depth < screen.far)
+    is_inside &= (x >= 0.0) & (y >= 0.0) & (x <= size[0] * SUBPIXEL) & (y <= size[1] * SUBPIXEL)
+    return bool(is_inside.mean() < 1.0 - LEAST_OUTSIDE)
 
 
 def count_faces(clusters: Clusters, is_counted) -> int:

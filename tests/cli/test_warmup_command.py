@@ -1,6 +1,8 @@
 """`raster warmup`: all kernels into a store, the user's own or one that can be shipped."""
 
+import importlib
 import os
+import pkgutil
 import re
 
 import pytest
@@ -93,3 +95,12 @@ def test_nothing_is_left_to_compile_for_materials_that_need_different_things(nam
         rz.render(mixed()[name], SIZE, shading=shading, outputs=("color", "depth", "face", "normal"), threads=1)
     missing = {function.__name__ for function, _ in set(needs) - warm}
     assert not missing, f"{sorted(missing)} are compiled at the first picture"
+
+
+def test_no_kernel_of_the_package_is_forgotten(warm):
+    """Whatever a kernel is for, warming up compiles it: a wheel that holds the store draws without the compiler."""
+    modules = [m.name for m in pkgutil.walk_packages(rz.__path__, "rasterizer.") if not m.name.endswith("__main__")]
+    everything = [value for name in modules for value in vars(importlib.import_module(name)).values()]
+    own = {value.py_func for value in everything if isinstance(value, kernels.Kernel)}
+    missing = {function.__name__ for function in own} - {function.__name__ for function, _ in warm}
+    assert len(own) > 40 and not missing

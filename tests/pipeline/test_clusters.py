@@ -8,7 +8,7 @@ import rasterizer as rz
 from bench.scenes import icosphere, torus
 from rasterizer.geometry import clusters as c
 from rasterizer.pipeline import clusters as stage
-from rasterizer.pipeline.clusters import CLIPPED_AWAY, FACING_AWAY, SEEN, SKIPPED, find_seen, list_runs, reaches_out
+from rasterizer.pipeline.clusters import CLIPPED_AWAY, FACING_AWAY, SEEN, SKIPPED, find_seen, leaves_out, list_runs
 from rasterizer.pipeline.cull import Grid, find_visible
 from rasterizer.pipeline.transform import OUTSIDE, transform
 
@@ -183,17 +183,22 @@ def test_runs_hold_the_needed_blocks_and_close_short_gaps(n_vertex):
         assert (len(runs) == 0) == (not is_needed.any())
 
 
-def test_a_box_that_fills_the_picture_reaches_out_when_it_leaves_it():
-    box = np.array([[(-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)]])
-    for make, near, inside, outside in (
-        (lambda value: rz.Camera.orthographic((0, 0, 5), height=value), 1.0, 2.001, 1.999),
-        (lambda value: rz.Camera.perspective((0, 0, value), fov=90), 0.1, 2.001, 1.999),
-        (lambda value: rz.Camera.orthographic((0, 0, value), height=9), 1.0, 2.001, 1.999),
+def test_a_view_leaves_out_what_lies_beside_the_picture_or_beyond_its_depths():
+    """A cube of points whose outermost tenth, on each side, is in the picture or is not."""
+    points = np.random.default_rng(0).uniform(-1, 1, (3, 5000))
+    for make, depths, inside, outside in (
+        (lambda value: rz.Camera.orthographic((0, 0, 5), height=value), (1.0, 99.0), 2.001, 1.8),
+        (lambda value: rz.Camera.perspective((0, 0, value), fov=90), (0.1, 99.0), 2.001, 1.3),
+        (lambda value: rz.Camera.orthographic((0, 0, value), height=9), (1.0, 99.0), 2.001, 1.8),
+        (lambda value: rz.Camera.orthographic((0, 0, 5), height=9), (1.0, 5.8), None, None),
     ):
         for value, expected in ((inside, False), (outside, True)):
             camera = make(value)
-            screen = screen_of(camera.view(), camera.projection((50, 50)), (near, 99.0))
-            assert reaches_out(box, screen, (50, 50)) == expected
+            far = np.inf if value is not None or not expected else 5.8
+            screen = screen_of(camera.view(), camera.projection((50, 50)), depths, far)
+            assert leaves_out(points, screen, (50, 50)) == expected
+    assert leaves_out(np.full((3, 10), np.nan), screen, (50, 50))
+    assert not leaves_out(np.zeros((3, 1)), screen, (50, 50))
 
 
 # ---------------------------------------------------------------- pictures

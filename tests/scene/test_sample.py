@@ -8,7 +8,9 @@ from helpers.mixed_scenes import mixed
 from helpers.small_scenes import SHADINGS, checks, cube, drawn, floor, scene_of
 
 import rasterizer as rz
+from bench.scenes import torus
 from rasterizer.compiler.kernels import noting_needs
+from rasterizer.geometry import clusters
 from rasterizer.scene.sample import (
     MOST_FACES,
     MOST_MESHES,
@@ -61,6 +63,19 @@ def test_the_kernels_that_a_sample_needs_are_those_of_the_picture(name, shading)
 @pytest.mark.parametrize("name", mixed())
 def test_materials_that_need_different_things_are_all_seen(name, shading):
     assert missing(mixed()[name], shading=shading) <= CLIPPING
+
+
+@pytest.mark.parametrize("cull", ["none", "back"])
+@pytest.mark.parametrize("is_near", [False, True])
+def test_what_dense_scenes_skip_triangles_with_is_needed_by_their_samples(monkeypatch, cull, is_near):
+    """The whole scene may be a hundred thousand triangles; the sample's few say that there are clusters."""
+    monkeypatch.setattr(clusters, "LEAST_FACES", 1)
+    camera = rz.Camera.perspective((0.0, 0.3, 0.9)) if is_near else None
+    scene = rz.Scene(rz.Mesh(*torus(12, 8)), camera=camera)
+    listed = {function.__name__ for function, _ in rz.Renderer(scene, SIZE, cull=cull)._list_needs(camera)}
+    needed = {function.__name__ for function, _ in needs_of(scene, (24, 18), cull=cull)}
+    assert needed - listed <= CLIPPING
+    assert ("describe_clusters" in needed) == ("describe_clusters" in listed) == (cull == "back" or is_near)
 
 
 def test_faces_are_seen_however_small_they_are_or_wherever_they_look():
