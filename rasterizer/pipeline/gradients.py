@@ -9,8 +9,8 @@ do for its illumination; each triangle takes the cheapest from there on that is 
 
 * In entries: the intensity stands beside the depth, and one addition a sample advances both: I_{p+1} = I_p + ΔI·Δv
   (Gouraud 1971). One channel, flat shading and Gouraud's method.
-* In planes: a record holds value, d/dx and d/dy of every attribute over w, in float32: the normals of Phong's method,
-  and intensities of three channels or in strong perspective.
+* In planes: a record holds value, d/dx and d/dy of every attribute in float32, over w or not: the normals of Phong's
+  method, and intensities of three channels or in strong perspective (value_planes.py).
 * Exact: a record holds the corners themselves, and every visible sample is interpolated from exact edge functions, in
   perspective and in float64. What the first two can't do within the tolerance, and everything at tolerance 0.
 
@@ -25,8 +25,9 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index
 from . import setup as s
-from .planes import LEAST_INVERSE, DepthScale, compute_plane, depth_rounding, inverse_depths, inverse_ratios, values_at
+from .planes import DepthScale, compute_plane, depth_rounding, inverse_depths, values_at
 from .texture_planes import TEXCOORDS, TextureCoding, compute_texcoord_planes
+from .value_planes import compute_value_planes
 from .visibility import LEVEL_MASK
 
 EXACT, IN_ENTRIES, IN_PLANES = 0, 1, 2  # the cheapest way that a material's triangles may take
@@ -86,7 +87,7 @@ def compute_none(n_attribute, coding, block):
     """Let all records be exact."""
     ints = block.ints
     for k in range(index(s.BLOCK)):
-        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = 0
+        ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = 0
 
 
 @helper
@@ -97,7 +98,9 @@ def compute_levels(n_attribute, coding, block):
     for k in range(index(s.BLOCK)):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
     if n_left > 0 and n_attribute > 0:
-        compute_value_planes(0, min(n_attribute, 2 * MOST_CHANNELS), 0.0, coding, block)
+        compute_value_planes(0, MOST_CHANNELS, coding.depths, block)
+        if n_attribute > MOST_CHANNELS:
+            compute_value_planes(MOST_CHANNELS, MOST_CHANNELS, coding.depths, block)
         compute_texcoords(n_attribute, coding.textures, coding.depths, block)
 
 
@@ -110,7 +113,11 @@ def compute_normals(n_attribute, coding, block):
         ints[s.HAS_PLANES + k] &= ints[s.WAY + k] == IN_PLANES
     compute_normal_planes(coding, block)
     if n_attribute > 3:
-        compute_value_planes(3, 3 + MOST_CHANNELS, coding.albedo_tolerance, coding, block)
+        for k in range(index(s.BLOCK)):
+            block.reals[s.LIMIT + k] = coding.albedo_tolerance
+        compute_value_planes(3, 0, coding.depths, block)
+    for k in range(index(s.BLOCK)):
+        ints[s.IS_WEIGHTED + k] = 0  # of normals
     compute_texcoords(n_attribute, coding.textures, coding.depths, block)
     if coding.needs_distance:
         check_distances(coding, block)
@@ -220,41 +227,6 @@ def shortest_normal(k, block):
     least_square = min(s0, s1, s2)
     square = (least_square + 2.0 * min(c0, c1, c2, least_square)) / 3.0
     return is_flat, np.sqrt(max(square, 0.0))
-
-
-@helper
-def compute_value_planes(first, end, tolerance, coding, block):
-    """Compute the planes of a·r for the attributes a of number first..end, which samples divide by their r.
-
-    With m the largest |a|, r within r_min..r_max in the triangle, and a plane of a·r that rises by s over the box, the
-    plane errs by u·(3 m r_max + 4 s) of rounding: value, slopes, products and sums. The sample's r is found from its
-    depth, which is off by d z-buffer units: d·|ratio_scale|/r_min of it, and 2 u more of rounding; one more for the
-    product. So a is off by
-
-        (u·(3 m r_max + 4 s) + m·d·|ratio_scale|)/r_min + 3 u m
-
-    What leaves the range of the vertices by rounding is brought back into it (records.py); so a constant stays one.
-
-    Parameters
-    ----------
-    tolerance : error that is accepted; 0 = what coding.limits says
-    """
-    ints, u = block.ints, 2.0**-24
-    for k in range(index(s.BLOCK)):
-        r0, r1, r2 = inverse_ratios(k, coding.depths, block)
-        least, largest = min(r0, r1, r2), max(r0, r1, r2)
-        shift = depth_rounding(k, block) * abs(coding.depths.ratio_scale)
-        accepted = tolerance if tolerance > 0.0 else block.reals[s.LIMIT + k]
-        most = rise = 0.0
-        n_own = index(ints[s.N_OWN + k])  # other materials of the block may have more
-        for attribute in range(index(first), index(end)):
-            a0, a1, a2 = values_at(s.ATTRIBUTE + attribute * s.NEXT_PLANE + k, block)
-            here = compute_plane(k, attribute, a0 * r0, a1 * r1, a2 * r2, block)
-            most = max(most, abs(a0), abs(a1), abs(a2)) if attribute < n_own else most
-            rise = max(rise, here) if attribute < n_own else rise
-        error = u * (3.0 * most * largest + 4.0 * rise) + most * shift
-        is_good = (error <= least * (accepted - 3.0 * u * most)) & (least >= LEAST_INVERSE)
-        ints[s.HAS_PLANES + k] &= is_good | (n_own <= first)  # where it has none of these, any are good
 
 
 @helper

@@ -74,15 +74,6 @@ def has_exact(entries):
 
 
 @helper
-def has_id(entries):
-    """Tell whether any entry holds the index of a record."""
-    union = np.int64(0)
-    for k in range(index(len(entries))):
-        union |= entries[k]
-    return (union & IS_ID) != 0
-
-
-@helper
 def run_end(entries, start):
     """Return the end of the run of samples that show the same record as the one at `start`."""
     end = start + index(1)

@@ -7,8 +7,10 @@ Records of planes are of different lengths, multiples of UNIT numbers in a flat 
 its first unit, and is found by a shift. The planes of four attributes stand side by side, for simd.py; behind those
 whose samples must stay within the range of the vertices stands that range:
 
-    material  anchor x  anchor y  face  |  4 values  4 d/dx  4 d/dy                          normals, texcoords
-                                        |  4 values  4 d/dx  4 d/dy  4 least  4 greatest     intensities, albedo
+    material  anchor x  anchor y  face  |  4 values  4 d/dx  4 d/dy                          normals, texcoords,
+                                        |                                                    affine intensities
+                                        |  4 values  4 d/dx  4 d/dy  4 least  4 greatest     weighted intensities,
+                                        |                                                    albedo
 """
 
 from typing import NamedTuple
@@ -121,6 +123,9 @@ def write_values(records, n_record, k, face, coding, block):
     """Write record number `n_record`, planes of intensities; return its length in units."""
     planes, record = records.float_planes, begin_planes(records, n_record, k, face, block)
     needs = coding.needs[block.ints[s.MATERIAL + k]]
+    if not block.ints[s.IS_WEIGHTED + k]:
+        write_planes(planes, record + index(VALUES), k, 0, MOST_CHANNELS, block)
+        return units_of(FIRST_GROUP + PLAIN_GROUP)
     write_value_group(planes, record + index(VALUES), k, 0, MOST_CHANNELS, block)
     end = BEHIND_VALUES
     if needs & NEEDS_TEXTURE:

@@ -19,7 +19,7 @@ from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NEEDS_CORNERS, NormalCoding, 
 from .records import write_exact, write_normals, write_values
 from .simd import MOST_HIGH, MOST_WIDE
 from .small_boxes import fill_covered
-from .visibility import IS_EXACT, VisibilityBuffer, id_payload, note_extent, note_material, pack
+from .visibility import IS_EXACT, IS_WEIGHTED, VisibilityBuffer, id_payload, note_extent, note_material, pack
 
 
 class Payload(NamedTuple):
@@ -113,7 +113,8 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
                 n_level += 1
             else:
                 has_planes = block.ints[s.HAS_PLANES + k] != 0
-                payload = Payload(id_payload(n_record, not has_planes), np.int64(0), np.int64(0))
+                kind = kind_of_planes(k, block) if has_planes else IS_EXACT
+                payload = Payload(id_payload(n_record, kind), np.int64(0), np.int64(0))
                 n_unit = np.int64(1)
                 if not has_planes or needs_corners(k, coding, block):
                     write_exact(records, n_record, k, some[k], n_attribute, coding, block)
@@ -161,6 +162,12 @@ def needs_when_drawn(needs, deferred):
     if deferred is not None:
         return np.int64(0) if needs & (NEEDS_BEHIND | IS_INVISIBLE) else np.int64(needs)
     return np.int64(needs)
+
+
+@helper
+def kind_of_planes(k, block):
+    """Return the kind of triangle k's planes, see visibility.py."""
+    return IS_WEIGHTED if block.ints[s.IS_WEIGHTED + k] != 0 else np.int64(0)
 
 
 @helper

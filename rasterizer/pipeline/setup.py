@@ -29,6 +29,7 @@ from .small_boxes import MOST_WIDE, find_covered
 from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
 
 BLOCK = 64  # triangles
+LEAST_SMALL = 8  # triangles with small boxes in a block
 
 
 def _starts(first, end):
@@ -50,7 +51,8 @@ MATERIAL = index(BLOCK * 22)
 COVERED = index(BLOCK * 23)  # the covered samples of a small box, see small_boxes.py; -1 where it isn't small
 # What is known of its material, see gradients.py: its cheapest way, how many attributes are read.
 WAY, N_OWN = index(BLOCK * 24), index(BLOCK * 25)
-N_INT = 26
+IS_WEIGHTED = index(BLOCK * 26)  # planes of values are multiplied by 1/r, see value_planes.py
+N_INT = 27
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
@@ -58,14 +60,14 @@ PLANE_LEVEL, PLANE_LEVEL_DX, PLANE_LEVEL_DY = _starts(3, 6)
 N_LONG = 6
 # Rows of float64: z of the vertices; what a rise along edge 1 or 2 adds to d/dx and d/dy; from vertex 0 to the anchor,
 # in samples; the range of z that a part of a clipped face may have; attributes at vertex 0, 1, 2, one after the other;
-# planes of attributes, three rows each, see gradients.py.
+# planes of attributes, three rows each, see gradients.py; the error that its material accepts.
 Z0, Z1, Z2 = _starts(0, 3)
 SLOPE_X1, SLOPE_X2, SLOPE_Y1, SLOPE_Y2 = _starts(3, 7)
 OFFSET_X, OFFSET_Y = _starts(7, 9)
 LEAST_Z, LARGEST_Z = _starts(9, 11)
 ATTRIBUTE, MOST_ATTRIBUTES = index(BLOCK * 11), 11
 PLANE_ATTRIBUTE, MOST_ATTRIBUTE_PLANES = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES)), 10
-LIMIT = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES))  # error that its material accepts
+LIMIT = index(BLOCK * (11 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES))
 N_REAL = 12 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
@@ -241,13 +243,17 @@ def compute_boxes(rows, width, block):
 
 @helper
 def find_covered_samples(block):
-    """Find the samples that triangles with small boxes cover."""
-    ints = block.ints
+    """Find the samples that triangles with small boxes cover, where a good part of the block has such boxes: there it
+    saves more than it takes."""
+    ints, n_small = block.ints, np.int32(0)
     for k in range(index(BLOCK)):
+        is_small = max(ints[EXTENT_X + k], ints[EXTENT_Y + k]) <= MOST_WIDE
+        ints[COVERED + k] = np.int32(0) if is_small else np.int32(-1)
+        n_small += np.int32(is_small)
+    for k in range(index(BLOCK if n_small >= LEAST_SMALL else 0)):
         triangle = (ints[X0 + k], ints[Y0 + k], ints[X1 + k], ints[Y1 + k], ints[X2 + k], ints[Y2 + k])
         covered = find_covered(triangle, ints[LEFT + k], ints[TOP + k], ints[RIGHT + k], ints[BOTTOM + k])
-        is_small = max(ints[EXTENT_X + k], ints[EXTENT_Y + k]) <= MOST_WIDE
-        ints[COVERED + k] = covered if is_small else np.int32(-1)
+        ints[COVERED + k] = covered if ints[COVERED + k] == 0 else np.int32(-1)
 
 
 @helper

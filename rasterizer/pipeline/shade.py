@@ -28,15 +28,17 @@ from .interpolate import (
     corner_weights,
     exact_triangle,
     has_exact,
-    has_id,
     inverse_sum,
     mean,
     next_exact_run,
     row_extent,
 )
 from .records import ATTRIBUTE, VALUES, material_of, plane_group
-from .simd import evaluate_values
-from .visibility import IS_ID, LEVEL_MASK, PAYLOAD_BITS, record_of
+from .simd import evaluate_planes, evaluate_values
+from .visibility import IS_ID, IS_WEIGHTED, LEVEL_BITS, LEVEL_MASK, PAYLOAD_BITS, record_of
+
+CHUNK = index(64)  # entries
+WEIGHTED = f.VIEW_DIR  # where the values of weighted planes are put: four quantities that nothing is in yet
 
 
 @kernel
@@ -83,26 +85,83 @@ def decode_nothing(entries, band, first, tint, batch, out_radiance, start):
 
 @helper
 def decode_entries(entries, band, first, tint, batch, out_radiance, start):
-    """See `decode_batch`."""
+    """See `decode_batch`: all entries at once where they are of one kind, else CHUNK at a time: most chunks are."""
+    n, has_planes = index(len(entries)), band.counts.n_plane > 0
+    has_affine, has_weighted = kinds_of_planes(entries) if has_planes else (False, False)
+    is_mixed = has_weighted or (has_affine and band.counts.n_level > 0)
+    step = CHUNK if is_mixed else n
+    for left in range(index(0), n, step):
+        some = entries[left : min(left + step, n)]
+        if is_mixed:
+            has_affine, has_weighted = kinds_of_planes(some)
+        kinds, place = (has_affine, has_weighted), (first[0] + np.int64(left), first[1])
+        decode_chunk(some, kinds, band, place, tint, batch, out_radiance, start + left)
+
+
+@helper
+def decode_chunk(entries, kinds, band, first, tint, batch, out_radiance, start):
+    """See `decode_batch`; `kinds` is what `kinds_of_planes` returns."""
     step, n_channel, n = np.float32(1.0 / band.coding.level_scale), out_radiance.shape[0], index(len(entries))
-    if band.counts.n_plane > 0 and has_id(entries):
-        (x, y), group = first, plane_group(band.records, VALUES)
-        fill_weights(entries, band.coding.depths, batch)
-        evaluate_values(entries, group, x, y, batch, f.NORMAL, f.NEXT, f.WEIGHT)
-        if band.counts.n_level == 0 and all_have_colors(band.coding.needs):
-            for channel in range(index(n_channel)):
-                out, source = out_radiance[channel, start : start + n], f.NORMAL + channel * f.NEXT
-                for k in range(n):
-                    out[k] = batch[source + k]
-        elif n_channel == 1:
-            merge_levels(entries, step, batch[f.NORMAL : f.NORMAL + n], out_radiance[0, start : start + n])
-        else:
-            merge_colors(entries, band, step, tint, batch, out_radiance[:, start : start + n])
+    has_affine, has_weighted = kinds
+    if not has_affine and not has_weighted:
+        for channel in range(index(n_channel)):
+            # A level times the tint, as the resolve stage multiplies it: rounded twice.
+            factor = tint[channel] if n_channel > 1 else np.float32(1)
+            decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
         return
-    for channel in range(index(n_channel)):
-        # A level times the tint, as the resolve stage multiplies it: rounded twice.
-        factor = tint[channel] if n_channel > 1 else np.float32(1)
-        decode_levels(entries, step, factor, out_radiance[channel, start : start + n])
+    (x, y), group = first, plane_group(band.records, VALUES)
+    if has_affine:
+        evaluate_planes(entries, group, x, y, batch, f.NORMAL, f.NEXT)
+    if has_weighted:
+        decode_weighted(entries, band, first, n_channel, has_affine, batch)
+    if band.counts.n_level == 0 and all_have_colors(band.coding.needs):
+        for channel in range(index(n_channel)):
+            out, source = out_radiance[channel, start : start + n], f.NORMAL + channel * f.NEXT
+            for k in range(n):
+                out[k] = batch[source + k]
+    elif n_channel == 1:
+        merge_levels(entries, step, batch[f.NORMAL : f.NORMAL + n], out_radiance[0, start : start + n])
+    else:
+        merge_colors(entries, band, step, tint, batch, out_radiance[:, start : start + n])
+
+
+@helper
+def kinds_of_planes(entries):
+    """Tell whether any entry holds the index of affine planes, or of an exact record; and of weighted ones."""
+    affine = weighted = np.int64(0)
+    for k in range(index(len(entries))):
+        is_id = entries[k] >> (LEVEL_BITS - 1)  # IS_ID at the place of IS_WEIGHTED
+        affine |= is_id & ~entries[k]
+        weighted |= is_id & entries[k]
+    return affine & IS_WEIGHTED != 0, weighted & IS_WEIGHTED != 0
+
+
+@helper
+def decode_weighted(entries, band, first, n_channel, has_others, batch):
+    """Put in the values of weighted planes: run by run where entries show others, too; as a rule few are weighted."""
+    (x, y), group = first, plane_group(band.records, VALUES)
+    start, end = (index(0), index(len(entries))) if not has_others else next_weighted_run(entries, index(0))
+    while start < end:
+        run = entries[start:end]
+        fill_weights(run, band.coding.depths, batch)
+        evaluate_values(run, group, x + np.int64(start), y, batch, WEIGHTED, f.NEXT, f.WEIGHT)
+        for channel in range(index(n_channel)):
+            target, source = f.NORMAL + channel * f.NEXT + start, WEIGHTED + channel * f.NEXT
+            for k in range(end - start):
+                batch[target + k] = batch[source + k]
+        start, end = next_weighted_run(entries, end)
+
+
+@helper
+def next_weighted_run(entries, start):
+    """Find the next samples in a row that show weighted planes: (start, end); an empty one where there is none."""
+    n, both = index(len(entries)), IS_ID | IS_WEIGHTED
+    while start < n and entries[start] & both != both:
+        start += index(1)
+    end = start
+    while end < n and entries[end] & both == both:
+        end += index(1)
+    return start, end
 
 
 @helper

@@ -5,7 +5,7 @@ visibility and writes both. (Burns & Hunt 2013, "The visibility buffer", JCGT 2(
 sample, too, and shade later.)
 
     63        62 ............ 25   24     23 ............. 0
-    sign (0)  z (38 bits)          is_id  intensity, or the index of a record and (bit 0) is_exact
+    sign (0)  z (38 bits)          is_id  intensity, or the index of a record, (bit 1) is_weighted, (bit 0) is_exact
 
 Where nothing is visible, the entry is CLEAR: behind every depth. Extents, the columns that may have been written, are
 kept for strips of 8 rows: so nobody looks at the rest of a band, and whoever turns the band into output clears no more
@@ -24,10 +24,12 @@ from .transform import DEPTH_BITS
 LEVEL_BITS = ID_BIT
 PAYLOAD_BITS = LEVEL_BITS + 1
 IS_ID = np.int64(1 << LEVEL_BITS)  # the payload is the index of a record, not an intensity
-IS_EXACT = np.int64(1)  # ... of an exact record; the lowest bit, so that at equal depth entries are ordered by index
-RECORD_SHIFT = 1  # where the index begins
+# ... of an exact record; of planes of intensities that a sample multiplies by its 1/r. These are the lowest bits, so
+# that at equal depth entries are ordered by index.
+IS_EXACT, IS_WEIGHTED = np.int64(1), np.int64(2)
+RECORD_SHIFT = 2  # where the index begins
 LEVEL_MASK = np.int64(IS_ID - 1)
-RECORD_MASK = np.int64(LEVEL_MASK - IS_EXACT)
+RECORD_MASK = np.int64(LEVEL_MASK - IS_EXACT - IS_WEIGHTED)
 MAX_RECORDS = 1 << (LEVEL_BITS - RECORD_SHIFT)
 DEPTH_MASK = np.int64(-(1 << PAYLOAD_BITS))
 CLEAR = np.int64(((1 << DEPTH_BITS) - 1) << PAYLOAD_BITS)
@@ -75,9 +77,10 @@ def pack(z, payload):
 
 
 @helper
-def id_payload(record, is_exact):
-    """Return what stands below the depth where a record is visible: its index, and whether it is an exact one."""
-    return IS_ID | (np.int64(record) << RECORD_SHIFT) | (IS_EXACT if is_exact else np.int64(0))
+def id_payload(record, kind):
+    """Return what stands below the depth where a record is visible: its index, and its kind, IS_EXACT, IS_WEIGHTED or
+    0."""
+    return IS_ID | (np.int64(record) << RECORD_SHIFT) | kind
 
 
 @helper

@@ -343,8 +343,8 @@ def test_transparent_triangles_are_listed_and_not_drawn(kind):
     assert set(faces) <= set(np.flatnonzero(np.isin(material, (1, 3)) & touches).tolist())
     kept = workspace.records
     for face, payload in zip(faces, found.payloads, strict=True):
-        record, is_exact = int(payload >> 1) & 0x7FFFFF, bool(payload & 1)
-        assert payload == id_payload.py_func(record, is_exact)
+        record, is_exact = int(payload >> 2) & 0x3FFFFF, bool(payload & 1)
+        assert payload == id_payload.py_func(record, payload & 3) and payload & 3 != 3
         its_face = kept.integers[record, records.FACE] if is_exact else kept.int_planes[16 * record + 3]
         its_material = kept.integers[record, records.MATERIAL] if is_exact else kept.int_planes[16 * record]
         assert (its_face, its_material) == (face, material[face])
