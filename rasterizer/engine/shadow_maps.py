@@ -69,7 +69,7 @@ class Shadows:
         maps: list[ShadowMap | None] = []
         room = MOST_NUMBERS
         for k, light in enumerate(plan.lights):
-            if shadow_of(light) is None or self._casters is None or not _gives_light(plan, k):
+            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
                 maps.append(None)
                 continue
             key = k, dtype
@@ -96,11 +96,6 @@ class Shadows:
     def normal_offsets(self) -> NDArray[np.float64]:
         """The normal offsets of the points that are lit before they are drawn, (n_point,)."""
         return compute_normal_offsets(self._geometry)
-
-
-def _gives_light(plan: Plan, k: int) -> bool:
-    """Tell whether any material reflects anything of light k: it isn't black."""
-    return bool(plan.reflected.diffuse[:, k].any() or plan.reflected.specular[:, k].any())
 
 
 def gather_casters(geometry: Geometry, bounds: NDArray[np.float64], opacity: Opacity | None) -> Casters | None:

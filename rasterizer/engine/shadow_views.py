@@ -182,7 +182,7 @@ class Precision:
 
     def __init__(self, plan: Plan, bounds: NDArray[np.float64]):
         self._corners = corners_of(bounds)
-        self._lights = [light for light in plan.lights if shadow_of(light) is not None]
+        self._lights = [light for light in plan.reflected_lights if shadow_of(light) is not None]
         anywhere = View(np.zeros(3), *np.eye(3))
         self._lasting = [None if is_carried(light) else self._measure(light, anywhere) for light in self._lights]
 
