@@ -231,16 +231,15 @@ def furthest_over_nearest(screen: Screen, furthest: float) -> float:
     return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
 
 
-def list_steps(plan: Any, surroundings: Surroundings) -> tuple[Step, ...]:
+def list_steps(plan: Any, surroundings: Surroundings, fixed: tuple[Step, ...] | None = None) -> tuple[Step, ...]:
     """List the steps in what a frame shows, and how near to each of them its bound doesn't hold.
 
     Parameters
     ----------
     plan : Plan (engine/plan.py)
+    fixed : what `list_fixed_steps` returns for the plan; None = it is found here
     """
-    u = SINGLE if plan.dtype == np.float32 else DOUBLE
-    steps = _material_steps(plan, u)
-    steps += [step for light in plan.reflected_lights for step in light_table.entry_of(light).steps(light, u)]
+    steps = list(list_fixed_steps(plan) if fixed is None else fixed)
     steps += _shadow_steps(plan, surroundings)
     if any(m.texture is not None and m.texture.filter == "nearest" for m in plan.materials):
         steps.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
@@ -250,6 +249,14 @@ def list_steps(plan: Any, surroundings: Surroundings) -> tuple[Step, ...]:
     if surroundings.is_lit_per_sample and surroundings.shortest < LEAST_NORMAL:
         steps.append(Step("an interpolated normal without length", LEAST_NORMAL, "of its length"))
     return tuple(dict.fromkeys(steps))  # each cause once
+
+
+def list_fixed_steps(plan: Any) -> tuple[Step, ...]:
+    """List the steps that a plan has in every view: those of materials, then those of lights."""
+    u = SINGLE if plan.dtype == np.float32 else DOUBLE
+    steps = _material_steps(plan, u)
+    steps += [step for light in plan.reflected_lights for step in light_table.entry_of(light).steps(light, u)]
+    return tuple(dict.fromkeys(steps))
 
 
 def _shadow_steps(plan, surroundings) -> list[Step]:
@@ -277,11 +284,13 @@ def _shadow_steps(plan, surroundings) -> list[Step]:
 def _material_steps(plan, u) -> list[Step]:
     """The steps of the reflection models: of diffuse terms, where there is a light, then of highlights that are lit; in
     the order of the table, whatever that of the materials."""
-    has_lit_highlight = plan.reflected.specular.any(axis=1)
+    has_lit_highlight = plan.reflected.specular.any(axis=1).tolist()
+    is_lit, numbers = bool(plan.is_lit.any()), {}
+    for k, material in enumerate(plan.materials):
+        numbers.setdefault(reflection_table.entry_of(material), []).append(k)
     diffuse, highlights = [], []
     for entry in reflection_table.REFLECTION_TABLE.values():
-        for material, is_lit in zip(plan.materials, has_lit_highlight, strict=True):
-            if reflection_table.entry_of(material) is entry:
-                diffuse += entry.diffuse_steps(material, u) if plan.reflected_lights else ()
-                highlights += entry.highlight_steps(material, u) if is_lit else ()
+        for k in numbers.get(entry, ()):
+            diffuse += entry.diffuse_steps(plan.materials[k], u) if is_lit else ()
+            highlights += entry.highlight_steps(plan.materials[k], u) if has_lit_highlight[k] else ()
     return diffuse + highlights

@@ -52,6 +52,10 @@ class MaterialPlans(NamedTuple):
         """Which need three channels."""
         return (self.needs & g.NEEDS_COLORS) != 0
 
+    def is_like(self, other: "MaterialPlans") -> bool:
+        """Tell whether others need the same, whatever rounding adds."""
+        return self.needs is other.needs or bool((self.needs == other.needs).all() and (self.ways == other.ways).all())
+
     def doubled(self, which: NDArray[np.bool_], reason: str) -> "MaterialPlans":
         """Return the same with float64 for some materials."""
         singles = np.uint8(255 - g.NEEDS_SINGLE)

@@ -21,7 +21,6 @@ from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
 from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
-from .uniforms import make_lighting
 from .view_plans import ViewPlan, ViewPlans
 
 NO_MATERIALS = np.empty(0, np.uint32)
@@ -127,7 +126,7 @@ class PreparedScene:
         if plan.has_shadows:
             maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
             clock.lap("shadows")
-        lightings = {d: make_lighting(plan, view, d, maps[d], screen.is_perspective) for d in plan.dtypes}
+        lightings = {d: self.view_plans.lighting_for(plan, view, screen, d, maps[d]) for d in plan.dtypes}
         shared = {
             "coding": make_coding(plan, screen, options.tolerance),
             "size": options.size,

@@ -38,7 +38,7 @@ def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
         entry = light_table.entry_of(plan.lights[k])
         entry.write(lights[k], plan.lights[k], view, dtype)
         _write_limits(limits[k], lights[k], entry.limits(plan.lights[k]))
-    if is_parted(plan):  # each light is followed by itself
+    if len(lighting.lights) > len(plan.lights):  # each light is followed by itself, see `is_parted`
         lights, limits = np.repeat(lights, 2, axis=0), np.repeat(limits, 2, axis=0)
         shadows = [part for shadow in shadows for part in (shadow, None)]
     return lighting._replace(

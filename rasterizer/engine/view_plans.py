@@ -10,8 +10,9 @@ from ..geometry.points import number_materials
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
 from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
+from ..pipeline.lighting import Lighting
 from . import reflection_table
-from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
+from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_fixed_steps, list_steps
 from .float64_reasons import LARGE, SMALL
 from .intensity_bounds import compute_amplifications
 from .light_table import entry_of, shadow_of
@@ -21,6 +22,7 @@ from .plan import Plan, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
 from .reach import NormalCones
 from .rounding import DOUBLE, SINGLE
+from .uniforms import light_view, list_materials
 
 
 class ViewPlan(NamedTuple):
@@ -32,6 +34,28 @@ class ViewPlan(NamedTuple):
     summary: PlanSummary
 
 
+class FixedParts:
+    """What follows from a plan whatever the view: kept until a view needs other types, or another projection."""
+
+    def __init__(self, plan: Plan, is_perspective: bool) -> None:
+        self._plan, self._is_perspective = plan, is_perspective
+        self._lightings: dict[np.dtype, Lighting] = {}
+        self.summary = summarize(plan, is_perspective)
+        self.steps = list_fixed_steps(plan)
+
+    def is_of(self, plan: Plan, is_perspective: bool) -> bool:
+        """Tell whether it follows from a plan, which may differ in what rounding adds."""
+        own = self._plan
+        is_alike = own is plan or (own.reflected is plan.reflected and own.of_materials.is_like(plan.of_materials))
+        return is_alike and self._is_perspective == is_perspective
+
+    def lighting(self, dtype: np.dtype) -> Lighting:
+        """The part of the illumination in one type that is the same in all views."""
+        if dtype not in self._lightings:
+            self._lightings[dtype] = list_materials(self._plan, dtype, self._is_perspective)
+        return self._lightings[dtype]
+
+
 class ViewPlans:
     """The plans of a scene, kept from view to view: what was found for one usually holds for the next."""
 
@@ -39,6 +63,7 @@ class ViewPlans:
         self._scene, self._options, self._geometry, self._bounds = scene, options, geometry, bounds
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
+        self._fixed: FixedParts | None = None
         self._shadow_precision: Any = None  # a plan, and its Precision; made where it is needed first
         materials, numbers = number_materials(scene.meshes)
         self._colored = find_colored(geometry, len(materials))
@@ -70,10 +95,21 @@ class ViewPlans:
         if self._last_key != key:
             tolerance = self._options.tolerance
             plan = plan_of_view(self._bounded_plan(plan, surroundings), tolerance, surroundings)
-            error_bound = float(error_bounds_of(plan, tolerance).max(initial=0.0))
-            steps, summary = list_steps(plan, surroundings), summarize(plan, screen.is_perspective)
-            self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, summary)
+            error_bound, fixed = float(error_bounds_of(plan, tolerance).max(initial=0.0)), self._fixed_of(plan, screen)
+            steps = list_steps(plan, surroundings, fixed.steps)
+            self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, fixed.summary)
         return self._last
+
+    def lighting_for(self, plan: Plan, view, screen, dtype: np.dtype, shadows) -> Lighting:
+        """The illumination in one type, for the view that `plan` was made for; `shadows` as `make_lighting` takes
+        them."""
+        return light_view(self._fixed_of(plan, screen).lighting(dtype), plan, view, shadows)
+
+    def _fixed_of(self, plan, screen) -> "FixedParts":
+        """What follows from a plan, whatever the view."""
+        if self._fixed is None or not self._fixed.is_of(plan, screen.is_perspective):
+            self._fixed = FixedParts(plan, screen.is_perspective)
+        return self._fixed
 
     def _make_plan(self, clearances, sets: LightSets | None) -> Plan:
         """The plan of the scene; arguments as `make_plan` takes them."""
