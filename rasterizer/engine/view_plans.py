@@ -213,7 +213,8 @@ def plan_of_view(plan: Plan, tolerance, surroundings: Surroundings) -> Plan:
         of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
         lengths = [surroundings.furthest, *of_positions.tolist()]
         is_lost = not all(SMALL <= length <= LARGE for length in lengths) or not np.isfinite(surroundings.shadow_shift)
-        is_lost = is_lost or bool((compute_amplifications(plan.lights, surroundings.clearances) > plan.most)[plan.is_lit].any())
+        amplifies = compute_amplifications(plan.lights, surroundings.clearances) > plan.most
+        is_lost = is_lost or bool((amplifies & plan.is_lit).any())
         is_lost = is_lost or (surroundings.is_lit_per_sample and surroundings.shortest <= 0.0)
         lost = ~is_double & (is_lost | ~(roundings <= tolerance / 2))
         if lost.any():
