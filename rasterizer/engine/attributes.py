@@ -12,6 +12,7 @@ from ..pipeline.fragments import make_batch
 from ..pipeline.gradients import NEEDS_COLORS
 from ..pipeline.lighting import SurfacePoints, light_points
 from ..pipeline.means import fill_means
+from ..pipeline.threads import MIN_PART
 
 
 class Attributes(NamedTuple):
@@ -39,10 +40,9 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     Attributes: n_channel intensities, linear; of materials with one channel the first is written alone. With textures 8
     in float64: of textured surfaces what a black one gives off, what the whole one gives off, texture coordinates
     """
-    groups, of_materials = list_groups(geometry), plan.of_materials
-    lit = {
-        dtype: [g for g in groups if of_materials.is_double[g.material] == (dtype == np.float64)] for dtype in lightings
-    }
+    groups = list_groups(geometry)
+    is_double, reads_double = plan.of_materials.is_double.tolist(), plan.of_materials.reads_double.tolist()
+    lit = {dtype: [g for g in groups if is_double[g.material] == (dtype == np.float64)] for dtype in lightings}
 
     def light_here(geometry, chosen):
         return {
@@ -51,8 +51,8 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
         }
 
     whole, found = light_here(geometry, lit), list(NONE)
-    single = [group for group in groups if not of_materials.reads_double[group.material]]
-    double = [group for group in groups if of_materials.reads_double[group.material]]
+    single = [group for group in groups if not reads_double[group.material]]
+    double = [group for group in groups if reads_double[group.material]]
     if single:
         found[0] = fill_centers(whole[np.dtype(np.float32)], geometry, single, threads)
     if double:
@@ -105,16 +105,45 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     runs = [(0, geometry.points.shape[1])] if runs is None else runs
-    for material, start, end in groups:
-        needed = [(max(first, start), min(last, end)) for first, last in runs if first < end and start < last]
+    pieces = [
+        Group(group.material, *part) for group, run in intersect(groups, runs) for part in threads.divide([run])
+    ]
+
+    def light_share(share):
+        batch = make_batch(dtype)
         for side, out in enumerate(intensities):
             sign = 0 if plan.is_flat else 1 - 2 * side
+            for material, start, end in share:
+                light_points(points, start, end, screen, sign, lighting, material, batch, out)
 
-            def light_part(part, material=material, sign=sign, out=out):
-                light_points(points, *part, screen, sign, lighting, material, make_batch(dtype), out)
-
-            threads.map(light_part, threads.divide(needed))
+    threads.map(light_share, bundle(pieces))
     return intensities
+
+
+def intersect(groups, runs) -> list[tuple[Group, tuple[int, int]]]:
+    """List what groups of points and runs (start, end) have in common, group by group; both are ascending."""
+    found, k = [], 0
+    for group in groups:
+        while k < len(runs) and runs[k][1] <= group.start:
+            k += 1
+        here = k
+        while here < len(runs) and runs[here][0] < group.end:
+            found.append((group, (max(group.start, runs[here][0]), min(group.end, runs[here][1]))))
+            here += 1
+    return found
+
+
+def bundle(pieces: list[Group]) -> list[list[Group]]:
+    """Put neighbouring pieces together, until a share is worth a thread of its own."""
+    shares: list[list[Group]] = []
+    room = 0
+    for piece in pieces:
+        if room <= 0:
+            shares.append([])
+            room = MIN_PART
+        shares[-1].append(piece)
+        room -= piece.end - piece.start
+    return shares
 
 
 def fill_centers(values, geometry, groups, threads) -> np.ndarray:

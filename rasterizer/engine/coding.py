@@ -16,7 +16,6 @@ from ..pipeline.gradients import (
 )
 from ..pipeline.texture_planes import TextureCoding
 from ..pipeline.transform import DEPTH_MARGIN
-from .light_table import entry_of
 from .plan import Plan
 
 
@@ -32,13 +31,11 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, depths)
     left, brightest = np.maximum(0.0, tolerance - of_materials.roundings), max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:
-        needs_distance = any(entry_of(light).function(light).needs_position for light in plan.lights)
-        needs_distance = needs_distance or plan.has_shadows
         has_albedo = (of_materials.needs & NEEDS_ALBEDO) != 0
         of_textures = left - np.where(has_albedo, tolerance / 2, tolerance / 4)
         albedo_tolerance = float(tolerance / 4 / brightest)
         return NormalCoding(
-            *rows, of_materials.normal_limits, None, albedo_tolerance, needs_distance,
+            *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position,
             code_textures(plan, of_textures), depths,
         )  # fmt: skip
     limits = np.where(of_materials.is_looked_up, left / 2, left)

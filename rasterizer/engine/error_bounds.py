@@ -112,11 +112,7 @@ def bound_highlights(reflected: Reflected, u: float, least_sums: ArrayLike) -> H
     ----------
     least_sums : (n_material, n_light) or a number, see `Surroundings`
     """
-    rows = np.broadcast_to(np.asarray(least_sums, float), reflected.specular.shape)
-    found = np.zeros((len(HighlightBounds._fields), *reflected.specular.shape))
-    for m, (material, row) in enumerate(zip(reflected.materials, rows, strict=True)):
-        found[:, m] = reflection_table.entry_of(material).highlight_bounds(material, u, row)
-    return HighlightBounds(*found)
+    return reflected.highlights.look_up(u, np.broadcast_to(np.asarray(least_sums, float), reflected.specular.shape))
 
 
 def lighting_error(reflected: Reflected, u: float, highlights: HighlightBounds | None = None) -> NDArray[np.float64]:
@@ -128,33 +124,33 @@ def lighting_error(reflected: Reflected, u: float, highlights: HighlightBounds |
     """
     specular = reflected.specular if highlights is None else reflected.specular * highlights.peaks
     given = reflected.diffuse + specular
-    total = reflected.undirected + given.sum(axis=1)
+    total = reflected.undirected + reflected.sum_lights(given)
     # The sum over the lights is taken one after the other: each of them is rounded once for each that follows. An F0
     # with a colour has two terms for each light.
     is_colored = any(reflection_table.has_colored_fresnel(material) for material in reflected.materials)
-    n_term = given.shape[1] * (2 if is_colored else 1)
+    n_term = reflected.sets.most_together * (2 if is_colored else 1)
     error = u * (LIT + INTERPOLATED + n_term) * total
-    error += u * ROUGH * times(reflected.diffuse_slopes, reflected.diffuse.sum(axis=1))
-    error += times(given, np.minimum(1.0, CONE * u * reflected.steepnesses)).sum(axis=1)
+    error += u * ROUGH * times(reflected.diffuse_slopes, reflected.sum_lights(reflected.diffuse))
+    error += reflected.sum_lights(times(given, np.minimum(1.0, CONE * u * reflected.steepnesses)))
     return error + highlight_error(reflected, u, highlights)
 
 
 def highlight_error(reflected: Reflected, u: float, highlights: HighlightBounds | None = None) -> NDArray[np.float64]:
     """Return the part of `lighting_error` that is that of highlights, (n_material,)."""
     if highlights is not None:
-        return times(reflected.specular, highlights.roundings).sum(axis=1)
+        return reflected.sum_lights(times(reflected.specular, highlights.roundings))
     heights = [reflection_table.entry_of(m).highlight_rounding(m, u) for m in reflected.materials]
-    return times(reflected.specular.sum(axis=1), heights)
+    return times(reflected.sum_lights(reflected.specular), heights)
 
 
 def normal_error(reflected: Reflected, angle: float, highlights: HighlightBounds) -> NDArray[np.float64]:
     """Return what an error of the normals, in radians, adds to an intensity at most, (n_material,)."""
-    error = np.minimum(1.0, (1.0 + reflected.diffuse_slopes) * angle) * reflected.diffuse.sum(axis=1)
+    error = times(reflected.diffuse, np.minimum(1.0, (1.0 + reflected.diffuse_slopes) * angle)[:, None])
     changes = times(highlights.normal_slopes, angle)
     for m in _with_steep_powers(highlights):
         material = reflected.materials[m]
         changes[m] = reflection_table.entry_of(material).highlight_change(material, angle)
-    return error + times(reflected.specular, np.minimum(1.0, changes)).sum(axis=1)
+    return reflected.sum_lights(error + times(reflected.specular, np.minimum(1.0, changes)))
 
 
 def position_error(
@@ -189,7 +185,7 @@ def position_error(
         material, steep = reflected.materials[m], 2.0 + reflected.steepnesses
         of_highlights[m] = reflection_table.entry_of(material).highlight_change(material, angles, steep)
     error = times(reflected.diffuse, np.minimum(1.0, of_diffuse))
-    return (error + times(reflected.specular, np.minimum(1.0, of_highlights))).sum(axis=1)
+    return reflected.sum_lights(error + times(reflected.specular, np.minimum(1.0, of_highlights)))
 
 
 def _sways_and_turns(reflected, clearances, light_slopes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -235,16 +231,15 @@ def furthest_over_nearest(screen: Screen, furthest: float) -> float:
     return max(1.0, min(furthest, screen.far) * (DEPTH_MARGIN - screen.z_offset) / screen.z_scale)
 
 
-def list_steps(plan: Any, surroundings: Surroundings) -> tuple[Step, ...]:
+def list_steps(plan: Any, surroundings: Surroundings, fixed: tuple[Step, ...] | None = None) -> tuple[Step, ...]:
     """List the steps in what a frame shows, and how near to each of them its bound doesn't hold.
 
     Parameters
     ----------
     plan : Plan (engine/plan.py)
+    fixed : what `list_fixed_steps` returns for the plan; None = it is found here
     """
-    u = SINGLE if plan.dtype == np.float32 else DOUBLE
-    steps = _material_steps(plan, u)
-    steps += [step for light in plan.lights for step in light_table.entry_of(light).steps(light, u)]
+    steps = list(list_fixed_steps(plan) if fixed is None else fixed)
     steps += _shadow_steps(plan, surroundings)
     if any(m.texture is not None and m.texture.filter == "nearest" for m in plan.materials):
         steps.append(Step("the border between texels that are not blended", 2.0**-20, "texels"))
@@ -256,6 +251,14 @@ def list_steps(plan: Any, surroundings: Surroundings) -> tuple[Step, ...]:
     return tuple(dict.fromkeys(steps))  # each cause once
 
 
+def list_fixed_steps(plan: Any) -> tuple[Step, ...]:
+    """List the steps that a plan has in every view: those of materials, then those of lights."""
+    u = SINGLE if plan.dtype == np.float32 else DOUBLE
+    steps = _material_steps(plan, u)
+    steps += [step for light in plan.reflected_lights for step in light_table.entry_of(light).steps(light, u)]
+    return tuple(dict.fromkeys(steps))
+
+
 def _shadow_steps(plan, surroundings) -> list[Step]:
     """The edges of shadows, whose exact ones are those of rays from the lights.
 
@@ -265,7 +268,8 @@ def _shadow_steps(plan, surroundings) -> list[Step]:
     than its depth changes over a texel isn't seen; nor what a normal offset carries the point across
     (pipeline/shadow_lookup.py).
     """
-    taps = [light_table.shadow_of(light).filter for light in plan.lights if light_table.shadow_of(light) is not None]
+    shadows = [light_table.shadow_of(light) for light in plan.reflected_lights]
+    taps = [shadow.filter for shadow in shadows if shadow is not None]
     if not taps:
         return []
     cause = "the edge of a shadow, or a fold towards its light"
@@ -280,11 +284,13 @@ def _shadow_steps(plan, surroundings) -> list[Step]:
 def _material_steps(plan, u) -> list[Step]:
     """The steps of the reflection models: of diffuse terms, where there is a light, then of highlights that are lit; in
     the order of the table, whatever that of the materials."""
-    has_lit_highlight = plan.reflected.specular.any(axis=1)
+    has_lit_highlight = plan.reflected.specular.any(axis=1).tolist()
+    is_lit, numbers = bool(plan.is_lit.any()), {}
+    for k, material in enumerate(plan.materials):
+        numbers.setdefault(reflection_table.entry_of(material), []).append(k)
     diffuse, highlights = [], []
     for entry in reflection_table.REFLECTION_TABLE.values():
-        for material, is_lit in zip(plan.materials, has_lit_highlight, strict=True):
-            if reflection_table.entry_of(material) is entry:
-                diffuse += entry.diffuse_steps(material, u) if plan.lights else ()
-                highlights += entry.highlight_steps(material, u) if is_lit else ()
+        for k in numbers.get(entry, ()):
+            diffuse += entry.diffuse_steps(plan.materials[k], u) if is_lit else ()
+            highlights += entry.highlight_steps(plan.materials[k], u) if has_lit_highlight[k] else ()
     return diffuse + highlights

@@ -7,12 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import light_table, reflection_table
+from .highlight_tables import HighlightTables
+from .light_sets import LightSets, all_lights
 from .rounding import times
 from .spectral_products import Products
 
 
 class Reflected(NamedTuple):
-    """How bright a scene's lights make its materials at most, linear intensity, the largest of all channels."""
+    """How bright a scene's lights make its materials at most, linear intensity, the largest of all channels.
+
+    What a light gives to a material that it doesn't reach is 0. Sums over the lights are those over lights that may
+    reach one point together.
+    """
 
     undirected: NDArray[np.float64]  # (n_material,): what needs no light with a direction: ambient and emissive
     diffuse: NDArray[np.float64]  # (n_material, n_light)
@@ -21,12 +27,14 @@ class Reflected(NamedTuple):
     steepnesses: NDArray[np.float64]  # (n_light,): how far the factors of cone and range magnify errors
     materials: tuple
     lights: tuple
+    sets: LightSets  # which lights reach which materials, and one point
+    highlights: HighlightTables  # of the materials
 
     @property
     def bounds(self) -> NDArray[np.float64]:
         """The largest intensity that any point of a material can have, (n_material,)."""
         with np.errstate(over="ignore"):  # infinite where no bound holds
-            return self.undirected + self.diffuse.sum(axis=1) + self.specular.sum(axis=1)
+            return self.undirected + self.sum_lights(self.diffuse + self.specular)
 
     @property
     def bound(self) -> float:
@@ -38,8 +46,12 @@ class Reflected(NamedTuple):
         """What an intensity of each material changes by, at most, for each radian that the normal turns, (n_material,);
         infinite where that has no limit."""
         slopes = [reflection_table.entry_of(material).turn_slope(material) for material in self.materials]
-        of_diffuse = (1.0 + self.diffuse_slopes) * self.diffuse.sum(axis=1)
-        return of_diffuse + times(self.specular.sum(axis=1), slopes)
+        of_diffuse = times(self.diffuse, 1.0 + self.diffuse_slopes[:, None])
+        return self.sum_lights(of_diffuse + times(self.specular, np.array(slopes)[:, None]))
+
+    def sum_lights(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the largest sum over lights that reach one point of (n_material, n_light) values, (n_material,)."""
+        return self.sets.largest_sums(values)
 
     @property
     def turn_slope(self) -> float:
@@ -57,6 +69,7 @@ def compute_reflected(
     ambient: NDArray[np.float64],
     most_albedo: float,
     products: Products | None = None,
+    sets: LightSets | None = None,
 ) -> Reflected:
     """Compute how bright each light makes each material at most, where nothing is amplified.
 
@@ -65,7 +78,9 @@ def compute_reflected(
     ambient : (3,) float64, the sum of the ambient lights
     most_albedo : largest component of the colours that multiply what materials reflect, textures' included
     products : those of spectra (engine/spectral_products.py), in which the exposure is included, or None
+    sets : which lights reach what; None = every light every point
     """
+    sets = all_lights(len(materials), len(lights)) if sets is None else sets
     undirected = np.array([max(m.ambient) * ambient.max() * most_albedo + max(m.emissive) for m in materials])
     colors = np.array([max(light.color) for light in lights], float)
     diffuse = np.array([max(m.diffuse) for m in materials])[:, None] * colors
@@ -77,8 +92,12 @@ def compute_reflected(
     peaks = np.array([_highlight_peak(material) for material in materials])
     slopes = np.array([reflection_table.entry_of(material).diffuse_slope(material) for material in materials])
     steepnesses = np.array([light_table.entry_of(light).steepness(light) for light in lights], float)
-    diffuse, specular = diffuse * most_albedo, specular * peaks[:, None]
-    return Reflected(undirected, diffuse, specular, slopes, steepnesses, tuple(materials), tuple(lights))
+    diffuse = np.where(sets.reaches, diffuse * most_albedo, 0.0)
+    specular = np.where(sets.reaches, specular * peaks[:, None], 0.0)
+    highlights = HighlightTables(materials)
+    return Reflected(
+        undirected, diffuse, specular, slopes, steepnesses, tuple(materials), tuple(lights), sets, highlights
+    )
 
 
 def _highlight_peak(material) -> float:

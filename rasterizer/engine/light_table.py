@@ -8,6 +8,7 @@ Who asks, and for what:
     uniforms            the pipeline's function for it, and the coefficients that this function reads
     shadow_maps         the beam that a map has to show
     view_plans          how near the lit points come to it
+    reach, uniforms     where its strength ends
     analysis/mach       the beam, too: which side of a face is lit
 
 A kind of light of one's own derives from LightEntry and says only what is different; `rasterizer.registries` enters it
@@ -16,7 +17,7 @@ here and in the tables of the other layers.
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,10 +27,7 @@ from ..pipeline import light_kinds as pipeline
 from ..scene.camera import View
 from ..scene.lights import kind_of
 from .light_fall import cone_cosines, exponent_rise, fall_at, fall_rise, strength_at, unweakened_to
-from .rounding import SINGLE, Step, step_cosine
-
-if TYPE_CHECKING:
-    from .reach import Boxes
+from .rounding import Step, step_cosine
 
 Distance = Callable[[Sequence[float]], float]  # from a position in the world to the lit point that is nearest to it
 
@@ -42,6 +40,16 @@ class Beam(NamedTuple):
     origin: NDArray[np.float64] | None  # (3,); None = infinitely far away
     axis: NDArray[np.float64] | None  # (3,) unit, the way the light travels; None = to all sides
     spread: float  # tangent of the largest angle from the axis; 0 where the origin is None, inf from 90 degrees on
+
+
+class Limits(NamedTuple):
+    """Where a light's strength ends: beyond, its function writes exactly 0."""
+
+    range: float  # scene units, of the distance from the light; infinite where there is no end
+    cos_outer: float  # cosine of the largest angle from the axis, at most 90 degrees; -1 where it shines to all sides
+
+
+UNLIMITED = Limits(math.inf, -1.0)
 
 
 class LightEntry:
@@ -116,14 +124,13 @@ class LightEntry:
         """Return where the strength jumps; u is the unit roundoff."""
         return ()
 
-    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
-        """Return for which boxes the strength may be other than 0, (n_mesh,).
+    def limits(self, light: Any) -> Limits:
+        """Return where the strength ends.
 
-        Parameters
-        ----------
-        boxes : Boxes (engine/reach.py), n_mesh boxes with their errors
+        Of a light that has a `range` its `beam` has an origin, and its coefficients have the position in VECTOR; of one
+        that has a cone they have the axis, too, in AXIS.
         """
-        return np.ones(len(boxes.low), bool)
+        return UNLIMITED
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients that must keep their digits in float32 when multiplied by squares of lengths."""
@@ -227,11 +234,9 @@ class PointEntry(LightEntry):
         """(d/r)^4 rises by four times the relative error of d."""
         return 4.0 if light.range is not None else 0.0
 
-    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
-        """Nothing beyond its range. (d/r)² is rounded by less than 16 u, beside the errors of positions."""
-        if light.range is None or light.range < _LEAST_RANGE:
-            return super().reaches(light, view, boxes)
-        return boxes.distances(world_position(light, view)) <= light.range * (1.0 + 16.0 * SINGLE)
+    def limits(self, light: Any) -> Limits:
+        """Nothing arrives beyond the range."""
+        return UNLIMITED if light.range is None or light.range < _LEAST_RANGE else Limits(light.range, -1.0)
 
     def lengths(self, light: Any) -> tuple[float, ...]:
         """Return the coefficients of the attenuation, and the range."""
@@ -288,14 +293,9 @@ class SpotEntry(PointEntry):
             of_exponent = min(math.sqrt(light.exponent), light.exponent * sine)
         return sine * fall_rise(light) + of_exponent
 
-    def reaches(self, light: Any, view: View, boxes: "Boxes") -> NDArray[np.bool_]:
-        """Nothing outside the cone. The cosine of the angle from the axis is rounded by 12 u, see CONE in
-        error_bounds.py, beside the errors of positions; next to a sharp edge it counts as inside."""
-        ways, spread = boxes.directions(world_position(light, view))
-        cosine = np.clip(ways @ world_direction(light, view), -1.0, 1.0)
-        nearest = np.cos(np.clip(np.arccos(cosine) - spread, 0.0, np.pi))
-        is_inside = nearest + 16.0 * SINGLE + step_cosine(SINGLE) >= cone_cosines(light)[1]
-        return super().reaches(light, view, boxes) & is_inside
+    def limits(self, light: Any) -> Limits:
+        """Nothing arrives outside the outer cone, either."""
+        return super().limits(light)._replace(cos_outer=cone_cosines(light)[1])
 
     def steps(self, light: Any, u: float) -> tuple[Step, ...]:
         """A sharp cone has an edge."""

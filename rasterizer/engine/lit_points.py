@@ -24,35 +24,45 @@ class LitPoints:
         self._is_lit_per_sample = is_lit_per_sample
         self._parts: list | None = None
         self._spheres: tuple | None = None
-        self._lasting: NDArray[np.float64] | None = None  # clearances of lights that don't move with the camera
+        # Clearances of lights that don't move with the camera; NaN where nobody asked for them.
+        self._lasting = np.full((self._n_material, len(self._lights)), np.nan)
         self._carried: dict[tuple, NDArray[np.float64]] = {}  # those of the others in the last view, by position
 
     def distance(self, position: Sequence[float]) -> float:
         """Return how near the lit points of all materials come to a position, scene units."""
         return float(min((self._distance(k, position) for k in range(self._n_material)), default=math.inf))
 
-    def clearances(self, view: View) -> NDArray[np.float64]:
+    def clearances(self, view: View, is_lit: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """Return the distance that no lit point of a material comes nearer to a light than, (n_material, n_light),
-        scene units; see `LightEntry.clearance`."""
-        if self._lasting is None:
-            self._lasting = np.full((self._n_material, len(self._lights)), np.inf)
-            for i, light in enumerate(self._lights):
-                if not is_carried(light):
-                    self._lasting[:, i] = self._clearances_from(light, view)
-        found, kept, self._carried = self._lasting.copy(), self._carried, {}
+        scene units; see `LightEntry.clearance`. Infinite where the light doesn't light the material.
+
+        Parameters
+        ----------
+        is_lit : (n_material, n_light), as in Plan; None = every light every material
+        """
+        is_lit = np.ones(self._lasting.shape, np.bool_) if is_lit is None else is_lit
+        is_new = is_lit & np.isnan(self._lasting)
+        kept, self._carried = self._carried, {}
+        found = self._lasting.copy()
         for i, light in enumerate(self._lights):
-            beam = entry_of(light).beam(light, view) if is_carried(light) else None
+            if not is_carried(light):
+                if is_new[:, i].any():
+                    self._lasting[:, i] = found[:, i] = self._clearances_from(light, view, is_lit[:, i])
+                continue
+            beam = entry_of(light).beam(light, view)
+            found[:, i] = np.inf
             if beam is not None and beam.origin is not None:
                 key = (i, *beam.origin.tolist())
-                self._carried[key] = kept[key] if key in kept else self._clearances_from(light, view)
+                every = np.ones(self._n_material, np.bool_)
+                self._carried[key] = kept[key] if key in kept else self._clearances_from(light, view, every)
                 found[:, i] = self._carried[key]
-        return found
+        return np.where(is_lit, found, np.inf)
 
-    def _clearances_from(self, light, view) -> list[float]:
-        """The clearances of the materials from a light."""
+    def _clearances_from(self, light, view, is_lit) -> list[float]:
+        """The clearances of materials from a light; NaN where it doesn't light them."""
         entry = entry_of(light)
         return [
-            entry.clearance(light, view, lambda position, k=k: self._distance(k, position))
+            entry.clearance(light, view, lambda position, k=k: self._distance(k, position)) if is_lit[k] else math.nan
             for k in range(self._n_material)
         ]
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from ..pipeline import gradients as g
 from .float64_reasons import reasons_of
+from .light_sets import MOST_TURN
 from .rounding import SINGLE
 from .tint import common_tint
-
-MOST_TURNED = 2.0**-12  # radians: a normal's error where shadows are looked up
 
 
 class MaterialPlans(NamedTuple):
@@ -53,6 +52,10 @@ class MaterialPlans(NamedTuple):
         """Which need three channels."""
         return (self.needs & g.NEEDS_COLORS) != 0
 
+    def is_like(self, other: "MaterialPlans") -> bool:
+        """Tell whether others need the same, whatever rounding adds."""
+        return self.needs is other.needs or bool((self.needs == other.needs).all() and (self.ways == other.ways).all())
+
     def doubled(self, which: NDArray[np.bool_], reason: str) -> "MaterialPlans":
         """Return the same with float64 for some materials."""
         singles = np.uint8(255 - g.NEEDS_SINGLE)
@@ -89,13 +92,14 @@ def plan_materials(
     of_picture = {"depth cueing": cue is not None, "spectra": bool(sources.products)}
     of_picture = [reason for reason, holds in of_picture.items() if holds]
     angles = options.tolerance / 4 / np.maximum(greatest.turn_slopes, 1e-30)
-    if sources.has_shadows:  # they depend on normals, however dim the lights are
-        angles = np.minimum(angles, MOST_TURNED)
+    # Shadows depend on normals, however dim the lights are; so does which side of a surface a light is on.
+    if sources.has_shadows or sources.sets.is_one_sided:
+        angles = np.minimum(angles, MOST_TURN)
     normal_limits = angles / (np.sqrt(3.0) * SINGLE)
     ways, needs, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(materials):
         bound = greatest.bounds[k]
-        why = reasons_of(material, sources.lights, options.tolerance, roundings[k], bound, of_picture)
+        why = reasons_of(material, sources.lights_of(k), options.tolerance, roundings[k], bound, of_picture)
         is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
         ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], brightness.bound))
         needs.append(list_needs(material, bool(why), is_colored, facts.has_vertex_colors[k]))

@@ -21,6 +21,7 @@ from ..pipeline.visibility import LEVEL_MASK
 from . import light_table
 from .error_bounds import WRITTEN, bound_highlights, lighting_error
 from .intensity_bounds import Reflected, compute_amplifications, compute_reflected
+from .light_sets import LightSets, all_lights
 from .material_plans import Facts, MaterialPlans, plan_materials
 from .reach import is_black
 from .rounding import SINGLE
@@ -41,6 +42,8 @@ class Plan(NamedTuple):
     level_scale: float  # levels a unit of intensity
     bound: float  # the largest intensity that any point can have
     reflected: Reflected  # how bright each light makes each material, not amplified
+    is_lit: np.ndarray  # (n_material, n_light) bool: the material may reflect something of the light
+    n_left_out: int  # lights that no material reflects anything of: black ones, which aren't listed, and others
     most: np.ndarray  # (n_light,): how much each light amplifies at most
     brightest_background: float  # largest component of what lies behind the picture, or of what it fades to with depth
     is_flat: bool
@@ -49,7 +52,7 @@ class Plan(NamedTuple):
     lights: tuple  # the others; those of an area light one by one
     materials: tuple  # the different ones of all meshes
     has_albedo: bool
-    has_shadows: bool
+    has_shadows: bool  # some light casts shadows, and is reflected
     has_tangents: bool  # some material is brushed along u
     textures: Textures | None  # None where the scene has none
     packed_textures: PackedTextures | None  # the same for look-ups in float32; None where there are none
@@ -75,9 +78,15 @@ class Plan(NamedTuple):
         return tuple(dict.fromkeys(reason for reasons in self.of_materials.reasons for reason in reasons))
 
     @property
-    def rounding(self) -> float:
-        """What rounding may add to an intensity, linear."""
-        return float(self.of_materials.roundings.max())
+    def reflected_lights(self) -> tuple:
+        """The lights that some material reflects something of."""
+        return tuple(light for light, is_lit in zip(self.lights, self.is_lit.any(axis=0), strict=True) if is_lit)
+
+    @property
+    def needs_position(self) -> bool:
+        """Lighting reads the positions of points."""
+        functions = [light_table.entry_of(light).function(light) for light in self.reflected_lights]
+        return self.has_shadows or any(function.needs_position for function in functions)
 
 
 class Sources(NamedTuple):
@@ -87,11 +96,19 @@ class Sources(NamedTuple):
     lights: tuple  # the others; those of an area light one by one
     materials: tuple  # the different ones of all meshes
     products: Products | None  # those of spectra, in which the exposure is included
+    sets: LightSets  # which lights reach what
+    is_lit: np.ndarray  # (n_material, n_light) bool: the light reaches the material, which reflects something of it
+    n_black: int  # lights that are black, and no part of `lights`
 
     @property
     def has_shadows(self) -> bool:
-        """Some light casts shadows."""
-        return any(light_table.shadow_of(light) is not None for light in self.lights)
+        """Some light casts shadows, and is reflected."""
+        casts = [light_table.shadow_of(light) is not None for light in self.lights]
+        return bool((self.is_lit.any(axis=0) & np.array(casts, np.bool_)).any())
+
+    def lights_of(self, k: int) -> tuple:
+        """The lights that material k reflects something of."""
+        return tuple(light for light, is_lit in zip(self.lights, self.is_lit[k].tolist(), strict=True) if is_lit)
 
     @property
     def is_textured(self) -> bool:
@@ -117,7 +134,7 @@ class Brightness(NamedTuple):
     least_roundings: np.ndarray
 
 
-def make_plan(scene, options: Options, albedo, clearances=None, colored=None) -> Plan:
+def make_plan(scene, options: Options, albedo, clearances=None, colored=None, sets=None) -> Plan:
     """Find out what a scene needs.
 
     Parameters
@@ -126,10 +143,11 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
     clearances : (n_light,) float64, distances that no lit point comes nearer to the lights than, or None: lights that
         amplify without limit need float64 then
     colored : (n_material,) bool, which materials have points whose albedo isn't grey; None = all if any
+    sets : LightSets, which of the lights `list_lights` reach what; None = all of them everything
 
     Raises SceneError where the picture's intensities may be too large for float32.
     """
-    sources = gather_sources(scene, options)
+    sources = gather_sources(scene, options, sets)
     materials, cue = sources.materials, scene.depth_cue
     facts = gather_facts(scene, sources, albedo, colored)
     tint = choose_tint(facts.tints)
@@ -146,6 +164,8 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None) ->
         level_scale=(int(LEVEL_MASK) - 1) / most_level if 0.0 < most_level < np.inf else 1.0,
         bound=brightness.bound,
         reflected=brightness.reflected,
+        is_lit=sources.is_lit,
+        n_left_out=sources.n_black + int((~sources.is_lit.any(axis=0)).sum()),
         most=brightness.most,
         brightest_background=brightness.behind,
         is_flat=options.is_flat,
@@ -176,18 +196,16 @@ def gather_facts(scene, sources: "Sources", albedo, colored) -> Facts:
                 has_vertex_colors[numbers] = True
     if colored is None:
         colored = np.full(len(materials), len(albedo) > 0 and bool(np.ptp(albedo, axis=1).any()))
-    tints = [
-        None if has_colors else tint_of(material, sources, scene.depth_cue)
-        for material, has_colors in zip(materials, colored, strict=True)
-    ]
+    tints = [None if has_colors else tint_of(k, sources, scene.depth_cue) for k, has_colors in enumerate(colored)]
     return Facts(has_texture | has_vertex_colors, has_vertex_colors, colored, tints)
 
 
-def tint_of(material, sources: "Sources", cue) -> np.ndarray | None:
-    """Return the RGB triple that all intensities of a material are multiples of; None where there is none."""
+def tint_of(k: int, sources: "Sources", cue) -> np.ndarray | None:
+    """Return the RGB triple that all intensities of material k are multiples of; None where there is none."""
+    material = sources.materials[k]
     if sources.products is not None or material.texture is not None:
         return None
-    tint = common_color([material], sources.lights, sources.ambient)
+    tint = common_color([material], sources.lights_of(k), sources.ambient)
     return tint if cue is None or tint is None else common_tint(tint, cue.color)
 
 
@@ -200,17 +218,30 @@ def choose_tint(tints) -> np.ndarray | None:
     return np.array(max(groups, key=lambda tint: groups[tint])) if groups else None
 
 
-def gather_sources(scene, options: Options) -> Sources:
-    """List lights and materials, those of an area light one by one, without black ones; the exposure is included."""
-    ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
+def list_lights(scene) -> tuple[tuple, int]:
+    """List the lights that aren't ambient, those of an area light one by one, without black ones; and how many of these
+    there are."""
     lights = tuple(part for light in scene.lights for part in light_table.entry_of(light).expand(light))
-    lights = tuple(light for light in lights if not is_black(light))
-    materials = number_materials(scene.meshes)[0]
+    shining = tuple(light for light in lights if not is_black(light))
+    return shining, len(lights) - len(shining)
+
+
+def gather_sources(scene, options: Options, sets: LightSets | None = None) -> Sources:
+    """List lights and materials, and which lights count for which materials; the exposure is included."""
+    ambient_lights = tuple(light for light in scene.lights if light_table.entry_of(light).is_ambient)
+    (lights, n_black), materials = list_lights(scene), number_materials(scene.meshes)[0]
     products = multiply_spectra(materials, lights, ambient_lights, options)
     if products is None and options.exposure != 0.0:
         ambient_lights, lights, materials = expose(ambient_lights, lights, materials, 2.0**options.exposure)
     ambient = sum((np.array(light.color) for light in ambient_lights), np.zeros(3))
-    return Sources(ambient, lights, materials, products)
+    sets = all_lights(len(materials), len(lights)) if sets is None else sets
+    if products is None:
+        is_reflecting = [[any(material.diffuse) or any(material.specular)] for material in materials]
+    else:
+        is_reflecting = [products.diffuse.any(axis=2), products.specular.any(axis=2), products.grazing.any(axis=2)]
+        is_reflecting = np.logical_or.reduce(is_reflecting)
+    is_lit = sets.reaches & np.array(is_reflecting, np.bool_)
+    return Sources(ambient, lights, materials, products, sets, is_lit, n_black)
 
 
 def expose(ambient_lights, lights, materials, scale):
@@ -231,7 +262,7 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     fades_to = max(scene.depth_cue.color) if scene.depth_cue is not None else 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         most_albedo = albedo.max(initial=1.0) * brightest_texel(sources.materials)
-        reflected = compute_reflected(sources.materials, sources.lights, sources.ambient, most_albedo, sources.products)
+        reflected = compute_reflected(sources.materials, sources.lights, sources.ambient, most_albedo, sources.products, sources.sets)
     check_brightness(max(reflected.bound, fades_to))
     most = compute_amplifications(sources.lights, clearances)
     greatest = reflected.amplified(most)

@@ -21,7 +21,6 @@ from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
 from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
-from .uniforms import make_lighting
 from .view_plans import ViewPlan, ViewPlans
 
 NO_MATERIALS = np.empty(0, np.uint32)
@@ -68,7 +67,7 @@ class PreparedScene:
         self.geometry = gather_geometry(scene, options.is_flat)
         self.view_plans = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)
-        self.shadows = self._make_shadows() if self.view_plans.plan.has_shadows else None
+        self.shadows = self._make_shadows() if self.view_plans.casts_shadows else None
         self.uses_clusters: bool | None = None  # None = where they save time
         self._clusters: Clusters | None = None  # made for the first view that may skip some
         self.workspaces = WorkspacePool()
@@ -124,10 +123,10 @@ class PreparedScene:
         """Return the pass that draws `picture`: shadow maps are drawn, and the points of what is `seen` lit, before
         it."""
         options, maps = self.options, dict.fromkeys(plan.dtypes, ())
-        if self.shadows is not None:
+        if plan.has_shadows:
             maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
             clock.lap("shadows")
-        lightings = {d: make_lighting(plan, view, d, maps[d], screen.is_perspective) for d in plan.dtypes}
+        lightings = {d: self.view_plans.lighting_for(plan, view, screen, d, maps[d]) for d in plan.dtypes}
         shared = {
             "coding": make_coding(plan, screen, options.tolerance),
             "size": options.size,
@@ -140,7 +139,7 @@ class PreparedScene:
         }
         if plan.is_lit_per_sample:
             attributes = self.normals.of(plan)
-            face_table = FaceTable(NO_SHAPES if self.shadows is None else self.shadows.shapes)
+            face_table = FaceTable(self.shadows.shapes if plan.has_shadows else NO_SHAPES)
             return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
         attributes = self._light_points(plan, lightings, screen, seen)
         clock.lap("light")
@@ -150,7 +149,7 @@ class PreparedScene:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
-        normal_offsets = np.empty(0) if self.shadows is None else self.shadows.normal_offsets
+        normal_offsets = self.shadows.normal_offsets if plan.has_shadows else np.empty(0)
         # Points are vertices, but for flat shading; the means at centres need all points round them.
         has_runs = seen is not None and not self.options.is_flat and self.geometry.centers is None
         runs = seen.vertex_runs if has_runs else None

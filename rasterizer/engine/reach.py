@@ -14,6 +14,7 @@ normals are turned to the side that is seen. That is decided by its vertices as 
 of about this size may be seen from a side that it doesn't show, and be lit there.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -21,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..scene.camera import View
-from .light_table import entry_of
+from .light_table import UNLIMITED, entry_of
 from .rounding import SINGLE, step_cosine
 
 POSITIONS = 20  # u: a point, of its distance from the eye, see SAMPLES in error_bounds.py
@@ -41,13 +42,13 @@ class Boxes(NamedTuple):
 
     low: NDArray[np.float64]  # (n_mesh, 3) world space, scene units
     high: NDArray[np.float64]
-    errors: NDArray[np.float64]  # (n_mesh,) scene units: how far a computed position may be outside the box
-    eye: NDArray[np.float64]  # (3,)
+    errors: NDArray[np.float64]  # (n_mesh,) or a number, scene units: how far a computed position may be outside
+    furthest: NDArray[np.float64]  # (n_mesh,) or a number, scene units: no point of the box is further from the eye
 
     def distances(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the distances of the boxes from a light's position (3,), at least 0, errors taken off: (n_mesh,)."""
-        beside = np.maximum(np.maximum(self.low - point, point - self.high), 0.0)
-        return np.maximum(np.linalg.norm(beside, axis=1) * (1.0 - _SLACK) - self.errors_from(point), 0.0)
+        beside = self._beside(point)
+        return np.maximum(beside * (1.0 - _SLACK) - self._errors_at(beside), 0.0)
 
     def directions(self, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the unit directions from a light's position (3,) to the boxes' centres, (n_mesh, 3), and the largest
@@ -61,7 +62,18 @@ class Boxes(NamedTuple):
 
     def errors_from(self, point: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return how far a computed difference between a point and a light's position (3,) may be off, (n_mesh,)."""
-        return self.errors + LIGHTS * SINGLE * float(np.linalg.norm(point - self.eye))
+        return self._errors_at(self._beside(point))
+
+    def _beside(self, point) -> NDArray[np.float64]:
+        """The distances of the boxes from a point, (n_mesh,)."""
+        return np.linalg.norm(np.maximum(np.maximum(self.low - point, point - self.high), 0.0), axis=1)
+
+    def _errors_at(self, distances) -> NDArray[np.float64]:
+        """`errors_from` of a light at distances from the boxes, (n_mesh,).
+
+        The light is no further from the eye than the box's nearest point is from both of them.
+        """
+        return self.errors + LIGHTS * SINGLE * (distances + self.furthest)
 
 
 _SLACK = 2.0**-40  # of lengths: far more than float64 rounds them by, far less than counts
@@ -91,15 +103,54 @@ def lights_reaching(
     (n_mesh, n_light) bool; False only where leaving the light out changes no bit
     """
     boxes = np.asarray(boxes, float).reshape(-1, 2, 3)
-    lit = _boxes(boxes, view, beside)
-    reaches = np.zeros((len(boxes), len(lights)), bool)
+    low, high = boxes[:, 0], boxes[:, 1]
+    furthest = np.linalg.norm(np.maximum(np.abs(low - view.eye), np.abs(high - view.eye)), axis=1)
+    return lights_reaching_boxes(lights, view, Boxes(low, high, position_error(furthest, beside), furthest), cones, turn)
+
+
+def position_error(furthest: ArrayLike, beside: float) -> ArrayLike:
+    """Return how far from its surface a lit point may be computed, scene units.
+
+    Parameters
+    ----------
+    furthest : distance of the furthest point from the eye
+    beside : how far samples lie beside their triangles
+    """
+    return POSITIONS * SINGLE * (np.asarray(furthest) + beside) + beside
+
+
+def lights_reaching_boxes(
+    lights: Sequence[Any], view: View, boxes: Boxes, cones: NormalCones | None = None, turn: float = 0.0
+) -> NDArray[np.bool_]:
+    """Tell which lights may reach which boxes, whose errors are known; see `lights_reaching`."""
+    reaches = np.zeros((len(boxes.low), len(lights)), bool)
     for i, light in enumerate(lights):
         if is_black(light):
             continue
-        reaches[:, i] = entry_of(light).reaches(light, view, lit)
+        reaches[:, i] = _is_within(light, view, boxes)
         if cones is not None:
-            reaches[:, i] &= ~_is_behind(light, view, lit, cones, turn)
+            reaches[:, i] &= ~_is_behind(light, view, boxes, cones, turn)
     return reaches
+
+
+def _is_within(light, view, boxes) -> NDArray[np.bool_]:
+    """Whether a box reaches into a light's range, and its cone, (n_mesh,).
+
+    (d/r)² is rounded by less than 16 u, the cosine of the angle from the axis by 12 u, see CONE in error_bounds.py,
+    beside the errors of positions. Next to a sharp edge of a cone it counts as inside.
+    """
+    limits = entry_of(light).limits(light)
+    within = np.ones(len(boxes.low), bool)
+    if limits == UNLIMITED:
+        return within
+    beam = entry_of(light).beam(light, view)
+    if limits.range < math.inf:
+        within &= boxes.distances(beam.origin) <= limits.range * (1.0 + 16.0 * SINGLE)
+    if limits.cos_outer > -1.0:
+        ways, spread = boxes.directions(beam.origin)
+        nearest = np.cos(np.clip(np.arccos(np.clip(ways @ beam.axis, -1.0, 1.0)) - spread, 0.0, np.pi))
+        within &= nearest + 16.0 * SINGLE + step_cosine(SINGLE) >= limits.cos_outer
+    return within
 
 
 def is_black(light: Any) -> bool:
@@ -111,13 +162,6 @@ def is_black(light: Any) -> bool:
     if max(light.color) > 0.0 or min(light.color) < 0.0 or hasattr(light.color, "wavelengths"):
         return False
     return bool(np.all(np.isfinite(entry_of(light).amplification(light, np.zeros(1)))))
-
-
-def _boxes(boxes, view, beside) -> Boxes:
-    """The boxes with the errors of positions in float32."""
-    low, high = boxes[:, 0], boxes[:, 1]
-    furthest = np.linalg.norm(np.maximum(np.abs(low - view.eye), np.abs(high - view.eye)), axis=1)
-    return Boxes(low, high, POSITIONS * SINGLE * (furthest + beside) + beside, view.eye)
 
 
 def _is_behind(light, view, lit, cones, turn) -> NDArray[np.bool_]:

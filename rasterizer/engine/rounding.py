@@ -24,7 +24,10 @@ def step_cosine(u: float) -> float:
 
 
 def times(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
-    """Return products in which 0 times infinity is 0: a light that gives nothing can't be amplified."""
-    a, b = np.broadcast_arrays(np.asarray(a, float), np.asarray(b, float))
+    """Return products in which 0 times infinity is 0: a light that gives nothing can't be amplified.
+
+    a, b : (...) without NaN
+    """
     with np.errstate(invalid="ignore"):
-        return np.where((a == 0.0) | (b == 0.0), 0.0, a * b)
+        product = np.asarray(np.multiply(a, b), float)
+    return np.where(np.isnan(product), 0.0, product)

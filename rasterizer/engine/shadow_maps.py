@@ -38,9 +38,18 @@ class ShadowMap(NamedTuple):
     block: NDArray[np.floating]  # the header, then the texels; float32 or float64
     origin: NDArray[np.float64]  # (3,) world space: what the maps' coordinates are relative to
 
-    def move(self, eye: NDArray[np.float64]) -> None:
-        """Write the origin relative to the eye, as the positions of surface points are."""
+    def fit_view(self, eye: NDArray[np.float64], plan: Plan) -> None:
+        """Write what depends on the view: the origin relative to the eye, as the positions of surface points are, and
+        how far the normals of the materials that are lit in the map's type may be turned.
+
+        A normal errs by no more than normal_limit allows its planes, or than exact records do; normalising it, and its
+        products with the axes of the map and with the position, by 8 u.
+        """
+        limits, u = plan.of_materials.normal_limits[~plan.of_materials.is_double], _unit(self.block.dtype)
+        turned = CORNERS + 8 if u == DOUBLE else max(np.sqrt(3.0) * limits.max(initial=0.0), CORNERS) + 8
+        radius = int(self.block[lookup.FILTER]) >> 1
         self.block[lookup.ORIGIN : lookup.ORIGIN + 3] = self.origin - eye
+        self.block[lookup.NORMAL_ERROR] = turned * u * (0.5 + radius)
 
 
 class Casters(NamedTuple):
@@ -69,18 +78,18 @@ class Shadows:
         maps: list[ShadowMap | None] = []
         room = MOST_NUMBERS
         for k, light in enumerate(plan.lights):
-            if shadow_of(light) is None or self._casters is None or not _gives_light(plan, k):
+            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
                 maps.append(None)
                 continue
             key = k, dtype
             if key not in self._maps or is_carried(light):
                 before = self._maps.get(key)
                 self._maps[key] = draw_shadow_map(
-                    light, view, self._casters, plan, dtype, workspaces, threads, room, before
+                    light, view, self._casters, dtype, workspaces, threads, room, before
                 )
             shadow_map = self._maps[key]
             if shadow_map is not None:
-                shadow_map.move(view.eye)
+                shadow_map.fit_view(view.eye, plan)
                 room -= len(shadow_map.block)
             maps.append(shadow_map)
         return maps
@@ -96,11 +105,6 @@ class Shadows:
     def normal_offsets(self) -> NDArray[np.float64]:
         """The normal offsets of the points that are lit before they are drawn, (n_point,)."""
         return compute_normal_offsets(self._geometry)
-
-
-def _gives_light(plan: Plan, k: int) -> bool:
-    """Tell whether any material reflects anything of light k: it isn't black."""
-    return bool(plan.reflected.diffuse[:, k].any() or plan.reflected.specular[:, k].any())
 
 
 def gather_casters(geometry: Geometry, bounds: NDArray[np.float64], opacity: Opacity | None) -> Casters | None:
@@ -127,16 +131,16 @@ def _some_faces(geometry: Geometry, faces: NDArray) -> Geometry:
 
 
 def draw_shadow_map(
-    light: Any, view: View, casters: Casters, plan: Plan, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers,
+    light: Any, view: View, casters: Casters, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers,
     room: int = MOST_NUMBERS, before: ShadowMap | None = None,
 ) -> ShadowMap | None:  # fmt: skip
     """Draw what a light sees; one that is attached to the camera is where `view` puts it.
 
-    None where it reaches nothing.
+    None where it reaches nothing. What depends on the view that the picture shows is written by `ShadowMap.fit_view`.
 
     Parameters
     ----------
-    plan : its type is that of the map
+    dtype : of the map
     room : numbers that the map may have
     before : the light's map in the picture before, whose memory is used again: new memory costs a fifth of the time
 
@@ -152,15 +156,15 @@ def draw_shadow_map(
     maps, size = choose_views(beam, casters.corners, light.shadow), map_side(light.shadow)
     block = _allocate_block(lookup.HEADER + sum(maps.is_needed) * size * size, dtype, room, before)
     texels = block[lookup.HEADER :].reshape(-1, size, size)
-    _write_header(block, maps, light.shadow, plan, dtype)
+    _write_header(block, maps, light.shadow, dtype)
     layer = 0
     for row, (light_view, projection), is_needed in zip(_map_rows(block), maps.views, maps.is_needed, strict=True):
         if not is_needed:
             row[lookup.LAYER] = -1
             continue
         geometry = casters.geometry
-        if len(maps.views) > 1:
-            planes = border_planes(light_view, projection, size)
+        planes = border_planes(light_view, projection, size)
+        if projection.is_perspective and _is_any_beyond(planes, light_view.eye, casters.corners):
             seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
             geometry = _some_faces(geometry, seen)
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
@@ -172,6 +176,11 @@ def draw_shadow_map(
         row[lookup.LAYER] = layer
         layer += 1
     return ShadowMap(block, maps.origin)
+
+
+def _is_any_beyond(planes, eye, corners) -> bool:
+    """Tell whether some corner (n_mesh, 8, 3) of a box lies beyond some plane (n, 3) through the eye."""
+    return bool(((corners - eye) @ planes.T < 0.0).any())
 
 
 def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:
@@ -186,18 +195,12 @@ def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:
     return np.empty(n_number, dtype)
 
 
-def _write_header(block, maps: MapViews, shadow, plan, dtype) -> None:
-    """Write what all maps of a light share, but for where the light is.
-
-    A normal errs by no more than normal_limit allows its planes, or than exact records do; normalising it, and its
-    products with the axes of the map and with the position, by 8 u.
-    """
-    limits, u = plan.of_materials.normal_limits[~plan.of_materials.is_double], _unit(dtype)
-    turned = CORNERS + 8 if u == DOUBLE else max(np.sqrt(3.0) * limits.max(initial=0.0), CORNERS) + 8
+def _write_header(block, maps: MapViews, shadow, dtype) -> None:
+    """Write what all maps of a light share, but for what depends on the view of the picture."""
+    u = _unit(dtype)
     header = [lookup.N_MAP, lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE]
     block[header] = len(maps.views), map_side(shadow), shadow.filter, maps.views[0][1].is_perspective
     block[lookup.POSITION_ROUNDING] = lookup.ROUNDINGS * u if u == SINGLE else DOUBLE_ROUNDING
-    block[lookup.NORMAL_ERROR] = turned * u * (0.5 + (shadow.filter >> 1))
 
 
 def _slack(projection, size, dtype) -> float:

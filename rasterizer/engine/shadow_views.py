@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..geometry.vectors import cross
 from ..pipeline.shadow_lookup import ROUNDINGS
 from ..scene.camera import Projection, View
 from .depth_range import NEAREST
@@ -145,9 +146,9 @@ def _look(origin, forward) -> View:
     """A view in a direction; which way is up doesn't matter."""
     length = np.linalg.norm(forward)
     forward = np.array([0.0, 0.0, -1.0]) if length == 0.0 else np.asarray(forward) / length
-    across = np.cross(forward, np.eye(3)[np.argmin(np.abs(forward))])
+    across = np.array(cross(forward.tolist(), np.eye(3)[np.argmin(np.abs(forward))].tolist()))
     right = across / np.linalg.norm(across)
-    return View(origin, right, np.cross(right, forward), forward)
+    return View(origin, right, np.array(cross(right.tolist(), forward.tolist())), forward)
 
 
 def _extent(values) -> tuple[float, float]:
@@ -182,7 +183,7 @@ class Precision:
 
     def __init__(self, plan: Plan, bounds: NDArray[np.float64]):
         self._corners = corners_of(bounds)
-        self._lights = [light for light in plan.lights if shadow_of(light) is not None]
+        self._lights = [light for light in plan.reflected_lights if shadow_of(light) is not None]
         anywhere = View(np.zeros(3), *np.eye(3))
         self._lasting = [None if is_carried(light) else self._measure(light, anywhere) for light in self._lights]
 

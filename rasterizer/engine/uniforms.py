@@ -1,12 +1,15 @@
 """The illumination of a scene as arrays, for one view: what the batch functions of lights and materials read
 (pipeline/lighting.py)."""
 
+import math
+
 import numpy as np
 
 from ..compiler.kernels import batch_function
+from ..pipeline import light_limits
 from ..pipeline import material_coefficients as m
 from ..pipeline.fresnel import no_second_term
-from ..pipeline.light_kinds import N_LIGHT_COEFFICIENT, same_light_again
+from ..pipeline.light_kinds import AXIS, N_LIGHT_COEFFICIENT, VECTOR, same_light_again
 from ..pipeline.lighting import Lighting, ShadowMaps
 from ..pipeline.shadow_lookup import occlude
 from . import light_table, reflection_table
@@ -23,51 +26,100 @@ def make_lighting(plan: Plan, view, dtype, shadows=(), is_perspective=True) -> L
     `shadows` holds a light's shadow map (see engine/shadow_maps.py), or None, for each light; nothing where no light
     has one. Whoever draws keeps it until the picture is done.
     """
-    light, material = _list_lights(plan, view, dtype), _list_materials(plan, dtype)
+    return light_view(list_materials(plan, dtype, is_perspective), plan, view, shadows)
+
+
+def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
+    """Put what a view says of the lights into what `list_materials` returns."""
+    dtype = lighting.materials.dtype
+    lights = np.zeros((len(plan.lights), N_LIGHT_COEFFICIENT))
+    limits = np.zeros((len(plan.lights), light_limits.N_LIMIT))
+    for k in np.flatnonzero(plan.is_lit.any(axis=0)):
+        entry = light_table.entry_of(plan.lights[k])
+        entry.write(lights[k], plan.lights[k], view, dtype)
+        _write_limits(limits[k], lights[k], entry.limits(plan.lights[k]))
+    if len(lighting.lights) > len(plan.lights):  # each light is followed by itself, see `is_parted`
+        lights, limits = np.repeat(lights, 2, axis=0), np.repeat(limits, 2, axis=0)
+        shadows = [part for shadow in shadows for part in (shadow, None)]
+    return lighting._replace(
+        lights=lights.astype(dtype),
+        limits=limits.astype(dtype),
+        shadows=_list_shadows(shadows, dtype) if plan.has_shadows else None,
+    )
+
+
+def _write_limits(row, coefficients, limits) -> None:
+    """Write where a light ends, with room for the rounding of its function, see pipeline/light_limits.py."""
+    row[light_limits.RANGE] = limits.range * (1.0 + light_limits.SLACK)
+    row[light_limits.POSITION : light_limits.POSITION + 3] = coefficients[VECTOR : VECTOR + 3]
+    cosine = limits.cos_outer - light_limits.COSINE_SLACK
+    if cosine > 0.0:
+        row[light_limits.AXIS : light_limits.AXIS + 3] = coefficients[AXIS : AXIS + 3]
+        row[light_limits.COSINE], row[light_limits.SINE] = cosine, math.sqrt(1.0 - cosine * cosine)
+
+
+def list_materials(plan: Plan, dtype, is_perspective=True) -> Lighting:
+    """Write what doesn't depend on the view: materials, which lights light each, and what they are weighted with.
+
+    The coefficients of lights are zeros, and no light casts shadows.
+    """
+    material = _list_materials(plan, dtype)
     color, n_light_channels = _color_lights(plan)
     highlights = np.array([has_highlight(source) for source in plan.materials], np.bool_)
     models = [reflection_table.entry_of(source).function(source) for source in plan.materials]
     is_view_dependent = np.array([model.needs_view for model in models], np.bool_)
     of_lights, of_materials = batch_functions_of(plan, is_perspective)
     is_lit_here = plan.of_materials.is_double == (dtype == np.float64)
-    if is_parted(plan):  # each light is followed by itself
-        light = np.repeat(light, 2, axis=0)
-        shadows = [part for shadow in shadows for part in (shadow, None)]
+    is_lit = plan.is_lit & is_lit_here[:, None]
+    if is_parted(plan):
+        is_lit = np.repeat(is_lit, 2, axis=1)
+    light_functions, reflection_functions = _compile(of_lights, of_materials, is_lit, dtype)
+    n_light = is_lit.shape[1]
+    ends = [light_table.entry_of(light).limits(light) != light_table.UNLIMITED for light in plan.reflected_lights]
     return Lighting(
-        light_functions=_addresses(of_lights, dtype),
-        lights=light.astype(dtype),
-        reflection_functions=np.stack(
-            [
-                _addresses(functions, dtype) if is_lit else np.zeros(len(functions), np.int64)
-                for functions, is_lit in zip(of_materials, is_lit_here, strict=True)
-            ]
-        ),
+        light_functions=light_functions,
+        lights=np.zeros((n_light, N_LIGHT_COEFFICIENT), dtype),
+        limits=np.zeros((n_light, light_limits.N_LIMIT), dtype),
+        has_limits=any(ends),
+        n_lights=is_lit.sum(axis=1),
+        light_idx=np.argsort(~is_lit, axis=1, kind="stable"),
+        reflection_functions=reflection_functions,
         materials=material.astype(dtype),
         has_highlight=highlights,
         is_view_dependent=is_view_dependent,
         n_channels=np.where(plan.of_materials.is_colored, 3, 1),
         n_light_channels=n_light_channels,
         needs_view=bool(is_view_dependent.any()),
-        needs_position=plan.has_shadows
-        or any(light_table.entry_of(source).function(source).needs_position for source in plan.lights),
+        needs_position=plan.needs_position,
         has_albedo=plan.of_materials.has_albedo,
         colors=color.astype(dtype),
-        shadows=_list_shadows(shadows, dtype) if plan.has_shadows else None,
+        shadows=None,
     )
+
+
+def _compile(of_lights, of_materials, is_lit, dtype) -> tuple[np.ndarray, np.ndarray]:
+    """The addresses of light functions, (n_light,), and of reflection functions, (n_material, n_light); 0 and not
+    compiled where the material isn't lit by the light in this type."""
+    known = {None: 0}
+    is_used = is_lit.any(axis=0).tolist()
+
+    def address_of(function) -> int:
+        if function not in known:
+            known[function] = batch_function(function, dtype).address
+        return known[function]
+
+    lights = [address_of(f) if is_used else 0 for f, is_used in zip(of_lights, is_used, strict=True)]
+    rows = [
+        [address_of(f) if is_here else 0 for f, is_here in zip(functions, row, strict=True)]
+        for functions, row in zip(of_materials, is_lit.tolist(), strict=True)
+    ]
+    return np.array(lights, np.int64), np.array(rows, np.int64).reshape(is_lit.shape)
 
 
 def _list_shadows(shadows, dtype) -> ShadowMaps:
     """The addresses of the lights' shadow maps, and of what looks them up."""
     maps = [0 if shadow is None else shadow.block.ctypes.data for shadow in shadows]
     return ShadowMaps(batch_function(occlude, dtype).address, np.array(maps, np.int64))
-
-
-def _list_lights(plan, view, dtype) -> np.ndarray:
-    """The coefficients of each light, a row a light."""
-    coefficients = np.zeros((len(plan.lights), N_LIGHT_COEFFICIENT))
-    for row, source in zip(coefficients, plan.lights, strict=True):
-        light_table.entry_of(source).write(row, source, view, dtype)
-    return coefficients
 
 
 def _list_materials(plan, dtype) -> np.ndarray:
@@ -111,7 +163,7 @@ def _color_lights(plan) -> tuple[np.ndarray, np.ndarray]:
         return _color_parts(plan), np.full(len(is_colored), 3)
     if plan.products is not None:
         return np.concatenate([plan.products.diffuse, plan.products.specular], axis=2), np.full(len(is_colored), 3)
-    colors = np.array([light.color for light in plan.lights]).reshape(n_light, 3)
+    colors = np.array([light.color for light in plan.lights]).reshape(n_light, 3) * plan.is_lit.any(axis=0)[:, None]
     greys = np.repeat(colors.max(axis=1, keepdims=True, initial=0.0), 3, axis=1)
     if (colors == greys).all():
         return np.concatenate([greys, greys], axis=1)[None], np.ones(len(is_colored), np.int64)
@@ -169,8 +221,3 @@ def _second_term(material):
     if not has_colored_fresnel(material):
         return no_second_term
     return reflection_table.entry_of(material).function(material).second_term
-
-
-def _addresses(functions, dtype) -> np.ndarray:
-    """Compile batch functions; return their addresses, int64."""
-    return np.array([batch_function(function, dtype).address for function in functions], np.int64)

@@ -10,15 +10,19 @@ from ..geometry.points import number_materials
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
 from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
+from ..pipeline.lighting import Lighting
 from . import reflection_table
-from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_steps
+from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_fixed_steps, list_steps
 from .float64_reasons import LARGE, SMALL
 from .intensity_bounds import compute_amplifications
-from .light_table import entry_of
+from .light_table import entry_of, shadow_of
+from .light_sets import LightSets, find_reach, measure_cones
 from .lit_points import LitPoints, eye_distances
-from .plan import Plan, make_plan
+from .plan import Plan, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
+from .reach import NormalCones
 from .rounding import DOUBLE, SINGLE
+from .uniforms import light_view, list_materials
 
 
 class ViewPlan(NamedTuple):
@@ -30,6 +34,28 @@ class ViewPlan(NamedTuple):
     summary: PlanSummary
 
 
+class FixedParts:
+    """What follows from a plan whatever the view: kept until a view needs other types, or another projection."""
+
+    def __init__(self, plan: Plan, is_perspective: bool) -> None:
+        self._plan, self._is_perspective = plan, is_perspective
+        self._lightings: dict[np.dtype, Lighting] = {}
+        self.summary = summarize(plan, is_perspective)
+        self.steps = list_fixed_steps(plan)
+
+    def is_of(self, plan: Plan, is_perspective: bool) -> bool:
+        """Tell whether it follows from a plan, which may differ in what rounding adds."""
+        own = self._plan
+        is_alike = own is plan or (own.reflected is plan.reflected and own.of_materials.is_like(plan.of_materials))
+        return is_alike and self._is_perspective == is_perspective
+
+    def lighting(self, dtype: np.dtype) -> Lighting:
+        """The part of the illumination in one type that is the same in all views."""
+        if dtype not in self._lightings:
+            self._lightings[dtype] = list_materials(self._plan, dtype, self._is_perspective)
+        return self._lightings[dtype]
+
+
 class ViewPlans:
     """The plans of a scene, kept from view to view: what was found for one usually holds for the next."""
 
@@ -37,36 +63,74 @@ class ViewPlans:
         self._scene, self._options, self._geometry, self._bounds = scene, options, geometry, bounds
         self._last_key: tuple | None = None
         self._last: ViewPlan | None = None
-        self._shadow_precision: Any = None  # made where it is needed first
-        self._colored = find_colored(geometry, len(number_materials(scene.meshes)[0]))
-        self.plan = make_plan(scene, options, geometry.albedo, colored=self._colored)
-        self._lit_points = LitPoints(geometry, len(self.plan.materials), self.plan.lights, self.plan.is_lit_per_sample)
+        self._fixed: FixedParts | None = None
+        self._shadow_precision: Any = None  # a plan, and its Precision; made where it is needed first
+        materials, numbers = number_materials(scene.meshes)
+        self._colored = find_colored(geometry, len(materials))
+        self._reach = find_reach(list_lights(scene)[0], bounds, numbers, one_sided_cones(scene, options, geometry))
+        self.plan = self._make_plan(None, self._reach.sets)
+        self._lit_points = LitPoints(geometry, len(materials), self.plan.lights, self.plan.is_lit_per_sample)
         if not np.isfinite(self.plan.bound):
-            self.plan = make_plan(scene, options, geometry.albedo, self._lasting_clearances(), self._colored)
+            self.plan = self._make_plan(self._lasting_clearances(), self._reach.sets)
+        self._whole_plan: Plan | None = None  # for views in which no light is left out, made for the first of them
+        entries = {reflection_table.entry_of(material) for material in materials}
+        self._needs_least_sums = any(entry.needs_least_sums for entry in entries)
         self._shortest = 1.0
         if self.plan.is_lit_per_sample and self.plan.reflected.turn_slope > 0.0:
             self._shortest = find_shortest_normal(geometry.normals, geometry.corner)
 
+    @property
+    def casts_shadows(self) -> bool:
+        """Some light may cast shadows in some view."""
+        return any(shadow_of(light) is not None for light in self.plan.lights)
+
     def plan_for(self, view, screen) -> ViewPlan:
         """The plan for a view, or one with float64 where float32 has too few digits for it."""
         reach = np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()
-        surroundings = self._surroundings(view, screen, math.sqrt(sum(side * side for side in reach))).rounded()
-        key = *surroundings.key(), screen.is_perspective
+        furthest = math.sqrt(sum(side * side for side in reach))
+        beside = self._beside(screen, furthest)
+        plan = self._plan_of_reach(furthest, beside)
+        surroundings = self._surroundings(plan, view, screen, furthest, beside).rounded()
+        key = *surroundings.key(), screen.is_perspective, plan is self.plan
         if self._last_key != key:
             tolerance = self._options.tolerance
-            plan = plan_of_view(self._bounded_plan(surroundings), tolerance, surroundings)
-            error_bound = float(error_bounds_of(plan, tolerance).max(initial=0.0))
-            steps, summary = list_steps(plan, surroundings), summarize(plan, screen.is_perspective)
-            self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, summary)
+            plan = plan_of_view(self._bounded_plan(plan, surroundings), tolerance, surroundings)
+            error_bound, fixed = float(error_bounds_of(plan, tolerance).max(initial=0.0)), self._fixed_of(plan, screen)
+            steps = list_steps(plan, surroundings, fixed.steps)
+            self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, fixed.summary)
         return self._last
 
-    def _bounded_plan(self, surroundings: Surroundings) -> Plan:
-        """The scene's plan; where lights that move with the camera amplify without limit one for their clearances in
-        this view."""
-        if np.isfinite(self.plan.bound):
+    def lighting_for(self, plan: Plan, view, screen, dtype: np.dtype, shadows) -> Lighting:
+        """The illumination in one type, for the view that `plan` was made for; `shadows` as `make_lighting` takes
+        them."""
+        return light_view(self._fixed_of(plan, screen).lighting(dtype), plan, view, shadows)
+
+    def _fixed_of(self, plan, screen) -> "FixedParts":
+        """What follows from a plan, whatever the view."""
+        if self._fixed is None or not self._fixed.is_of(plan, screen.is_perspective):
+            self._fixed = FixedParts(plan, screen.is_perspective)
+        return self._fixed
+
+    def _make_plan(self, clearances, sets: LightSets | None) -> Plan:
+        """The plan of the scene; arguments as `make_plan` takes them."""
+        return make_plan(self._scene, self._options, self._geometry.albedo, clearances, self._colored, sets)
+
+    def _plan_of_reach(self, furthest, beside) -> Plan:
+        """The scene's plan; where what lights reach isn't known, the one in which they reach everything."""
+        if self._reach.holds_in(furthest, beside):
             return self.plan
+        if self._whole_plan is None:
+            clearances = None if np.isfinite(self.plan.bound) else self._lasting_clearances()
+            self._whole_plan = self._make_plan(clearances, None)
+        return self._whole_plan
+
+    def _bounded_plan(self, plan: Plan, surroundings: Surroundings) -> Plan:
+        """The plan; where lights that move with the camera amplify without limit one for their clearances in this
+        view."""
+        if np.isfinite(plan.bound):
+            return plan
         clearances = surroundings.kept().clearances.min(axis=0, initial=np.inf)
-        return make_plan(self._scene, self._options, self._geometry.albedo, clearances, self._colored)
+        return self._make_plan(clearances, plan.reflected.sets)
 
     def _lasting_clearances(self) -> np.ndarray:
         """Half of the clearance that each light has in every view, with room for what a view takes off; 0 for one that
@@ -76,41 +140,53 @@ class ViewPlans:
             [entry_of(light).lasting_clearance(light, self._lit_points.distance) for light in lights], float
         )
 
-    def _surroundings(self, view, screen, furthest) -> Surroundings:
+    def _beside(self, screen, furthest) -> float:
+        """How far beside its triangle a sample's point may lie, scene units: vertices are rounded to 1/256 px, so by at
+        most √2/512 px at its depth; 0 where vertices or centroids are lit."""
+        if not self.plan.is_lit_per_sample:
+            return 0.0
+        deepest = furthest if screen.is_perspective else 1.0
+        return deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
+
+    def _surroundings(self, plan, view, screen, furthest, beside) -> Surroundings:
         """What this view says about the positions of lights and surfaces.
 
         No lit point comes nearer to a light than its clearance: no vertex or centroid, or no sample's point.
-        A sample's point lies beside its triangle, because vertices are rounded to 1/256 px: by at most √2/512 px at its
-        depth.
         """
-        beside = 0.0
-        if self.plan.is_lit_per_sample:
-            deepest = furthest if screen.is_perspective else 1.0
-            beside = deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
-        lights, least_sums = self.plan.lights, 0.0
-        if any(reflection_table.entry_of(material).needs_least_sums for material in self.plan.materials):
+        least_sums = 0.0
+        if self._needs_least_sums:
             least_sums = self._lit_points.least_sums(view, screen.is_perspective, beside)
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
         return Surroundings(
             furthest=furthest,
-            clearances=np.maximum(self._lit_points.clearances(view) - beside, 0.0),
+            clearances=np.maximum(self._lit_points.clearances(view, plan.is_lit) - beside, 0.0),
             shortest=self._shortest,
             is_lit_per_sample=self.plan.is_lit_per_sample,
             deepness=deepness,
-            eye_distances=eye_distances(lights, view),
+            eye_distances=eye_distances(plan.lights, view),
             least_sums=least_sums,
-            shadow_shift=self._shadow_shift(view),
+            shadow_shift=self._shadow_shift(plan, view),
         )
 
-    def _shadow_shift(self, view) -> float:
+    def _shadow_shift(self, plan, view) -> float:
         """How far float32 moves what shadows are asked for, scene units; infinite where it can't be taken."""
-        if not self.plan.has_shadows or self.plan.of_materials.is_double.all():
+        if not plan.has_shadows or plan.of_materials.is_double.all():
             return 0.0
-        if self._shadow_precision is None:
+        if self._shadow_precision is None or self._shadow_precision[0] is not plan:
             from .shadow_views import Precision
 
-            self._shadow_precision = Precision(self.plan, self._bounds)
-        return self._shadow_precision.shift(view)
+            self._shadow_precision = plan, Precision(plan, self._bounds)
+        return self._shadow_precision[1].shift(view)
+
+
+def one_sided_cones(scene, options: Options, geometry) -> NormalCones | None:
+    """The cones of the normals of meshes of which backs are culled; None where faces are seen from both sides.
+
+    Flat shading turns the normals of faces by itself, also of one that is seen from its front by rounding alone.
+    """
+    if options.cull != "back" or options.is_flat:
+        return None
+    return measure_cones(geometry, [mesh.n_face for mesh in scene.meshes])
 
 
 def find_colored(geometry, n_material) -> NDArray[np.bool_]:
@@ -137,7 +213,8 @@ def plan_of_view(plan: Plan, tolerance, surroundings: Surroundings) -> Plan:
         of_positions = surroundings.clearances[np.isfinite(surroundings.clearances)]
         lengths = [surroundings.furthest, *of_positions.tolist()]
         is_lost = not all(SMALL <= length <= LARGE for length in lengths) or not np.isfinite(surroundings.shadow_shift)
-        is_lost = is_lost or bool((compute_amplifications(plan.lights, surroundings.clearances) > plan.most).any())
+        amplifies = compute_amplifications(plan.lights, surroundings.clearances) > plan.most
+        is_lost = is_lost or bool((amplifies & plan.is_lit).any())
         is_lost = is_lost or (surroundings.is_lit_per_sample and surroundings.shortest <= 0.0)
         lost = ~is_double & (is_lost | ~(roundings <= tolerance / 2))
         if lost.any():

@@ -18,6 +18,7 @@ from ..geometry.vectors import dot, scale, subtract
 from . import fragments as f
 from . import material_coefficients as m
 from .fragments import BATCH_SIZE, get_vector, read_vector, set_vector
+from .light_limits import bound_positions, is_within
 
 
 class ShadowMaps(NamedTuple):
@@ -32,6 +33,10 @@ class Lighting(NamedTuple):
 
     light_functions: np.ndarray  # (n_light,) int64, addresses of light functions
     lights: np.ndarray  # (n_light, N_LIGHT_COEFFICIENT), see light_kinds.py
+    limits: np.ndarray  # (n_light, N_LIMIT), where they end, see light_limits.py
+    has_limits: bool  # some light ends somewhere
+    n_lights: np.ndarray  # (n_material,) int64: how many lights light the material
+    light_idx: np.ndarray  # (n_material, n_light) int64: these lights, ascending, then anything
     reflection_functions: np.ndarray  # (n_material, n_light) int64, addresses of reflection functions
     materials: np.ndarray  # (n_material, N_MATERIAL_COEFFICIENT), see material_coefficients.py
     has_highlight: np.ndarray  # (n_material,) bool
@@ -104,24 +109,52 @@ def light_batch(batch, n, lighting, material):
 
 @helper
 def sum_lights(batch, n, lighting, material):
-    """Sum what all lights reflect, into DIFFUSE_SUM and SPECULAR_SUM."""
-    zero, coefficients = batch.dtype.type(0), lighting.materials[material]
-    color_set = min(index(material), index(lighting.colors.shape[0] - 1))
-    if len(lighting.light_functions) == 0:
-        for k in range(index(n)):
-            batch[f.DIFFUSE_SUM + k] = batch[f.SPECULAR_SUM + k] = zero
-    for light in range(index(len(lighting.light_functions))):
+    """Sum what all lights reflect, into DIFFUSE_SUM and SPECULAR_SUM.
+
+    A light that ends before all of the points, or is behind them, adds 0: it is left out.
+    """
+    n_channel, is_first = lighting.n_light_channels[material], True
+    box = bound_positions(batch, n if lighting.has_limits else 0)
+    for place in range(index(lighting.n_lights[material])):
+        light = index(lighting.light_idx[material, place])
+        if lighting.has_limits and not is_within(box, lighting.limits[light]):
+            continue
         call_batch_function(lighting.light_functions[light], batch.ctypes.data, n, lighting.lights[light].ctypes.data)
+        if is_behind(batch, n):
+            continue
         cast_shadow(batch, n, lighting.shadows, light)
-        call_batch_function(
-            lighting.reflection_functions[material, light], batch.ctypes.data, n, coefficients.ctypes.data
-        )
-        for channel in range(index(lighting.n_light_channels[material])):
-            diffuse = lighting.colors[color_set, light, channel]
-            add_light(batch, n, f.DIFFUSE_SUM + channel * f.NEXT, f.DIFFUSE, diffuse, light == 0)
-            if lighting.has_highlight[material]:
-                specular = lighting.colors[color_set, light, index(3) + channel]
-                add_light(batch, n, f.SPECULAR_SUM + channel * f.NEXT, f.SPECULAR, specular, light == 0)
+        add_reflected(batch, n, lighting, material, light, is_first)
+        is_first = False
+    if is_first:
+        zero = batch.dtype.type(0)
+        for channel in range(index(n_channel)):
+            for k in range(index(n)):
+                batch[f.DIFFUSE_SUM + channel * f.NEXT + k] = batch[f.SPECULAR_SUM + channel * f.NEXT + k] = zero
+
+
+@helper
+def is_behind(batch, n):
+    """Tell whether a light is behind all points: N·L <= 0, for which reflection functions write 0."""
+    zero, is_lit = batch.dtype.type(0), False
+    for k in range(index(n)):
+        is_lit |= batch[f.N_DOT_L + k] > zero
+    return not is_lit
+
+
+@helper
+def add_reflected(batch, n, lighting, material, light, is_first):
+    """Add what a light, after its function and its shadow, reflects to the sums; the first one starts them."""
+    color_set = min(index(material), index(lighting.colors.shape[0] - 1))
+    call_batch_function(
+        lighting.reflection_functions[material, light],
+        batch.ctypes.data, n, lighting.materials[material].ctypes.data,
+    )  # fmt: skip
+    for channel in range(index(lighting.n_light_channels[material])):
+        diffuse = lighting.colors[color_set, light, channel]
+        add_light(batch, n, f.DIFFUSE_SUM + channel * f.NEXT, f.DIFFUSE, diffuse, is_first)
+        if lighting.has_highlight[material]:
+            specular = lighting.colors[color_set, light, index(3) + channel]
+            add_light(batch, n, f.SPECULAR_SUM + channel * f.NEXT, f.SPECULAR, specular, is_first)
 
 
 @helper

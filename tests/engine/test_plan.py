@@ -233,7 +233,7 @@ def test_the_cheapest_way_inside_the_tolerance(name):
         assert found.is_lit_per_sample == (shading == "phong")
         assert way == EXACT or found.level_scale * found.bound <= LEVEL_MASK
         if dtype == np.float32:
-            assert found.rounding <= tolerance / 2
+            assert found.of_materials.roundings.max() <= tolerance / 2
 
 
 @pytest.mark.parametrize("name", [name for name in PLANS if name != "dark"])
@@ -288,7 +288,7 @@ def test_entries_accept_what_is_left_of_the_tolerance():
     screen = screen_for(camera, (1.0, 9.0))
     found = plan_of(scene_of([GREY], GREY_LIGHTS))
     coding = make_coding(found, screen, DEFAULT_TOLERANCE)
-    assert coding.limits[0] + found.rounding == pytest.approx(DEFAULT_TOLERANCE)
+    assert coding.limits[0] + found.of_materials.roundings.max() == pytest.approx(DEFAULT_TOLERANCE)
     assert not coding.needs_distance
     for w in (1.0, 3.7, 9.0):
         z = screen.z_offset + screen.z_scale / w
