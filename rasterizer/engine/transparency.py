@@ -179,8 +179,9 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows
     radiance = workspace.radiance[: len(a_buffer.color)]
     layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.texels)
     shaded = workspace._replace(
-        visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, texels=layer.texels
-    )
+        visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, texels=layer.texels,
+        points=None,  # what is transparent is shaded at every sample
+    )  # fmt: skip
     of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
     opacity, number = render_pass.opacity, 0
     while show_layer(number, layer, lists, a_buffer.transmittance, opacity.least):
