@@ -32,7 +32,7 @@ from ..pipeline.layers import Opacity
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import most_units
-from ..pipeline.resolve import Picture, resolve
+from ..pipeline.resolve import Picture, resolve, resolve_points
 from ..pipeline.scan import ScanCounts
 from ..pipeline.shade import shade_interpolated
 from ..pipeline.shade_once import list_points, order_samples, spread_points
@@ -86,7 +86,7 @@ class Pass:
         """The memory that a band of `n_row` rows is drawn in."""
         return WorkspaceKind(
             self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
-            self.textures is not None, self.opacity is not None, self.shades_points,
+            self.textures is not None, self.opacity is not None, self.factor if self.shades_points else 0,
         )  # fmt: skip
 
     def most_records(self, n_triangle: int) -> int:
@@ -176,11 +176,13 @@ class ColorPass(Pass):
         return 1 if is_same or bool((self.plan.tint == 1.0).all()) else self.n_channel
 
     def shade(self, workspace, band, counts, face_table):
-        """Find the light that comes from the visible samples, then let what is further away fade."""
+        """Find the light that comes from the visible samples, or from the points that pixels are shaded at; then let
+        what is further away fade."""
         scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
         radiance = workspace.radiance[: self.n_channel_of(counts)]
         self.light(workspace, scanned, face_table, radiance)
         if self.plan.cue is not None:
+            self.spread(workspace, scanned.n_row, counts)
             fade(scanned, self.screen.is_perspective, self.plan.cue, radiance)
 
     def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
@@ -196,8 +198,15 @@ class ColorPass(Pass):
         of_points = points.radiance[: len(radiance)]
         list_points(band, self.factor, order_samples(self.factor), is_textured, points)
         self.evaluate(workspace, points.band(band, self.factor), face_table, of_points)
-        spread_points(band.visibility, band.n_row, points, of_points, radiance)
         return None
+
+    def spread(self, workspace: Workspace, n_row, counts: ScanCounts) -> None:
+        """Give the samples of a band the radiance of their points, where there are any, after `shade`: for what needs
+        samples."""
+        points, n_channel = workspace.points, self.n_channel_of(counts)
+        if points is not None and not points.is_spread[0]:
+            radiances = points.radiance[:n_channel], workspace.radiance[:n_channel]
+            spread_points(workspace.visibility, n_row, self.factor, points, *radiances)
 
     def evaluate(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Look textures up, and light what `light_points` fills, at every sample or point of a band."""
@@ -218,6 +227,12 @@ class ColorPass(Pass):
     def _resolve(self, workspace, n_channel, translucent, rows, out: Picture) -> int:
         """Write a band's pixels to the rows (start, end) of `out`; return how many samples are covered."""
         encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
+        points = workspace.points
+        if points is not None and not points.is_spread[0]:
+            return resolve_points(
+                workspace.visibility, points.radiance[:n_channel], points, *rows,
+                self.factor, encoding, workspace.pixels, out,
+            )  # fmt: skip
         return resolve(
             workspace.visibility, workspace.radiance[:n_channel], translucent, *rows,
             self.factor, encoding, workspace.pixels, out,
@@ -233,6 +248,9 @@ class InterpolatedPass(ColorPass):
         shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
         if band.counts.needs & NEEDS_TEXTURE:
             self.light_points(workspace, band, face_table, radiance, is_textured=True)
+            self.spread(workspace, band.n_row, band.counts)  # beside surfaces without a texture
+        elif workspace.points is not None:
+            workspace.points.is_spread[0] = True
 
     def evaluate(self, workspace, band, face_table, radiance):
         """Interpolate the intensities of textured surfaces: those of the parts that the texture weakens and doesn't."""

@@ -76,6 +76,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     )
     in_front = in_front._replace(needs=in_front.needs | colors)
     render_pass.shade(workspace, band, behind, drawn.face_table)
+    render_pass.spread(workspace, band.n_row, behind)
     a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
     surfaces = Surfaces(workspace.visibility, workspace.records, deferred)
     if count_fragments(task, surfaces, a_buffer):

@@ -23,14 +23,15 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..compiler.widths import PLANE_GROUP, POINT_UNIT
+from .fragments import BATCH_SIZE
 from .gradients import NEEDS_TEXTURE
 from .interpolate import ScannedBand
 from .places import Places
 from .records import material_of
-from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, strip_of
+from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, extent_of_pixels
 
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
-NO_POINT = np.int32(-1)
+NO_POINT, SEVERAL = np.int32(-1), np.int32(-2)
 
 
 class PointList(NamedTuple):
@@ -39,8 +40,11 @@ class PointList(NamedTuple):
     visibility: VisibilityBuffer  # of one row: an entry for each point
     x: np.ndarray  # (n_row * pitch,) int32, see `Places`
     y: np.ndarray
-    numbers: np.ndarray  # (n_row * pitch,) int32: the point of each sample, or NO_POINT
+    pixels: np.ndarray  # (n_row // factor, width // factor) int32: the point of each pixel, or NO_POINT, or SEVERAL
+    numbers: np.ndarray  # (n_row * pitch,) int32: the point of each sample, or NO_POINT, in pixels that have SEVERAL
     radiance: np.ndarray  # (n_channel, n_row * pitch), of the points
+    is_spread: np.ndarray  # (1,) bool: the samples of the band have radiance
+    scratch: np.ndarray  # (3, BATCH_SIZE) int64
 
     def band(self, band: ScannedBand, factor) -> ScannedBand:
         """Return the list as a band that the shade stage takes, after `list_points`."""
@@ -48,14 +52,16 @@ class PointList(NamedTuple):
         return band._replace(visibility=self.visibility, y_start=0, n_row=1, places=places)
 
 
-def make_point_list(n_sample, n_channel, dtype) -> PointList:
-    """Return room for the points of bands of `n_sample` samples."""
+def make_point_list(visibility: VisibilityBuffer, n_row, factor, n_channel, dtype) -> PointList:
+    """Return room for the points of bands of `n_row` rows, with `factor` samples a pixel along each axis."""
+    n_sample, pixels = len(visibility.entries), (n_row // factor, visibility.width // factor)
     starts, ends = (np.full((2, 1), edge) for edge in (NO_START, NO_END))
     buffer = VisibilityBuffer(
         np.full(n_sample, CLEAR), n_sample, n_sample, starts[0], ends[0], np.full(1, np.int64(-1)), starts[1], ends[1]
     )
     x, y, numbers = (np.zeros(n_sample, np.int32) for _ in range(3))
-    return PointList(buffer, x, y, numbers, np.zeros((n_channel, n_sample), dtype))
+    radiance, scratch = np.zeros((n_channel, n_sample), dtype), np.zeros((3, BATCH_SIZE), np.int64)
+    return PointList(buffer, x, y, np.zeros(pixels, np.int32), numbers, radiance, np.zeros(1, np.bool_), scratch)
 
 
 def order_samples(factor) -> np.ndarray:
@@ -78,72 +84,88 @@ def list_points(band, factor, order, is_textured, out):
     out : PointList, written
     """
     visibility, points, n = band.visibility, out.visibility, index(0)
-    for top in range(0, band.n_row, factor):
-        first, end = columns_of_pixels(visibility, top, factor)
-        for column in range(first, end, factor):
-            start = index(top * visibility.pitch + column)
-            n = list_pixel(band, (column, top), start, factor, order, is_textured, n, out)
+    for row in range(0, band.n_row, factor):
+        first, end = extent_of_pixels(visibility, row, factor, visibility.width)
+        for left in range(first, end, BATCH_SIZE):
+            n_pixel, here = index(min(end - left, BATCH_SIZE)), (row, left)
+            # The factor as a constant: the compiler then makes vector instructions of the loops over pixels.
+            if factor == 2:
+                n = list_batch(band, here, index(2), n_pixel, order, is_textured, n, out)
+            elif factor == 3:
+                n = list_batch(band, here, index(3), n_pixel, order, is_textured, n, out)
+            else:
+                n = list_batch(band, here, index(4), n_pixel, order, is_textured, n, out)
     for k in range(n, n + index(PLANE_GROUP)):  # which may be read, too
         points.entries[k] = CLEAR
     points.left[0], points.right[0] = 0, np.int64(n)
     points.other_left[0], points.other_right[0] = 0, np.int64(n)
+    out.is_spread[0] = False
 
 
 @helper
-def columns_of_pixels(visibility, top, factor):
-    """Return the columns of samples of the pixels, whose first row is `top`, that may show something; half-open."""
-    left, right = np.int64(visibility.width), np.int64(0)
-    for row in range(top, top + factor):
-        strip = strip_of(row)
-        left, right = min(left, visibility.left[strip]), max(right, visibility.right[strip])
-    return left // factor * factor, right
+def list_batch(band, first, factor, n_pixel, order, is_textured, n, out):
+    """List the points of a row's pixels behind n others; return how many there are now.
 
-
-@helper
-def list_pixel(band, sample, start, factor, order, is_textured, n, out):
-    """List the points of a pixel behind n others; return how many there are now.
-
-    `sample` is the column and the row, in the band, of its first sample, `start` that one's number.
+    `first` is the band's row of samples and the column of pixels where the batch begins; `factor` an `index`.
     """
-    entries, entry = band.visibility.entries, band.visibility.entries[start]
-    pitch, difference, total = index(band.visibility.pitch), np.int64(0), np.int64(0)
-    for row in range(index(factor)):
-        for k in range(start + row * pitch, start + row * pitch + index(factor)):
-            difference |= entries[k] ^ entry
-            total += entries[k] >> PAYLOAD_BITS
-    if difference & PAYLOAD_MASK != 0:
-        return list_mixed(band, sample, start, factor, order, is_textured, n, out)
-    number = NO_POINT
-    if is_listed(entry, band, is_textured):
-        n_sample, number = np.int64(factor * factor), np.int32(n)
-        depth = (total + (n_sample >> 1)) // n_sample
+    (row, left), visibility = first, band.visibility
+    differences, totals, mixed = out.scratch[0], out.scratch[1], out.scratch[2]
+    start, pitch = index(row * visibility.pitch + left * np.int64(factor)), index(visibility.pitch)
+    entries = visibility.entries[start : start + (factor - index(1)) * pitch + n_pixel * factor]
+    compare_samples(entries, pitch, factor, n_pixel, differences, totals)
+    pixels, n_mixed = out.pixels[index(row) // factor, index(left) :], index(0)
+    n_sample, half = factor * factor, np.int32((np.int64(factor) - 1) * (POINT_UNIT // 2))
+    y = np.int32((band.y_start + row) * POINT_UNIT) + half
+    for i in range(n_pixel):
+        entry, is_uniform = entries[i * factor], differences[i] == 0
+        is_point = is_uniform and is_listed(entry, band, is_textured)
+        # Written whether it is a point or not: the next one takes the same place.
+        depth = np.int64((index(totals[i]) + n_sample // index(2)) // n_sample)
         out.visibility.entries[n] = (depth << PAYLOAD_BITS) | (entry & PAYLOAD_MASK)
-        half = (factor - 1) * (POINT_UNIT // 2)
-        out.x[n] = sample[0] * POINT_UNIT + half
-        out.y[n] = (band.y_start + sample[1]) * POINT_UNIT + half
-        n += index(1)
-    for row in range(index(factor)):
-        for k in range(start + row * pitch, start + row * pitch + index(factor)):
-            out.numbers[k] = number
+        out.x[n] = np.int32((left + np.int64(i)) * np.int64(factor) * POINT_UNIT) + half
+        out.y[n] = y
+        pixels[i] = np.int32(n) if is_point else NO_POINT if is_uniform else SEVERAL
+        mixed[n_mixed] = np.int64(i)
+        n += index(is_point)
+        n_mixed += index(not is_uniform)
+    for k in range(n_mixed):
+        column = (left + mixed[k]) * np.int64(factor)
+        n = list_mixed(band, (row, column), factor, order, is_textured, n, out)
     return n
 
 
 @helper
-def list_mixed(band, sample, start, factor, order, is_textured, n, out):
-    """List the points of a pixel that shows several surfaces, see `list_pixel`."""
-    entries, listed, first = band.visibility.entries, out.visibility.entries, n
+def compare_samples(entries, pitch, factor, n_pixel, differences, totals):
+    """Fill what the payloads of each pixel's samples differ by, 0 where all are the same, and the sum of their
+    depths."""
+    for i in range(n_pixel):
+        first, difference, total = entries[i * factor], np.int64(0), np.int64(0)
+        for row in range(factor):
+            for k in range(factor):
+                entry = entries[row * pitch + i * factor + k]
+                difference |= entry ^ first
+                total += entry >> PAYLOAD_BITS
+        differences[i], totals[i] = difference & PAYLOAD_MASK, total
+
+
+@helper
+def list_mixed(band, first, factor, order, is_textured, n, out):
+    """List the points of a pixel that shows several surfaces behind n others; return how many there are now.
+
+    `first` is the band's row and the column of its first sample.
+    """
+    entries, listed, of_others = band.visibility.entries, out.visibility.entries, n
     for k in range(index(len(order))):
-        row, column = order[k] // factor, order[k] % factor
-        here = start + index(row * band.visibility.pitch + column)
-        number = NO_POINT
+        row, column = first[0] + order[k] // np.int64(factor), first[1] + order[k] % np.int64(factor)
+        here, number = index(row * band.visibility.pitch + column), NO_POINT
         if is_listed(entries[here], band, is_textured):
-            point = first
+            point = of_others
             while point < n and (listed[point] ^ entries[here]) & PAYLOAD_MASK != 0:
                 point += index(1)
             if point == n:
                 listed[n] = entries[here]
-                out.x[n] = (sample[0] + column) * POINT_UNIT
-                out.y[n] = (band.y_start + sample[1] + row) * POINT_UNIT
+                out.x[n] = column * POINT_UNIT
+                out.y[n] = (band.y_start + row) * POINT_UNIT
                 n += index(1)
             number = np.int32(point)
         out.numbers[here] = number
@@ -159,25 +181,26 @@ def is_listed(entry, band, is_textured):
 
 
 @kernel
-def spread_points(visibility, n_row, points, radiance, out_radiance):
+def spread_points(visibility, n_row, factor, points, radiance, out_radiance):
     """Give the samples of a band the intensities of their points; those that have none are left as they are.
 
     Parameters
     ----------
     visibility : of the band
     n_row : rows of the band
+    factor : samples a pixel along each axis
     points : PointList, after `list_points`
     radiance : (n_channel, n_row * pitch), of the points
     out_radiance : (n_channel, n_row * pitch), of the same type; changed
     """
+    points.is_spread[0] = True
     for j in range(n_row):
-        strip = strip_of(j)
-        left, right = visibility.left[strip], visibility.right[strip]
-        if left < right:
-            start, n = index(j * visibility.pitch + left), index(right - left)
-            numbers = points.numbers[start : start + n]
-            for channel in range(index(radiance.shape[0])):
-                out, source = out_radiance[channel, start : start + n], radiance[channel]
-                for k in range(n):
-                    point = index(max(numbers[k], np.int32(0)))
-                    out[k] = source[point] if numbers[k] != NO_POINT else out[k]
+        first, end = extent_of_pixels(visibility, j // factor * factor, factor, visibility.width)
+        pixels = points.pixels[index(j // factor)]
+        for column in range(first * factor, end * factor):
+            sample = index(j * visibility.pitch + column)
+            point = pixels[index(column // factor)]
+            point = points.numbers[sample] if point == SEVERAL else point
+            if point != NO_POINT:
+                for channel in range(index(radiance.shape[0])):
+                    out_radiance[channel, sample] = radiance[channel, index(point)]

@@ -42,7 +42,7 @@ class WorkspaceKind(NamedTuple):
     dtype: np.dtype  # of intensities
     is_textured: bool
     is_transparent: bool
-    has_points: bool  # what is shaded once a pixel and polygon
+    points_factor: int  # samples a pixel along each axis, where it is shaded once a polygon; 0 = every sample is
 
 
 class WorkspacePool:
@@ -87,7 +87,9 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
         np.zeros((4 if kind.is_textured else 0, n_sample)),
         Room() if kind.is_transparent else None,
         make_extents(kind.n_row) if kind.is_transparent else None,
-        make_point_list(n_sample, kind.n_channel, kind.dtype) if kind.has_points else None,
+        make_point_list(visibility, kind.n_row, kind.points_factor, kind.n_channel, kind.dtype)
+        if kind.points_factor
+        else None,
     )
 
 
