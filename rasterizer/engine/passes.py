@@ -154,6 +154,11 @@ class ColorPass(Pass):
         is_dear = self.plan.is_lit_per_sample or self.textures is not None
         return self.is_shaded_once and self.factor > 1 and is_dear
 
+    @cached_property
+    def sample_order(self) -> np.ndarray:
+        """The samples of a pixel in the order in which its points are looked for."""
+        return order_samples(self.factor)
+
     def texturing_in(self, workspace: Workspace) -> Texturing:
         """The textures, with a workspace's memory for looking them up."""
         return Texturing(self.textures, workspace.lookup_batch, workspace.double_batch, workspace.texels)
@@ -196,7 +201,7 @@ class ColorPass(Pass):
         if points is None:
             return self.evaluate(workspace, band, face_table, radiance)
         of_points = points.radiance[: len(radiance)]
-        list_points(band, self.factor, order_samples(self.factor), is_textured, points)
+        list_points(band, self.factor, self.sample_order, is_textured, points)
         self.evaluate(workspace, points.band(band, self.factor), face_table, of_points)
         return None
 

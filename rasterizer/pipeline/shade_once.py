@@ -32,6 +32,7 @@ from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS
 
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
 NO_POINT, SEVERAL = np.int32(-1), np.int32(-2)
+PIECE = 64  # pixels that are listed together: those that show a record each take a shorter way
 
 
 class PointList(NamedTuple):
@@ -86,8 +87,8 @@ def list_points(band, factor, order, is_textured, out):
     visibility, points, n = band.visibility, out.visibility, index(0)
     for row in range(0, band.n_row, factor):
         first, end = extent_of_pixels(visibility, row, factor, visibility.width)
-        for left in range(first, end, BATCH_SIZE):
-            n_pixel, here = index(min(end - left, BATCH_SIZE)), (row, left)
+        for left in range(first, end, PIECE):
+            n_pixel, here = index(min(end - left, PIECE)), (row, left)
             # The factor as a constant: the compiler then makes vector instructions of the loops over pixels.
             if factor == 2:
                 n = list_batch(band, here, index(2), n_pixel, order, is_textured, n, out)
@@ -112,8 +113,10 @@ def list_batch(band, first, factor, n_pixel, order, is_textured, n, out):
     differences, totals, mixed = out.scratch[0], out.scratch[1], out.scratch[2]
     start, pitch = index(row * visibility.pitch + left * np.int64(factor)), index(visibility.pitch)
     entries = visibility.entries[start : start + (factor - index(1)) * pitch + n_pixel * factor]
-    compare_samples(entries, pitch, factor, n_pixel, differences, totals)
+    is_whole = compare_samples(entries, pitch, factor, n_pixel, differences, totals)
     pixels, n_mixed = out.pixels[index(row) // factor, index(left) :], index(0)
+    if is_whole and not is_textured:
+        return list_whole(band, first, factor, n_pixel, entries, totals, pixels, n, out)
     n_sample, half = factor * factor, np.int32((np.int64(factor) - 1) * (POINT_UNIT // 2))
     y = np.int32((band.y_start + row) * POINT_UNIT) + half
     for i in range(n_pixel):
@@ -136,8 +139,9 @@ def list_batch(band, first, factor, n_pixel, order, is_textured, n, out):
 
 @helper
 def compare_samples(entries, pitch, factor, n_pixel, differences, totals):
-    """Fill what the payloads of each pixel's samples differ by, 0 where all are the same, and the sum of their
-    depths."""
+    """Fill what the payloads of each pixel's samples differ by, 0 where all are the same, and the sum of their depths;
+    tell whether all pixels show one record each."""
+    of_all, common = np.int64(0), IS_ID
     for i in range(n_pixel):
         first, difference, total = entries[i * factor], np.int64(0), np.int64(0)
         for row in range(factor):
@@ -146,6 +150,26 @@ def compare_samples(entries, pitch, factor, n_pixel, differences, totals):
                 difference |= entry ^ first
                 total += entry >> PAYLOAD_BITS
         differences[i], totals[i] = difference & PAYLOAD_MASK, total
+        of_all |= difference & PAYLOAD_MASK
+        common &= first
+    return of_all == 0 and common != 0
+
+
+@helper
+def list_whole(band, first, factor, n_pixel, entries, totals, pixels, n, out):
+    """List a point for each of a row's pixels behind n others; return how many there are now."""
+    (row, left), n_sample = first, factor * factor
+    half = np.int32((np.int64(factor) - 1) * (POINT_UNIT // 2))
+    y, x = np.int32((band.y_start + row) * POINT_UNIT) + half, np.int32(left * np.int64(factor) * POINT_UNIT) + half
+    step, number = np.int32(np.int64(factor) * POINT_UNIT), np.int32(n)
+    listed, xs, ys = out.visibility.entries[n : n + n_pixel], out.x[n : n + n_pixel], out.y[n : n + n_pixel]
+    for i in range(n_pixel):
+        depth = np.int64((index(totals[i]) + n_sample // index(2)) // n_sample)
+        listed[i] = (depth << PAYLOAD_BITS) | (entries[i * factor] & PAYLOAD_MASK)
+    for i in range(n_pixel):
+        xs[i], ys[i] = np.int32(x + np.int32(step * np.int32(i))), y
+        pixels[i] = np.int32(number + np.int32(i))
+    return n + n_pixel
 
 
 @helper
