@@ -17,6 +17,7 @@ SavedArray = Literal["color", "rgb", "rgba", "alpha", "depth", "face", "normal"]
 Cull = Literal["none", "back"]
 ColorRange = Literal["clamp", "global", "local"]
 Samples = Literal[1, 4, 9, 16]
+Antialias = Literal["supersample", "shade-once"]
 
 SHADINGS: tuple[str, ...] = get_args(Shading)
 OUTPUTS: tuple[str, ...] = get_args(Output)  # built-in
@@ -29,6 +30,7 @@ SAVED_ARRAYS: tuple[str, ...] = get_args(SavedArray)
 CULLS: tuple[str, ...] = get_args(Cull)
 COLOR_RANGES: tuple[str, ...] = get_args(ColorRange)
 SAMPLES: tuple[int, ...] = get_args(Samples)
+ANTIALIASES: tuple[str, ...] = get_args(Antialias)
 
 # --- what a scene is made of --------------------------------------------------------------------------------
 

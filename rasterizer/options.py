@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from .choices import (
+    ANTIALIASES,
     BUFFERS,
     COLOR_RANGES,
     CULLS,
     OUTPUTS,
     SAMPLES,
     SHADINGS,
+    Antialias,
     ColorRange,
     Cull,
     Output,
@@ -47,6 +49,10 @@ class Options:
         8-bit value within one level of the picture with tolerance 0, but next to steps of the illumination
         (`Stats.steps`)
     samples : samples a pixel, on a square grid: 1, 4, 9 or 16
+    antialias : what is done for each sample: "supersample" (all), or "shade-once": what is covered, and how deep it is;
+        what Phong's method lights and textures show is found once for each polygon in a pixel, at the pixel's centre,
+        or at the covered sample next to it where a polygon doesn't cover the pixel. Transparent surfaces are shaded at
+        every sample. Flat and Gouraud's method without textures are the same in both
     outputs : one name or several out of "color" (float32 linear, and 8 bits), "rgb" (8 bits only: the fastest),
         "depth", "face", "normal"; buffers are those of the pixels' centres, never averaged; stored as a tuple
     cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
@@ -67,6 +73,7 @@ class Options:
     shading: Shading = "gouraud"
     tolerance: float = DEFAULT_TOLERANCE
     samples: Samples = 1
+    antialias: Antialias = "supersample"
     outputs: tuple[Output, ...] = ("color",)
     cull: Cull = "none"
     color_range: ColorRange = "clamp"
@@ -83,6 +90,7 @@ class Options:
             shading: Shading = ...,
             tolerance: float = ...,
             samples: Samples = ...,
+            antialias: Antialias = ...,
             outputs: Output | Sequence[Output] = ...,
             cull: Cull = ...,
             color_range: ColorRange = ...,
@@ -96,6 +104,7 @@ class Options:
         _check_choice("cull", self.cull, CULLS)
         _check_choice("color_range", self.color_range, COLOR_RANGES)
         _check_choice("samples", self.samples, SAMPLES)
+        _check_choice("antialias", self.antialias, ANTIALIASES)
         object.__setattr__(self, "samples", int(self.samples))
         object.__setattr__(self, "outputs", _checked_outputs(self.outputs))
         object.__setattr__(self, "size", self._checked_size())

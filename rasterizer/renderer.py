@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .choices import ColorRange, Cull, Output, Samples, SavedArray, Shading
+from .choices import Antialias, ColorRange, Cull, Output, Samples, SavedArray, Shading
 from .compiler.kernels import compiling_ahead, noting_needs
 from .engine.memory import check_memory
 from .engine.passes import RowSink
@@ -34,6 +34,7 @@ def render(
     shading: Shading = Options.shading,
     tolerance: float = Options.tolerance,
     samples: Samples = Options.samples,
+    antialias: Antialias = Options.antialias,
     outputs: Output | Sequence[Output] = Options.outputs,
     cull: Cull = Options.cull,
     color_range: ColorRange = Options.color_range,
@@ -51,6 +52,8 @@ def render(
     shading : "flat" or "lambert" (once a polygon), "gouraud" (once a vertex), "phong" (once a sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64
     samples : samples a pixel: 1, 4, 9 or 16
+    antialias : "supersample" (all is done for every sample), or "shade-once" (light and textures once for each
+        polygon in a pixel)
     outputs : one name or several out of "color", "rgb", "depth", "face", "normal"
     cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
     color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" or "local"
@@ -74,6 +77,7 @@ def render(
         shading=shading,
         tolerance=tolerance,
         samples=samples,
+        antialias=antialias,
         outputs=outputs,
         cull=cull,
         color_range=color_range,
@@ -101,6 +105,7 @@ class Renderer:
         shading: Shading = Options.shading,
         tolerance: float = Options.tolerance,
         samples: Samples = Options.samples,
+        antialias: Antialias = Options.antialias,
         outputs: Output | Sequence[Output] = Options.outputs,
         cull: Cull = Options.cull,
         color_range: ColorRange = Options.color_range,
@@ -114,6 +119,7 @@ class Renderer:
             shading=shading,
             tolerance=tolerance,
             samples=samples,
+            antialias=antialias,
             outputs=outputs,
             cull=cull,
             color_range=color_range,

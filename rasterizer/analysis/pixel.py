@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..choices import ColorRange, Cull, Output, Samples, Shading
+from ..choices import Antialias, ColorRange, Cull, Output, Samples, Shading
 from ..engine.prepared_scene import PreparedScene
 from ..engine.probe import ways_at
 from ..options import Options
@@ -23,6 +23,7 @@ def explain(
     shading: Shading = Options.shading,
     tolerance: float = Options.tolerance,
     samples: Samples = Options.samples,
+    antialias: Antialias = Options.antialias,
     outputs: Output | Sequence[Output] = Options.outputs,
     cull: Cull = Options.cull,
     color_range: ColorRange = Options.color_range,
@@ -56,8 +57,8 @@ def explain(
     scene = scene if isinstance(scene, Scene) else Scene(scene)
     scene = scene if camera is None else replace(scene, camera=camera)
     options = Options(
-        size=size, shading=shading, tolerance=tolerance, samples=samples, outputs=outputs, cull=cull,
-        color_range=color_range, exposure=exposure, spectral=spectral, threads=threads,
+        size=size, shading=shading, tolerance=tolerance, samples=samples, antialias=antialias, outputs=outputs,
+        cull=cull, color_range=color_range, exposure=exposure, spectral=spectral, threads=threads,
     )  # fmt: skip
     found = explaining.explain(scene, x, y, options)
     ways = ways_at(PreparedScene(scene, options), scene.camera_for(options.size), (found.x, found.y))

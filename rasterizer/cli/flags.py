@@ -169,6 +169,11 @@ def _add_method(group) -> None:
         choices=choices.SAMPLES,
         help=f"samples a pixel (default {PICTURE_SAMPLES}, {Options.samples} for arrays)",
     )
+    add(
+        "--antialias",
+        choices=choices.ANTIALIASES,
+        help=f"light and textures for every sample, or once for each polygon in a pixel (default {Options.antialias})",
+    )
 
 
 def _add_look(group) -> None:

@@ -17,7 +17,7 @@ from llvmlite import ir
 from numba import types
 
 from .fingerprint import is_seen
-from .widths import ID_BIT, LANES, PLANE_GROUP, TEXELS_AHEAD
+from .widths import ID_BIT, LANES, PLANE_GROUP, POINT_UNIT, TEXELS_AHEAD
 
 if is_seen(numba.__version__):
     from numba.core import cgutils
@@ -69,10 +69,21 @@ def build_evaluate_values(typing_context, entries, group, x, y, out, start, stri
     return _evaluate(entries, group, x, y, out, start, stride, weights)
 
 
+def build_evaluate_planes_at(typing_context, entries, group, xs, ys, out, start, stride):
+    """Build `simd.evaluate_planes_at`."""
+    return _evaluate(entries, group, xs, ys, out, start, stride)
+
+
+def build_evaluate_values_at(typing_context, entries, group, xs, ys, out, start, stride, weights):
+    """Build `simd.evaluate_values_at`."""
+    return _evaluate(entries, group, xs, ys, out, start, stride, weights)
+
+
 def _evaluate(entries, group, x, y, out, start, stride, *weights):
     """Build the evaluation of planes: four samples at a time, each with its four planes, which are then transposed.
 
-    With `weights` values are multiplied by them and kept within a range.
+    x and y are the first sample of a row; or arrays, of points that lie anywhere. With `weights` values are multiplied
+    by them and kept within a range.
     """
     unsigned, signed = types.uint64, types.int64
     numbers, *others = group
@@ -80,7 +91,11 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
         return None
     if tuple(others) != (signed, unsigned, unsigned):
         return None
-    signature = types.void(entries, group, signed, signed, out, unsigned, unsigned, *[unsigned] * len(weights))
+    is_list = isinstance(x, types.Array)
+    if is_list and not x.dtype == y.dtype == types.int32:
+        return None
+    place = (x, y) if is_list else (signed, signed)
+    signature = types.void(entries, group, *place, out, unsigned, unsigned, *[unsigned] * len(weights))
 
     def generate(context, builder, signature, arguments):
         def array_of(kind, value):
@@ -93,17 +108,27 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
         numbers = array_of(signature.args[1][0], numbers).data
         whole, real = ir.IntType(32), ir.FloatType()
         kind = ir.VectorType(real, PLANE_GROUP)
-        x, y = builder.trunc(x, whole), builder.trunc(y, whole)
         load = partial(_load, builder)
+        if is_list:
+            x, y = (array_of(signature.args[axis], arguments[axis]).data for axis in (2, 3))
+        else:
+            x, y = builder.trunc(x, whole), builder.trunc(y, whole)
+
+        def steps_to(place, k, anchor):
+            if not is_list:
+                along = builder.add(place, builder.trunc(k, whole)) if place is x else place
+                return builder.sitofp(builder.sub(along, anchor), real)
+            parts = builder.mul(anchor, ir.Constant(whole, POINT_UNIT))
+            parts = builder.sitofp(builder.sub(builder.load(builder.gep(place, [k])), parts), real)
+            return builder.fmul(parts, ir.Constant(real, 1.0 / POINT_UNIT))
 
         def times(steps, planes):
-            return builder.fmul(_splat(builder, kind, builder.sitofp(steps, real)), planes)
+            return builder.fmul(_splat(builder, kind, steps), planes)
 
         def sample(k):
             entry = builder.load(builder.gep(entries, [k]))
             record = builder.gep(numbers, [builder.shl(_record_number(builder, entry, mask), shift)])
-            across = builder.sub(builder.add(x, builder.trunc(k, whole)), load(record, 1, whole))
-            down = builder.sub(y, load(record, 2, whole))
+            across, down = steps_to(x, k, load(record, 1, whole)), steps_to(y, k, load(record, 2, whole))
             planes = builder.gep(record, [column])
             value = builder.fadd(load(planes, 0, kind), times(across, load(planes, PLANE_GROUP, kind)))
             value = builder.fadd(value, times(down, load(planes, 2 * PLANE_GROUP, kind)))

@@ -19,8 +19,8 @@ from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
 
 
-def make_coding(plan: Plan, screen, tolerance) -> Coding:
-    """Say what entries and records hold, for one view.
+def make_coding(plan: Plan, screen, tolerance, step=1.0) -> Coding:
+    """Say what entries and records hold, for one view; `step` is what `lookup_step` returns.
 
     What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are given with
     the model, the rest for textures; or all is for intensities, with textures one half for each.
@@ -36,21 +36,30 @@ def make_coding(plan: Plan, screen, tolerance) -> Coding:
         albedo_tolerance = float(tolerance / 4 / brightest)
         return NormalCoding(
             *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position,
-            code_textures(plan, of_textures), depths,
+            code_textures(plan, of_textures, step), depths,
         )  # fmt: skip
     limits = np.where(of_materials.is_looked_up, left / 2, left)
-    textures = code_textures(plan, left / 2)
+    textures = code_textures(plan, left / 2, step)
     return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, False, textures, depths)
 
 
-def code_textures(plan: Plan, limits) -> TextureCoding | None:
+def lookup_step(factor, is_shaded_once) -> float:
+    """Return how many samples it is from one look-up of a texture to the next: a pixel's where it is shaded once.
+
+    Slopes are multiplied by that in float32: rounded by u = 2^-24 where it is 3. That is an eighth of what
+    `texture_planes.slope_rounding` counts, and is added.
+    """
+    return factor * (1.0 + 1.0 / 8.0) if is_shaded_once and factor > 1 else 1.0
+
+
+def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
     """Say which materials have texture coordinates that may stand in planes; `limits` are those of errors of
-    intensities, (n,), and of alpha."""
+    intensities, (n,), and of alpha; `step` what `lookup_step` returns."""
     if plan.packed_textures is None:
         return None
     limits = limits / max(plan.bound, 1.0)
     of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
-    return TextureCoding(plan.packed_textures, of_materials, limits)
+    return TextureCoding(plan.packed_textures, of_materials, limits, step)
 
 
 def make_exact_coding(screen, n_attribute) -> Coding:

@@ -32,9 +32,10 @@ from ..pipeline.layers import Opacity
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import most_units
-from ..pipeline.resolve import Picture, resolve
+from ..pipeline.resolve import Picture, resolve, resolve_points
 from ..pipeline.scan import ScanCounts
 from ..pipeline.shade import shade_interpolated
+from ..pipeline.shade_once import list_points, order_samples, spread_points
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import sample_textures
 from ..pipeline.textured_shading import shade_textured
@@ -69,6 +70,7 @@ class Pass:
     dtype: ClassVar[np.dtype] = np.dtype(np.float32)
     textures: ClassVar[Textures | None] = None
     opacity: ClassVar[Opacity | None] = None  # None where all is opaque
+    shades_points: ClassVar[bool] = False  # once a pixel and polygon: see pipeline/shade_once.py
 
     @property
     def n_sample(self) -> tuple[int, int]:
@@ -84,7 +86,7 @@ class Pass:
         """The memory that a band of `n_row` rows is drawn in."""
         return WorkspaceKind(
             self.n_sample[0], n_row, self.n_channel, self.n_attribute, self.dtype,
-            self.textures is not None, self.opacity is not None,
+            self.textures is not None, self.opacity is not None, self.factor if self.shades_points else 0,
         )  # fmt: skip
 
     def most_records(self, n_triangle: int) -> int:
@@ -123,6 +125,7 @@ class ColorPass(Pass):
     encoding: Encoding
     picture: Picture  # written, unless there is a sink
     sink: RowSink | None = None
+    is_shaded_once: bool = False  # a pixel and polygon: see shade_once.py
     is_filled: bool = True
 
     @property
@@ -144,6 +147,17 @@ class ColorPass(Pass):
     def opacity(self) -> Opacity | None:
         """None where all is opaque."""
         return self.plan.opacity
+
+    @property
+    def shades_points(self) -> bool:
+        """Whether something is shaded once a pixel and polygon that isn't cheap at every sample."""
+        is_dear = self.plan.is_lit_per_sample or self.textures is not None
+        return self.is_shaded_once and self.factor > 1 and is_dear
+
+    @cached_property
+    def sample_order(self) -> np.ndarray:
+        """The samples of a pixel in the order in which its points are looked for."""
+        return order_samples(self.factor)
 
     def texturing_in(self, workspace: Workspace) -> Texturing:
         """The textures, with a workspace's memory for looking them up."""
@@ -167,18 +181,42 @@ class ColorPass(Pass):
         return 1 if is_same or bool((self.plan.tint == 1.0).all()) else self.n_channel
 
     def shade(self, workspace, band, counts, face_table):
-        """Find the light that comes from the visible samples, then let what is further away fade."""
+        """Find the light that comes from the visible samples, or from the points that pixels are shaded at; then let
+        what is further away fade."""
         scanned = ScannedBand(workspace.visibility, workspace.records, self.coding, counts, band.y_start, band.n_row)
         radiance = workspace.radiance[: self.n_channel_of(counts)]
-        if counts.needs & NEEDS_TEXTURE and counts.n_exact > 0:
-            sample_textures(scanned, self.textures, workspace.double_batch, workspace.texels)
         self.light(workspace, scanned, face_table, radiance)
         if self.plan.cue is not None:
+            self.spread(workspace, scanned.n_row, counts)
             fade(scanned, self.screen.is_perspective, self.plan.cue, radiance)
 
     def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Fill the radiance of the visible samples."""
         raise NotImplementedError
+
+    def light_points(self, workspace, band, face_table, radiance, is_textured) -> None:
+        """Fill the radiance of all surfaces, or of those that are textured: at every sample, or once a pixel and
+        polygon where the workspace has memory for that."""
+        points = workspace.points
+        if points is None:
+            return self.evaluate(workspace, band, face_table, radiance)
+        of_points = points.radiance[: len(radiance)]
+        list_points(band, self.factor, self.sample_order, is_textured, points)
+        self.evaluate(workspace, points.band(band, self.factor), face_table, of_points)
+        return None
+
+    def spread(self, workspace: Workspace, n_row, counts: ScanCounts) -> None:
+        """Give the samples of a band the radiance of their points, where there are any, after `shade`: for what needs
+        samples."""
+        points, n_channel = workspace.points, self.n_channel_of(counts)
+        if points is not None and not points.is_spread[0]:
+            radiances = points.radiance[:n_channel], workspace.radiance[:n_channel]
+            spread_points(workspace.visibility, n_row, self.factor, points, *radiances)
+
+    def evaluate(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
+        """Look textures up, and light what `light_points` fills, at every sample or point of a band."""
+        if band.counts.needs & NEEDS_TEXTURE and band.counts.n_exact > 0:
+            sample_textures(band, self.textures, workspace.double_batch, workspace.texels)
 
     def finish(self, workspace, band, counts, translucent, loaded_face):
         """Average the samples of each pixel, and write the picture's rows, or hand them to the sink."""
@@ -194,6 +232,12 @@ class ColorPass(Pass):
     def _resolve(self, workspace, n_channel, translucent, rows, out: Picture) -> int:
         """Write a band's pixels to the rows (start, end) of `out`; return how many samples are covered."""
         encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
+        points = workspace.points
+        if points is not None and not points.is_spread[0]:
+            return resolve_points(
+                workspace.visibility, points.radiance[:n_channel], points, *rows,
+                self.factor, encoding, workspace.pixels, out,
+            )  # fmt: skip
         return resolve(
             workspace.visibility, workspace.radiance[:n_channel], translucent, *rows,
             self.factor, encoding, workspace.pixels, out,
@@ -205,10 +249,18 @@ class InterpolatedPass(ColorPass):
     """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
 
     def light(self, workspace, band, face_table, radiance):
-        """Interpolate the intensities; of textured surfaces those of the parts that the texture weakens and doesn't."""
+        """Interpolate the intensities, then those of textured surfaces."""
         shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
         if band.counts.needs & NEEDS_TEXTURE:
-            shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
+            self.light_points(workspace, band, face_table, radiance, is_textured=True)
+            self.spread(workspace, band.n_row, band.counts)  # beside surfaces without a texture
+        elif workspace.points is not None:
+            workspace.points.is_spread[0] = True
+
+    def evaluate(self, workspace, band, face_table, radiance):
+        """Interpolate the intensities of textured surfaces: those of the parts that the texture weakens and doesn't."""
+        super().evaluate(workspace, band, face_table, radiance)
+        shade_textured(band, self.texturing_in(workspace), workspace.batch, radiance)
 
 
 @dataclass(**AS_PASS)
@@ -218,7 +270,12 @@ class LitPass(ColorPass):
     lightings: dict[np.dtype, Lighting]  # for each type that materials are lit in
 
     def light(self, workspace, band, face_table, radiance):
+        """Light the samples, or a point for each pixel and polygon."""
+        self.light_points(workspace, band, face_table, radiance, is_textured=False)
+
+    def evaluate(self, workspace, band, face_table, radiance):
         """Interpolate the normals and light the samples: those of float32 first, see `shade_lit`."""
+        super().evaluate(workspace, band, face_table, radiance)
         texturing = self.texturing_in(workspace) if self.textures is not None else None
         tangents = self.n_attribute - 3 if self.plan.has_tangents else None  # the last three attributes
         ways = (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)

@@ -16,7 +16,7 @@ from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .attributes import NONE, Attributes, NormalAttributes, light_all
-from .coding import make_coding, make_encoding, make_exact_coding
+from .coding import lookup_step, make_coding, make_encoding, make_exact_coding
 from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
@@ -127,8 +127,9 @@ class PreparedScene:
             maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
             clock.lap("shadows")
         lightings = {d: self.view_plans.lighting_for(plan, view, screen, d, maps[d]) for d in plan.dtypes}
+        is_shaded_once = options.antialias == "shade-once"
         shared = {
-            "coding": make_coding(plan, screen, options.tolerance),
+            "coding": make_coding(plan, screen, options.tolerance, lookup_step(options.factor, is_shaded_once)),
             "size": options.size,
             "factor": options.factor,
             "is_culled": options.cull == "back",
@@ -136,6 +137,7 @@ class PreparedScene:
             "screen": screen,
             "encoding": make_encoding(plan, self.scene.background, options.color_range),
             "picture": picture,
+            "is_shaded_once": is_shaded_once,
         }
         if plan.is_lit_per_sample:
             attributes = self.normals.of(plan)

@@ -76,6 +76,7 @@ def draw_transparent_band(task: Task, found: ScanCounts, deferred: Deferred) -> 
     )
     in_front = in_front._replace(needs=in_front.needs | colors)
     render_pass.shade(workspace, band, behind, drawn.face_table)
+    render_pass.spread(workspace, band.n_row, behind)
     a_buffer = make_a_buffer(workspace.room, deferred.extents, band.n_row, render_pass.n_channel_of(everything))
     surfaces = Surfaces(workspace.visibility, workspace.records, deferred)
     if count_fragments(task, surfaces, a_buffer):
@@ -179,8 +180,9 @@ def composite_rows(task: Task, surfaces: Surfaces, counts, a_buffer, lists, rows
     radiance = workspace.radiance[: len(a_buffer.color)]
     layer = make_layer(workspace.room, surfaces.deferred.extents, rows, radiance, workspace.texels)
     shaded = workspace._replace(
-        visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, texels=layer.texels
-    )
+        visibility=layer.visibility, records=surfaces.records, radiance=layer.radiance, texels=layer.texels,
+        points=None,  # what is transparent is shaded at every sample
+    )  # fmt: skip
     of_picture = Band(band.faces, band.y_start + rows.y_start, band.y_start + rows.y_end)
     opacity, number = render_pass.opacity, 0
     while show_layer(number, layer, lists, a_buffer.transmittance, opacity.least):

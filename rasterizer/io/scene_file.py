@@ -42,7 +42,8 @@ MOST_DOTS = (
 KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "up", "options")
 # The fields of Options, which this side of the package doesn't import; a test holds that.
 OPTIONS = (
-    "size", "shading", "tolerance", "samples", "outputs", "cull", "color_range", "exposure", "spectral", "threads",
+    "size", "shading", "tolerance", "samples", "antialias", "outputs", "cull", "color_range", "exposure", "spectral",
+    "threads",
 )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from ..compiler.kernels import helper, index
 from .face_planes import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
 from .gradients import Coding
+from .places import Places, subpixel_at
 from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
 from .scan import ScanCounts
 from .transform import HALF, SUBPIXEL
@@ -34,6 +35,7 @@ class ScannedBand(NamedTuple):
     counts: ScanCounts  # what the scan stage found
     y_start: int  # the band's first row in the picture, samples
     n_row: int
+    places: Places | None = None  # where its samples lie, if it is a list of them (places.py)
 
 
 class ExactTriangle(NamedTuple):
@@ -152,7 +154,19 @@ def corner_weights(triangle, x, y):
 
     The edge functions e_i are integers below 2^60: nothing is lost however long and thin the triangle is.
     """
-    sx, sy = x * SUBPIXEL + HALF, y * SUBPIXEL + HALF
+    return weights_at(triangle, x * SUBPIXEL + HALF, y * SUBPIXEL + HALF)
+
+
+@helper
+def place_weights(triangle, first, k):
+    """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (places.py)."""
+    sx, sy = subpixel_at(first, k)
+    return weights_at(triangle, sx, sy)
+
+
+@helper
+def weights_at(triangle, sx, sy):
+    """Return the weights as `corner_weights`, at (sx, sy) in 1/256 px."""
     if triangle.is_clipped:
         return plane_weights(triangle, float(sx), float(sy))
     ux, uy = sx - triangle.x0, sy - triangle.y0

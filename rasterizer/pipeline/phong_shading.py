@@ -22,21 +22,21 @@ from .gradients import NEEDS_ALBEDO, NEEDS_DOUBLE, NEEDS_SINGLE, NEEDS_TEXTURE
 from .interpolate import (
     corner_values,
     corner_vectors,
-    corner_weights,
     exact_triangle,
     has_exact,
     inverse_sum,
     mean,
     mean_vector,
     next_exact_run,
+    place_weights,
     rounded,
     row_extent,
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
+from .places import Places, evaluate_planes_here, evaluate_values_here, fill_positions_of_points, is_list, place_of
 from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
 from .shade import fill_weights
-from .simd import evaluate_planes, evaluate_values
 from .texturing import fill_texels
 from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
 
@@ -85,13 +85,14 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint,
                 n, material = end - first, np.int64(-1)
             entries = visibility.entries[start : start + index(n)]
             if material >= 0:
-                gather_fragments(entries, band, (first, y), material, screen, is_double, batch)
-                interpolate_tangents(entries, band.records, (first, y), tangent_attribute, batch)
-                weight_albedo(entries, band, (first, y), material, texturing, start, batch)
+                place = place_of(band.places, (first, y), start, index(n))
+                gather_fragments(entries, band, place, material, screen, is_double, batch)
+                interpolate_tangents(entries, band.records, place, tangent_attribute, batch)
+                weight_albedo(entries, band, place, material, texturing, start, batch)
                 gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
                 normalize_normals(batch, n)
                 if lighting.needs_view or lighting.needs_position:
-                    fill_positions(screen, (first, y), n, lighting.needs_position, batch)
+                    fill_rays(screen, place, n, lighting.needs_position, batch)
                 light_batch(batch, n, lighting, material)
                 write_radiance(batch, n, lighting.n_channels[material], tint, out_radiance, start)
             first += n
@@ -155,7 +156,7 @@ def write_radiance(batch, n, n_channel, tint, out_radiance, start):
 
 @helper
 def gather_fragments(entries, band, first, material, screen, is_double, batch):
-    """Fill normals, distances and albedo of the samples; `first` is the sample (x, y) of the first entry.
+    """Fill normals, distances and albedo of the samples; `first` says where they lie (places.py).
 
     Samples that show nothing get anything.
     """
@@ -185,12 +186,12 @@ def leave_fragments(entries, band, first, material, batch):
 @helper
 def evaluate_fragments(entries, band, first, material, batch):
     """See `gather_planes`."""
-    (x, y), depths, needs = first, band.coding.depths, band.coding.needs[material]
-    evaluate_planes(entries, plane_group(band.records, NORMALS), x, y, batch, f.NORMAL, f.NEXT)
+    depths, needs = band.coding.depths, band.coding.needs[material]
+    evaluate_planes_here(entries, plane_group(band.records, NORMALS), first, batch, f.NORMAL, f.NEXT)
     if needs & NEEDS_ALBEDO:
         fill_weights(entries, depths, batch)
         group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if needs & NEEDS_TEXTURE else 0))
-        evaluate_values(entries, group, x, y, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
+        evaluate_values_here(entries, group, first, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
     if band.coding.needs_distance:
         is_perspective = depths.depth_scale == 0.0 and depths.depth_offset == 0.0
         offset, step = depths.inv_w_offset, depths.inv_w_scale
@@ -203,7 +204,7 @@ def evaluate_fragments(entries, band, first, material, batch):
 
 @helper
 def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_double, batch):
-    """Put in the normals, distances and albedo of exact records; `first` is the sample (x, y) of the first entry."""
+    """Put in the normals, distances and albedo of exact records; `first` says where they lie (places.py)."""
     records, real = band.records, batch.dtype.type
     start, end = next_exact_run(entries, index(0))
     while start < end:
@@ -217,7 +218,7 @@ def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_d
         colors = rounded_vectors(corner_vectors(records, record, index(3)), real) if has_albedo else normals
         # Component by component: by vector helpers and a choice between two values this loop takes a tenth longer.
         for k in range(start, end):
-            q0, q1, q2 = corner_weights(triangle, first[0] + np.int64(k), first[1])
+            q0, q1, q2 = place_weights(triangle, first, k)
             inverse = 1.0 / (q0 + q1 + q2)
             p = real(q0 * inverse), real(q1 * inverse), real(q2 * inverse)
             batch[f.NORMAL + k] = side * mean(normals[0], p)
@@ -250,7 +251,7 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
             triangle = exact_triangle(records, record)
             tangents = corner_vectors(records, record, index(tangent_attribute))
             for k in range(start, end):
-                q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+                q = place_weights(triangle, first, k)
                 p = rounded(scale(q, inverse_sum(q)), real)
                 set_vector(batch, f.TANGENT, k, mean_vector(tangents, p))
             start, end = next_exact_run(entries, end)
@@ -288,6 +289,18 @@ def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
 
 
 # ---------------------------------------------------------------- where the samples lie in the world
+
+
+def choose_rays(screen, first, n, needs_position, batch):
+    """Return what is compiled in the place of `fill_rays`."""
+    return fill_positions_of_points if is_list(first) else fill_positions
+
+
+@choice(choose_rays)
+def fill_rays(screen, first, n, needs_position, batch):
+    """Fill positions and view directions of samples in a row, or of points that lie anywhere."""
+    fill = fill_positions_of_points if isinstance(first, Places) else fill_positions
+    fill(screen, first, n, needs_position, batch)
 
 
 @helper

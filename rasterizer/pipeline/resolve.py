@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
+from .box_filter import MOST_FACTOR, PIECE, average_points, average_samples, gather_samples
 from .encode import (
     ALPHA,
     PIXELS_SHAPE,
@@ -22,7 +23,7 @@ from .encode import (
     pack_bytes,
 )
 from .fragments import BATCH_SIZE, NEXT
-from .visibility import CLEAR, clear, strip_of
+from .visibility import CLEAR, clear, extent_of_pixels
 
 
 class Picture(NamedTuple):
@@ -38,11 +39,14 @@ class PixelBatch(NamedTuple):
 
     values: np.ndarray  # PIXELS_SHAPE float32, linear colours and alpha
     levels: np.ndarray  # PIXELS_SHAPE int32
+    sums: np.ndarray  # PIXELS_SHAPE float64: of the samples' colours, and of their weights
+    weights: np.ndarray  # (PIECE * MOST_FACTOR,) float64, of a row's samples
 
 
 def make_pixel_batch() -> PixelBatch:
     """Return the batch of pixels of one thread."""
-    return PixelBatch(np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32))
+    values, levels = np.zeros(PIXELS_SHAPE, np.float32), np.zeros(PIXELS_SHAPE, np.int32)
+    return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(int(PIECE) * MOST_FACTOR))
 
 
 def resolve(visibility, radiance, translucent, y_start, y_end, factor, encoding, batch, out) -> int:
@@ -115,14 +119,30 @@ def resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out):
 @kernel
 def resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, batch, out):
     """Average the samples of each pixel and write it; clear the band; return how many samples are covered."""
-    entries, radiance, n_covered = visibility.entries, radiance, np.int64(0)
+    n_covered = np.int64(0)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = covered_columns(visibility, row, factor)
         fill_blank(out, j, first, end, encoding)
         for left in range(first, end, BATCH_SIZE):
             n = index(min(end - left, BATCH_SIZE))
-            n_covered += average_samples(entries, visibility.pitch, radiance, (row, left), factor, n, batch.values)
+            n_covered += average_samples(visibility, radiance, None, (row, left), factor, n, batch)
+            write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
+    clear(visibility, (y_end - y_start) * factor)
+    return n_covered
+
+
+@kernel
+def resolve_points(visibility, radiance, points, y_start, y_end, factor, encoding, batch, out):
+    """As `resolve_averages`, from the points that pixels are shaded at, of all that the band shows (shade_once.py)."""
+    n_covered = np.int64(0)
+    for j in range(y_start, y_end):
+        row = (j - y_start) * factor
+        first, end = covered_columns(visibility, row, factor)
+        fill_blank(out, j, first, end, encoding)
+        for left in range(first, end, BATCH_SIZE):
+            n = index(min(end - left, BATCH_SIZE))
+            n_covered += average_points(visibility.pitch, points, radiance, (row, left), factor, n, batch.values)
             write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
@@ -152,9 +172,9 @@ def resolve_translucent(visibility, radiance, translucent, rows, factor, encodin
                 left = stretch_end
                 continue
             if is_weighted:
-                n_covered += weight_samples(visibility, radiance, translucent, here, factor, n, batch.values)
+                n_covered += average_samples(visibility, radiance, translucent, here, factor, n, batch)
             else:
-                n_covered += average_samples(entries, visibility.pitch, radiance, here, factor, n, batch.values)
+                n_covered += average_samples(visibility, radiance, None, here, factor, n, batch)
             write_pixels(batch, n, n_channel, encoding, (j, left), out)
             left += np.int64(n)
     clear(visibility, (y_end - y_start) * factor)
@@ -182,17 +202,6 @@ def covered_columns(visibility, row, factor):
     """Return the columns of pixels that any sample of `factor` rows may cover, half-open; where there are none, 0 and
     0."""
     return extent_of_pixels(visibility, row, factor, visibility.width)
-
-
-@helper
-def extent_of_pixels(extents, row, factor, width):
-    """Return the columns of pixels that the extents of `factor` rows reach, half-open; where there are none, 0 and
-    0."""
-    left, right = np.int64(width), np.int64(0)
-    for sub in range(row, row + factor):
-        strip = strip_of(sub)
-        left, right = min(left, extents.left[strip]), max(right, extents.right[strip])
-    return (left // factor, (right + factor - 1) // factor) if left < right else (np.int64(0), np.int64(0))
 
 
 @helper
@@ -239,114 +248,6 @@ def encode_samples(entries, radiance, start, out):
             b = encode_channel(np.float32(blue[i]))
             out[i] = pack_bytes(r, g, b, opaque) if is_covered else blank
             n_covered += is_covered
-    return n_covered
-
-
-@helper
-def gather_samples(entries, radiance, start, pixels):
-    """Copy one sample a pixel: its intensities and its coverage; return how many are covered."""
-    n = index(len(entries))
-    zero, one = np.float32(0), np.float32(1)
-    n_covered = np.int64(0)
-    for i in range(n):
-        n_covered += entries[i] < CLEAR
-        pixels[ALPHA + i] = one if entries[i] < CLEAR else zero
-    for channel in range(index(radiance.shape[0])):
-        source, target = radiance[channel, start : start + n], channel * NEXT
-        for i in range(n):
-            pixels[target + i] = np.float32(source[i]) if entries[i] < CLEAR else zero
-    return n_covered
-
-
-@helper
-def average_samples(entries, pitch, radiance, first, factor, n, pixels):
-    """Compute the mean intensities of every pixel's covered samples, and the covered share; return how many samples are
-    covered.
-
-    `first` is the band's row of samples and the column of pixels where the batch begins.
-    """
-    n_channel, count, (row, left) = index(radiance.shape[0]), np.int64(0), first
-    for i in range(n):
-        sum0 = sum1 = sum2 = 0.0  # float64: sixteen roundings of float32 would show at tolerance 0
-        n_covered = np.int32(0)
-        for sub in range(row, row + factor):
-            start = index(sub * pitch + (left + np.int64(i)) * factor)
-            for k in range(start, start + index(factor)):
-                if entries[k] < CLEAR:
-                    n_covered += np.int32(1)
-                    sum0 += radiance[0, k]
-                    if n_channel > index(1):
-                        sum1 += radiance[1, k]
-                        sum2 += radiance[2, k]
-        scale = 1.0 / (n_covered if n_covered > 0 else 1)
-        pixels[i] = sum0 * scale
-        if n_channel > index(1):
-            pixels[NEXT + i] = sum1 * scale
-            pixels[NEXT + NEXT + i] = sum2 * scale
-        pixels[ALPHA + i] = np.float32(n_covered) / np.float32(factor * factor)
-        count += np.int64(n_covered)
-    return count
-
-
-@helper
-def weight_samples(visibility, radiance, translucent, first, factor, n, pixels):
-    """Compute the mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many
-    samples show anything.
-
-    `first`: see `average_samples`.
-    """
-    if factor == 1:
-        return weight_single_samples(visibility, radiance, translucent, first, n, pixels)
-    n_channel, count, (row, left) = index(radiance.shape[0]), np.int64(0), first
-    for i in range(n):
-        sum0 = sum1 = sum2 = opacity = 0.0
-        for sub in range(row, row + factor):
-            start = (left + np.int64(i)) * factor
-            for x in range(start, start + factor):
-                weight, k = weight_of(visibility, translucent, sub, x), index(sub * visibility.pitch + x)
-                if weight == 0.0:
-                    continue
-                count += 1
-                opacity += weight
-                sum0 += weight * radiance[0, k]
-                if n_channel > index(1):
-                    sum1 += weight * radiance[1, k]
-                    sum2 += weight * radiance[2, k]
-        scale = 1.0 / opacity if opacity > 0.0 else 0.0
-        pixels[i] = sum0 * scale
-        if n_channel > index(1):
-            pixels[NEXT + i] = sum1 * scale
-            pixels[NEXT + NEXT + i] = sum2 * scale
-        pixels[ALPHA + i] = opacity / (factor * factor)
-    return count
-
-
-@helper
-def weight_of(visibility, translucent, row, x):
-    """Return the opacity of a sample."""
-    strip = strip_of(row)
-    if visibility.entries[index(row * visibility.pitch + x)] < CLEAR:
-        return 1.0
-    if translucent.left[strip] <= x < translucent.right[strip]:
-        return translucent.opacity[index(translucent.columns[index(row)] + x)]
-    return 0.0
-
-
-@helper
-def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
-    """Copy one sample a pixel, see `weight_samples`: nothing to sum, so the loops become vector instructions."""
-    (row, left), n_covered = first, np.int64(0)
-    start, sample = index(row * visibility.pitch + left), index(translucent.columns[index(row)] + left)
-    entries, opacity = visibility.entries[start : start + n], translucent.opacity[sample : sample + n]
-    for i in range(n):
-        weight = 1.0 if entries[i] < CLEAR else opacity[i]
-        n_covered += weight > 0.0
-        pixels[ALPHA + i] = weight
-    for channel in range(index(radiance.shape[0])):
-        source, target = radiance[channel, start : start + n], channel * NEXT
-        for i in range(n):
-            is_seen = (entries[i] < CLEAR) | (opacity[i] > 0.0)
-            pixels[target + i] = np.float32(source[i]) if is_seen else np.float32(0)
     return n_covered
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, spelled_out
-from ..compiler.widths import ID_BIT, LANES, PLANE_GROUP
+from ..compiler.widths import ID_BIT, LANES, PLANE_GROUP, POINT_UNIT
 
 # Edge functions of a box up to so many samples wide and high fit 32 bits: 2 · (16 · 256) · (128 · 256) = 2^28.
 MOST_WIDE, MOST_HIGH = 2 * LANES, 128
@@ -95,6 +95,37 @@ def evaluate_values(entries, group, x, y, out, start, stride, weights):
             out[np.int64(start) + i * np.int64(stride) + k] = value if value < greatest else greatest
 
 
+@spelled_out("build_evaluate_planes_at")
+def evaluate_planes_at(entries, group, xs, ys, out, start, stride):
+    """Evaluate a group of four planes as `evaluate_planes`, at points that lie anywhere.
+
+    Parameters
+    ----------
+    xs, ys : (n,) int32, where each point lies: 1/POINT_UNIT of a sample's width, from the first column and row of
+        samples, and a multiple of 128 of them: a float32 holds how far it is from where the planes have their values
+    """
+    out, numbers = out.reshape(-1), group.numbers
+    for k in range(len(entries)):
+        record = record_number(entries[k], group)
+        for i in range(PLANE_GROUP):
+            plane = record + np.int64(group.column) + i
+            out[np.int64(start) + i * np.int64(stride) + k] = value_at_point(numbers, record, plane, xs[k], ys[k])
+
+
+@spelled_out("build_evaluate_values_at")
+def evaluate_values_at(entries, group, xs, ys, out, start, stride, weights):
+    """Evaluate a group of four planes as `evaluate_values`, at points that lie anywhere, see `evaluate_planes_at`."""
+    out, numbers = out.reshape(-1), group.numbers
+    for k in range(len(entries)):
+        record = record_number(entries[k], group)
+        for i in range(PLANE_GROUP):
+            plane = record + np.int64(group.column) + i
+            value = np.float32(value_at_point(numbers, record, plane, xs[k], ys[k]) * out[np.int64(weights) + k])
+            least, greatest = numbers[plane + 3 * PLANE_GROUP], numbers[plane + 4 * PLANE_GROUP]
+            value = value if value > least else least
+            out[np.int64(start) + i * np.int64(stride) + k] = value if value < greatest else greatest
+
+
 @helper
 def record_number(entry, group):
     """Return where the record that an entry shows begins; 0 where it shows none."""
@@ -105,7 +136,21 @@ def record_number(entry, group):
 @helper
 def value_at(numbers, record, plane, x, y):
     """Return the value of a plane at the sample (x, y); `record` and `plane` are where the two begin in `numbers`."""
-    real, whole = np.float32, numbers.view(np.int32)
-    across, down = real(x - whole[record + 1]), real(y - whole[record + 2])
+    whole = numbers.view(np.int32)
+    return value_beside(numbers, plane, np.float32(x - whole[record + 1]), np.float32(y - whole[record + 2]))
+
+
+@helper
+def value_at_point(numbers, record, plane, x, y):
+    """Return the value of a plane at the point (x, y), 1/256 of a sample's width."""
+    whole, part = numbers.view(np.int32), np.float32(1.0 / POINT_UNIT)
+    across, down = np.int64(x) - POINT_UNIT * whole[record + 1], np.int64(y) - POINT_UNIT * whole[record + 2]
+    return value_beside(numbers, plane, np.float32(np.float32(across) * part), np.float32(np.float32(down) * part))
+
+
+@helper
+def value_beside(numbers, plane, across, down):
+    """Return the value of a plane beside the sample where it has its value; float32 is rounded after each operation."""
+    real = np.float32
     value = real(numbers[plane] + real(across * numbers[plane + PLANE_GROUP]))
     return real(value + real(down * numbers[plane + 2 * PLANE_GROUP]))

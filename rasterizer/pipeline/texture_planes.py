@@ -34,6 +34,7 @@ class TextureCoding(NamedTuple):
     packed: PackedTextures
     of_materials: np.ndarray  # (n_material,) int64: the texture of each, -1 for none
     limits: np.ndarray  # (n_material,) float64: error that is accepted in a texture's colours
+    step: float = 1.0  # how many samples it is to the next point that is looked up, with its rounding
 
 
 @helper
@@ -67,7 +68,7 @@ def compute_texcoord_planes(textures, depths, block):
         t_error = texcoord_error(plane_rounding(t_reach * largest, t_rise), r_error, at_least, t_reach)
         slope_error = slope_rounding(k, s_reach, s_error, index(0), block)
         slope_error += slope_rounding(k, t_reach, t_error, index(1), block)
-        level_error = LEVEL_SLOPE * slope_error / at_least
+        level_error = LEVEL_SLOPE * textures.step * slope_error / at_least
         error = texture_error(textures.packed, index(texture), s_error, t_error, level_error)
         limit = textures.limits[ints[s.MATERIAL + k]]
         is_good = (at_least >= LEAST_INVERSE) & (error <= limit)

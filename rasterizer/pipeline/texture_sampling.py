@@ -18,14 +18,15 @@ from ..geometry.vectors import scale
 from .fragments import BATCH_SIZE
 from .interpolate import (
     corner_values,
-    corner_weights,
     exact_triangle,
     inverse_sum,
     mean,
     next_exact_run,
+    place_weights,
     row_extent,
     weight_steps,
 )
+from .places import place_of, skip_places, step_of
 from .records import ATTRIBUTE, material_of
 from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
 from .visibility import record_of, stretch_of, strip_of
@@ -56,13 +57,14 @@ def sample_textures(band, textures, batch, out_texels):
             if material < 0 or textures.of_materials[material] >= 0:
                 out = out_texels[:, start : start + index(end - first)]
                 entries = visibility.entries[start : start + index(end - first)]
-                sample_stretch(entries, records, (first, band.y_start + j), textures, batch, out)
+                place = place_of(band.places, (first, band.y_start + j), start, index(end - first))
+                sample_stretch(entries, records, place, textures, batch, out)
             first = end
 
 
 @helper
 def sample_stretch(entries, records, first, textures, batch, out):
-    """Look textures up at the samples of a row; `first` is the sample (x, y) of the first entry."""
+    """Look textures up at the samples of a row; `first` says where they lie (places.py)."""
     start, end = next_exact_run(entries, index(0))
     while start < end:
         record = record_of(entries[start])
@@ -70,14 +72,14 @@ def sample_stretch(entries, records, first, textures, batch, out):
         if texture >= 0:
             for k in range(start, end, index(BATCH_SIZE)):
                 last = min(k + index(BATCH_SIZE), end)
-                sample = first[0] + np.int64(k), first[1]
-                sample_run(records, record, sample, textures, index(texture), batch, out[:, k:last])
+                sample_run(records, record, skip_places(first, k), textures, index(texture), batch, out[:, k:last])
         start, end = next_exact_run(entries, end)
 
 
 @helper
 def sample_run(records, record, first, textures, texture, batch, out):
-    """Look a texture up along a run of samples of one triangle; `first` is the sample (x, y) where it begins.
+    """Look a texture up along a run of samples of one triangle; `first` says where they
+    lie (places.py).
 
     out : (4, n), n <= BATCH_SIZE
     """
@@ -87,7 +89,7 @@ def sample_run(records, record, first, textures, texture, batch, out):
     fill_texcoords(records, record, first, n, wraps, batch)
     if kind == FILTER_TRILINEAR:
         size, coarsest = mip_level_size(textures, first_level), float(last_level - first_level)
-        fill_mip_levels(records, record, n, size, coarsest, batch)
+        fill_mip_levels(records, record, n, size, coarsest, step_of(first), batch)
     for k in range(n):
         s, t = batch[TEXCOORD_S + k], batch[TEXCOORD_T + k]
         if kind == FILTER_NEAREST:
@@ -108,7 +110,7 @@ def fill_texcoords(records, record, first, n, wraps, batch):
     """Fill texture coordinates, as they are and within the picture, and 1 / Σ q."""
     triangle, (us, vs) = exact_triangle(records, record), corner_texcoords(records, record)
     for k in range(n):
-        q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+        q = place_weights(triangle, first, k)
         inverse = inverse_sum(q)
         p = scale(q, inverse)
         u, v = mean(us, p), mean(vs, p)
@@ -118,16 +120,17 @@ def fill_texcoords(records, record, first, n, wraps, batch):
 
 
 @helper
-def fill_mip_levels(records, record, n, size, coarsest, batch):
+def fill_mip_levels(records, record, n, size, coarsest, step, batch):
     """Fill the mip levels: 0 is the texture itself, what lies between whole numbers is a mixture of two levels.
 
-    `size` is the first texel, the width and the height of level 0; `coarsest` the last level.
+    `size` is the first texel, the width and the height of level 0; `coarsest` the last level; `step` how many samples
+    it is to the next point that is looked up.
     """
     steps_x, steps_y = weight_steps(exact_triangle(records, record))
     us, vs = corner_texcoords(records, record)
     d_x, u_x, v_x = step_sums(steps_x, us, vs)
     d_y, u_y, v_y = step_sums(steps_y, us, vs)
-    width, height = float(size[1]), float(size[2])
+    width, height = step * float(size[1]), step * float(size[2])
     for k in range(n):
         u, v, inverse = batch[TEXCOORD_U + k], batch[TEXCOORD_V + k], batch[INVERSE_SUM + k]
         across_u, across_v = (u_x - u * d_x) * inverse * width, (v_x - v * d_x) * inverse * height

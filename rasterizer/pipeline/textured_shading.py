@@ -16,17 +16,17 @@ from .fragments import BATCH_SIZE
 from .gradients import NEEDS_TEXTURE, LevelCoding
 from .interpolate import (
     corner_values,
-    corner_weights,
     exact_triangle,
     has_exact,
     inverse_sum,
     mean,
     next_exact_run,
+    place_weights,
     row_extent,
 )
+from .places import evaluate_values_here, place_of
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .shade import fill_weights
-from .simd import evaluate_values
 from .texturing import fill_texels
 from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
 
@@ -57,9 +57,10 @@ def shade_textured(band, texturing, batch, out_radiance):
                 n, material = end - first, np.int64(-1)
             if material >= 0:
                 entries, out = visibility.entries[start : start + index(n)], out_radiance[:, start : start + index(n)]
-                shade_planes(entries, band, (first, y), material, texturing, start, batch, out)
+                place = place_of(band.places, (first, y), start, index(n))
+                shade_planes(entries, band, place, material, texturing, start, batch, out)
                 if has_exact(entries):
-                    shade_exact(entries, band, (first, y), texturing.texels[:, start : start + index(n)], out)
+                    shade_exact(entries, band, place, texturing.texels[:, start : start + index(n)], out)
             first += n
 
 
@@ -88,7 +89,7 @@ def choose_shading(entries, band, first, material, texturing, start, batch, out)
 
 @choice(choose_shading)
 def shade_planes(entries, band, first, material, texturing, start, batch, out):
-    """Fill the intensities of samples that show planes; `first` is the sample (x, y) of the first entry."""
+    """Fill the intensities of samples that show planes; `first` says where they lie (places.py)."""
     if isinstance(band.coding, LevelCoding):
         evaluate_textured(entries, band, first, material, texturing, start, batch, out)
 
@@ -101,12 +102,12 @@ def leave_textured(entries, band, first, material, texturing, start, batch, out)
 @helper
 def evaluate_textured(entries, band, first, material, texturing, start, batch, out):
     """See `shade_planes`."""
-    (x, y), records = first, band.records
+    records = band.records
     fill_texels(entries, band, first, material, BEHIND_VALUES, texturing, start, batch)
     fill_weights(entries, band.coding.depths, batch)
-    evaluate_values(entries, plane_group(records, VALUES), x, y, batch, REST, f.NEXT, f.WEIGHT)
+    evaluate_values_here(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
     group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
-    evaluate_values(entries, group, x, y, batch, WHOLE, f.NEXT, f.WEIGHT)
+    evaluate_values_here(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
     for channel in range(index(3)):
         step = channel * f.NEXT
         for k in range(index(len(entries))):
@@ -117,14 +118,14 @@ def evaluate_textured(entries, band, first, material, texturing, start, batch, o
 
 @helper
 def shade_exact(entries, band, first, texels, out):
-    """Fill the intensities of exact records; `first` is the sample (x, y) of the first entry."""
+    """Fill the intensities of exact records; `first` says where they lie (places.py)."""
     records = band.records
     start, end = next_exact_run(entries, index(0))
     while start < end:
         record = record_of(entries[start])
         triangle = exact_triangle(records, record)
         for k in range(start, end):
-            q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+            q = place_weights(triangle, first, k)
             p = scale(q, inverse_sum(q))
             for channel in range(index(3)):
                 column = index(ATTRIBUTE) + index(3) * channel

@@ -12,14 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import choice, helper, index
+from ..compiler.widths import PLANE_GROUP
 from . import fragments as f
 from .fragments import BATCH_SIZE
 from .gradients import NEEDS_BEHIND
 from .interpolate import has_exact
 from .lookup_batch import IS_DOUBTFUL, S_DX, S_PLANE
+from .places import evaluate_planes_here, skip_places, step_of
 from .power import is_single
 from .records import plane_group
-from .simd import evaluate_planes
 from .texture_lookup import sample_batch
 from .texture_packing import packed_texture
 from .texture_planes import gather_slopes
@@ -45,7 +46,7 @@ def fill_texels(entries, band, first, material, group_column, texturing, start, 
     ----------
     entries : (n,) int64, n <= BATCH_SIZE; what doesn't show the material gets anything
     band : ScannedBand
-    first : the sample (x, y) of the first entry
+    first : where they lie (places.py)
     group_column : where the planes of the material's texture coordinates begin in its records
     start : index of the first entry's sample in the band
     """
@@ -87,16 +88,27 @@ def look_up_nothing(entries, band, first, material, group_column, texturing, sta
 @helper
 def look_up(entries, band, first, material, group_column, texturing, start, batch):
     """See `look_up_planes`."""
-    coding, (x, y), rows = band.coding.textures, first, texturing.lookup_batch
+    coding, rows = band.coding.textures, texturing.lookup_batch
     if coding.of_materials[material] < 0:  # computed in float64: all of its records are exact
         return
     texture, group = index(coding.of_materials[material]), plane_group(band.records, group_column)
-    evaluate_planes(entries, group, x, y, rows, S_PLANE, index(BATCH_SIZE))
+    evaluate_planes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
     packed = packed_texture(coding.packed, texture)
     if packed.filter == FILTER_TRILINEAR:
         gather_slopes(entries, group, rows, S_DX, index(BATCH_SIZE))
+        lengthen_slopes(rows, len(entries), step_of(first))
     if sample_batch(rows, len(entries), packed, batch, f.TEXEL, f.NEXT):
         look_up_doubtful(entries, band, first, texture, texturing, start, batch)
+
+
+@helper
+def lengthen_slopes(rows, n, step):
+    """Turn the slopes of planes a sample into those a step, which may be several samples long."""
+    if step != 1.0:
+        for slope in range(index(2 * (PLANE_GROUP - 1))):
+            first = S_DX + slope * index(BATCH_SIZE)
+            for k in range(index(n)):
+                rows[first + k] *= np.float32(step)
 
 
 @helper
@@ -105,7 +117,7 @@ def look_up_doubtful(entries, band, first, texture, texturing, start, batch):
     for k in range(index(len(entries))):
         is_doubtful = texturing.lookup_batch[IS_DOUBTFUL + k] != np.float32(0)
         if is_doubtful and entries[k] & IS_ID and not is_exact(entries[k]):
-            sample, record = (first[0] + np.int64(k), first[1]), record_of(entries[k])
+            sample, record = skip_places(first, k), record_of(entries[k])
             texels = texturing.texels[:, start + k : start + k + index(1)]
             sample_run(band.records, record, sample, texturing.textures, texture, texturing.double_batch, texels)
             for channel in range(index(4)):

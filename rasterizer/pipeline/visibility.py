@@ -120,6 +120,17 @@ def widen_extent(visibility, strip, left, right):
 
 
 @helper
+def extent_of_pixels(extents, row, factor, width):
+    """Return the columns of pixels that the extents of `factor` rows reach, half-open; where there are none, 0 and
+    0."""
+    left, right = np.int64(width), np.int64(0)
+    for sub in range(row, row + factor):
+        strip = strip_of(sub)
+        left, right = min(left, extents.left[strip]), max(right, extents.right[strip])
+    return (left // factor, (right + factor - 1) // factor) if left < right else (np.int64(0), np.int64(0))
+
+
+@helper
 def note_material(visibility, left, right, first_row, end_row, material):
     """Note that a material is drawn in the columns left..right of the band's rows first_row..end_row."""
     for strip in range(strip_of(first_row), strip_of(end_row - 1) + index(1)):

@@ -10,6 +10,7 @@ from .lookup_batch import make_lookup_batch
 from .records import Records, make_records
 from .resolve import Picture, PixelBatch, make_pixel_batch
 from .setup import Block, make_block
+from .shade_once import PointList, make_point_list
 from .visibility import VisibilityBuffer, make_extents, make_visibility_buffer
 
 
@@ -28,6 +29,7 @@ class Workspace(NamedTuple):
     # None where the scene has no transparent surfaces:
     room: Room | None  # for the A-buffer
     extents: VisibilityBuffer | None  # clear, without entries: for those of transparent surfaces
+    points: PointList | None  # None where every sample is shaded
 
 
 class WorkspaceKind(NamedTuple):
@@ -40,6 +42,7 @@ class WorkspaceKind(NamedTuple):
     dtype: np.dtype  # of intensities
     is_textured: bool
     is_transparent: bool
+    points_factor: int  # samples a pixel along each axis, where it is shaded once a polygon; 0 = every sample is
 
 
 class WorkspacePool:
@@ -84,6 +87,9 @@ def make_workspace(kind: WorkspaceKind, n_record: int) -> Workspace:
         np.zeros((4 if kind.is_textured else 0, n_sample)),
         Room() if kind.is_transparent else None,
         make_extents(kind.n_row) if kind.is_transparent else None,
+        make_point_list(visibility, kind.n_row, kind.points_factor, kind.n_channel, kind.dtype)
+        if kind.points_factor
+        else None,
     )
 
 

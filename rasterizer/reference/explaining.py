@@ -17,7 +17,7 @@ from .clip import SUBPIXELS
 from .cover import Window
 from .explanation import Explanation, Layer, LightShare, Sample, Vector
 from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions
-from .picture import Look, encode, look_at, render, resolve, spread_samples
+from .picture import Look, encode, lit_fragments, look_at, render, resolve, shared_points, spread_samples
 from .shading import (
     Fragments,
     Points,
@@ -31,7 +31,7 @@ from .shading import (
     world_positions,
 )
 from .surface import Surface
-from .visibility import NOTHING, find_visible, gather_fragments
+from .visibility import NOTHING, find_visible
 
 
 def explain(scene: Scene, x: int, y: int, options: Options) -> Explanation:
@@ -62,7 +62,8 @@ def explain(scene: Scene, x: int, y: int, options: Options) -> Explanation:
 
 def _settings_of(options: Options) -> dict:
     """Return the options that decide what is seen and how it is lit."""
-    return {"cull": options.cull, "exposure": options.exposure, "spectral": options.spectral}
+    names = "cull", "exposure", "spectral", "antialias"
+    return {name: getattr(options, name) for name in names}
 
 
 def _sum_up(look: Look, x: int, y: int, samples: list[Sample], options: Options) -> Explanation:
@@ -97,7 +98,8 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:
     layers: list[list[list[Layer]]] = [[[] for _ in range(per_axis)] for _ in range(per_axis)]
     through = np.ones(window.shape)
     visible = find_visible(raster)
-    while len((fragments := gather_fragments(visible, raster)).face):
+    points = shared_points(look, raster, lighting, per_axis)
+    while len((fragments := lit_fragments(visible, raster, points)).face):
         for k in range(len(fragments.face)):
             one = fragments.part(slice(k, k + 1))
             at = one.rows[0] - window.top, one.columns[0] - window.left
@@ -169,7 +171,9 @@ def _evaluation_points(
             "at the polygon's centroid",
         )
     if lighting.shading == "phong":
-        return sample_points(surface, fragment, lighting), np.ones(1), "at the sample"
+        is_shared = fragment.places is not None and tuple(fragment.places[0]) != _sample_place(fragment)
+        where = "at a point that the pixel's samples share" if is_shared else "at the sample"
+        return sample_points(surface, fragment, lighting), np.ones(1), where
     ring = -1 if surface.rings is None else int(surface.rings.of_face[fragment.face[0]])
     if ring < 0:
         points = corner_points(surface, fragment.face, fragment.side, slice(None))
@@ -179,6 +183,11 @@ def _evaluation_points(
     corners = corner_points(surface, faces, np.repeat(fragment.side, count), slice(0, 1))
     weights = np.concatenate([fragment.weights[0, :2], np.full(len(faces), fragment.weights[0, 2] / len(faces))])
     return _join(ends, corners), weights, "at the corners of the polygon, whose mean is its centre"
+
+
+def _sample_place(fragment: Fragments) -> tuple[float, float, float]:
+    """Return where the sample of a fragment itself lies: row, column, depth."""
+    return float(fragment.rows[0]), float(fragment.columns[0]), float(fragment.depth[0])
 
 
 def _join(a: Points, b: Points) -> Points:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import COLOR_RANGES, CULLS, SAMPLES, SHADINGS, ColorRange, Cull, Samples, Shading
+from ..choices import ANTIALIASES, COLOR_RANGES, CULLS, SAMPLES, SHADINGS, Antialias, ColorRange, Cull, Samples, Shading
 from ..errors import SceneError
 from ..options import Options
 from ..scene.camera import Camera
@@ -21,9 +21,11 @@ from ..scene.scene import Scene
 from .clip import choose_range, clip_to_view, furthest_depth, snap, to_eye
 from .cover import Window, doubled_area
 from .light import Lighting, make_lighting
-from .shading import light_samples
+from .materials import palette_of
+from .shade_once import SharedPoints
+from .shading import Fragments, light_samples
 from .surface import Surface, compute_sides, gather
-from .visibility import NOTHING, Raster, find_visible, gather_fragments
+from .visibility import NOTHING, Raster, VisibilityBuffer, find_visible, gather_fragments
 
 
 class Picture(NamedTuple):
@@ -58,6 +60,7 @@ class Look(NamedTuple):
     exposure: float
     spectral: int | None
     is_rounded: bool
+    antialias: str
 
 
 class Layers(NamedTuple):
@@ -77,6 +80,7 @@ def render(
     *,
     shading: Shading = "gouraud",
     samples: Samples = 1,
+    antialias: Antialias = "supersample",
     cull: Cull = "none",
     color_range: ColorRange = "clamp",
     near: float | None = None,
@@ -93,6 +97,7 @@ def render(
     size : (width, height) in pixels
     shading : "flat" (or "lambert"), "gouraud" or "phong": where the illumination equation is evaluated
     samples : 1, 4, 9 or 16 samples a pixel, on a regular grid, averaged in linear light
+    antialias : "supersample", or "shade-once": once a pixel and polygon, see shade_once.py
     cull : "none", or "back" to leave out faces whose winding is clockwise as the viewer sees it
     color_range : "clamp", "global" or "local": what becomes of values above 1 in `Picture.rgb`
     near, far : clipping distances in scene units; None takes the camera's, and without those the scene's own
@@ -111,12 +116,13 @@ def render(
     ------
     SceneError : an option is not legal
     """
-    _check_options(shading, samples, cull, color_range)
+    _check_options(shading, samples, antialias, cull, color_range)
     Options(exposure=exposure, spectral=spectral)  # refuses what isn't legal
     limits = near, far
     look = look_at(
-        scene, size, shading, cull=cull, limits=limits, exposure=exposure, spectral=spectral, is_rounded=rounded
-    )
+        scene, size, shading, cull=cull, limits=limits, exposure=exposure, spectral=spectral, is_rounded=rounded,
+        antialias=antialias,
+    )  # fmt: skip
     per_axis = round(samples**0.5)
     centres = _draw(look, 1)
     fine = _draw(look, per_axis) if per_axis > 1 else centres
@@ -125,7 +131,9 @@ def render(
     return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin)
 
 
-def look_at(scene: Scene, size, shading: str, *, cull, limits, exposure, spectral, is_rounded=True) -> Look:
+def look_at(
+    scene: Scene, size, shading: str, *, cull, limits, exposure, spectral, is_rounded=True, antialias="supersample"
+) -> Look:
     """Gather what a picture is made from; parameters are those of `render`, `limits` its near and far."""
     camera = scene.camera_for(size)
     near, far = (
@@ -134,7 +142,8 @@ def look_at(scene: Scene, size, shading: str, *, cull, limits, exposure, spectra
     shading = "flat" if shading == "lambert" else shading
     deepest = furthest_depth(np.stack([mesh.bounds for mesh in scene.meshes]), camera.view())
     surface = gather(scene, shading)
-    return Look(scene, camera, surface, size, shading, cull, (near, far, deepest), exposure, spectral, is_rounded)
+    depths = near, far, deepest
+    return Look(scene, camera, surface, size, shading, cull, depths, exposure, spectral, is_rounded, antialias)
 
 
 def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
@@ -152,11 +161,26 @@ def spread_samples(look: Look, per_axis: int) -> tuple[Raster, Lighting]:
     return Raster(pieces, screen, side, is_drawn, Window(0, 0, *grid), projection), lighting
 
 
-def _check_options(shading, samples, cull, color_range) -> None:
+def shared_points(look: Look, raster: Raster, lighting: Lighting, per_axis: int) -> SharedPoints | None:
+    """Find the points that samples share; None where each is lit by itself."""
+    if look.antialias == "supersample" or per_axis == 1:
+        return None
+    is_opaque = np.array([material.is_opaque for material in palette_of(look.scene)])
+    return SharedPoints(raster, look.surface, lighting, is_opaque, per_axis)
+
+
+def lit_fragments(visible: VisibilityBuffer, raster: Raster, points: SharedPoints | None) -> Fragments:
+    """List the samples that see something, and what is lit there."""
+    fragments = gather_fragments(visible, raster)
+    return fragments if points is None else points.move(fragments, visible.piece)
+
+
+def _check_options(shading, samples, antialias, cull, color_range) -> None:
     """Refuse what the other functions of this file do not know."""
     for name, given, legal in (
         ("shading", shading, SHADINGS),
         ("samples", samples, SAMPLES),
+        ("antialias", antialias, ANTIALIASES),
         ("cull", cull, CULLS),
         ("color_range", color_range, COLOR_RANGES),
     ):
@@ -176,7 +200,8 @@ def _draw(look: Look, per_axis: int) -> Layers:
     color, through, margin = np.zeros((*shape, 3)), np.ones(shape), np.full(shape, np.inf)
     alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = find_visible(raster)
-    fragments = gather_fragments(visible, raster)
+    points = shared_points(look, raster, lighting, per_axis)
+    fragments = lit_fragments(visible, raster, points)
     layer, normal, opacity = light_samples(surface, fragments, shape, lighting)
     face = np.full(shape, -1, np.int32)
     face[fragments.rows, fragments.columns] = surface.loaded_faces(fragments.face)
@@ -191,7 +216,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
         if not is_open.any():
             break
         visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
-        fragments = gather_fragments(visible, raster)
+        fragments = lit_fragments(visible, raster, points)
         layer, _, opacity = light_samples(surface, fragments, shape, lighting)
     return Layers(color, alpha, normal, face, nearest.depth, margin)
 

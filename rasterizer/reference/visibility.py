@@ -90,6 +90,25 @@ def _interpolate(affine: NDArray, corner_depths: NDArray, is_perspective: bool) 
     return 1.0 / inv_depth, q / inv_depth[:, None]
 
 
+def weights_at(rows: NDArray, columns: NDArray, piece: NDArray, raster: Raster) -> tuple[NDArray, NDArray]:
+    """Return depths (n,) of points that lie within pieces (n,), and their weights (n, 3) on the corners of the faces.
+
+    rows, columns : (n,) float64, in samples; whole numbers are samples
+    """
+    screen = raster.screen[piece]
+    x, y = SUBPIXELS * columns + SUBPIXELS // 2, SUBPIXELS * rows + SUBPIXELS // 2
+    affine = np.zeros((len(piece), 3))
+    for corner in range(3):
+        a, b = screen[:, (corner + 1) % 3], screen[:, (corner + 2) % 3]
+        affine[:, corner] = (b - a)[:, 0] * (y - a[:, 1]) - (b - a)[:, 1] * (x - a[:, 0])
+    affine /= doubled_area(screen)[:, None]
+    depth, weights = _interpolate(affine, raster.pieces.position[piece, :, 2], raster.projection.is_perspective)
+    for cut in np.unique(piece[raster.pieces.is_cut[piece]]):
+        at = piece == cut
+        depth[at], weights[at] = _weights_of_cut(rows[at], columns[at], cut, raster)
+    return depth, weights
+
+
 def _weights_of_cut(rows: NDArray, columns: NDArray, piece_idx: int, raster: Raster) -> tuple[NDArray, NDArray]:
     """Return depths (n,) of samples that see a piece of a face that is cut, and their weights (n, 3) on the face's
     corners.
@@ -154,12 +173,12 @@ def gather_fragments(visible: VisibilityBuffer, raster: Raster) -> Fragments:
     """List the samples that see something, and what."""
     rows, columns = at = np.nonzero(visible.piece >= 0)
     piece, weights = visible.piece[at], visible.weights[at]
-    steps = _weight_steps(piece, weights, visible.depth[at], raster)
+    steps = compute_weight_steps(piece, weights, visible.depth[at], raster)
     rows, columns = rows + raster.window.top, columns + raster.window.left
     return Fragments(rows, columns, raster.pieces.face[piece], raster.side[piece], weights, visible.depth[at], steps)
 
 
-def _weight_steps(piece: NDArray, weights: NDArray, depth: NDArray, raster: Raster) -> NDArray[np.float64]:
+def compute_weight_steps(piece: NDArray, weights: NDArray, depth: NDArray, raster: Raster) -> NDArray[np.float64]:
     """Return by what the weights on the corners of faces change from one sample to the next, (n, 2, 3): to the right,
     and down.
 

@@ -1,0 +1,212 @@
+"""Where the samples of a batch lie: side by side in a row, or anywhere.
+
+The stages behind scan work on batches of samples. In a row of a band, the sample (x, y) where a batch begins says where
+all of them lie. In a list of points, one for each polygon in a pixel (shade_once.py), arrays do. A parameter `first` is
+one or the other; its type decides what is compiled.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..compiler.kernels import choice, helper, index
+from ..geometry.vectors import add, dot, scale
+from . import fragments as f
+from .fragments import read_vector, set_vector
+from .lighting import view_from_direction
+from .simd import evaluate_planes, evaluate_planes_at, evaluate_values, evaluate_values_at
+from .transform import HALF, SUBPIXEL
+
+
+class Places(NamedTuple):
+    """Where the points of a list lie."""
+
+    x: np.ndarray  # (n,) int32, 1/256 of a sample's width, from the centre of the first column of samples
+    y: np.ndarray  # (n,) int32, the same downwards
+    step: float  # how many samples, along an axis, it is from a point to the next: what a texture is filtered for
+
+
+def is_list(first) -> bool:
+    """Tell whether the type of `first` is that of Places."""
+    return getattr(first, "instance_class", None) is Places
+
+
+def choose_place(places, first, start, n):
+    """Return what is compiled in the place of `place_of`."""
+    return points_of_batch if is_list(places) else samples_of_batch
+
+
+@choice(choose_place)
+def place_of(places, first, start, n):
+    """Return where the samples of a batch lie.
+
+    Parameters
+    ----------
+    places : Places of a band that is a list; None of other bands
+    first : the sample (x, y) that the batch begins with, in other bands
+    start, n : its number in the band, and the length of the batch, both `index`
+    """
+    place = points_of_batch if isinstance(places, Places) else samples_of_batch
+    return place(places, first, start, n)
+
+
+@helper
+def samples_of_batch(places, first, start, n):
+    """See `place_of`."""
+    return first
+
+
+@helper
+def points_of_batch(places, first, start, n):
+    """See `place_of`."""
+    return Places(places.x[start : start + n], places.y[start : start + n], places.step)
+
+
+def choose_skip(first, k):
+    """Return what is compiled in the place of `skip_places`."""
+    return skip_points if is_list(first) else skip_samples
+
+
+@choice(choose_skip)
+def skip_places(first, k):
+    """Return where the samples from number k on lie."""
+    return skip_points(first, k) if isinstance(first, Places) else skip_samples(first, k)
+
+
+@helper
+def skip_points(first, k):
+    """See `skip_places`."""
+    return Places(first.x[k:], first.y[k:], first.step)
+
+
+@helper
+def skip_samples(first, k):
+    """See `skip_places`."""
+    return first[0] + np.int64(k), first[1]
+
+
+def choose_subpixel(first, k):
+    """Return what is compiled in the place of `subpixel_at`."""
+    return subpixel_of_point if is_list(first) else subpixel_of_sample
+
+
+@choice(choose_subpixel)
+def subpixel_at(first, k):
+    """Return where sample k lies, (x, y) int64, 1/256 of a sample's width from the picture's corner."""
+    return subpixel_of_point(first, k) if isinstance(first, Places) else subpixel_of_sample(first, k)
+
+
+@helper
+def subpixel_of_point(first, k):
+    """See `subpixel_at`."""
+    return np.int64(first.x[k]) + HALF, np.int64(first.y[k]) + HALF
+
+
+@helper
+def subpixel_of_sample(first, k):
+    """See `subpixel_at`."""
+    return (first[0] + np.int64(k)) * SUBPIXEL + HALF, first[1] * SUBPIXEL + HALF
+
+
+def choose_step(first):
+    """Return what is compiled in the place of `step_of`."""
+    return step_of_points if is_list(first) else step_of_samples
+
+
+@choice(choose_step)
+def step_of(first):
+    """Return how many samples, along an axis, it is from one of a batch to the next in the picture."""
+    return step_of_points(first) if isinstance(first, Places) else step_of_samples(first)
+
+
+@helper
+def step_of_points(first):
+    """See `step_of`."""
+    return first.step
+
+
+@helper
+def step_of_samples(first):
+    """See `step_of`."""
+    return 1.0
+
+
+# ---------------------------------------------------------------- planes
+
+
+def choose_planes_at(entries, group, first, out, start, stride):
+    """Return what is compiled in the place of `evaluate_planes_here`."""
+    return planes_of_points if is_list(first) else planes_of_samples
+
+
+@choice(choose_planes_at)
+def evaluate_planes_here(entries, group, first, out, start, stride):
+    """Evaluate a group of four planes, see `simd.evaluate_planes`."""
+    evaluate = planes_of_points if isinstance(first, Places) else planes_of_samples
+    evaluate(entries, group, first, out, start, stride)
+
+
+@helper
+def planes_of_points(entries, group, first, out, start, stride):
+    """See `evaluate_planes_here`."""
+    evaluate_planes_at(entries, group, first.x, first.y, out, start, stride)
+
+
+@helper
+def planes_of_samples(entries, group, first, out, start, stride):
+    """See `evaluate_planes_here`."""
+    evaluate_planes(entries, group, first[0], first[1], out, start, stride)
+
+
+def choose_values_at(entries, group, first, out, start, stride, weights):
+    """Return what is compiled in the place of `evaluate_values_here`."""
+    return values_of_points if is_list(first) else values_of_samples
+
+
+@choice(choose_values_at)
+def evaluate_values_here(entries, group, first, out, start, stride, weights):
+    """Evaluate a group of four planes with ranges, see `simd.evaluate_values`."""
+    evaluate = values_of_points if isinstance(first, Places) else values_of_samples
+    evaluate(entries, group, first, out, start, stride, weights)
+
+
+@helper
+def values_of_points(entries, group, first, out, start, stride, weights):
+    """See `evaluate_values_here`."""
+    evaluate_values_at(entries, group, first.x, first.y, out, start, stride, weights)
+
+
+@helper
+def values_of_samples(entries, group, first, out, start, stride, weights):
+    """See `evaluate_values_here`."""
+    evaluate_values(entries, group, first[0], first[1], out, start, stride, weights)
+
+
+# ---------------------------------------------------------------- rays
+
+
+@helper
+def fill_positions_of_points(screen, first, n, needs_position, batch):
+    """Fill positions and view directions as `phong_shading.fill_positions`, for points that lie anywhere.
+
+    A ray is computed in float64: its parts are not longer than it is itself, with 4 roundings each, of a place, the
+    step and two products or sums. Then it is rounded once: so it errs by less than the 7 u that count there.
+    """
+    real = batch.dtype.type
+    right, up, forward = read_vector(screen.right, 0), read_vector(screen.up, 0), read_vector(screen.forward, 0)
+    along, one, part = 1.0 if screen.is_perspective else 0.0, real(1), 1.0 / SUBPIXEL
+    step_x, step_y = 1.0 / screen.scale_x, 1.0 / screen.scale_y
+    away = real(forward[0]), real(forward[1]), real(forward[2])
+    if not screen.is_perspective:
+        view_from_direction(batch, n, scale(away, -one))
+    for k in range(index(n)):
+        across = (float(first.x[k]) * part + 0.5 - screen.center_x) * step_x
+        upward = (screen.center_y - (float(first.y[k]) * part + 0.5)) * step_y
+        exact = add(add(scale(right, across), scale(up, upward)), scale(forward, along))
+        ray = real(exact[0]), real(exact[1]), real(exact[2])
+        if screen.is_perspective:
+            set_vector(batch, f.VIEW_DIR, k, scale(ray, -one / np.sqrt(dot(ray, ray))))
+            if needs_position:
+                set_vector(batch, f.POSITION, k, scale(ray, batch[f.DISTANCE + k]))
+        elif needs_position:
+            set_vector(batch, f.POSITION, k, add(ray, scale(away, batch[f.DISTANCE + k])))
