@@ -1,7 +1,20 @@
-"""Stage 7 for exact buffers: what is visible at each pixel's centre, one kernel a kind of buffer.
+"""Stage 7 for buffers: what is visible at each pixel's centre, one kernel a kind of buffer.
 
-In:  the band's visibility buffer, all of its entries indices of exact records, and the records (float64).
+In:  the band's visibility buffer, all of its entries indices of records, and the triangles that these show.
 Out: the band's rows of a buffer. `clear_band` comes last: it leaves the visibility buffer clear for the next band.
+
+Every number is that of exact interpolation (interpolate.py) in float64, rounded once to float32, so it doesn't matter
+which pass the entries come from. Depth is interpolated at few samples only. An entry's z gives a depth d, and exact
+interpolation one that differs from it by at most s; where d - s and d + s round to the same float32, that is what both
+round to. The other samples are those whose depth is next to the middle of two numbers of float32.
+
+How large s is. A plane of z is off by DepthLine.units z-buffer units. Both depths come from lines in z, offset + step·z
+within S = |offset| + 2^38 |step|. With u = 2^-53, a value of the line is off by 2 u S; the three of exact interpolation
+likewise, and their mean by 7 u S more: edge functions, products, sums and quotients. Together that is 11 u S < 2^-49 S.
+Without perspective the line is the depth. With it the line is v = 1/w; if v is off by m, d = 1/v is off by
+
+    d·m d/(1 - m d) <= d·(m d + 2^-45)   where it matters: for m d > 2^-23 the two don't round to the same number
+                                         for less (m d)² < 2^-46, and the rest is for four roundings of 2^-53
 """
 
 from typing import NamedTuple
@@ -10,81 +23,242 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import length, scale
-from .interpolate import corner_vectors, corner_weights, depth_at, exact_triangle, mean_vector
-from .records import FACE, SIDE, Records
-from .transform import Screen
-from .visibility import CLEAR, VisibilityBuffer, clear, record_of, strip_of
+from .drawables import Drawables
+from .interpolate import (
+    corner_values,
+    corner_vectors,
+    corner_weights,
+    exact_triangle,
+    mean,
+    mean_vector,
+    row_extent,
+    run_end,
+)
+from .planes import DEPTH_PLANE_ROUNDING, DepthScale
+from .records import DEPTH, SIDE, Records, face_of
+from .transform import DEPTH_BITS, SUBPIXEL
+from .visibility import CLEAR, PAYLOAD_BITS, VisibilityBuffer, clear, is_exact, record_of, strip_of
+from .visible_triangles import fetch_normals, fetch_triangle
+
+BATCH = 256  # samples whose depths stay in the L1 cache until all are known
 
 
 class VisibleSurfaces(NamedTuple):
     """What is visible in a band, one sample a pixel."""
 
     visibility: VisibilityBuffer
-    records: Records  # exact ones
+    records: Records
+    drawables: Drawables  # attributes 0-2 in float64 are the normals, where a buffer needs them
     loaded_faces: np.ndarray  # (n_face,) the face that each triangle is a part of; empty where no face was clipped
-    screen: Screen
+    depths: DepthScale
+    units: float  # by how many z-buffer units a plane of z may be off, of triangles that have no exact record
+    has_corners: bool  # all triangles have exact records, with the normals as attributes 0-2
+    is_perspective: bool
+
+
+class DepthLine(NamedTuple):
+    """How a depth, or 1/w in perspective, is found from z: offset + step·z, off by no more than `rounding`."""
+
+    offset: float
+    step: float
+    rounding: float
+
+
+def units_of(extent) -> float:
+    """Return by how many z-buffer units a plane may be off over so many columns and rows together; see planes.py."""
+    return 0.5 * extent + DEPTH_PLANE_ROUNDING
+
+
+@kernel
+def find_largest(faces, triangles, vertices):
+    """Return how many columns and rows together the box of any of these triangles has, at most.
+
+    Parts of clipped faces don't count: they have exact records.
+
+    Parameters
+    ----------
+    faces : (n,) uint32, triangles
+    """
+    x, y, largest = vertices.x, vertices.y, np.int64(0)
+    for k in range(index(len(faces))):
+        a, b, c = (
+            triangles.vertex_idx[0, faces[k]], triangles.vertex_idx[1, faces[k]], triangles.vertex_idx[2, faces[k]],
+        )  # fmt: skip
+        wide = np.int64(max(x[a], x[b], x[c])) - np.int64(min(x[a], x[b], x[c]))
+        high = np.int64(max(y[a], y[b], y[c])) - np.int64(min(y[a], y[b], y[c]))
+        is_whole = len(triangles.clipped_idx) == 0 or triangles.clipped_idx[faces[k]] < 0
+        largest = max(largest, wide + high if is_whole else np.int64(0))
+    return largest // SUBPIXEL + 2
+
+
+# ---------------------------------------------------------------- depth
 
 
 @kernel
 def write_depth(surfaces, band, out):
     """Write the distance along the viewing axis where something is visible: out is (height, width) float32."""
-    visibility, records, is_perspective = (
-        surfaces.visibility,
-        surfaces.records,
-        surfaces.screen.is_perspective,
-    )
-    entries = visibility.entries
+    visibility, line = surfaces.visibility, depth_line(surfaces)
     for row in range(band.y_end - band.y_start):
-        strip, y = strip_of(row), band.y_start + row
-        for x in range(visibility.left[strip], visibility.right[strip]):
-            entry = entries[index(row * visibility.pitch + x)]
-            if entry < CLEAR:
-                record = record_of(entry)
-                triangle = exact_triangle(records, record)
-                q = corner_weights(triangle, x, y)
-                out[index(y), index(x)] = depth_at(records, record, triangle, q, is_perspective)
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        for first in range(left, right, BATCH):
+            start, end = row * visibility.pitch + first, min(first + BATCH, right)
+            entries = visibility.entries[index(start) : index(start + end - first)]
+            here = out[index(y), index(first) : index(end)]
+            if surfaces.is_perspective:
+                n_unsure = decode_distances(entries, line, here)
+            else:
+                n_unsure = decode_depths(entries, line, here)
+            if n_unsure > 0:
+                put_exact_depths(entries, surfaces, first, y, here)
+
+
+@helper
+def depth_line(surfaces):
+    """Return the line that depths are found from."""
+    depths = surfaces.depths
+    offset, step = depths.depth_offset, depths.depth_scale
+    if surfaces.is_perspective:
+        offset, step = depths.inv_w_offset, depths.inv_w_scale
+    span = abs(offset) + 2.0**DEPTH_BITS * abs(step)
+    return DepthLine(offset, step, surfaces.units * abs(step) + 2.0**-49 * span)
+
+
+@helper
+def decode_distances(entries, line, out):
+    """Fill the depths of samples in perspective: inf where nothing is, NaN where the entry leaves it open; count these.
+
+    Where 1/w may be 0, d·m d is at least d: so that is open, too.
+    """
+    n_unsure = 0
+    for k in range(index(len(entries))):
+        depth = 1.0 / (line.offset + line.step * float(entries[k] >> PAYLOAD_BITS))
+        n_unsure += decide(entries[k], depth, depth * (line.rounding * depth + 2.0**-45), k, out)
+    return n_unsure
+
+
+@helper
+def decode_depths(entries, line, out):
+    """Fill the depths of samples without perspective; see `decode_distances`."""
+    n_unsure = 0
+    for k in range(index(len(entries))):
+        depth = line.offset + line.step * float(entries[k] >> PAYLOAD_BITS)
+        n_unsure += decide(entries[k], depth, line.rounding, k, out)
+    return n_unsure
+
+
+@helper
+def decide(entry, depth, slack, k, out):
+    """Write a depth that is off by at most `slack`; tell whether float32 leaves it open: 1 or 0."""
+    low, high = np.float32(depth - slack), np.float32(depth + slack)
+    is_covered = entry < CLEAR
+    is_unsure = is_covered & (is_exact(entry) | (not low == high))  # also where one is no number
+    shown = np.float32(np.nan) if is_unsure else low
+    out[k] = shown if is_covered else np.float32(np.inf)
+    return np.int64(is_unsure)
+
+
+@helper
+def put_exact_depths(entries, surfaces, x, y, out):
+    """Interpolate the depths that are NaN, a run of samples of one triangle after the other; the first sample is at
+    (x, y)."""
+    start, n = index(0), index(len(entries))
+    while start < n:
+        if out[start] == out[start]:
+            start += index(1)
+            continue
+        end, same = start + index(1), run_end(entries, start)
+        while end < same and not out[end] == out[end]:
+            end += index(1)
+        triangle, depths = triangle_of(entries[start], surfaces)
+        fill_depths(triangle, depths, surfaces.is_perspective, x + np.int64(start), y, out[start:end])
+        start = end
+
+
+@helper
+def triangle_of(entry, surfaces):
+    """Return the triangle that an entry shows, and the depths of its vertices."""
+    records, record = surfaces.records, record_of(entry)
+    if is_exact(entry) or surfaces.has_corners:
+        return exact_triangle(records, record), corner_values(records.reals, record, index(DEPTH))
+    return fetch_triangle(face_of(entry, records), surfaces.drawables, surfaces.depths)
+
+
+@helper
+def fill_depths(triangle, depths, is_perspective, x, y, out):
+    """Interpolate depths at a run of samples from (x, y) on."""
+    least, largest = triangle.sums
+    for k in range(index(len(out))):
+        q = corner_weights(triangle, x + np.int64(k), y)
+        total = q[0] + q[1] + q[2]
+        if is_perspective:
+            # A mean of 1/w may not leave its range by a rounding error.
+            out[k] = 1.0 / min(max(total / triangle.area, least), largest)
+        else:
+            out[k] = mean(depths, (q[0] / total, q[1] / total, q[2] / total))
+
+
+# ---------------------------------------------------------------- faces and normals
 
 
 @kernel
 def write_face(surfaces, band, out):
     """Write the index of the visible face as loaded: out is (height, width) int32."""
-    visibility, records = surfaces.visibility, surfaces.records
-    entries, loaded_faces = visibility.entries, surfaces.loaded_faces
+    visibility, records, loaded_faces = surfaces.visibility, surfaces.records, surfaces.loaded_faces
     for row in range(band.y_end - band.y_start):
-        strip, y = strip_of(row), band.y_start + row
-        for x in range(visibility.left[strip], visibility.right[strip]):
-            entry = entries[index(row * visibility.pitch + x)]
-            if entry < CLEAR:
-                face = records.integers[record_of(entry), FACE]
-                out[index(y), index(x)] = loaded_faces[index(face)] if len(loaded_faces) > 0 else face
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        if left >= right:
+            continue
+        start = row * visibility.pitch + left
+        entries = visibility.entries[index(start) : index(start + right - left)]
+        here = out[index(y), index(left) : index(right)]
+        for k in range(index(len(entries))):
+            if entries[k] < CLEAR:
+                face = face_of(entries[k], records)
+                here[k] = loaded_faces[face] if len(loaded_faces) > 0 else face
 
 
 @kernel
 def write_normal(surfaces, band, out):
-    """Write the unit normal in the world, towards the viewer: out is (height, width, 3) float32.
-
-    Attributes 0-2 of the records are the normals.
-    """
-    visibility, records = surfaces.visibility, surfaces.records
-    entries = visibility.entries
+    """Write the unit normal in the world, towards the viewer: out is (height, width, 3) float32."""
+    visibility = surfaces.visibility
     for row in range(band.y_end - band.y_start):
-        strip, y = strip_of(row), band.y_start + row
-        for x in range(visibility.left[strip], visibility.right[strip]):
-            entry = entries[index(row * visibility.pitch + x)]
-            if entry < CLEAR:
-                record = record_of(entry)
-                q = corner_weights(exact_triangle(records, record), x, y)
-                total = q[0] + q[1] + q[2]
-                pixel = out[index(y), index(x)]
-                pixel[0], pixel[1], pixel[2] = normal_of(records, record, (q[0] / total, q[1] / total, q[2] / total))
+        y, (left, right) = band.y_start + row, row_extent(visibility, row)
+        if left >= right:
+            continue
+        first = row * visibility.pitch + left
+        entries = visibility.entries[index(first) : index(first + right - left)]
+        here, start = out[index(y), index(left) : index(right)], index(0)
+        while start < index(len(entries)):
+            end = run_end(entries, start)
+            if entries[start] < CLEAR:
+                triangle, _ = triangle_of(entries[start], surfaces)
+                normals, side = normals_of(entries[start], surfaces)
+                fill_normals(triangle, normals, side, left + np.int64(start), y, here[start:end])
+            start = end
 
 
 @helper
-def normal_of(records, record, p):
-    """Interpolate the normal of an exact record with weights p_i, Σ p_i = 1: unit length, on the side that is seen."""
-    normal = mean_vector(corner_vectors(records, record, index(0)), p)
-    norm = length(normal)
-    return scale(normal, records.integers[record, SIDE] / norm if norm > 0 else 0.0)
+def normals_of(entry, surfaces):
+    """Return the normals of the triangle that an entry shows, an axis a row, and the side of it that is seen."""
+    records, record = surfaces.records, record_of(entry)
+    if surfaces.has_corners:
+        return corner_vectors(records, record, index(0)), np.int64(records.integers[record, index(SIDE)])
+    return fetch_normals(face_of(entry, records), surfaces.drawables)
+
+
+@helper
+def fill_normals(triangle, normals, side, x, y, out):
+    """Interpolate normals at a run of samples from (x, y) on: unit length, on the side that is seen."""
+    for k in range(index(len(out))):
+        q = corner_weights(triangle, x + np.int64(k), y)
+        total = q[0] + q[1] + q[2]
+        normal = mean_vector(normals, (q[0] / total, q[1] / total, q[2] / total))
+        norm = length(normal)
+        normal = scale(normal, side / norm if norm > 0 else 0.0)
+        out[k, index(0)], out[k, index(1)], out[k, index(2)] = normal
+
+
+# ---------------------------------------------------------------- the end of a band
 
 
 @kernel
