@@ -282,7 +282,7 @@ class BufferPass(Pass):
         """Write what the band's entries show; the rest of its rows is empty."""
         surfaces = VisibleSurfaces(
             workspace.visibility, workspace.records, self.drawables_of(drawn), drawn.loaded_face,
-            self.coding.depths, units, has_corners, self.screen.is_perspective,
+            self.coding.depths, units, has_corners, self.screen.is_perspective, workspace.batch,
         )  # fmt: skip
         for name, buffer in self.buffers.items():
             buffer[band.y_start : band.y_end] = BUFFER_TABLE[name].empty

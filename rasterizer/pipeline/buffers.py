@@ -24,6 +24,7 @@ import numpy as np
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import length, scale
 from .drawables import Drawables
+from .fragments import BATCH_SIZE, NEXT, NORMAL
 from .interpolate import (
     corner_values,
     corner_vectors,
@@ -40,7 +41,8 @@ from .transform import DEPTH_BITS, SUBPIXEL
 from .visibility import CLEAR, PAYLOAD_BITS, VisibilityBuffer, clear, is_exact, record_of, strip_of
 from .visible_triangles import fetch_normals, fetch_triangle
 
-BATCH = 256  # samples whose depths stay in the L1 cache until all are known
+
+MANY = 16  # depths are interpolated by runs where more than one in so many is open
 
 
 class VisibleSurfaces(NamedTuple):
@@ -54,6 +56,7 @@ class VisibleSurfaces(NamedTuple):
     units: float  # by how many z-buffer units a plane of z may be off, of triangles that have no exact record
     has_corners: bool  # all triangles have exact records, with the normals as attributes 0-2
     is_perspective: bool
+    batch: np.ndarray  # scratch, see fragments.py, float32
 
 
 class DepthLine(NamedTuple):
@@ -100,8 +103,8 @@ def write_depth(surfaces, band, out):
     visibility, line = surfaces.visibility, depth_line(surfaces)
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
-        for first in range(left, right, BATCH):
-            start, end = row * visibility.pitch + first, min(first + BATCH, right)
+        for first in range(left, right, BATCH_SIZE):
+            start, end = row * visibility.pitch + first, min(first + BATCH_SIZE, right)
             entries = visibility.entries[index(start) : index(start + end - first)]
             here = out[index(y), index(first) : index(end)]
             if surfaces.is_perspective:
@@ -109,7 +112,7 @@ def write_depth(surfaces, band, out):
             else:
                 n_unsure = decode_depths(entries, line, here)
             if n_unsure > 0:
-                put_exact_depths(entries, surfaces, first, y, here)
+                put_exact_depths(entries, surfaces, MANY * n_unsure > end - first, first, y, here)
 
 
 @helper
@@ -158,17 +161,17 @@ def decide(entry, depth, slack, k, out):
 
 
 @helper
-def put_exact_depths(entries, surfaces, x, y, out):
-    """Interpolate the depths that are NaN, a run of samples of one triangle after the other; the first sample is at
-    (x, y)."""
+def put_exact_depths(entries, surfaces, is_many, x, y, out):
+    """Interpolate the depths that are NaN; the first sample is at (x, y).
+
+    Where these are many, whole runs of samples of one triangle are interpolated: that costs little more than one.
+    """
     start, n = index(0), index(len(entries))
     while start < n:
         if out[start] == out[start]:
             start += index(1)
             continue
-        end, same = start + index(1), run_end(entries, start)
-        while end < same and not out[end] == out[end]:
-            end += index(1)
+        end = run_end(entries, start) if is_many else start + index(1)
         triangle, depths = triangle_of(entries[start], surfaces)
         fill_depths(triangle, depths, surfaces.is_perspective, x + np.int64(start), y, out[start:end])
         start = end
@@ -217,24 +220,50 @@ def write_face(surfaces, band, out):
                 here[k] = loaded_faces[face] if len(loaded_faces) > 0 else face
 
 
-@kernel
 def write_normal(surfaces, band, out):
     """Write the unit normal in the world, towards the viewer: out is (height, width, 3) float32."""
-    visibility = surfaces.visibility
+    write_normal_rows(surfaces, band, out.reshape(len(out), -1))
+
+
+@kernel
+def write_normal_rows(surfaces, band, out):
+    """See `write_normal`; out is (height, 3 * width): with a known distance from pixel to pixel the compiler makes vector
+    instructions of the loop that writes them."""
+    visibility, batch = surfaces.visibility, surfaces.batch
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
-        if left >= right:
-            continue
-        first = row * visibility.pitch + left
-        entries = visibility.entries[index(first) : index(first + right - left)]
-        here, start = out[index(y), index(left) : index(right)], index(0)
-        while start < index(len(entries)):
-            end = run_end(entries, start)
-            if entries[start] < CLEAR:
-                triangle, _ = triangle_of(entries[start], surfaces)
-                normals, side = normals_of(entries[start], surfaces)
-                fill_normals(triangle, normals, side, left + np.int64(start), y, here[start:end])
-            start = end
+        for first in range(left, right, BATCH_SIZE):
+            start, end = row * visibility.pitch + first, min(first + BATCH_SIZE, right)
+            entries = visibility.entries[index(start) : index(start + end - first)]
+            put_normals(entries, surfaces, first, y, batch)
+            interleave(entries, batch, out[index(y), index(3 * first) : index(3 * end)])
+
+
+@helper
+def put_normals(entries, surfaces, x, y, batch):
+    """Interpolate normals run by run; the first sample is at (x, y)."""
+    start = index(0)
+    while start < index(len(entries)):
+        end = run_end(entries, start)
+        if entries[start] < CLEAR:
+            triangle, _ = triangle_of(entries[start], surfaces)
+            normals, side = normals_of(entries[start], surfaces)
+            run = batch[NORMAL + start : NORMAL + NEXT + NEXT + end]
+            fill_normals(triangle, normals, side, x + np.int64(start), y, end - start, run)
+        start = end
+
+
+@helper
+def fill_normals(triangle, normals, side, x, y, n, out):
+    """Interpolate n normals from the sample (x, y) on: unit length, on the side that is seen; a row of `out` an axis,
+    NEXT apart."""
+    xs, ys, zs = out[:n], out[NEXT : NEXT + n], out[NEXT + NEXT : NEXT + NEXT + n]
+    for k in range(n):
+        q = corner_weights(triangle, x + np.int64(k), y)
+        total = q[0] + q[1] + q[2]
+        normal = mean_vector(normals, (q[0] / total, q[1] / total, q[2] / total))
+        norm = length(normal)
+        xs[k], ys[k], zs[k] = scale(normal, side / norm if norm > 0 else 0.0)
 
 
 @helper
@@ -247,15 +276,15 @@ def normals_of(entry, surfaces):
 
 
 @helper
-def fill_normals(triangle, normals, side, x, y, out):
-    """Interpolate normals at a run of samples from (x, y) on: unit length, on the side that is seen."""
-    for k in range(index(len(out))):
-        q = corner_weights(triangle, x + np.int64(k), y)
-        total = q[0] + q[1] + q[2]
-        normal = mean_vector(normals, (q[0] / total, q[1] / total, q[2] / total))
-        norm = length(normal)
-        normal = scale(normal, side / norm if norm > 0 else 0.0)
-        out[k, index(0)], out[k, index(1)], out[k, index(2)] = normal
+def interleave(entries, batch, out):
+    """Write the normals of a batch to the pixels of a row, x, y, z one after the other; 0 where nothing is."""
+    n, nothing = index(len(entries)), np.float32(0)
+    xs, ys, zs = batch[NORMAL : NORMAL + n], batch[NORMAL + NEXT :][:n], batch[NORMAL + NEXT + NEXT :][:n]
+    for k in range(n):
+        is_covered, first = entries[k] < CLEAR, index(3) * k
+        out[first] = xs[k] if is_covered else nothing
+        out[first + index(1)] = ys[k] if is_covered else nothing
+        out[first + index(2)] = zs[k] if is_covered else nothing
 
 
 # ---------------------------------------------------------------- the end of a band
