@@ -79,7 +79,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=N
             found, translucent = draw_transparent_band(task, found, deferred.listed())
         is_shared = buffers is not None and buffers.can_share(render_pass, found)
         if is_shared:
-            buffers.share(workspace, band, found, drawn)
+            buffers.share(workspace, band, drawn)
         n_covered = render_pass.finish(workspace, band, found, translucent, drawn)
         if buffers is not None and not is_shared:
             buffers.draw(workspace, band, drawn)

@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from ..pipeline.bands import Band
-from ..pipeline.buffers import VisibleSurfaces, clear_band, find_largest, units_of
+from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
 from ..pipeline.drawables import Drawables
 from ..pipeline.encode import Encoding
 from ..pipeline.gradients import (
-    MOST_EXTENT,
     NEEDS_COLORS,
     NEEDS_DOUBLE,
     NEEDS_SINGLE,
@@ -250,19 +249,16 @@ class BufferPass(Pass):
 
     def finish(self, workspace, band, counts, translucent, drawn):
         """Write what is visible into each buffer."""
-        self._write(workspace, band, drawn, units_of(MOST_EXTENT), self.n_attribute > 0)
+        self._write(workspace, band, drawn, is_own=True)
         return clear_band(workspace.visibility, band.n_row)
 
     def can_share(self, render_pass: ColorPass, counts: ScanCounts) -> bool:
         """Tell whether a picture's entries of a band show what the buffers look for: all triangles, by their index."""
         return render_pass.opacity is None and counts.n_level == 0
 
-    def share(self, workspace: Workspace, band: Band, counts: ScanCounts, drawn: "Drawn") -> None:
+    def share(self, workspace: Workspace, band: Band, drawn: "Drawn") -> None:
         """Write what the entries of a picture show; they stay."""
-        triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
-        is_asked = "depth" in self.buffers and counts.n_plane > 0  # exact records tell the depth
-        largest = find_largest(band.faces, triangles, vertices) if is_asked else 0
-        self._write(workspace, band, drawn, units_of(largest), False)
+        self._write(workspace, band, drawn, is_own=False)
 
     def draw(self, workspace: Workspace, band: Band, drawn: "Drawn") -> None:
         """Scan a band of a picture once more and write what the entries show; the visibility buffer is clear, before
@@ -278,11 +274,11 @@ class BufferPass(Pass):
         triangles = drawn.drawables.triangles._replace(material=NO_MATERIALS)
         return Drawables(triangles, drawn.drawables.vertices, *self.attributes)
 
-    def _write(self, workspace, band, drawn, units, has_corners) -> None:
-        """Write what the band's entries show; the rest of its rows is empty."""
+    def _write(self, workspace, band, drawn, is_own) -> None:
+        """Write what the band's entries show, this pass' own or those of a picture; the rest of its rows is empty."""
         surfaces = VisibleSurfaces(
-            workspace.visibility, workspace.records, self.drawables_of(drawn), drawn.loaded_face,
-            self.coding.depths, units, has_corners, self.screen.is_perspective, workspace.batch,
+            workspace.visibility, workspace.records, self.drawables_of(drawn), drawn.loaded_face, self.coding.depths,
+            is_own, is_own and self.n_attribute > 0, self.screen.is_perspective, workspace.batch,
         )  # fmt: skip
         for name, buffer in self.buffers.items():
             buffer[band.y_start : band.y_end] = BUFFER_TABLE[name].empty

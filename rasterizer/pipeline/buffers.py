@@ -8,7 +8,8 @@ which pass the entries come from. Depth is interpolated at few samples only. An 
 interpolation one that differs from it by at most s; where d - s and d + s round to the same float32, that is what both
 round to. The other samples are those whose depth is next to the middle of two numbers of float32.
 
-How large s is. A plane of z is off by DepthLine.units z-buffer units. Both depths come from lines in z, offset + step·z
+How large s is. A plane of z is off by half a unit for each column and row of its triangle's box, and
+DEPTH_PLANE_ROUNDING (planes.py). Both depths come from lines in z, offset + step·z
 within S = |offset| + 2^38 |step|. With u = 2^-53, a value of the line is off by 2 u S; the three of exact interpolation
 likewise, and their mean by 7 u S more: edge functions, products, sums and quotients. Together that is 11 u S < 2^-49 S.
 Without perspective the line is the depth. With it the line is v = 1/w; if v is off by m, d = 1/v is off by
@@ -25,6 +26,7 @@ from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import length, scale
 from .drawables import Drawables
 from .fragments import BATCH_SIZE, NEXT, NORMAL
+from .gradients import MOST_EXTENT
 from .interpolate import (
     corner_values,
     corner_vectors,
@@ -39,8 +41,7 @@ from .planes import DEPTH_PLANE_ROUNDING, DepthScale
 from .records import DEPTH, SIDE, Records, face_of
 from .transform import DEPTH_BITS, SUBPIXEL
 from .visibility import CLEAR, PAYLOAD_BITS, VisibilityBuffer, clear, is_exact, record_of, strip_of
-from .visible_triangles import fetch_normals, fetch_triangle
-
+from .visible_triangles import fetch_normals, fetch_positions, fetch_triangle
 
 MANY = 16  # depths are interpolated by runs where more than one in so many is open
 
@@ -53,7 +54,7 @@ class VisibleSurfaces(NamedTuple):
     drawables: Drawables  # attributes 0-2 in float64 are the normals, where a buffer needs them
     loaded_faces: np.ndarray  # (n_face,) the face that each triangle is a part of; empty where no face was clipped
     depths: DepthScale
-    units: float  # by how many z-buffer units a plane of z may be off, of triangles that have no exact record
+    is_own: bool  # the pass that drew them is a buffer's: triangles without an exact record are small
     has_corners: bool  # all triangles have exact records, with the normals as attributes 0-2
     is_perspective: bool
     batch: np.ndarray  # scratch, see fragments.py, float32
@@ -67,40 +68,14 @@ class DepthLine(NamedTuple):
     rounding: float
 
 
-def units_of(extent) -> float:
-    """Return by how many z-buffer units a plane may be off over so many columns and rows together; see planes.py."""
-    return 0.5 * extent + DEPTH_PLANE_ROUNDING
-
-
-@kernel
-def find_largest(faces, triangles, vertices):
-    """Return how many columns and rows together the box of any of these triangles has, at most.
-
-    Parts of clipped faces don't count: they have exact records.
-
-    Parameters
-    ----------
-    faces : (n,) uint32, triangles
-    """
-    x, y, largest = vertices.x, vertices.y, np.int64(0)
-    for k in range(index(len(faces))):
-        a, b, c = (
-            triangles.vertex_idx[0, faces[k]], triangles.vertex_idx[1, faces[k]], triangles.vertex_idx[2, faces[k]],
-        )  # fmt: skip
-        wide = np.int64(max(x[a], x[b], x[c])) - np.int64(min(x[a], x[b], x[c]))
-        high = np.int64(max(y[a], y[b], y[c])) - np.int64(min(y[a], y[b], y[c]))
-        is_whole = len(triangles.clipped_idx) == 0 or triangles.clipped_idx[faces[k]] < 0
-        largest = max(largest, wide + high if is_whole else np.int64(0))
-    return largest // SUBPIXEL + 2
-
-
 # ---------------------------------------------------------------- depth
 
 
 @kernel
 def write_depth(surfaces, band, out):
     """Write the distance along the viewing axis where something is visible: out is (height, width) float32."""
-    visibility, line = surfaces.visibility, depth_line(surfaces)
+    largest = MOST_EXTENT if surfaces.is_own else find_largest(band.faces, surfaces.drawables)
+    visibility, line = surfaces.visibility, depth_line(0.5 * float(largest) + DEPTH_PLANE_ROUNDING, surfaces)
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
         for first in range(left, right, BATCH_SIZE):
@@ -116,14 +91,29 @@ def write_depth(surfaces, band, out):
 
 
 @helper
-def depth_line(surfaces):
-    """Return the line that depths are found from."""
+def find_largest(faces, drawables):
+    """Return how many columns and rows together the box of any of these triangles has at most, int64.
+
+    Parts of clipped faces don't count: they have exact records. `faces` is (n,) uint32.
+    """
+    triangles, largest = drawables.triangles, np.int64(0)
+    for k in range(index(len(faces))):
+        (xa, xb, xc), (ya, yb, yc) = fetch_positions(faces[k], drawables)
+        is_whole = len(triangles.clipped_idx) == 0 or triangles.clipped_idx[faces[k]] < 0
+        extent = max(xa, xb, xc) - min(xa, xb, xc) + max(ya, yb, yc) - min(ya, yb, yc)
+        largest = max(largest, extent if is_whole else np.int64(0))
+    return largest // SUBPIXEL + 2
+
+
+@helper
+def depth_line(units, surfaces):
+    """Return the line that depths are found from, where planes of z are off by as many z-buffer units."""
     depths = surfaces.depths
     offset, step = depths.depth_offset, depths.depth_scale
     if surfaces.is_perspective:
         offset, step = depths.inv_w_offset, depths.inv_w_scale
     span = abs(offset) + 2.0**DEPTH_BITS * abs(step)
-    return DepthLine(offset, step, surfaces.units * abs(step) + 2.0**-49 * span)
+    return DepthLine(offset, step, units * abs(step) + 2.0**-49 * span)
 
 
 @helper
@@ -154,7 +144,7 @@ def decide(entry, depth, slack, k, out):
     """Write a depth that is off by at most `slack`; tell whether float32 leaves it open: 1 or 0."""
     low, high = np.float32(depth - slack), np.float32(depth + slack)
     is_covered = entry < CLEAR
-    is_unsure = is_covered & (is_exact(entry) | (not low == high))  # also where one is no number
+    is_unsure = is_covered & (is_exact(entry) | (low != high))  # also where one is no number
     shown = np.float32(np.nan) if is_unsure else low
     out[k] = shown if is_covered else np.float32(np.inf)
     return np.int64(is_unsure)
@@ -227,8 +217,8 @@ def write_normal(surfaces, band, out):
 
 @kernel
 def write_normal_rows(surfaces, band, out):
-    """See `write_normal`; out is (height, 3 * width): with a known distance from pixel to pixel the compiler makes vector
-    instructions of the loop that writes them."""
+    """See `write_normal`; out is (height, 3 * width), so that the compiler knows how far pixels are apart and makes
+    vector instructions of the loop that writes them."""
     visibility, batch = surfaces.visibility, surfaces.batch
     for row in range(band.y_end - band.y_start):
         y, (left, right) = band.y_start + row, row_extent(visibility, row)
