@@ -8,14 +8,14 @@ which pass the entries come from. Depth is interpolated at few samples only. An 
 interpolation one that differs from it by at most s; where d - s and d + s round to the same float32, that is what both
 round to. The other samples are those whose depth is next to the middle of two numbers of float32.
 
-How large s is. A plane of z is off by half a unit for each column and row of its triangle's box, and
-DEPTH_PLANE_ROUNDING (planes.py). Both depths come from lines in z, offset + step·z
-within S = |offset| + 2^38 |step|. With u = 2^-53, a value of the line is off by 2 u S; the three of exact interpolation
-likewise, and their mean by 7 u S more: edge functions, products, sums and quotients. Together that is 11 u S < 2^-49 S.
-Without perspective the line is the depth. With it the line is v = 1/w; if v is off by m, d = 1/v is off by
+How large s is. A plane of z is off by half a unit for each column and row of its triangle's box, and by
+DEPTH_PLANE_ROUNDING (planes.py). Both depths come from lines in z, offset + step·z, within S = |offset| + 2^38 |step|.
+With u = 2^-53, a value of the line is off by 2 u S; the means of exact interpolation by as much, and by 7 u S more for
+edge functions, products, sums and quotients. Together that is 11 u S < 2^-49 S. Without perspective the line is the
+depth. With it the line is v = 1/w; if v is off by m, d = 1/v is off by
 
-    d·m d/(1 - m d) <= d·(m d + 2^-45)   where it matters: for m d > 2^-23 the two don't round to the same number
-                                         for less (m d)² < 2^-46, and the rest is for four roundings of 2^-53
+    d·m d/(1 - m d) <= d·(m d + 2^-45)   for m d <= 2^-23: (m d)² <= 2^-46, and a few roundings of 2^-53. Beyond, d - s
+                                         and d + s differ by more than float32 does, and the sample stays open
 """
 
 from typing import NamedTuple
@@ -32,7 +32,7 @@ from .interpolate import (
     corner_vectors,
     corner_weights,
     exact_triangle,
-    mean,
+    mean_depth,
     mean_vector,
     row_extent,
     run_end,
@@ -179,15 +179,9 @@ def triangle_of(entry, surfaces):
 @helper
 def fill_depths(triangle, depths, is_perspective, x, y, out):
     """Interpolate depths at a run of samples from (x, y) on."""
-    least, largest = triangle.sums
     for k in range(index(len(out))):
         q = corner_weights(triangle, x + np.int64(k), y)
-        total = q[0] + q[1] + q[2]
-        if is_perspective:
-            # A mean of 1/w may not leave its range by a rounding error.
-            out[k] = 1.0 / min(max(total / triangle.area, least), largest)
-        else:
-            out[k] = mean(depths, (q[0] / total, q[1] / total, q[2] / total))
+        out[k] = mean_depth(triangle, depths, q, is_perspective)
 
 
 # ---------------------------------------------------------------- faces and normals

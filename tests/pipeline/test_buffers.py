@@ -116,10 +116,10 @@ def test_depths_and_normals_are_exact_to_float32(kind, is_perspective):
 def test_the_same_bytes_are_written_from_the_entries_of_any_pass(depths, is_perspective):
     """Exact records are interpolated at every sample; of others the depth comes from z nearly everywhere."""
     rng, screen = np.random.default_rng(4), plain_screen(is_perspective, depths)
-    triangles = np.concatenate([random_triangles(rng, 300, SIZE, reach) for reach in (1.0, 5.0, 30.0, 200.0)])
-    triangles = np.concatenate([triangles, slivers(rng, 50, SIZE, 60, 3)])
-    depth = rng.uniform(*depths, (len(triangles), 1)) * rng.uniform(0.999, 1.001, (len(triangles), 3))
-    depth, normals = depth.clip(*depths), unit_normals(rng, len(triangles))
+    parts = [random_triangles(rng, n, SIZE, reach) for n, reach in ((400, 2.0), (100, 5.0), (30, 30.0), (9, 200.0))]
+    triangles = np.concatenate([slivers(rng, 50, SIZE, 60, 3), *parts])
+    share = np.linspace(0.0, 0.9, len(triangles))[:, None] + rng.uniform(0, 0.1, (len(triangles), 3))  # large ones last
+    depth, normals = depths[0] * (depths[1] / depths[0]) ** share, unit_normals(rng, len(triangles))
     is_inverted = rng.integers(0, 2, len(triangles))
     expected, _, n_covered = write(triangles, depth, normals, screen, is_inverted=is_inverted, source=EXACT)
     assert n_covered > 4000 and len(np.unique(expected.face)) > 100
