@@ -283,20 +283,23 @@ class Renderer:
             raise SceneError("this Renderer is closed; make a new one")
 
     def _render(self, camera, out) -> Frame:
-        """Draw the picture if one is wanted, then the buffers; `out` as `PreparedScene.draw_picture` takes it."""
+        """Draw the picture if one is wanted, and the buffers: together where both have one sample a pixel.
+
+        `out` is what `PreparedScene.draw_picture` takes.
+        """
         self._check_open()
         check_memory(self.options, has_out=out is not None)
         prepared, outputs, clock = self._prepared, self.options.outputs, Clock()
-        arrays, rgba, counts, view_plan = {}, None, None, None
+        arrays, rgba, counts, view_plan, buffers = {}, None, None, None, None
         if "color" in outputs or "rgb" in outputs:
-            rgba, color, alpha, counts, view_plan = prepared.draw_picture(camera, clock, out)
+            rgba, color, alpha, counts, view_plan, buffers = prepared.draw_picture(camera, clock, out)
             self._plan = view_plan.summary._replace(ways=counts.ways)
             if "color" in outputs:
                 arrays.update(color=color, alpha=alpha)
-        if set(outputs) - {"color", "rgb"}:
+        if buffers is None and set(outputs) - {"color", "rgb"}:
             buffers, counts_of_buffers = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
-            arrays.update(buffers)
+        arrays.update(buffers or {})
         return Frame(rgba, arrays, self._stats(counts, view_plan, clock), self.options.size)
 
     def _stats(self, counts, view_plan, clock) -> Stats:

@@ -26,6 +26,7 @@ from .messages import compilation_shown
 _VERTICES = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.5), (0, 0, 9)])
 _FACES = np.array([(0, 1, 2), (0, 2, 3), (2, 3, 4)])
 SIZE = 4  # pixels
+_BUFFERS = ("depth", "face", "normal")
 _SHADINGS = ("flat", "gouraud", "phong")
 
 
@@ -102,7 +103,8 @@ def draw_all_kinds() -> None:
                 render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, color_range="global")
     for samples, tolerance in ((1, 1 / 4096), (4, 1 / 4096), (4, 0.0)):
         render(scenes[0], SIZE, samples=samples, tolerance=tolerance, outputs=("rgb",), threads=1, cull="back")
-    render(scenes[0], SIZE, outputs=("depth", "face", "normal"), threads=1)
+    for outputs in (_BUFFERS, ("rgb", *_BUFFERS)):  # alone, and from the entries of a picture
+        render(scenes[0], SIZE, shading="phong", outputs=outputs, threads=1)
     polygons = replace(
         scenes[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])]
     )  # a convex one, and one with ears

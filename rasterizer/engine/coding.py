@@ -6,9 +6,12 @@ from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, 
 from ..pipeline.gradients import (
     EXACT,
     IN_ENTRIES,
+    IN_PLANES,
     NEEDS_ALBEDO,
+    NEEDS_CORNERS,
     NEEDS_DOUBLE,
     NEEDS_SINGLE,
+    BufferCoding,
     Coding,
     DepthScale,
     LevelCoding,
@@ -62,19 +65,20 @@ def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
     return TextureCoding(plan.packed_textures, of_materials, limits, step)
 
 
-def make_exact_coding(screen, n_attribute) -> Coding:
-    """Say that all records are exact, as for buffers."""
-    return _plain_coding(Coding, EXACT, True, n_attribute, None, screen)
+def make_buffer_coding(screen, n_attribute) -> BufferCoding:
+    """Say that entries hold indices of triangles, as for buffers; with attributes all have exact records, too."""
+    needs = NEEDS_DOUBLE | (NEEDS_CORNERS if n_attribute > 0 else 0)
+    return _plain_coding(BufferCoding, IN_PLANES, needs, n_attribute, None, screen)
 
 
 def make_map_coding(screen) -> Coding:
     """Say that entries hold depths and nothing else, as for shadow maps."""
-    return _plain_coding(LevelCoding, IN_ENTRIES, False, 0, 1.0, screen)
+    return _plain_coding(LevelCoding, IN_ENTRIES, NEEDS_SINGLE, 0, 1.0, screen)
 
 
-def _plain_coding(kind, way, is_double, n_attribute, level_scale, screen) -> Coding:
+def _plain_coding(kind, way, needs, n_attribute, level_scale, screen) -> Coding:
     """The coding of passes in which all is of one material."""
-    needs = NEEDS_DOUBLE if is_double else NEEDS_SINGLE
+    is_double = needs & NEEDS_DOUBLE != 0
     rows = np.array([way], np.uint8), np.array([needs], np.uint8), np.array([is_double]), np.array([n_attribute])
     return kind(*rows, np.full(1, np.inf), level_scale, 0.0, False, None, scale_depths(screen))
 

@@ -31,7 +31,7 @@ MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture
 
 
-def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=None) -> "Counts":
+def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=None, buffers=None) -> "Counts":
     """Send every triangle of the scene through the stages.
 
     Parameters
@@ -43,6 +43,7 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=N
     threads : Workers
     clock : Clock, which notes the milliseconds of each stage
     seen : SeenClusters, the triangles that are looked at; None for all
+    buffers : BufferPass of the same samples, which is drawn beside the picture; None for none
 
     Raises SceneError where the scene has more triangles than records can number.
     """
@@ -57,6 +58,8 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=N
     bands = sort_into_bands(visible, threads)
     clock.lap("bands")
     kind = render_pass.workspace_kind(n_row)
+    if buffers is not None:
+        kind = kind._replace(n_attribute=max(kind.n_attribute, buffers.n_attribute))
 
     def draw_band(band: Band) -> BandCounts:
         workspace = workspaces.acquire(kind, render_pass.most_records(len(band.faces)))
@@ -74,7 +77,12 @@ def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=N
         else:
             task = Task(band, drawn, render_pass, Memory(workspace, workspaces, kind))
             found, translucent = draw_transparent_band(task, found, deferred.listed())
-        n_covered = render_pass.finish(workspace, band, found, translucent, drawn.loaded_face)
+        is_shared = buffers is not None and buffers.can_share(render_pass, found)
+        if is_shared:
+            buffers.share(workspace, band, drawn)
+        n_covered = render_pass.finish(workspace, band, found, translucent, drawn)
+        if buffers is not None and not is_shared:
+            buffers.draw(workspace, band, drawn)
         workspaces.release(kind, workspace)
         return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
 

@@ -20,10 +20,9 @@ class OutputBuffer(NamedTuple):
     needs_normals: bool = False  # attributes 0-2 of the records are then the normals
 
     def make(self, size: tuple[int, int]) -> NDArray:
-        """Return a buffer of `size` = (width, height) pixels that shows nothing: (height, width), with several
-        components (height, width, n_component)."""
-        shape = size[::-1] if self.n_component == 1 else (*size[::-1], self.n_component)
-        return np.full(shape, self.empty, self.dtype)
+        """Return room for `size` = (width, height) pixels, (height, width), with several components (height, width,
+        n_component); not filled, because the bands are filled one by one, while they are in the cache."""
+        return np.empty(size[::-1] if self.n_component == 1 else (*size[::-1], self.n_component), self.dtype)
 
 
 BUFFER_TABLE = {

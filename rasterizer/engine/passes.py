@@ -12,13 +12,14 @@ A pass holds plain arrays and small numbers for one view. `draw` (draw.py) asks 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from ..pipeline.bands import Band
 from ..pipeline.buffers import VisibleSurfaces, clear_band
 from ..pipeline.depth_cueing import fade
+from ..pipeline.drawables import Drawables
 from ..pipeline.encode import Encoding
 from ..pipeline.gradients import (
     NEEDS_COLORS,
@@ -33,7 +34,7 @@ from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import most_units
 from ..pipeline.resolve import Picture, resolve, resolve_points
-from ..pipeline.scan import ScanCounts
+from ..pipeline.scan import ScanCounts, scan
 from ..pipeline.shade import shade_interpolated
 from ..pipeline.shade_once import list_points, order_samples, spread_points
 from ..pipeline.shadow_lookup import write_map
@@ -47,7 +48,11 @@ from .attributes import NONE, Attributes
 from .output_buffers import BUFFER_TABLE
 from .plan import Plan
 
+if TYPE_CHECKING:
+    from .draw import Drawn
+
 NO_TABLE = FaceTable(np.empty((0, 5)))
+NO_MATERIALS = np.empty(0, np.uint32)  # of triangles that all have one
 
 
 # Methods that nobody calls are not made: making them is most of what a dataclass costs when it is imported.
@@ -100,11 +105,11 @@ class Pass:
         included.
         """
 
-    def finish(self, workspace: Workspace, band: Band, counts: ScanCounts, translucent, loaded_face: np.ndarray) -> int:
+    def finish(self, workspace: Workspace, band: Band, counts: ScanCounts, translucent, drawn: "Drawn") -> int:
         """Write the band's rows of the output; return how many samples are covered.
 
-        `translucent` is Translucent: samples that nothing opaque is behind, or None where there are none;
-        `loaded_face` is the face as loaded of each triangle, or empty where each is one.
+        `translucent` is Translucent: samples that nothing opaque is behind, or None where there are none; `drawn` holds
+        the triangles.
         """
         raise NotImplementedError
 
@@ -218,7 +223,7 @@ class ColorPass(Pass):
         if band.counts.needs & NEEDS_TEXTURE and band.counts.n_exact > 0:
             sample_textures(band, self.textures, workspace.double_batch, workspace.texels)
 
-    def finish(self, workspace, band, counts, translucent, loaded_face):
+    def finish(self, workspace, band, counts, translucent, drawn):
         """Average the samples of each pixel, and write the picture's rows, or hand them to the sink."""
         y_start, y_end = band.y_start // self.factor, band.y_end // self.factor
         n_channel = self.n_channel_of(counts)
@@ -289,17 +294,52 @@ class LitPass(ColorPass):
 
 @dataclass(**AS_PASS)
 class BufferPass(Pass):
-    """Exact buffers: one sample a pixel, at its centre, and an exact record for every triangle."""
+    """Exact buffers: one sample a pixel, at its centre.
+
+    It may go alone, or beside a picture of one sample a pixel. Then it takes the picture's entries where these show
+    what it looks for, and its own elsewhere; the bytes are the same.
+    """
 
     screen: Screen
     buffers: dict[str, np.ndarray]  # by name, see output_buffers.py; written
+    is_filled: bool = True
 
-    def finish(self, workspace, band, counts, translucent, loaded_face):
+    def finish(self, workspace, band, counts, translucent, drawn):
         """Write what is visible into each buffer."""
-        surfaces = VisibleSurfaces(workspace.visibility, workspace.records, loaded_face, self.screen)
-        for name, buffer in self.buffers.items():
-            BUFFER_TABLE[name].write(surfaces, band, buffer)
+        self._write(workspace, band, drawn, is_own=True)
         return clear_band(workspace.visibility, band.n_row)
+
+    def can_share(self, render_pass: ColorPass, counts: ScanCounts) -> bool:
+        """Tell whether a picture's entries of a band show what the buffers look for: all triangles, by their index."""
+        return render_pass.opacity is None and counts.n_level == 0
+
+    def share(self, workspace: Workspace, band: Band, drawn: "Drawn") -> None:
+        """Write what the entries of a picture show; they stay."""
+        self._write(workspace, band, drawn, is_own=False)
+
+    def draw(self, workspace: Workspace, band: Band, drawn: "Drawn") -> None:
+        """Scan a band of a picture once more and write what the entries show; the visibility buffer is clear, before
+        and after."""
+        drawables = self.drawables_of(drawn)
+        counts = scan(
+            band, drawables, self.coding, workspace.block, workspace.visibility, workspace.records, None,
+        )  # fmt: skip
+        self.finish(workspace, band, ScanCounts(*counts), None, drawn)
+
+    def drawables_of(self, drawn: "Drawn") -> Drawables:
+        """The triangles of any pass with the attributes of this one; all have one material."""
+        triangles = drawn.drawables.triangles._replace(material=NO_MATERIALS)
+        return Drawables(triangles, drawn.drawables.vertices, *self.attributes)
+
+    def _write(self, workspace, band, drawn, is_own) -> None:
+        """Write what the band's entries show, this pass' own or those of a picture; the rest of its rows is empty."""
+        surfaces = VisibleSurfaces(
+            workspace.visibility, workspace.records, self.drawables_of(drawn), drawn.loaded_face, self.coding.depths,
+            is_own, is_own and self.n_attribute > 0, self.screen.is_perspective, workspace.batch,
+        )  # fmt: skip
+        for name, buffer in self.buffers.items():
+            buffer[band.y_start : band.y_end] = BUFFER_TABLE[name].empty
+            BUFFER_TABLE[name].write(surfaces, band, buffer)
 
 
 @dataclass(**AS_PASS)
@@ -309,7 +349,7 @@ class ShadowMapPass(Pass):
     depth: tuple[float, float]  # what a texel's depth is found from: offset and scale
     texels: np.ndarray  # (n, n) float32 or float64, written
 
-    def finish(self, workspace, band, counts, translucent, loaded_face):
+    def finish(self, workspace, band, counts, translucent, drawn):
         """Write the texels' depths."""
         write_map(workspace.visibility, band.y_start, band.n_row, *self.depth, self.texels)
         return 0

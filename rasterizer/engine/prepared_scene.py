@@ -16,14 +16,13 @@ from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .attributes import NONE, Attributes, NormalAttributes, light_all
-from .coding import lookup_step, make_coding, make_encoding, make_exact_coding
+from .coding import lookup_step, make_buffer_coding, make_coding, make_encoding
 from .depth_range import check_depths, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
-from .passes import BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
+from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
 from .view_plans import ViewPlan, ViewPlans
 
-NO_MATERIALS = np.empty(0, np.uint32)
 NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 
 
@@ -35,6 +34,7 @@ class DrawnPicture(NamedTuple):
     alpha: NDArray[np.float32]  # (height, width), the same
     counts: Counts
     view_plan: ViewPlan
+    buffers: dict[str, NDArray] | None  # that were drawn beside it, by name; None where none were
 
 
 class Brightest:
@@ -111,13 +111,14 @@ class PreparedScene:
             draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
             render_pass.encoding = with_blank(render_pass.encoding._replace(scale=brightest.scale()))
         render_pass.sink = sink
-        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
+        buffers = self.buffer_pass(camera, view, screen) if sink is None and options.factor == 1 else None
+        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen, buffers)
         if sink is None and is_global:
             encoding = render_pass.encoding._replace(scale=scale_of(float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
-        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan)
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, buffers and buffers.buffers)
 
     def color_pass(self, view, screen, plan, picture, clock, seen=None) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and the points of what is `seen` lit, before
@@ -157,26 +158,34 @@ class PreparedScene:
         runs = seen.vertex_runs if has_runs else None
         return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads, runs)
 
-    def draw_buffers(self, camera: Camera, clock) -> tuple[dict[str, NDArray], Counts]:
-        """Draw the exact buffers that are asked for, by name: always with one sample a pixel and float64 records, so
-        that nothing else changes them."""
-        options, view = self.options, camera.view()
+    def buffer_pass(self, camera: Camera, view, screen) -> BufferPass | None:
+        """Return the pass that draws the exact buffers that are asked for; None where there are none.
+
+        Raises SceneError where the scene is deeper than a depth buffer can hold.
+        """
+        options = self.options
         names = [name for name in options.outputs if name not in ("color", "rgb")]
-        buffers = {name: BUFFER_TABLE[name].make(options.size) for name in names}
-        screen = screen_of(camera, view, options.size, 1, self.geometry, self.bounds)
-        if "depth" in buffers:
+        if not names:
+            return None
+        if "depth" in names:
             check_depths(camera, view, self.bounds)
         normals = NONE
-        if any(BUFFER_TABLE[name].needs_normals for name in buffers):
+        if any(BUFFER_TABLE[name].needs_normals for name in names):
             normals = self.normals.of_faces(view, screen) if options.is_flat else self.normals.normals()
-        render_pass = BufferPass(
+        return BufferPass(
             attributes=normals,
-            coding=make_exact_coding(screen, normals.double.shape[2]),
+            coding=make_buffer_coding(screen, normals.double.shape[2]),
             size=options.size,
             is_culled=options.cull == "back",
             screen=screen,
-            buffers=buffers,
+            buffers={name: BUFFER_TABLE[name].make(options.size) for name in names},
         )
-        geometry, seen = self.geometry._replace(face_material=NO_MATERIALS), self.find_seen(screen, options.size)
+
+    def draw_buffers(self, camera: Camera, clock) -> tuple[dict[str, NDArray], Counts]:
+        """Draw the exact buffers that are asked for, by name, without a picture: one sample a pixel."""
+        view, size = camera.view(), self.options.size
+        screen = screen_of(camera, view, size, 1, self.geometry, self.bounds)
+        render_pass, seen = self.buffer_pass(camera, view, screen), self.find_seen(screen, size)
+        geometry = self.geometry._replace(face_material=NO_MATERIALS)
         counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
-        return buffers, counts
+        return render_pass.buffers, counts

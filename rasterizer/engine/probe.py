@@ -21,7 +21,7 @@ class ProbePass(Pass):
     pixel: tuple[int, int]  # column and row
     ways: set[str]  # filled
 
-    def finish(self, workspace, band, counts, translucent, loaded_face):
+    def finish(self, workspace, band, counts, translucent, drawn):
         """Note the ways of the pixel's samples in this band."""
         visibility, (x, y), factor = workspace.visibility, self.pixel, self.factor
         for row in range(max(y * factor, band.y_start), min((y + 1) * factor, band.y_end)):

@@ -37,6 +37,7 @@ NEEDS_SINGLE, NEEDS_DOUBLE, NEEDS_COLORS, NEEDS_TEXTURE, NEEDS_BEHIND, IS_INVISI
 # Colours that are given with the model; an exact record beside the planes.
 NEEDS_ALBEDO, NEEDS_CORNERS = 64, 128
 MOST_CHANNELS = 3
+MOST_EXTENT = 128  # columns and rows together of the box of a triangle whose entries tell its depths, see buffers.py
 
 
 class Coding(NamedTuple):
@@ -62,12 +63,18 @@ class NormalCoding(Coding):
     """Normals, and what stands behind them, in planes where they are good enough."""
 
 
+class BufferCoding(Coding):
+    """Nothing in planes: small triangles leave their index alone, unless corners are asked for; see buffers.py."""
+
+
 def choose_gradients(n_attribute, coding, block):
     """Return what is compiled in the place of `compute_gradients`: only what the coding needs."""
     if coding.instance_class is LevelCoding:
         return compute_levels
     if coding.instance_class is NormalCoding:
         return compute_normals
+    if coding.instance_class is BufferCoding:
+        return find_small
     return compute_none
 
 
@@ -78,6 +85,8 @@ def compute_gradients(n_attribute, coding, block):
         compute_levels(n_attribute, coding, block)
     elif isinstance(coding, NormalCoding):
         compute_normals(n_attribute, coding, block)
+    elif isinstance(coding, BufferCoding):
+        find_small(n_attribute, coding, block)
     else:
         compute_none(n_attribute, coding, block)
 
@@ -88,6 +97,15 @@ def compute_none(n_attribute, coding, block):
     ints = block.ints
     for k in range(index(s.BLOCK)):
         ints[s.HAS_LEVELS + k] = ints[s.HAS_PLANES + k] = ints[s.IS_WEIGHTED + k] = 0
+
+
+@helper
+def find_small(n_attribute, coding, block):
+    """Let the records of small triangles hold their index alone, those of others be exact."""
+    ints = block.ints
+    for k in range(index(s.BLOCK)):
+        ints[s.HAS_LEVELS + k] = 0
+        ints[s.HAS_PLANES + k] &= ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k] <= MOST_EXTENT
 
 
 @helper

@@ -240,8 +240,14 @@ def rounded(p, real):
 @helper
 def depth_at(records, record, triangle, q, is_perspective):
     """Return the depth along the viewing axis, scene units, at a sample with the weights q_i."""
+    return mean_depth(triangle, corner_values(records.reals, record, index(DEPTH)), q, is_perspective)
+
+
+@helper
+def mean_depth(triangle, depths, q, is_perspective):
+    """Return the depth of a triangle at a sample; `depths` are those of its corners, used without perspective."""
     total = q[0] + q[1] + q[2]
     if is_perspective:
         # A mean of 1/w may not leave its range by a rounding error.
         return 1.0 / min(max(total / triangle.area, triangle.sums[0]), triangle.sums[1])
-    return float(mean(corner_values(records.reals, record, index(DEPTH)), (q[0] / total, q[1] / total, q[2] / total)))
+    return float(mean(depths, (q[0] / total, q[1] / total, q[2] / total)))

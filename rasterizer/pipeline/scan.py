@@ -15,8 +15,8 @@ import numpy as np
 from ..compiler.kernels import choice, helper, index, kernel
 from . import setup as s
 from .fill import Box, Depths, Plane, Surface, Triangle, entry_at, fill_box, fill_spans
-from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NEEDS_CORNERS, NormalCoding, compute_gradients
-from .records import write_exact, write_normals, write_values
+from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NEEDS_CORNERS, BufferCoding, NormalCoding, compute_gradients
+from .records import write_exact, write_index, write_normals, write_values
 from .simd import MOST_HIGH, MOST_WIDE
 from .small_boxes import fill_covered
 from .visibility import IS_EXACT, IS_WEIGHTED, VisibilityBuffer, id_payload, note_extent, note_material, pack
@@ -178,14 +178,15 @@ def needs_corners(k, coding, block):
 
 def choose_writer(records, n_record, k, face, coding, block):
     """Return what is compiled in the place of `write_planes`: only what the coding needs."""
-    return write_normals if coding.instance_class is NormalCoding else write_values
+    writers = {NormalCoding: write_normals, BufferCoding: write_index}
+    return writers.get(coding.instance_class, write_values)
 
 
 @choice(choose_writer)
 def write_planes(records, n_record, k, face, coding, block):
     """Write record number `n_record`, the planes of triangle k of the block; return its length in units."""
-    write = write_normals if isinstance(coding, NormalCoding) else write_values
-    return write(records, n_record, k, face, coding, block)
+    writers = {NormalCoding: write_normals, BufferCoding: write_index}
+    return writers.get(type(coding), write_values)(records, n_record, k, face, coding, block)
 
 
 @helper

@@ -20,6 +20,7 @@ from rasterizer.pipeline.gradients import (
     NEEDS_COLORS,
     NEEDS_DOUBLE,
     NEEDS_SINGLE,
+    BufferCoding,
     Coding,
     LevelCoding,
     NormalCoding,
@@ -56,12 +57,13 @@ class Given(NamedTuple):
     way: int
 
 
-# Exact records · intensities in entries · intensities in planes · normals, and albedo behind them, in planes.
+# Exact records · intensities in entries · intensities in planes · normals, and albedo behind them, in planes · indices.
 KINDS = {
     "exact": Given(Coding, EXACT),
     "entries": Given(LevelCoding, IN_ENTRIES),
     "values": Given(LevelCoding, IN_PLANES),
     "normals": Given(NormalCoding, IN_PLANES),
+    "buffers": Given(BufferCoding, IN_PLANES),
 }
 
 

@@ -1,4 +1,5 @@
-"""Check the exact buffers: depth against rational numbers, faces, normals, and the clean-up."""
+"""Check the exact buffers: depth against rational numbers, faces, normals, the clean-up; the same bytes from the
+entries of any pass."""
 
 from types import SimpleNamespace
 
@@ -6,6 +7,8 @@ import numpy as np
 import pytest
 from helpers.stages import (
     covered,
+    drawables_of,
+    entries_of,
     exact_means,
     perspective_weights,
     plain_coding,
@@ -17,8 +20,10 @@ from helpers.stages import (
 
 from rasterizer.engine.output_buffers import BUFFER_TABLE
 from rasterizer.pipeline.bands import Band
-from rasterizer.pipeline.buffers import VisibleSurfaces, clear_band
-from rasterizer.pipeline.visibility import CLEAR, NO_END, NO_START
+from rasterizer.pipeline.buffers import VisibleSurfaces, clear_band, write_depth
+from rasterizer.pipeline.gradients import NEEDS_CORNERS
+from rasterizer.pipeline.transform import compute_z
+from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, NO_END, NO_START
 
 SIZE = (90, 70)
 DEPTHS = (1.0, 40.0)
@@ -26,15 +31,37 @@ ALL = ("depth", "face", "normal")
 NO_FACE = np.empty(0, np.uint32)
 
 
-def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None):
+# Where entries come from: (coding of the pass that draws them, type of its attributes, whether it is a buffer's own).
+OWN, OWN_CORNERS = ("buffers", np.float64, True), ("buffers with corners", np.float64, True)
+NORMALS, EXACT = ("normals", np.float32, False), ("exact", np.float64, False)
+SOURCES = {source[0]: source for source in (OWN, OWN_CORNERS, NORMALS, EXACT)}
+
+
+def write(triangles, depth, normals, screen, names=ALL, loaded_face=NO_FACE, is_inverted=None, source=OWN_CORNERS):
     """Scan and write the buffers; return (buffers, workspace, samples covered)."""
-    coding = plain_coding("exact", screen, 3, normals.dtype)
-    workspace, _ = scan_alone(triangles, depth, normals, coding, screen, SIZE, is_inverted)
-    out = SimpleNamespace(**{name: BUFFER_TABLE[name].make(SIZE) for name in names})
-    surfaces = VisibleSurfaces(workspace.visibility, workspace.records, loaded_face, screen)
+    workspace, surfaces = scan_for_buffers(triangles, depth, normals, screen, is_inverted, source)
+    surfaces, out = surfaces._replace(loaded_faces=loaded_face), SimpleNamespace()
     for name in names:
-        BUFFER_TABLE[name].write(surfaces, Band(np.empty(0, np.uint32), 0, SIZE[1]), getattr(out, name))
+        buffer = BUFFER_TABLE[name].make(SIZE)
+        buffer[...] = BUFFER_TABLE[name].empty
+        BUFFER_TABLE[name].write(surfaces, Band(np.arange(len(triangles), dtype=np.uint32), 0, SIZE[1]), buffer)
+        setattr(out, name, buffer)
     return out, workspace, clear_band(workspace.visibility, SIZE[1])
+
+
+def scan_for_buffers(triangles, depth, normals, screen, is_inverted=None, source=OWN_CORNERS):
+    """Scan; return the workspace and VisibleSurfaces."""
+    (name, dtype, is_own), has_corners = source, source is OWN_CORNERS
+    needs = NEEDS_CORNERS if has_corners else 0
+    coding = plain_coding(name.partition(" ")[0], screen, 3, dtype, needs=needs, normal_limit=np.inf)
+    workspace, _ = scan_alone(triangles, depth, normals.astype(dtype), coding, screen, SIZE, is_inverted)
+    z = compute_z(np.asarray(depth, float), screen)
+    drawables = drawables_of(triangles, z, normals[None], is_inverted)
+    surfaces = VisibleSurfaces(
+        workspace.visibility, workspace.records, drawables, NO_FACE, coding.depths, is_own, has_corners,
+        screen.is_perspective, workspace.batch,
+    )  # fmt: skip
+    return workspace, surfaces
 
 
 def unit_normals(rng, n):
@@ -82,6 +109,39 @@ def test_depths_and_normals_are_exact_to_float32(kind, is_perspective):
     assert n_sample > 50
     assert worst_depth <= 2.0**-24 * 1.001, f"{worst_depth} > half a step of float32"
     assert worst_normal <= 2.0**-24, f"{worst_normal} > 2^-24"
+
+
+@pytest.mark.parametrize("is_perspective", [True, False])
+@pytest.mark.parametrize("depths", [(1.0, 40.0), (5.0, 6.0), (1e4, 1e4 + 1e-3), (1.0, 1e7)])
+def test_the_same_bytes_are_written_from_the_entries_of_any_pass(depths, is_perspective):
+    """Exact records are interpolated at every sample; of others the depth comes from z nearly everywhere."""
+    rng, screen = np.random.default_rng(4), plain_screen(is_perspective, depths)
+    parts = [random_triangles(rng, n, SIZE, reach) for n, reach in ((400, 2.0), (100, 5.0), (30, 30.0), (9, 200.0))]
+    triangles = np.concatenate([slivers(rng, 50, SIZE, 60, 3), *parts])
+    share = np.linspace(0.0, 0.9, len(triangles))[:, None] + rng.uniform(0, 0.1, (len(triangles), 3))  # large ones last
+    depth, normals = depths[0] * (depths[1] / depths[0]) ** share, unit_normals(rng, len(triangles))
+    is_inverted = rng.integers(0, 2, len(triangles))
+    expected, _, n_covered = write(triangles, depth, normals, screen, is_inverted=is_inverted, source=EXACT)
+    assert n_covered > 4000 and len(np.unique(expected.face)) > 100
+    for name, source in SOURCES.items():
+        found, _, _ = write(triangles, depth, normals, screen, is_inverted=is_inverted, source=source)
+        for buffer in ALL:
+            assert getattr(found, buffer).tobytes() == getattr(expected, buffer).tobytes(), f"{buffer} from {name}"
+
+
+@pytest.mark.parametrize("is_perspective", [True, False])
+def test_small_triangles_tell_their_depths_by_their_entries(is_perspective):
+    """Few depths are interpolated, and only their triangles are fetched again."""
+    rng, screen = np.random.default_rng(5), plain_screen(is_perspective, (5.0, 6.0))
+    triangles, depth = random_triangles(rng, 2000, SIZE, 4.0), rng.uniform(5, 6, (2000, 3))
+    workspace, surfaces = scan_for_buffers(triangles, depth, unit_normals(rng, 2000), screen, source=OWN)
+    entries = workspace.visibility.entries[workspace.visibility.entries < CLEAR]
+    assert len(entries) > 4000 and not (entries & IS_EXACT).any()
+    lost = surfaces.drawables._replace(vertices=surfaces.drawables.vertices._replace(z=np.full(6000, np.nan)))
+    out = BUFFER_TABLE["depth"].make(SIZE)
+    write_depth(surfaces._replace(drawables=lost), Band(np.arange(2000, dtype=np.uint32), 0, SIZE[1]), out)
+    share = np.isnan(out[entries_of(workspace, SIZE) < CLEAR]).mean()
+    assert 0 < share < 0.02, f"{share:.2%} of the depths are interpolated"
 
 
 def test_one_depth_comes_back_as_it_went():
