@@ -83,7 +83,7 @@ class LightReach(NamedTuple):
         return furthest <= FURTHEST * self.diagonal and position_error(furthest, beside) <= SLACK * self.diagonal
 
 
-def find_reach(
+def compute_reach(
     lights: Sequence[Any],
     bounds: NDArray[np.float64],
     numbers: Sequence[NDArray[np.int64]],

@@ -152,7 +152,7 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None, se
     facts = gather_facts(scene, sources, albedo, colored)
     tint = choose_tint(facts.tints)
     brightness = bound_brightness(scene, sources, albedo, clearances)
-    of_materials = plan_materials(sources, brightness, options, cue, facts, tint)
+    of_materials = plan_materials(sources, brightness, options, facts, tint)
     is_single = not of_materials.is_double.all()
     n_channel, most_level = 3 if of_materials.is_colored.any() else 1, brightness.bound + brightness.rounding
     least = least_transmittance(options.tolerance, brightness.bound, is_single)
