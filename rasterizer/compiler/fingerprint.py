@@ -35,7 +35,8 @@ PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V4, _V3, _V2),
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = "compiler", "geometry", "pipeline"
-_WITHOUT_KERNELS = "cores.py", "fingerprint.py", "jobs.py", "store.py", "worker.py"  # their changes change no machine code
+# Their changes change no machine code.
+_WITHOUT_KERNELS = "cores.py", "fingerprint.py", "jobs.py", "store.py", "worker.py"
 
 
 def numba_version() -> str:

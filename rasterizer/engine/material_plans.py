@@ -75,9 +75,7 @@ class Facts(NamedTuple):
     tints: Sequence[NDArray[np.float64] | None]  # (3,): what all intensities are multiples of, None where there is none
 
 
-def plan_materials(
-    sources: Any, brightness: Any, options: Any, facts: Facts, tint: NDArray | None
-) -> MaterialPlans:
+def plan_materials(sources: Any, brightness: Any, options: Any, facts: Facts, tint: NDArray | None) -> MaterialPlans:
     """Find out what each material needs.
 
     Parameters

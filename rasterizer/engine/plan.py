@@ -262,7 +262,9 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     fades_to = max(scene.depth_cue.color) if scene.depth_cue is not None else 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         most_albedo = albedo.max(initial=1.0) * brightest_texel(sources.materials)
-        reflected = compute_reflected(sources.materials, sources.lights, sources.ambient, most_albedo, sources.products, sources.sets)
+        reflected = compute_reflected(
+            sources.materials, sources.lights, sources.ambient, most_albedo, sources.products, sources.sets
+        )
     check_brightness(max(reflected.bound, fades_to))
     most = compute_amplifications(sources.lights, clearances)
     greatest = reflected.amplified(most)

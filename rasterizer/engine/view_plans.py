@@ -16,15 +16,14 @@ from . import reflection_table
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_fixed_steps, list_steps
 from .float64_reasons import LARGE, SMALL
 from .intensity_bounds import compute_amplifications
-from .light_table import entry_of, shadow_of
 from .light_sets import LightSets, compute_reach, measure_cones
+from .light_table import entry_of, shadow_of
 from .lit_points import LitPoints, eye_distances
 from .plan import Plan, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
 from .reach import NormalCones
 from .rounding import DOUBLE, SINGLE
 from .uniforms import light_view, list_materials
-
 
 ROUNDED_UNITS = 64.0  # of the z-buffer: a plane of depth errs by less in float64, see MAX_ELONGATION in setup.py
 

@@ -56,7 +56,9 @@ def test_lights_that_reach_no_point_together_are_not_added_up():
 
 
 def test_without_ends_all_lights_count():
-    sets = compute_reach((SUN, rz.PointLight((0, 0, 0))), boxes_of(np.random.default_rng(1), 3), [np.array([0])] * 3).sets
+    sets = compute_reach(
+        (SUN, rz.PointLight((0, 0, 0))), boxes_of(np.random.default_rng(1), 3), [np.array([0])] * 3
+    ).sets
     assert sets.is_whole and sets.reaches.all() and sets.most_together == 2
     carried = rz.PointLight((50, 0, 0), range=1.0, attached="camera")
     assert compute_reach((carried,), np.array([[[0, 0, 0], [1, 1, 1.0]]]), [np.array([0])]).sets.reaches.all()

@@ -521,7 +521,9 @@ def test_too_many_maps_are_refused(monkeypatch):
 def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     """A material that one view needs float64 for, and the next one not, counts in the next one."""
     mesh = rz.Mesh(*octasphere(2), crease_angle=180)
-    scene = rz.Scene([mesh], [rz.DirectionalLight((0, 0, -1), shadow=Shadow(size=64))], rz.Camera.perspective((0, 0, 5)))
+    scene = rz.Scene(
+        [mesh], [rz.DirectionalLight((0, 0, -1), shadow=Shadow(size=64))], rz.Camera.perspective((0, 0, 5))
+    )
     with rz.Renderer(scene, (16, 12), shading="phong") as renderer:
         renderer.render()
         shadows, plans = renderer._prepared.shadows, renderer._prepared.view_plans

@@ -52,7 +52,7 @@ def random_light(rng):
 
 
 def points_at_the_edge(rng, light, n):
-    """Points in a small box next to where a light ends: beyond by 10^-7 to 1 of the way, or not; relative to the eye."""
+    """Points in a small box next to where a light ends, beyond by 10^-7 to 1 of the way; from the eye."""
     off, size = 10.0 ** rng.uniform(-7, 0) * rng.choice([-0.3, 1.0]), 10.0 ** rng.uniform(-6, -0.5)
     way, far = unit(rng.normal(size=3)), 10.0 ** rng.uniform(-1, 1)
     if isinstance(light, rz.SpotLight):
