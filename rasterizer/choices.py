@@ -32,6 +32,12 @@ COLOR_RANGES: tuple[str, ...] = get_args(ColorRange)
 SAMPLES: tuple[int, ...] = get_args(Samples)
 ANTIALIASES: tuple[str, ...] = get_args(Antialias)
 
+# --- what a store of compiled kernels is made for -----------------------------------------------------------
+
+ProcessorLevel = Literal["x86-64-v2", "x86-64-v3", "x86-64-v4"]
+
+PROCESSOR_LEVELS: tuple[str, ...] = get_args(ProcessorLevel)
+
 # --- what a scene is made of --------------------------------------------------------------------------------
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]

@@ -1,7 +1,6 @@
 """What a caller may choose about a picture; every default stands here, once."""
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -21,6 +20,7 @@ from .choices import (
     Samples,
     Shading,
 )
+from .compiler.cores import n_core
 from .errors import SceneError, shown
 from .scene.validate import is_whole, number
 
@@ -143,9 +143,7 @@ class Options:
     @property
     def n_thread(self) -> int:
         """The number of threads asked for, or that the process may use."""
-        if self.threads is not None:
-            return self.threads
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return n_core() if self.threads is None else self.threads
 
 
 def _check_choice(name: str, value: object, legal: tuple) -> None:

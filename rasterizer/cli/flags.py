@@ -58,8 +58,9 @@ def _add_warmup(parser) -> None:
         metavar="FOLDER",
         help="make a store that can be shipped: it is found where FOLDER is the installed package's folder `kernels`",
     )
-    levels = ("x86-64-v2", "x86-64-v3", "x86-64-v4")
-    parser.add_argument("--cpu", choices=levels, help="what the code shall run on (default: this machine's processor)")
+    parser.add_argument(
+        "--cpu", choices=choices.PROCESSOR_LEVELS, help="what the code shall run on (default: this machine's processor)"
+    )
     _add_messages(parser)
 
 

@@ -15,6 +15,8 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
+from .. import choices
+
 SEEN = (0, 61), (0, 68)  # the first and the last version of numba; each brings one version of llvmlite, 0.44 to 0.50
 
 # Settings of numba that change the code that it makes; each is an environment variable, NUMBA_...
@@ -29,11 +31,12 @@ CODE_SETTINGS = (
 _V2 = ("cx16", "popcnt", "sahf", "sse3", "ssse3", "sse4.1", "sse4.2")
 _V3 = (*_V2, "avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe")
 _V4 = (*_V3, "avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl")
-PROCESSOR_LEVELS = {"x86-64-v4": _V4, "x86-64-v3": _V3, "x86-64-v2": _V2}
+PROCESSOR_LEVELS = dict(zip(reversed(choices.PROCESSOR_LEVELS), (_V4, _V3, _V2), strict=True))
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _KERNEL_FOLDERS = "compiler", "geometry", "pipeline"
-_WITHOUT_KERNELS = "fingerprint.py", "jobs.py", "store.py", "worker.py"  # their changes change no machine code
+# Their changes change no machine code.
+_WITHOUT_KERNELS = "cores.py", "fingerprint.py", "jobs.py", "store.py", "worker.py"
 
 
 def numba_version() -> str:

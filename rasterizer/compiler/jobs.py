@@ -13,6 +13,8 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
+from .cores import n_core
+
 _PARENT = str(Path(__file__).resolve().parents[2])  # what the package is imported from
 _PROGRAM = """
 import sys
@@ -21,11 +23,6 @@ from rasterizer.compiler.worker import main
 sys.exit(main(sys.argv[2]))
 """
 _log = logging.getLogger("rasterizer")
-
-
-def n_core() -> int:
-    """Return how many processes can work at the same time."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def compile_together(jobs: list, folder: Path, notice: Callable[[str, int, int], None]) -> None:

@@ -340,7 +340,6 @@ class BatchFunction:
 
     def __init__(self, function: Callable, dtype):
         self.py_func = function
-        self._pointer = ctypes.POINTER(np.ctypeslib.as_ctypes_type(dtype))
         with _turn:
             loaded = load(function, ("batch function", np.dtype(dtype).name)) if STORE.is_used else None
             self._kept = loaded or _internals().compile_callback(function, dtype)

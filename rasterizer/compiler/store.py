@@ -198,17 +198,15 @@ def _read_own(path: Path) -> bytes:
 def write_code(folder: Path, title: str, key: bytes, code: bytes) -> None:
     """Store code under a key, whole or not at all; where that can't be done, nothing is stored."""
     rest = len(key).to_bytes(4, "little") + key + code
-    path, part = folder / file_name(title, key), None
+    path, part = folder / file_name(title, key), folder / f"{os.urandom(8).hex()}{HALF_WRITTEN}"
     try:
-        part = folder / f"{os.urandom(8).hex()}{HALF_WRITTEN}"
         with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644), "wb") as file:
             file.write(FORMAT + hashlib.sha256(rest).digest() + rest)
         os.replace(part, path)
     except OSError as fault:
         _log.info("kernel %s can't be kept (%s)", path, fault.strerror or fault)
-        if part is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(part)
+        with contextlib.suppress(OSError):
+            os.unlink(part)
 
 
 # ---------------------------------------------------------------- the store of this process

@@ -105,9 +105,7 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     runs = [(0, geometry.points.shape[1])] if runs is None else runs
-    pieces = [
-        Group(group.material, *part) for group, run in intersect(groups, runs) for part in threads.divide([run])
-    ]
+    pieces = [Group(group.material, *part) for group, run in intersect(groups, runs) for part in threads.divide([run])]
 
     def light_share(share):
         batch = make_batch(dtype)

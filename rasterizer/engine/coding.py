@@ -38,12 +38,12 @@ def make_coding(plan: Plan, screen, tolerance, step=1.0) -> Coding:
         of_textures = left - np.where(has_albedo, tolerance / 2, tolerance / 4)
         albedo_tolerance = float(tolerance / 4 / brightest)
         return NormalCoding(
-            *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position,
+            *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position or plan.cue is not None,
             code_textures(plan, of_textures, step), depths,
         )  # fmt: skip
     limits = np.where(of_materials.is_looked_up, left / 2, left)
     textures = code_textures(plan, left / 2, step)
-    return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, False, textures, depths)
+    return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, plan.cue is not None, textures, depths)
 
 
 def lookup_step(factor, is_shaded_once) -> float:

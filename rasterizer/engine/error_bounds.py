@@ -55,6 +55,7 @@ class Surroundings(NamedTuple):
     eye_distances: ArrayLike = np.inf  # (n_light,): of each light from the eye; inf where that is not known
     least_sums: ArrayLike = 0.0  # (n_material, n_light): |L + V| is nowhere less; 0 where that is not known
     shadow_shift: float = 0.0  # scene units: how far float32 moves what shadows are asked for, see shadow_views.py
+    fading: float = 0.0  # how far off the share that depth cueing leaves of an intensity may be, in float32
 
     def rounded(self) -> "Surroundings":
         """Return the same, lengths rounded to an eighth of an octave and |L + V| to an eighth, to the unsafe side.
@@ -69,9 +70,10 @@ class Surroundings(NamedTuple):
         if np.isinf(clearances).all() and 2.0**-30 < furthest < 2.0**50:
             furthest = 1.0
         deepness = 2.0 ** math.ceil(math.log2(self.deepness)) if self.deepness > 2.0**20 else 0.0
-        shift = self.shadow_shift
-        if 0.0 < shift < math.inf:
-            shift = 2.0 ** (math.ceil(8.0 * math.log2(shift)) / 8.0)
+        shift, fading = (
+            2.0 ** (math.ceil(8.0 * math.log2(value)) / 8.0) if 0.0 < value < math.inf else value
+            for value in (self.shadow_shift, self.fading)
+        )
         return self._replace(
             furthest=furthest,
             clearances=clearances,
@@ -79,6 +81,7 @@ class Surroundings(NamedTuple):
             eye_distances=eye_distances,
             least_sums=np.floor(8.0 * np.asarray(self.least_sums)) / 8.0,
             shadow_shift=shift,
+            fading=fading,
         )
 
     def kept(self) -> "Surroundings":
@@ -90,7 +93,7 @@ class Surroundings(NamedTuple):
     def key(self) -> tuple:
         """Return what tells the surroundings of two views apart."""
         arrays = (np.asarray(values) for values in (self.clearances, self.eye_distances, self.least_sums))
-        return self.furthest, self.deepness, self.shadow_shift, *(values.tobytes() for values in arrays)
+        return self.furthest, self.deepness, self.shadow_shift, self.fading, *(values.tobytes() for values in arrays)
 
 
 def frame_error(reflected: Reflected, surroundings: Surroundings, u: float) -> NDArray[np.float64]:

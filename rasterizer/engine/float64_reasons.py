@@ -1,4 +1,4 @@
-"""Why a material is lit in float64: reasons that are its own, that of its lights, or that of the picture."""
+"""Why a material is lit in float64: reasons that are its own, or that of its lights."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -11,12 +11,7 @@ SMALL, LARGE = 2.0**-40, 2.0**60  # scene units: squares of lengths between them
 
 
 def reasons_of(
-    material: Any,
-    lights: Sequence[Any],
-    tolerance: float,
-    rounding: float,
-    bound: float,
-    of_picture: Sequence[str] = (),
+    material: Any, lights: Sequence[Any], tolerance: float, rounding: float, bound: float
 ) -> tuple[str, ...]:
     """Say why float32 won't do for a material, in a few words each; nothing where it does.
 
@@ -28,7 +23,6 @@ def reasons_of(
     lights : those that may reach it
     rounding : what float32 may add to an intensity of it, linear
     bound : the largest intensity that it may have; infinite where a light amplifies without limit
-    of_picture : reasons that hold for the whole picture
     """
     reasons = {
         "tolerance 0": tolerance == 0,
@@ -37,7 +31,6 @@ def reasons_of(
         "numbers of lights beyond float32": not are_single(lights),
         reflection_table.entry_of(material).reason_for_float64(material): True,
     }
-    reasons |= dict.fromkeys(of_picture, True)
     return tuple(reason for reason, holds in reasons.items() if reason and holds)
 
 

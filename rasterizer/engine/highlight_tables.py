@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import reflection_table
 from .reflection_entry import HighlightBounds
@@ -32,12 +32,12 @@ class HighlightTables:
         least_sums : (n_material, n_light), |L + V| is nowhere less; rounded down to a multiple of 1/STEPS
         """
         if u not in self._known:
-            self._known[u] = self._find(u)
+            self._known[u] = self._compute(u)
         sums = np.clip(np.asarray(least_sums, float), 0.0, 2.0)
         place = np.arange(len(self._materials))[:, None], (STEPS * sums).astype(np.int64)
         return HighlightBounds(*(values[place] for values in self._known[u]))
 
-    def _find(self, u) -> HighlightBounds:
+    def _compute(self, u) -> HighlightBounds:
         """The bounds of all materials; zeros where there is no highlight."""
         found = np.zeros((len(HighlightBounds._fields), len(self._materials), len(LEAST_SUMS)))
         for m, material in enumerate(self._materials):

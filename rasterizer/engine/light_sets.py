@@ -83,7 +83,7 @@ class LightReach(NamedTuple):
         return furthest <= FURTHEST * self.diagonal and position_error(furthest, beside) <= SLACK * self.diagonal
 
 
-def find_reach(
+def compute_reach(
     lights: Sequence[Any],
     bounds: NDArray[np.float64],
     numbers: Sequence[NDArray[np.int64]],
@@ -135,7 +135,7 @@ def divide_boxes(bounds: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
 
     Returns
     -------
-    (n_cell, 2, 3) float64, the cells, whose borders are the same numbers where they meet; and the box of each, (n_cell,)
+    (n_cell, 2, 3) float64, the cells, whose borders are the same numbers where they meet; (n_cell,) the box of each
     """
     sizes = bounds[:, 1] - bounds[:, 0]
     longest = np.maximum(sizes.max(axis=1, keepdims=True), np.finfo(float).tiny)
@@ -148,7 +148,9 @@ def divide_boxes(bounds: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
     box = np.repeat(np.arange(len(bounds)), n_cell)
     number = np.arange(len(box)) - np.repeat(np.cumsum(n_cell) - n_cell, n_cell)
     along = counts[box]
-    places = np.stack([number % along[:, 0], number // along[:, 0] % along[:, 1], number // along[:, :2].prod(axis=1)], 1)
+    places = np.stack(
+        [number % along[:, 0], number // along[:, 0] % along[:, 1], number // along[:, :2].prod(axis=1)], 1
+    )
     low, high = bounds[box, 0], bounds[box, 1]
     ends = [low + sizes[box] * ((places + k) / along) for k in (0, 1)]
     ends[1] = np.where(places + 1 == along, high, ends[1])

@@ -75,22 +75,16 @@ class Facts(NamedTuple):
     tints: Sequence[NDArray[np.float64] | None]  # (3,): what all intensities are multiples of, None where there is none
 
 
-def plan_materials(
-    sources: Any, brightness: Any, options: Any, cue: Any, facts: Facts, tint: NDArray | None
-) -> MaterialPlans:
+def plan_materials(sources: Any, brightness: Any, options: Any, facts: Facts, tint: NDArray | None) -> MaterialPlans:
     """Find out what each material needs.
 
     Parameters
     ----------
     sources, brightness : Sources and Brightness of the scene (engine/plan.py)
     options : Options
-    cue : DepthCue or None
     tint : (3,) the colour of what has one channel; None where all has three
     """
     materials, greatest, roundings = sources.materials, brightness.greatest, brightness.least_roundings
-    # Depth cueing reads depths from exact records.
-    of_picture = {"depth cueing": cue is not None, "spectra": bool(sources.products)}
-    of_picture = [reason for reason, holds in of_picture.items() if holds]
     angles = options.tolerance / 4 / np.maximum(greatest.turn_slopes, 1e-30)
     # Shadows depend on normals, however dim the lights are; so does which side of a surface a light is on.
     if sources.has_shadows or sources.sets.is_one_sided:
@@ -99,7 +93,7 @@ def plan_materials(
     ways, needs, n_attributes, reasons = [], [], [], []
     for k, material in enumerate(materials):
         bound = greatest.bounds[k]
-        why = reasons_of(material, sources.lights_of(k), options.tolerance, roundings[k], bound, of_picture)
+        why = reasons_of(material, sources.lights_of(k), options.tolerance, roundings[k], bound)
         is_colored = tint is None or facts.tints[k] is None or common_tint(facts.tints[k], tint) is None
         ways.append(choose_way(why, options, is_colored or not material.is_opaque, normal_limits[k], brightness.bound))
         needs.append(list_needs(material, bool(why), is_colored, facts.has_vertex_colors[k]))

@@ -152,7 +152,7 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None, se
     facts = gather_facts(scene, sources, albedo, colored)
     tint = choose_tint(facts.tints)
     brightness = bound_brightness(scene, sources, albedo, clearances)
-    of_materials = plan_materials(sources, brightness, options, cue, facts, tint)
+    of_materials = plan_materials(sources, brightness, options, facts, tint)
     is_single = not of_materials.is_double.all()
     n_channel, most_level = 3 if of_materials.is_colored.any() else 1, brightness.bound + brightness.rounding
     least = least_transmittance(options.tolerance, brightness.bound, is_single)
@@ -262,7 +262,9 @@ def bound_brightness(scene, sources: Sources, albedo, clearances) -> Brightness:
     fades_to = max(scene.depth_cue.color) if scene.depth_cue is not None else 0.0
     with np.errstate(over="ignore", invalid="ignore"):  # what is infinite is refused
         most_albedo = albedo.max(initial=1.0) * brightest_texel(sources.materials)
-        reflected = compute_reflected(sources.materials, sources.lights, sources.ambient, most_albedo, sources.products, sources.sets)
+        reflected = compute_reflected(
+            sources.materials, sources.lights, sources.ambient, most_albedo, sources.products, sources.sets
+        )
     check_brightness(max(reflected.bound, fades_to))
     most = compute_amplifications(sources.lights, clearances)
     greatest = reflected.amplified(most)

@@ -2,6 +2,8 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from ..pipeline.gradients import IN_ENTRIES, IN_PLANES
 from .plan import Plan
 from .uniforms import batch_functions_of
@@ -25,6 +27,7 @@ class MaterialNeeds(NamedTuple):
     dtype : "float32" or "float64", the type of the illumination
     reasons : why it is float64; empty for float32
     way : the cheapest way that attributes may take from the vertices to the samples
+    lights : how many lights reach them and are reflected; of an area light each of its cells counts
     """
 
     materials: tuple[int, ...]
@@ -32,10 +35,11 @@ class MaterialNeeds(NamedTuple):
     dtype: str
     reasons: tuple[str, ...]
     way: str
+    lights: int
 
     def __repr__(self) -> str:
         why = f" because of {', '.join(self.reasons)}" if self.reasons else ""
-        return f"{self.channels} channel{'s' * (self.channels > 1)}, {self.dtype}{why}; {self.way}"
+        return f"{_count(self.channels, 'channel')}, {self.dtype}{why}; {self.way}; {_count(self.lights, 'light')}"
 
 
 class PlanSummary(NamedTuple):
@@ -53,6 +57,8 @@ class PlanSummary(NamedTuple):
     reflection_functions : the same for reflection models
     features : what else the scene uses: "textures", "shadows", "transparency", "depth cueing", "spectra", "tangents"
     bound : the largest intensity that any point may have, linear
+    left_out : how many lights were left out of everything: black ones, and others that reach nothing or of which
+        nothing is reflected
     ways : how many triangles took which way; None before anything was drawn
     """
 
@@ -66,6 +72,7 @@ class PlanSummary(NamedTuple):
     reflection_functions: tuple[str, ...]
     features: tuple[str, ...]
     bound: float
+    left_out: int = 0
     ways: Ways | None = None
 
     def __repr__(self) -> str:
@@ -80,6 +87,8 @@ class PlanSummary(NamedTuple):
             f"also: {', '.join(self.features) or 'nothing'}",
             f"largest intensity: {self.bound:.4g}",
         ]
+        if self.left_out:
+            lines.append(f"left out: {_count(self.left_out, 'light')} that no surface shows")
         if self.ways is not None:
             counts = ", ".join(f"{count} by {name}" for name, count in zip(_WAY_NAMES, self.ways, strict=True))
             lines.append(f"triangles in their bands: {counts}")
@@ -100,7 +109,7 @@ _WAY_NAMES = ("entries", "planes", "exact records")
 
 def summarize(plan: Plan, is_perspective: bool, ways: Ways | None = None) -> PlanSummary:
     """Put a plan into words."""
-    of_lights, of_materials = batch_functions_of(plan, is_perspective)
+    of_lights, of_materials = used_functions_of(plan, is_perspective)
     features = {
         "textures": plan.textures is not None,
         "shadows": plan.has_shadows,
@@ -119,19 +128,30 @@ def summarize(plan: Plan, is_perspective: bool, ways: Ways | None = None) -> Pla
         way=name_way(cheapest, plan.is_lit_per_sample),
         needs=needs,
         light_functions=_names(of_lights),
-        reflection_functions=_names(function for functions in of_materials for function in functions),
+        reflection_functions=_names(of_materials),
         features=tuple(name for name, holds in features.items() if holds),
         bound=plan.bound,
+        left_out=plan.n_left_out,
         ways=ways,
     )
 
 
+def used_functions_of(plan: Plan, is_perspective: bool) -> tuple[list, list]:
+    """Return the batch functions of lights, and those of materials, that are evaluated."""
+    of_lights, of_materials = batch_functions_of(plan, is_perspective)
+    n_term = len(of_lights) // max(len(plan.lights), 1)
+    is_used = np.repeat(plan.is_lit, n_term, axis=1)
+    lights = [function for function, used in zip(of_lights, is_used.any(axis=0).tolist(), strict=True) if used]
+    pairs = zip(of_materials, is_used.tolist(), strict=True)
+    return lights, [f for functions, row in pairs for f, used in zip(functions, row, strict=True) if used]
+
+
 def list_needs(plan: Plan) -> tuple[MaterialNeeds, ...]:
     """List what the materials need, those that need the same together."""
-    rows, groups = plan.of_materials, {}
+    rows, groups, n_lights = plan.of_materials, {}, plan.is_lit.sum(axis=1).tolist()
     for k, (way, is_double, is_colored) in enumerate(zip(rows.ways, rows.is_double, rows.is_colored, strict=True)):
         dtype, way = "float64" if is_double else "float32", name_way(int(way), plan.is_lit_per_sample)
-        groups.setdefault((3 if is_colored else 1, dtype, rows.reasons[k], way), []).append(k)
+        groups.setdefault((3 if is_colored else 1, dtype, rows.reasons[k], way, n_lights[k]), []).append(k)
     return tuple(MaterialNeeds(tuple(numbers), *key) for key, numbers in groups.items())
 
 
@@ -142,6 +162,11 @@ def name_way(way: int, is_lit_per_sample: bool) -> str:
     if way == IN_PLANES:
         return "planes of the normals" if is_lit_per_sample else "planes of the intensities"
     return "exact records"
+
+
+def _count(n: int, noun: str) -> str:
+    """A number and what is counted, in the plural but for one."""
+    return f"{n} {noun}{'s' * (n != 1)}"
 
 
 def _names(functions) -> tuple[str, ...]:

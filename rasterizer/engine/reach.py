@@ -105,7 +105,9 @@ def lights_reaching(
     boxes = np.asarray(boxes, float).reshape(-1, 2, 3)
     low, high = boxes[:, 0], boxes[:, 1]
     furthest = np.linalg.norm(np.maximum(np.abs(low - view.eye), np.abs(high - view.eye)), axis=1)
-    return lights_reaching_boxes(lights, view, Boxes(low, high, position_error(furthest, beside), furthest), cones, turn)
+    return lights_reaching_boxes(
+        lights, view, Boxes(low, high, position_error(furthest, beside), furthest), cones, turn
+    )
 
 
 def position_error(furthest: ArrayLike, beside: float) -> ArrayLike:

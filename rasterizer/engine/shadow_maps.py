@@ -84,9 +84,7 @@ class Shadows:
             key = k, dtype
             if key not in self._maps or is_carried(light):
                 before = self._maps.get(key)
-                self._maps[key] = draw_shadow_map(
-                    light, view, self._casters, dtype, workspaces, threads, room, before
-                )
+                self._maps[key] = draw_shadow_map(light, view, self._casters, dtype, workspaces, threads, room, before)
             shadow_map = self._maps[key]
             if shadow_map is not None:
                 shadow_map.fit_view(view.eye, plan)

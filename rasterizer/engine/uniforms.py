@@ -37,7 +37,7 @@ def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
     for k in np.flatnonzero(plan.is_lit.any(axis=0)):
         entry = light_table.entry_of(plan.lights[k])
         entry.write(lights[k], plan.lights[k], view, dtype)
-        _write_limits(limits[k], lights[k], entry.limits(plan.lights[k]))
+        limits[k] = light_limits_of(plan.lights[k], lights[k])
     if len(lighting.lights) > len(plan.lights):  # each light is followed by itself, see `is_parted`
         lights, limits = np.repeat(lights, 2, axis=0), np.repeat(limits, 2, axis=0)
         shadows = [part for shadow in shadows for part in (shadow, None)]
@@ -48,14 +48,19 @@ def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
     )
 
 
-def _write_limits(row, coefficients, limits) -> None:
-    """Write where a light ends, with room for the rounding of its function, see pipeline/light_limits.py."""
+def light_limits_of(light, coefficients) -> np.ndarray:
+    """Return where a light ends, (N_LIMIT,), with room for the rounding of its function: see pipeline/light_limits.py.
+
+    `coefficients` are those that its entry writes.
+    """
+    limits, row = light_table.entry_of(light).limits(light), np.zeros(light_limits.N_LIMIT)
     row[light_limits.RANGE] = limits.range * (1.0 + light_limits.SLACK)
     row[light_limits.POSITION : light_limits.POSITION + 3] = coefficients[VECTOR : VECTOR + 3]
     cosine = limits.cos_outer - light_limits.COSINE_SLACK
     if cosine > 0.0:
         row[light_limits.AXIS : light_limits.AXIS + 3] = coefficients[AXIS : AXIS + 3]
         row[light_limits.COSINE], row[light_limits.SINE] = cosine, math.sqrt(1.0 - cosine * cosine)
+    return row
 
 
 def list_materials(plan: Plan, dtype, is_perspective=True) -> Lighting:

@@ -9,20 +9,23 @@ from numpy.typing import NDArray
 from ..geometry.points import number_materials
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
+from ..pipeline.depth_cueing import DEPTH_ERROR
 from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
 from ..pipeline.lighting import Lighting
 from . import reflection_table
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_fixed_steps, list_steps
 from .float64_reasons import LARGE, SMALL
 from .intensity_bounds import compute_amplifications
+from .light_sets import LightSets, compute_reach, measure_cones
 from .light_table import entry_of, shadow_of
-from .light_sets import LightSets, find_reach, measure_cones
 from .lit_points import LitPoints, eye_distances
 from .plan import Plan, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
 from .reach import NormalCones
 from .rounding import DOUBLE, SINGLE
 from .uniforms import light_view, list_materials
+
+ROUNDED_UNITS = 64.0  # of the z-buffer: a plane of depth errs by less in float64, see MAX_ELONGATION in setup.py
 
 
 class ViewPlan(NamedTuple):
@@ -67,7 +70,7 @@ class ViewPlans:
         self._shadow_precision: Any = None  # a plan, and its Precision; made where it is needed first
         materials, numbers = number_materials(scene.meshes)
         self._colored = find_colored(geometry, len(materials))
-        self._reach = find_reach(list_lights(scene)[0], bounds, numbers, one_sided_cones(scene, options, geometry))
+        self._reach = compute_reach(list_lights(scene)[0], bounds, numbers, one_sided_cones(scene, options, geometry))
         self.plan = self._make_plan(None, self._reach.sets)
         self._lit_points = LitPoints(geometry, len(materials), self.plan.lights, self.plan.is_lit_per_sample)
         if not np.isfinite(self.plan.bound):
@@ -166,7 +169,21 @@ class ViewPlans:
             eye_distances=eye_distances(plan.lights, view),
             least_sums=least_sums,
             shadow_shift=self._shadow_shift(plan, view),
+            fading=self._fading(plan, screen),
         )
+
+    def _fading(self, plan, screen) -> float:
+        """How far off the share may be that depth cueing leaves of an intensity, where depths are those of entries.
+
+        Without perspective these err by half a unit of the z-buffer for each step from a triangle's first sample, along
+        both axes, and by ROUNDED_UNITS; over the cue's scale that is a change of the share.
+        """
+        cue, (width, height), factor = plan.cue, self._options.size, self._options.factor
+        if cue is None or screen.z_scale == 0.0:
+            return 0.0
+        if screen.is_perspective:
+            return DEPTH_ERROR * (0.25 + max(cue.start, 0.0) / cue.scale)
+        return (0.5 * factor * (width + height) + ROUNDED_UNITS) / abs(screen.z_scale) / cue.scale
 
     def _shadow_shift(self, plan, view) -> float:
         """How far float32 moves what shadows are asked for, scene units; infinite where it can't be taken."""
@@ -232,7 +249,9 @@ def roundings_of(plan: Plan, surroundings: Surroundings) -> NDArray[np.float64]:
     errors = {
         u: frame_error(reflected, surroundings, u) for u in {DOUBLE if double else SINGLE for double in is_double}
     }
-    return np.where(is_double, errors.get(DOUBLE, 0.0), errors.get(SINGLE, 0.0)) + written
+    fades_to = 0.0 if plan.cue is None else float(plan.cue.color.max())
+    faded = surroundings.fading * (reflected.bounds + fades_to) if surroundings.fading > 0.0 else 0.0
+    return np.where(is_double, errors.get(DOUBLE, 0.0), errors.get(SINGLE, 0.0) + faded) + written
 
 
 def error_bounds_of(plan: Plan, tolerance) -> NDArray[np.float64]:

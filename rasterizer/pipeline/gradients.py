@@ -112,6 +112,8 @@ def find_small(n_attribute, coding, block):
 def compute_levels(n_attribute, coding, block):
     """Compute the planes of levels, then those of intensities where the first are not good enough."""
     ints, n_left = block.ints, 0
+    if coding.needs_distance:
+        check_distances(coding, block)
     compute_level_plane(coding, block)
     for k in range(index(s.BLOCK)):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]

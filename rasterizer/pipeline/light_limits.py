@@ -4,10 +4,10 @@ is evaluated for them.
 In:  POSITION of the batch (fragments.py), and a row of limits for each light, which engine/uniforms.py writes.
 Out: whether the light's strength is exactly 0 at every point: then it is left out, and no bit of a sum changes.
 
-All points lie in a box along the axes, and in the sphere round the box. A light function compares (d/r)² with 1, rounded
-by less than 16 u: the range here is larger by SLACK. It compares the cosine of the angle from the axis, rounded by less
-than 12 u, with that of the cone, or with 2^-20 less where the cone is sharp (`grazing`): the cone here is wider by
-COSINE_SLACK. What is rounded here is less than SLACK of the lengths. u is at most 2^-24.
+All points lie in a box along the axes, and in the sphere round the box. A light function compares (d/r)² with 1,
+rounded by less than 16 u: the range here is larger by SLACK. It compares the cosine of the angle from the axis, rounded
+by less than 12 u, with that of the cone, or with 2^-20 less where the cone is sharp (`grazing`): the cone here is wider
+by COSINE_SLACK. What is rounded here is less than SLACK of the lengths. u is at most 2^-24.
 
 The sphere of radius s about c, seen from the light at the distance d under the angle φ from the axis, lies outside a
 cone with the half angle o <= 90 degrees where d sin(φ - o) > s: that is the distance from the cone's surface, or less.
@@ -21,8 +21,8 @@ from . import fragments as f
 from .fragments import get_vector, read_vector
 from .power import is_single
 
-# A row of limits: the light's position relative to the eye; its range, infinite where it has none; axis, cosine and sine
-# of a cone, 0 where it has none.
+# A row of limits: the light's position relative to the eye; its range, infinite where it has none; axis, cosine and
+# sine of a cone, 0 where it has none.
 POSITION, RANGE, AXIS, COSINE, SINE = 0, 3, 4, 7, 8
 N_LIMIT = 9
 SLACK = 2.0**-18  # of lengths

@@ -116,7 +116,6 @@ def test_reasons_are_those_of_a_material_and_its_lights():
         ((rz.Material(), (shadowed,), DEFAULT_TOLERANCE, 1e-5, 1.0), ()),
         ((rz.Material(texture=texture), (), DEFAULT_TOLERANCE, 1e-5, 1.0), ()),
         ((rz.Material(reflection="toon"), (), DEFAULT_TOLERANCE, 1e-5, 1.0), ("toon levels",)),
-        ((rz.Material(), (), DEFAULT_TOLERANCE, 1e-5, 1.0, ("spectra",)), ("spectra",)),
     ]
     for arguments, reasons in cases:
         assert reasons_of(*arguments) == reasons, arguments

@@ -68,3 +68,10 @@ def test_a_view_that_needs_float64_says_so():
     """A light in the very surface: its clearance is 0 in every view."""
     plan = plan_of(lights=(rz.PointLight((0, 0, 1.0), 1.0, (0, 0, 1)),), shading="phong")
     assert plan.dtype == "float64" and plan.reasons == ("this view",), plan
+
+
+def test_a_plan_counts_the_lights():
+    plan = plan_of(lights=(LIGHT, rz.DirectionalLight((0, 0, -1), 0), rz.AmbientLight(0.1)))
+    assert plan.left_out == 1 and "left out: 1 light that" in repr(plan)
+    assert plan.needs[0].lights == 1 and "1 light" in repr(plan.needs[0])
+    assert plan_of().left_out == 0 and "left out" not in repr(plan_of())

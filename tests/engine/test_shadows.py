@@ -10,7 +10,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.pipeline.shadow_lookup import N_MAP
+from rasterizer.pipeline.shadow_lookup import N_MAP, NORMAL_ERROR
 from rasterizer.scene.lights import Shadow
 
 AMBIENT = 0.1
@@ -516,3 +516,21 @@ def test_too_many_maps_are_refused(monkeypatch):
     rz.render(rz.Scene([mesh], lights[:2]), 16)
     with pytest.raises(rz.SceneError, match="smaller shadow size, or fewer cells"):
         rz.render(rz.Scene([mesh], lights), 16)
+
+
+def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
+    """A material that one view needs float64 for, and the next one not, counts in the next one."""
+    mesh = rz.Mesh(*octasphere(2), crease_angle=180)
+    scene = rz.Scene(
+        [mesh], [rz.DirectionalLight((0, 0, -1), shadow=Shadow(size=64))], rz.Camera.perspective((0, 0, 5))
+    )
+    with rz.Renderer(scene, (16, 12), shading="phong") as renderer:
+        renderer.render()
+        shadows, plans = renderer._prepared.shadows, renderer._prepared.view_plans
+        (shadow_map,) = shadows._maps.values()
+        own, rows = float(shadow_map.block[NORMAL_ERROR]), plans.plan.of_materials
+        eye = np.array([0.0, 0.0, 5.0])
+        shadow_map.fit_view(eye, plans.plan._replace(of_materials=rows._replace(normal_limits=8 * rows.normal_limits)))
+        assert shadow_map.block[NORMAL_ERROR] > 2 * own > 0
+        renderer.render()
+        assert shadow_map.block[NORMAL_ERROR] == own and list(shadows._maps.values()) == [shadow_map]

@@ -88,6 +88,21 @@ def test_two_parallel_surfaces_of_one_material_are_told_apart():
     assert a == pytest.approx(0.8 * 10_000 / 10_002, rel=1e-6) and b == pytest.approx(0.8 * 10_000 / 10_004, rel=1e-6)
 
 
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("projection", sorted(CAMERAS))
+def test_depths_of_entries_fade_within_the_bound(shading, projection):
+    """The default tolerance reads depths from entries; tolerance 0 from exact records. The second cue begins far away
+    for its scale, so that rounding counts most."""
+    for cue in (CUE, rz.DepthCue(0.1, 3.0, (0.2, 0.4, 0.9))):
+        shown = rz.Scene(scene().meshes, camera=CAMERAS[projection], depth_cue=cue)
+        fast, exact = (rz.render(shown, SIZE, shading=shading, tolerance=t) for t in (Options.tolerance, 0.0))
+        assert fast.stats.plan.dtype == "float32" and fast.stats.plan.ways.exact < sum(fast.stats.plan.ways)
+        error, bound = np.abs(fast.color - exact.color).max(), fast.stats.error_bound + exact.stats.error_bound
+        assert error <= bound, f"{error:.3g} > {bound:.3g}"
+    steep = rz.Scene(scene().meshes, camera=CAMERAS["perspective"], depth_cue=rz.DepthCue(1e-3, 3.0))
+    assert rz.render(steep, SIZE, shading=shading).stats.plan.dtype == "float64"
+
+
 def test_grey_pictures_keep_one_channel_and_others_pay_nothing():
     def planned(cue):
         return make_plan(scene(depth_cue=cue), Options(), np.empty((0, 3)))
