@@ -37,9 +37,9 @@ class Stats:
     samples : samples of the picture
     threads : how many worked
     error_bound : the largest error of an intensity that the paths of this frame may have, in linear intensity where 1
-        is white, against the exact illumination of the same faces at the same samples: rounding to float32 or float64,
-        and what was approximated. What rounding of vertices to 1/256 px changes is no part of it, see `position_bound`.
-        0 where no picture was asked for
+        is white, against the exact illumination of the same faces at the same samples, or at the same points with
+        antialias "shade-once": rounding to float32 or float64, and what was approximated. What rounding of vertices to
+        1/256 px changes is no part of it, see `position_bound`. 0 where no picture was asked for
     milliseconds : dict of stage to time
     steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how
         near to that the bound doesn't hold. Empty where it holds everywhere

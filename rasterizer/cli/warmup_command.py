@@ -116,6 +116,10 @@ def draw_all_kinds() -> None:
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):
                 render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, outputs=("rgb",))
+    for scene in (*scenes, *_rarer_scenes()):
+        for shading in ("gouraud", "phong"):
+            for tolerance in (0.0, 1 / 4096):
+                render(scene, 3, shading=shading, tolerance=tolerance, threads=1, samples=4, antialias="shade-once")
 
 
 def _draw_clusters(scene) -> None:

@@ -4,8 +4,8 @@ In:  the band's visibility entries (what is covered) and radiance (linear intens
 Out: all of the band's rows of the picture: linear colour float32, and, by the encode stage, 8 bits a channel. The
      visibility buffer is left clear for the next band.
 
-Samples are averaged over each pixel (box filter, linear light) where there are several; a pixel's colour is the mean of
-its covered samples, its alpha the covered fraction.
+Samples are averaged over each pixel (box_filter.py) where there are several; a pixel's colour is the mean of its
+covered samples in linear light, its alpha the covered fraction.
 """
 
 from typing import NamedTuple

@@ -14,7 +14,9 @@ extrapolated. (What OpenGL and Direct3D call multisampling with centroid samplin
     A b | .d.      centre; in the left one A and B are shaded at a sample each, b being the first of three.
     a   | B B
 
-Depth at the centre is the mean of the samples' depths, which is exact but for half a unit: depth is affine.
+Depth at the centre is the mean of the samples' depths, because depth is affine. It errs no more than theirs
+(`planes.depth_rounding`), rounded to a unit as it is: their mean distance from where the plane has its value is shorter
+than the largest one by half a sample or more along each axis, and half a unit a sample counts there.
 """
 
 from typing import NamedTuple

@@ -42,7 +42,7 @@ class WorkspaceKind(NamedTuple):
     dtype: np.dtype  # of intensities
     is_textured: bool
     is_transparent: bool
-    points_factor: int  # samples a pixel along each axis, where it is shaded once a polygon; 0 = every sample is
+    points_factor: int = 0  # samples a pixel along each axis, where it is shaded once a polygon; 0 = every sample is
 
 
 class WorkspacePool:

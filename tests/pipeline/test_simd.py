@@ -7,7 +7,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline.simd import LANES, PLANE_GROUP, PlaneGroup, evaluate_planes, evaluate_values, merge_box
+from rasterizer.pipeline.simd import (
+    LANES,
+    PLANE_GROUP,
+    PlaneGroup,
+    evaluate_planes,
+    evaluate_planes_at,
+    evaluate_values,
+    evaluate_values_at,
+    merge_box,
+)
 
 PITCH, ROWS = 21, 6
 
@@ -133,7 +142,12 @@ WAYS, ID_BIT = ["vectors", "plain", "compiled"], 24
 
 
 def evaluate_plainly(entries, group, x, y, out, start, stride, weights=None):
-    """The same loop with numpy's float32, which rounds after every operation; within ranges where there are weights."""
+    """The same loop with numpy's float32, which rounds after every operation; within ranges where there are weights.
+
+    x and y are the first sample, or arrays of points in 1/256 of a sample.
+    """
+    xs = 256 * (x + np.arange(len(entries))) if np.ndim(x) == 0 else x
+    ys = np.broadcast_to(256 * y, len(entries)) if np.ndim(y) == 0 else y
     numbers, column, shift = group.numbers, int(group.column), int(group.shift)
     out, whole, real = out.copy(), numbers.view(np.int32), np.float32
     for k in range(len(entries)):
@@ -141,7 +155,8 @@ def evaluate_plainly(entries, group, x, y, out, start, stride, weights=None):
         if not int(entries[k]) >> ID_BIT & 1:
             record = 0
         record <<= shift
-        across, down = real(x + k - int(whole[record + 1])), real(y - int(whole[record + 2]))
+        across = real(int(xs[k]) / 256 - int(whole[record + 1]))
+        down = real(int(ys[k]) / 256 - int(whole[record + 2]))
         for i in range(PLANE_GROUP):
             value, dx, dy = (numbers[record + column + part * PLANE_GROUP + i] for part in range(3))
             value = value + across * dx + down * dy
@@ -245,3 +260,63 @@ def test_values_that_are_no_numbers_become_the_least_and_constants_stay_constant
     found = out[:32].reshape(4, 8)
     assert (found[0] == 0.25).all() and (found[2] == 0.25).all() and (found[3] == 0.5).all()
     assert found[1].tolist() == [0.75, 0.75, 0.25, 0.25, 0.75, 0.75, 0.75, 0.75]
+
+
+@kernel
+def evaluate_at(entries, group, xs, ys, out, start, stride):
+    """Call evaluate_planes_at from a kernel, as the shade stage does."""
+    evaluate_planes_at(entries, group, xs, ys, out, start, stride)
+
+
+@kernel
+def evaluate_within_at(entries, group, xs, ys, out, start, stride, weights):
+    """Call evaluate_values_at from a kernel, as the shade stage does."""
+    evaluate_values_at(entries, group, xs, ys, out, start, stride, weights)
+
+
+def random_points(rng, n):
+    """Places of n points: samples and what lies half-way between them."""
+    return tuple((128 * rng.integers(0, 2**19, n)).astype(np.int32) for _ in range(2))
+
+
+@pytest.mark.parametrize(
+    "way",
+    [evaluate_at, np.errstate(over="ignore")(evaluate_planes_at.py_func), numba.njit(evaluate_planes_at.py_func)],
+    ids=WAYS,
+)
+@pytest.mark.parametrize("column, n_unit", [(4, 1), (16, 3)])
+@pytest.mark.parametrize("n", [0, 1, 5, 64, 127])
+def test_planes_at_points_are_those_of_plain_python(n, column, n_unit, way):
+    """Wherever points lie, also half-way between samples: how far from the anchor is exact in float32."""
+    rng = np.random.default_rng(n)
+    group = plane_group(random_records(rng, n_unit), RECORD_MASK, UNIT_SHIFT - 1, column)
+    entries, (xs, ys) = random_entries(rng, 128, n_unit, True)[:n], random_points(rng, 128)
+    out, stride = np.full(4 * 160 + 8, 7, np.float32), 160
+    expected = evaluate_plainly(entries, group, xs, ys, out, 5, stride)
+    way(entries, group, xs, ys, out, np.uint64(5), np.uint64(stride))
+    assert_written(out, expected, 5, stride, n)
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        evaluate_within_at,
+        np.errstate(over="ignore", invalid="ignore")(evaluate_values_at.py_func),
+        numba.njit(evaluate_values_at.py_func),
+    ],
+    ids=WAYS,
+)
+@pytest.mark.parametrize("n", [0, 1, 5, 64, 127])
+def test_values_at_points_stay_within_their_ranges(n, way):
+    rng = np.random.default_rng(n)
+    numbers = random_records(rng, 2)
+    records = numbers.reshape(N_RECORD, -1)
+    limits = np.sort(rng.normal(size=(N_RECORD, 2, PLANE_GROUP)) * 2.0**20, axis=1)
+    records[:, 4 + 3 * PLANE_GROUP : 4 + 5 * PLANE_GROUP] = limits.reshape(N_RECORD, -1)
+    group = plane_group(numbers, RECORD_MASK, UNIT_SHIFT - 1, 4)
+    entries, (xs, ys) = random_entries(rng, 128, 2, True)[:n], random_points(rng, 128)
+    out, stride, weights = np.full(6 * 160 + 8, 7, np.float32), 160, 5 + 5 * 160
+    out[weights : weights + 128] = rng.uniform(0.5, 2.0**20, 128)
+    expected = evaluate_plainly(entries, group, xs, ys, out, 5, stride, weights)
+    way(entries, group, xs, ys, out, np.uint64(5), np.uint64(stride), np.uint64(weights))
+    assert_written(out, expected, 5, stride, n)
