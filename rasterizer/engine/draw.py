@@ -5,6 +5,7 @@
 
 Every stage hands plain arrays to the next; `draw` is the way from transform on. What is drawn, how it is shaded and
 what becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
+Buffers of the same samples are drawn beside a picture, band by band.
 """
 
 from types import SimpleNamespace
