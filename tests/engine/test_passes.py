@@ -104,8 +104,9 @@ def ways(monkeypatch):
     ],
 )
 def test_buffers_take_the_entries_of_a_picture_that_hold_indices(ways, material, shading, expected):
-    scene = scene_of(cube(**material), camera=INSIDE)
-    draw((scene, {}), shading, OUTPUTS)
+    grey = [rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.7, -0.6), 0.7)]
+    camera = rz.Camera.orthographic((2.5, 2.0, 3.5), height=4.0)
+    draw((scene_of(cube(**material), lights=grey, camera=camera), {}), shading, OUTPUTS)
     assert set(ways) == expected
 
 
