@@ -1,11 +1,11 @@
 """What does each thing that a scene may use cost?
 
-    python bench/features.py                       lights, reflection models, shadows, textures, layers, spectra
+    python bench/features.py                       lights, materials, shadows, textures, layers, spectra; buffers
     python bench/features.py --model path/to/scan.obj --size 1080p
 
 Light and material: a square that fills the picture, Phong's shading, so that every pixel is lit. Shadow maps: those of
-a model, drawn anew for every frame, because their light moves with the camera. Columns are explained in
-bench/README.md.
+a model, drawn anew for every frame, because their light moves with the camera. Buffers: those of the model, and of
+quads as large as the picture, alone and beside a picture. Columns are explained in bench/README.md.
 """
 
 import argparse
@@ -23,6 +23,20 @@ from bench import measure, scenes
 LOOK = rz.Material(diffuse=0.6, specular=0.3, shininess=32)
 SUN = rz.DirectionalLight((-0.3, -0.2, -1.0), 0.5)
 MORE = 4  # lights added at once: what one of them costs is a quarter
+EVERY = ("depth", "face", "normal")
+# What is drawn, beside a picture or alone, against Gouraud's picture: (shading, outputs).
+BUFFERS = {
+    "Gouraud": ("gouraud", ("rgb",)),
+    "depth": ("gouraud", ("depth",)),
+    "face": ("gouraud", ("face",)),
+    "normal": ("gouraud", ("normal",)),
+    "depth, face, normal": ("gouraud", EVERY),
+    "Gouraud and depth": ("gouraud", ("rgb", "depth")),
+    "Gouraud and all": ("gouraud", ("rgb", *EVERY)),
+    "Phong": ("phong", ("rgb",)),
+    "Phong and depth": ("phong", ("rgb", "depth")),
+    "Phong and all": ("phong", ("rgb", *EVERY)),
+}
 CAMERA = rz.Camera.perspective((0, 0, 1), (0, 0, 0), fov=40)
 
 
@@ -80,7 +94,7 @@ def main(argv=None) -> int:
     parser.add_argument("--frames", type=int, default=25)
     args = parser.parse_args(argv)
     machine = measure.Machine()
-    rows = [*measure_features(args), *measure_maps(args)]
+    rows = [*measure_features(args), *measure_maps(args), *measure_buffers(args)]
     measure.print_json("features", machine, args, rows)
     return 0
 
@@ -133,6 +147,32 @@ def measure_maps(args):
         row |= {"ms_1": ms[1], "ms_2": ms[2]}
         table.print(row)
         yield row
+
+
+def measure_buffers(args):
+    """Depth, faces and normals of a model and of quads as large as the picture; back faces of the model are left
+    out."""
+    table = measure.Table([("scene       ", "scene", ""), ("outputs            ", "outputs", ""),
+                           (" ms 1T", "ms_1", ".2f"), ("/Gouraud", "ratio_1", ".2f"),
+                           (" ms 2T", "ms_2", ".2f"), ("/Gouraud", "ratio_2", ".2f")])  # fmt: skip
+    size = scenes.size_of(args.size)
+    for name in (args.model, "quads-back"):
+        scene, cull, median = scenes.build(name, size, "one", "mono"), "none" if "quads" in name else "back", {}
+        for n_thread in (1, 2):
+            with ExitStack() as stack:
+                calls = {}
+                for what, (shading, outputs) in BUFFERS.items():
+                    options = {"shading": shading, "outputs": outputs, "cull": cull, "threads": n_thread}
+                    calls[what] = stack.enter_context(rz.Renderer(scene, size, **options)).render
+                    calls[what]()
+                turns = measure.take_turns(calls, args.seconds / 4, args.frames)
+            median[n_thread] = {what: float(np.median(times)) for what, (times, _) in turns.items()}
+        for what in BUFFERS:
+            row = {"scene": Path(name).stem, "outputs": what}
+            for n, ms in median.items():
+                row |= {f"ms_{n}": ms[what], f"ratio_{n}": ms[what] / ms["Gouraud"]}
+            table.print(row)
+            yield row
 
 
 if __name__ == "__main__":

@@ -296,7 +296,7 @@ class Renderer:
             self._plan = view_plan.summary._replace(ways=counts.ways)
             if "color" in outputs:
                 arrays.update(color=color, alpha=alpha)
-        if buffers is None and set(outputs) - {"color", "rgb"}:
+        if buffers is None and prepared.buffer_names:
             buffers, counts_of_buffers = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
         arrays.update(buffers or {})

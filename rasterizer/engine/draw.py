@@ -5,6 +5,7 @@
 
 Every stage hands plain arrays to the next; `draw` is the way from transform on. What is drawn, how it is shaded and
 what becomes of a finished band is said by the pass (passes.py): a picture, exact buffers, or the map of a shadow.
+Buffers of the same samples are drawn beside a picture, band by band.
 """
 
 from types import SimpleNamespace
@@ -22,7 +23,7 @@ from ..pipeline.face_planes import NO_PLANES
 from ..pipeline.scan import ScanCounts, make_deferred, scan
 from ..pipeline.transform import transform
 from ..pipeline.visibility import MAX_RECORDS
-from .passes import FaceTable, Pass
+from .passes import BufferPass, FaceTable, Pass
 from .plan_summary import Ways
 from .transparency import Memory, Task, draw_transparent_band
 
@@ -31,7 +32,9 @@ MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture
 
 
-def draw(geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=None, buffers=None) -> "Counts":
+def draw(
+    geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=None, buffers: BufferPass | None = None
+) -> "Counts":
     """Send every triangle of the scene through the stages.
 
     Parameters

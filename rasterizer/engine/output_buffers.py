@@ -11,13 +11,16 @@ from ..pipeline.buffers import VisibleSurfaces, write_depth, write_face, write_n
 
 
 class OutputBuffer(NamedTuple):
-    """A kind of buffer: one sample a pixel, at its centre, never averaged."""
+    """A kind of buffer: one sample a pixel, at its centre, never averaged.
+
+    The entries of a band may be those of a picture: what holds for every record is told by `face_of` (records.py).
+    """
 
     write: Callable[[VisibleSurfaces, Band, NDArray], None]  # fills the pixels of a band where something is visible
     dtype: DTypeLike
     n_component: int  # numbers a pixel
     empty: float  # where nothing is visible
-    needs_normals: bool = False  # attributes 0-2 of the records are then the normals
+    needs_normals: bool = False  # attributes 0-2 of the drawables, in float64, are then the normals
 
     def make(self, size: tuple[int, int]) -> NDArray:
         """Return room for `size` = (width, height) pixels, (height, width), with several components (height, width,

@@ -111,14 +111,15 @@ class PreparedScene:
             draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
             render_pass.encoding = with_blank(render_pass.encoding._replace(scale=brightest.scale()))
         render_pass.sink = sink
-        buffers = self.buffer_pass(camera, view, screen) if sink is None and options.factor == 1 else None
+        is_beside = bool(self.buffer_names) and sink is None and options.factor == 1  # buffers have one sample a pixel
+        buffers = self.buffer_pass(camera, view, screen) if is_beside else None
         counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen, buffers)
         if sink is None and is_global:
             encoding = render_pass.encoding._replace(scale=scale_of(float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
-        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, buffers and buffers.buffers)
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, buffers.buffers if buffers else None)
 
     def color_pass(self, view, screen, plan, picture, clock, seen=None) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and the points of what is `seen` lit, before
@@ -158,15 +159,17 @@ class PreparedScene:
         runs = seen.vertex_runs if has_runs else None
         return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads, runs)
 
-    def buffer_pass(self, camera: Camera, view, screen) -> BufferPass | None:
-        """Return the pass that draws the exact buffers that are asked for; None where there are none.
+    @property
+    def buffer_names(self) -> list[str]:
+        """The exact buffers that are asked for."""
+        return [name for name in self.options.outputs if name not in ("color", "rgb")]
+
+    def buffer_pass(self, camera: Camera, view, screen) -> BufferPass:
+        """Return the pass that draws the exact buffers that are asked for.
 
         Raises SceneError where the scene is deeper than a depth buffer can hold.
         """
-        options = self.options
-        names = [name for name in options.outputs if name not in ("color", "rgb")]
-        if not names:
-            return None
+        options, names = self.options, self.buffer_names
         if "depth" in names:
             check_depths(camera, view, self.bounds)
         normals = NONE

@@ -75,6 +75,9 @@ def test_features(capsys):
     assert costs["shadow, look-up"]["dtype"] == costs["shadow, six maps"]["dtype"] == "float32"
     maps = [row for row in rows if "light" in row]
     assert [row["triangles"] for row in maps] == [12, 12] and all(row["ms_1"] > 0 and row["ms_2"] > 0 for row in maps)
+    buffers = [row for row in rows if "outputs" in row]
+    assert [row["outputs"] for row in buffers] == 2 * list(features.BUFFERS)
+    assert all(row["ms_1"] > 0 and row["ms_2"] > 0 for row in buffers) and buffers[0]["ratio_1"] == 1.0
 
 
 def test_before_after(capsys):
