@@ -116,8 +116,8 @@ def compute_reach(
     counts = np.array([len(of_mesh) for of_mesh in numbers])
     first = np.cumsum(counts) - counts
     row = np.repeat(np.arange(len(mesh)), counts[mesh])
-    place = np.arange(len(row)) - np.repeat(np.cumsum(counts[mesh]) - counts[mesh], counts[mesh])
-    material = np.concatenate(numbers)[first[mesh[row]] + place]
+    nth = np.arange(len(row)) - np.repeat(np.cumsum(counts[mesh]) - counts[mesh], counts[mesh])
+    material = np.concatenate(numbers)[first[mesh[row]] + nth]
     found = np.unique(np.column_stack([material, reaches[row]]), axis=0)
     starts, sets = np.searchsorted(found[:, 0], np.arange(n_material)), found[:, 1:].astype(np.bool_)
     of_materials = np.logical_or.reduceat(sets, starts)
@@ -148,12 +148,12 @@ def divide_boxes(bounds: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
     box = np.repeat(np.arange(len(bounds)), n_cell)
     number = np.arange(len(box)) - np.repeat(np.cumsum(n_cell) - n_cell, n_cell)
     along = counts[box]
-    places = np.stack(
+    steps = np.stack(
         [number % along[:, 0], number // along[:, 0] % along[:, 1], number // along[:, :2].prod(axis=1)], 1
     )
     low, high = bounds[box, 0], bounds[box, 1]
-    ends = [low + sizes[box] * ((places + k) / along) for k in (0, 1)]
-    ends[1] = np.where(places + 1 == along, high, ends[1])
+    ends = [low + sizes[box] * ((steps + k) / along) for k in (0, 1)]
+    ends[1] = np.where(steps + 1 == along, high, ends[1])
     return np.stack(ends, axis=1), box
 
 
