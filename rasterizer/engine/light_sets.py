@@ -97,12 +97,13 @@ def compute_reach(
     numbers : for each mesh the materials that it has
     cones : of the meshes' normals, where all that is seen is seen from their side; None = seen from both
     """
+    cones = None if cones is None or (cones.cosines <= 0.0).all() else cones
     n_material = 1 + max((int(of_mesh.max()) for of_mesh in numbers), default=-1)
     diagonal = float(np.linalg.norm(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
     has_end = [entry_of(light).limits(light) != UNLIMITED and not is_carried(light) for light in lights]
     if not (any(has_end) or (cones is not None and lights)) or not math.isfinite(diagonal):
         return LightReach(all_lights(n_material, len(lights)), math.inf)
-    cells, mesh = divide_boxes(bounds, MOST_CELLS)
+    cells, mesh = divide_boxes(bounds, MOST_CELLS if any(has_end) else 1)
     boxes = Boxes(cells[:, 0], cells[:, 1], SLACK * diagonal, FURTHEST * diagonal)
     carried = np.array([is_carried(light) for light in lights], np.bool_)
     anywhere = View(np.zeros(3), *np.eye(3))
@@ -158,7 +159,8 @@ def divide_boxes(bounds: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
 
 
 def measure_cones(geometry: Any, n_faces: Sequence[int]) -> NormalCones:
-    """Measure the cones of the normals of each mesh; those of meshes that have some against their winding are open.
+    """Measure the cones of the normals of each mesh; they are open for meshes that have some against their winding, and
+    for all where there are more than MOST_MEASURED.
 
     Parameters
     ----------
@@ -169,14 +171,17 @@ def measure_cones(geometry: Any, n_faces: Sequence[int]) -> NormalCones:
     if len(geometry.face):  # triangles about centres, in the order of the faces as loaded
         starts = np.searchsorted(np.maximum.accumulate(geometry.face), starts)
     axes, cosines = np.zeros((len(n_faces), 3)), np.full(len(n_faces), -1.0)
+    if len(n_faces) > MOST_MEASURED:
+        return NormalCones(axes, cosines)
     for k, (start, end) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)):
-        few = geometry.normals[:, geometry.corner[:, start : min(start + N_TESTED, end)].ravel()]
+        few = geometry.normals[:, geometry.corner[:, start : end : max(1, (end - start) // N_TESTED)].ravel()]
         if end == start or _cone_of(few)[1] <= 0.0 or geometry.is_inverted[start:end].any():
             continue
         axes[k], cosines[k] = _cone_of(geometry.normals[:, geometry.corner[:, start:end].ravel()])
     return NormalCones(axes, cosines)
 
 
+MOST_MEASURED = 256  # meshes whose cones are measured; of more they are small, and few lights are behind all of one
 N_TESTED = 64  # triangles that are looked at first: of most meshes they tell already that normals look anywhere
 
 
