@@ -104,7 +104,8 @@ def add_reflection(
     Parameters
     ----------
     word : small letters, digits and hyphens: `Material.reflection`
-    drawn : what the engine must know
+    drawn : what the engine must know. Its function reflects nothing where N·L <= 0: it isn't asked where no point of a
+        batch has more
     reference : how the reference evaluates it
     model : what a material checks; None = a roughness within 0..1 and nothing else
 

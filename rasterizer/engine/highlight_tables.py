@@ -34,8 +34,8 @@ class HighlightTables:
         if u not in self._known:
             self._known[u] = self._compute(u)
         sums = np.clip(np.asarray(least_sums, float), 0.0, 2.0)
-        place = np.arange(len(self._materials))[:, None], (STEPS * sums).astype(np.int64)
-        return HighlightBounds(*(values[place] for values in self._known[u]))
+        row, column = np.arange(len(self._materials))[:, None], (STEPS * sums).astype(np.int64)
+        return HighlightBounds(*(values[row, column] for values in self._known[u]))
 
     def _compute(self, u) -> HighlightBounds:
         """The bounds of all materials; zeros where there is no highlight."""

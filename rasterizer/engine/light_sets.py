@@ -97,12 +97,13 @@ def compute_reach(
     numbers : for each mesh the materials that it has
     cones : of the meshes' normals, where all that is seen is seen from their side; None = seen from both
     """
+    cones = None if cones is None or (cones.cosines <= 0.0).all() else cones
     n_material = 1 + max((int(of_mesh.max()) for of_mesh in numbers), default=-1)
     diagonal = float(np.linalg.norm(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
     has_end = [entry_of(light).limits(light) != UNLIMITED and not is_carried(light) for light in lights]
     if not (any(has_end) or (cones is not None and lights)) or not math.isfinite(diagonal):
         return LightReach(all_lights(n_material, len(lights)), math.inf)
-    cells, mesh = divide_boxes(bounds, MOST_CELLS)
+    cells, mesh = divide_boxes(bounds, MOST_CELLS if any(has_end) else 1)
     boxes = Boxes(cells[:, 0], cells[:, 1], SLACK * diagonal, FURTHEST * diagonal)
     carried = np.array([is_carried(light) for light in lights], np.bool_)
     anywhere = View(np.zeros(3), *np.eye(3))
@@ -116,8 +117,8 @@ def compute_reach(
     counts = np.array([len(of_mesh) for of_mesh in numbers])
     first = np.cumsum(counts) - counts
     row = np.repeat(np.arange(len(mesh)), counts[mesh])
-    place = np.arange(len(row)) - np.repeat(np.cumsum(counts[mesh]) - counts[mesh], counts[mesh])
-    material = np.concatenate(numbers)[first[mesh[row]] + place]
+    nth = np.arange(len(row)) - np.repeat(np.cumsum(counts[mesh]) - counts[mesh], counts[mesh])
+    material = np.concatenate(numbers)[first[mesh[row]] + nth]
     found = np.unique(np.column_stack([material, reaches[row]]), axis=0)
     starts, sets = np.searchsorted(found[:, 0], np.arange(n_material)), found[:, 1:].astype(np.bool_)
     of_materials = np.logical_or.reduceat(sets, starts)
@@ -148,17 +149,18 @@ def divide_boxes(bounds: NDArray[np.float64], most: int) -> tuple[NDArray[np.flo
     box = np.repeat(np.arange(len(bounds)), n_cell)
     number = np.arange(len(box)) - np.repeat(np.cumsum(n_cell) - n_cell, n_cell)
     along = counts[box]
-    places = np.stack(
+    steps = np.stack(
         [number % along[:, 0], number // along[:, 0] % along[:, 1], number // along[:, :2].prod(axis=1)], 1
     )
     low, high = bounds[box, 0], bounds[box, 1]
-    ends = [low + sizes[box] * ((places + k) / along) for k in (0, 1)]
-    ends[1] = np.where(places + 1 == along, high, ends[1])
+    ends = [low + sizes[box] * ((steps + k) / along) for k in (0, 1)]
+    ends[1] = np.where(steps + 1 == along, high, ends[1])
     return np.stack(ends, axis=1), box
 
 
 def measure_cones(geometry: Any, n_faces: Sequence[int]) -> NormalCones:
-    """Measure the cones of the normals of each mesh; those of meshes that have some against their winding are open.
+    """Measure the cones of the normals of each mesh; they are open for meshes that have some against their winding, and
+    for all where there are more than MOST_MEASURED.
 
     Parameters
     ----------
@@ -169,14 +171,17 @@ def measure_cones(geometry: Any, n_faces: Sequence[int]) -> NormalCones:
     if len(geometry.face):  # triangles about centres, in the order of the faces as loaded
         starts = np.searchsorted(np.maximum.accumulate(geometry.face), starts)
     axes, cosines = np.zeros((len(n_faces), 3)), np.full(len(n_faces), -1.0)
+    if len(n_faces) > MOST_MEASURED:
+        return NormalCones(axes, cosines)
     for k, (start, end) in enumerate(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)):
-        few = geometry.normals[:, geometry.corner[:, start : min(start + N_TESTED, end)].ravel()]
+        few = geometry.normals[:, geometry.corner[:, start : end : max(1, (end - start) // N_TESTED)].ravel()]
         if end == start or _cone_of(few)[1] <= 0.0 or geometry.is_inverted[start:end].any():
             continue
         axes[k], cosines[k] = _cone_of(geometry.normals[:, geometry.corner[:, start:end].ravel()])
     return NormalCones(axes, cosines)
 
 
+MOST_MEASURED = 256  # meshes whose cones are measured; of more they are small, and few lights are behind all of one
 N_TESTED = 64  # triangles that are looked at first: of most meshes they tell already that normals look anywhere
 
 

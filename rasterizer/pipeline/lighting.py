@@ -115,8 +115,8 @@ def sum_lights(batch, n, lighting, material):
     """
     n_channel, is_first = lighting.n_light_channels[material], True
     box = bound_positions(batch, n if lighting.has_limits else 0)
-    for place in range(index(lighting.n_lights[material])):
-        light = index(lighting.light_idx[material, place])
+    for nth in range(index(lighting.n_lights[material])):
+        light = index(lighting.light_idx[material, nth])
         if lighting.has_limits and not is_within(box, lighting.limits[light]):
             continue
         call_batch_function(lighting.light_functions[light], batch.ctypes.data, n, lighting.lights[light].ctypes.data)
