@@ -32,7 +32,7 @@ def scenes() -> dict:
         "float64 beside float32": scene_of(cube(reflection="toon"), floor(specular=0.2)),
         "fading": replace(scene_of(papered, floor(**GLOSSY)), depth_cue=3.0),
         "parallel": scene_of(
-            papered, lights=(*DAYLIGHT, LAMP), camera=rz.Camera.orthographic((2, 2, 3), (0, 0, 0), 4.0)
+            papered, lights=(*DAYLIGHT, LAMP), camera=rz.Camera.orthographic((2, 2, 3), (0, 0, 0), height=4.0)
         ),
     }
 
