@@ -26,7 +26,8 @@ class Painter:
             work,
             {key: getattr(work.setup, key) for key in ("size", "shading", "samples", "cull")},
         )
-        self.options |= {"threads": work.setup.threads} | options
+        antialias = "supersample" if work.setup.is_lit_per_sample else "shade-once"
+        self.options |= {"threads": work.setup.threads, "antialias": antialias} | options
         self.scene = _make_scene(work)
         self.renderer = rz.Renderer(self.scene, outputs=("rgb",), **self.options)
         self.version = f"rasterizer {rz.__version__}"

@@ -219,8 +219,8 @@ def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
 
 @helper
 def average_points(pitch, points, radiance, first, factor, n, pixels):
-    """Compute the means of n pixels from their points, the same bits as `average_samples` computes them from
-    samples; return how many samples are covered.
+    """Compute the means of n pixels from their points, the same bits as `average_samples` computes them from samples;
+    return how many samples are covered.
 
     Parameters
     ----------
@@ -230,20 +230,33 @@ def average_points(pitch, points, radiance, first, factor, n, pixels):
     first : the band's row of samples and the column of pixels where the batch begins
     pixels : PIXELS_SHAPE float32, written
     """
+    # The factor as a constant: the compiler then unrolls the loops over samples.
+    if factor == 2:
+        return average_point_squares(pitch, points, radiance, first, index(2), n, pixels)
+    if factor == 3:
+        return average_point_squares(pitch, points, radiance, first, index(3), n, pixels)
+    return average_point_squares(pitch, points, radiance, first, index(4), n, pixels)
+
+
+@helper
+def average_point_squares(pitch, points, radiance, first, factor, n, pixels):
+    """See `average_points`; `factor` is an `index`."""
     (row, left), n_covered, n_mixed, mixed = first, np.int64(0), index(0), points.scratch[2]
-    of_pixels = points.pixels[index(row // factor), index(left) :]
+    of_pixels = points.pixels[index(row) // factor, index(left) :]
     for i in range(n):
         is_point = of_pixels[i] >= 0
         pixels[ALPHA + i] = np.float32(1) if is_point else np.float32(0)
         n_covered += is_point
+    for i in range(n):
         mixed[n_mixed] = np.int64(i)
         n_mixed += index(of_pixels[i] == SEVERAL)
-    n_covered *= factor * factor
+    n_covered *= np.int64(factor * factor)
     for channel in range(index(radiance.shape[0])):
         average_equals(of_pixels, radiance[channel], factor, n, pixels[channel * NEXT :])
+    start = index(row * pitch + left * np.int64(factor))
     for k in range(n_mixed):
-        here = row, (left + mixed[k]) * factor
-        n_covered += average_mixed(pitch, points, radiance, here, factor, index(mixed[k]), pixels)
+        i = index(mixed[k])
+        n_covered += average_mixed(index(pitch), points.numbers, radiance, start + i * factor, factor, i, pixels)
     return n_covered
 
 
@@ -259,7 +272,7 @@ def average_equals(of_pixels, radiance, factor, n, pixels):
             value = np.float32(radiance[index(max(of_pixels[i], np.int32(0)))])
             pixels[i] = value if of_pixels[i] >= 0 else np.float32(0)
         return
-    scale = 1.0 / (factor * factor)
+    scale = 1.0 / np.float64(factor * factor)
     for i in range(n):
         value, total = np.float64(radiance[index(max(of_pixels[i], np.int32(0)))]), 0.0
         for _ in range(factor * factor):
@@ -268,27 +281,23 @@ def average_equals(of_pixels, radiance, factor, n, pixels):
 
 
 @helper
-def average_mixed(pitch, points, radiance, first, factor, i, pixels):
+def average_mixed(pitch, numbers, radiance, start, factor, i, pixels):
     """Compute the mean of a pixel that has several points, or samples without; return how many samples have one.
 
-    `first` is the row and the column of its first sample, `i` its number in the batch.
+    `start` is the number of its first sample, `i` its number in the batch.
     """
-    n_channel, n_covered = index(radiance.shape[0]), np.int64(0)
-    sum0 = sum1 = sum2 = 0.0
-    for row in range(first[0], first[0] + factor):
-        start = row * pitch + first[1]
-        for k in range(start, start + factor):
-            if points.numbers[index(k)] != NO_POINT:
-                point = index(points.numbers[index(k)])
-                n_covered += 1
-                sum0 += radiance[0, point]
-                if n_channel > index(1):
-                    sum1 += radiance[1, point]
-                    sum2 += radiance[2, point]
-    scale = 1.0 / (n_covered if n_covered > 0 else 1)
-    pixels[i] = sum0 * scale
-    if n_channel > index(1):
-        pixels[NEXT + i] = sum1 * scale
-        pixels[NEXT + NEXT + i] = sum2 * scale
+    n_covered = np.int64(0)
+    for row in range(factor):
+        for k in range(factor):
+            n_covered += numbers[start + row * pitch + k] != NO_POINT
+    scale = 1.0 / np.float64(max(n_covered, 1))
+    for channel in range(index(radiance.shape[0])):
+        total, source = 0.0, radiance[channel]
+        for row in range(factor):
+            for k in range(factor):
+                number = numbers[start + row * pitch + k]
+                value = np.float64(source[index(max(number, np.int32(0)))])
+                total += value if number != NO_POINT else 0.0
+        pixels[channel * NEXT + i] = total * scale
     pixels[ALPHA + i] = np.float32(n_covered) / np.float32(factor * factor)
     return n_covered

@@ -34,6 +34,7 @@ from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS
 
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
 NO_POINT, SEVERAL = np.int32(-1), np.int32(-2)
+MOST_SAMPLES = index(16)  # of a pixel
 PIECE = 64  # pixels that are listed together: those that show a record each take a shorter way
 
 
@@ -134,8 +135,9 @@ def list_batch(band, first, factor, n_pixel, order, is_textured, n, out):
         n += index(is_point)
         n_mixed += index(not is_uniform)
     for k in range(n_mixed):
-        column = (left + mixed[k]) * np.int64(factor)
-        n = list_mixed(band, (row, column), factor, order, is_textured, n, out)
+        skipped = index(mixed[k])
+        here = row, (left + mixed[k]) * np.int64(factor)
+        n = list_mixed(band, here, start + skipped * factor, factor, order, is_textured, n, out)
     return n
 
 
@@ -175,26 +177,31 @@ def list_whole(band, first, factor, n_pixel, entries, totals, pixels, n, out):
 
 
 @helper
-def list_mixed(band, first, factor, order, is_textured, n, out):
+def list_mixed(band, first, start, factor, order, is_textured, n, out):
     """List the points of a pixel that shows several surfaces behind n others; return how many there are now.
 
-    `first` is the band's row and the column of its first sample.
+    `first` is the band's row and the column of its first sample, `start` that one's number. Without branches: which
+    samples show the same is a matter of chance.
     """
-    entries, listed, of_others = band.visibility.entries, out.visibility.entries, n
-    for k in range(index(len(order))):
-        row, column = first[0] + order[k] // np.int64(factor), first[1] + order[k] % np.int64(factor)
-        here, number = index(row * band.visibility.pitch + column), NO_POINT
-        if is_listed(entries[here], band, is_textured):
-            point = of_others
-            while point < n and (listed[point] ^ entries[here]) & PAYLOAD_MASK != 0:
-                point += index(1)
-            if point == n:
-                listed[n] = entries[here]
-                out.x[n] = column * POINT_UNIT
-                out.y[n] = (band.y_start + row) * POINT_UNIT
-                n += index(1)
-            number = np.int32(point)
-        out.numbers[here] = number
+    entries, pitch, keys, numbers = band.visibility.entries, index(band.visibility.pitch), out.scratch[0], out.numbers
+    left, top = np.int32(first[1] * POINT_UNIT), np.int32((band.y_start + first[0]) * POINT_UNIT)
+    for k in range(factor * factor):
+        row, column = index(order[k]) // factor, index(order[k]) % factor
+        here = start + row * pitch + column
+        key = entries[here] & PAYLOAD_MASK
+        is_point = is_listed(entries[here], band, is_textured)
+        number, is_new = n, True
+        for other in range(k):
+            is_same = keys[other] == key
+            number = index(keys[MOST_SAMPLES + other]) if is_same else number
+            is_new = is_new & (not is_same)
+        keys[k], keys[MOST_SAMPLES + k] = key, np.int64(number)
+        numbers[here] = np.int32(number) if is_point else NO_POINT
+        # Written whether it is a new point or not: the next one takes the same place.
+        out.visibility.entries[n] = entries[here]
+        out.x[n] = np.int32(left + np.int32(np.int64(column) * POINT_UNIT))
+        out.y[n] = np.int32(top + np.int32(np.int64(row) * POINT_UNIT))
+        n += index(is_new & is_point)
     return n
 
 

@@ -32,7 +32,7 @@ def scenes() -> dict:
         "float64 beside float32": scene_of(cube(reflection="toon"), floor(specular=0.2)),
         "fading": replace(scene_of(papered, floor(**GLOSSY)), depth_cue=3.0),
         "parallel": scene_of(
-            papered, lights=(*DAYLIGHT, LAMP), camera=rz.Camera.orthographic((2, 2, 3), (0, 0, 0), 4.0)
+            papered, lights=(*DAYLIGHT, LAMP), camera=rz.Camera.orthographic((2, 2, 3), (0, 0, 0), height=4.0)
         ),
     }
 
@@ -96,7 +96,7 @@ def test_pixels_within_a_polygon_are_lit_at_their_centres(samples):
     is_inside = (blocks == blocks[..., :1]).all(axis=-1) & (blocks[..., 0] >= 0)
     once = draw_colors(scene, shading="phong", samples=samples, **ONCE)
     off = np.abs(once - one.color).max(axis=-1)[is_inside]
-    assert is_inside.sum() > 100
+    assert is_inside.sum() > 40
     assert off.max() <= 2 * one.stats.error_bound, f"{off.max()} > {2 * one.stats.error_bound}"
 
 
