@@ -15,14 +15,14 @@ from ..compiler.kernels import choice, helper, index
 from . import fragments as f
 from .fragments import BATCH_SIZE
 from .gradients import NEEDS_BEHIND
-from .interpolate import has_exact
-from .lookup_batch import IS_DOUBTFUL, S_DX, S_PLANE
+from .interpolate import has_exact, next_exact_run
+from .lookup_batch import IS_DOUBTFUL, S_PLANE
 from .power import is_single
 from .records import plane_group
 from .simd import evaluate_planes
 from .texture_lookup import sample_batch
 from .texture_packing import packed_texture
-from .texture_planes import gather_slopes
+from .texture_planes import evaluate_slopes
 from .texture_sampling import sample_run
 from .textures import FILTER_TRILINEAR, Textures
 from .visibility import IS_ID, is_exact, record_of
@@ -51,13 +51,21 @@ def fill_texels(entries, band, first, material, group_column, texturing, start, 
     """
     look_up_planes(entries, band, first, material, group_column, texturing, start, batch)
     if has_exact(entries):
-        for k in range(index(len(entries))):
-            if is_exact(entries[k]):
-                for channel in range(index(4)):
-                    batch[f.TEXEL + channel * f.NEXT + k] = batch.dtype.type(texturing.texels[channel, start + k])
+        put_in_exact(entries, texturing.texels, start, batch)
     if band.coding.needs[material] & NEEDS_BEHIND:
         for k in range(index(len(entries))):
             texturing.texels[3, start + k] = batch[f.TEXEL + f.NEXT + f.NEXT + f.NEXT + k]
+
+
+@helper
+def put_in_exact(entries, texels, start, batch):
+    """Put in what textures show at the samples of exact records; `start` is the index of the first in the band."""
+    first, end = next_exact_run(entries, index(0))
+    while first < end:
+        for channel in range(index(4)):
+            for k in range(first, end):
+                batch[f.TEXEL + channel * f.NEXT + k] = batch.dtype.type(texels[channel, start + k])
+        first, end = next_exact_run(entries, end)
 
 
 def choose_look_up(entries, band, first, material, group_column, texturing, start, batch):
@@ -91,10 +99,11 @@ def look_up(entries, band, first, material, group_column, texturing, start, batc
     if coding.of_materials[material] < 0:  # computed in float64: all of its records are exact
         return
     texture, group = index(coding.of_materials[material]), plane_group(band.records, group_column)
-    evaluate_planes(entries, group, x, y, rows, S_PLANE, index(BATCH_SIZE))
     packed = packed_texture(coding.packed, texture)
     if packed.filter == FILTER_TRILINEAR:
-        gather_slopes(entries, group, rows, S_DX, index(BATCH_SIZE))
+        evaluate_slopes(entries, group, x, y, rows, S_PLANE, index(BATCH_SIZE))
+    else:
+        evaluate_planes(entries, group, x, y, rows, S_PLANE, index(BATCH_SIZE))
     if sample_batch(rows, len(entries), packed, batch, f.TEXEL, f.NEXT):
         look_up_doubtful(entries, band, first, texture, texturing, start, batch)
 
