@@ -78,7 +78,7 @@ def build_evaluate_slopes(typing_context, entries, group, x, y, out, start, stri
 def _build_evaluation(sample, entries, group, out, *others):
     """Build a loop that evaluates planes: four samples at a time, each with its four planes, which are then transposed.
 
-    sample : (_PlaneReader, place of the sample, its number, *others) -> vectors of four: planes, slopes of three of them
+    sample : (_PlaneReader, place of the sample, its number, *others) -> vectors of four: planes, slopes of three
     others : types of further arguments
     """
     unsigned, signed = types.uint64, types.int64

@@ -20,6 +20,7 @@ from .interpolate import (
     corner_values,
     corner_weights,
     exact_triangle,
+    has_exact,
     inverse_sum,
     mean,
     next_exact_run,
@@ -56,7 +57,8 @@ def sample_textures(band, textures, batch, out_texels):
             if material < 0 or textures.of_materials[material] >= 0:
                 out = out_texels[:, start : start + index(end - first)]
                 entries = visibility.entries[start : start + index(end - first)]
-                sample_stretch(entries, records, (first, band.y_start + j), textures, batch, out)
+                if has_exact(entries):
+                    sample_stretch(entries, records, (first, band.y_start + j), textures, batch, out)
             first = end
 
 

@@ -102,7 +102,7 @@ def leave_textured(entries, band, first, material, texturing, start, batch, out)
 def evaluate_textured(entries, band, first, material, texturing, start, batch, out):
     """See `shade_planes`."""
     (x, y), records = first, band.records
-    fill_texels(entries, band, first, material, BEHIND_VALUES, texturing, start, batch)
+    fill_texels(entries, band, first, material, BEHIND_VALUES, texturing, start, batch, f.TEXEL)
     fill_weights(entries, band.coding.depths, batch)
     evaluate_values(entries, plane_group(records, VALUES), x, y, batch, REST, f.NEXT, f.WEIGHT)
     group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)

@@ -2,7 +2,7 @@
 coordinates have come.
 
 In:  the entries of samples that show one material, in records of planes or exact ones.
-Out: TEXEL of a batch of fragments: red, green, blue and alpha.
+Out: four quantities of a batch of fragments: red, green, blue and alpha.
 
 Planes are looked up in float32 (texture_lookup.py), exact records in float64 (texture_sampling.py).
 """
@@ -38,8 +38,8 @@ class Texturing(NamedTuple):
 
 
 @helper
-def fill_texels(entries, band, first, material, group_column, texturing, start, batch):
-    """Fill TEXEL with what the texture of a material shows at samples that show it.
+def fill_texels(entries, band, first, material, group_column, texturing, start, batch, quantity):
+    """Fill four quantities with what the texture of a material shows at samples that show it.
 
     Parameters
     ----------
@@ -48,27 +48,28 @@ def fill_texels(entries, band, first, material, group_column, texturing, start, 
     first : the sample (x, y) of the first entry
     group_column : where the planes of the material's texture coordinates begin in its records
     start : index of the first entry's sample in the band
+    quantity : the first of the four, such as TEXEL
     """
-    look_up_planes(entries, band, first, material, group_column, texturing, start, batch)
+    look_up_planes(entries, band, first, material, group_column, texturing, start, batch, quantity)
     if has_exact(entries):
-        put_in_exact(entries, texturing.texels, start, batch)
+        put_in_exact(entries, texturing.texels, start, batch, quantity)
     if band.coding.needs[material] & NEEDS_BEHIND:
         for k in range(index(len(entries))):
-            texturing.texels[3, start + k] = batch[f.TEXEL + f.NEXT + f.NEXT + f.NEXT + k]
+            texturing.texels[3, start + k] = batch[quantity + f.NEXT + f.NEXT + f.NEXT + k]
 
 
 @helper
-def put_in_exact(entries, texels, start, batch):
+def put_in_exact(entries, texels, start, batch, quantity):
     """Put in what textures show at the samples of exact records; `start` is the index of the first in the band."""
     first, end = next_exact_run(entries, index(0))
     while first < end:
         for channel in range(index(4)):
             for k in range(first, end):
-                batch[f.TEXEL + channel * f.NEXT + k] = batch.dtype.type(texels[channel, start + k])
+                batch[quantity + channel * f.NEXT + k] = batch.dtype.type(texels[channel, start + k])
         first, end = next_exact_run(entries, end)
 
 
-def choose_look_up(entries, band, first, material, group_column, texturing, start, batch):
+def choose_look_up(entries, band, first, material, group_column, texturing, start, batch, quantity):
     """Return what is compiled in the place of `look_up_planes`: nothing where there are no planes, as in float64."""
     coding = field_of(band, "coding")
     has_planes = is_single(batch.dtype) and str(field_of(coding, "textures")) != "none"
@@ -81,19 +82,19 @@ def field_of(kind, name):
 
 
 @choice(choose_look_up)
-def look_up_planes(entries, band, first, material, group_column, texturing, start, batch):
-    """Fill TEXEL of samples whose texture coordinates stand in planes."""
+def look_up_planes(entries, band, first, material, group_column, texturing, start, batch, quantity):
+    """Fill the quantities of samples whose texture coordinates stand in planes."""
     if batch.dtype == np.float32 and band.coding.textures is not None:
-        look_up(entries, band, first, material, group_column, texturing, start, batch)
+        look_up(entries, band, first, material, group_column, texturing, start, batch, quantity)
 
 
 @helper
-def look_up_nothing(entries, band, first, material, group_column, texturing, start, batch):
+def look_up_nothing(entries, band, first, material, group_column, texturing, start, batch, quantity):
     """Do nothing."""
 
 
 @helper
-def look_up(entries, band, first, material, group_column, texturing, start, batch):
+def look_up(entries, band, first, material, group_column, texturing, start, batch, quantity):
     """See `look_up_planes`."""
     coding, (x, y), rows = band.coding.textures, first, texturing.lookup_batch
     if coding.of_materials[material] < 0:  # computed in float64: all of its records are exact
@@ -104,12 +105,12 @@ def look_up(entries, band, first, material, group_column, texturing, start, batc
         evaluate_slopes(entries, group, x, y, rows, S_PLANE, index(BATCH_SIZE))
     else:
         evaluate_planes(entries, group, x, y, rows, S_PLANE, index(BATCH_SIZE))
-    if sample_batch(rows, len(entries), packed, batch, f.TEXEL, f.NEXT):
-        look_up_doubtful(entries, band, first, texture, texturing, start, batch)
+    if sample_batch(rows, len(entries), packed, batch, quantity, f.NEXT):
+        look_up_doubtful(entries, band, first, texture, texturing, start, batch, quantity)
 
 
 @helper
-def look_up_doubtful(entries, band, first, texture, texturing, start, batch):
+def look_up_doubtful(entries, band, first, texture, texturing, start, batch, quantity):
     """Look up exactly what lies next to the border of two texels that are not blended: its record has corners, too."""
     for k in range(index(len(entries))):
         is_doubtful = texturing.lookup_batch[IS_DOUBTFUL + k] != np.float32(0)
@@ -118,4 +119,4 @@ def look_up_doubtful(entries, band, first, texture, texturing, start, batch):
             texels = texturing.texels[:, start + k : start + k + index(1)]
             sample_run(band.records, record, sample, texturing.textures, texture, texturing.double_batch, texels)
             for channel in range(index(4)):
-                batch[f.TEXEL + channel * f.NEXT + k] = np.float32(texels[channel, 0])
+                batch[quantity + channel * f.NEXT + k] = np.float32(texels[channel, 0])
