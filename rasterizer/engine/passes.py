@@ -253,9 +253,15 @@ class ColorPass(Pass):
 class InterpolatedPass(ColorPass):
     """Flat shading and Gouraud's method: intensities of faces or vertices are interpolated."""
 
+    @cached_property
+    def is_all_textured(self) -> bool:
+        """Whether all materials have a texture: `shade_textured` fills all samples."""
+        return bool((self.coding.needs & NEEDS_TEXTURE).all())
+
     def light(self, workspace, band, face_table, radiance):
         """Interpolate the intensities, then those of textured surfaces."""
-        shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
+        if not self.is_all_textured:
+            shade_interpolated(band, self.plan.tint, workspace.batch, radiance)
         if band.counts.needs & NEEDS_TEXTURE:
             self.light_points(workspace, band, face_table, radiance, is_textured=True)
             self.spread(workspace, band.n_row, band.counts)  # beside surfaces without a texture

@@ -29,7 +29,7 @@ LIGHT_DIR, N_DOT_L, STRENGTH = _quantity(10), _quantity(13), _quantity(14)  # wr
 WEIGHT = STRENGTH  # 1/r, by which what planes hold is multiplied, before there is a light
 DIFFUSE, SPECULAR = _quantity(15), _quantity(16)  # written by a reflection function
 DIFFUSE_SUM, SPECULAR_SUM = _quantity(17), _quantity(20)  # over the lights, three channels each
-ALBEDO = _quantity(23)  # three channels; planes of attributes come in fours, so a fourth quantity is written, too
+ALBEDO = _quantity(23)  # three channels; planes and texels come in fours, so a fourth quantity is written, too
 INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to ask
 # For shadows. The plane of the polygon is n·P = FACE_OFFSET with the unit normal n = FACE_NORMAL; NORMAL_OFFSET is how
 # far the point is moved along its own normal. The other three belong to shadow_lookup.py.

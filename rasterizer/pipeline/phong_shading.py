@@ -263,15 +263,13 @@ def weight_albedo(entries, band, first, material, texturing, start, batch):
     needs, n = band.coding.needs[material], index(len(entries))
     if texturing is not None:
         if needs & NEEDS_TEXTURE:
-            fill_texels(entries, band, first, material, BEHIND_NORMALS, texturing, start, batch)
-            for channel in range(index(3)):
-                albedo, texel = f.ALBEDO + channel * f.NEXT, f.TEXEL + channel * f.NEXT
-                if needs & NEEDS_ALBEDO:
+            quantity = f.TEXEL if needs & NEEDS_ALBEDO else f.ALBEDO
+            fill_texels(entries, band, first, material, BEHIND_NORMALS, texturing, start, batch, quantity)
+            if needs & NEEDS_ALBEDO:
+                for channel in range(index(3)):
+                    albedo, texel = f.ALBEDO + channel * f.NEXT, f.TEXEL + channel * f.NEXT
                     for k in range(n):
                         batch[albedo + k] *= batch[texel + k]
-                else:
-                    for k in range(n):
-                        batch[albedo + k] = batch[texel + k]
 
 
 @helper

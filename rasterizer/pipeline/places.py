@@ -15,6 +15,7 @@ from . import fragments as f
 from .fragments import read_vector, set_vector
 from .lighting import view_from_direction
 from .simd import evaluate_planes, evaluate_planes_at, evaluate_values, evaluate_values_at
+from .texture_planes import evaluate_slopes, evaluate_slopes_at
 from .transform import HALF, SUBPIXEL
 
 
@@ -156,6 +157,30 @@ def planes_of_points(entries, group, first, out, start, stride):
 def planes_of_samples(entries, group, first, out, start, stride):
     """See `evaluate_planes_here`."""
     evaluate_planes(entries, group, first[0], first[1], out, start, stride)
+
+
+def choose_slopes_at(entries, group, first, out, start, stride):
+    """Return what is compiled in the place of `evaluate_slopes_here`."""
+    return slopes_of_points if is_list(first) else slopes_of_samples
+
+
+@choice(choose_slopes_at)
+def evaluate_slopes_here(entries, group, first, out, start, stride):
+    """Evaluate a group of four planes, and copy slopes, see `texture_planes.evaluate_slopes`."""
+    evaluate = slopes_of_points if isinstance(first, Places) else slopes_of_samples
+    evaluate(entries, group, first, out, start, stride)
+
+
+@helper
+def slopes_of_points(entries, group, first, out, start, stride):
+    """See `evaluate_slopes_here`."""
+    evaluate_slopes_at(entries, group, first.x, first.y, out, start, stride)
+
+
+@helper
+def slopes_of_samples(entries, group, first, out, start, stride):
+    """See `evaluate_slopes_here`."""
+    evaluate_slopes(entries, group, first[0], first[1], out, start, stride)
 
 
 def choose_values_at(entries, group, first, out, start, stride, weights):

@@ -2,7 +2,7 @@
 
 In:  a group of four planes of a record (records.py): s'/w, t'/w, 1/w, and the references, which are the same at every
      sample: their slopes are 0.
-Out: four rows of the batch, by simd.evaluate_planes, and for mip levels six more, by `gather_slopes`.
+Out: four rows of the batch, by simd.evaluate_planes, or for mip levels ten, by `evaluate_slopes`.
 
 Both references of a triangle are one float32, a whole number below 2^24: 12 bits each, s_ref in the lower ones. 2^11 is
 the whole picture, or two of them where the picture is mirrored.
@@ -16,7 +16,7 @@ from ..compiler.kernels import helper, index, spelled_out
 from ..compiler.widths import PLANE_GROUP
 from . import setup as s
 from .planes import LEAST_INVERSE, compute_plane, inverse_ratios, values_at
-from .simd import record_number
+from .simd import evaluate_planes, evaluate_planes_at, record_number
 from .texture_packing import PackedTextures, texture_error
 from .textures import WRAP_CLAMP, WRAP_MIRROR
 
@@ -107,25 +107,34 @@ def slope_rounding(k, reach, error, number, block):
     return 8.0 * SINGLE * (steep + reach * r_steep) + error * r_steep
 
 
-@spelled_out("build_gather_slopes")
-def gather_slopes(entries, group, out, start, stride):
-    """Copy the slopes of three planes for each sample of a row: d/dx of each, then d/dy.
+@spelled_out("build_evaluate_slopes")
+def evaluate_slopes(entries, group, x, y, out, start, stride):
+    """Evaluate a group of four planes as `simd.evaluate_planes`, and copy the slopes of three for each sample of a row.
 
-    Samples up to the next multiple of PLANE_GROUP may be read and written, too.
-
-    Parameters
-    ----------
-    entries : (n,) int64; of those without the index of a record, the slopes of record 0
-    group : simd.PlaneGroup
-    out : float32, of any shape; counted through from `start` on, a row a slope, `stride` apart, both uint64
+    The parameters are those of `evaluate_planes`. Ten rows are written: the planes, then d/dx of the first three, then
+    d/dy of these.
     """
-    out, numbers = out.reshape(-1), group.numbers
+    evaluate_planes(entries, group, x, y, out, start, stride)
+    copy_slopes(entries, group, out.reshape(-1), start, stride)
+
+
+@spelled_out("build_evaluate_slopes_at")
+def evaluate_slopes_at(entries, group, xs, ys, out, start, stride):
+    """Evaluate a group of four planes as `evaluate_slopes`, at points that lie anywhere, see
+    `simd.evaluate_planes_at`."""
+    evaluate_planes_at(entries, group, xs, ys, out, start, stride)
+    copy_slopes(entries, group, out.reshape(-1), start, stride)
+
+
+@helper
+def copy_slopes(entries, group, out, start, stride):
+    """Copy the slopes of three planes for each sample: d/dx of each, then d/dy, behind the planes."""
     for k in range(len(entries)):
         record = record_number(entries[k], group)
         for i in range(2 * (PLANE_GROUP - 1)):
             part = i // (PLANE_GROUP - 1)
             source = record + np.int64(group.column) + PLANE_GROUP + part + i  # leaves the fourth plane out
-            out[np.int64(start) + i * np.int64(stride) + k] = numbers[source]
+            out[np.int64(start) + (PLANE_GROUP + i) * np.int64(stride) + k] = group.numbers[source]
 
 
 @helper

@@ -19,6 +19,7 @@ from .fragments import BATCH_SIZE
 from .interpolate import (
     corner_values,
     exact_triangle,
+    has_exact,
     inverse_sum,
     mean,
     next_exact_run,
@@ -57,8 +58,9 @@ def sample_textures(band, textures, batch, out_texels):
             if material < 0 or textures.of_materials[material] >= 0:
                 out = out_texels[:, start : start + index(end - first)]
                 entries = visibility.entries[start : start + index(end - first)]
-                place = place_of(band.places, (first, band.y_start + j), start, index(end - first))
-                sample_stretch(entries, records, place, textures, batch, out)
+                if has_exact(entries):
+                    place = place_of(band.places, (first, band.y_start + j), start, index(end - first))
+                    sample_stretch(entries, records, place, textures, batch, out)
             first = end
 
 

@@ -28,7 +28,7 @@ from .places import evaluate_values_here, place_of
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .shade import fill_weights
 from .texturing import fill_texels
-from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
+from .visibility import CLEAR, IS_ID, record_of, stretch_of, strip_of
 
 REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
 
@@ -56,11 +56,12 @@ def shade_textured(band, texturing, batch, out_radiance):
             elif not band.coding.needs[material] & NEEDS_TEXTURE:
                 n, material = end - first, np.int64(-1)
             if material >= 0:
-                entries, out = visibility.entries[start : start + index(n)], out_radiance[:, start : start + index(n)]
+                entries = visibility.entries[start : start + index(n)]
                 place = place_of(band.places, (first, y), start, index(n))
-                shade_planes(entries, band, place, material, texturing, start, batch, out)
+                shade_planes(entries, band, place, material, texturing, start, batch, out_radiance)
                 if has_exact(entries):
-                    shade_exact(entries, band, place, texturing.texels[:, start : start + index(n)], out)
+                    texels = texturing.texels[:, start : start + index(n)]
+                    shade_exact(entries, band, place, texels, out_radiance[:, start : start + index(n)])
             first += n
 
 
@@ -81,39 +82,41 @@ def run_of_texture(entries, band):
     return np.int64(len(entries)), material
 
 
-def choose_shading(entries, band, first, material, texturing, start, batch, out):
+def choose_shading(entries, band, first, material, texturing, start, batch, out_radiance):
     """Return what is compiled in the place of `shade_planes`: nothing where all records are exact."""
     coding = dict(zip(band.fields, band.types, strict=True))["coding"]
     return evaluate_textured if coding.instance_class is LevelCoding else leave_textured
 
 
 @choice(choose_shading)
-def shade_planes(entries, band, first, material, texturing, start, batch, out):
-    """Fill the intensities of samples that show planes; `first` says where they lie (places.py)."""
+def shade_planes(entries, band, first, material, texturing, start, batch, out_radiance):
+    """Fill the intensities of samples that show planes; of exact records anything is written.
+
+    `first` says where the samples lie (places.py), `start` is the index of the first in the band.
+    """
     if isinstance(band.coding, LevelCoding):
-        evaluate_textured(entries, band, first, material, texturing, start, batch, out)
+        evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance)
 
 
 @helper
-def leave_textured(entries, band, first, material, texturing, start, batch, out):
+def leave_textured(entries, band, first, material, texturing, start, batch, out_radiance):
     """Do nothing."""
 
 
 @helper
-def evaluate_textured(entries, band, first, material, texturing, start, batch, out):
+def evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance):
     """See `shade_planes`."""
-    records = band.records
-    fill_texels(entries, band, first, material, BEHIND_VALUES, texturing, start, batch)
+    records, n = band.records, index(len(entries))
+    fill_texels(entries, band, first, material, BEHIND_VALUES, texturing, start, batch, f.TEXEL)
     fill_weights(entries, band.coding.depths, batch)
     evaluate_values_here(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
     group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
     evaluate_values_here(entries, group, first, batch, WHOLE, f.NEXT, f.WEIGHT)
     for channel in range(index(3)):
-        step = channel * f.NEXT
-        for k in range(index(len(entries))):
+        step, out = channel * f.NEXT, out_radiance[channel, start : start + n]
+        for k in range(n):
             rest, whole = batch[REST + step + k], batch[WHOLE + step + k]
-            value = rest + batch[f.TEXEL + step + k] * (whole - rest)
-            out[channel, k] = value if entries[k] & IS_ID and not is_exact(entries[k]) else out[channel, k]
+            out[k] = rest + batch[f.TEXEL + step + k] * (whole - rest)
 
 
 @helper

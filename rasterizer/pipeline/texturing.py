@@ -2,7 +2,7 @@
 coordinates have come.
 
 In:  the entries of samples that show one material, in records of planes or exact ones.
-Out: TEXEL of a batch of fragments: red, green, blue and alpha.
+Out: four quantities of a batch of fragments: red, green, blue and alpha.
 
 Planes are looked up in float32 (texture_lookup.py), exact records in float64 (texture_sampling.py).
 """
@@ -16,14 +16,13 @@ from ..compiler.widths import PLANE_GROUP
 from . import fragments as f
 from .fragments import BATCH_SIZE
 from .gradients import NEEDS_BEHIND
-from .interpolate import has_exact
+from .interpolate import has_exact, next_exact_run
 from .lookup_batch import IS_DOUBTFUL, S_DX, S_PLANE
-from .places import evaluate_planes_here, skip_places, step_of
+from .places import evaluate_planes_here, evaluate_slopes_here, skip_places, step_of
 from .power import is_single
 from .records import plane_group
 from .texture_lookup import sample_batch
 from .texture_packing import packed_texture
-from .texture_planes import gather_slopes
 from .texture_sampling import sample_run
 from .textures import FILTER_TRILINEAR, Textures
 from .visibility import IS_ID, is_exact, record_of
@@ -39,8 +38,8 @@ class Texturing(NamedTuple):
 
 
 @helper
-def fill_texels(entries, band, first, material, group_column, texturing, start, batch):
-    """Fill TEXEL with what the texture of a material shows at samples that show it.
+def fill_texels(entries, band, first, material, group_column, texturing, start, batch, quantity):
+    """Fill four quantities with what the texture of a material shows at samples that show it.
 
     Parameters
     ----------
@@ -49,19 +48,28 @@ def fill_texels(entries, band, first, material, group_column, texturing, start, 
     first : where they lie (places.py)
     group_column : where the planes of the material's texture coordinates begin in its records
     start : index of the first entry's sample in the band
+    quantity : the first of the four, such as TEXEL
     """
-    look_up_planes(entries, band, first, material, group_column, texturing, start, batch)
+    look_up_planes(entries, band, first, material, group_column, texturing, start, batch, quantity)
     if has_exact(entries):
-        for k in range(index(len(entries))):
-            if is_exact(entries[k]):
-                for channel in range(index(4)):
-                    batch[f.TEXEL + channel * f.NEXT + k] = batch.dtype.type(texturing.texels[channel, start + k])
+        put_in_exact(entries, texturing.texels, start, batch, quantity)
     if band.coding.needs[material] & NEEDS_BEHIND:
         for k in range(index(len(entries))):
-            texturing.texels[3, start + k] = batch[f.TEXEL + f.NEXT + f.NEXT + f.NEXT + k]
+            texturing.texels[3, start + k] = batch[quantity + f.NEXT + f.NEXT + f.NEXT + k]
 
 
-def choose_look_up(entries, band, first, material, group_column, texturing, start, batch):
+@helper
+def put_in_exact(entries, texels, start, batch, quantity):
+    """Put in what textures show at the samples of exact records; `start` is the index of the first in the band."""
+    first, end = next_exact_run(entries, index(0))
+    while first < end:
+        for channel in range(index(4)):
+            for k in range(first, end):
+                batch[quantity + channel * f.NEXT + k] = batch.dtype.type(texels[channel, start + k])
+        first, end = next_exact_run(entries, end)
+
+
+def choose_look_up(entries, band, first, material, group_column, texturing, start, batch, quantity):
     """Return what is compiled in the place of `look_up_planes`: nothing where there are no planes, as in float64."""
     coding = field_of(band, "coding")
     has_planes = is_single(batch.dtype) and str(field_of(coding, "textures")) != "none"
@@ -74,31 +82,32 @@ def field_of(kind, name):
 
 
 @choice(choose_look_up)
-def look_up_planes(entries, band, first, material, group_column, texturing, start, batch):
-    """Fill TEXEL of samples whose texture coordinates stand in planes."""
+def look_up_planes(entries, band, first, material, group_column, texturing, start, batch, quantity):
+    """Fill the quantities of samples whose texture coordinates stand in planes."""
     if batch.dtype == np.float32 and band.coding.textures is not None:
-        look_up(entries, band, first, material, group_column, texturing, start, batch)
+        look_up(entries, band, first, material, group_column, texturing, start, batch, quantity)
 
 
 @helper
-def look_up_nothing(entries, band, first, material, group_column, texturing, start, batch):
+def look_up_nothing(entries, band, first, material, group_column, texturing, start, batch, quantity):
     """Do nothing."""
 
 
 @helper
-def look_up(entries, band, first, material, group_column, texturing, start, batch):
+def look_up(entries, band, first, material, group_column, texturing, start, batch, quantity):
     """See `look_up_planes`."""
     coding, rows = band.coding.textures, texturing.lookup_batch
     if coding.of_materials[material] < 0:  # computed in float64: all of its records are exact
         return
     texture, group = index(coding.of_materials[material]), plane_group(band.records, group_column)
-    evaluate_planes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
     packed = packed_texture(coding.packed, texture)
     if packed.filter == FILTER_TRILINEAR:
-        gather_slopes(entries, group, rows, S_DX, index(BATCH_SIZE))
+        evaluate_slopes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
         lengthen_slopes(rows, len(entries), step_of(first))
-    if sample_batch(rows, len(entries), packed, batch, f.TEXEL, f.NEXT):
-        look_up_doubtful(entries, band, first, texture, texturing, start, batch)
+    else:
+        evaluate_planes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
+    if sample_batch(rows, len(entries), packed, batch, quantity, f.NEXT):
+        look_up_doubtful(entries, band, first, texture, texturing, start, batch, quantity)
 
 
 @helper
@@ -112,7 +121,7 @@ def lengthen_slopes(rows, n, step):
 
 
 @helper
-def look_up_doubtful(entries, band, first, texture, texturing, start, batch):
+def look_up_doubtful(entries, band, first, texture, texturing, start, batch, quantity):
     """Look up exactly what lies next to the border of two texels that are not blended: its record has corners, too."""
     for k in range(index(len(entries))):
         is_doubtful = texturing.lookup_batch[IS_DOUBTFUL + k] != np.float32(0)
@@ -121,4 +130,4 @@ def look_up_doubtful(entries, band, first, texture, texturing, start, batch):
             texels = texturing.texels[:, start + k : start + k + index(1)]
             sample_run(band.records, record, sample, texturing.textures, texture, texturing.double_batch, texels)
             for channel in range(index(4)):
-                batch[f.TEXEL + channel * f.NEXT + k] = np.float32(texels[channel, 0])
+                batch[quantity + channel * f.NEXT + k] = np.float32(texels[channel, 0])

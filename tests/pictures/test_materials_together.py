@@ -267,6 +267,21 @@ def test_a_plan_tells_what_each_material_needs(looks, shading):
         assert f"material{'s' * (len(need.materials) > 1)} {', '.join(map(str, need.materials))}: " in repr(plan)
 
 
+@pytest.mark.parametrize("samples", [1, 4])
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_textures_alone_are_drawn_as_beside_others(shading, samples):
+    """Where all materials have textures, intensities without them are not computed."""
+    textured = balls(["textured"] * 4).meshes
+    other = ball("coloured", (1.0, 1.1, 0.0), 0.2)
+    scenes = [rz.Scene(meshes, GREY, CAMERA) for meshes in (textured, (*textured, other))]
+    alone, beside = (rz.render(scene, SIZE, shading=shading, samples=samples, threads=1) for scene in scenes)
+    assert beside.stats.covered > alone.stats.covered, "the other one isn't seen"
+    is_full = alone.alpha == 1.0
+    assert is_full.sum() > 200
+    n_different = (alone.color[is_full] != beside.color[is_full]).any(axis=-1).sum()
+    assert n_different == 0, f"{n_different} > 0 pixels"
+
+
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_stats_count_the_ways_of_every_material(shading):
     """Those of a fine plain ball beside a toon and a coloured one."""

@@ -5,18 +5,28 @@ import numpy as np
 import pytest
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline.simd import PlaneGroup
-from rasterizer.pipeline.texture_planes import gather_slopes, texcoord_error, texcoord_references
+from rasterizer.pipeline.simd import PlaneGroup, evaluate_planes
+from rasterizer.pipeline.texture_planes import evaluate_slopes, texcoord_error, texcoord_references
 from rasterizer.pipeline.texture_sampling import WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
 
 
 @kernel
-def gather(entries, group, out, start, stride):
-    """Call gather_slopes from a kernel."""
-    gather_slopes(entries, group, out, start, stride)
+def evaluate(entries, group, x, y, out, start, stride):
+    """Call evaluate_slopes from a kernel."""
+    evaluate_slopes(entries, group, x, y, out, start, stride)
 
 
-WAYS = {"vectors": gather, "plain": gather_slopes.py_func, "compiled": numba.njit(gather_slopes.py_func)}
+@kernel
+def evaluate_alone(entries, group, x, y, out, start, stride):
+    """Call evaluate_planes from a kernel."""
+    evaluate_planes(entries, group, x, y, out, start, stride)
+
+
+WAYS = {
+    "vectors": evaluate,
+    "plain": np.errstate(all="ignore")(evaluate_slopes.py_func),
+    "compiled": numba.njit(evaluate_slopes.py_func),
+}
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -28,11 +38,19 @@ def test_slopes_are_copied_bit_for_bit(n, column, way):
     entries = (rng.integers(0, 2**38, 128) << 25 | 1 << 24 | rng.integers(0, n_record, 128)).astype(np.int64)[:n]
     entries[::5] &= ~np.int64(1 << 24)  # intensities: record 0 is read, whatever the bits say
     records = np.where(entries & 1 << 24, entries & mask, 0)
-    out = np.full(6 * stride + 8, 7, np.float32)
+    out = np.full(10 * stride + 8, 7, np.float32)
     group = PlaneGroup(numbers, np.int64(mask), np.uint64(shift), np.uint64(column))
-    WAYS[way](entries, group, out, np.uint64(5), np.uint64(stride))
+    place = np.int64(11), np.int64(-3), out, np.uint64(5), np.uint64(stride)
+    WAYS[way](entries, group, *place)
     untouched, bits = np.ones(len(out), bool), numbers.view(np.int32).reshape(n_record, -1)
-    for i, source in enumerate((4, 5, 6, 8, 9, 10)):
+    values = out.copy()
+    evaluate_alone(entries, group, *place)
+    for i in range(4):
+        first = 5 + i * stride
+        same = np.array_equal(out[first : first + n], values[first : first + n], equal_nan=True)
+        assert same, "the planes are not those of evaluate_planes"
+        untouched[first : first + -(-n // 4) * 4] = False
+    for i, source in enumerate((4, 5, 6, 8, 9, 10), start=4):
         first = 5 + i * stride
         expected = bits[records, column + source]
         assert out.view(np.int32)[first : first + n].tolist() == expected.tolist()
