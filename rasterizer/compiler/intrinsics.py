@@ -60,23 +60,13 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
 
 
 def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `simd.evaluate_planes`."""
+    """Build `simd.evaluate_planes`, or `evaluate_planes_at`."""
     return _evaluate(entries, group, x, y, out, start, stride)
 
 
 def build_evaluate_values(typing_context, entries, group, x, y, out, start, stride, weights):
-    """Build `simd.evaluate_values`."""
+    """Build `simd.evaluate_values`, or `evaluate_values_at`."""
     return _evaluate(entries, group, x, y, out, start, stride, weights)
-
-
-def build_evaluate_planes_at(typing_context, entries, group, xs, ys, out, start, stride):
-    """Build `simd.evaluate_planes_at`."""
-    return _evaluate(entries, group, xs, ys, out, start, stride)
-
-
-def build_evaluate_values_at(typing_context, entries, group, xs, ys, out, start, stride, weights):
-    """Build `simd.evaluate_values_at`."""
-    return _evaluate(entries, group, xs, ys, out, start, stride, weights)
 
 
 def _evaluate(entries, group, x, y, out, start, stride, *weights):
@@ -112,15 +102,7 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
         if is_list:
             x, y = (array_of(signature.args[axis], arguments[axis]).data for axis in (2, 3))
         else:
-            x, y = builder.trunc(x, whole), builder.trunc(y, whole)
-
-        def steps_to(place, k, anchor):
-            if not is_list:
-                along = builder.add(place, builder.trunc(k, whole)) if place is x else place
-                return builder.sitofp(builder.sub(along, anchor), real)
-            parts = builder.mul(anchor, ir.Constant(whole, POINT_UNIT))
-            parts = builder.sitofp(builder.sub(builder.load(builder.gep(place, [k])), parts), real)
-            return builder.fmul(parts, ir.Constant(real, 1.0 / POINT_UNIT))
+            x, y = (builder.trunc(x, whole), True), (builder.trunc(y, whole), False)
 
         def times(steps, planes):
             return builder.fmul(_splat(builder, kind, steps), planes)
@@ -128,7 +110,7 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
         def sample(k):
             entry = builder.load(builder.gep(entries, [k]))
             record = builder.gep(numbers, [builder.shl(_record_number(builder, entry, mask), shift)])
-            across, down = steps_to(x, k, load(record, 1, whole)), steps_to(y, k, load(record, 2, whole))
+            across, down = (_distance(builder, at, k, load(record, i, whole)) for i, at in ((1, x), (2, y)))
             planes = builder.gep(record, [column])
             value = builder.fadd(load(planes, 0, kind), times(across, load(planes, PLANE_GROUP, kind)))
             value = builder.fadd(value, times(down, load(planes, 2 * PLANE_GROUP, kind)))
@@ -150,6 +132,21 @@ def _evaluate(entries, group, x, y, out, start, stride, *weights):
         return context.get_dummy_value()
 
     return signature, generate
+
+
+def _distance(builder, position, k, anchor):
+    """How far sample k lies from the sample `anchor`, in samples, along an axis.
+
+    position : that of the first sample of a row and whether the next ones follow it; or a pointer to those of points
+    """
+    whole, real = ir.IntType(32), ir.FloatType()
+    if isinstance(position, tuple):
+        first, is_along = position
+        here = builder.add(first, builder.trunc(k, whole)) if is_along else first
+        return builder.sitofp(builder.sub(here, anchor), real)
+    parts = builder.mul(anchor, ir.Constant(whole, POINT_UNIT))
+    parts = builder.sitofp(builder.sub(builder.load(builder.gep(position, [k])), parts), real)
+    return builder.fmul(parts, ir.Constant(real, 1.0 / POINT_UNIT))
 
 
 def build_gather_slopes(typing_context, entries, group, out, start, stride):

@@ -21,11 +21,11 @@ from .interpolate import (
     inverse_sum,
     mean,
     next_exact_run,
-    place_weights,
     row_extent,
+    sample_weights,
 )
-from .places import evaluate_values_here, place_of
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
+from .screen_points import evaluate_values_here, samples_from
 from .shade import fill_weights
 from .texturing import fill_texels
 from .visibility import CLEAR, IS_ID, is_exact, record_of, stretch_of, strip_of
@@ -57,10 +57,10 @@ def shade_textured(band, texturing, batch, out_radiance):
                 n, material = end - first, np.int64(-1)
             if material >= 0:
                 entries, out = visibility.entries[start : start + index(n)], out_radiance[:, start : start + index(n)]
-                place = place_of(band.places, (first, y), start, index(n))
-                shade_planes(entries, band, place, material, texturing, start, batch, out)
+                where = samples_from(band.points, (first, y), start, index(n))
+                shade_planes(entries, band, where, material, texturing, start, batch, out)
                 if has_exact(entries):
-                    shade_exact(entries, band, place, texturing.texels[:, start : start + index(n)], out)
+                    shade_exact(entries, band, where, texturing.texels[:, start : start + index(n)], out)
             first += n
 
 
@@ -89,7 +89,7 @@ def choose_shading(entries, band, first, material, texturing, start, batch, out)
 
 @choice(choose_shading)
 def shade_planes(entries, band, first, material, texturing, start, batch, out):
-    """Fill the intensities of samples that show planes; `first` says where they lie (places.py)."""
+    """Fill the intensities of samples that show planes; `first` says where they lie (screen_points.py)."""
     if isinstance(band.coding, LevelCoding):
         evaluate_textured(entries, band, first, material, texturing, start, batch, out)
 
@@ -118,14 +118,14 @@ def evaluate_textured(entries, band, first, material, texturing, start, batch, o
 
 @helper
 def shade_exact(entries, band, first, texels, out):
-    """Fill the intensities of exact records; `first` says where they lie (places.py)."""
+    """Fill the intensities of exact records; `first` says where they lie (screen_points.py)."""
     records = band.records
     start, end = next_exact_run(entries, index(0))
     while start < end:
         record = record_of(entries[start])
         triangle = exact_triangle(records, record)
         for k in range(start, end):
-            q = place_weights(triangle, first, k)
+            q = sample_weights(triangle, first, k)
             p = scale(q, inverse_sum(q))
             for channel in range(index(3)):
                 column = index(ATTRIBUTE) + index(3) * channel
