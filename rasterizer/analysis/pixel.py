@@ -39,8 +39,8 @@ def explain(
     x, y : column and row of the pixel, from the upper left, whole numbers
     size : (width, height) in pixels, or one number for a square
     camera : Camera; None = that of the scene
-    shading, samples, cull, color_range, exposure, spectral : the options of the picture, as for `render`. With several
-        samples each of them is explained, and the pixel's value is their mean. "global" takes the largest value of the
+    shading, samples, antialias, cull, color_range, exposure, spectral : the options of the picture, as for `render`. Of
+        several samples each is explained, and the pixel's value is their mean. "global" takes the largest value of the
         whole picture, which is then drawn, slowly
     tolerance : decides the way that the renderer takes; the values are the reference's, which has no tolerance
     outputs, threads : of no effect. They are taken so that the options of a picture can be handed on as they are

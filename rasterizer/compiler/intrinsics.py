@@ -61,33 +61,18 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
 
 
 def build_evaluate_planes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `simd.evaluate_planes`."""
+    """Build `simd.evaluate_planes`, or `evaluate_planes_at`."""
     return _build_evaluation(_values, entries, group, (x, y), out)
 
 
 def build_evaluate_values(typing_context, entries, group, x, y, out, start, stride, weights):
-    """Build `simd.evaluate_values`."""
+    """Build `simd.evaluate_values`, or `evaluate_values_at`."""
     return _build_evaluation(_weighted_values, entries, group, (x, y), out, types.uint64)
 
 
 def build_evaluate_slopes(typing_context, entries, group, x, y, out, start, stride):
-    """Build `texture_planes.evaluate_slopes`."""
+    """Build `texture_planes.evaluate_slopes`, or `evaluate_slopes_at`."""
     return _build_evaluation(_values_and_slopes, entries, group, (x, y), out)
-
-
-def build_evaluate_planes_at(typing_context, entries, group, xs, ys, out, start, stride):
-    """Build `simd.evaluate_planes_at`."""
-    return _build_evaluation(_values, entries, group, (xs, ys), out)
-
-
-def build_evaluate_values_at(typing_context, entries, group, xs, ys, out, start, stride, weights):
-    """Build `simd.evaluate_values_at`."""
-    return _build_evaluation(_weighted_values, entries, group, (xs, ys), out, types.uint64)
-
-
-def build_evaluate_slopes_at(typing_context, entries, group, xs, ys, out, start, stride):
-    """Build `texture_planes.evaluate_slopes_at`."""
-    return _build_evaluation(_values_and_slopes, entries, group, (xs, ys), out)
 
 
 def _build_evaluation(sample, entries, group, place, out, *others):

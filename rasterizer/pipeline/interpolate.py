@@ -19,9 +19,9 @@ import numpy as np
 from ..compiler.kernels import helper, index
 from .face_planes import LARGEST_SUM, LEAST_SUM, WEIGHT, WEIGHT_X, WEIGHT_Y
 from .gradients import Coding
-from .places import Places, subpixel_at
 from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
 from .scan import ScanCounts
+from .screen_points import ScreenPoints, subpixel_at
 from .transform import HALF, SUBPIXEL
 from .visibility import IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
 
@@ -35,7 +35,7 @@ class ScannedBand(NamedTuple):
     counts: ScanCounts  # what the scan stage found
     y_start: int  # the band's first row in the picture, samples
     n_row: int
-    places: Places | None = None  # where its samples lie, if it is a list of them (places.py)
+    points: ScreenPoints | None = None  # where its samples lie, if it is a list of them (screen_points.py)
 
 
 class ExactTriangle(NamedTuple):
@@ -158,8 +158,8 @@ def corner_weights(triangle, x, y):
 
 
 @helper
-def place_weights(triangle, first, k):
-    """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (places.py)."""
+def sample_weights(triangle, first, k):
+    """Return the weights as `corner_weights`, at sample k of a batch; `first` says where it lies (screen_points.py)."""
     sx, sy = subpixel_at(first, k)
     return weights_at(triangle, sx, sy)
 

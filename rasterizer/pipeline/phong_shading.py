@@ -28,14 +28,21 @@ from .interpolate import (
     mean,
     mean_vector,
     next_exact_run,
-    place_weights,
     rounded,
     row_extent,
+    sample_weights,
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
-from .places import Places, evaluate_planes_here, evaluate_values_here, fill_positions_of_points, is_list, place_of
 from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
+from .screen_points import (
+    ScreenPoints,
+    evaluate_planes_here,
+    evaluate_values_here,
+    fill_positions_of_points,
+    is_list,
+    samples_from,
+)
 from .shade import fill_weights
 from .texturing import fill_texels
 from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
@@ -85,14 +92,14 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint,
                 n, material = end - first, np.int64(-1)
             entries = visibility.entries[start : start + index(n)]
             if material >= 0:
-                place = place_of(band.places, (first, y), start, index(n))
-                gather_fragments(entries, band, place, material, screen, is_double, batch)
-                interpolate_tangents(entries, band.records, place, tangent_attribute, batch)
-                weight_albedo(entries, band, place, material, texturing, start, batch)
+                where = samples_from(band.points, (first, y), start, index(n))
+                gather_fragments(entries, band, where, material, screen, is_double, batch)
+                interpolate_tangents(entries, band.records, where, tangent_attribute, batch)
+                weight_albedo(entries, band, where, material, texturing, start, batch)
                 gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
                 normalize_normals(batch, n)
                 if lighting.needs_view or lighting.needs_position:
-                    fill_rays(screen, place, n, lighting.needs_position, batch)
+                    fill_rays(screen, where, n, lighting.needs_position, batch)
                 light_batch(batch, n, lighting, material)
                 write_radiance(batch, n, lighting.n_channels[material], tint, out_radiance, start)
             first += n
@@ -156,7 +163,7 @@ def write_radiance(batch, n, n_channel, tint, out_radiance, start):
 
 @helper
 def gather_fragments(entries, band, first, material, screen, is_double, batch):
-    """Fill normals, distances and albedo of the samples; `first` says where they lie (places.py).
+    """Fill normals, distances and albedo of the samples; `first` says where they lie (screen_points.py).
 
     Samples that show nothing get anything.
     """
@@ -204,7 +211,7 @@ def evaluate_fragments(entries, band, first, material, batch):
 
 @helper
 def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_double, batch):
-    """Put in the normals, distances and albedo of exact records; `first` says where they lie (places.py)."""
+    """Put in the normals, distances and albedo of exact records; `first` says where they lie (screen_points.py)."""
     records, real = band.records, batch.dtype.type
     start, end = next_exact_run(entries, index(0))
     while start < end:
@@ -218,7 +225,7 @@ def interpolate_fragments(entries, band, first, has_albedo, is_perspective, is_d
         colors = rounded_vectors(corner_vectors(records, record, index(3)), real) if has_albedo else normals
         # Component by component: by vector helpers and a choice between two values this loop takes a tenth longer.
         for k in range(start, end):
-            q0, q1, q2 = place_weights(triangle, first, k)
+            q0, q1, q2 = sample_weights(triangle, first, k)
             inverse = 1.0 / (q0 + q1 + q2)
             p = real(q0 * inverse), real(q1 * inverse), real(q2 * inverse)
             batch[f.NORMAL + k] = side * mean(normals[0], p)
@@ -251,7 +258,7 @@ def interpolate_tangents(entries, records, first, tangent_attribute, batch):
             triangle = exact_triangle(records, record)
             tangents = corner_vectors(records, record, index(tangent_attribute))
             for k in range(start, end):
-                q = place_weights(triangle, first, k)
+                q = sample_weights(triangle, first, k)
                 p = rounded(scale(q, inverse_sum(q)), real)
                 set_vector(batch, f.TANGENT, k, mean_vector(tangents, p))
             start, end = next_exact_run(entries, end)
@@ -297,7 +304,7 @@ def choose_rays(screen, first, n, needs_position, batch):
 @choice(choose_rays)
 def fill_rays(screen, first, n, needs_position, batch):
     """Fill positions and view directions of samples in a row, or of points that lie anywhere."""
-    fill = fill_positions_of_points if isinstance(first, Places) else fill_positions
+    fill = fill_positions_of_points if isinstance(first, ScreenPoints) else fill_positions
     fill(screen, first, n, needs_position, batch)
 
 

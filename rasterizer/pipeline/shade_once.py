@@ -28,8 +28,8 @@ from ..compiler.widths import PLANE_GROUP, POINT_UNIT
 from .fragments import BATCH_SIZE
 from .gradients import NEEDS_TEXTURE
 from .interpolate import ScannedBand
-from .places import Places
 from .records import material_of
+from .screen_points import ScreenPoints
 from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, extent_of_pixels
 
 PAYLOAD_MASK = np.int64(IS_ID | LEVEL_MASK)
@@ -42,7 +42,7 @@ class PointList(NamedTuple):
     """Memory for the points of a band, and for what is found at them."""
 
     visibility: VisibilityBuffer  # of one row: an entry for each point
-    x: np.ndarray  # (n_row * pitch,) int32, see `Places`
+    x: np.ndarray  # (n_row * pitch,) int32, see `ScreenPoints`
     y: np.ndarray
     pixels: np.ndarray  # (n_row // factor, width // factor) int32: the point of each pixel, or NO_POINT, or SEVERAL
     numbers: np.ndarray  # (n_row * pitch,) int32: the point of each sample, or NO_POINT, in pixels that have SEVERAL
@@ -52,8 +52,8 @@ class PointList(NamedTuple):
 
     def band(self, band: ScannedBand, factor) -> ScannedBand:
         """Return the list as a band that the shade stage takes, after `list_points`."""
-        places = Places(self.x, self.y, float(factor))
-        return band._replace(visibility=self.visibility, y_start=0, n_row=1, places=places)
+        points = ScreenPoints(self.x, self.y, float(factor))
+        return band._replace(visibility=self.visibility, y_start=0, n_row=1, points=points)
 
 
 def make_point_list(visibility: VisibilityBuffer, n_row, factor, n_channel, dtype) -> PointList:

@@ -95,13 +95,13 @@ def evaluate_values(entries, group, x, y, out, start, stride, weights):
             out[np.int64(start) + i * np.int64(stride) + k] = value if value < greatest else greatest
 
 
-@spelled_out("build_evaluate_planes_at")
-def evaluate_planes_at(entries, group, xs, ys, out, start, stride):
+@spelled_out("build_evaluate_planes")
+def evaluate_planes_at(entries, group, x, y, out, start, stride):
     """Evaluate a group of four planes as `evaluate_planes`, at points that lie anywhere.
 
     Parameters
     ----------
-    xs, ys : (n,) int32, where each point lies: 1/POINT_UNIT of a sample's width, from the first column and row of
+    x, y : (n,) int32, where each point lies: 1/POINT_UNIT of a sample's width, from the first column and row of
         samples, and a multiple of 128 of them: a float32 holds how far it is from where the planes have their values
     """
     out, numbers = out.reshape(-1), group.numbers
@@ -109,18 +109,18 @@ def evaluate_planes_at(entries, group, xs, ys, out, start, stride):
         record = record_number(entries[k], group)
         for i in range(PLANE_GROUP):
             plane = record + np.int64(group.column) + i
-            out[np.int64(start) + i * np.int64(stride) + k] = value_at_point(numbers, record, plane, xs[k], ys[k])
+            out[np.int64(start) + i * np.int64(stride) + k] = value_at_point(numbers, record, plane, x[k], y[k])
 
 
-@spelled_out("build_evaluate_values_at")
-def evaluate_values_at(entries, group, xs, ys, out, start, stride, weights):
+@spelled_out("build_evaluate_values")
+def evaluate_values_at(entries, group, x, y, out, start, stride, weights):
     """Evaluate a group of four planes as `evaluate_values`, at points that lie anywhere, see `evaluate_planes_at`."""
     out, numbers = out.reshape(-1), group.numbers
     for k in range(len(entries)):
         record = record_number(entries[k], group)
         for i in range(PLANE_GROUP):
             plane = record + np.int64(group.column) + i
-            value = np.float32(value_at_point(numbers, record, plane, xs[k], ys[k]) * out[np.int64(weights) + k])
+            value = np.float32(value_at_point(numbers, record, plane, x[k], y[k]) * out[np.int64(weights) + k])
             least, greatest = numbers[plane + 3 * PLANE_GROUP], numbers[plane + 4 * PLANE_GROUP]
             value = value if value > least else least
             out[np.int64(start) + i * np.int64(stride) + k] = value if value < greatest else greatest

@@ -118,7 +118,7 @@ def evaluate_slopes(entries, group, x, y, out, start, stride):
     copy_slopes(entries, group, out.reshape(-1), start, stride)
 
 
-@spelled_out("build_evaluate_slopes_at")
+@spelled_out("build_evaluate_slopes")
 def evaluate_slopes_at(entries, group, xs, ys, out, start, stride):
     """Evaluate a group of four planes as `evaluate_slopes`, at points that lie anywhere, see
     `simd.evaluate_planes_at`."""

@@ -23,12 +23,12 @@ from .interpolate import (
     inverse_sum,
     mean,
     next_exact_run,
-    place_weights,
     row_extent,
+    sample_weights,
     weight_steps,
 )
-from .places import place_of, skip_places, step_of
 from .records import ATTRIBUTE, material_of
+from .screen_points import samples_from, skip_to, step_of
 from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT
 from .visibility import record_of, stretch_of, strip_of
 
@@ -59,14 +59,14 @@ def sample_textures(band, textures, batch, out_texels):
                 out = out_texels[:, start : start + index(end - first)]
                 entries = visibility.entries[start : start + index(end - first)]
                 if has_exact(entries):
-                    place = place_of(band.places, (first, band.y_start + j), start, index(end - first))
-                    sample_stretch(entries, records, place, textures, batch, out)
+                    where = samples_from(band.points, (first, band.y_start + j), start, index(end - first))
+                    sample_stretch(entries, records, where, textures, batch, out)
             first = end
 
 
 @helper
 def sample_stretch(entries, records, first, textures, batch, out):
-    """Look textures up at the samples of a row; `first` says where they lie (places.py)."""
+    """Look textures up at the samples of a row; `first` says where they lie (screen_points.py)."""
     start, end = next_exact_run(entries, index(0))
     while start < end:
         record = record_of(entries[start])
@@ -74,14 +74,14 @@ def sample_stretch(entries, records, first, textures, batch, out):
         if texture >= 0:
             for k in range(start, end, index(BATCH_SIZE)):
                 last = min(k + index(BATCH_SIZE), end)
-                sample_run(records, record, skip_places(first, k), textures, index(texture), batch, out[:, k:last])
+                sample_run(records, record, skip_to(first, k), textures, index(texture), batch, out[:, k:last])
         start, end = next_exact_run(entries, end)
 
 
 @helper
 def sample_run(records, record, first, textures, texture, batch, out):
     """Look a texture up along a run of samples of one triangle; `first` says where they
-    lie (places.py).
+    lie (screen_points.py).
 
     out : (4, n), n <= BATCH_SIZE
     """
@@ -112,7 +112,7 @@ def fill_texcoords(records, record, first, n, wraps, batch):
     """Fill texture coordinates, as they are and within the picture, and 1 / Σ q."""
     triangle, (us, vs) = exact_triangle(records, record), corner_texcoords(records, record)
     for k in range(n):
-        q = place_weights(triangle, first, k)
+        q = sample_weights(triangle, first, k)
         inverse = inverse_sum(q)
         p = scale(q, inverse)
         u, v = mean(us, p), mean(vs, p)

@@ -21,11 +21,11 @@ from .interpolate import (
     inverse_sum,
     mean,
     next_exact_run,
-    place_weights,
     row_extent,
+    sample_weights,
 )
-from .places import evaluate_values_here, place_of
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
+from .screen_points import evaluate_values_here, samples_from
 from .shade import fill_weights
 from .texturing import fill_texels
 from .visibility import CLEAR, IS_ID, record_of, stretch_of, strip_of
@@ -57,11 +57,11 @@ def shade_textured(band, texturing, batch, out_radiance):
                 n, material = end - first, np.int64(-1)
             if material >= 0:
                 entries = visibility.entries[start : start + index(n)]
-                place = place_of(band.places, (first, y), start, index(n))
-                shade_planes(entries, band, place, material, texturing, start, batch, out_radiance)
+                where = samples_from(band.points, (first, y), start, index(n))
+                shade_planes(entries, band, where, material, texturing, start, batch, out_radiance)
                 if has_exact(entries):
                     texels = texturing.texels[:, start : start + index(n)]
-                    shade_exact(entries, band, place, texels, out_radiance[:, start : start + index(n)])
+                    shade_exact(entries, band, where, texels, out_radiance[:, start : start + index(n)])
             first += n
 
 
@@ -92,7 +92,7 @@ def choose_shading(entries, band, first, material, texturing, start, batch, out_
 def shade_planes(entries, band, first, material, texturing, start, batch, out_radiance):
     """Fill the intensities of samples that show planes; of exact records anything is written.
 
-    `first` says where the samples lie (places.py), `start` is the index of the first in the band.
+    `first` says where the samples lie (screen_points.py), `start` is the index of the first in the band.
     """
     if isinstance(band.coding, LevelCoding):
         evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance)
@@ -121,14 +121,14 @@ def evaluate_textured(entries, band, first, material, texturing, start, batch, o
 
 @helper
 def shade_exact(entries, band, first, texels, out):
-    """Fill the intensities of exact records; `first` says where they lie (places.py)."""
+    """Fill the intensities of exact records; `first` says where they lie (screen_points.py)."""
     records = band.records
     start, end = next_exact_run(entries, index(0))
     while start < end:
         record = record_of(entries[start])
         triangle = exact_triangle(records, record)
         for k in range(start, end):
-            q = place_weights(triangle, first, k)
+            q = sample_weights(triangle, first, k)
             p = scale(q, inverse_sum(q))
             for channel in range(index(3)):
                 column = index(ATTRIBUTE) + index(3) * channel

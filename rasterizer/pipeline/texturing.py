@@ -18,9 +18,9 @@ from .fragments import BATCH_SIZE
 from .gradients import NEEDS_BEHIND
 from .interpolate import has_exact, next_exact_run
 from .lookup_batch import IS_DOUBTFUL, S_DX, S_PLANE
-from .places import evaluate_planes_here, evaluate_slopes_here, skip_places, step_of
 from .power import is_single
 from .records import plane_group
+from .screen_points import evaluate_planes_here, evaluate_slopes_here, skip_to, step_of
 from .texture_lookup import sample_batch
 from .texture_packing import packed_texture
 from .texture_sampling import sample_run
@@ -45,7 +45,7 @@ def fill_texels(entries, band, first, material, group_column, texturing, start, 
     ----------
     entries : (n,) int64, n <= BATCH_SIZE; what doesn't show the material gets anything
     band : ScannedBand
-    first : where they lie (places.py)
+    first : where they lie (screen_points.py)
     group_column : where the planes of the material's texture coordinates begin in its records
     start : index of the first entry's sample in the band
     quantity : the first of the four, such as TEXEL
@@ -126,7 +126,7 @@ def look_up_doubtful(entries, band, first, texture, texturing, start, batch, qua
     for k in range(index(len(entries))):
         is_doubtful = texturing.lookup_batch[IS_DOUBTFUL + k] != np.float32(0)
         if is_doubtful and entries[k] & IS_ID and not is_exact(entries[k]):
-            sample, record = skip_places(first, k), record_of(entries[k])
+            sample, record = skip_to(first, k), record_of(entries[k])
             texels = texturing.texels[:, start + k : start + k + index(1)]
             sample_run(band.records, record, sample, texturing.textures, texture, texturing.double_batch, texels)
             for channel in range(index(4)):

@@ -171,7 +171,7 @@ def _evaluation_points(
             "at the polygon's centroid",
         )
     if lighting.shading == "phong":
-        is_shared = fragment.places is not None and tuple(fragment.places[0]) != _sample_place(fragment)
+        is_shared = fragment.lit_at is not None and tuple(fragment.lit_at[0]) != _own_position(fragment)
         where = "at a point that the pixel's samples share" if is_shared else "at the sample"
         return sample_points(surface, fragment, lighting), np.ones(1), where
     ring = -1 if surface.rings is None else int(surface.rings.of_face[fragment.face[0]])
@@ -185,7 +185,7 @@ def _evaluation_points(
     return _join(ends, corners), weights, "at the corners of the polygon, whose mean is its centre"
 
 
-def _sample_place(fragment: Fragments) -> tuple[float, float, float]:
+def _own_position(fragment: Fragments) -> tuple[float, float, float]:
     """Return where the sample of a fragment itself lies: row, column, depth."""
     return float(fragment.rows[0]), float(fragment.columns[0]), float(fragment.depth[0])
 

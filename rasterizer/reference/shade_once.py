@@ -29,9 +29,9 @@ class SharedPoints:
         self._is_shared = is_opaque[material] & (lighting.shading == "phong" or _has_texture(lighting)[material])
         drawn = raster.is_drawn & is_opaque[material]
         self._piece = find_visible(raster._replace(is_drawn=drawn)).piece
-        self._rows, self._columns = self._find_places()
+        self._rows, self._columns = self._choose_points()
 
-    def _find_places(self) -> tuple[NDArray, NDArray]:
+    def _choose_points(self) -> tuple[NDArray, NDArray]:
         """Return row and column, float64, of the point that each sample shares, window by window (h, w)."""
         per_axis, window = self._per_axis, self._raster.window
         rows, columns = np.nonzero(self._piece >= 0)
@@ -45,10 +45,10 @@ class SharedPoints:
         nearest = order[first]
         is_whole = count == per_axis**2
         corner_rows, corner_columns = rows[nearest] // per_axis * per_axis, columns[nearest] // per_axis * per_axis
-        place_rows = np.where(is_whole, corner_rows + middle, rows[nearest])
-        place_columns = np.where(is_whole, corner_columns + middle, columns[nearest])
+        point_rows = np.where(is_whole, corner_rows + middle, rows[nearest])
+        point_columns = np.where(is_whole, corner_columns + middle, columns[nearest])
         found = np.full((2, *window.shape), np.nan)
-        found[:, rows[order], columns[order]] = place_rows[of_sample], place_columns[of_sample]
+        found[:, rows[order], columns[order]] = point_rows[of_sample], point_columns[of_sample]
         return found[0] + window.top, found[1] + window.left
 
     def move(self, fragments: Fragments, piece: NDArray) -> Fragments:
@@ -60,11 +60,11 @@ class SharedPoints:
         rows, columns, pieces = self._rows[at][is_moved], self._columns[at][is_moved], pieces[is_moved]
         depth, new_weights = weights_at(rows, columns, pieces, self._raster)
         weights, steps = fragments.weights.copy(), fragments.steps.copy()
-        places = np.column_stack([fragments.rows, fragments.columns, fragments.depth]).astype(np.float64)
+        lit_at = np.column_stack([fragments.rows, fragments.columns, fragments.depth]).astype(np.float64)
         weights[is_moved] = new_weights
         steps[is_moved] = self._per_axis * compute_weight_steps(pieces, new_weights, depth, self._raster)
-        places[is_moved] = np.column_stack([rows, columns, depth])
-        return fragments._replace(weights=weights, steps=steps, places=places)
+        lit_at[is_moved] = np.column_stack([rows, columns, depth])
+        return fragments._replace(weights=weights, steps=steps, lit_at=lit_at)
 
 
 def _has_texture(lighting: Lighting) -> NDArray[np.bool_]:

@@ -35,15 +35,15 @@ class Fragments(NamedTuple):
     weights: NDArray[np.float64]  # (n_sample, 3) perspective-correct, on the corners of the face
     depth: NDArray[np.float64]  # (n_sample,)
     steps: NDArray[np.float64] | None = None  # (n_sample, 2, 3) what a step to the right, and down, adds to the weights
-    places: NDArray[np.float64] | None = None  # (n_sample, 3) row, column, depth where it is lit; None = at the sample
+    lit_at: NDArray[np.float64] | None = None  # (n_sample, 3) row, column, depth where it is lit; None = at the sample
 
     def part(self, some: slice) -> "Fragments":
         """Return some of the samples."""
         steps = None if self.steps is None else self.steps[some]
-        places = None if self.places is None else self.places[some]
+        lit_at = None if self.lit_at is None else self.lit_at[some]
         return Fragments(
             self.rows[some], self.columns[some], self.face[some], self.side[some], self.weights[some], self.depth[some],
-            steps, places,
+            steps, lit_at,
         )  # fmt: skip
 
 
@@ -248,8 +248,8 @@ def sample_points(surface: Surface, fragments: Fragments, lighting: Lighting) ->
 def world_positions(fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:
     """Return the world points (n, 3) that lie at the samples' depths on the rays through their centres."""
     rows, columns, depth = fragments.rows, fragments.columns, fragments.depth
-    if fragments.places is not None:
-        rows, columns, depth = fragments.places.T
+    if fragments.lit_at is not None:
+        rows, columns, depth = fragments.lit_at.T
     view, projection, depth = lighting.view, lighting.projection, depth[:, None]
     x = (columns + 0.5 - projection.center_x) / projection.scale_x
     y = (projection.center_y - (rows + 0.5)) / projection.scale_y

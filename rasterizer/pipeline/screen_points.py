@@ -19,7 +19,7 @@ from .texture_planes import evaluate_slopes, evaluate_slopes_at
 from .transform import HALF, SUBPIXEL
 
 
-class Places(NamedTuple):
+class ScreenPoints(NamedTuple):
     """Where the points of a list lie."""
 
     x: np.ndarray  # (n,) int32, 1/256 of a sample's width, from the centre of the first column of samples
@@ -28,61 +28,61 @@ class Places(NamedTuple):
 
 
 def is_list(first) -> bool:
-    """Tell whether the type of `first` is that of Places."""
-    return getattr(first, "instance_class", None) is Places
+    """Tell whether the type of `first` is that of ScreenPoints."""
+    return getattr(first, "instance_class", None) is ScreenPoints
 
 
-def choose_place(places, first, start, n):
-    """Return what is compiled in the place of `place_of`."""
-    return points_of_batch if is_list(places) else samples_of_batch
+def choose_samples(points, first, start, n):
+    """Return what is compiled in the place of `samples_from`."""
+    return points_of_batch if is_list(points) else samples_of_batch
 
 
-@choice(choose_place)
-def place_of(places, first, start, n):
+@choice(choose_samples)
+def samples_from(points, first, start, n):
     """Return where the samples of a batch lie.
 
     Parameters
     ----------
-    places : Places of a band that is a list; None of other bands
+    points : ScreenPoints of a band that is a list; None of other bands
     first : the sample (x, y) that the batch begins with, in other bands
     start, n : its number in the band, and the length of the batch, both `index`
     """
-    place = points_of_batch if isinstance(places, Places) else samples_of_batch
-    return place(places, first, start, n)
+    gather = points_of_batch if isinstance(points, ScreenPoints) else samples_of_batch
+    return gather(points, first, start, n)
 
 
 @helper
-def samples_of_batch(places, first, start, n):
-    """See `place_of`."""
+def samples_of_batch(points, first, start, n):
+    """See `samples_from`."""
     return first
 
 
 @helper
-def points_of_batch(places, first, start, n):
-    """See `place_of`."""
-    return Places(places.x[start : start + n], places.y[start : start + n], places.step)
+def points_of_batch(points, first, start, n):
+    """See `samples_from`."""
+    return ScreenPoints(points.x[start : start + n], points.y[start : start + n], points.step)
 
 
 def choose_skip(first, k):
-    """Return what is compiled in the place of `skip_places`."""
+    """Return what is compiled in the place of `skip_to`."""
     return skip_points if is_list(first) else skip_samples
 
 
 @choice(choose_skip)
-def skip_places(first, k):
+def skip_to(first, k):
     """Return where the samples from number k on lie."""
-    return skip_points(first, k) if isinstance(first, Places) else skip_samples(first, k)
+    return skip_points(first, k) if isinstance(first, ScreenPoints) else skip_samples(first, k)
 
 
 @helper
 def skip_points(first, k):
-    """See `skip_places`."""
-    return Places(first.x[k:], first.y[k:], first.step)
+    """See `skip_to`."""
+    return ScreenPoints(first.x[k:], first.y[k:], first.step)
 
 
 @helper
 def skip_samples(first, k):
-    """See `skip_places`."""
+    """See `skip_to`."""
     return first[0] + np.int64(k), first[1]
 
 
@@ -94,7 +94,7 @@ def choose_subpixel(first, k):
 @choice(choose_subpixel)
 def subpixel_at(first, k):
     """Return where sample k lies, (x, y) int64, 1/256 of a sample's width from the picture's corner."""
-    return subpixel_of_point(first, k) if isinstance(first, Places) else subpixel_of_sample(first, k)
+    return subpixel_of_point(first, k) if isinstance(first, ScreenPoints) else subpixel_of_sample(first, k)
 
 
 @helper
@@ -117,7 +117,7 @@ def choose_step(first):
 @choice(choose_step)
 def step_of(first):
     """Return how many samples, along an axis, it is from one of a batch to the next in the picture."""
-    return step_of_points(first) if isinstance(first, Places) else step_of_samples(first)
+    return step_of_points(first) if isinstance(first, ScreenPoints) else step_of_samples(first)
 
 
 @helper
@@ -143,7 +143,7 @@ def choose_planes_at(entries, group, first, out, start, stride):
 @choice(choose_planes_at)
 def evaluate_planes_here(entries, group, first, out, start, stride):
     """Evaluate a group of four planes, see `simd.evaluate_planes`."""
-    evaluate = planes_of_points if isinstance(first, Places) else planes_of_samples
+    evaluate = planes_of_points if isinstance(first, ScreenPoints) else planes_of_samples
     evaluate(entries, group, first, out, start, stride)
 
 
@@ -167,7 +167,7 @@ def choose_slopes_at(entries, group, first, out, start, stride):
 @choice(choose_slopes_at)
 def evaluate_slopes_here(entries, group, first, out, start, stride):
     """Evaluate a group of four planes, and copy slopes, see `texture_planes.evaluate_slopes`."""
-    evaluate = slopes_of_points if isinstance(first, Places) else slopes_of_samples
+    evaluate = slopes_of_points if isinstance(first, ScreenPoints) else slopes_of_samples
     evaluate(entries, group, first, out, start, stride)
 
 
@@ -191,7 +191,7 @@ def choose_values_at(entries, group, first, out, start, stride, weights):
 @choice(choose_values_at)
 def evaluate_values_here(entries, group, first, out, start, stride, weights):
     """Evaluate a group of four planes with ranges, see `simd.evaluate_values`."""
-    evaluate = values_of_points if isinstance(first, Places) else values_of_samples
+    evaluate = values_of_points if isinstance(first, ScreenPoints) else values_of_samples
     evaluate(entries, group, first, out, start, stride, weights)
 
 
