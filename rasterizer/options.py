@@ -20,7 +20,7 @@ from .choices import (
     Samples,
     Shading,
 )
-from .compiler.cores import n_core
+from .cores import n_core
 from .errors import SceneError, shown
 from .scene.validate import is_whole, number
 

@@ -37,7 +37,7 @@ import numba.extending
 import numpy as np
 from numba import types
 
-from . import intrinsics
+from . import intrinsics, texel_intrinsics
 from .fingerprint import SEEN, is_seen
 from .machine_code import Code
 from .signatures import class_of
@@ -109,9 +109,11 @@ def compile_choice(function: Callable, choose: Callable):
 
 
 def compile_intrinsic(function: Callable, name: str, is_documented: bool):
-    """Return a function whose instructions are written by the function `name` of intrinsics.py."""
+    """Return a function whose instructions are written by the function `name` of intrinsics.py, or of
+    texel_intrinsics.py."""
     if IS_SEEN or is_documented:
-        return as_callee(numba.extending.intrinsic(getattr(intrinsics, name)))
+        module = intrinsics if hasattr(intrinsics, name) else texel_intrinsics
+        return as_callee(numba.extending.intrinsic(getattr(module, name)))
     return numba.njit(**_DOCUMENTED)(function)
 
 

@@ -2,28 +2,25 @@
 
 Some inner loops of the pipeline are vector instructions. The compiler turns long loops into vector instructions by
 itself, but not loops of eight or four: left to it, these take two to four times as long. The functions in Python that
-they stand in for are in pipeline/simd.py, texture_planes.py and texel_blend.py, with what the parameters are; those of
-the other two are in kernels.py.
+they stand in for are in pipeline/simd.py and texture_planes.py, with what the parameters are; those of the other
+two are in kernels.py.
 
 Seen in llvmlite 0.44 to 0.50: `ir` with typed pointers (`.type.pointee`), and `cgutils` of numba.
 """
 
-from contextlib import contextmanager
-
 import numba
-import numpy as np
 from llvmlite import ir
 from numba import types
 
 from .fingerprint import is_seen
-from .widths import ID_BIT, LANES, PLANE_GROUP, POINT_UNIT, TEXELS_AHEAD
+from .vectors import FLOATS, data_of, in_fours, load, shuffle, splat, transpose
+from .widths import ID_BIT, LANES, PLANE_GROUP, POINT_UNIT
 
 if is_seen(numba.__version__):
     from numba.core import cgutils
 
 _EDGES = ir.VectorType(ir.IntType(32), LANES)
 _ENTRIES = ir.VectorType(ir.IntType(64), LANES)
-_FLOATS = ir.VectorType(ir.FloatType(), PLANE_GROUP)
 _WHOLES = ir.VectorType(ir.IntType(32), PLANE_GROUP)
 _ANCHOR = 1, 2  # where the first four numbers of a record have its anchor, x and y
 
@@ -37,13 +34,13 @@ def build_merge_box(typing_context, entries, start, pitch, n_row, plane, edges, 
     signature = types.void(entries, unsigned, unsigned, signed, three, nine, signed)
 
     def generate(context, builder, signature, arguments):
-        data = _data(context, builder, signature.args[0], arguments[0])
+        data = data_of(context, builder, signature.args[0], arguments[0])
         value, dx, dy = cgutils.unpack_tuple(builder, arguments[4])
         states = [_Ramp(builder, _ENTRIES, value, dx, dy)]
         edges = [builder.trunc(edge, ir.IntType(32)) for edge in cgutils.unpack_tuple(builder, arguments[5])]
         states += [_Ramp(builder, _EDGES, *edges[k : k + 3]) for k in (0, 3, 6)]
         position = cgutils.alloca_once_value(builder, arguments[1])
-        mask = _splat(builder, _ENTRIES, arguments[6])
+        mask = splat(builder, _ENTRIES, arguments[6])
         with cgutils.for_range(builder, arguments[3]):
             here = builder.load(position)
             address = builder.bitcast(builder.gep(data, [here]), _ENTRIES.as_pointer())
@@ -96,20 +93,20 @@ def _build_evaluation(sample, entries, group, place, out, *others):
 
     def generate(context, builder, signature, arguments):
         entries = context.make_array(signature.args[0])(context, builder, arguments[0])
-        out = _data(context, builder, signature.args[4], arguments[4])
+        out = data_of(context, builder, signature.args[4], arguments[4])
         numbers, *layout = cgutils.unpack_tuple(builder, arguments[1])
-        numbers, place = _data(context, builder, signature.args[1][0], numbers), arguments[2:4]
+        numbers, place = data_of(context, builder, signature.args[1][0], numbers), arguments[2:4]
         if is_list:
-            place = [_data(context, builder, signature.args[axis], arguments[axis]) for axis in (2, 3)]
+            place = [data_of(context, builder, signature.args[axis], arguments[axis]) for axis in (2, 3)]
         kind = _PointReader if is_list else _PlaneReader
         reader = kind(builder, entries.data, (numbers, *layout), place, out)
-        with _in_fours(builder, entries.nitems) as (first, four):
+        with in_fours(builder, entries.nitems) as (first, four):
             position = reader.begin_four()
             target = builder.add(arguments[5], first)
             samples = [sample(reader, reader.at(position, j, k), k, *arguments[7:]) for j, k in enumerate(four)]
             for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), zip(*samples, strict=True), strict=False):
-                for values in _transpose(builder, vectors)[:n_row]:
-                    address = builder.bitcast(builder.gep(out, [target]), _FLOATS.as_pointer())
+                for values in transpose(builder, vectors)[:n_row]:
+                    address = builder.bitcast(builder.gep(out, [target]), FLOATS.as_pointer())
                     builder.store(values, address, align=4)
                     target = builder.add(target, arguments[6])
         return context.get_dummy_value()
@@ -151,16 +148,16 @@ class _PlaneReader:
         builder = self.builder
         number = _record_number(builder, builder.load(builder.gep(self._entries, [k])), self._mask)
         record = builder.gep(self._numbers, [builder.shl(number, self._shift)])
-        offset = self._offset(_load(builder, record, 0, _WHOLES), position, j, k)
-        across, down = (_shuffle(builder, offset, offset, [lane] * PLANE_GROUP) for lane in _ANCHOR)
+        offset = self._offset(load(builder, record, 0, _WHOLES), position, j, k)
+        across, down = (shuffle(builder, offset, offset, [lane] * PLANE_GROUP) for lane in _ANCHOR)
         return builder.gep(record, [self._column]), across, down
 
     def _offset(self, anchor, position, j, k):
-        return self.builder.sitofp(self.builder.sub(self._moved(position, j), anchor), _FLOATS)
+        return self.builder.sitofp(self.builder.sub(self._moved(position, j), anchor), FLOATS)
 
     def part(self, planes, number):
         """Four numbers of a group: values, d/dx, d/dy, least, greatest."""
-        return _load(self.builder, planes, number * PLANE_GROUP, _FLOATS)
+        return load(self.builder, planes, number * PLANE_GROUP, FLOATS)
 
 
 class _PointReader(_PlaneReader):
@@ -176,8 +173,8 @@ class _PointReader(_PlaneReader):
         builder = self.builder
         point = self._placed([builder.load(builder.gep(axis, [k])) for axis in self._points])
         parts = builder.mul(anchor, ir.Constant(_WHOLES, [POINT_UNIT] * PLANE_GROUP))
-        unit = ir.Constant(_FLOATS, [1.0 / POINT_UNIT] * PLANE_GROUP)
-        return builder.fmul(builder.sitofp(builder.sub(point, parts), _FLOATS), unit)
+        unit = ir.Constant(FLOATS, [1.0 / POINT_UNIT] * PLANE_GROUP)
+        return builder.fmul(builder.sitofp(builder.sub(point, parts), FLOATS), unit)
 
 
 def _plane_values(reader, place):
@@ -195,7 +192,7 @@ def _values(reader, place, k):
 def _weighted_values(reader, place, k, weights):
     """The four planes of a sample, multiplied and kept within a range."""
     builder = reader.builder
-    weight = _splat(builder, _FLOATS, builder.load(builder.gep(reader.out, [builder.add(weights, k)])))
+    weight = splat(builder, FLOATS, builder.load(builder.gep(reader.out, [builder.add(weights, k)])))
     value = builder.fmul(_plane_values(reader, place), weight)
     least, greatest = reader.part(place[0], 3), reader.part(place[0], 4)
     value = builder.select(builder.fcmp_ordered(">", value, least), value, least)
@@ -205,134 +202,6 @@ def _weighted_values(reader, place, k, weights):
 def _values_and_slopes(reader, place, k):
     """The four planes of a sample, and the slopes of three of them."""
     return _plane_values(reader, place), reader.part(place[0], 1), reader.part(place[0], 2)
-
-
-def build_fetch_texels(typing_context, texels, batch, rows, n, out, start, stride, step):
-    """Build `texel_blend.fetch_texels`."""
-    return _build_texels(_fetch, (0,), 1.0, texels, batch, rows, out)
-
-
-def build_blend_texels(typing_context, texels, batch, rows, n, out, start, stride, step):
-    """Build `texel_blend.blend_texels`."""
-    return _build_texels(_mean, (0, 1), -(2.0**-15), texels, batch, rows, out)
-
-
-def build_blend_mip_levels(typing_context, texels, batch, rows, n, out, start, stride, step):
-    """Build `texel_blend.blend_mip_levels`."""
-    return _build_texels(_mix_means, (0, 1, 4, 5), -(2.0**-15), texels, batch, rows, out)
-
-
-def _build_texels(sample, positions, factor, texels, batch, rows, out):
-    """Build a loop that reads texels: four samples, one after the other, which are then transposed.
-
-    The memory is asked for the texels of the sample TEXELS_AHEAD behind each, and at first for those of as many: large
-    textures stay in no cache.
-
-    sample : (_TexelReader, number of the sample) -> its four channels
-    positions : which of the rows say where texels are
-    factor : what they are multiplied by, beside the step
-    """
-    if texels.dtype != types.int16 or batch.dtype != types.float32 or out.dtype != types.float32:
-        return None
-    if any(row != types.uint64 for row in rows):
-        return None
-    unsigned = types.uint64
-    signature = types.void(texels, batch, rows, unsigned, out, unsigned, unsigned, types.float32)
-
-    def generate(context, builder, signature, arguments):
-        texels, batch, out = (_data(context, builder, signature.args[k], arguments[k]) for k in (0, 1, 4))
-        n, start, stride, step = arguments[3], *arguments[5:]
-        reader = _TexelReader(builder, texels, batch, cgutils.unpack_tuple(builder, arguments[2]))
-        alpha_step = ir.Constant(ir.FloatType(), float(np.float32(1.0 / 65535.0)))
-        ahead = ir.Constant(ir.IntType(64), TEXELS_AHEAD)
-        n_ahead = builder.select(builder.icmp_unsigned("<", n, ahead), n, ahead)
-        with cgutils.for_range(builder, n_ahead) as loop:
-            reader.prefetch(positions, loop.index)
-        with _in_fours(builder, n) as (first, four):
-            for k in four:
-                reader.prefetch(positions, builder.add(k, ahead))
-            samples = [sample(reader, k) for k in four]
-            target = builder.add(start, first)
-            for channel, values in enumerate(_transpose(builder, samples)):
-                of_one = step if channel < 3 else alpha_step
-                per_value = builder.fmul(ir.Constant(ir.FloatType(), factor), of_one)
-                zero = builder.fmul(ir.Constant(ir.FloatType(), 2.0**15), of_one)
-                values = builder.fmul(values, _splat(builder, _FLOATS, per_value))
-                values = builder.fadd(values, _splat(builder, _FLOATS, zero))
-                builder.store(values, builder.bitcast(builder.gep(out, [target]), _FLOATS.as_pointer()), align=4)
-                target = builder.add(target, stride)
-        return context.get_dummy_value()
-
-    return signature, generate
-
-
-class _TexelReader:
-    """The texels, and the rows of a batch that say which to read."""
-
-    def __init__(self, builder, texels, batch, rows):
-        self.builder, self._texels, self._batch, self._rows = builder, texels, batch, rows
-
-    def share(self, row, k):
-        """The number of sample k in a row."""
-        return self.builder.load(self.builder.gep(self._batch, [self.builder.add(self._rows[row], k)]))
-
-    def bits(self, row, k):
-        """The whole number of sample k in a row."""
-        return self.builder.bitcast(self.share(row, k), ir.IntType(32))
-
-    def load(self, row, k, kind):
-        """The texels from sample k's texel in a row on."""
-        return self.builder.load(self.builder.bitcast(self._address(row, k), kind.as_pointer()), align=2)
-
-    def prefetch(self, rows, k):
-        """Have the texels of sample k in some rows brought near; of one behind the last any address will do."""
-        byte, whole = ir.IntType(8).as_pointer(), ir.IntType(32)
-        kind = ir.FunctionType(ir.VoidType(), [byte, whole, whole, whole])
-        function = self.builder.module.declare_intrinsic("llvm.prefetch", [byte], kind)
-        for row in rows:
-            address = self.builder.bitcast(self._address(row, k), byte)
-            self.builder.call(function, [address, whole(0), whole(3), whole(1)])  # for reading, to stay, data
-
-    def _address(self, row, k):
-        texel = self.builder.zext(self.bits(row, k), ir.IntType(64))
-        return self.builder.gep(self._texels, [self.builder.shl(texel, ir.Constant(ir.IntType(64), 2))])
-
-
-def _fetch(reader, k):
-    """The values of the texel of sample k."""
-    values = reader.load(0, k, ir.VectorType(ir.IntType(16), 4))
-    return reader.builder.sitofp(values, _FLOATS)
-
-
-def _mean(reader, k):
-    """The mean of four texels of sample k."""
-    return _weighted_sums(reader, k, 0)
-
-
-def _weighted_sums(reader, k, first):
-    """The weighted sums of four texels of sample k; rows from `first` on.
-
-    Values of the upper and of the lower texel take turns, and so do weights: products are added pair by pair, for which
-    many processors have an instruction, and the compiler finds it.
-    """
-    builder, shorts, longs = reader.builder, ir.VectorType(ir.IntType(16), 8), ir.VectorType(ir.IntType(32), 8)
-    top, bottom = (reader.load(first + row, k, shorts) for row in (0, 1))
-    sums = []
-    for side in (0, 1):
-        order = [4 * side + i + 8 * (j % 2) for i in range(4) for j in (0, 1)]
-        values = _shuffle(builder, top, bottom, order)
-        weights = _splat(builder, ir.VectorType(ir.IntType(32), 4), reader.bits(first + 2 + side, k))
-        products = builder.mul(builder.sext(values, longs), builder.sext(builder.bitcast(weights, shorts), longs))
-        even, odd = (_shuffle(builder, products, products, [i, i + 2, i + 4, i + 6]) for i in (0, 1))
-        sums.append(builder.add(even, odd))
-    return builder.sitofp(builder.add(*sums), _FLOATS)
-
-
-def _mix_means(reader, k):
-    """The mixture of the means of two mip levels."""
-    builder, a, b = reader.builder, _mean(reader, k), _weighted_sums(reader, k, 4)
-    share = _splat(builder, _FLOATS, reader.share(8, k))
-    return builder.fadd(a, builder.fmul(share, builder.fsub(b, a)))
 
 
 def _record_number(builder, entry, mask):
@@ -376,60 +245,17 @@ def build_call(typing_context, address, batch, n, coefficients):
     return signature, generate
 
 
-def _data(context, builder, kind, array):
-    """The address of an array's first element."""
-    return context.make_array(kind)(context, builder, array).data
-
-
-def _load(builder, address, offset, kind):
-    """Load a value of a kind, `offset` numbers behind an address."""
-    element = builder.gep(address, [ir.Constant(ir.IntType(64), offset)])
-    return builder.load(builder.bitcast(element, kind.as_pointer()), align=4)
-
-
-@contextmanager
-def _in_fours(builder, n):
-    """Loop over n samples, PLANE_GROUP at a time; yield the number of the first one, and of each."""
-    long = ir.IntType(64)
-    step = ir.Constant(long, PLANE_GROUP)
-    count = builder.udiv(builder.add(n, ir.Constant(long, PLANE_GROUP - 1)), step)
-    with cgutils.for_range(builder, count) as loop:
-        first = builder.mul(loop.index, step)
-        yield first, [builder.add(first, ir.Constant(long, k)) for k in range(PLANE_GROUP)]
-
-
-def _shuffle(builder, a, b, order):
-    """A vector of elements of two others, which are counted through."""
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), order))
-
-
-def _transpose(builder, rows):
-    """Turn four vectors of four into their columns."""
-    low = [_shuffle(builder, rows[k], rows[k + 1], [0, 4, 1, 5]) for k in (0, 2)]
-    high = [_shuffle(builder, rows[k], rows[k + 1], [2, 6, 3, 7]) for k in (0, 2)]
-    return [_shuffle(builder, *pair, order) for pair in (low, high) for order in ([0, 1, 4, 5], [2, 3, 6, 7])]
-
-
 class _Ramp:
     """A vector value, value + dx, value + 2 dx, ... that moves by dy from row to row."""
 
     def __init__(self, builder, kind, value, dx, dy):
         lanes = ir.Constant(kind, list(range(LANES)))
-        first = builder.add(_splat(builder, kind, value), builder.mul(_splat(builder, kind, dx), lanes))
+        first = builder.add(splat(builder, kind, value), builder.mul(splat(builder, kind, dx), lanes))
         self._state = cgutils.alloca_once_value(builder, first)
-        self._step = _splat(builder, kind, dy)
+        self._step = splat(builder, kind, dy)
 
     def next(self, builder):
         """The vector of this row; moves on to the next."""
         value = builder.load(self._state)
         builder.store(builder.add(value, self._step), self._state)
         return value
-
-
-def _splat(builder, kind, value):
-    """A vector with the same value in every lane."""
-    nothing = ir.Constant(kind, ir.Undefined)
-    first = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(
-        first, nothing, ir.Constant(ir.VectorType(ir.IntType(32), kind.count), [0] * kind.count)
-    )

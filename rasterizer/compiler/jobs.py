@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from .cores import n_core
+from ..cores import n_core
 
 _PARENT = str(Path(__file__).resolve().parents[2])  # what the package is imported from
 _PROGRAM = """

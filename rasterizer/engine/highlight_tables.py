@@ -33,7 +33,7 @@ class HighlightTables:
         """
         if u not in self._known:
             self._known[u] = self._compute(u)
-        sums = np.clip(np.asarray(least_sums, float), 0.0, 2.0)
+        sums = np.clip(np.nan_to_num(least_sums, nan=0.0), 0.0, 2.0)  # of what is no number nothing is known
         row, column = np.arange(len(self._materials))[:, None], (STEPS * sums).astype(np.int64)
         return HighlightBounds(*(values[row, column] for values in self._known[u]))
 

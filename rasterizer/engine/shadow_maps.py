@@ -161,8 +161,8 @@ def draw_shadow_map(
             row[lookup.LAYER] = -1
             continue
         geometry = casters.geometry
-        planes = border_planes(light_view, projection, size)
-        if projection.is_perspective and _is_any_beyond(planes, light_view.eye, casters.corners):
+        planes = border_planes(light_view, projection, size) if projection.is_perspective else None
+        if planes is not None and _is_any_beyond(planes, light_view.eye, casters.corners):
             seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
             geometry = _some_faces(geometry, seen)
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
@@ -177,8 +177,10 @@ def draw_shadow_map(
 
 
 def _is_any_beyond(planes, eye, corners) -> bool:
-    """Tell whether some corner (n_mesh, 8, 3) of a box lies beyond some plane (n, 3) through the eye."""
-    return bool(((corners - eye) @ planes.T < 0.0).any())
+    """Tell whether some corner (n_mesh, 8, 3) of a box lies beyond some plane (n, 3) through the eye; not where that is
+    no number."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(((corners - eye) @ planes.T < 0.0).any())
 
 
 def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:

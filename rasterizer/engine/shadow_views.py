@@ -120,8 +120,9 @@ def reaches(light: Any, beam: Beam, corners: NDArray[np.float64]) -> bool:
     return bool(within.any())
 
 
-def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.float64]:
-    """Return the planes that bound what a map with perspective may show, (5, 3) normals: see pipeline/outcodes.py.
+def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.float64] | None:
+    """Return the planes that bound what a map with perspective may show, (5, 3) normals: see pipeline/outcodes.py. None
+    where all casters stand in one direction, so that the map is narrower than a number can say.
 
     What lies behind the light, or more than a texel beyond a border of the map: no rounding of vertices to 1/256 of one
     brings it back. A texel's column is center_x + scale_x·across/depth.
@@ -130,6 +131,8 @@ def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.f
     ----------
     side : texels a side of the map
     """
+    if not np.isfinite(projection[:4]).all():
+        return None
     across, upward = projection.scale_x * view.right, -projection.scale_y * view.up
     return np.stack(
         [

@@ -26,7 +26,7 @@ OF_NUMPY = ("numpy.typing", "numpy._typing", "numpy.ctypeslib")
 
 # Of the package's own modules, those that every picture of a model of triangles needs: folders or single modules.
 OWN = (
-    "choices", "errors", "frame", "options", "renderer", "version", "compiler", "pipeline",
+    "choices", "cores", "errors", "frame", "options", "renderer", "version", "compiler", "pipeline",
     "cli.arguments", "cli.cameras_lights", "cli.defaults", "cli.flags", "cli.help_texts", "cli.light_arguments",
     "cli.load_scene", "cli.material_arguments", "cli.messages", "cli.render_command", "cli.targets", "cli.values",
     "cli.warnings", "cli.write_targets",

@@ -23,7 +23,7 @@ LAYERS = (
     ("options",),
     ("scene",),
     ("compiler",),
-    ("choices", "errors", "version"),
+    ("choices", "cores", "errors", "version"),
 )
 RANKS = {name: rank for rank, layer in enumerate(reversed(LAYERS)) for name in layer}
 # The package itself has the public names of all layers, each imported on first use.
@@ -38,6 +38,7 @@ FORBIDDEN = {
     "reference": ("pipeline", "engine", "geometry", "compiler"),
     "options": ("pipeline", "engine", "geometry", "io", "compiler"),
     "choices": tuple(RANKS),
+    "cores": tuple(RANKS),
     "errors": tuple(RANKS),
 }
 
