@@ -33,7 +33,7 @@ from ..pipeline.layers import Opacity
 from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import most_units
-from ..pipeline.resolve import Picture, resolve, resolve_points
+from ..pipeline.resolve import Picture, resolve, resolve_averages
 from ..pipeline.scan import ScanCounts, scan
 from ..pipeline.shade import shade_interpolated
 from ..pipeline.shade_once import list_points, order_samples, spread_points
@@ -239,7 +239,7 @@ class ColorPass(Pass):
         encoding = self.encoding if n_channel == 1 else self.encoding._replace(is_grey=False)
         points = workspace.points
         if points is not None and not points.is_spread[0]:
-            return resolve_points(
+            return resolve_averages(
                 workspace.visibility, points.radiance[:n_channel], points, *rows,
                 self.factor, encoding, workspace.pixels, out,
             )  # fmt: skip

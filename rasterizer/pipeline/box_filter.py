@@ -49,6 +49,12 @@ def average_samples(visibility, radiance, translucent, first, factor, n, batch):
     """
     if factor == 1:
         return gather_sample_row(visibility, radiance, translucent, first, n, batch.values)
+    return average_several(visibility, radiance, translucent, first, factor, n, batch)
+
+
+@helper
+def average_several(visibility, radiance, translucent, first, factor, n, batch):
+    """See `average_samples`, for several samples a pixel."""
     # The factor as a constant: the compiler then makes vector instructions of the loops over pixels.
     if factor == 2:
         return average_squares(visibility, radiance, translucent, first, index(2), n, batch)
@@ -126,7 +132,7 @@ def average_weighted(visibility, radiance, translucent, first, factor, skipped, 
             sums[channel * NEXT + i] = 0.0
     for sub in range(row, row + np.int64(factor)):
         start = index(sub * visibility.pitch + column)
-        n_seen += fill_weights(visibility, translucent, (sub, column), n_sample, weights)
+        n_seen += fill_opacities(visibility, translucent, (sub, column), n_sample, weights)
         for channel in range(n_channel):
             add_weighted(radiance[channel, start : start + n_sample], weights, factor, n, sums[channel * NEXT :])
         add_weights(weights, factor, n, sums[ALPHA:])
@@ -135,7 +141,7 @@ def average_weighted(visibility, radiance, translucent, first, factor, skipped, 
 
 
 @helper
-def fill_weights(visibility, translucent, first, n, weights):
+def fill_opacities(visibility, translucent, first, n, weights):
     """Fill the opacity of n samples of a row, float64: 1 where something opaque is seen; return how many are not 0.
 
     `first` is the row and the column of samples of the first one.

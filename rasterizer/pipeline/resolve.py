@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from .box_filter import MOST_FACTOR, PIECE, average_points, average_samples, gather_samples
+from .box_filter import MOST_FACTOR, PIECE, average_points, average_samples, average_several, gather_samples
 from .encode import (
     ALPHA,
     PIXELS_SHAPE,
@@ -73,7 +73,7 @@ def resolve(visibility, radiance, translucent, y_start, y_end, factor, encoding,
         return resolve_bytes(visibility, radiance, y_start, y_end, encoding, out)
     if factor == 1:
         return resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out)
-    return resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, batch, out)
+    return resolve_averages(visibility, radiance, None, y_start, y_end, factor, encoding, batch, out)
 
 
 @helper
@@ -117,8 +117,12 @@ def resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out):
 
 
 @kernel
-def resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, batch, out):
-    """Average the samples of each pixel and write it; clear the band; return how many samples are covered."""
+def resolve_averages(visibility, radiance, points, y_start, y_end, factor, encoding, batch, out):
+    """Average the samples of each pixel and write it; clear the band; return how many samples are covered.
+
+    `points` is PointList, the points that pixels are shaded at, of all that the band shows (shade_once.py), and
+    `radiance` theirs; or None, and `radiance` that of the samples.
+    """
     n_covered = np.int64(0)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
@@ -126,23 +130,10 @@ def resolve_averages(visibility, radiance, y_start, y_end, factor, encoding, bat
         fill_blank(out, j, first, end, encoding)
         for left in range(first, end, BATCH_SIZE):
             n = index(min(end - left, BATCH_SIZE))
-            n_covered += average_samples(visibility, radiance, None, (row, left), factor, n, batch)
-            write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
-    clear(visibility, (y_end - y_start) * factor)
-    return n_covered
-
-
-@kernel
-def resolve_points(visibility, radiance, points, y_start, y_end, factor, encoding, batch, out):
-    """As `resolve_averages`, from the points that pixels are shaded at, of all that the band shows (shade_once.py)."""
-    n_covered = np.int64(0)
-    for j in range(y_start, y_end):
-        row = (j - y_start) * factor
-        first, end = covered_columns(visibility, row, factor)
-        fill_blank(out, j, first, end, encoding)
-        for left in range(first, end, BATCH_SIZE):
-            n = index(min(end - left, BATCH_SIZE))
-            n_covered += average_points(visibility.pitch, points, radiance, (row, left), factor, n, batch.values)
+            if points is not None:
+                n_covered += average_points(visibility.pitch, points, radiance, (row, left), factor, n, batch.values)
+            else:
+                n_covered += average_several(visibility, radiance, None, (row, left), factor, n, batch)
             write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
     clear(visibility, (y_end - y_start) * factor)
     return n_covered

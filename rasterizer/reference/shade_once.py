@@ -16,8 +16,6 @@ from .shading import Fragments
 from .surface import Surface
 from .visibility import Raster, compute_weight_steps, find_visible, weights_at
 
-NO_PIECE = -1
-
 
 class SharedPoints:
     """The points that the samples of a grid share."""
