@@ -26,7 +26,8 @@ def make_coding(plan: Plan, screen, tolerance, step=1.0) -> Coding:
     """Say what entries and records hold, for one view; `step` is what `lookup_step` returns.
 
     What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are given with
-    the model, the rest for textures; or all is for intensities, with textures one half for each.
+    the model, the rest for textures. Or all is for intensities; with textures a quarter: where a triangle bends them by
+    more they have weights, and err by next to nothing.
     """
     of_materials, depths, n_material = plan.of_materials, scale_depths(screen), len(plan.materials)
     rows = of_materials.ways, of_materials.needs, of_materials.reads_double, of_materials.n_attributes
@@ -41,8 +42,8 @@ def make_coding(plan: Plan, screen, tolerance, step=1.0) -> Coding:
             *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position or plan.cue is not None,
             code_textures(plan, of_textures, step), depths,
         )  # fmt: skip
-    limits = np.where(of_materials.is_looked_up, left / 2, left)
-    textures = code_textures(plan, left / 2, step)
+    limits = np.where(of_materials.is_looked_up, left / 4, left)
+    textures = code_textures(plan, left * 3 / 4, step)
     return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, plan.cue is not None, textures, depths)
 
 
