@@ -2,13 +2,15 @@
 
 import json
 import os
-import platform
 import subprocess
 import sys
 from pathlib import Path
-from time import perf_counter
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
+from rasterizer.analysis.timing import describe_machine
+from rasterizer.analysis.timing import take_turns as take_turns
 
 try:
     import resource
@@ -17,41 +19,15 @@ except ImportError:  # Windows
 
 BUSY_LOAD = 0.3  # load average from which on somebody else is computing
 BUSY_SHARE = 0.05  # likewise, their part of all cores while we measure
-LEAST_ROUNDS = 3
-
-
-def machine() -> dict:
-    """Describe the machine and what runs on it."""
-    import llvmlite
-    import numba
-
-    import rasterizer
-    from rasterizer.options import Options
-
-    versions = {module.__name__: module.__version__ for module in (np, numba, llvmlite, rasterizer)}
-    return {"cpu": _cpu_name(), "cores": Options().n_thread, "system": platform.platform(terse=True),
-            "python": platform.python_version(), **versions}  # fmt: skip
-
-
-def _cpu_name() -> str:
-    """The processor's model name."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 class Machine:
-    """Print and hold what `machine` finds; tell before and after measuring whether other work is running."""
+    """Print and hold what `describe_machine` finds; tell before and after measuring whether other work is running."""
 
     def __init__(self):
-        self.found = machine()
-        print(", ".join(f"{key} {value}" for key, value in self.found.items()))
-        load = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
-        self.found["load"] = load
+        self.found = describe_machine()
+        print(", ".join(f"{key} {value}" for key, value in self.found.items() if key != "load"))
+        load = self.found["load"]
         if load is not None and load > BUSY_LOAD:
             _warn(f"load average {load}")
         self._start = _busy_seconds()
@@ -92,32 +68,6 @@ def yardstick() -> None:
 
 _YARD = np.full(2**20, 0.5)
 _YARD_SUM = np.empty_like(_YARD)
-
-
-def take_turns(calls: dict, seconds: float, most: int) -> dict:
-    """Call functions in turns, round by round, so that a disturbance hits all of them alike.
-
-    Parameters
-    ----------
-    calls : name -> function without arguments
-    seconds : time limit for all of them together; at least LEAST_ROUNDS rounds are made
-    most : rounds
-
-    Returns
-    -------
-    name -> (milliseconds (n_round,) float64, list of the `.stats` of what the calls returned, or of None)
-    """
-    times, stats = {name: [] for name in calls}, {name: [] for name in calls}
-    start, n_round = perf_counter(), 0
-    while n_round < LEAST_ROUNDS or (n_round < most and perf_counter() - start < seconds):
-        for name, call in calls.items():
-            before = perf_counter()
-            result = call()
-            times[name].append(1000.0 * (perf_counter() - before))
-            stats[name].append(getattr(result, "stats", None))
-            del result  # its arrays are given back before the next call asks for some
-        n_round += 1
-    return {name: (np.array(times[name]), stats[name]) for name in calls}
 
 
 def spread(times: np.ndarray) -> float:

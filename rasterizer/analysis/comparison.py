@@ -68,7 +68,7 @@ def compare(a: Frame | ArrayLike, b: Frame | ArrayLike) -> Comparison:
     ------
     SceneError : not a picture, a frame without one, values that are not finite, or two sizes
     """
-    first, second = _picture(a), _picture(b)
+    first, second = picture_of(a), picture_of(b)
     if first.levels.shape != second.levels.shape:
         raise SceneError(f"pictures must have one size to be compared; given {_shape(first)} and {_shape(second)}")
     steps = np.abs(first.levels.astype(np.int16) - second.levels.astype(np.int16))
@@ -93,7 +93,7 @@ def _shape(picture: _Picture) -> str:
     return f"{width}x{height} with {n_channel} channels"
 
 
-def _picture(source: Frame | ArrayLike) -> _Picture:
+def picture_of(source: Frame | ArrayLike) -> _Picture:
     """Take a frame or an array apart."""
     if isinstance(source, Frame):
         linear = source.color if source.has("color") else None

@@ -1,4 +1,4 @@
-"""The command line: `raster render MODEL...`, `raster compare MODEL...` and `raster warmup`.
+"""The command line: `raster render MODEL...`, `compare`, `bench` and `warmup`.
 
     arguments ─ models, outputs ─ cameras, lights ─ load ─ Renderer ─ file
     argparse    globs, names      before anything    one model after the other
@@ -133,6 +133,8 @@ def _run(arguments, messages, is_imported) -> int:
         return DONE
     if arguments.command == "compare":
         from .compare_command import compare_models as run
+    elif arguments.command == "bench":
+        from .bench_command import bench_models as run
     else:
         from .render_command import render_models as run
     is_imported()

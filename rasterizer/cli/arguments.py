@@ -5,7 +5,7 @@ import re
 
 from ..errors import SceneError
 from ..version import __version__
-from .help_texts import COMPARE, EXAMPLES
+from .help_texts import BENCH, COMPARE, EXAMPLES
 
 _COMMANDS = {  # name: what `raster --help` says, and the arguments of its parser
     "render": (
@@ -22,6 +22,14 @@ _COMMANDS = {  # name: what `raster --help` says, and the arguments of its parse
         {
             "usage": "raster compare MODEL... [-o OUT] [options]",
             "description": COMPARE,
+            "formatter_class": argparse.RawDescriptionHelpFormatter,
+        },
+    ),
+    "bench": (
+        "measure time against error of each way to draw a model, on this machine",
+        {
+            "usage": "raster bench MODEL... [--plot OUT] [options]",
+            "description": BENCH,
             "formatter_class": argparse.RawDescriptionHelpFormatter,
         },
     ),

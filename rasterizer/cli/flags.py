@@ -12,8 +12,9 @@ from .messages import NORMAL, QUIET, VERBOSE
 
 
 def add_flags(parser, command: str) -> None:
-    """Add the flags of a command, "render", "compare" or "warmup", to its parser."""
-    {"render": _add_render, "compare": _add_compare, "warmup": _add_warmup}[command](parser)
+    """Add the flags of a command to its parser."""
+    adders = {"render": _add_render, "compare": _add_compare, "bench": _add_bench, "warmup": _add_warmup}
+    adders[command](parser)
 
 
 def fill_in_defaults(arguments) -> None:
@@ -52,6 +53,65 @@ def _add_compare(parser) -> None:
     _add_messages(parser)
 
 
+def _add_bench(parser) -> None:
+    parser.set_defaults(outputs=None, default_name=None, default_size=Options.size)
+    _add_models(parser)
+    parser.add_argument(
+        "--plot",
+        dest="output",
+        metavar="OUT",
+        help="draw time against error, as .png, .svg or .pdf; with {stem} or {view} for several (needs matplotlib)",
+    )
+    _add_size(parser, Options.size)
+    parser.add_argument("--json", action="store_true", help="print a line of JSON for each model instead of the table")
+    _add_measured(parser.add_argument_group("what is measured", "Lists have commas between their values."))
+    _add_camera(parser)
+    _add_look(parser.add_argument_group("look"))
+    _add_loading(parser.add_argument_group("loading and speed"))
+    _add_messages(parser)
+
+
+def _add_measured(group) -> None:
+    add = group.add_argument
+    add(
+        "--shadings",
+        type=values.list_of(str, choices.SHADINGS),
+        default=("flat", "gouraud", "phong"),
+        metavar="LIST",
+        help="(default flat,gouraud,phong)",
+    )
+    add(
+        "--subdivisions",
+        type=values.list_of(values.whole, range(16)),
+        default=(0, 1, 2),
+        metavar="LIST",
+        help="times that triangles are cut in four for gouraud (default 0,1,2)",
+    )
+    add(
+        "--samples",
+        dest="list_of_samples",
+        type=values.list_of(values.whole, choices.SAMPLES),
+        default=(1, 4, 16),
+        metavar="LIST",
+        help="samples a pixel (default 1,4,16)",
+    )
+    add(
+        "--tolerances",
+        type=values.list_of(values.tolerance),
+        default=(0.0, Options.tolerance, 1 / 64),
+        metavar="LIST",
+        help="(default 0,1/4096,1/64)",
+    )
+    add(
+        "--no-axes",
+        dest="has_axes",
+        action="store_false",
+        help="leave out what else the scene has: reflection, shadow maps, area lights, textures, spectra",
+    )
+    add("--flip", dest="with_flip", action="store_true", help="also FLIP, 0 to 1 (needs flip-evaluator; a second a row)")
+    add("--seconds", type=values.number, default=60.0, metavar="N", help="time limit (default 60); compiling is extra")
+
+
 def _add_warmup(parser) -> None:
     parser.add_argument(
         "--into",
@@ -64,16 +124,33 @@ def _add_warmup(parser) -> None:
     _add_messages(parser)
 
 
-def _add_files(parser, default_name, size) -> None:
-    parser.set_defaults(default_name=default_name, default_size=size)
-    add = parser.add_argument
+def _add_models(parser) -> None:
     models, scenes = (", ".join(formats.names(is_scene=is_scene)) for is_scene in (False, True))
-    add(
+    parser.add_argument(
         "models",
         nargs="+",
         metavar="MODEL",
         help=f"{models} files, scene files ({scenes}), or patterns such as 'parts/*.stl'; - is stdin",
     )
+    parser.add_argument(
+        "--input-format", choices=formats.names(), help="of the models, whatever their suffix; needed for stdin"
+    )
+
+
+def _add_size(parser, size) -> None:
+    parser.add_argument(
+        "-s",
+        "--size",
+        type=values.picture_size,
+        metavar="WxH",
+        help=f"pixels, or one number for a square (default {size[0]}x{size[1]})",
+    )
+
+
+def _add_files(parser, default_name, size) -> None:
+    parser.set_defaults(default_name=default_name, default_size=size)
+    _add_models(parser)
+    add = parser.add_argument
     add(
         "-o",
         "--output",
@@ -82,19 +159,12 @@ def _add_files(parser, default_name, size) -> None:
         "-VIEW before .png for several views), a folder, a template with {stem} {ext} {view}, or - for stdout; "
         "the suffix chooses the format; a .tif or .npy that is larger than the memory is written while it is drawn",
     )
-    add(
-        "-s",
-        "--size",
-        type=values.picture_size,
-        metavar="WxH",
-        help=f"pixels, or one number for a square (default {size[0]}x{size[1]})",
-    )
+    _add_size(parser, size)
     add(
         "--json",
         action="store_true",
         help="print a line of JSON for each picture on stdout (on stderr with -o -)",
     )
-    add("--input-format", choices=formats.names(), help="of the models, whatever their suffix; needed for stdin")
 
 
 def _add_array(parser) -> None:
@@ -278,7 +348,7 @@ def _add_range(group) -> None:
 def _add_tolerance(group) -> None:
     group.add_argument(
         "--tolerance",
-        type=values.number,
+        type=values.tolerance,
         metavar="T",
         help="error accepted, in linear intensity with white = 1; 0 = as exact as float64 (default 1/4096: "
         "8-bit values are off by one level at most, but next to steps of the light)",

@@ -145,12 +145,43 @@ def compilation_shown(messages):
             progress.end()
 
 
+class Bar:
+    """A bar on a terminal about work of many parts; elsewhere it says nothing."""
+
+    def __init__(self, messages):
+        self.is_shown = messages.level == NORMAL and sys.stderr is not None and sys.stderr.isatty()
+        self._is_drawn = False
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.end()
+
+    def show(self, n_done: int, n: int, what: str) -> None:
+        """Show how many parts are done, and what comes now."""
+        if self.is_shown:
+            n_filled = BAR_WIDTH * n_done // max(n, 1)
+            bar = "#" * n_filled + "." * (BAR_WIDTH - n_filled)
+            # An escape sequence of terminals clears the rest of the line.
+            sys.stderr.write(f"\rraster: [{bar}] {n_done}/{n} {what}\x1b[K")
+            sys.stderr.flush()
+            self._is_drawn = True
+
+    def end(self) -> None:
+        """Take the bar off the terminal."""
+        if self._is_drawn:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+            self._is_drawn = False
+
+
 class Progress:
     """Lines about kernels that are being compiled: a bar on a terminal, else some lines."""
 
     def __init__(self, messages, is_every_run: bool):
         self._messages, self._is_every_run = messages, is_every_run
-        self._is_bar = messages.level == NORMAL and sys.stderr is not None and sys.stderr.isatty()
+        self._bar = Bar(messages)
         self.n_shown, self._last = 0, -1
 
     def show(self, name: str, n_done: int, n_kernel: int) -> None:
@@ -158,23 +189,17 @@ class Progress:
         self.n_shown += 1
         if self._is_every_run and self.n_shown == 1:
             self._messages.notice(_EVERY_RUN)
-        if not self._is_bar:
+        if not self._bar.is_shown:
             part = n_done * LINES // n_kernel
             if n_kernel <= LINES or part > self._last:
                 self._last = part
                 self._messages.notice(f"compiling kernels for the first time: {name}, {n_done} of {n_kernel} done")
             return
-        n_filled = BAR_WIDTH * n_done // n_kernel
-        bar = "#" * n_filled + "." * (BAR_WIDTH - n_filled)
-        # An escape sequence of terminals clears the rest of the line.
-        sys.stderr.write(f"\rraster: compiling kernels [{bar}] {n_done}/{n_kernel} {name}\x1b[K")
-        sys.stderr.flush()
+        self._bar.show(n_done, n_kernel, f"compiling {name}")
 
     def end(self) -> None:
         """Take the bar off the terminal."""
-        if self._is_bar and self.n_shown:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
+        self._bar.end()
 
 
 @contextmanager

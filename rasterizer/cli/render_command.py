@@ -43,14 +43,15 @@ def render_models(arguments, messages) -> tuple[list, int]:
     return draw_models(arguments, messages, _render_model)
 
 
-def draw_models(arguments, messages, draw) -> tuple[list, int]:
-    """Hand every model to `draw`, which is called with its targets, the arguments, the Settings and the messages.
+def draw_models(arguments, messages, draw, check_suffix=None) -> tuple[list, int]:
+    """Hand every model to `draw`, which is called with its targets, the arguments, the Settings and the messages;
+    `check_suffix` is that of `plan_targets`.
 
     Returns and raises what `render_models` does.
     """
     settings = make_settings(arguments)
     check_camera(arguments)
-    plan = plan_targets(arguments)
+    plan = plan_targets(arguments, check_suffix)
     failures = []
     with compilation_shown(messages), Outputs(plan, arguments) as outputs:
         for number, targets in enumerate(plan):

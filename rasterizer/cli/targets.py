@@ -19,11 +19,12 @@ class Target(NamedTuple):
 
     model: str  # path, or - for stdin
     view: str | None  # a name out of VIEWS; None = the angles or the eye given
-    output: str  # path, or - for stdout
+    output: str  # path, - for stdout, or "" where no file is asked for
 
 
-def plan_targets(arguments) -> list[list[Target]]:
-    """List the pictures of each model.
+def plan_targets(arguments, check_suffix=None) -> list[list[Target]]:
+    """List the pictures of each model; `check_suffix(suffix, output, array)` refuses what can't be written, None = what
+    is no format of pictures or arrays.
 
     Raises
     ------
@@ -38,11 +39,11 @@ def plan_targets(arguments) -> list[list[Target]]:
     template = _template(arguments)
     plan = [[Target(model, view, _fill(template, model, view, arguments)) for view in views] for model in models]
     targets = [target for row in plan for target in row]
-    if template == STDIO:
+    if template == STDIO and check_suffix is None:
         _check_stdout(len(targets))
-    else:
+    elif template:
         for suffix, output in {Path(target.output).suffix.lower(): target.output for target in targets}.items():
-            _check_suffix(suffix, output, arguments.outputs)
+            (check_suffix or _check_suffix)(suffix, output, arguments.outputs)
         _check_names(targets)
         textures = [given["texture"] for given in arguments.materials if given.get("texture")]
         _check_reads(targets, [model for model in models if model != STDIO] + textures)
@@ -59,9 +60,11 @@ def _expand(patterns) -> list[str]:
 
 
 def _template(arguments) -> str:
-    """The output as a template with a suffix."""
+    """The output as a template with a suffix; "" where none is asked for, and none has a default."""
+    if arguments.output is None and arguments.default_name is None:
+        return ""
     suffix = ".npy" if arguments.outputs else ".png"
-    name = arguments.default_name + ("-{view}" if len(arguments.views) > 1 else "") + suffix
+    name = (arguments.default_name or "{stem}-bench") + ("-{view}" if len(arguments.views) > 1 else "") + suffix
     output = arguments.output
     if output is None:
         return name

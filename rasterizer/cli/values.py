@@ -15,6 +15,29 @@ def number(text) -> float:
     return value
 
 
+def tolerance(text) -> float:
+    """A finite number from 0 on, or one over another: 1/4096."""
+    above, slash, below = text.partition("/")
+    value = number(above) / (number(below) or float("nan")) if slash else number(text)
+    if not 0.0 <= value < float("inf"):
+        raise argparse.ArgumentTypeError(f"a number from 0 on is needed, such as 0 or 1/4096; given {text!r}")
+    return value
+
+
+def list_of(read, legal=None):
+    """The type of values between commas, each once; `read` makes one of a text."""
+
+    def values(text) -> tuple:
+        found = tuple(dict.fromkeys(read(part) for part in text.split(",")))
+        for value in found:
+            if legal is not None and value not in legal:
+                words = ", ".join(map(str, legal))
+                raise argparse.ArgumentTypeError(f"one or several of {words}, with commas, are needed; given {text!r}")
+        return found
+
+    return values
+
+
 def whole(text) -> int:
     """A whole number."""
     try:

@@ -50,7 +50,7 @@ def test_on_a_terminal_a_bar_is_shown_and_taken_away(tmp_path, level):
         *bars, end = told.split("\x1b[K")
         bars, empty = [bar.removeprefix("\r") for bar in bars[:-1]], bars[-1]
         assert bars == [
-            f"raster: compiling kernels [{'.' * BAR_WIDTH}] 0/1 {name}" for name in ("list_corners", "lambert")
+            f"raster: [{'.' * BAR_WIDTH}] 0/1 compiling {name}" for name in ("list_corners", "lambert")
         ]
         assert empty == "\r" and end == "", "the bar is left on the terminal"
     else:

@@ -1,0 +1,124 @@
+"""The picture that is approximated, and how far another one is from it.
+
+The ground truth is Phong's shading at 64 samples a pixel with tolerance 0: nothing is saved. What a picture's error
+consists of is found by comparing it with pictures that save one thing less:
+
+    error     = against the ground truth                             all of it
+    method    = against Phong, same samples, tolerance 0             where light is evaluated: polygons, vertices
+    sampling  = Phong, same samples, against the ground truth        edges, highlights and textures between samples
+    rounding  = against the same method and samples, tolerance 0     arithmetic
+
+Pictures are compared as light on black: colours times the share of a pixel that is covered.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..renderer import Renderer
+from ..scene.color import srgb_from_linear
+from ..scene.scene import Scene
+from .color_difference import delta_e_2000, lab_from_linear
+from .flip import flip_map
+
+_FINER = 2  # pixels along each axis of a pixel, of 16 samples each: a grid of 8 x 8
+
+
+class Light(NamedTuple):
+    """A picture as the light that it sends out."""
+
+    color: NDArray[np.float64]  # (height, width, 3) linear; 0 where nothing is
+    alpha: NDArray[np.float64]  # (height, width) covered share
+
+
+class Errors(NamedTuple):
+    """How far a picture is from another one, over the pixels that either covers.
+
+    Attributes
+    ----------
+    max, rms : largest, and root mean square, difference of a channel, in linear intensity where 1 is white
+    levels : largest difference of an 8-bit value
+    over_one : share of the 8-bit values that are more than one level off
+    delta_e, delta_e_max : mean and largest colour difference (CIEDE2000); about 1 is just noticed
+    silhouette : difference of the covered areas, pixels
+    n_pixel : pixels that were compared
+    flip : mean FLIP, 0 to 1; None where it wasn't asked for
+    """
+
+    max: float
+    rms: float
+    levels: int
+    over_one: float
+    delta_e: float
+    delta_e_max: float
+    silhouette: float
+    n_pixel: int
+    flip: float | None = None
+
+
+def draw_light(scene: Scene, size: tuple[int, int], **options) -> Light:
+    """Draw a scene; options are those of `rasterizer.render`."""
+    with Renderer(scene, size, outputs=("color",), **options) as renderer:
+        frame = renderer.render()
+    alpha = frame.alpha.astype(np.float64)
+    return Light(frame.color * alpha[..., None], alpha)
+
+
+def draw_ground_truth(scene: Scene, size: tuple[int, int], **options) -> Light:
+    """Draw a scene by Phong's shading at 64 samples a pixel with tolerance 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : (width, height) in pixels
+    options : those of `rasterizer.render`, but for shading, samples and tolerance
+    """
+    width, height = size
+    options = options | {"shading": "phong", "samples": 16, "tolerance": 0.0}
+    fine = draw_light(scene, (_FINER * width, _FINER * height), **options)
+    return Light(_averaged(fine.color), _averaged(fine.alpha))
+
+
+def _averaged(values: NDArray) -> NDArray:
+    """The means of squares of pixels."""
+    height, width, *rest = values.shape
+    return values.reshape(height // _FINER, _FINER, width // _FINER, _FINER, *rest).mean(axis=(1, 3))
+
+
+def measure_errors(found: Light, expected: Light, with_flip: bool = False) -> Errors:
+    """Measure how far one picture is from another one of the same size.
+
+    Raises SceneError where FLIP is asked for and flip-evaluator isn't installed.
+    """
+    is_drawn = (found.alpha > 0.0) | (expected.alpha > 0.0)
+    silhouette = float(np.abs(found.alpha - expected.alpha).sum())
+    if not is_drawn.any():
+        return Errors(0.0, 0.0, 0, 0.0, 0.0, 0.0, silhouette, 0, 0.0 if with_flip else None)
+    found_color, expected_color = found.color[is_drawn], expected.color[is_drawn]
+    difference = np.abs(found_color - expected_color)
+    levels = np.abs(_levels(found_color) - _levels(expected_color))
+    delta_e = delta_e_2000(lab_from_linear(found_color), lab_from_linear(expected_color))
+    return Errors(
+        max=float(difference.max()),
+        rms=float(np.sqrt(np.mean(difference**2))),
+        levels=int(levels.max()),
+        over_one=float(np.mean(levels > 1)),
+        delta_e=float(delta_e.mean()),
+        delta_e_max=float(delta_e.max()),
+        silhouette=silhouette,
+        n_pixel=int(is_drawn.sum()),
+        flip=float(flip_map(found.color, expected.color)[is_drawn].mean()) if with_flip else None,
+    )
+
+
+def rms_error(found: Light, expected: Light) -> float:
+    """The `rms` of `measure_errors` alone, which is quicker."""
+    is_drawn = (found.alpha > 0.0) | (expected.alpha > 0.0)
+    difference = found.color[is_drawn] - expected.color[is_drawn]
+    return float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
+
+
+def _levels(linear: NDArray) -> NDArray[np.int16]:
+    """Linear colours as 8-bit sRGB."""
+    return np.rint(255.0 * srgb_from_linear(np.clip(linear, 0.0, 1.0))).astype(np.int16)

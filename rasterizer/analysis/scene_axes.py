@@ -1,0 +1,222 @@
+"""What else decides about time and error, where a scene has it: shadow maps, area lights, textures, spectra, reflection.
+
+One thing is changed at a time; the rest stays what the scene says. Each is compared with the same picture in which that
+thing isn't saved at.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..choices import ANTIALIASES, FILTERS, REFLECTIONS
+from ..renderer import Renderer
+from ..scene.lights import AmbientLight, AreaLight, Light
+from ..scene.scene import Scene
+from ..scene.shadow import Shadow
+from .ground_truth import Errors, draw_ground_truth, draw_light, measure_errors
+from .timing import take_turns
+
+_SIZES = (256, 512, 1024, 2048, 4096)
+_FILTERS = (1, 3, 5)
+_CELLS = (1, 2, 4, 8)
+_WAVES = (5, 9, 21, 41, 81)
+_FINEST_MAP, _FINEST_AREA, _FINEST_SHADOWED_AREA, _FINEST_SPECTRUM = 8192, 64, 12, 401
+_MOST_ROUNDS = 15
+
+
+class Variant(NamedTuple):
+    """A scene in which one thing is changed, and options that go with it."""
+
+    value: str
+    scene: Scene
+    options: dict
+
+
+class Axis(NamedTuple):
+    """One thing that is changed.
+
+    Attributes
+    ----------
+    name : text
+    against : what the errors are measured against, in words; "" where there is nothing: another look is no error
+    variants : list of Variant
+    finest : Variant that the errors are measured against; None = the ground truth of the scene, or nothing
+    """
+
+    name: str
+    against: str
+    variants: list[Variant]
+    finest: Variant | None
+
+
+class AxisRow(NamedTuple):
+    """What one value of an axis costs: milliseconds, the same as a multiple of the scene's own, and the error."""
+
+    axis: str
+    value: str
+    ms: float
+    ratio: float
+    error: Errors | None
+    against: str
+
+
+def list_axes(scene: Scene, options: dict) -> list[Axis]:
+    """List what can be changed in a scene; options are those of `rasterizer.render`."""
+    return [axis for axis in (_shadow_size(scene), _shadow_filter(scene), _area(scene), _texture(scene),
+                              _spectrum(scene, options), _antialias(scene), _reflection(scene))
+            if axis is not None]  # fmt: skip
+
+
+def measure_axes(
+    scene: Scene, size: tuple[int, int], seconds: float, progress: Callable[[int, int, str], None], **options: Any
+) -> list[AxisRow]:
+    """Measure every value of every axis, by Phong's shading with 4 samples a pixel and the default tolerance.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : (width, height) in pixels
+    seconds : time in which calls take turns, of all axes together
+    progress : is called with the number of axes done, that of all, and the name of the one that is begun
+    options : further options of `rasterizer.render`
+    """
+    options = options | {"shading": "phong", "samples": 4}
+    axes, rows = list_axes(scene, options), []
+    for done, axis in enumerate(axes):
+        progress(done, len(axes), axis.name)
+        rows += _measure_axis(axis, scene, size, seconds / len(axes), options)
+    return rows
+
+
+def _measure_axis(axis: Axis, scene, size, seconds, options) -> Iterator[AxisRow]:
+    """Yield a row for each value; they take turns with the scene as it is."""
+    truth = _truth_of(axis, scene, size, options)
+    with ExitStack() as stack:
+        calls = {}
+        for variant in (Variant("", scene, {}), *axis.variants):
+            settings = options | variant.options | {"outputs": ("rgb",)}
+            calls[variant.value] = stack.enter_context(Renderer(variant.scene, size, **settings)).render
+            calls[variant.value]()  # compiles and allocates
+        turns = {value: times for value, (times, _) in take_turns(calls, seconds, _MOST_ROUNDS).items()}
+    for variant in axis.variants:
+        error = None
+        if truth is not None:
+            error = measure_errors(draw_light(variant.scene, size, **options | variant.options), truth)
+        ratio = float(np.median(turns[variant.value] / turns[""]))
+        yield AxisRow(axis.name, variant.value, ratio * float(np.median(turns[""])), ratio, error, axis.against)
+
+
+def _truth_of(axis, scene, size, options):
+    """What an axis' pictures are compared with."""
+    if axis.finest is not None:
+        return draw_light(axis.finest.scene, size, **options | axis.finest.options | {"tolerance": 0.0})
+    return draw_ground_truth(scene, size, **options) if axis.against else None
+
+
+def _changed_lights(scene: Scene, change: Callable[[Light], Light]) -> Scene:
+    return replace(scene, lights=tuple(change(light) for light in scene.lights))
+
+
+def _with_shadow(scene: Scene, **fields: int) -> Scene:
+    """A scene whose shadows have other fields."""
+
+    def change(light):
+        shadow = getattr(light, "shadow", None)
+        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
+
+    return _changed_lights(scene, change)
+
+
+def _shadows(scene: Scene) -> list[Shadow]:
+    return [light.shadow for light in scene.lights if getattr(light, "shadow", None) is not None]
+
+
+def _finest_shadows(scene: Scene) -> Variant:
+    return Variant("finest", _with_shadow(scene, size=_FINEST_MAP, filter=1), {})
+
+
+def _shadow_size(scene: Scene) -> Axis | None:
+    shadows = _shadows(scene)
+    if not shadows:
+        return None
+    sizes = sorted({*_SIZES, *(shadow.size for shadow in shadows)})
+    variants = [Variant(f"{size}²", _with_shadow(scene, size=size), {}) for size in sizes]
+    return Axis("shadow map", f"maps of {_FINEST_MAP}², unfiltered", variants, _finest_shadows(scene))
+
+
+def _shadow_filter(scene: Scene) -> Axis | None:
+    if not _shadows(scene):
+        return None
+    variants = [Variant(f"{n} x {n}", _with_shadow(scene, filter=n), {}) for n in _FILTERS]
+    return Axis("shadow filter", f"maps of {_FINEST_MAP}², unfiltered", variants, _finest_shadows(scene))
+
+
+def _area(scene: Scene) -> Axis | None:
+    areas = [light for light in scene.lights if isinstance(light, AreaLight)]
+    if not areas:
+        return None
+
+    def divided(n: int) -> Scene:
+        return _changed_lights(
+            scene, lambda light: replace(light, resolution=(n, n)) if isinstance(light, AreaLight) else light
+        )
+
+    # The cells of a light that casts shadows have a map each.
+    finest = _FINEST_AREA if all(light.shadow is None for light in areas) else _FINEST_SHADOWED_AREA
+    variants = [Variant(f"{n} x {n} cells", divided(n), {}) for n in _CELLS]
+    return Axis("area light", f"{finest} x {finest} cells", variants, Variant("finest", divided(finest), {}))
+
+
+def _texture(scene: Scene) -> Axis | None:
+    materials = [material for mesh in scene.meshes for material in mesh.palette]
+    if all(material.texture is None for material in materials):
+        return None
+
+    def filtered(word: str) -> Scene:
+        return _changed_materials(
+            scene,
+            lambda m: m if m.texture is None else replace(m, texture=replace(m.texture, filter=word)),
+        )
+
+    return Axis("texture filter", "64 samples a pixel", [Variant(word, filtered(word), {}) for word in FILTERS], None)
+
+
+def _spectrum(scene: Scene, options: dict) -> Axis | None:
+    colors = [light.color for light in scene.lights]
+    for mesh in scene.meshes:
+        for material in mesh.palette:
+            colors += [material.ambient, material.diffuse, material.specular, material.emissive]
+    if options.get("spectral") is None and not any(hasattr(color, "wavelengths") for color in colors):
+        return None
+    variants = [Variant(f"{n} samples", scene, {"spectral": n}) for n in _WAVES]
+    finest = Variant("finest", scene, {"spectral": _FINEST_SPECTRUM})
+    return Axis("spectrum", f"{_FINEST_SPECTRUM} samples of the spectrum", variants, finest)
+
+
+def _antialias(scene: Scene) -> Axis:
+    variants = [Variant(word, scene, {"antialias": word}) for word in ANTIALIASES]
+    return Axis("antialias", "64 samples a pixel", variants, None)
+
+
+def _reflection(scene: Scene) -> Axis | None:
+    if all(isinstance(light, AmbientLight) for light in scene.lights):
+        return None
+    variants = [
+        Variant(word, _changed_materials(scene, lambda m, word=word: replace(m, reflection=word)), {})
+        for word in REFLECTIONS
+    ]
+    return Axis("reflection", "", variants, None)
+
+
+def _changed_materials(scene: Scene, change: Callable[[Any], Any]) -> Scene:
+    """A scene whose materials are changed."""
+
+    def changed(mesh):
+        palette = tuple(change(material) for material in mesh.palette)
+        own = {"material": palette[0]} | ({} if mesh.materials is None else {"materials": palette})
+        return replace(mesh, **own)
+
+    return replace(scene, meshes=tuple(changed(mesh) for mesh in scene.meshes))

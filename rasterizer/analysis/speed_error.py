@@ -1,0 +1,348 @@
+"""Speed against error: what each way to draw a scene costs, and how far its picture is from the ground truth.
+
+    methods ─ draw, compare ─ time, in turns ─ front ─ advice
+    list_methods  errors.. of a method      rows nothing beats      one sentence
+
+A row that another row beats in both, time and error, is of no use to anybody. The others are the front: less error costs
+more time. What the error is made of is said in ground_truth.py.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from fractions import Fraction
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from ..renderer import Renderer
+from ..scene.sample import SIZE, sample_scene
+from ..scene.scene import Scene
+from .ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors, rms_error
+from .timing import take_turns
+
+MOST_FACES = 2**22  # of a subdivided scene: some 2 GB
+MOST_ROUNDS = 25
+_MEASURED = 0.6  # share of the time limit in which calls take turns; the rest is for drawing what is compared
+_ALIKE = 1.1  # errors within 10 % of each other are alike: no eye tells them apart
+_AS_QUICK = 1.05  # times within 5 % are: other work on the machine makes as much
+_NAMES = {"flat": "flat shading", "lambert": "flat shading", "gouraud": "Gouraud", "phong": "Phong"}
+_TIMES = {0: "", 1: ", subdivided once", 2: ", subdivided twice"}
+
+
+class Method(NamedTuple):
+    """A way to draw a scene."""
+
+    shading: str
+    subdivisions: int  # times that every triangle is cut in four
+    samples: int  # a pixel
+    tolerance: float
+
+    def __str__(self) -> str:
+        return f"{self.name}, {count(self.samples, 'sample')}, tolerance {told(self.tolerance)}"
+
+    @property
+    def name(self) -> str:
+        """Shading and subdivision in words."""
+        return _NAMES[self.shading] + _TIMES.get(self.subdivisions, f", subdivided {self.subdivisions} times")
+
+    @property
+    def options(self) -> dict:
+        """The method as options of `rasterizer.render`."""
+        return {"shading": self.shading, "samples": self.samples, "tolerance": self.tolerance}
+
+
+class Row(NamedTuple):
+    """What one method costs, and what it is worth.
+
+    Attributes
+    ----------
+    method : Method
+    ms : median milliseconds of a warm frame
+    ns_triangle, ns_pixel : the same as nanoseconds for each triangle drawn from, and for each covered pixel
+    error : Errors against the ground truth
+    of_method, of_sampling : rms, linear intensity: the parts of the error that the method and the sampling make
+    rounding, bound : largest difference from tolerance 0, and what the frame says that it may be; linear intensity
+    is_beaten : whether another row is quicker and nearer to the ground truth
+    """
+
+    method: Method
+    ms: float
+    ns_triangle: float
+    ns_pixel: float
+    error: Errors
+    of_method: float
+    of_sampling: float
+    rounding: float
+    bound: float
+    is_beaten: bool = False
+
+
+class Study(NamedTuple):
+    """The rows of a scene."""
+
+    rows: list[Row]  # the front first, from the quickest on; then the others, by their errors
+    left_out: list[Method]  # for want of time or memory
+    advice: str
+
+
+Progress = Callable[[int, int, str], None]
+
+
+def list_methods(
+    shadings: Iterable[str], subdivisions: Sequence[int], samples: Iterable[int], tolerances: Iterable[float]
+) -> list[Method]:
+    """List the combinations. Only Gouraud's method sees more of a surface that is subdivided: flat shading lights
+    polygons, and Phong's lights samples."""
+    tolerances, samples = list(tolerances), list(samples)
+    return [
+        Method(shading, times, n_sample, tolerance)
+        for times in subdivisions
+        for shading in shadings
+        if shading == "gouraud" or times == min(subdivisions)
+        for n_sample in samples
+        for tolerance in tolerances
+    ]
+
+
+def study(
+    scene: Scene,
+    size: tuple[int, int],
+    methods: Sequence[Method],
+    seconds: float,
+    progress: Progress,
+    with_flip: bool = False,
+    **options,
+) -> Study:
+    """Measure methods on a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : (width, height) in pixels
+    methods : sequence of Method, of one or several subdivisions
+    seconds : time limit; when it has passed, what hasn't been begun is left out. Compiling kernels isn't counted
+    progress : is called with the number of methods done, that of all, and the name of the one that is begun
+    with_flip : whether FLIP is measured, too
+    options : further options of `rasterizer.render`, the same for all
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    SceneError : an option that isn't legal, or FLIP is asked for and flip-evaluator isn't installed
+    """
+    compile_kernels(scene, methods, options)
+    progress(0, len(methods), "the ground truth")
+    start, rows, left_out, anchor_ms = perf_counter(), [], [], None
+    cost = 0.0  # seconds that a picture took in the group before
+    truths = _Truths(scene, size, options, with_flip)
+    for group, finer in _groups(scene, methods):
+        left = seconds - (perf_counter() - start)
+        is_first = group[0].subdivisions == methods[0].subdivisions  # measured however long it takes
+        # A frame of four times as many faces takes up to four times as long, of some models as long as before.
+        if finer is None or not (is_first or 2.0 * cost * len(group) < left):
+            left_out += group
+            continue
+        begin, drawn = perf_counter(), {}
+        for method in group:
+            progress(len(rows) + len(drawn), len(methods), str(method))
+            drawn[method] = truths.compare(method, finer)
+        cost = (perf_counter() - begin) / len(group)
+        share = _MEASURED * max(left, 0.0) * len(group) / (len(methods) - len(rows) - len(left_out))
+        times, anchor_ms = _time_group(scene, finer, size, group, methods[0], anchor_ms, share, options)
+        rows += [_make_row(method, *times[method], finer.n_face, *drawn[method]) for method in group]
+    rows = sort_by_front(rows)
+    return Study(rows, left_out, advise(rows))
+
+
+def compile_kernels(scene: Scene, methods: Iterable[Method], options: dict) -> None:
+    """Compile what the methods need, as far as a sample of the scene shows it: that is no part of any time."""
+    sample = sample_scene(scene)
+    settings = dict.fromkeys(tuple(method.options.items()) for method in methods)
+    truth = (("shading", "phong"), ("samples", 16), ("tolerance", 0.0))
+    for chosen in (*settings, truth):
+        for output in ("color", "rgb"):
+            with Renderer(sample, SIZE, **options | dict(chosen) | {"outputs": (output,)}) as renderer:
+                renderer.render()
+
+
+def _groups(scene: Scene, methods: Sequence[Method]) -> Iterator[tuple[list[Method], Scene | None]]:
+    """Yield the methods that are measured in turns, with what they draw; None where that would be too large."""
+    keys = list(dict.fromkeys((method.subdivisions, method.shading) for method in methods))
+    finer, done = scene, 0
+    for times, shading in keys:
+        group = [method for method in methods if (method.subdivisions, method.shading) == (times, shading)]
+        if scene.n_face * 4**times > MOST_FACES:
+            yield group, None
+            continue
+        if times != done:
+            finer, done = subdivided(scene, times), times
+        yield group, finer
+
+
+def subdivided(scene: Scene, times: int) -> Scene:
+    """Return a scene whose triangles are cut in four, `times` times."""
+    if not times:
+        return scene
+    return replace(scene, meshes=tuple(mesh.subdivide(times) for mesh in scene.meshes))
+
+
+class _Truths:
+    """Draw what pictures are compared with, each once."""
+
+    def __init__(self, scene, size, options, with_flip):
+        self._scene, self._size, self._options, self._with_flip = scene, size, options, with_flip
+        self._truth = draw_ground_truth(scene, size, **options)
+        self._of_samples: dict[int, tuple[Light, float]] = {}
+        self._exact: tuple[Method | None, Light | None] = (None, None)
+
+    def compare(self, method: Method, finer: Scene) -> tuple[Errors, float, float, float]:
+        """Draw a method's picture; return its Errors, and the parts of it: of the method, the sampling, rounding."""
+        found = draw_light(finer, self._size, **self._options | method.options)
+        same_samples, of_sampling = self._phong(method.samples)
+        of_method = rms_error(found, same_samples)
+        rounding = float(np.abs(found.color - self._without_tolerance(method, finer).color).max())
+        return measure_errors(found, self._truth, self._with_flip), of_method, of_sampling, rounding
+
+    def _phong(self, samples: int) -> tuple[Light, float]:
+        """Phong's picture with tolerance 0, and how far it is from the ground truth."""
+        if samples not in self._of_samples:
+            settings = {"shading": "phong", "samples": samples, "tolerance": 0.0}
+            light = draw_light(self._scene, self._size, **self._options | settings)
+            self._of_samples[samples] = light, rms_error(light, self._truth)
+        return self._of_samples[samples]
+
+    def _without_tolerance(self, method: Method, finer: Scene) -> Light:
+        exact = method._replace(tolerance=0.0)
+        if self._exact[0] != exact:
+            self._exact = exact, draw_light(finer, self._size, **self._options | exact.options)
+        return self._exact[1]
+
+
+def _time_group(scene, finer, size, group, anchor, anchor_ms, seconds, options):
+    """Time methods in turns with the first method of all, so that the groups can be compared.
+
+    Returns
+    -------
+    dict of method to (milliseconds, Stats), and the anchor's milliseconds: those of the first group count
+    """
+    with ExitStack() as stack:
+        calls = {}
+        for method, what in {"anchor": (anchor, scene), **{method: (method, finer) for method in group}}.items():
+            settings = options | what[0].options | {"outputs": ("rgb",)}
+            calls[method] = stack.enter_context(Renderer(what[1], size, **settings)).render
+            calls[method]()  # compiles and allocates
+        turns = take_turns(calls, seconds, MOST_ROUNDS)
+    reference = turns["anchor"][0]
+    anchor_ms = float(np.median(reference)) if anchor_ms is None else anchor_ms
+    timed = {m: (anchor_ms * float(np.median(turns[m][0] / reference)), turns[m][1][-1]) for m in group}
+    return timed, anchor_ms
+
+
+def _make_row(method, ms, stats, n_face, error, of_method, of_sampling, rounding) -> Row:
+    n_pixel = max(stats.covered / method.samples, 1.0)
+    return Row(method, ms, 1e6 * ms / n_face, 1e6 * ms / n_pixel, error, of_method, of_sampling, rounding,
+               stats.error_bound)  # fmt: skip
+
+
+def sort_by_front(rows: Sequence[Row]) -> list[Row]:
+    """Mark the rows that another row beats in time and in error (rms), and sort: the front by time, the rest by error.
+
+    A row is beaten where another one isn't worse in either, and better in one. Errors count with three digits, as they
+    are printed.
+    """
+    marked = [row._replace(is_beaten=any(_beats(other, row) for other in rows)) for row in rows]
+    return sorted(marked, key=lambda row: (row.is_beaten, row.error.rms if row.is_beaten else row.ms))
+
+
+def _beats(a: Row, b: Row) -> bool:
+    mine, other = (a.ms, printed(a.error.rms)), (b.ms, printed(b.error.rms))
+    return mine != other and mine[0] <= other[0] and mine[1] <= other[1]
+
+
+def printed(error: float) -> float:
+    """An error with three digits."""
+    return float(f"{error:.2e}")
+
+
+# --- the advice ---------------------------------------------------------------------------------------------
+
+
+def advise(rows: Sequence[Row], samples: int = 4) -> str:
+    """Say in a sentence or two which method to choose.
+
+    With a fixed number of samples, that is the quickest method whose error is within 10 % of the least. What another
+    number of samples would change follows.
+    """
+    if not rows:
+        return ""
+    numbers = sorted({row.method.samples for row in rows})
+    samples = min(numbers, key=lambda n: abs(n - samples))
+    alike = _alike(rows, samples)
+    best, chosen = min(alike, key=lambda row: row.error.rms), _choose(alike)
+    others = [row for row in alike if row.method.name != chosen.method.name]
+    text = f"Choose {chosen.method}: rms {_figure(chosen.error.rms)}"
+    if chosen.method.name != best.method.name:
+        ratio = _figure(best.ms / chosen.ms)
+        text += f" is as exact as {best.method.name} with {_figure(best.error.rms)} here, and {ratio} times as fast."
+    elif others:
+        other = min(others, key=lambda row: row.ms)
+        text += f". {other.method.name} is no nearer to the truth, and takes {_figure(other.ms / chosen.ms)} times as long."
+    else:
+        text += ". No other shading comes within 10 % of that."
+    text += _other_tolerance(rows, chosen)
+    return text + "".join(_other_samples(rows, chosen, n) for n in numbers if n != samples)
+
+
+def _alike(rows: Sequence[Row], samples: int) -> list[Row]:
+    """The rows of a number of samples whose error is like the least."""
+    rows = [row for row in rows if row.method.samples == samples]
+    least = min(row.error.rms for row in rows)
+    return [row for row in rows if row.error.rms <= _ALIKE * least]
+
+
+def _choose(alike: Sequence[Row]) -> Row:
+    """The quickest row; of those that are as quick, the one with the smallest tolerance."""
+    least = min(row.ms for row in alike)
+    return min((row for row in alike if row.ms <= _AS_QUICK * least), key=lambda row: (row.method.tolerance, row.ms))
+
+
+def _other_tolerance(rows: Sequence[Row], chosen: Row) -> str:
+    """What tolerance 0 costs, and a larger one gains."""
+    same = {row.method.tolerance: row for row in rows if row.method._replace(tolerance=0.0) == chosen.method._replace(tolerance=0.0)}
+    text = ""
+    if chosen.method.tolerance > 0.0 and 0.0 in same:
+        text = f" Tolerance 0 takes {_figure(same[0.0].ms / chosen.ms)} times as long."
+    larger = [row for tolerance, row in same.items() if tolerance > chosen.method.tolerance > 0.0]
+    if larger:
+        gain = 1.0 - min(row.ms for row in larger) / chosen.ms
+        text += f" A larger one gains {100 * gain:.0f} %." if gain > _AS_QUICK - 1.0 else " A larger one gains nothing."
+    return text
+
+
+def _other_samples(rows: Sequence[Row], chosen: Row, samples: int) -> str:
+    """What another number of samples would change."""
+    other = _choose(_alike(rows, samples))
+    time, error = other.ms / chosen.ms, other.error.rms / max(chosen.error.rms, 1e-300)
+    words = f"{_figure(time)} times the time for {_figure(error)} times the error"
+    return f" {count(samples, 'sample').capitalize()}: {words} ({other.method.name})."
+
+
+def told(tolerance: float) -> str:
+    """A tolerance as people write it: 1/4096 where it is one over a whole number."""
+    fraction = Fraction(tolerance).limit_denominator(10**6)
+    is_inverse = fraction.numerator == 1 and fraction.denominator > 1 and float(fraction) == tolerance
+    return str(fraction) if is_inverse else f"{tolerance:g}"
+
+
+def count(number: int, what: str) -> str:
+    """A number of things: 1 sample, 4 samples."""
+    return f"{number} {what}" + ("" if number == 1 else "s")
+
+
+def _figure(value: float) -> str:
+    return f"{value:.2g}" if value < 10.0 else f"{value:.0f}"

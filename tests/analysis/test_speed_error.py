@@ -1,0 +1,184 @@
+"""Speed against error: rows recomputed by other means, the front by definition, and what the advice says."""
+
+import math
+
+import numpy as np
+import pytest
+
+import rasterizer as rz
+from rasterizer import reference
+from rasterizer.analysis import speed_error
+from rasterizer.analysis.ground_truth import Errors, draw_ground_truth, draw_light, measure_errors, rms_error
+from rasterizer.analysis.speed_error import Method, Row, advise, list_methods, printed, sort_by_front, study, told
+
+SIZE = (40, 30)
+
+
+def ball_scene():
+    """A coarse ball that doesn't fill its picture."""
+    rng = np.linspace(0, np.pi, 9), np.linspace(0, 2 * np.pi, 13)[:-1]
+    points = [(np.sin(t) * np.cos(p), np.cos(t), np.sin(t) * np.sin(p)) for t in rng[0] for p in rng[1]]
+    faces = []
+    for row in range(8):
+        for k in range(12):
+            a, b, c, d = 12 * row + k, 12 * row + (k + 1) % 12, 12 * row + 12 + (k + 1) % 12, 12 * row + 12 + k
+            faces += [(a, b, c), (a, c, d)]
+    points = np.array(points)
+    return rz.Scene([rz.Mesh(points, faces, normals=points, material=rz.Material(diffuse=(0.7, 0.4, 0.2)))], rz.studio())
+
+
+def by_hand(scene, method, factor=1):
+    """A picture as light on black, by the reference: another program, in float64."""
+    finer = speed_error.subdivided(scene, method.subdivisions)
+    size = (SIZE[0] * factor, SIZE[1] * factor)
+    picture = reference.render(finer, size, shading=method.shading, samples=method.samples)
+    return picture.color * picture.alpha[..., None], picture.alpha
+
+
+@pytest.fixture(scope="module")
+def found():
+    scene = ball_scene()
+    methods = list_methods(("flat", "gouraud", "phong"), (0, 1), (1, 4), (0.0, 1 / 4096))
+    return scene, study(scene, SIZE, methods, 2.0, lambda *_: None, threads=1)
+
+
+def test_every_combination_has_a_row_or_is_named(found):
+    _, result = found
+    methods = [row.method for row in result.rows] + result.left_out
+    assert sorted(methods) == sorted(list_methods(("flat", "gouraud", "phong"), (0, 1), (1, 4), (0.0, 1 / 4096)))
+    assert len(methods) == (3 + 1) * 2 * 2 and not result.left_out
+
+
+def test_errors_are_those_of_the_reference(found):
+    """The ground truth by 64 samples of the reference, and every row's picture by the reference, give the same
+    errors."""
+    scene, result = found
+    fine, fine_alpha = by_hand(scene, Method("phong", 0, 16, 0.0), 2)
+    truth = fine.reshape(SIZE[1], 2, SIZE[0], 2, 3).mean(axis=(1, 3))
+    truth_alpha = fine_alpha.reshape(SIZE[1], 2, SIZE[0], 2).mean(axis=(1, 3))
+    for row in result.rows:
+        color, alpha = by_hand(scene, row.method)
+        same, same_alpha = by_hand(scene, Method("phong", 0, row.method.samples, 0.0))
+        room = row.bound + 1e-6
+
+        def rms(a, b, a_alpha, b_alpha):
+            return math.sqrt(np.mean((a - b)[(a_alpha > 0) | (b_alpha > 0)] ** 2))
+
+        assert abs(row.error.rms - rms(color, truth, alpha, truth_alpha)) <= room, row.method
+        assert abs(row.error.max - np.abs(color - truth).max()) <= room, row.method
+        assert abs(row.of_method - rms(color, same, alpha, same_alpha)) <= room, row.method
+        assert abs(row.of_sampling - rms(same, truth, same_alpha, truth_alpha)) <= 2e-6, row.method
+        assert abs(row.error.silhouette - np.abs(alpha - truth_alpha).sum()) <= 1e-4, row.method
+        assert row.rounding <= row.bound + 5e-7, row.method
+        assert row.error.n_pixel == ((alpha > 0) | (truth_alpha > 0)).sum(), row.method
+
+
+def test_times_are_of_the_row(found):
+    _, result = found
+    for row in result.rows:
+        n_face = 192 * 4**row.method.subdivisions
+        assert row.ms > 0 and row.ns_triangle == pytest.approx(1e6 * row.ms / n_face)
+        assert row.ns_pixel > 0
+
+
+def test_more_samples_have_less_error_and_tolerance_0_has_no_rounding(found):
+    rows = {row.method: row for row in found[1].rows}
+    for method, row in rows.items():
+        if method.samples == 1:
+            assert rows[method._replace(samples=4)].error.rms < row.error.rms
+        assert method.tolerance > 0 or row.rounding == 0.0
+
+
+def make_row(ms, rms, method=Method("gouraud", 0, 4, 1 / 4096)):
+    return Row(method, ms, 0.0, 0.0, Errors(rms, rms, 0, 0.0, 0.0, 0.0, 0.0, 1), 0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_front_is_what_nothing_beats(seed):
+    """Against the definition, row by row; ties in time or error included."""
+    rng = np.random.default_rng(seed)
+    rows = [make_row(float(ms), float(rms)) for ms, rms in rng.integers(1, 9, (30, 2)) / 8]
+    result = sort_by_front(rows)
+    front = [row for row in result if not row.is_beaten]
+    assert sorted((r.ms, r.error.rms) for r in result) == sorted((r.ms, r.error.rms) for r in rows)
+    assert result[: len(front)] == front and [r.ms for r in front] == sorted(r.ms for r in front)
+    for row in result:
+        better = [o for o in rows if o.ms <= row.ms and printed(o.error.rms) <= printed(row.error.rms)]
+        is_beaten = any((o.ms, printed(o.error.rms)) != (row.ms, printed(row.error.rms)) for o in better)
+        assert row.is_beaten == is_beaten
+
+
+def test_errors_that_print_alike_are_alike():
+    assert [row.is_beaten for row in sort_by_front([make_row(1.0, 0.0012344), make_row(2.0, 0.0012341)])] == [False, True]
+
+
+def test_advice_names_the_quickest_that_is_as_exact():
+    phong, gouraud = Method("phong", 0, 4, 1 / 4096), Method("gouraud", 1, 4, 1 / 4096)
+    text = advise([make_row(7.0, 0.0100, phong), make_row(5.0, 0.0105, gouraud), make_row(3.0, 0.2)])
+    assert text == (
+        "Choose Gouraud, subdivided once, 4 samples, tolerance 1/4096: rms 0.011 is as exact as Phong with 0.01 here, "
+        "and 1.4 times as fast."
+    )
+    text = advise([make_row(7.0, 0.0100, phong), make_row(5.0, 0.0125, gouraud)])
+    assert text.startswith("Choose Phong, 4 samples, tolerance 1/4096: rms 0.01. No other shading comes within 10 %")
+    text = advise([make_row(5.0, 0.0100, phong), make_row(7.0, 0.0100, gouraud)])
+    assert "Gouraud, subdivided once is no nearer to the truth, and takes 1.4 times as long" in text
+    assert advise([]) == ""
+
+
+def test_advice_tells_what_samples_and_tolerances_change():
+    four, one = Method("phong", 0, 4, 1 / 4096), Method("phong", 0, 1, 1 / 4096)
+    rows = [make_row(4.0, 0.01, four), make_row(6.0, 0.01, four._replace(tolerance=0.0)),
+            make_row(3.0, 0.01, four._replace(tolerance=1 / 64)), make_row(2.0, 0.04, one)]  # fmt: skip
+    text = advise(rows)
+    assert "Choose Phong, 4 samples, tolerance 1/64" in text and "Tolerance 0 takes 2 times as long." in text
+    assert "1 sample: 0.67 times the time for 4 times the error (Phong)." in text
+    text = advise([rows[0], rows[1], rows[2]._replace(ms=3.95)])
+    assert "Choose Phong, 4 samples, tolerance 1/4096" in text and "A larger one gains nothing." in text
+
+
+def test_without_time_the_given_mesh_is_measured_and_the_rest_is_named():
+    methods = list_methods(("gouraud",), (0, 1, 2), (1,), (1 / 4096,))
+    result = study(ball_scene(), SIZE, methods, 1e-6, lambda *_: None, threads=1)
+    assert [row.method.subdivisions for row in result.rows] == [0]
+    assert [method.subdivisions for method in result.left_out] == [1, 2]
+
+
+def test_what_would_be_too_large_is_left_out(monkeypatch):
+    monkeypatch.setattr(speed_error, "MOST_FACES", 192 * 4)
+    methods = list_methods(("gouraud",), (0, 1, 2), (1,), (1 / 4096,))
+    result = study(ball_scene(), SIZE, methods, 9.0, lambda *_: None, threads=1)
+    assert [method.subdivisions for method in result.left_out] == [2]
+
+
+def test_progress_counts_all_methods():
+    seen = []
+    methods = list_methods(("flat", "gouraud"), (0,), (1,), (0.0,))
+    study(ball_scene(), SIZE, methods, 0.1, lambda *given: seen.append(given), threads=1)
+    assert [n for n, *_ in seen] == [0, 0, 1] and all(n == 2 for _, n, _ in seen)
+    assert seen[0][2] == "the ground truth" and seen[1][2] == str(methods[0])
+
+
+def test_errors_of_pictures_that_are_known():
+    scene = ball_scene()
+    light = draw_light(scene, SIZE, shading="gouraud", threads=1)
+    nothing = measure_errors(light, light)
+    assert nothing[:6] == (0.0, 0.0, 0, 0.0, 0.0, 0.0) and nothing.silhouette == 0.0
+    brighter = light._replace(color=np.where(light.alpha[..., None] > 0, light.color + 0.25, 0.0))
+    errors = measure_errors(brighter, light)
+    assert errors.max == pytest.approx(0.25) and errors.rms == pytest.approx(0.25) and errors.over_one == 1.0
+    assert rms_error(brighter, light) == errors.rms and errors.n_pixel == (light.alpha > 0).sum()
+    empty = light._replace(color=0 * light.color, alpha=0 * light.alpha)
+    assert measure_errors(empty, empty).n_pixel == 0 and rms_error(empty, empty) == 0.0
+    assert measure_errors(light, empty).silhouette == pytest.approx(light.alpha.sum())
+
+
+def test_the_ground_truth_has_64_samples():
+    """Coverage in 64ths, and more levels than 16 samples have."""
+    alpha = draw_ground_truth(ball_scene(), SIZE, threads=1).alpha * 64
+    assert np.abs(alpha - np.rint(alpha)).max() <= 1e-4 and (np.rint(alpha) % 4 != 0).any()
+
+
+@pytest.mark.parametrize(("value", "text"), [(1 / 4096, "1/4096"), (0.0, "0"), (1 / 3, "1/3"), (0.3, "0.3"), (2.0, "2")])
+def test_tolerances_are_told_as_people_write_them(value, text):
+    assert told(value) == text
