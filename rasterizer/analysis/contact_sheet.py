@@ -15,6 +15,7 @@ from ..scene.validate import whole
 if TYPE_CHECKING:
     from PIL import Image, ImageFont
 
+GAP = 8  # pixels between pictures, unless another one is asked for
 _MOST_PIXELS = 1 << 28  # a sheet of 1 GB is a mistake
 _LABEL_GREY = (128, 128, 128, 255)  # read on white and on black paper
 
@@ -22,7 +23,7 @@ _LABEL_GREY = (128, 128, 128, 255)  # read on white and on black paper
 def sheet(
     frames: "Sequence[Frame | Image.Image | NDArray[np.uint8]]",
     columns: int | None = None,
-    gap: int = 8,
+    gap: int = GAP,
     background: ColorLike | None = None,
     labels: Sequence[str] | None = None,
 ) -> "Image.Image":
@@ -111,6 +112,11 @@ def _label_height() -> int:
     """Room for a line of text, pixels."""
     left, top, right, bottom = _font().getbbox("Ág")
     return math.ceil(bottom) + 4
+
+
+def label_width(label: str) -> float:
+    """How wide a label is, pixels."""
+    return _font().getlength(label)
 
 
 def _font() -> "ImageFont.FreeTypeFont | ImageFont.ImageFont":

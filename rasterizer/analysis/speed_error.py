@@ -31,6 +31,11 @@ _NAMES = {"flat": "flat shading", "lambert": "flat shading", "gouraud": "Gouraud
 _TIMES = {0: "", 1: ", subdivided once", 2: ", subdivided twice"}
 
 
+def subdivision_words(times: int) -> str:
+    """What is said of a model whose triangles were cut in four some times; "" for none."""
+    return _TIMES.get(times, f", subdivided {times} times")
+
+
 class Method(NamedTuple):
     """A way to draw a scene."""
 
@@ -45,7 +50,7 @@ class Method(NamedTuple):
     @property
     def name(self) -> str:
         """Shading and subdivision in words."""
-        return _NAMES[self.shading] + _TIMES.get(self.subdivisions, f", subdivided {self.subdivisions} times")
+        return _NAMES[self.shading] + subdivision_words(self.subdivisions)
 
     @property
     def options(self) -> dict:

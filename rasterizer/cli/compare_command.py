@@ -1,10 +1,11 @@
-"""`raster compare`: the shading methods beside the reference, with error maps and Mach-band figures.
+"""`raster compare`: the shading methods beside the reference, with error maps, times and Mach-band figures.
 
 flat     Gouraud   Phong    reference        pictures, one sample a pixel, as exact as float64
 error    error     error    scale            false colours, one scale for all
 """
 
 import math
+from contextlib import ExitStack
 from dataclasses import replace
 from time import perf_counter
 from typing import NamedTuple
@@ -13,8 +14,10 @@ import numpy as np
 
 from .. import reference
 from ..analysis.comparison import compare
-from ..analysis.contact_sheet import sheet
+from ..analysis.contact_sheet import GAP, label_width, sheet
 from ..analysis.mach import mach_bands
+from ..analysis.speed_error import subdivided, subdivision_words
+from ..analysis.timing import take_turns
 from ..errors import SceneError
 from ..frame import Frame
 from ..options import Options
@@ -26,7 +29,8 @@ from .render_command import draw_models, encode_picture
 from .targets import STDIO
 from .warnings import find_doubts
 
-METHODS = {"flat": "flat", "gouraud": "Gouraud 1971", "phong": "Phong 1975"}
+_NAMES = {"flat": "flat", "lambert": "flat", "gouraud": "Gouraud 1971", "phong": "Phong 1975"}
+_REFERENCE = "reference: Phong, float64"
 # The reference needs some 60 microseconds a face and 1 a pixel on one core of 2 GHz: beyond this, about a second.
 _SLOW = 20_000  # faces and pixels / 60 together
 _OPTIONS = (
@@ -38,7 +42,7 @@ _OPTIONS = (
 )  # a scene file's size is that of a picture, not of four
 _PAPER = "white"
 _SHARE = 0.99  # of the covered pixels have errors on the maps' scale
-_ROOM = 230  # pixels: the width that a long label needs
+_SECONDS, _MOST_ROUNDS = 1.0, 15  # in which methods are timed
 
 # Black, violet, red, orange, white: rising in lightness, so that it reads in print and without colour vision too.
 _HEAT = np.array([(0, 0, 0), (58, 20, 110), (190, 35, 75), (250, 150, 30), (255, 255, 235)], float)
@@ -53,9 +57,10 @@ class Drawn(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """What is said of a method; None for the errors of what it is compared with, and for jumps where no edge was
-    measured."""
+    """What is said of a method; None for the time of the reference, for the errors of what it is compared with, and for
+    jumps where no edge was measured."""
 
+    ms: float | None
     max: float | None
     rms: float | None
     over_one: int | None
@@ -82,12 +87,12 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
     arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
     for target in targets:
         scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
-        drawn, frame = _draw_methods(scene, arguments)
+        drawn, times, frame = _draw_methods(scene, arguments)
         doubts = find_doubts(frame.stats, not frame.rgb.any(), loaded, arguments, scene.camera)
         doubts = [f"{target.model}: {text}" for text in doubts]
         for text in doubts:
             messages.warn(text)
-        against = "phong"
+        against = "phong" if "phong" in drawn else next(reversed(drawn))
         if arguments.has_reference:
             against = "reference"
             if scene.n_face + arguments.size[0] * arguments.size[1] / 60 > _SLOW:
@@ -95,7 +100,10 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
                     f"{target.model}: drawing the reference, which takes a while; --no-reference leaves it out"
                 )
             drawn[against] = _draw_reference(scene, arguments)
-        figures = {method: _measure(picture, drawn[against], scene) for method, picture in drawn.items()}
+        figures = {
+            method: _measure(picture, drawn[against], _scene_of(method, scene), times.get(method))
+            for method, picture in drawn.items()
+        }
         figures[against] = figures[against]._replace(max=None, rms=None, over_one=None)
         image, scale = _lay_out(drawn, against, figures, scene.background)
         output.write(encode_picture(_framed(image), target.output), target.output)
@@ -109,15 +117,43 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
             print_text(_table(target, figures), target.output == STDIO)
 
 
-def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], Frame]:
-    """Draw a scene by every method; return the pictures, and the last one's frame."""
-    drawn = {}
-    for method in METHODS:
-        options = {name: getattr(arguments, name) for name in ("size", *_OPTIONS)}
-        with Renderer(scene, shading=method, tolerance=0.0, outputs=("color", "face"), **options) as renderer:
+def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], dict[str, float], Frame]:
+    """Draw a scene by every method; return the pictures, the milliseconds of each, and the last one's frame."""
+    drawn, options = {}, {name: getattr(arguments, name) for name in ("size", *_OPTIONS)}
+    for method in arguments.methods:
+        settings = options | {"shading": _shading_of(method), "tolerance": 0.0, "outputs": ("color", "face")}
+        with Renderer(_scene_of(method, scene), **settings) as renderer:
             frame = renderer.render()
         drawn[method] = Drawn(frame.rgba, frame.color, frame.face)
-    return drawn, frame
+    return drawn, _time_methods(scene, arguments.methods, options), frame
+
+
+def _time_methods(scene, methods, options) -> dict[str, float]:
+    """The milliseconds of a warm frame by each method, as `rasterizer.render` draws it: with the default tolerance."""
+    with ExitStack() as stack:
+        calls = {}
+        for method in methods:
+            settings = options | {"shading": _shading_of(method), "outputs": ("rgb",)}
+            calls[method] = stack.enter_context(Renderer(_scene_of(method, scene), **settings)).render
+            calls[method]()  # compiles and allocates
+        return {method: float(np.median(times)) for method, (times, _) in take_turns(calls, _SECONDS, _MOST_ROUNDS).items()}
+
+
+def _shading_of(method) -> str:
+    return method.partition("+")[0]
+
+
+def _scene_of(method, scene):
+    """What a method draws: the scene, or a finer one for gouraud+2."""
+    return subdivided(scene, int(method.partition("+")[2] or 0))
+
+
+def _name_of(method) -> str:
+    """A method as a title."""
+    shading, _, times = method.partition("+")
+    if shading not in _NAMES:
+        return _REFERENCE
+    return _NAMES[shading] + (subdivision_words(int(times)) if times else "")
 
 
 def _draw_reference(scene, arguments) -> Drawn:
@@ -127,12 +163,12 @@ def _draw_reference(scene, arguments) -> Drawn:
     return Drawn(np.dstack([picture.rgb, alpha]), picture.color, picture.face)
 
 
-def _measure(picture, expected, scene) -> Figures:
-    """Measure a picture's errors against the one that is expected, and its Mach bands."""
+def _measure(picture, expected, scene, ms) -> Figures:
+    """Measure a picture's errors against the one that is expected, and its Mach bands; `ms` goes along."""
     error, bands = compare(picture.color, expected.color), mach_bands(picture, scene)
     over_one = compare(picture.rgba[..., :3], expected.rgba[..., :3]).over_one
     jumps = (bands.value_jump, bands.slope_jump) if bands.n_place else (None, None)
-    return Figures(error.max, error.rms, over_one, *jumps)
+    return Figures(ms, error.max, error.rms, over_one, *jumps)
 
 
 # --- the sheet ----------------------------------------------------------------------------------------------
@@ -141,26 +177,26 @@ def _measure(picture, expected, scene) -> Figures:
 def _lay_out(drawn, against, figures, background):
     """Lay pictures and error maps on a sheet; return it, and the error from which on the maps are white."""
     shape = drawn[against].face.shape
-    errors = {
-        m: np.abs(drawn[m].color.astype(float) - drawn[against].color).max(axis=2) for m in METHODS if m != against
-    }
+    errors = {m: np.abs(drawn[m].color.astype(float) - drawn[against].color).max(axis=2) for m in drawn if m != against}
     is_covered = drawn[against].face >= 0
     # The largest error is often that of a few pixels at an outline; the rest would be black on its scale.
     most_of_all = max(np.quantile(error[is_covered], _SHARE) for error in errors.values()) if is_covered.any() else 0.0
     scale = _rounded_up(most_of_all)
     pictures, labels = [picture.rgba for picture in drawn.values()], []
     for method, of_method in figures.items():
-        name, jump = METHODS.get(method, "reference: Phong, float64"), of_method.slope_jump
-        labels.append(_label(name, "" if jump is None else f", slope jump {jump:.2g} a pixel", shape))
+        name, jump = _name_of(method), of_method.slope_jump
+        jumps = [] if jump is None else [f"{name}, slope jump {jump:.2g} a pixel", f"{name}, jump {jump:.2g}"]
+        labels.append(_label([*jumps, name, method, ""], shape))
     for method, error in errors.items():
         pictures.append(_heat(error / scale, is_covered))
         most, rms = figures[method].max, figures[method].rms
-        labels.append(_label(f"error: rms {rms:.2g}", f", at most {most:.2g}", shape))
+        figures_of = [f"error: rms {rms:.2g}, at most {most:.2g}", f"rms {rms:.2g}, max {most:.2g}", f"rms {rms:.2g}"]
+        labels.append(_label([*figures_of, f"{rms:.2g}", ""], shape))
     ramp = np.linspace(0.0, 1.0, shape[1])[None].repeat(max(shape[0] // 12, 1), axis=0)
     pictures.append(_heat(ramp, np.ones(ramp.shape, bool)))
-    labels.append(_label(f"0 to {scale:g}", " of linear intensity, and more", shape))
+    labels.append(_label([f"0 to {scale:g} of linear intensity, and more", f"0 to {scale:g}", ""], shape))
     paper = _PAPER if background is None else background
-    return sheet(pictures, columns=len(drawn), background=paper, labels=labels), scale
+    return sheet(pictures, columns=len(drawn), gap=GAP, background=paper, labels=labels), scale
 
 
 def _framed(image) -> Frame:
@@ -168,9 +204,9 @@ def _framed(image) -> Frame:
     return Frame(np.asarray(image.convert("RGBA")), {}, None, image.size)
 
 
-def _label(text, rest, shape) -> str:
-    """A label, as long as fits below a picture."""
-    return text + rest if shape[1] >= _ROOM else text.partition(":")[0]
+def _label(texts, shape) -> str:
+    """The longest of some labels, the longest first, that fits below a picture and half of the gaps beside it."""
+    return next(text for text in texts if label_width(text) <= shape[1] + GAP)
 
 
 def _rounded_up(value) -> float:
@@ -193,7 +229,7 @@ def _heat(share, is_covered) -> np.ndarray:
 
 def _table(target, figures) -> str:
     """The figures of a picture, a line a method."""
-    rows = [("", "max", "rms", "levels over 1", "value jump", "slope jump")]
+    rows = [("", "ms", "max", "rms", "levels over 1", "value jump", "slope jump")]
     for method, of_method in figures.items():
         cells = (
             "-" if value is None else f"{value}" if isinstance(value, int) else f"{value:.3g}" for value in of_method
@@ -201,7 +237,8 @@ def _table(target, figures) -> str:
         rows.append((method, *cells))
     view = f" {target.view}" if target.view else ""
     lines = [f"{target.model}{view}: {target.output}"]
-    lines += [f"{row[0]:<10}" + "".join(f"{cell:>15}" for cell in row[1:]) for row in rows]
+    width = max(len(row[0]) for row in rows) + 1
+    lines += [f"{row[0]:<{width}}" + "".join(f"{cell:>15}" for cell in row[1:]) for row in rows]
     return "\n".join(lines) + "\n"
 
 

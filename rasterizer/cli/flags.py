@@ -181,6 +181,14 @@ def _add_array(parser) -> None:
 def _add_reference(parser) -> None:
     parser.set_defaults(outputs=None)  # a sheet of pictures, no array
     parser.add_argument(
+        "--methods",
+        type=values.list_of(values.method),
+        default=("flat", "gouraud", "phong"),
+        metavar="LIST",
+        help="what is compared, with commas between; gouraud+N cuts triangles in four N times before "
+        "(default flat,gouraud,phong)",
+    )
+    parser.add_argument(
         "--no-reference",
         dest="has_reference",
         action="store_false",

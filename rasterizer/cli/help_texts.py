@@ -34,10 +34,11 @@ exit codes: 0 done, 1 some models failed and the rest was done, or the fault is 
 
 
 COMPARE = """\
-Draw each model with flat, Gouraud's and Phong's shading and with the reference, one sample a pixel, side by
-side on one sheet. Below them are their errors, in false colours on one scale: the difference of linear
+Draw each model with flat, Gouraud's and Phong's shading (or --methods) and with the reference, one sample a
+pixel, side by side on one sheet. Below them are their errors, in false colours on one scale: the difference of linear
 intensity from the reference's Phong shading. On stdout goes a table:
 
+  ms                 a frame, median, with the default tolerance
   max, rms           error, in linear intensity where white is 1
   levels over 1      8-bit values, three a pixel, that are more than one level off
   value, slope jump  Mach bands: the largest jump of the intensity, and of its slope per pixel, across the edge

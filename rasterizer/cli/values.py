@@ -24,6 +24,14 @@ def tolerance(text) -> float:
     return value
 
 
+def method(text) -> str:
+    """A shading method, with +N behind Gouraud's for a model whose triangles are cut in four N times."""
+    if not re.fullmatch(r"flat|lambert|phong|gouraud(\+([1-9]|1[0-5]))?", text):
+        legal = "flat, lambert, gouraud, gouraud+N with N from 1 to 15, phong"
+        raise argparse.ArgumentTypeError(f"one or several of {legal}, with commas, are needed; given {text!r}")
+    return text
+
+
 def list_of(read, legal=None):
     """The type of values between commas, each once; `read` makes one of a text."""
 

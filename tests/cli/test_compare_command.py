@@ -11,6 +11,7 @@ from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
+from rasterizer.analysis.contact_sheet import GAP, label_width
 from rasterizer.cli import compare_command, main
 from rasterizer.cli.defaults import COMPARED_SIZE
 
@@ -31,17 +32,42 @@ def test_sheet_and_table(folder, capsys):
     assert image.mode == "RGB" and image.width == 4 * 48 + 5 * 8
     title, head, *rows = out.splitlines()
     assert title == f"{BALL}: sphere-compare.png"
-    assert head.split("  ")[-1].strip() == "slope jump" and head.split()[:2] == ["max", "rms"]
+    assert head.split("  ")[-1].strip() == "slope jump" and head.split()[:3] == ["ms", "max", "rms"]
     cells = {row.split()[0]: row.split()[1:] for row in rows}
     assert list(cells) == ["flat", "gouraud", "phong", "reference"]
     scene = rz.load(BALL)
     frames = {s: rz.render(scene, (48, 36), shading=s, tolerance=0) for s in ("flat", "gouraud", "phong")}
-    for shading, (most, rms, over_one, *_) in ((s, cells[s]) for s in frames):
+    for shading, (ms, most, rms, over_one, *_) in ((s, cells[s]) for s in frames):
+        assert float(ms) > 0
         expected = rz.compare(frames[shading].color, frames["phong"].color)
         assert float(most) == pytest.approx(expected.max, rel=0.01, abs=1e-6)
         assert float(rms) == pytest.approx(expected.rms, rel=0.01, abs=1e-6)
         assert int(over_one) == rz.compare(frames[shading].rgb, frames["phong"].rgb).over_one
-    assert cells["reference"][:3] == ["-"] * 3
+    assert cells["reference"][:4] == ["-"] * 4
+
+
+def test_methods_of_the_command_line(capsys):
+    """Gouraud's method on a finer model comes nearer to Phong's; in the order given."""
+    assert run(BALL, "--no-reference", "--methods", "phong,gouraud,gouraud+1,gouraud+2", "--json") == 0
+    record = json.loads(capsys.readouterr().out)
+    methods = record["methods"]
+    assert record["against"] == "phong" and list(methods) == ["phong", "gouraud", "gouraud+1", "gouraud+2"]
+    errors = [methods[name]["rms"] for name in ("gouraud", "gouraud+1", "gouraud+2")]
+    assert errors[0] > 2 * errors[1] > 4 * errors[2], errors
+    assert all(of["ms"] > 0 for of in methods.values())
+    assert run(BALL, "--no-reference", "--methods", "flat,gouraud", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["against"] == "gouraud", "the last, without Phong's"
+
+
+@pytest.mark.parametrize("size", [8, 30, 100, 150, 229, 231])
+def test_labels_fit_small_pictures(size):
+    """Every label lies within its picture and half of the gaps beside it."""
+    for method in ("flat", "gouraud", "gouraud+2", "reference"):
+        name = compare_command._name_of(method)
+        label = compare_command._label([f"{name}, slope jump 0.0012 a pixel", name, method, ""], (size, size))
+        assert label_width(label) <= size + GAP and (label or size < 60), f"{method} at {size}"
+    assert main(["compare", "-s", f"{size}", CUBE, "--no-reference", "--methods", "flat,gouraud+1"]) == 0
+    assert Image.open("cube-compare.png").width == 2 * size + 3 * GAP
 
 
 def test_the_sheet_shows_the_methods_in_order():
@@ -65,7 +91,7 @@ def test_json_without_reference(capsys):
     assert (record["path"], record["output"], record["size"], record["faces"]) == (BALL, "x.jpg", [48, 36], 5120)
     assert record["against"] == "phong" and list(record["methods"]) == ["flat", "gouraud", "phong"]
     assert record["methods"]["phong"]["max"] is None and record["methods"]["flat"]["max"] > 0.01
-    assert set(record["methods"]["flat"]) == {"max", "rms", "over_one", "value_jump", "slope_jump"}
+    assert set(record["methods"]["flat"]) == {"ms", "max", "rms", "over_one", "value_jump", "slope_jump"}
     assert record["scale"] > 0 and record["warnings"] == []
 
 
@@ -104,6 +130,8 @@ def test_the_reference_is_announced_where_it_is_slow(capsys, monkeypatch):
         (["-o", "x.nope"], "x.nope"),
         (["-o", "none/x.png"], "no folder"),
         (["--shading", "flat"], "--shading"),
+        (["--methods", "flat+1"], "gouraud+N"),
+        (["--methods", "gouraud+16"], "gouraud+N"),
         (["--eye", "0,0,9"], "empty"),
     ],
 )
