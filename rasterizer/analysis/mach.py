@@ -3,12 +3,14 @@
     in:  a picture of one sample a pixel (colour and faces) and its scene       out: `MachBands`
 
 The eye overdraws a jump of the slope into a bright or dark line (Mach 1865), so the jump tells what an error map
-doesn't: whether the polygons show. Six pixels in a row or column, three in each of two faces, give it:
+doesn't: whether the polygons show. Eight pixels in a row or column, four in each of two faces, give it:
 
-    intensity  i0  i1  i2 ┊ i3  i4  i5       a parabola through three pixels of a face gives value and slope at the
-    face        A   A   A ┊  B   B   B       edge ┊, so that a surface's own curvature doesn't count; across the edge
-                                             the slope is i3 - i2
+    intensity  i0  i1  i2  i3 ┊ i4  i5  i6  i7     a parabola through three pixels of a face gives value and slope at
+    face        A   A   A   A ┊  B   B   B   B     the edge ┊; across the edge the slope is i4 - i3
 
+What the surface itself does there isn't counted. Its curvature is in the parabolas. How fast that changes, as at the rim
+of a narrow highlight, the fourth pixels tell: by as much as a cubic through four pixels differs from the parabola, a
+surface without any edge may seem to jump, and that is taken off. Of flat shading and Gouraud's it is 0.
 """
 
 from collections.abc import Sequence
@@ -36,6 +38,9 @@ _SAME_NORMAL = 4e-6
 # at the outline, where it spans any number, slopes and their jumps are as large as one likes, whatever the method.
 _LEAST_COSINE = 0.5
 
+# What a third difference adds to value and slope half a pixel beyond, see `_at_edge`.
+_VALUE_OF_CHANGE, _SLOPE_OF_CHANGE = 5.0 / 16.0, 23.0 / 24.0
+
 
 class MachBands(NamedTuple):
     """What a picture's polygon edges look like, in linear intensity where white is 1.
@@ -46,12 +51,16 @@ class MachBands(NamedTuple):
         the edge may lie anywhere between two pixels
     slope_jump : largest difference of the intensity's slopes before, across and behind an edge, per pixel; where the
         intensity jumps, as in flat shading, that jump is the slope across the edge
-    n_place : places that were looked at; where it is 0, no such faces of three pixels meet, and both jumps are 0
+    n_place : places that were looked at; where it is 0, no such faces of four pixels meet, and all jumps are 0
+    slope_rms : root mean square of the slope's jumps at all places: what the picture looks like as a whole. The largest
+        jump is that of one place. Where Gouraud's method misses a highlight it misses its bands, and Phong's may be the
+        larger one there
     """
 
     value_jump: float
     slope_jump: float
     n_place: int
+    slope_rms: float
 
 
 class _Surface(NamedTuple):
@@ -60,6 +69,7 @@ class _Surface(NamedTuple):
     pairs: NDArray[np.uint64]  # (n,) ascending: lower face << 32 | higher face
     corners: NDArray[np.float64]  # (n_face, 3, 3) world
     normals: NDArray[np.float64]  # (n_face, 3, 3) unit shading normals of the corners
+    is_plain: NDArray[np.bool_]  # (n_face,) whether a face is opaque, and has no texture
 
 
 def mach_bands(picture: Any, scene: Scene, camera: Camera | None = None) -> MachBands:
@@ -68,8 +78,8 @@ def mach_bands(picture: Any, scene: Scene, camera: Camera | None = None) -> Mach
     Only edges count across which the surface is smooth: two faces of one mesh share them, with the same shading normals
     and colours at both ends. Both must show the viewer the same side, at 60 degrees or less from their normal, and must
     not be crossed by the line where a light's side ends. So outlines, creases and shadow lines, which are to be seen,
-    don't count. A highlight narrower than some pixels looks like a jump, and counts. Intensity is the luminance of the
-    linear colours. Its slope is per pixel: pictures of other sizes have others.
+    don't count; nor do faces with a texture, or that let something through, because what jumps there is to be seen as
+    well. Intensity is the luminance of the linear colours. Its slope is per pixel: pictures of other sizes have others.
 
     Parameters
     ----------
@@ -99,7 +109,8 @@ def mach_bands(picture: Any, scene: Scene, camera: Camera | None = None) -> Mach
     across = _jumps(luminance, face, surface.pairs, key)
     down = _jumps(luminance.T, face.T, surface.pairs, key)
     value, slope = (np.concatenate(pair) for pair in zip(across, down, strict=True))
-    return MachBands(float(value.max(initial=0.0)), float(slope.max(initial=0.0)), len(value))
+    rms = float(np.sqrt(np.mean(slope**2))) if len(slope) else 0.0
+    return MachBands(float(value.max(initial=0.0)), float(slope.max(initial=0.0)), len(value), rms)
 
 
 def _buffers(picture: Any, scene: Scene) -> tuple[NDArray, NDArray]:
@@ -123,14 +134,24 @@ def _buffers(picture: Any, scene: Scene) -> tuple[NDArray, NDArray]:
 def _gather(scene: Scene) -> _Surface:
     """Lay out the faces of all meshes, and find the edges across which their shading normals and colours are
     continuous."""
-    pairs, corners, normals = [], [], []
+    pairs, corners, normals, is_plain = [], [], [], []
     for mesh, offset in zip(scene.meshes, scene.face_offsets, strict=False):
         part = smooth_part(mesh)
         corners.append(part.positions[part.corner])
         normals.append(part.normals[part.corner])
+        is_plain.append(_plain_faces(mesh))
         values = part.normals if part.albedo is None else np.concatenate([part.normals, part.albedo], axis=1)
         pairs.append(_mesh_pairs(_by_position(mesh), values[part.corner]) + np.uint64(offset) * np.uint64(2**32 + 1))
-    return _Surface(np.sort(np.concatenate(pairs)), np.concatenate(corners), np.concatenate(normals))
+    return _Surface(
+        np.sort(np.concatenate(pairs)), np.concatenate(corners), np.concatenate(normals), np.concatenate(is_plain)
+    )
+
+
+def _plain_faces(mesh: Mesh) -> NDArray[np.bool_]:
+    """Tell which faces are opaque and have no texture."""
+    is_plain = np.array([material.is_opaque and material.texture is None for material in mesh.palette], np.bool_)
+    material = np.zeros(mesh.n_face, np.int32) if mesh.face_material is None else mesh.face_material
+    return is_plain[material]
 
 
 def _by_position(mesh: Mesh) -> NDArray[np.uint32]:
@@ -175,6 +196,7 @@ def _face_keys(surface: _Surface, view: View, is_perspective: bool, lights: Sequ
     cosine = np.einsum("ij,ij->i", area, to_viewer)
     key = (cosine > 0.0).astype(np.int64)
     is_good = np.abs(cosine) > _LEAST_COSINE * np.linalg.norm(area, axis=1) * np.linalg.norm(to_viewer, axis=1)
+    is_good &= surface.is_plain
     for k, light in enumerate(lights):
         to_light = _to_light(light, corners, view)
         if to_light is not None:
@@ -196,30 +218,37 @@ def _to_light(light: Any, points: NDArray, view: View) -> NDArray | None:
 
 def _jumps(luminance: NDArray, face: NDArray, pairs: NDArray, key: NDArray) -> tuple[NDArray, NDArray]:
     """Return the jumps of the value and of the slope, (n,) each, along the rows of a picture."""
-    n = max(face.shape[1] - 5, 0)
-    f0, f1, f2, f3, f4, f5 = (face[:, k : n + k] for k in range(6))
-    is_place = (f0 == f1) & (f1 == f2) & (f2 != f3) & (f3 == f4) & (f4 == f5) & (f2 >= 0) & (f3 >= 0)
+    n = max(face.shape[1] - 7, 0)
+    windows = [face[:, k : n + k] for k in range(8)]
+    a, b = windows[3], windows[4]
+    is_place = (a != b) & (a >= 0) & (b >= 0)
+    for k in range(3):
+        is_place &= (windows[k] == a) & (windows[7 - k] == b)
     rows, columns = np.nonzero(is_place)
-    a, b = f2[rows, columns].astype(np.uint64), f3[rows, columns].astype(np.uint64)
+    a, b = a[rows, columns].astype(np.uint64), b[rows, columns].astype(np.uint64)
     is_seen = (key[a] == key[b]) & (key[a] >= 0)
     is_seen &= _is_in(np.minimum(a, b) << np.uint64(32) | np.maximum(a, b), pairs)
     rows, columns = rows[is_seen], columns[is_seen]
-    i0, i1, i2, i3, i4, i5 = (luminance[rows, columns + k] for k in range(6))
-    slope_a, value_a = _at_edge(i0, i1, i2)
-    slope_b, value_b = _at_edge(i5, i4, i3)
-    slopes = np.stack([slope_a, i3 - i2, -slope_b])
-    return np.abs(value_b - value_a), np.ptp(slopes, axis=0)
+    intensities = [luminance[rows, columns + k] for k in range(8)]
+    value_a, slope_a, change_a = _at_edge(intensities[:4])
+    value_b, slope_b, change_b = _at_edge(intensities[:3:-1])
+    slopes = np.stack([slope_a, intensities[4] - intensities[3], -slope_b])
+    change = change_a + change_b
+    value_jump = np.abs(value_b - value_a) - _VALUE_OF_CHANGE * change
+    return np.maximum(value_jump, 0.0), np.maximum(np.ptp(slopes, axis=0) - _SLOPE_OF_CHANGE * change, 0.0)
 
 
-def _at_edge(far: NDArray, middle: NDArray, near: NDArray) -> tuple[NDArray, NDArray]:
-    """Return slope, towards the edge, and value half a pixel beyond the last of three pixels, by the parabola through
-    them.
+def _at_edge(pixels: Sequence[NDArray]) -> tuple[NDArray, NDArray, NDArray]:
+    """Return value and slope, towards the edge, half a pixel beyond the last of four pixels, by the parabola through the
+    last three; and the size of their third difference.
 
-    With the differences d = near - middle and c = near - 2 middle + far: the slope half a pixel before `near` is d and
-    grows by c a pixel; the value is near + d/2 + c (1/2)(3/2)/2 (Newton's backward formula).
+    Newton's backward formula, s pixels beyond the last, with the differences d, c, t of first to third order:
+    i + s d + s(s+1)/2 c + s(s+1)(s+2)/6 t. At s = 1/2 the terms of the value are 1/2, 3/8 and 5/16, those of its
+    derivative 1, 1 and 23/24.
     """
+    furthest, far, middle, near = pixels
     d, c = near - middle, near - 2.0 * middle + far
-    return d + c, near + 0.5 * d + 0.375 * c
+    return near + 0.5 * d + 0.375 * c, d + c, np.abs(near - 3.0 * middle + 3.0 * far - furthest)
 
 
 def _is_in(keys: NDArray[np.uint64], table: NDArray[np.uint64]) -> NDArray[np.bool_]:

@@ -66,6 +66,7 @@ class Figures(NamedTuple):
     over_one: int | None
     value_jump: float | None
     slope_jump: float | None
+    slope_rms: float | None
 
 
 def compare_models(arguments, messages) -> tuple[list, int]:
@@ -167,7 +168,7 @@ def _measure(picture, expected, scene, ms) -> Figures:
     """Measure a picture's errors against the one that is expected, and its Mach bands; `ms` goes along."""
     error, bands = compare(picture.color, expected.color), mach_bands(picture, scene)
     over_one = compare(picture.rgba[..., :3], expected.rgba[..., :3]).over_one
-    jumps = (bands.value_jump, bands.slope_jump) if bands.n_place else (None, None)
+    jumps = (bands.value_jump, bands.slope_jump, bands.slope_rms) if bands.n_place else (None, None, None)
     return Figures(ms, error.max, error.rms, over_one, *jumps)
 
 
@@ -184,8 +185,8 @@ def _lay_out(drawn, against, figures, background):
     scale = _rounded_up(most_of_all)
     pictures, labels = [picture.rgba for picture in drawn.values()], []
     for method, of_method in figures.items():
-        name, jump = _name_of(method), of_method.slope_jump
-        jumps = [] if jump is None else [f"{name}, slope jump {jump:.2g} a pixel", f"{name}, jump {jump:.2g}"]
+        name, jump = _name_of(method), of_method.slope_rms
+        jumps = [] if jump is None else [f"{name}, slope jumps {jump:.2g} a pixel (rms)", f"{name}, jumps {jump:.2g}"]
         labels.append(_label([*jumps, name, method, ""], shape))
     for method, error in errors.items():
         pictures.append(_heat(error / scale, is_covered))
@@ -229,7 +230,7 @@ def _heat(share, is_covered) -> np.ndarray:
 
 def _table(target, figures) -> str:
     """The figures of a picture, a line a method."""
-    rows = [("", "ms", "max", "rms", "levels over 1", "value jump", "slope jump")]
+    rows = [("", "ms", "max", "rms", "levels over 1", "value jump", "slope jump", "slope rms")]
     for method, of_method in figures.items():
         cells = (
             "-" if value is None else f"{value}" if isinstance(value, int) else f"{value:.3g}" for value in of_method

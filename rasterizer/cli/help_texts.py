@@ -42,7 +42,7 @@ intensity from the reference's Phong shading. On stdout goes a table:
   max, rms           error, in linear intensity where white is 1
   levels over 1      8-bit values, three a pixel, that are more than one level off
   value, slope jump  Mach bands: the largest jump of the intensity, and of its slope per pixel, across the edge
-                     of two polygons where the surface is smooth
+                     of two polygons where the surface is smooth; slope rms: over all such places
 """
 
 

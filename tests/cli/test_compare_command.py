@@ -32,7 +32,7 @@ def test_sheet_and_table(folder, capsys):
     assert image.mode == "RGB" and image.width == 4 * 48 + 5 * 8
     title, head, *rows = out.splitlines()
     assert title == f"{BALL}: sphere-compare.png"
-    assert head.split("  ")[-1].strip() == "slope jump" and head.split()[:3] == ["ms", "max", "rms"]
+    assert head.split("  ")[-1].strip() == "slope rms" and head.split()[:3] == ["ms", "max", "rms"]
     cells = {row.split()[0]: row.split()[1:] for row in rows}
     assert list(cells) == ["flat", "gouraud", "phong", "reference"]
     scene = rz.load(BALL)
@@ -91,7 +91,7 @@ def test_json_without_reference(capsys):
     assert (record["path"], record["output"], record["size"], record["faces"]) == (BALL, "x.jpg", [48, 36], 5120)
     assert record["against"] == "phong" and list(record["methods"]) == ["flat", "gouraud", "phong"]
     assert record["methods"]["phong"]["max"] is None and record["methods"]["flat"]["max"] > 0.01
-    assert set(record["methods"]["flat"]) == {"ms", "max", "rms", "over_one", "value_jump", "slope_jump"}
+    assert set(record["methods"]["flat"]) == {"ms", "max", "rms", "over_one", "value_jump", "slope_jump", "slope_rms"}
     assert record["scale"] > 0 and record["warnings"] == []
 
 
