@@ -296,7 +296,9 @@ def advise(rows: Sequence[Row], samples: int = 4) -> str:
         text += f" is as exact as {best.method.name} with {_figure(best.error.rms)} here, and {ratio} times as fast."
     elif others:
         other = min(others, key=lambda row: row.ms)
-        text += f". {other.method.name} is no nearer to the truth, and takes {_figure(other.ms / chosen.ms)} times as long."
+        text += (
+            f". {other.method.name} is no nearer to the truth, and takes {_figure(other.ms / chosen.ms)} times as long."
+        )
     else:
         text += ". No other shading comes within 10 % of that."
     text += _other_tolerance(rows, chosen)
@@ -318,7 +320,11 @@ def _choose(alike: Sequence[Row]) -> Row:
 
 def _other_tolerance(rows: Sequence[Row], chosen: Row) -> str:
     """What tolerance 0 costs, and a larger one gains."""
-    same = {row.method.tolerance: row for row in rows if row.method._replace(tolerance=0.0) == chosen.method._replace(tolerance=0.0)}
+    same = {
+        row.method.tolerance: row
+        for row in rows
+        if row.method._replace(tolerance=0.0) == chosen.method._replace(tolerance=0.0)
+    }
     text = ""
     if chosen.method.tolerance > 0.0 and 0.0 in same:
         text = f" Tolerance 0 takes {_figure(same[0.0].ms / chosen.ms)} times as long."

@@ -60,7 +60,9 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     axes.legend(loc="upper right", fontsize=9)
     written = io.BytesIO()
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rasterizer"}):
-        figure.savefig(written, format=suffix.lstrip("."), dpi=120, metadata={"Date": None} if suffix == ".svg" else None)
+        figure.savefig(
+            written, format=suffix.lstrip("."), dpi=120, metadata={"Date": None} if suffix == ".svg" else None
+        )
     return written.getvalue()
 
 

@@ -71,16 +71,17 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
         if arguments.json:
             print_record(_record(target, arguments, scene, seconds, machine, warned, found, axes), False)
         elif arguments.level > QUIET:
-            print_text("\n".join([title, _LEGEND, "", *_table(found), "", *_axis_table(axes), found.advice]) + "\n", False)
+            print_text(
+                "\n".join([title, _LEGEND, "", *_table(found), "", *_axis_table(axes), found.advice]) + "\n", False
+            )
 
 
 def _measure(scene, arguments, messages):
     """Return the Study of a scene, and the rows of what else it has."""
     options = {name: getattr(arguments, name) for name in _OPTIONS if name != "size"}
-    methods = list_methods(
-        arguments.shadings, arguments.subdivisions, arguments.list_of_samples, arguments.tolerances
-    )
+    methods = list_methods(arguments.shadings, arguments.subdivisions, arguments.list_of_samples, arguments.tolerances)
     with Bar(messages) as bar:
+
         def show(n_done, n, what):
             bar.show(n_done, n, f"measuring {what}")
 
@@ -91,7 +92,9 @@ def _measure(scene, arguments, messages):
             axes = measure_axes(scene, arguments.size, _OF_AXES * arguments.seconds, show, **options)
     if found.left_out:
         names = ", ".join(dict.fromkeys(method.name for method in found.left_out))
-        messages.notice(f"{len(found.left_out)} methods are left out for want of time or memory ({names}); see --seconds")
+        messages.notice(
+            f"{len(found.left_out)} methods are left out for want of time or memory ({names}); see --seconds"
+        )
     return found, axes
 
 
@@ -136,7 +139,11 @@ def _table(found: Study) -> list[str]:
 
 def _winner(row, front) -> int:
     """The number of the nearest row of the front that isn't slower."""
-    return max(k + 1 for k, other in enumerate(front) if other.ms <= row.ms and printed(other.error.rms) <= printed(row.error.rms))
+    return max(
+        k + 1
+        for k, other in enumerate(front)
+        if other.ms <= row.ms and printed(other.error.rms) <= printed(row.error.rms)
+    )
 
 
 def _axis_table(axes) -> list[str]:

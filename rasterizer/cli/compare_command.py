@@ -137,7 +137,9 @@ def _time_methods(scene, methods, options) -> dict[str, float]:
             settings = options | {"shading": _shading_of(method), "outputs": ("rgb",)}
             calls[method] = stack.enter_context(Renderer(_scene_of(method, scene), **settings)).render
             calls[method]()  # compiles and allocates
-        return {method: float(np.median(times)) for method, (times, _) in take_turns(calls, _SECONDS, _MOST_ROUNDS).items()}
+        return {
+            method: float(np.median(times)) for method, (times, _) in take_turns(calls, _SECONDS, _MOST_ROUNDS).items()
+        }
 
 
 def _shading_of(method) -> str:

@@ -108,7 +108,9 @@ def _add_measured(group) -> None:
         action="store_false",
         help="leave out what else the scene has: reflection, shadow maps, area lights, textures, spectra",
     )
-    add("--flip", dest="with_flip", action="store_true", help="also FLIP, 0 to 1 (needs flip-evaluator; a second a row)")
+    add(
+        "--flip", dest="with_flip", action="store_true", help="also FLIP, 0 to 1 (needs flip-evaluator; a second a row)"
+    )
     add("--seconds", type=values.number, default=60.0, metavar="N", help="time limit (default 60); compiling is extra")
 
 

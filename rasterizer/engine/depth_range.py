@@ -9,6 +9,8 @@ from ..pipeline.transform import Screen, make_screen
 # The fitted near plane is never nearer than this part of the furthest distance: depth keeps 2^-18 there.
 NEAREST = 2.0**-20
 MOST_DEEP = 2.0**40  # what is further than so many times the nearest depth that is seen is clipped
+# Distances down to NEAREST of a scene's extent keep their digits in their squares, which are 2^-1000 then.
+LEAST_EXTENT = 2.0**-480
 DEEP = 2.0**-10  # where the box round the scene spans more than this, the depths that are seen are looked for
 
 
@@ -89,6 +91,15 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, bounds=N
     if near * MOST_DEEP < far:
         far = far_clip = near * MOST_DEEP
     return make_screen(view, projection, (near, far), max(near_clip, near * NEAREST), far_clip)
+
+
+def check_extent(bounds) -> None:
+    """Refuse a scene that is so small that float64 can't hold what is computed of it; `bounds` are (n_mesh, 2, 3)."""
+    extent = float((bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)).max())
+    if 0.0 < extent < LEAST_EXTENT:
+        raise SceneError(
+            f"the scene is {extent:.3g} scene units large; it must be at least {LEAST_EXTENT:.3g}: scale the scene"
+        )
 
 
 def check_depths(camera, view, bounds) -> None:

@@ -17,7 +17,7 @@ from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .attributes import NONE, Attributes, NormalAttributes, light_all
 from .coding import lookup_step, make_buffer_coding, make_coding, make_encoding
-from .depth_range import check_depths, screen_of
+from .depth_range import check_depths, check_extent, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
 from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
@@ -64,6 +64,7 @@ class PreparedScene:
         self.scene, self.options = scene, options
         self.threads = Workers(options.n_thread)
         self.bounds = np.stack([mesh.bounds for mesh in scene.meshes])
+        check_extent(self.bounds)
         self.geometry = gather_geometry(scene, options.is_flat)
         self.view_plans = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)

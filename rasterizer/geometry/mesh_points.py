@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
-from .normals import polygon_normals, split_creases
+from .normals import polygon_normals, split_creases, within_range
 from .polygons import find_rings
 
 
@@ -119,8 +119,8 @@ def polygon_centroids(vertices: NDArray, faces: NDArray, polygons: NDArray, n_po
 
     Where no triangle of a polygon has an area, its centroid is the mean of theirs.
     """
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    centers = (a + b + c) / 3.0
+    centers = sum(vertices[faces[:, k]] for k in range(3)) / 3.0
+    a, b, c = (within_range(vertices)[faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     total = np.bincount(polygons, area, n_polygon)
     share = np.where(total[polygons] > 0.0, area, 1.0)

@@ -30,6 +30,7 @@ from .creases import (
 # (usual in OBJ) are off by 5e-7; the walls of a 12-sided unit cylinder are 0.52 wide, so each is tilted by up
 # to 2 * 5e-7 / 0.52 rad, and two against each other by 2.2e-4 degrees. Take twice that.
 _ANGLE_SLACK = 5e-4
+_MOST_EXPONENT = 200  # of coordinates, see `within_range`
 
 WeightingName = Literal["angle", "area", "uniform"]
 
@@ -202,7 +203,21 @@ def _check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.float
     if faces.size and (faces.min() < 0 or faces.max() >= len(vertices)):
         worst = faces.min() if faces.min() < 0 else faces.max()
         raise ModelError(f"faces refer to vertex {worst}; the last of the vertices is {len(vertices) - 1}")
-    return _freeze(vertices, np.float64), _freeze(faces, np.uint32)
+    return within_range(_freeze(vertices, np.float64)), _freeze(faces, np.uint32)
+
+
+def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return vertices of which areas can be computed: times a power of two where fourth powers of edges, which are the
+    squares of areas, might leave float64. Directions, angles and the areas' shares stay what they are.
+
+    Edges are at most 2^202, and from 2^-200 on down to the rounding of coordinates, 2^-253; 2^1024 and 2^-1022 are the
+    limits of float64.
+    """
+    largest = max(float(vertices.max(initial=0.0)), -float(vertices.min(initial=0.0)))
+    exponent = math.frexp(largest)[1]  # 0 of what isn't finite
+    if largest == 0.0 or -_MOST_EXPONENT <= exponent <= _MOST_EXPONENT:
+        return vertices
+    return np.ldexp(vertices, -exponent)
 
 
 def _check_per_face(name: str, values: ArrayLike, faces: NDArray) -> NDArray:

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from ..scene.mesh import Mesh
 from .mesh_points import Part, unique_rows
+from .normals import within_range
 
 
 def add_tangents(part: Part, mesh: Mesh, is_flat: bool) -> Part:
@@ -45,6 +46,7 @@ def compute_tangents(corners: NDArray, uv: NDArray, point: NDArray, n_point: int
     -------
     (n_point, 3) float64, unit length; zero where nothing is known
     """
+    corners = within_range(corners)
     e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     (a1, b1), (a2, b2) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
     along = (e1 * b2[:, None] - e2 * b1[:, None]) * np.sign(a1 * b2 - a2 * b1)[:, None]

@@ -72,7 +72,7 @@ def test_difference_of_pictures():
     assert difference.shape == (300, 250) and np.flatnonzero(difference).tolist() == [7 * 250 + 9]
     linear, changed = (linear_from_srgb_bytes(each) for each in (bytes_, other))
     assert np.abs(color_difference(linear, changed) - difference).max() <= 1e-9
-    assert (color_difference(other, bytes_) == pytest.approx(difference, abs=1e-12))
+    assert color_difference(other, bytes_) == pytest.approx(difference, abs=1e-12)
 
 
 def test_what_is_refused():

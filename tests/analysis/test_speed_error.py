@@ -24,7 +24,9 @@ def ball_scene():
             a, b, c, d = 12 * row + k, 12 * row + (k + 1) % 12, 12 * row + 12 + (k + 1) % 12, 12 * row + 12 + k
             faces += [(a, b, c), (a, c, d)]
     points = np.array(points)
-    return rz.Scene([rz.Mesh(points, faces, normals=points, material=rz.Material(diffuse=(0.7, 0.4, 0.2)))], rz.studio())
+    return rz.Scene(
+        [rz.Mesh(points, faces, normals=points, material=rz.Material(diffuse=(0.7, 0.4, 0.2)))], rz.studio()
+    )
 
 
 def by_hand(scene, method, factor=1):
@@ -109,7 +111,10 @@ def test_the_front_is_what_nothing_beats(seed):
 
 
 def test_errors_that_print_alike_are_alike():
-    assert [row.is_beaten for row in sort_by_front([make_row(1.0, 0.0012344), make_row(2.0, 0.0012341)])] == [False, True]
+    assert [row.is_beaten for row in sort_by_front([make_row(1.0, 0.0012344), make_row(2.0, 0.0012341)])] == [
+        False,
+        True,
+    ]
 
 
 def test_advice_names_the_quickest_that_is_as_exact():
@@ -179,6 +184,8 @@ def test_the_ground_truth_has_64_samples():
     assert np.abs(alpha - np.rint(alpha)).max() <= 1e-4 and (np.rint(alpha) % 4 != 0).any()
 
 
-@pytest.mark.parametrize(("value", "text"), [(1 / 4096, "1/4096"), (0.0, "0"), (1 / 3, "1/3"), (0.3, "0.3"), (2.0, "2")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(1 / 4096, "1/4096"), (0.0, "0"), (1 / 3, "1/3"), (0.3, "0.3"), (2.0, "2")]
+)
 def test_tolerances_are_told_as_people_write_them(value, text):
     assert told(value) == text

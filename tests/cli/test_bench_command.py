@@ -46,7 +46,9 @@ def test_the_record_holds_all_rows(capsys):
     rows = record["rows"]
     assert len(rows) == 2 * 2 * 2 and record["axes"] == [] and record["left_out"] == []
     for row in rows:
-        others = [o for o in rows if o["ms"] <= row["ms"] and printed(o["error"]["rms"]) <= printed(row["error"]["rms"])]
+        others = [
+            o for o in rows if o["ms"] <= row["ms"] and printed(o["error"]["rms"]) <= printed(row["error"]["rms"])
+        ]
         assert row["is_beaten"] == (len(others) > 1)
         assert row["ns_triangle"] == pytest.approx(1e6 * row["ms"] / 5120)
         assert row["shading"] in ("gouraud", "phong") and row["samples"] in (1, 4) and row["error"]["flip"] is None
@@ -94,7 +96,10 @@ def test_a_missing_library_is_told_before_anything_is_measured(capsys, monkeypat
 
 def test_flip(capsys):
     pytest.importorskip("flip_evaluator")
-    assert run(CUBE, "--flip", "--json", "--shadings", "flat,phong", "--samples", "4", "--no-axes", "--tolerances", "0") == 0
+    assert (
+        run(CUBE, "--flip", "--json", "--shadings", "flat,phong", "--samples", "4", "--no-axes", "--tolerances", "0")
+        == 0
+    )
     flat, phong = sorted(json.loads(capsys.readouterr().out)["rows"], key=lambda row: row["shading"])
     assert 0.0 < phong["error"]["flip"] < flat["error"]["flip"] < 1.0
 

@@ -49,9 +49,7 @@ def test_on_a_terminal_a_bar_is_shown_and_taken_away(tmp_path, level):
     if level == NORMAL:
         *bars, end = told.split("\x1b[K")
         bars, empty = [bar.removeprefix("\r") for bar in bars[:-1]], bars[-1]
-        assert bars == [
-            f"raster: [{'.' * BAR_WIDTH}] 0/1 compiling {name}" for name in ("list_corners", "lambert")
-        ]
+        assert bars == [f"raster: [{'.' * BAR_WIDTH}] 0/1 compiling {name}" for name in ("list_corners", "lambert")]
         assert empty == "\r" and end == "", "the bar is left on the terminal"
     else:
         assert told.count("compiling kernels for the first time") == (2 if level == VERBOSE else 0)

@@ -1,0 +1,140 @@
+"""What happens in hard cases, and is it right?
+
+    python bench/hard_cases.py                       all of them: a minute or two
+    python bench/hard_cases.py --small               small versions, as the tests draw them
+    python bench/hard_cases.py --only perspective 10 --save pictures
+    python bench/hard_cases.py --markdown            the table of bench/README.md
+
+Each case is drawn with the default tolerance, with tolerance 0 and, but where that would take minutes, by the float64
+reference. The scenes are in hard_scenes.py. The exit code is 1 where anything is wrong. The last line is JSON.
+"""
+
+import argparse
+import sys
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
+from bench import hard_scenes, margins, measure
+from rasterizer import Renderer, reference
+
+EXACT = 1e-6  # of full scale: what tolerance 0 promises
+STORED = 2.0**-23  # relative, of an intensity that is kept as float32
+DEPTH = 1e-6  # relative
+
+COLUMNS = [
+    ("case" + " " * 38, "case", ""), ("seen", "seen", "d"), ("wrong", "wrong", "d"), ("unclear", "unclear", "d"),
+    ("depth err", "depth", ".1e"), ("at 0", "exact", ".1e"), ("error ", "error", ".1e"), ("bound ", "bound", ".1e"),
+    ("/bound", "of_bound", ".3f"), ("result" + " " * 12, "result", ""),
+]  # fmt: skip
+
+
+def main(argv=None) -> int:
+    """Run the script; the arguments are those of the command line."""
+    args = make_parser().parse_args(argv)
+    machine, rows = measure.Machine(), []
+    table = None if args.markdown else measure.Table(COLUMNS)
+    for case in hard_scenes.CASES:
+        if args.only and not any(word in case.name for word in args.only):
+            continue
+        row, frame = measure_case(case, args.small)
+        rows.append(row)
+        if table:
+            table.print(row)
+        if args.save and case.is_shown:
+            Path(args.save).mkdir(exist_ok=True)
+            frame.save(Path(args.save) / f"{slug(case.name)}.png")
+    if args.markdown:
+        print(markdown(rows))
+    measure.print_json("hard_cases", machine, args, rows)
+    return int(any(row["faults"] for row in rows))
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Describe the command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--small", action="store_true", help="small versions of the large ones")
+    parser.add_argument("--only", nargs="+", metavar="WORD", help="cases whose names have one of these words")
+    parser.add_argument("--save", metavar="FOLDER", help="where pictures are written of what can be seen")
+    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown, with the reasons")
+    return parser
+
+
+def measure_case(case, is_small) -> tuple[dict, object]:
+    """Draw a case and compare it; return its row, and the frame."""
+    made = case.make(is_small)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        frame, exact = (draw(made, **tolerance) for tolerance in ({}, {"tolerance": 0.0}))
+    faults = [f"a warning: {each.message}" for each in caught]
+    row = {"case": case.name, "why": case.why, "seen": int((frame.face >= 0).sum()), "bound": frame.stats.error_bound,
+           "steps": [step[0] for step in frame.stats.steps]}  # fmt: skip
+    if not np.isfinite(frame.color).all() or (frame.has("depth") and np.isnan(frame.depth).any()):
+        faults.append("a colour or a depth isn't finite")
+    if made.expect is not None and made.expect(frame):
+        faults.append(made.expect(frame))
+    if made.has_reference:
+        row |= compare(made, frame, exact, faults)
+    row["faults"] = faults
+    row["result"] = "; ".join(faults) or ("right, but at " + row["steps"][0] if row.get("is_at_step") else "right")
+    return row, frame
+
+
+def draw(made, **options):
+    """Draw a scene with all that is compared."""
+    settings = {"shading": "gouraud", "outputs": ("color", "depth", "face")} | made.options | options
+    with Renderer(made.scene, made.size, **settings) as renderer:
+        return renderer.render()
+
+
+def compare(made, frame, exact, faults) -> dict:
+    """Compare both frames with the reference's picture; add what is wrong to the faults.
+
+    A pixel in which two surfaces are nearer to each other than depth can tell is unclear: counted, not compared.
+    Errors above their bounds are no faults where the frame says that its illumination has steps.
+    """
+    settings = {"shading": "gouraud"} | {name: value for name, value in made.options.items() if name != "outputs"}
+    with np.errstate(all="ignore"):
+        expected = reference.render(made.scene, made.size, **settings)
+    resolution = margins.depth_resolution(made.scene, made.size, expected.depth)
+    is_hit, is_clear = expected.face >= 0, expected.margin > resolution
+    wrong = int(((frame.face >= 0) != is_hit).sum() + (is_clear & is_hit & (frame.face != expected.face)).sum())
+    if wrong:
+        faults.append(f"{wrong} samples show what they should not")
+    is_same = is_hit & (frame.face == expected.face) & is_clear
+    scale = max(float(np.abs(expected.color).max(initial=0.0)), 1.0)
+    depth = 0.0
+    if frame.has("depth"):
+        depth = np.abs(frame.depth[is_same] / expected.depth[is_same] - 1.0).max(initial=0.0)
+    errors = {name: np.abs(one.color[is_same] - expected.color[is_same]).max(initial=0.0)
+              for name, one in (("error", frame), ("exact", exact))}  # fmt: skip
+    stored = STORED * np.abs(expected.color).max(initial=0.0)
+    is_over = errors["error"] > frame.stats.error_bound + stored or errors["exact"] > EXACT * scale + stored
+    if depth > DEPTH:
+        faults.append(f"depths are off by {depth:.1e}")
+    if is_over and not frame.stats.steps:
+        faults.append("an error is above its bound")
+    of_bound = errors["error"] / max(frame.stats.error_bound + stored, np.finfo(float).tiny)
+    return {"wrong": wrong, "unclear": int((is_hit & ~is_clear).sum()), "depth": float(depth),
+            "exact": float(errors["exact"]), "error": float(errors["error"]), "of_bound": float(of_bound),
+            "is_at_step": bool(is_over)}  # fmt: skip
+
+
+def slug(name) -> str:
+    """A name as that of a file."""
+    return "-".join("".join(c if c.isalnum() else " " for c in name).split())
+
+
+def markdown(rows) -> str:
+    """The table of the README."""
+    lines = ["| case | what happens, and why that is right | error | bound |", "| --- | --- | --- | --- |"]
+    for row in rows:
+        error = "" if row.get("error") is None else f"{row['error']:.1e}"
+        lines.append(f"| {row['case']} | {row['why']} | {error} | {row['bound']:.1e} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

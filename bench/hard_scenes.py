@@ -1,0 +1,380 @@
+"""The hard cases: scenes at the limits of numbers, of pictures and of meshes, each with what is right about it.
+
+In: whether a small version will do, as in a test. Out: a `Case` for each, in the order of the table.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+import rasterizer as rz
+
+LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8))
+LAMP = rz.PointLight((2.0, 3.0, 3.0), 0.9, (1.0, 0.1, 0.05))
+SIZE = (96, 72)
+
+
+class Scene(NamedTuple):
+    """What a case draws."""
+
+    scene: rz.Scene
+    size: tuple[int, int] = SIZE
+    options: dict = {}
+    has_reference: bool = True  # False where that would take minutes: `expect` says what is right then
+    expect: Callable | None = None  # function from the Frame to None, or to what is wrong with it
+
+
+class Case(NamedTuple):
+    """A hard case."""
+
+    name: str
+    why: str  # what happens, and why that is right
+    make: Callable  # function from `is_small` to a Scene
+    is_shown: bool = True  # whether its picture shows anything
+
+
+CASES: list[Case] = []
+
+
+def case(name, why, is_shown=True):
+    """Put a function that makes a Scene into the table."""
+
+    def add(make):
+        CASES.append(Case(name, why, make, is_shown))
+        return make
+
+    return add
+
+
+def on_screen(size, points, depth, faces, is_perspective=False, lights=LIGHTS, near=None, far=None, **mesh):
+    """A scene given by places in the picture (n, 2), px, and depths (n,): the camera stands at the origin and looks down
+    -z; without perspective a unit is a pixel."""
+    width, height = size
+    points, depth = np.asarray(points, float), np.broadcast_to(np.asarray(depth, float), len(points))
+    spread = depth / (height / 2) if is_perspective else np.ones(len(points))
+    vertices = np.stack([(points[:, 0] - width / 2) * spread, (height / 2 - points[:, 1]) * spread, -depth], axis=1)
+    make = rz.Camera.perspective if is_perspective else rz.Camera.orthographic
+    camera = make((0, 0, 0), (0, 0, -1), near=near, far=far, **({"fov": 90} if is_perspective else {"height": height}))
+    return rz.Scene([rz.Mesh(vertices, faces, **mesh)], lights, camera)
+
+
+def ball(n=16, radius=1.0, center=(0.0, 0.0, 0.0), **mesh):
+    """A ball of n by 2n quads."""
+    polar, around = np.linspace(0.0, np.pi, n + 1), np.linspace(0.0, 2.0 * np.pi, 2 * n + 1)[:-1]
+    t, p = (grid.ravel() for grid in np.meshgrid(polar, around, indexing="ij"))
+    normals = np.stack([np.sin(t) * np.cos(p), np.cos(t), np.sin(t) * np.sin(p)], axis=1)
+    row, k = (grid.ravel() for grid in np.meshgrid(np.arange(n), np.arange(2 * n), indexing="ij"))
+    a, b = 2 * n * row + k, 2 * n * row + (k + 1) % (2 * n)
+    faces = np.concatenate([np.stack([a, b, b + 2 * n], 1), np.stack([a, b + 2 * n, a + 2 * n], 1)])
+    return rz.Mesh(np.asarray(center) + radius * normals, faces, normals=normals, **mesh)
+
+
+def framed(meshes, lights=LIGHTS, **options):
+    """A scene that its camera frames."""
+    return Scene(rz.Scene(meshes, lights), options=options)
+
+
+def every_face(name, faces):
+    """Expect that a picture shows these faces alone."""
+
+    def expect(frame):
+        seen = np.unique(frame.face[frame.face >= 0]).tolist()
+        return None if seen == sorted(faces) else f"{name}: faces {seen[:5]} are seen"
+
+    return expect
+
+
+# ── where the picture's grid is at its limit ──────────────────────────────────────────────────────────────
+
+
+@case(
+    "slivers of 1/256 px by 8000 px",
+    "The fill rule is integer: a sliver shows at the samples that lie in it, and nowhere else.",
+)
+def slivers(is_small):
+    size = (512 if is_small else 8192, 24)
+    rng, n = np.random.default_rng(1), 40
+    y = rng.integers(0, 20 * 256, n) / 256
+    y[::4] = np.floor(y[::4]) + 0.5  # some have an edge on the samples of a row
+    fall = np.where(np.arange(n) % 4 == 0, 0.0, rng.integers(-3 * 256, 3 * 256, n) / 256)
+    right = np.full(n, size[0] - 0.5)
+    points = np.stack([np.zeros(n), y, right, y + fall + 1 / 256, right, y + fall], 1).reshape(-1, 2)
+    return Scene(on_screen(size, points, 2.0, np.arange(3 * n).reshape(-1, 3)), size)
+
+
+@case("20 000 triangles below a pixel", "Each covers a sample or none. The nearest one at a sample is seen.")
+def soup(is_small):
+    n, rng = 2000 if is_small else 20_000, np.random.default_rng(2)
+    corners = rng.uniform((0, 0), SIZE, (n, 1, 2)) + rng.uniform(-0.7, 0.7, (n, 3, 2))
+    depth = np.repeat(rng.uniform(1.0, 9.0, n), 3)
+    return Scene(on_screen(SIZE, corners.reshape(-1, 2), depth, np.arange(3 * n).reshape(-1, 3)))
+
+
+@case("a triangle of 10⁶ px", "Edges reach 2²⁰ px beyond the picture before anything is clipped: no pixel of it moves.")
+def wide_triangle(_):
+    points = [(-500_000.3, -400_000.7), (600_000.1, 20.4), (-300_000.9, 700_000.2)]
+    return Scene(on_screen(SIZE, points, [2.0, 3.0, 7.0], [[0, 1, 2]]))
+
+
+@case("a span of 16 384 px", "Nothing is summed up along a span, so that its end is as exact as its beginning.")
+def long_span(is_small):
+    size = (2048 if is_small else 16_384, 4)
+    points = [(-3.0, -2.0), (size[0] + 5.0, 1.0), (size[0] - 1.0, 9.0), (-9.0, 8.0)]
+    normals = [(1, 0, 1), (-1, 0, 1), (0, 1, 1), (0, -1, 1)]
+    return Scene(on_screen(size, points, [2.0, 3.0, 4.0, 5.0], [[0, 1, 2], [0, 2, 3]], normals=normals), size)
+
+
+@case(
+    "10⁶ faces in one pixel",
+    "The nearest at the pixel's centre is seen; of those at equal depth the one with the lowest index.",
+)
+def crowded_pixel(is_small):
+    n, rng = 10_000 if is_small else 1_000_000, np.random.default_rng(3)
+    corners = np.array([0.5, 0.5]) + rng.uniform(-0.6, 0.6, (n, 3, 2))
+    depth = 1.0 + rng.integers(0, 1000, n) / 256
+    a, b, c = (corners[:, k] * 256 for k in range(3))
+    grid = np.rint(np.stack([a, b, c], axis=1)).astype(np.int64) - 128
+
+    def edge(p, q):
+        return p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+
+    sides = np.stack([edge(grid[:, k], grid[:, (k + 1) % 3]) for k in range(3)], axis=1)
+    is_inside = (sides > 0).all(axis=1) | (sides < 0).all(
+        axis=1
+    )  # none has the centre on an edge, but for those left out
+    is_inside &= (sides != 0).all(axis=1)
+    corners[(sides == 0).any(axis=1)] += 5.0  # beside the picture
+    first = np.flatnonzero(is_inside & (depth == depth[is_inside].min()))[0]
+    scene = on_screen((1, 1), corners.reshape(-1, 2), np.repeat(depth, 3), np.arange(3 * n).reshape(-1, 3))
+
+    def expect(frame):
+        return None if frame.face[0, 0] == first else f"face {frame.face[0, 0]} is seen, not {first}"
+
+    return Scene(scene, (1, 1), {}, False, expect)
+
+
+# ── depth and perspective ─────────────────────────────────────────────────────────────────────────────────
+
+
+@case(
+    "depths from 1 to 10³ … 10⁷ in one triangle",
+    "Interpolation is that of I/w and 1/w, in float64 where a triangle's perspective needs it.",
+)
+def deep_triangles(_):
+    points = [(4.0, 4.0), (92.0, 10.0), (40.0, 69.0)]
+    meshes = [on_screen(SIZE, points, [1.0, 10.0**p, 30.0], [[0, 1, 2]], True, normals=np.eye(3)).meshes[0]
+              for p in (3, 4, 5, 6, 7)]  # fmt: skip
+    moved = [
+        rz.Mesh(m.vertices + [0.3 * k, -0.2 * k, -0.01 * k], m.faces, normals=m.normals) for k, m in enumerate(meshes)
+    ]
+    camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=90)
+    return Scene(rz.Scene(moved, LIGHTS, camera))
+
+
+@case("the eye in a triangle's plane", "Seen from its edge a triangle has no area, and covers nothing.", is_shown=False)
+def edge_on(_):
+    vertices = [(-1, 0, -3), (1, 0, -3), (0, 0, -9), (-1, -1, -5), (1, -1, -5), (0, 1, -5)]
+    camera = rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=60)
+    scene = rz.Scene([rz.Mesh(vertices, [[0, 1, 2], [3, 4, 5]])], LIGHTS, camera)
+    return Scene(scene, expect=every_face("edge on", [1]))
+
+
+@case(
+    "near : far of 10⁻⁶", "Depths are 60-bit integers: a step of the z-buffer is far below what separates these faces."
+)
+def wide_range(_):
+    points = [(x + 30 * k, y) for k in range(3) for x, y in ((2, 2), (60, 8), (20, 66))]
+    depth = np.repeat([1e-3, 1.0, 1e3], 3) * np.tile([1.0, 1.3, 1.1], 3)
+    return Scene(on_screen(SIZE, points, depth, np.arange(9).reshape(3, 3), True, near=1e-3, far=1e3))
+
+
+@case(
+    "a model 10¹⁰ away from the origin",
+    "Coordinates are float64. What they can't tell there, 2⁻¹⁹ of a unit, no renderer can draw.",
+)
+def far_from_origin(_):
+    center = np.array([1e10, -3e10, 2e10])
+    mesh = ball(12)
+    vertices = center + np.rint(mesh.vertices * 2**16) / 2**16
+    return framed([rz.Mesh(vertices, mesh.faces)], (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8)))
+
+
+@case("units of 10⁻³⁰", "Everything is relative to the scene's extent.")
+def tiny_units(_):
+    return framed([ball(12, 1e-30)])
+
+
+@case("units of 10³⁰", "Everything is relative to the scene's extent.")
+def huge_units(_):
+    return framed([ball(12, 1e30)])
+
+
+@case("lengths whose squares are denormal, or 0", "Areas are those of coordinates times a power of two. A scene below 10⁻¹⁴⁴ is refused, a depth buffer of float32 long before.")
+def denormals(_):
+    return framed([ball(8, 1e-140)], outputs=("color", "face"))
+
+
+@case(
+    "coplanar and coincident faces",
+    "At equal depth the face with the lower index is seen, in every mode and with any number of threads.",
+)
+def coincident(_):
+    points = [(5, 5), (90, 5), (90, 68), (5, 68)]
+    faces = [[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3], [2, 1, 0]]
+    scene = on_screen(SIZE, points, [3.0, 4.0, 4.0, 3.0], faces)
+    return Scene(scene, expect=every_face("coincident", [0, 1]))
+
+
+@case(
+    "interpenetrating triangles",
+    "Visibility is decided at every sample: the line where they cross comes out by itself.",
+)
+def interpenetrating(_):
+    rng = np.random.default_rng(4)
+    points = rng.uniform((-20, -20), (116, 92), (36, 2))
+    return Scene(on_screen(SIZE, points, rng.uniform(1.0, 5.0, 36), np.arange(36).reshape(-1, 3), True))
+
+
+@case(
+    "T-junctions",
+    "A vertex on a neighbour's edge is rounded like any other: a pixel may show through, as the mesh has a gap there.",
+)
+def t_junctions(_):
+    points = [(3, 3), (93, 7), (48, 70), (3 + 90 / 3, 3 + 4 / 3), (40.3, 0.2), (3 + 60, 3 + 8 / 3)]
+    return Scene(on_screen(SIZE, points, 2.0, [[0, 1, 2], [4, 3, 0], [4, 5, 3], [4, 1, 5]]))
+
+
+# ── light ─────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@case("normals that cancel", "Where interpolated normals vanish the face's own is taken: nothing is divided by 0.")
+def vanishing_normals(_):
+    points = [(4, 4), (92, 6), (90, 68), (6, 70)]
+    normals = [(0, 0.6, 0.8), (0, -0.6, -0.8), (0, 0.6, 0.8), (0, -0.6, -0.8)]
+    return Scene(on_screen(SIZE, points, 2.0, [[0, 1, 2], [0, 2, 3]], normals=normals), options={"shading": "phong"})
+
+
+@case("normals of length 0 in a file", "They are computed from the faces.")
+def zero_normals(_):
+    mesh = ball(8)
+    normals = mesh.normals.copy()
+    normals[::3] = 0.0
+    return framed([rz.Mesh(mesh.vertices, mesh.faces, normals=normals)])
+
+
+@case(
+    "exponents from 0.1 to 10⁶",
+    "Powers are exp2 and log2 with a bound for each exponent; sharp ones are lit in float64.",
+)
+def exponents(_):
+    meshes = [ball(12, center=(2.1 * k, 0, 0), material=rz.Material(specular=0.8, shininess=n))
+              for k, n in enumerate((0.1, 1, 10, 1e3, 1e6))]  # fmt: skip
+    return framed(meshes, shading="phong")
+
+
+@case(
+    "a light on the surface",
+    "Its direction is that of nothing in the nearest point: such points have no bound, and are told of.",
+)
+def light_on_surface(_):
+    return framed([ball(12)], (rz.AmbientLight(0.1), rz.PointLight((0.0, 1.0, 0.0), 0.5)), shading="phong")
+
+
+@case("a light inside, and one very far away", "Only what it faces is lit; from 10¹² units away rays are parallel.")
+def lights_inside_and_far(_):
+    lights = (rz.PointLight((0.1, 0.2, 0.1), 1.0), rz.PointLight((1e12, 1e12, 3e11), 0.7, (1.0, 0.0, 0.0)))
+    return framed([ball(12)], lights, shading="phong")
+
+
+@case("intensities of 10⁻³⁰", "The picture is black; its colours keep their digits.", is_shown=False)
+def dim(_):
+    return framed([ball(12)], (rz.DirectionalLight((-0.4, -0.5, -0.8), 1e-30),))
+
+
+@case(
+    "intensities of 10³⁰",
+    "The picture is white; its colours keep their digits, the tolerance is of white 1.",
+    is_shown=False,
+)
+def bright(_):
+    return framed([ball(12)], (rz.DirectionalLight((-0.4, -0.5, -0.8), 1e30),))
+
+
+@case("attenuation next to 0", "1/(kc + kl d + kq d²) has the limit 1, unless `amplify` asks for more.")
+def attenuation(_):
+    lights = (rz.PointLight((0.0, 0.0, 1.05), 1.0, (0.0, 0.0, 1.0)),
+              rz.PointLight((1.05, 0.0, 0.0), 0.02, (0.0, 1.0, 1e-9), amplify=True))  # fmt: skip
+    return framed([ball(12)], lights, shading="phong")
+
+
+# ── meshes ────────────────────────────────────────────────────────────────────────────────────────────────
+
+
+@case(
+    "a dihedral equal to the crease angle",
+    "An edge is a crease if its angle is above the given one: at exactly that angle it is smooth.",
+)
+def on_the_crease(_):
+    angle = np.radians(30.0)
+    vertices = [(0, -1, 0), (0, 1, 0), (-1, 0, 0), (np.cos(angle), 0, -np.sin(angle))]
+    return framed([rz.Mesh(vertices, [[0, 1, 2], [1, 0, 3]], crease_angle=30.0)])
+
+
+@case("three faces at an edge", "Normals are averaged among the faces that meet at less than the crease angle.")
+def non_manifold(_):
+    vertices = [(0, -1, 0), (0, 1, 0), (-1, 0, 0.2), (1, 0, 0.3), (0.1, 0, 1.0)]
+    return framed([rz.Mesh(vertices, [[0, 1, 2], [1, 0, 3], [0, 1, 4]], crease_angle=60.0)])
+
+
+@case("a Möbius strip", "It has no inside: faces are lit on the side that the viewer sees.")
+def moebius(is_small):
+    n = 24 if is_small else 96
+    turn = np.linspace(0.0, 2.0 * np.pi, n + 1)[:-1]
+    edges = [np.stack([(1 + s * np.cos(turn / 2)) * np.cos(turn), s * np.sin(turn / 2), (1 + s * np.cos(turn / 2)) * np.sin(turn)], 1)
+             for s in (-0.35, 0.35)]  # fmt: skip
+    k = np.arange(n)
+    a, b, c, d = k, (k + 1) % n, n + (k + 1) % n, n + k
+    b[-1], c[-1] = n, 0  # the strip closes upside down
+    return framed([rz.Mesh(np.concatenate(edges), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))])
+
+
+@case(
+    "a model that is inside out",
+    "Nothing is culled by default, and lighting is two-sided: it looks like the right one.",
+)
+def inside_out(_):
+    mesh = ball(12)
+    return framed([rz.Mesh(mesh.vertices, mesh.faces[:, ::-1], normals=mesh.normals)])
+
+
+# ── what is known not to be exact ─────────────────────────────────────────────────────────────────────────
+
+
+@case(
+    "shadows from a map",
+    "A limit: shadow edges come from maps here and from rays in the reference; 1 texel wide, `stats.steps` says so.",
+)
+def shadow_map(_):
+    floor = rz.Mesh([(-3, -1, -3), (3, -1, -3), (3, -1, 3), (-3, -1, 3)], [[0, 2, 1], [0, 3, 2]])
+    lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -1.0, -0.5), 0.9, shadow=rz.Shadow(512)))
+    return framed([ball(10), floor], lights, shading="phong")
+
+
+@case(
+    "transparent layers in one place", "Sorted at every sample by depth, then by index: no order of the file matters."
+)
+def layers(_):
+    points = [(6, 6), (90, 9), (45, 66)]
+    faces = np.arange(15).reshape(5, 3)
+    material = rz.Material(opacity=0.5, diffuse=(0.8, 0.4, 0.2))
+    scene = on_screen(SIZE, points * 5, np.repeat([3.0, 2.0, 4.0, 2.5, 2.0], 3), faces, material=material)
+    return Scene(scene)
+
+
+@case(
+    "steps of the illumination",
+    "A limit: within float32's rounding of a toon's step no error is small; `stats.steps` says how near.",
+)
+def toon(_):
+    return framed([ball(12, material=rz.Material(reflection="toon"))], shading="phong")
