@@ -255,7 +255,7 @@ def vanishing_normals(_):
     return Scene(on_screen(SIZE, points, 2.0, [[0, 1, 2], [0, 2, 3]], normals=normals), options={"shading": "phong"})
 
 
-@case("normals of length 0 in a file", "They are computed from the faces.")
+@case("normals of length 0", "A limit: where a mesh says that a vertex has none, no light reaches it but ambient light.")
 def zero_normals(_):
     mesh = ball(8)
     normals = mesh.normals.copy()
