@@ -1,14 +1,14 @@
 """Does any scene break a promise? Random scenes by the thousand, for hours, and uphill from the worst of them.
 
-    python bench/fuzz.py                              a million scenes; end it when you like, and go on with the same line
+    python bench/fuzz.py                              a million scenes; end it when you like, the same line goes on
     python bench/fuzz.py --cases 5000 --seed 3 --processes 1
     python bench/fuzz.py --report                     what has been found so far
 
 The scenes and the promises are those of tests/helpers/campaign.py: every light, material, texture, camera, unit,
 tolerance; finite colours, coverage and order as the reference's, errors within their bounds, the same bytes with two
 threads. Each batch of scenes is a line of JSON in the state file. From the scenes of a batch whose errors come nearest
-to their bounds, numbers are changed step by step towards a larger error. A fault tells how to see it again; it becomes a
-test. The exit code is 1 where there are faults.
+to their bounds, numbers are changed step by step towards a larger error. A fault tells how to see it again; it becomes
+a test. The exit code is 1 where there are faults.
 """
 
 import argparse
@@ -120,8 +120,8 @@ def run_batch(task) -> dict:
 def said_of(record, n_done, n_all) -> str:
     """A line about a batch."""
     text = (
-        f"[{n_done}/{n_all}] scenes {record['first']} to {record['stop'] - 1}: error/bound <= {record['worst'][0]:.3g}, "
-        f"uphill {record['climbed']:.3g}, {record['seconds']:g} s"
+        f"[{n_done}/{n_all}] scenes {record['first']} to {record['stop'] - 1}: "
+        f"error/bound <= {record['worst'][0]:.3g}, uphill {record['climbed']:.3g}, {record['seconds']:g} s"
     )
     return "\n".join([text, *record["faults"]])
 

@@ -48,8 +48,8 @@ def case(name, why, is_shown=True):
 
 
 def on_screen(size, points, depth, faces, is_perspective=False, lights=LIGHTS, near=None, far=None, **mesh):
-    """A scene given by places in the picture (n, 2), px, and depths (n,): the camera stands at the origin and looks down
-    -z; without perspective a unit is a pixel."""
+    """A scene given by places in the picture (n, 2), px, and depths (n,): the camera stands at the origin and looks
+    down -z; without perspective a unit is a pixel."""
     width, height = size
     points, depth = np.asarray(points, float), np.broadcast_to(np.asarray(depth, float), len(points))
     spread = depth / (height / 2) if is_perspective else np.ones(len(points))
@@ -210,7 +210,10 @@ def huge_units(_):
     return framed([ball(12, 1e30)])
 
 
-@case("lengths whose squares are denormal, or 0", "Areas are those of coordinates times a power of two. A scene below 10⁻¹⁴⁴ is refused, a depth buffer of float32 long before.")
+@case(
+    "lengths whose squares are denormal, or 0",
+    "Areas are those of coordinates times a power of two. Scenes below 10⁻¹⁴⁴ are refused; float32 depths before.",
+)
 def denormals(_):
     return framed([ball(8, 1e-140)], outputs=("color", "face"))
 
@@ -255,7 +258,9 @@ def vanishing_normals(_):
     return Scene(on_screen(SIZE, points, 2.0, [[0, 1, 2], [0, 2, 3]], normals=normals), options={"shading": "phong"})
 
 
-@case("normals of length 0", "A limit: where a mesh says that a vertex has none, no light reaches it but ambient light.")
+@case(
+    "normals of length 0", "A limit: where a mesh says that a vertex has none, no light reaches it but ambient light."
+)
 def zero_normals(_):
     mesh = ball(8)
     normals = mesh.normals.copy()
@@ -331,8 +336,10 @@ def non_manifold(_):
 def moebius(is_small):
     n = 24 if is_small else 96
     turn = np.linspace(0.0, 2.0 * np.pi, n + 1)[:-1]
-    edges = [np.stack([(1 + s * np.cos(turn / 2)) * np.cos(turn), s * np.sin(turn / 2), (1 + s * np.cos(turn / 2)) * np.sin(turn)], 1)
-             for s in (-0.35, 0.35)]  # fmt: skip
+    edges = []
+    for side in (-0.35, 0.35):
+        radius = 1 + side * np.cos(turn / 2)
+        edges.append(np.stack([radius * np.cos(turn), side * np.sin(turn / 2), radius * np.sin(turn)], axis=1))
     k = np.arange(n)
     a, b, c, d = k, (k + 1) % n, n + (k + 1) % n, n + k
     b[-1], c[-1] = n, 0  # the strip closes upside down

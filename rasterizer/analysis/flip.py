@@ -1,7 +1,7 @@
 """FLIP: how different two pictures look when one is shown after the other, by its authors' own program.
 
 Source: Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images", Proc. ACM Comput. Graph. Interact.
-Tech. 3(2). The program is the package flip-evaluator, which the extra `bench` brings along.
+Tech. 3(2). The program is the package flip-evaluator.
 """
 
 import numpy as np

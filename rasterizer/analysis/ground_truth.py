@@ -11,7 +11,7 @@ consists of is found by comparing it with pictures that save one thing less:
 Pictures are compared as light on black: colours times the share of a pixel that is covered.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ class Errors(NamedTuple):
     flip: float | None = None
 
 
-def draw_light(scene: Scene, size: tuple[int, int], **options) -> Light:
+def draw_light(scene: Scene, size: tuple[int, int], **options: Any) -> Light:
     """Draw a scene; options are those of `rasterizer.render`."""
     with Renderer(scene, size, outputs=("color",), **options) as renderer:
         frame = renderer.render()
@@ -65,7 +65,7 @@ def draw_light(scene: Scene, size: tuple[int, int], **options) -> Light:
     return Light(frame.color * alpha[..., None], alpha)
 
 
-def draw_ground_truth(scene: Scene, size: tuple[int, int], **options) -> Light:
+def draw_ground_truth(scene: Scene, size: tuple[int, int], **options: Any) -> Light:
     """Draw a scene by Phong's shading at 64 samples a pixel with tolerance 0.
 
     Parameters

@@ -8,9 +8,9 @@ doesn't: whether the polygons show. Eight pixels in a row or column, four in eac
     intensity  i0  i1  i2  i3 ┊ i4  i5  i6  i7     a parabola through three pixels of a face gives value and slope at
     face        A   A   A   A ┊  B   B   B   B     the edge ┊; across the edge the slope is i4 - i3
 
-What the surface itself does there isn't counted. Its curvature is in the parabolas. How fast that changes, as at the rim
-of a narrow highlight, the fourth pixels tell: by as much as a cubic through four pixels differs from the parabola, a
-surface without any edge may seem to jump, and that is taken off. Of flat shading and Gouraud's it is 0.
+What the surface itself does there isn't counted. Its curvature is in the parabolas. How fast that changes, as at the
+rim of a narrow highlight, the fourth pixels tell: by as much as a cubic through four pixels differs from the parabola,
+a surface without any edge may seem to jump, and that is taken off. Of flat shading and Gouraud's it is 0.
 """
 
 from collections.abc import Sequence
@@ -239,8 +239,8 @@ def _jumps(luminance: NDArray, face: NDArray, pairs: NDArray, key: NDArray) -> t
 
 
 def _at_edge(pixels: Sequence[NDArray]) -> tuple[NDArray, NDArray, NDArray]:
-    """Return value and slope, towards the edge, half a pixel beyond the last of four pixels, by the parabola through the
-    last three; and the size of their third difference.
+    """Return value and slope, towards the edge, half a pixel beyond the last of four pixels, by the parabola through
+    the last three; and the size of their third difference.
 
     Newton's backward formula, s pixels beyond the last, with the differences d, c, t of first to third order:
     i + s d + s(s+1)/2 c + s(s+1)(s+2)/6 t. At s = 1/2 the terms of the value are 1/2, 3/8 and 5/16, those of its

@@ -1,4 +1,4 @@
-"""What else decides about time and error, where a scene has it: shadow maps, area lights, textures, spectra, reflection.
+"""What else decides about time and error, where a scene has it: shadow maps, area lights, textures, spectra.
 
 One thing is changed at a time; the rest stays what the scene says. Each is compared with the same picture in which that
 thing isn't saved at.
@@ -7,16 +7,20 @@ thing isn't saved at.
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from ..choices import ANTIALIASES, FILTERS, REFLECTIONS
+from ..choices import ANTIALIASES, REFLECTIONS, Filter
 from ..renderer import Renderer
-from ..scene.lights import AmbientLight, AreaLight, Light
+from ..scene.lights import AmbientLight, AreaLight
+from ..scene.lights import Light as Lamp
+from ..scene.material import Material
+from ..scene.mesh import Mesh
 from ..scene.scene import Scene
 from ..scene.shadow import Shadow
-from .ground_truth import Errors, draw_ground_truth, draw_light, measure_errors
+from ..scene.texture import Texture
+from .ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors
 from .timing import take_turns
 
 _SIZES = (256, 512, 1024, 2048, 4096)
@@ -84,14 +88,14 @@ def measure_axes(
     options : further options of `rasterizer.render`
     """
     options = options | {"shading": "phong", "samples": 4}
-    axes, rows = list_axes(scene, options), []
+    axes, rows = list_axes(scene, options), list[AxisRow]()
     for done, axis in enumerate(axes):
         progress(done, len(axes), axis.name)
         rows += _measure_axis(axis, scene, size, seconds / len(axes), options)
     return rows
 
 
-def _measure_axis(axis: Axis, scene, size, seconds, options) -> Iterator[AxisRow]:
+def _measure_axis(axis: Axis, scene: Scene, size: tuple[int, int], seconds: float, options: dict) -> Iterator[AxisRow]:
     """Yield a row for each value; they take turns with the scene as it is."""
     truth = _truth_of(axis, scene, size, options)
     with ExitStack() as stack:
@@ -109,21 +113,21 @@ def _measure_axis(axis: Axis, scene, size, seconds, options) -> Iterator[AxisRow
         yield AxisRow(axis.name, variant.value, ratio * float(np.median(turns[""])), ratio, error, axis.against)
 
 
-def _truth_of(axis, scene, size, options):
+def _truth_of(axis: Axis, scene: Scene, size: tuple[int, int], options: dict) -> Light | None:
     """What an axis' pictures are compared with."""
     if axis.finest is not None:
         return draw_light(axis.finest.scene, size, **options | axis.finest.options | {"tolerance": 0.0})
     return draw_ground_truth(scene, size, **options) if axis.against else None
 
 
-def _changed_lights(scene: Scene, change: Callable[[Light], Light]) -> Scene:
+def _changed_lights(scene: Scene, change: Callable[[Lamp], Lamp]) -> Scene:
     return replace(scene, lights=tuple(change(light) for light in scene.lights))
 
 
 def _with_shadow(scene: Scene, **fields: int) -> Scene:
     """A scene whose shadows have other fields."""
 
-    def change(light):
+    def change(light: Any) -> Lamp:
         shadow = getattr(light, "shadow", None)
         return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
 
@@ -131,7 +135,8 @@ def _with_shadow(scene: Scene, **fields: int) -> Scene:
 
 
 def _shadows(scene: Scene) -> list[Shadow]:
-    return [light.shadow for light in scene.lights if getattr(light, "shadow", None) is not None]
+    shadows = (getattr(light, "shadow", None) for light in scene.lights)
+    return [shadow for shadow in shadows if shadow is not None]
 
 
 def _finest_shadows(scene: Scene) -> Variant:
@@ -175,17 +180,19 @@ def _texture(scene: Scene) -> Axis | None:
     if all(material.texture is None for material in materials):
         return None
 
-    def filtered(word: str) -> Scene:
+    def filtered(word: Filter) -> Scene:
         return _changed_materials(
             scene,
-            lambda m: m if m.texture is None else replace(m, texture=replace(m.texture, filter=word)),
+            lambda m: replace(m, texture=replace(m.texture, filter=word)) if isinstance(m.texture, Texture) else m,
         )
 
-    return Axis("texture filter", "64 samples a pixel", [Variant(word, filtered(word), {}) for word in FILTERS], None)
+    return Axis(
+        "texture filter", "64 samples a pixel", [Variant(word, filtered(word), {}) for word in get_args(Filter)], None
+    )
 
 
 def _spectrum(scene: Scene, options: dict) -> Axis | None:
-    colors = [light.color for light in scene.lights]
+    colors: list[Any] = [light.color for light in scene.lights]
     for mesh in scene.meshes:
         for material in mesh.palette:
             colors += [material.ambient, material.diffuse, material.specular, material.emissive]
@@ -204,19 +211,20 @@ def _antialias(scene: Scene) -> Axis:
 def _reflection(scene: Scene) -> Axis | None:
     if all(isinstance(light, AmbientLight) for light in scene.lights):
         return None
-    variants = [
-        Variant(word, _changed_materials(scene, lambda m, word=word: replace(m, reflection=word)), {})
-        for word in REFLECTIONS
-    ]
+
+    def reflected(word: str) -> Scene:
+        return _changed_materials(scene, lambda material: replace(material, reflection=word))
+
+    variants = [Variant(word, reflected(word), {}) for word in REFLECTIONS]
     return Axis("reflection", "", variants, None)
 
 
-def _changed_materials(scene: Scene, change: Callable[[Any], Any]) -> Scene:
+def _changed_materials(scene: Scene, change: Callable[[Material], Material]) -> Scene:
     """A scene whose materials are changed."""
 
-    def changed(mesh):
+    def changed(mesh: Mesh) -> Mesh:
         palette = tuple(change(material) for material in mesh.palette)
-        own = {"material": palette[0]} | ({} if mesh.materials is None else {"materials": palette})
+        own: dict[str, Any] = {"material": palette[0]} | ({} if mesh.materials is None else {"materials": palette})
         return replace(mesh, **own)
 
     return replace(scene, meshes=tuple(changed(mesh) for mesh in scene.meshes))

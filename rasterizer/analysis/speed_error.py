@@ -1,10 +1,9 @@
 """Speed against error: what each way to draw a scene costs, and how far its picture is from the ground truth.
 
-    methods ─ draw, compare ─ time, in turns ─ front ─ advice
-    list_methods  errors.. of a method      rows nothing beats      one sentence
+    list_methods ─ draw and compare ─ time, in turns ─ sort_by_front ─ advise
 
-A row that another row beats in both, time and error, is of no use to anybody. The others are the front: less error costs
-more time. What the error is made of is said in ground_truth.py.
+A row that another row beats in both, time and error, is of no use to anybody. The others are the front: less error
+costs more time. What the error is made of is said in ground_truth.py.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -12,10 +11,11 @@ from contextlib import ExitStack
 from dataclasses import replace
 from fractions import Fraction
 from time import perf_counter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..frame import Stats
 from ..renderer import Renderer
 from ..scene.sample import SIZE, sample_scene
 from ..scene.scene import Scene
@@ -118,7 +118,7 @@ def study(
     seconds: float,
     progress: Progress,
     with_flip: bool = False,
-    **options,
+    **options: Any,
 ) -> Study:
     """Measure methods on a scene.
 
@@ -142,9 +142,10 @@ def study(
     """
     compile_kernels(scene, methods, options)
     progress(0, len(methods), "the ground truth")
-    start, rows, left_out, anchor_ms = perf_counter(), [], [], None
+    work = _Work(scene, size, options)
+    start, rows, left_out, anchor_ms = perf_counter(), list[Row](), list[Method](), 0.0
     cost = 0.0  # seconds that a picture took in the group before
-    truths = _Truths(scene, size, options, with_flip)
+    truths = _Truths(work, with_flip)
     for group, finer in _groups(scene, methods):
         left = seconds - (perf_counter() - start)
         is_first = group[0].subdivisions == methods[0].subdivisions  # measured however long it takes
@@ -152,14 +153,15 @@ def study(
         if finer is None or not (is_first or 2.0 * cost * len(group) < left):
             left_out += group
             continue
-        begin, drawn = perf_counter(), {}
+        begin, drawn = perf_counter(), dict[Method, _Compared]()
         for method in group:
             progress(len(rows) + len(drawn), len(methods), str(method))
             drawn[method] = truths.compare(method, finer)
         cost = (perf_counter() - begin) / len(group)
         share = _MEASURED * max(left, 0.0) * len(group) / (len(methods) - len(rows) - len(left_out))
-        times, anchor_ms = _time_group(scene, finer, size, group, methods[0], anchor_ms, share, options)
-        rows += [_make_row(method, *times[method], finer.n_face, *drawn[method]) for method in group]
+        ms, ratios = _time_group(work, methods[0], group, finer, share)
+        anchor_ms = anchor_ms or ms  # that of the first group counts
+        rows += [_make_row(method, anchor_ms * ratios[method][0], ratios[method][1], drawn[method]) for method in group]
     rows = sort_by_front(rows)
     return Study(rows, left_out, advise(rows))
 
@@ -196,62 +198,82 @@ def subdivided(scene: Scene, times: int) -> Scene:
     return replace(scene, meshes=tuple(mesh.subdivide(times) for mesh in scene.meshes))
 
 
+class _Work(NamedTuple):
+    """What all methods draw."""
+
+    scene: Scene
+    size: tuple[int, int]
+    options: dict
+
+    def draw(self, scene: Scene, method: Method) -> Light:
+        """Draw a scene, this one or a finer one, by a method."""
+        return draw_light(scene, self.size, **self.options | method.options)
+
+
+class _Compared(NamedTuple):
+    """What one picture's errors are; fields as in `Row`."""
+
+    error: Errors
+    of_method: float
+    of_sampling: float
+    rounding: float
+
+
 class _Truths:
     """Draw what pictures are compared with, each once."""
 
-    def __init__(self, scene, size, options, with_flip):
-        self._scene, self._size, self._options, self._with_flip = scene, size, options, with_flip
-        self._truth = draw_ground_truth(scene, size, **options)
+    def __init__(self, work: _Work, with_flip: bool) -> None:
+        self._work, self._with_flip = work, with_flip
+        self._truth = draw_ground_truth(work.scene, work.size, **work.options)
         self._of_samples: dict[int, tuple[Light, float]] = {}
-        self._exact: tuple[Method | None, Light | None] = (None, None)
+        self._exact: tuple[Method, Light] | None = None
 
-    def compare(self, method: Method, finer: Scene) -> tuple[Errors, float, float, float]:
-        """Draw a method's picture; return its Errors, and the parts of it: of the method, the sampling, rounding."""
-        found = draw_light(finer, self._size, **self._options | method.options)
+    def compare(self, method: Method, finer: Scene) -> _Compared:
+        """Draw a method's picture, and compare it."""
+        found = self._work.draw(finer, method)
         same_samples, of_sampling = self._phong(method.samples)
-        of_method = rms_error(found, same_samples)
         rounding = float(np.abs(found.color - self._without_tolerance(method, finer).color).max())
-        return measure_errors(found, self._truth, self._with_flip), of_method, of_sampling, rounding
+        error = measure_errors(found, self._truth, self._with_flip)
+        return _Compared(error, rms_error(found, same_samples), of_sampling, rounding)
 
     def _phong(self, samples: int) -> tuple[Light, float]:
         """Phong's picture with tolerance 0, and how far it is from the ground truth."""
         if samples not in self._of_samples:
-            settings = {"shading": "phong", "samples": samples, "tolerance": 0.0}
-            light = draw_light(self._scene, self._size, **self._options | settings)
+            light = self._work.draw(self._work.scene, Method("phong", 0, samples, 0.0))
             self._of_samples[samples] = light, rms_error(light, self._truth)
         return self._of_samples[samples]
 
     def _without_tolerance(self, method: Method, finer: Scene) -> Light:
         exact = method._replace(tolerance=0.0)
-        if self._exact[0] != exact:
-            self._exact = exact, draw_light(finer, self._size, **self._options | exact.options)
+        if self._exact is None or self._exact[0] != exact:
+            self._exact = exact, self._work.draw(finer, exact)
         return self._exact[1]
 
 
-def _time_group(scene, finer, size, group, anchor, anchor_ms, seconds, options):
-    """Time methods in turns with the first method of all, so that the groups can be compared.
+def _time_group(
+    work: _Work, anchor: Method, group: Sequence[Method], finer: Scene, seconds: float
+) -> tuple[float, dict[Method, tuple[float, Stats]]]:
+    """Time methods in turns with the first method of all, so that groups can be compared.
 
     Returns
     -------
-    dict of method to (milliseconds, Stats), and the anchor's milliseconds: those of the first group count
+    the milliseconds of the first method; and of each method its time as a multiple of that, and its frame's Stats
     """
     with ExitStack() as stack:
-        calls = {}
-        for method, what in {"anchor": (anchor, scene), **{method: (method, finer) for method in group}}.items():
-            settings = options | what[0].options | {"outputs": ("rgb",)}
-            calls[method] = stack.enter_context(Renderer(what[1], size, **settings)).render
-            calls[method]()  # compiles and allocates
+        calls: dict[Method | None, Callable[[], Any]] = {}
+        for key, method, scene in [(None, anchor, work.scene), *((method, method, finer) for method in group)]:
+            settings = work.options | method.options | {"outputs": ("rgb",)}
+            calls[key] = stack.enter_context(Renderer(scene, work.size, **settings)).render
+            calls[key]()  # compiles and allocates
         turns = take_turns(calls, seconds, MOST_ROUNDS)
-    reference = turns["anchor"][0]
-    anchor_ms = float(np.median(reference)) if anchor_ms is None else anchor_ms
-    timed = {m: (anchor_ms * float(np.median(turns[m][0] / reference)), turns[m][1][-1]) for m in group}
-    return timed, anchor_ms
+    reference = turns[None][0]
+    ratios = {method: (float(np.median(turns[method][0] / reference)), turns[method][1][-1]) for method in group}
+    return float(np.median(reference)), ratios
 
 
-def _make_row(method, ms, stats, n_face, error, of_method, of_sampling, rounding) -> Row:
+def _make_row(method: Method, ms: float, stats: Stats, compared: _Compared) -> Row:
     n_pixel = max(stats.covered / method.samples, 1.0)
-    return Row(method, ms, 1e6 * ms / n_face, 1e6 * ms / n_pixel, error, of_method, of_sampling, rounding,
-               stats.error_bound)  # fmt: skip
+    return Row(method, ms, 1e6 * ms / stats.faces, 1e6 * ms / n_pixel, *compared, stats.error_bound)
 
 
 def sort_by_front(rows: Sequence[Row]) -> list[Row]:

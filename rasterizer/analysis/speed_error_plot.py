@@ -42,18 +42,14 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     check_plotting()
     import matplotlib
     from matplotlib.figure import Figure
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     figure = Figure(figsize=_SIZE, layout="constrained")
     axes = figure.add_subplot()
     _draw_rows(axes, rows)
     _draw_front(axes, [row for row in rows if not row.is_beaten])
-    axes.set(xscale="log", yscale="log", title=title, xlabel="milliseconds a frame",
-             ylabel="error (rms, linear intensity) against Phong at 64 samples a pixel")  # fmt: skip
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=30))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axis.set_minor_formatter(NullFormatter())
+    axes.set(title=title, xlabel="milliseconds a frame")
+    axes.set_ylabel("error (rms, linear intensity) against Phong at 64 samples a pixel")
+    make_logarithmic(axes)
     axes.margins(0.08)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
@@ -64,6 +60,17 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
             written, format=suffix.lstrip("."), dpi=120, metadata={"Date": None} if suffix == ".svg" else None
         )
     return written.getvalue()
+
+
+def make_logarithmic(axes: "Axes", y_subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
+    """Give both axes of a plot logarithms, with ticks at 1, 2, 5, 10 ... that read as plain numbers."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    axes.set(xscale="log", yscale="log")
+    for axis, subs in ((axes.xaxis, (1.0, 2.0, 5.0)), (axes.yaxis, y_subs)):
+        axis.set_major_locator(LogLocator(subs=subs, numticks=30))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _draw_rows(axes: "Axes", rows: Sequence[Row]) -> None:

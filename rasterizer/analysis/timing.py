@@ -7,6 +7,7 @@ round, and what is trusted are their ratios.
 import os
 import platform
 from collections.abc import Callable, Hashable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeVar
@@ -52,8 +53,6 @@ def take_turns(
 def describe_machine() -> dict[str, Any]:
     """Describe the machine: processor, cores that this process may use, system, versions; and its load average, None
     where the system doesn't tell."""
-    from importlib.metadata import version
-
     load = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
     return {"cpu": _cpu_name(), "cores": n_core(), "system": platform.platform(terse=True),
             "python": platform.python_version(), **{name: version(name) for name in ("numpy", "numba", "llvmlite")},

@@ -109,12 +109,10 @@ _LEGEND = (
 
 def _title(target, scene, arguments, machine) -> str:
     width, height = arguments.size
-    threads = arguments.threads or machine["cores"]
+    n_thread = arguments.threads or machine["cores"]
+    threads = f"{n_thread} thread" + ("s" if n_thread > 1 else "")
     view = f", {target.view}" if target.view else ""
-    return (
-        f"{target.model}{view}: {scene.n_face} triangles, {width}x{height}, {threads} thread{'s' if threads > 1 else ''} "
-        f"on {machine['cpu']}"
-    )
+    return f"{target.model}{view}: {scene.n_face} triangles, {width}x{height}, {threads} on {machine['cpu']}"
 
 
 def _table(found: Study) -> list[str]:

@@ -91,7 +91,10 @@ def test_more_samples_have_less_error_and_tolerance_0_has_no_rounding(found):
         assert method.tolerance > 0 or row.rounding == 0.0
 
 
-def make_row(ms, rms, method=Method("gouraud", 0, 4, 1 / 4096)):
+USUAL = Method("gouraud", 0, 4, 1 / 4096)
+
+
+def make_row(ms, rms, method=USUAL):
     return Row(method, ms, 0.0, 0.0, Errors(rms, rms, 0, 0.0, 0.0, 0.0, 0.0, 1), 0.0, 0.0, 0.0, 0.0)
 
 

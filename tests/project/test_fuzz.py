@@ -3,6 +3,7 @@
 import json
 
 import pytest
+
 from bench import fuzz
 
 FEW = ["--cases", "6", "--batch", "2", "--climbs", "1", "--steps", "2", "--processes", "1"]

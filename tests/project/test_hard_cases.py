@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from bench import hard_cases, hard_scenes
 
 import rasterizer as rz
+from bench import hard_cases, hard_scenes
 
 
 @pytest.mark.parametrize("case", hard_scenes.CASES, ids=lambda case: case.name)

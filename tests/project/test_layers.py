@@ -45,6 +45,10 @@ FORBIDDEN = {
 # Imports inside functions, each with its reason. Any other one hides a circle, or should stand at the top.
 IN_FUNCTIONS = {
     ("analysis.contact_sheet", "PIL"): "heavy: only sheets and pictures that are saved need it",
+    ("analysis.flip", "flip_evaluator"): "optional: only `raster bench --flip` needs it",
+    ("analysis.speed_error_plot", "matplotlib"): "optional: only plots need it",
+    ("analysis.speed_error_plot", "matplotlib.figure"): "as matplotlib",
+    ("analysis.speed_error_plot", "matplotlib.ticker"): "as matplotlib",
     ("cli", "_thread"): "main must be able to end in one line before anything else is imported",
     ("cli", "gc"): "as _thread",
     ("cli", "signal"): "as _thread",
@@ -53,6 +57,7 @@ IN_FUNCTIONS = {
     ("cli", "cli.arguments"): "as _thread",
     ("cli", "cli.messages"): "as _thread",
     ("cli", "cli.warmup_command"): "each command imports what it needs: --help imports neither numpy nor numba",
+    ("cli", "cli.bench_command"): "as warmup_command",
     ("cli", "cli.compare_command"): "as warmup_command",
     ("cli", "cli.render_command"): "as warmup_command",
     ("cli.arguments", "cli.flags"): "--help lists the commands and no flags: it makes no dataclass of options",
