@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
+from rasterizer.analysis.timing import LEAST_ROUNDS as LEAST_ROUNDS
 from rasterizer.analysis.timing import describe_machine
 from rasterizer.analysis.timing import take_turns as take_turns
 

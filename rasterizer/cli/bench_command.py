@@ -35,8 +35,8 @@ def bench_models(arguments, messages) -> tuple[list, int]:
     """Measure every model; parameters, result and errors are those of `render_models`."""
     for name in _OPTIONS:
         Options(**{name: getattr(arguments, name)})  # what is not legal is told at once
-    for samples in arguments.list_of_samples:
-        Options(samples=samples)
+    for tolerance in arguments.tolerances:
+        Options(tolerance=tolerance)
     if not arguments.seconds > 0.0:
         raise SceneError(f"--seconds must be above 0; given {arguments.seconds:g}")
     if arguments.output is not None:

@@ -97,7 +97,7 @@ def _add_measured(group) -> None:
     )
     add(
         "--tolerances",
-        type=values.list_of(values.tolerance),
+        type=values.list_of(values.fraction),
         default=(0.0, Options.tolerance, 1 / 64),
         metavar="LIST",
         help="(default 0,1/4096,1/64)",
@@ -358,7 +358,7 @@ def _add_range(group) -> None:
 def _add_tolerance(group) -> None:
     group.add_argument(
         "--tolerance",
-        type=values.tolerance,
+        type=values.fraction,
         metavar="T",
         help="error accepted, in linear intensity with white = 1; 0 = as exact as float64 (default 1/4096: "
         "8-bit values are off by one level at most, but next to steps of the light)",

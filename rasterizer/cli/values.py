@@ -15,13 +15,12 @@ def number(text) -> float:
     return value
 
 
-def tolerance(text) -> float:
-    """A finite number from 0 on, or one over another: 1/4096."""
+def fraction(text) -> float:
+    """A finite number, or one over another: 1/4096."""
     above, slash, below = text.partition("/")
-    value = number(above) / (number(below) or float("nan")) if slash else number(text)
-    if not 0.0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"a number from 0 on is needed, such as 0 or 1/4096; given {text!r}")
-    return value
+    if slash and number(below) == 0.0:
+        raise argparse.ArgumentTypeError(f"a finite number is needed, such as 0.001 or 1/4096; given {text!r}")
+    return number(above) / number(below) if slash else number(text)
 
 
 def method(text) -> str:

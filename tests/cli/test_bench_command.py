@@ -110,7 +110,7 @@ def test_flip(capsys):
         (["--shadings", "flat,nope"], 2, "flat, lambert, gouraud, phong"),
         (["--samples", "3"], 2, "1, 4, 9, 16"),
         (["--tolerances", "1/0"], 2, "1/4096"),
-        (["--tolerances", "-1"], 2, "1/4096"),
+        (["--tolerances", "1/4096,-1"], 2, "tolerance must be"),
         (["--seconds", "0"], 2, "--seconds"),
         (["--subdivisions", "16"], 2, "subdivisions"),
         (["--plot", "x.gif"], 2, ".svg"),
