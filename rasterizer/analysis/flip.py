@@ -15,7 +15,7 @@ def check_flip() -> None:
     try:
         import flip_evaluator  # noqa: F401
     except ImportError:
-        raise SceneError("FLIP needs flip-evaluator: pip install 'rasterizer[bench]'") from None
+        raise SceneError("FLIP needs flip-evaluator: pip install flip-evaluator") from None
 
 
 def flip_map(found: NDArray, expected: NDArray) -> NDArray[np.float32]:

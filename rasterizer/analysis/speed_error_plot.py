@@ -23,7 +23,7 @@ def check_plotting() -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError:
-        raise SceneError("a plot needs matplotlib: pip install 'rasterizer[bench]'") from None
+        raise SceneError("a plot needs matplotlib: pip install matplotlib") from None
 
 
 def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:

@@ -15,13 +15,39 @@ from PIL import Image
 from rasterizer.cli import main
 
 sys.path.insert(0, str(ROOT))
-from bench import before_after, encode, features, frame, peers, scale, speed_vs_error, startup
+from bench import (
+    before_after,
+    encode,
+    features,
+    frame,
+    fuzz,
+    hard_cases,
+    history,
+    peers,
+    refinement,
+    scale,
+    speed_vs_error,
+    startup,
+)
 
 PICTURES = ROOT / "models" / "pictures"
 GALLERY = "models/README.md"
 COMMANDS = {line: page for page in PAGES for line in commands(page)}
 EXAMPLES = [pytest.param(text, id=f"{page}-{k}") for page in PAGES for k, text in enumerate(blocks(page, "python"))]
-SCRIPT_MODULES = (before_after, encode, features, frame, peers, scale, speed_vs_error, startup)
+SCRIPT_MODULES = (
+    before_after,
+    encode,
+    features,
+    frame,
+    peers,
+    scale,
+    speed_vs_error,
+    startup,
+    fuzz,
+    hard_cases,
+    history,
+    refinement,
+)
 SCRIPTS = {module.__name__.rpartition(".")[2]: module for module in SCRIPT_MODULES}
 WRITTEN = ("teapot.png", "MODEL.png", "scene.toml", "cube.obj", "ball.json")  # what examples write or only speak of
 
