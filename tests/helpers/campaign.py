@@ -230,11 +230,11 @@ def climb(case: Case, n: int):
     for _ in range(n):
         if best.faults:
             break
-        try:
+        try:  # what isn't legal is told by the scene, or by what draws it: too many lights, say
             neighbour = mutated(case, rng)
+            outcome = find_faults(neighbour)
         except rz.RasterizerError:
             continue
-        outcome = find_faults(neighbour)
         if outcome.faults or (outcome.ratio >= best.ratio and outcome.n_compared > 0):
             case, best = neighbour, outcome
     return case, best
