@@ -13,6 +13,7 @@ import rasterizer as rz
 from helpers.campaign_looks import Dice, Lens, make_lights, make_materials
 from helpers.pinhole import octasphere, torus, unit
 from rasterizer.options import DEFAULT_TOLERANCE
+from rasterizer.scene.lights import MOST_LIGHTS
 
 
 class Case(NamedTuple):
@@ -35,7 +36,7 @@ def make_case(seed: int, index: int) -> Case:
         mesh, vertices = make_mesh(dice, lens)
         meshes.append(mesh)
         points.append(vertices)
-    lights = make_lights(dice, np.concatenate(points), lens)
+    lights = as_many_as_legal(make_lights(dice, np.concatenate(points), lens))
     background = tuple(dice.rng.random(3)) if dice.chance(0.2) else None
     options = make_options(dice)
     cue = None
@@ -46,6 +47,15 @@ def make_case(seed: int, index: int) -> Case:
     dice.words.append(f"unit {dice.scale:.0e}")
     scene = rz.Scene(meshes, lights, scaled_camera(lens.options, dice.scale), background, depth_cue=cue)
     return Case(seed, index, " ".join(dice.words), scene, dice.size, options)
+
+
+def as_many_as_legal(lights) -> list:
+    """The lights, without the last ones while they are too many for a scene: the cells of area lights count one by
+    one."""
+    lights = list(lights)
+    while sum(getattr(light, "n_cell", 1) for light in lights) > MOST_LIGHTS:
+        lights.pop()
+    return lights
 
 
 # ── cameras ───────────────────────────────────────────────────────────────────────────────────────────────
