@@ -65,7 +65,8 @@ def draw(
     def draw_band(k) -> BandCounts:
         band = Band(gather_band(parts, k), k * n_row, min((k + 1) * n_row, render_pass.n_sample[1]))
         workspace = workspaces.acquire(kind, render_pass.most_records(len(band.faces)))
-        workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
+        if workspace.records.clipped_planes is not drawn.clipped_planes:
+            workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
         deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
         found = ScanCounts(
             *scan(
