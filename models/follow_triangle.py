@@ -24,7 +24,7 @@ from rasterizer.engine.view_plans import ViewPlans
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
-from rasterizer.pipeline.bands import Band, sort_into_bands
+from rasterizer.pipeline.bands import Band, gather_band
 from rasterizer.pipeline.cull import first_sample
 from rasterizer.pipeline.encode import srgb_thresholds
 from rasterizer.pipeline.fill import Triangle, advance, start_edge
@@ -56,9 +56,8 @@ class Way(NamedTuple):
     render_pass: InterpolatedPass  # with the intensities of the vertices
     vertices: object  # on the screen
     n_outside: int  # vertices that the clip stage has to see
-    visible: list
     n_band_row: int
-    bands: object
+    band: Band
     block: object  # the triangle's planes
     entries: np.ndarray  # (HEIGHT, WIDTH) int64, the visibility buffer
     radiance: np.ndarray  # (HEIGHT, WIDTH), linear intensities
@@ -74,9 +73,8 @@ def go(scene) -> Way:
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)
     drawn = Drawn.whole(geometry, vertices, render_pass)
-    visible, n_band_row = cull(drawn, render_pass, SERIAL)
-    bands = sort_into_bands(visible, SERIAL)
-    band = Band(bands.faces, 0, HEIGHT)
+    parts, _, n_band_row = cull(drawn, render_pass, SERIAL)
+    band = Band(gather_band(parts, 0), 0, HEIGHT)
     kind, n_record = render_pass.workspace_kind(n_band_row), render_pass.most_records(len(band.faces))
     workspace = WorkspacePool().acquire(kind, n_record)
     visibility, records = workspace.visibility, workspace.records
@@ -86,7 +84,7 @@ def go(scene) -> Way:
     radiance = workspace.radiance.reshape(HEIGHT, -1)[:, :WIDTH].copy()
     render_pass.finish(workspace, band, counts, None, drawn.loaded_face)
     rgba = render_pass.picture.rgba.view(np.uint8).reshape(HEIGHT, WIDTH, 4)
-    return Way(render_pass, vertices, n_outside, visible, n_band_row, bands, workspace.block, entries, radiance, rgba)
+    return Way(render_pass, vertices, n_outside, n_band_row, band, workspace.block, entries, radiance, rgba)
 
 
 def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
@@ -153,7 +151,7 @@ def describe_bands(way: Way) -> list[str]:
     """The band that the triangle falls into."""
     return [
         f"a band has {way.n_band_row} rows here, {choose_band_rows(1920, 1080, 1, 1)} at 1920×1080 with one thread",
-        f"band 0 lists the triangles {way.bands.faces.tolist()}",
+        f"band 0 lists the triangles {way.band.faces.tolist()}",
     ]
 
 

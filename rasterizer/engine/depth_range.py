@@ -23,18 +23,19 @@ def screen_of(camera, view, size, factor, geometry, bounds) -> Screen:
     bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
     """
     samples = size[0] * factor, size[1] * factor
-    depth_range, far_clip = fit_depth_range(camera, view, bounds)
-    return fit_screen(view, camera.projection(samples), depth_range, far_clip, geometry, samples, bounds)
+    depths = depths_of_boxes(view, bounds)
+    depth_range, far_clip = fit_depth_range(camera, depths)
+    return fit_screen(view, camera.projection(samples), depth_range, far_clip, geometry, samples, depths)
 
 
-def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
+def fit_depth_range(camera, depths) -> tuple[tuple[float, float], float]:
     """Return ((near, far), clip distance) in scene units: the camera's own, else fitted to the scene.
 
     Parameters
     ----------
-    bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space
+    depths : (nearest, furthest) of the boxes round the meshes, scene units
     """
-    nearest, furthest = depths_of_boxes(view, bounds)
+    nearest, furthest = depths
     if camera.is_perspective:
         furthest = furthest if furthest > 0 else 1.0
         # A little more room, so that rounding clips nothing. What a far plane cuts off does not push the near one away.
@@ -52,10 +53,11 @@ def fit_depth_range(camera, view, bounds) -> tuple[tuple[float, float], float]:
 def depths_of_boxes(view, bounds) -> tuple[float, float]:
     """The depths between which boxes lie, scene units."""
     depth = (bounds - view.eye) * view.forward  # (n_mesh, 2, 3): an axis' share of the depth at both ends of each box
-    return float(depth.min(axis=1).sum(axis=1).min()), float(depth.max(axis=1).sum(axis=1).max())
+    low, high = depth[:, 0], depth[:, 1]
+    return float(np.minimum(low, high).sum(axis=1).min()), float(np.maximum(low, high).sum(axis=1).max())
 
 
-def fit_screen(view, projection, depth_range, far_clip, geometry, size, bounds=None):
+def fit_screen(view, projection, depth_range, far_clip, geometry, size, depths=None):
     """The screen of a view: what is nearer than `depth_range` is clipped, and the z-buffer is fitted to the depths that
     are seen.
 
@@ -73,11 +75,11 @@ def fit_screen(view, projection, depth_range, far_clip, geometry, size, bounds=N
     ----------
     depth_range : (near, far), scene units; `far` clips only as `far_clip`
     size : (width, height) of the picture in samples
-    bounds : (n_mesh, 2, 3) float64, boxes round the meshes, world space; None where `depth_range` is fitted to them
+    depths : (nearest, furthest) of the boxes round the meshes, scene units; None where `depth_range` is fitted to them
         already
     """
     near, far = depth_range
-    nearest, furthest = depth_range if bounds is None else depths_of_boxes(view, bounds)
+    nearest, furthest = depth_range if depths is None else depths
     if not projection.is_perspective:
         margin = NEAREST * (furthest - nearest)
         fitted = max(near, nearest - margin), min(far, furthest + margin)

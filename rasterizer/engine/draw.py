@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..pipeline.bands import Band, sort_into_bands
+from ..pipeline.bands import Band, BandLists, gather_band, sort_into_bands
 from ..pipeline.clip import clip
 from ..pipeline.clusters import SeenClusters
 from ..pipeline.cull import Grid, find_visible
@@ -56,17 +56,17 @@ def draw(
     if n_outside:
         drawn = clip_outside(geometry, drawn, screen)
         clock.lap("clip")
-    visible, n_row = cull(drawn, render_pass, threads)
-    clock.lap("setup")
-    bands = sort_into_bands(visible, threads)
-    clock.lap("bands")
+    parts, n_in_band, n_row = cull(drawn, render_pass, threads)
+    clock.lap("cull, bands")
     kind = render_pass.workspace_kind(n_row)
     if buffers is not None:
         kind = kind._replace(n_attribute=max(kind.n_attribute, buffers.n_attribute))
 
-    def draw_band(band: Band) -> BandCounts:
+    def draw_band(k) -> BandCounts:
+        band = Band(gather_band(parts, k), k * n_row, min((k + 1) * n_row, render_pass.n_sample[1]))
         workspace = workspaces.acquire(kind, render_pass.most_records(len(band.faces)))
-        workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
+        if workspace.records.clipped_planes is not drawn.clipped_planes:
+            workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
         deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
         found = ScanCounts(
             *scan(
@@ -89,9 +89,9 @@ def draw(
         workspaces.release(kind, workspace)
         return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
 
-    counts = threads.map(draw_band, busiest_first(bands, n_row, render_pass))
+    counts = threads.map(draw_band, busiest_first(n_in_band, render_pass.is_filled))
     clock.lap("scan, shade, resolve")
-    return Counts.of(geometry, drawn, visible, render_pass, counts)
+    return Counts.of(geometry, drawn, parts, render_pass, counts)
 
 
 class Drawn(NamedTuple):
@@ -136,10 +136,13 @@ def checked(drawn: Drawn) -> Drawn:
     return drawn
 
 
-def cull(drawn: Drawn, render_pass: Pass, threads):
-    """Find the triangles that may touch a sample, and the number of rows of samples in a band.
+def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[list[BandLists], np.ndarray, int]:
+    """Find the triangles that may touch a sample, sorted into bands.
 
     No band may have more triangles than there are record numbers: where one would, bands are made less high.
+
+    Returns the lists of each part of the triangles, how many triangles each band has, (n_band,) int64, and the number
+    of rows of samples in a band.
     """
     factor, (width, height) = render_pass.factor, render_pass.n_sample
     n_row = choose_band_rows(width, height, threads.n_thread, factor)
@@ -147,10 +150,13 @@ def cull(drawn: Drawn, render_pass: Pass, threads):
         triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
         grid = Grid(width, height, n_row)
         clusters = None if drawn.seen is None else drawn.seen.clusters
-        visible = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, clusters)
-        most = int(np.sum([part.histogram for part in visible], axis=0).max(initial=0))
+        parts = find_visible(
+            triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, clusters, sort_into_bands
+        )
+        n_in_band = np.diff(sum(part.starts for part in parts))
+        most = int(n_in_band.max(initial=0))
         if render_pass.most_records(most) <= MAX_RECORDS:
-            return visible, n_row
+            return parts, n_in_band, n_row
         if n_row == factor:
             raise SceneError(
                 f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: "
@@ -168,15 +174,16 @@ def choose_band_rows(width, height, n_thread, factor) -> int:
     return max(1, min(n_row, height) // factor) * factor
 
 
-def busiest_first(bands, n_row, render_pass: Pass) -> list[Band]:
-    """The bands to draw, those with most triangles first: so no thread is left with a big one at the end."""
-    n_in_band, (_, height) = np.diff(bands.starts), render_pass.n_sample
+def busiest_first(n_in_band, is_filled) -> list[int]:
+    """The bands to draw, those with most triangles first: so no thread is left with a big one at the end.
+
+    Parameters
+    ----------
+    n_in_band : (n_band,) int64, triangles
+    is_filled : bands without triangles are drawn, too
+    """
     order = np.argsort(-n_in_band, kind="stable").tolist()
-    return [
-        Band(bands.faces[bands.starts[k] : bands.starts[k + 1]], k * n_row, min((k + 1) * n_row, height))
-        for k in order
-        if render_pass.is_filled or n_in_band[k] > 0
-    ]
+    return order if is_filled else [k for k in order if n_in_band[k] > 0]
 
 
 class BandCounts(NamedTuple):
@@ -201,10 +208,10 @@ class Counts(NamedTuple):
     ways: Ways
 
     @classmethod
-    def of(cls, geometry, drawn: Drawn, visible, render_pass: Pass, counts) -> "Counts":
+    def of(cls, geometry, drawn: Drawn, parts: list[BandLists], render_pass: Pass, counts) -> "Counts":
         """Sum up the counts of the stages and bands."""
-        n_culled = drawn.n_culled + sum(part.n_culled for part in visible)
-        n_drawn = sum(len(part.faces) for part in visible)
+        n_culled = drawn.n_culled + sum(part.n_culled for part in parts)
+        n_drawn = sum(part.n_visible for part in parts)
         width, height = render_pass.n_sample
         covered, *ways = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
         return cls(geometry.n_loaded, drawn.n_clipped, n_culled, n_drawn, covered, width * height, Ways(*ways))

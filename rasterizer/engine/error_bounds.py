@@ -63,11 +63,16 @@ class Surroundings(NamedTuple):
         Without lights that have a position the furthest point counts only as far as its square may leave float32. So a
         camera that moves finds much the same again.
         """
-        with np.errstate(divide="ignore"):
-            clearances = np.exp2(np.floor(8.0 * np.log2(self.clearances)) / 8.0)
-            eye_distances = np.exp2(np.ceil(8.0 * np.log2(self.eye_distances)) / 8.0)
+        clearances, eye_distances = self.clearances, self.eye_distances
+        has_positions = not np.isinf(clearances).all()
+        if has_positions:
+            with np.errstate(divide="ignore"):
+                clearances = np.exp2(np.floor(8.0 * np.log2(clearances)) / 8.0)
+        if not np.isinf(eye_distances).all():
+            with np.errstate(divide="ignore"):
+                eye_distances = np.exp2(np.ceil(8.0 * np.log2(eye_distances)) / 8.0)
         furthest = 2.0 ** (math.ceil(8.0 * math.log2(self.furthest)) / 8.0) if self.furthest > 0.0 else 0.0
-        if np.isinf(clearances).all() and 2.0**-30 < furthest < 2.0**50:
+        if not has_positions and 2.0**-30 < furthest < 2.0**50:
             furthest = 1.0
         deepness = 2.0 ** math.ceil(math.log2(self.deepness)) if self.deepness > 2.0**20 else 0.0
         shift, fading = (

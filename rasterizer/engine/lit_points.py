@@ -45,7 +45,7 @@ class LitPoints:
         kept, self._carried = self._carried, {}
         found = self._lasting.copy()
         for i, light in enumerate(self._lights):
-            if not is_carried(light):
+            if not is_carried(light) or entry_of(light).is_distant:
                 if is_new[:, i].any():
                     self._lasting[:, i] = found[:, i] = self._clearances_from(light, view, is_lit[:, i])
                 continue
@@ -138,7 +138,7 @@ _SLACK = 2.0**-40  # of angles and lengths: far more than float64 rounds them by
 
 def eye_distances(lights: Sequence[Any], view: View) -> NDArray[np.float64]:
     """Return how far each light is from the eye, (n_light,), scene units; infinite for one without a position."""
-    beams = [entry_of(light).beam(light, view) for light in lights]
+    beams = [None if entry_of(light).is_distant else entry_of(light).beam(light, view) for light in lights]
     origins = [None if beam is None else beam.origin for beam in beams]
     away = [math.inf if origin is None else math.dist(origin, view.eye) * (1.0 + _SLACK) for origin in origins]
     return np.array(away, float)

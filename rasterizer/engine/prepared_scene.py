@@ -10,17 +10,19 @@ from ..geometry.clusters import Clusters, has_clusters, make_clusters
 from ..geometry.points import gather_geometry
 from ..options import Options
 from ..pipeline.clusters import SeenClusters, find_seen, leaves_out
-from ..pipeline.encode import encode_picture, with_blank
+from ..pipeline.encode import Encoding, encode_picture, with_blank
+from ..pipeline.gradients import Coding
 from ..pipeline.threads import Workers
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .attributes import NONE, Attributes, NormalAttributes, light_all
-from .coding import lookup_step, make_buffer_coding, make_coding, make_encoding
+from .coding import lookup_step, make_buffer_coding, make_coding, make_encoding, scale_depths
 from .depth_range import check_depths, check_extent, screen_of
 from .draw import Counts, draw
 from .output_buffers import BUFFER_TABLE
 from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
+from .plan import Plan
 from .view_plans import ViewPlan, ViewPlans
 
 NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
@@ -57,6 +59,15 @@ def scale_of(brightest: float) -> float:
     return 1.0 / max(1.0, brightest)
 
 
+class PlanParts(NamedTuple):
+    """What follows from a plan alone: kept until a view needs another one."""
+
+    plan: Plan
+    dtypes: tuple[np.dtype, ...]
+    coding: Coding  # with the depths of some view
+    encoding: Encoding
+
+
 class PreparedScene:
     """Hold what doesn't depend on the camera, and the threads and memory that pictures are drawn with."""
 
@@ -72,6 +83,7 @@ class PreparedScene:
         self.uses_clusters: bool | None = None  # None = where they save time
         self._clusters: Clusters | None = None  # made for the first view that may skip some
         self.workspaces = WorkspacePool()
+        self._plan_parts: PlanParts | None = None  # those of the last picture
 
     def _make_shadows(self):
         from .shadow_maps import Shadows
@@ -125,22 +137,22 @@ class PreparedScene:
     def color_pass(self, view, screen, plan, picture, clock, seen=None) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and the points of what is `seen` lit, before
         it."""
-        options, maps = self.options, dict.fromkeys(plan.dtypes, ())
+        options, parts = self.options, self._parts_of(plan, screen)
+        maps = dict.fromkeys(parts.dtypes, ())
         if plan.has_shadows:
-            maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in plan.dtypes}
+            maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in parts.dtypes}
             clock.lap("shadows")
-        lightings = {d: self.view_plans.lighting_for(plan, view, screen, d, maps[d]) for d in plan.dtypes}
-        is_shaded_once = options.antialias == "shade-once"
+        lightings = {d: self.view_plans.lighting_for(plan, view, screen, d, maps[d]) for d in parts.dtypes}
         shared = {
-            "coding": make_coding(plan, screen, options.tolerance, lookup_step(options.factor, is_shaded_once)),
+            "coding": parts.coding._replace(depths=scale_depths(screen)),
             "size": options.size,
             "factor": options.factor,
             "is_culled": options.cull == "back",
             "plan": plan,
             "screen": screen,
-            "encoding": make_encoding(plan, self.scene.background, options.color_range),
+            "encoding": parts.encoding,
             "picture": picture,
-            "is_shaded_once": is_shaded_once,
+            "is_shaded_once": options.antialias == "shade-once",
         }
         if plan.is_lit_per_sample:
             attributes = self.normals.of(plan)
@@ -149,6 +161,16 @@ class PreparedScene:
         attributes = self._light_points(plan, lightings, screen, seen)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, face_table=FaceTable(NO_SHAPES), **shared)
+
+    def _parts_of(self, plan: Plan, screen) -> PlanParts:
+        """What follows from a plan."""
+        if self._plan_parts is None or self._plan_parts.plan is not plan:
+            options = self.options
+            step = lookup_step(options.factor, options.antialias == "shade-once")
+            coding = make_coding(plan, screen, options.tolerance, step)
+            encoding = make_encoding(plan, self.scene.background, options.color_range)
+            self._plan_parts = PlanParts(plan, plan.dtypes, coding, encoding)
+        return self._plan_parts
 
     def _light_points(self, plan, lightings, screen, seen) -> Attributes:
         """Intensities of the points, on both sides where normals may have to be flipped."""

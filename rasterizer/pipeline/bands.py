@@ -1,7 +1,8 @@
 """Stage 4, bands: the triangles of every band of scanlines, in face order.
 
 In:  `Visible` of the cull stage: triangles, each with the first and the last band that it reaches.
-Out: `Bands`: a list of triangles for every band.
+Out: `BandLists`: a list of triangles for every band. Every part of the range of faces has its own, which the thread
+     sorts that has found them: no thread waits for another one. `gather_band` puts those of a band together.
 
 A counting sort by band: the classic bucket-sorted edge table with bands instead of scanlines. A band is the unit of
 parallel work, and so small that its visibility buffer stays in the L2 cache. The order within a band is the order of
@@ -15,11 +16,13 @@ import numpy as np
 from ..compiler.kernels import index, kernel
 
 
-class Bands(NamedTuple):
-    """Lists of triangles, one after the other: those of band b are faces[starts[b]:starts[b + 1]]."""
+class BandLists(NamedTuple):
+    """Lists of the triangles of a part, one after the other: those of band b are faces[starts[b]:starts[b + 1]]."""
 
     faces: np.ndarray  # (n,) uint32
     starts: np.ndarray  # (n_band + 1,) int64
+    n_visible: int  # triangles
+    n_culled: int
 
 
 class Band(NamedTuple):
@@ -42,24 +45,29 @@ class Rows(NamedTuple):
     y_end: int
 
 
-def sort_into_bands(parts, workers) -> Bands:
-    """Sort the visible triangles of all parts into bands.
+def sort_into_bands(visible) -> BandLists:
+    """Sort the visible triangles of a part into bands.
 
     Parameters
     ----------
-    parts : list of cull.Visible, one for each range of faces, in order
+    visible : cull.Visible
     """
-    counts = np.stack([part.histogram for part in parts])  # (n_part, n_band)
-    per_band = counts.sum(axis=0)
-    starts = np.concatenate([[0], np.cumsum(per_band)])
-    # Part p writes its triangles of band b behind those of the parts before it.
-    cursors = starts[:-1] + np.cumsum(counts, axis=0) - counts
+    starts = np.zeros(len(visible.histogram) + 1, np.int64)
+    np.cumsum(visible.histogram, out=starts[1:])
     faces = np.empty(starts[-1], np.uint32)
-    workers.map(
-        lambda p: scatter(parts[p].faces, parts[p].first_bands, parts[p].last_bands, cursors[p], faces),
-        range(len(parts)),
-    )
-    return Bands(faces, starts)
+    scatter(visible.faces, visible.first_bands, visible.last_bands, starts[:-1].copy(), faces)
+    return BandLists(faces, starts, len(visible.faces), visible.n_culled)
+
+
+def gather_band(parts, k) -> np.ndarray:
+    """Put the lists of band k together, (n,) uint32, ascending.
+
+    Parameters
+    ----------
+    parts : list of BandLists, one for each part of the range of faces, in order
+    """
+    lists = [part.faces[part.starts[k] : part.starts[k + 1]] for part in parts]
+    return lists[0] if len(lists) == 1 else np.concatenate(lists)
 
 
 @kernel

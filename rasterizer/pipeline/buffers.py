@@ -40,7 +40,7 @@ from .interpolate import (
 from .planes import DEPTH_PLANE_ROUNDING, DepthScale
 from .records import DEPTH, SIDE, Records, face_of
 from .transform import DEPTH_BITS, SUBPIXEL
-from .visibility import CLEAR, PAYLOAD_BITS, VisibilityBuffer, clear, is_exact, record_of, strip_of
+from .visibility import CLEAR, PADDING, PAYLOAD_BITS, VisibilityBuffer, forget, is_exact, record_of, strip_of
 from .visible_triangles import fetch_normals, fetch_positions, fetch_triangle
 
 MANY = 16  # depths are interpolated by runs where more than one in so many is open
@@ -277,10 +277,16 @@ def interleave(entries, batch, out):
 @kernel
 def clear_band(visibility, n_row):
     """Clear the first `n_row` rows of the visibility buffer; return how many samples are covered."""
-    entries, n_covered = visibility.entries, 0
+    n_covered = 0
     for row in range(n_row):
         strip = strip_of(row)
-        for x in range(visibility.left[strip], visibility.right[strip]):
-            n_covered += entries[index(row * visibility.pitch + x)] < CLEAR
-    clear(visibility, n_row)
+        left, right, start = visibility.left[strip], visibility.right[strip], row * visibility.pitch
+        if left < right:
+            entries = visibility.entries[index(start + left) : index(start + right + PADDING)]
+            for k in range(index(right - left)):
+                n_covered += entries[k] < CLEAR
+                entries[k] = CLEAR
+            for k in range(index(right - left), index(len(entries))):
+                entries[k] = CLEAR
+    forget(visibility)
     return n_covered

@@ -121,7 +121,8 @@ def find_seen(clusters: Clusters, n_vertex, screen, size, cull_back) -> SeenClus
     n = clusters.shapes.shape[1]
     fates, is_needed = np.empty(n, np.uint8), np.zeros(-(-n_vertex // VERTEX_BLOCK), np.uint8)
     # The views of cameras are never mirrored; of one that were, the signs of areas would be others.
-    is_mirrored = dot(cross(screen.right, screen.up), screen.forward) >= 0.0 or min(screen.scale_x, screen.scale_y) <= 0
+    right, up, forward = screen.right.tolist(), screen.up.tolist(), screen.forward.tolist()
+    is_mirrored = dot(cross(right, up), forward) >= 0.0 or min(screen.scale_x, screen.scale_y) <= 0
     view = ClusterView(screen, float(size[0]), float(size[1]), bool(cull_back and not is_mirrored))
     decide_clusters(clusters.shapes, view, fates)
     seen = np.flatnonzero(fates == SEEN).astype(np.uint32)

@@ -74,7 +74,7 @@ def first_sample(coordinate):
     return (np.int64(coordinate) + HALF - 1) >> SUBPIXEL_SHIFT
 
 
-def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, clusters=None) -> list[Visible]:
+def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, clusters=None, then=None) -> list:
     """Drop the triangles that can't be seen; one Visible for each part of the range of faces, in order.
 
     Parameters
@@ -83,6 +83,7 @@ def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, clusters=
     vertices : Vertices
     cull_back : bool, drop triangles that are seen clockwise
     clusters : (n_cluster,) uint32, ascending, the clusters of CLUSTER triangles that are looked at; None for all
+    then : what the thread that found a part does with its Visible; what that returns takes its place. None for nothing
     """
     n_face = vertex_idx.shape[1]
     clusters = np.arange(-(-n_face // CLUSTER), dtype=np.uint32) if clusters is None else clusters
@@ -94,7 +95,10 @@ def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, clusters=
         n = len(some) * CLUSTER
         out = Visible(np.empty(n, np.uint32), np.empty(n, dtype), np.empty(n, dtype), np.zeros(n_band + 1, np.int64), 0)
         n_kept, n_culled = find_visible_in(some, vertex_idx, vertices, grid, cull_back, make_cull_scratch(), out)
-        return Visible(*(column[:n_kept] for column in out[:3]), out.histogram[:n_band], n_culled)
+        visible = Visible(
+            out.faces[:n_kept], out.first_bands[:n_kept], out.last_bands[:n_kept], out.histogram[:n_band], n_culled
+        )
+        return visible if then is None else then(visible)
 
     return workers.map(find, workers.ranges(len(clusters) * CLUSTER))
 

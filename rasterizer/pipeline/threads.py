@@ -32,15 +32,15 @@ class Workers:
         self._calls, self._helpers = SimpleQueue(), []  # the threads, but for the caller's, are started when needed
         self._end = weakref.finalize(self, self._calls.put, None)
 
-    def ranges(self, n: int) -> list[tuple[int, int]]:
-        """Divide range(n) into parts that are worth a thread each, in order; at least one part."""
-        n_part = 1 if self.n_thread == 1 else max(1, min(self.n_thread * PARTS_PER_THREAD, n // MIN_PART))
+    def ranges(self, n: int, least: int = MIN_PART) -> list[tuple[int, int]]:
+        """Divide range(n) into parts that are worth a thread each, `least` at least, in order; at least one part."""
+        n_part = 1 if self.n_thread == 1 else max(1, min(self.n_thread * PARTS_PER_THREAD, n // least))
         cuts = [n * k // n_part for k in range(n_part + 1)]
         return list(zip(cuts[:-1], cuts[1:], strict=True))
 
-    def divide(self, runs) -> list[tuple[int, int]]:
-        """Divide runs, (start, end) each, into parts that are worth a thread each, in order."""
-        return [(start + first, start + last) for start, end in runs for first, last in self.ranges(end - start)]
+    def divide(self, runs, least: int = MIN_PART) -> list[tuple[int, int]]:
+        """Divide runs, (start, end) each, into parts that are worth a thread each, in order; see `ranges`."""
+        return [(start + first, start + last) for start, end in runs for first, last in self.ranges(end - start, least)]
 
     def map(self, function, items) -> list:
         """Call `function` with every item, on the threads where there is more than one; results in the items' order.

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, kernel
+from .threads import MIN_PART
 
 SUBPIXEL = 256  # vertices are snapped to 1/256 px
 HALF = SUBPIXEL // 2  # a pixel's sample is half a pixel from its corner
@@ -32,6 +33,8 @@ OUTSIDE = np.int32(-(2**31))  # x of a vertex that must be clipped
 DEPTH_BITS = 38
 DEPTH_MARGIN = 2.0**23  # room for the rounding of planes at both ends of the depth range; see setup.py
 DEPTH_SPAN = 2.0**DEPTH_BITS - 2 * DEPTH_MARGIN
+
+LEAST_PART = 4 * MIN_PART  # vertices that are worth a thread of its own: one takes a quarter of what a light takes
 
 
 class Screen(NamedTuple):
@@ -99,7 +102,7 @@ def transform(positions, screen: Screen, workers, runs=None) -> tuple[Vertices, 
     """
     n = positions.shape[1]
     out = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.float64))
-    parts = workers.divide([(0, n)] if runs is None else runs)
+    parts = workers.divide([(0, n)] if runs is None else runs, LEAST_PART)
     counts = workers.map(lambda part: transform_range(positions, *part, screen, out), parts)
     return out, sum(counts)
 

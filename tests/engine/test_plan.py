@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import rasterizer as rz
 from rasterizer.engine.coding import make_coding
-from rasterizer.engine.depth_range import NEAREST, fit_depth_range
+from rasterizer.engine.depth_range import NEAREST, depths_of_boxes, fit_depth_range
 from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows
 from rasterizer.engine.error_bounds import Surroundings
 from rasterizer.engine.plan import make_plan
@@ -313,7 +313,7 @@ BOUNDS = np.array([[[-1.0, -1, -1], [1, 1, 1]], [[2.0, 0, 0], [3, 1, 1]]])
 
 def fitted(camera, bounds=BOUNDS):
     """Near, far and the clip distance that a camera gets."""
-    (near, far), clip = fit_depth_range(camera, camera.view(), bounds)
+    (near, far), clip = fit_depth_range(camera, depths_of_boxes(camera.view(), bounds))
     return near, far, clip
 
 
@@ -365,7 +365,7 @@ def test_depths_in_the_range_fit_the_entries(eye, target, is_perspective, expone
     lens = {"fov": 45} if is_perspective else {"height": scale}
     camera = rz.Camera(position=eye, target=target, **lens)
     view = camera.view()
-    (near, far), _ = fit_depth_range(camera, view, BOUNDS * scale)
+    (near, far), _ = fit_depth_range(camera, depths_of_boxes(view, BOUNDS * scale))
     screen = screen_for(camera, (near, far))
     corners = (BOUNDS * scale).reshape(-1, 3)
     depth = (corners - view.eye) @ view.forward

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers.stages import SERIAL
 
-from rasterizer.pipeline.bands import scatter, sort_into_bands
+from rasterizer.pipeline.bands import gather_band, scatter, sort_into_bands
 from rasterizer.pipeline.cull import Visible
 from rasterizer.pipeline.threads import Workers
 
@@ -35,36 +34,37 @@ def expected(parts, n_band):
     return lists
 
 
-@pytest.mark.parametrize("n_thread", [1, 3])
 @pytest.mark.parametrize("n_part", [1, 2, 7])
 @pytest.mark.parametrize(
     "n_face, n_band, most", [(0, 3, 1), (1, 1, 1), (500, 1, 1), (500, 13, 1), (500, 13, 13), (60, 900, 400)]
 )
-def test_sorts_as_plain_lists_do(n_face, n_band, most, n_part, n_thread):
+def test_sorts_as_plain_lists_do(n_face, n_band, most, n_part):
     parts = random_parts(np.random.default_rng(n_face + n_part), n_part, n_face, n_band, most)
-    workers = SERIAL if n_thread == 1 else Workers(n_thread)
-    bands = sort_into_bands(parts, workers)
-    workers.close()
-    lists = expected(parts, n_band)
-    assert [bands.faces[a:b].tolist() for a, b in zip(bands.starts[:-1], bands.starts[1:], strict=True)] == lists
-    assert bands.starts[0] == 0 and bands.starts[-1] == len(bands.faces) and len(bands.starts) == n_band + 1
-    assert all(faces == sorted(faces) for faces in lists), "order within a band is the order of the faces"
+    lists = [sort_into_bands(part) for part in parts]
+    assert [gather_band(lists, k).tolist() for k in range(n_band)] == expected(parts, n_band)
+    for part, found in zip(parts, lists, strict=True):
+        assert found.starts[0] == 0 and found.starts[-1] == len(found.faces) and len(found.starts) == n_band + 1
+        assert found.n_visible == len(part.faces)
+    bands = [gather_band(lists, k) for k in range(n_band)]
+    assert all((np.diff(band.astype(np.int64)) > 0).all() for band in bands), "in the order of the faces"
+    assert all(band.dtype == np.uint32 and band.flags.c_contiguous for band in bands)
 
 
 def test_threads_do_not_change_a_bit():
-    """Parts write side by side into one array: often enough that a race would show."""
+    """Threads sort parts side by side: often enough that a race would show."""
     parts = random_parts(np.random.default_rng(5), 16, 4000, 40, 9)
-    serial = sort_into_bands(parts, SERIAL)
+    serial = [lists.faces.tobytes() for lists in map(sort_into_bands, parts)]
     workers = Workers(4)
     for _ in range(30):
-        assert sort_into_bands(parts, workers).faces.tobytes() == serial.faces.tobytes()
+        assert [lists.faces.tobytes() for lists in workers.map(sort_into_bands, parts)] == serial
     workers.close()
 
 
 def test_parts_are_left_as_they_are():
     parts = random_parts(np.random.default_rng(6), 3, 200, 9, 4)
     before = [[np.copy(a) for a in part[:4]] for part in parts]
-    sort_into_bands(parts, SERIAL)
+    for part in parts:
+        sort_into_bands(part)
     for part, copies in zip(parts, before, strict=True):
         assert all((a == b).all() for a, b in zip(part[:4], copies, strict=True))
 
