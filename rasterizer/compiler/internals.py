@@ -49,18 +49,19 @@ _SYSTEM = CDLL(None if os.name == "posix" else "ucrtbase")  # the process, with 
 # Options of njit for what Python never calls through numba: no wrappers are made.
 _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 # A call that isn't inlined pushes every field of the structures that are passed: a hundred of them take 15 ns.
-_OF_CHOICES = {"error_model": "numpy", "forceinline": True}
+_INLINED = {"error_model": "numpy", "forceinline": True}
 
 _log = logging.getLogger("rasterizer")
 
 if IS_SEEN:
-    from numba.core import codegen, compiler_machinery, typed_passes
+    from numba.core import codegen, compiler_machinery
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.errors import NumbaError
     from numba.core.registry import cpu_target
 
     from . import entry_points
+    from .short_passes import ShortLowering, ShortPassManager, Struct
 
     if hasattr(os, "register_at_fork"):  # a child would find the compiler locked for ever
         os.register_at_fork(
@@ -104,8 +105,15 @@ def compile_helper(function: Callable, is_inlined: bool = True):
 def compile_choice(function: Callable, choose: Callable):
     """Return a function that is compiled differently for different types: `choose` gets the types and returns a plain
     function with the same parameters."""
-    numba.extending.overload(function, jit_options=_OF_CHOICES)(choose)
-    return as_callee(function)
+
+    def chosen(*arguments):  # one for callers that count references, and one for others
+        return function(*arguments)
+
+    options = _INLINED if not IS_SEEN or is_counting() else _OPTIONS | _UNWRAPPED | {"forceinline": True}
+    if options is not _INLINED:
+        options["pipeline_class"] = HelperCompiler
+    numba.extending.overload(chosen, jit_options=options)(choose)
+    return as_callee(chosen)
 
 
 def compile_intrinsic(function: Callable, name: str, is_documented: bool):
@@ -222,13 +230,18 @@ def type_of_part(part):
         found = class_of(name) if name else None
     except (ImportError, AttributeError) as fault:
         raise NotStandalone(f"no class {name} ({fault})") from fault
-    return types.BaseTuple.from_types(tuple(map(type_of_part, items)), found)
+    kinds = tuple(map(type_of_part, items))
+    kind = types.BaseTuple.from_types(kinds, found)
+    return Struct(kinds, found) if type(kind) is types.NamedTuple else kind
 
 
 if IS_SEEN:
 
     class HelperLibrary(codegen.JITCodeLibrary):
-        """The instructions of a helper: tidied function by function, and optimised where they are inlined."""
+        """The instructions of a helper, as they are written: they are optimised where they are inlined."""
+
+        def _optimize_functions(self, ll_module):
+            ll_module.data_layout = self._codegen._data_layout
 
         def _optimize_final_module(self):
             pass
@@ -237,7 +250,7 @@ if IS_SEEN:
             self._finalize_dynamic_globals()
             self._finalized = True
 
-    class KernelLibrary(codegen.JITCodeLibrary):
+    class KernelLibrary(HelperLibrary):
         """The instructions of a kernel, which become an object file; nothing is loaded into this process.
 
         object_code : the content of the file · needs : the functions that it calls and doesn't hold
@@ -246,6 +259,10 @@ if IS_SEEN:
         object_code, needs = b"", ()
 
         def _optimize_final_module(self):
+            # Nothing but the entry point is called from elsewhere.
+            for function in self._final_module.functions:
+                if not function.is_declaration and function.name != entry_points.NAME:
+                    function.linkage = "internal"
             # Numba's cheap run before this one is for counting references, which kernels don't.
             made = self._codegen._module_pass_manager()
             if isinstance(made, tuple):
@@ -325,10 +342,10 @@ if IS_SEEN:
 
         def define_pipelines(self):
             """Return the one pipeline."""
-            pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
-            lowering = [step for step, _ in pipeline.passes].index(typed_passes.NativeLowering)
+            pipeline = ShortPassManager(DefaultPassBuilder.define_nopython_pipeline(self.state))
+            lowering = [step for step, _ in pipeline.passes].index(ShortLowering)
             pipeline.passes.insert(lowering, (self.begin, "choose where instructions go"))
-            pipeline.add_pass_after(self.finish, typed_passes.NativeLowering)
+            pipeline.add_pass_after(self.finish, ShortLowering)
             pipeline.finalize()
             return [pipeline]
 

@@ -1,0 +1,192 @@
+"""What numba does to make a kernel's instructions, as far as kernels need it: a first picture waits for nothing else.
+
+Two thirds of the time that a kernel takes to compile pass before the optimiser sees it: in numba's passes, each over
+every function, and in writing, printing and reading instructions that the optimiser then takes out again. The machine
+code is the same with these as without.
+
+* `ShortPassManager` leaves out the passes for what kernels don't have, and what numba notes of each pass.
+* A `Struct`, the type of a structure that a kernel is called with, is passed on to helpers as one value. Numba passes
+  it field by field, each array in it as seven numbers: a helper of one line that gets two structures would begin with a
+  hundred instructions that put them together, and each call of it with as many that take them apart.
+* `ShortLower` reads and writes items of contiguous arrays where the array's description says. Numba copies the
+  description to memory first, thirty instructions an item.
+* `ShortNames` calls `min` and `max` what is spelled out here. Numba compiles a function for each kind of arguments.
+
+The names of numba that are used here are listed in internals.py.
+"""
+
+import operator
+
+import numba.extending
+from numba import types
+from numba.core import compiler_machinery, ir, lowering, typed_passes
+from numba.core.datamodel import models
+from numba.cpython import builtins
+from numba.np import arrayobj
+
+# Passes for what no kernel has: `with`, closures and comprehensions, exceptions, functions that numba is to inline into
+# its own form of the program, loops over tuples of several types, arithmetic with whole arrays, parallel loops.
+NOT_NEEDED = frozenset((
+    "WithLifting", "InlineClosureLikes", "RewriteDynamicRaises", "MakeFunctionToJitFunction", "InlineInlinables",
+    "FindLiterallyCalls", "LiteralUnroll", "LiteralPropagationSubPipelinePass", "InlineOverloads", "NopythonRewrites",
+    "DumpParforDiagnostics", "AnnotateTypes", "NoPythonSupportedFeatureValidation",
+))  # fmt: skip
+
+
+class ShortPassManager(compiler_machinery.PassManager):
+    """The passes of a pipeline of numba's that are needed, one after the other."""
+
+    def __init__(self, pipeline):
+        super().__init__(pipeline.pipeline_name)
+        steps = [step for step in pipeline.passes if step[0].__name__ not in NOT_NEEDED]
+        kinds = [step[0] for step in steps]
+        steps[kinds.index(typed_passes.NativeLowering)] = (ShortLowering, "write instructions")
+        steps.insert(kinds.index(typed_passes.NopythonTypeInference), (ShortNames, "name what is spelled out"))
+        self.passes = steps
+
+    def _runPass(self, index, pss, internal_state):  # noqa: N802, numba's name
+        pss.analysis = self._analysis
+        pss.run_initialization(internal_state)
+        pss.run_pass(internal_state)
+        pss.run_finalizer(internal_state)
+
+
+# ---------------------------------------------------------------- structures
+
+
+class Struct(types.NamedTuple):
+    """The type of a structure that a kernel is called with."""
+
+
+@models.register_default(Struct)
+class StructModel(models.TupleModel):
+    """How a `Struct` is represented: as any tuple, but one value as an argument."""
+
+    def get_argument_type(self):
+        """Return LLVM's type of an argument."""
+        return self.get_value_type()
+
+    def as_argument(self, builder, value):
+        """Return what is passed on for a value."""
+        return value
+
+    def from_argument(self, builder, value):
+        """Return the value of what was passed on."""
+        return value
+
+
+# ---------------------------------------------------------------- items of arrays
+
+
+class ShortLower(lowering.Lower):
+    """Numba's way of writing instructions, but for items of contiguous arrays."""
+
+    def lower_getitem(self, resty, expr, value, index, signature):
+        """Write what reads an item."""
+        kind, address = signature.args[0], self._find_item(value, index, signature)
+        if address is None:
+            return super().lower_getitem(resty, expr, value, index, signature)
+        item = arrayobj.load_item(self.context, self.builder, kind, address)
+        return self.context.cast(self.builder, item, kind.dtype, resty)
+
+    def lower_setitem(self, target_var, index_var, value_var, signature):
+        """Write what changes an item."""
+        kind, address = signature.args[0], self._find_item(target_var, index_var, signature)
+        if address is None:
+            return super().lower_setitem(target_var, index_var, value_var, signature)
+        given = self.loadvar(value_var.name)
+        value = self.context.cast(self.builder, given, self.typeof(value_var.name), kind.dtype)
+        return arrayobj.store_item(self.context, self.builder, kind, value, address)
+
+    def _find_item(self, array, index, signature):
+        """Return the address of an item; None where numba has to find it."""
+        kind, kinds, context = self.typeof(array.name), self.typeof(index.name), self.context
+        is_several = isinstance(kinds, types.BaseTuple)
+        kinds = tuple(kinds) if is_several else (kinds,)
+        if not isinstance(kind, types.Array) or kind != signature.args[0] or kind.layout != "C":
+            return None
+        if context.enable_boundscheck or len(kinds) != kind.ndim or not all(map(_is_counted_from_start, kinds)):
+            return None
+        builder, model = self.builder, context.data_model_manager[kind]
+        description, given = self.loadvar(array.name), self.loadvar(index.name)
+        given = [builder.extract_value(given, k) for k in range(len(kinds))] if is_several else [given]
+        indices = [context.cast(builder, one, its, types.uintp) for one, its in zip(given, kinds, strict=True)]
+        number, shape = indices[0], model.get(builder, description, "shape") if is_several else None
+        for axis in range(1, len(kinds)):
+            number = builder.add(builder.mul(number, builder.extract_value(shape, axis)), indices[axis])
+        return builder.gep(model.get(builder, description, "data"), [number])
+
+
+def _is_counted_from_start(kind) -> bool:
+    """Tell whether an index is never negative by its type: a negative one counts from an array's end."""
+    if isinstance(kind, types.IntegerLiteral):
+        return kind.literal_value >= 0
+    return isinstance(kind, types.Integer) and not kind.signed
+
+
+@compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
+class ShortLowering(typed_passes.NativeLowering):
+    """The pass that writes instructions."""
+
+    _name = "rasterizer_short_lowering"
+
+    @property
+    def lowering_class(self):
+        """What writes them."""
+        return ShortLower
+
+
+# ---------------------------------------------------------------- least and greatest numbers
+
+
+def _spell_out(compare):
+    """Return how the first of some numbers that `compare` prefers is found, as numba finds it, of 2, 3 and 4."""
+
+    def choose(typing_context, *kinds):
+        common = typing_context.unify_types(*kinds)
+        if common is None or not all(isinstance(kind, types.Number) for kind in kinds):
+            return None
+
+        def generate(context, builder, signature, arguments):
+            found = builtins.do_minmax(context, builder, list(signature.args), arguments, compare)
+            return context.cast(builder, found, common, signature.return_type)
+
+        return common(*kinds), generate
+
+    return {
+        2: numba.extending.intrinsic(lambda typing_context, a, b: choose(typing_context, a, b)),
+        3: numba.extending.intrinsic(lambda typing_context, a, b, c: choose(typing_context, a, b, c)),
+        4: numba.extending.intrinsic(lambda typing_context, a, b, c, d: choose(typing_context, a, b, c, d)),
+    }
+
+
+SPELLED_OUT = {min: _spell_out(operator.lt), max: _spell_out(operator.gt)}
+
+
+@compiler_machinery.register_pass(mutates_CFG=False, analysis_only=False)
+class ShortNames(compiler_machinery.FunctionPass):
+    """The pass that lets `min` and `max` be what is spelled out here."""
+
+    _name = "rasterizer_short_names"
+
+    def __init__(self):
+        super().__init__()
+
+    def run_pass(self, state):
+        """Change what is called; tell whether anything was."""
+        blocks, n_changed = state.func_ir.blocks.values(), 0
+        named = {
+            assignment.target.name: assignment
+            for block in blocks
+            for assignment in block.find_insts(ir.Assign)
+            if isinstance(assignment.value, ir.Global)
+            and any(assignment.value.value is function for function in SPELLED_OUT)
+        }
+        for block in blocks:
+            for call in block.find_exprs("call"):
+                assignment = named.get(call.func.name)
+                if assignment is not None and len(call.args) in (2, 3, 4) and not call.kws and call.vararg is None:
+                    name = assignment.value
+                    assignment.value = ir.Global(name.name, SPELLED_OUT[name.value][len(call.args)], name.loc)
+                    n_changed += 1
+        return n_changed > 0
