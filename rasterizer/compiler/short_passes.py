@@ -9,17 +9,18 @@ code is the same with these as without.
   it field by field, each array in it as seven numbers: a helper of one line that gets two structures would begin with a
   hundred instructions that put them together, and each call of it with as many that take them apart.
 * `ShortLower` reads and writes items of contiguous arrays where the array's description says. Numba copies the
-  description to memory first, thirty instructions an item.
+  description to memory first, thirty instructions an item. Variables that are set once stay out of memory, too.
 * `ShortNames` calls `min` and `max` what is spelled out here. Numba compiles a function for each kind of arguments.
 
 The names of numba that are used here are listed in internals.py.
 """
 
+import collections
 import operator
 
 import numba.extending
 from numba import types
-from numba.core import compiler_machinery, ir, lowering, typed_passes
+from numba.core import analysis, compiler_machinery, ir, lowering, typed_passes
 from numba.core.datamodel import models
 from numba.cpython import builtins
 from numba.np import arrayobj
@@ -79,7 +80,29 @@ class StructModel(models.TupleModel):
 
 
 class ShortLower(lowering.Lower):
-    """Numba's way of writing instructions, but for items of contiguous arrays."""
+    """Numba's way of writing instructions, but for items of contiguous arrays, and for variables that are set once."""
+
+    def _find_singly_assigned_variable(self):
+        """Note the variables that need no memory: those that are set once, before they are used, whatever happens.
+
+        Numba finds those that one block alone uses.
+        """
+        super()._find_singly_assigned_variable()
+        if self.func_ir.func_id.is_generator:
+            return
+        blocks, in_memory = self.func_ir.blocks, lowering.must_use_alloca(self.func_ir.blocks)
+        uses, dominators = analysis.compute_use_defs(blocks), analysis.compute_cfg_from_blocks(blocks).dominators()
+        n_set = collections.Counter(one.target.name for block in blocks.values() for one in block.find_insts(ir.Assign))
+        set_in = {name: label for label, names in uses.defmap.items() for name in names}
+        users = collections.defaultdict(list)
+        for label, names in uses.usemap.items():
+            for name in names:
+                users[name].append(label)
+        for name, label in set_in.items():
+            # Blocks are written in the order of their labels.
+            if n_set[name] == 1 and name not in in_memory:
+                if all(label in dominators[user] and label < user for user in users[name]):
+                    self._singly_assigned_vars.add(name)
 
     def lower_getitem(self, resty, expr, value, index, signature):
         """Write what reads an item."""
