@@ -54,6 +54,7 @@ _INLINED = {"error_model": "numpy", "forceinline": True}
 _log = logging.getLogger("rasterizer")
 
 if IS_SEEN:
+    from llvmlite.binding import Linkage
     from numba.core import codegen, compiler_machinery
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
@@ -240,15 +241,18 @@ if IS_SEEN:
     class HelperLibrary(codegen.JITCodeLibrary):
         """The instructions of a helper, as they are written: they are optimised where they are inlined."""
 
+        def finalize(self):
+            """Leave what it calls to the kernel, where each helper is needed once."""
+            self._finalized = True
+
         def _optimize_functions(self, ll_module):
             ll_module.data_layout = self._codegen._data_layout
 
-        def _optimize_final_module(self):
-            pass
-
-        def _finalize_final_module(self):
-            self._finalize_dynamic_globals()
-            self._finalized = True
+        def _get_module_for_linking(self):
+            for function in self._final_module.functions:
+                if not function.is_declaration and function.linkage == Linkage.external:
+                    function.linkage = Linkage.linkonce_odr
+            return self._final_module
 
     class KernelLibrary(HelperLibrary):
         """The instructions of a kernel, which become an object file; nothing is loaded into this process.
@@ -258,11 +262,23 @@ if IS_SEEN:
 
         object_code, needs = b"", ()
 
+        def finalize(self):
+            """Put all that it calls into one module, and make object code of it."""
+            reached = {}  # in the order in which they are met
+            waiting = [*self._linking_libraries]
+            while waiting:
+                library = waiting.pop(0)
+                if library not in reached:
+                    reached[library] = True
+                    waiting += library._linking_libraries if isinstance(library, HelperLibrary) else ()
+            self._linking_libraries = [*reached]
+            codegen.JITCodeLibrary.finalize(self)
+
         def _optimize_final_module(self):
             # Nothing but the entry point is called from elsewhere.
             for function in self._final_module.functions:
                 if not function.is_declaration and function.name != entry_points.NAME:
-                    function.linkage = "internal"
+                    function.linkage = Linkage.internal
             # Numba's cheap run before this one is for counting references, which kernels don't.
             made = self._codegen._module_pass_manager()
             if isinstance(made, tuple):

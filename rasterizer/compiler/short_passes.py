@@ -159,6 +159,34 @@ class ShortLowering(typed_passes.NativeLowering):
         return ShortLower
 
 
+# ---------------------------------------------------------------- operators
+
+
+class ShortTyping:
+    """Numba's typing context, but that it remembers what operators make of which types: most of a kernel's statements
+    are the same few sums and products."""
+
+    _signatures = {}  # (operator, types) -> signature; kept for good, as numba keeps what it has of each operator
+
+    def __init__(self, context):
+        self._context = context
+
+    def __getattr__(self, name):
+        return getattr(self._context, name)
+
+    def resolve_function_type(self, function, arguments, named):
+        """Return the signature of a call."""
+        is_operator = isinstance(function, types.Function) and function.typing_key in _OPERATORS
+        if named or not is_operator:
+            return self._context.resolve_function_type(function, arguments, named)
+        known, call = self._signatures, (function, arguments)
+        if call not in known:
+            known[call] = self._context.resolve_function_type(function, arguments, named)
+        return known[call]
+
+
+_OPERATORS = frozenset(thing for thing in vars(operator).values() if isinstance(thing, type(operator.add)))
+
 # ---------------------------------------------------------------- least and greatest numbers
 
 
@@ -197,6 +225,7 @@ class ShortNames(compiler_machinery.FunctionPass):
 
     def run_pass(self, state):
         """Change what is called; tell whether anything was."""
+        state.typingctx = ShortTyping(state.typingctx)
         blocks, n_changed = state.func_ir.blocks.values(), 0
         named = {
             assignment.target.name: assignment
