@@ -76,11 +76,22 @@ class StructModel(models.TupleModel):
         return value
 
 
+def _in_parts(kind):
+    """Return the type of a structure, with the same values, that is passed field by field: a kernel's arguments are."""
+    return types.NamedTuple([_in_parts(item) for item in kind], kind.instance_class) if type(kind) is Struct else kind
+
+
 # ---------------------------------------------------------------- items of arrays
 
 
 class ShortLower(lowering.Lower):
     """Numba's way of writing instructions, but for items of contiguous arrays, and for variables that are set once."""
+
+    def __init__(self, context, library, fndesc, *others, **named):
+        # LLVM takes arguments for other memory than that of its constants, but not what it finds in a structure.
+        if not fndesc.inline:
+            fndesc.argtypes = tuple(map(_in_parts, fndesc.argtypes))
+        super().__init__(context, library, fndesc, *others, **named)
 
     def _find_singly_assigned_variable(self):
         """Note the variables that need no memory: those that are set once, before they are used, whatever happens.
