@@ -12,6 +12,13 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
       _codegen._tm, _codegen._module_pass_manager
     flags.no_compile, .forceinline,                    the same
       target context .insert_user_function
+    core.compiler_machinery.PassManager._runPass,      a third less to compile (short_passes.py): passes that
+      core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, and instructions that the
+      core.datamodel.models.TupleModel,                  optimiser takes out again aren't written
+      typed_passes.NativeLowering, np.arrayobj,
+      cpython.builtins.do_minmax, state.typingctx
+    core.codegen: CodeLibrary.finalize,                the same: each helper is linked into a kernel once
+      _get_module_for_linking, _linking_libraries
     njit(forceinline=, no_cpython_wrapper=,            inlining, and a quarter less to compile
       no_cfunc_wrapper=)
     njit(_nrt=)                                        kernels that don't allocate and count no references

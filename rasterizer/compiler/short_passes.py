@@ -1,8 +1,7 @@
 """What numba does to make a kernel's instructions, as far as kernels need it: a first picture waits for nothing else.
 
 Two thirds of the time that a kernel takes to compile pass before the optimiser sees it: in numba's passes, each over
-every function, and in writing, printing and reading instructions that the optimiser then takes out again. The machine
-code is the same with these as without.
+every function, and in writing, printing and reading instructions that the optimiser takes out again.
 
 * `ShortPassManager` leaves out the passes for what kernels don't have, and what numba notes of each pass.
 * A `Struct`, the type of a structure that a kernel is called with, is passed on to helpers as one value. Numba passes
@@ -11,6 +10,7 @@ code is the same with these as without.
 * `ShortLower` reads and writes items of contiguous arrays where the array's description says. Numba copies the
   description to memory first, thirty instructions an item. Variables that are set once stay out of memory, too.
 * `ShortNames` calls `min` and `max` what is spelled out here. Numba compiles a function for each kind of arguments.
+* `ShortTyping` remembers what operators make of which types. Numba looks for it at each sum and each product.
 
 The names of numba that are used here are listed in internals.py.
 """
@@ -45,7 +45,9 @@ class ShortPassManager(compiler_machinery.PassManager):
         steps.insert(kinds.index(typed_passes.NopythonTypeInference), (ShortNames, "name what is spelled out"))
         self.passes = steps
 
-    def _runPass(self, index, pss, internal_state):  # noqa: N802, numba's name
+    def _runPass(self, index, pss, internal_state):
+        """Run one of them. Numba also puts the function in order after each; the last one before instructions are
+        written does that here."""
         pss.analysis = self._analysis
         pss.run_initialization(internal_state)
         pss.run_pass(internal_state)
@@ -88,7 +90,8 @@ class ShortLower(lowering.Lower):
     """Numba's way of writing instructions, but for items of contiguous arrays, and for variables that are set once."""
 
     def __init__(self, context, library, fndesc, *others, **named):
-        # LLVM takes arguments for other memory than that of its constants, but not what it finds in a structure.
+        # Loops become vector instructions only where what they write isn't taken for a table that they read. LLVM
+        # takes arguments for other memory than its constants, but not what it finds in a structure.
         if not fndesc.inline:
             fndesc.argtypes = tuple(map(_in_parts, fndesc.argtypes))
         super().__init__(context, library, fndesc, *others, **named)

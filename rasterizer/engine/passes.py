@@ -34,9 +34,9 @@ from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import most_units
 from ..pipeline.resolve import Picture, resolve, resolve_averages
+from ..pipeline.sample_grid import SampleGrid, make_grid
 from ..pipeline.scan import ScanCounts, scan
 from ..pipeline.shade import shade_interpolated
-from ..pipeline.sample_grid import SampleGrid, make_grid
 from ..pipeline.shade_once import list_points, order_samples, spread_points
 from ..pipeline.shadow_lookup import write_map
 from ..pipeline.texture_sampling import sample_textures

@@ -87,7 +87,9 @@ def test_every_pixel_of_the_band_is_written():
         workspace, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
         for array in picture:
             array.fill(77)
-        resolve(workspace.visibility, workspace.radiance, None, 0, 24, make_grid(1), encoding(), workspace.pixels, picture)
+        resolve(
+            workspace.visibility, workspace.radiance, None, 0, 24, make_grid(1), encoding(), workspace.pixels, picture
+        )
         assert not picture.rgba[~covered].any() and (picture.rgba[covered] != 77).all()
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
 
