@@ -41,17 +41,8 @@ def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, hei
     picture = make_picture((width, height or n_row), with_color)
     for array in picture:
         array.fill(0)
-    n_covered = resolve(
-        workspace.visibility,
-        workspace.radiance,
-        None,
-        y_start,
-        y_start + n_row,
-        make_grid(factor),
-        how,
-        workspace.pixels,
-        picture,
-    )
+    rows, grid = (y_start, y_start + n_row), make_grid(factor)
+    n_covered = resolve(workspace.visibility, workspace.radiance, None, *rows, grid, how, workspace.pixels, picture)
     return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), workspace, n_covered
 
 
