@@ -9,13 +9,12 @@ from time import perf_counter
 import numpy as np
 
 from ..compiler import fingerprint, kernels
-from ..compiler.signatures import signature_of
 from ..compiler.store import Store
 from ..engine.prepared_scene import PreparedScene
+from ..engine.sample_variants import list_variants
 from ..errors import OutputError
 from ..geometry.normals import vertex_normals
 from ..options import Options
-from ..pipeline.sample_grid import MOST_FACTOR, make_grid
 from ..renderer import Clock, render
 from ..scene.camera import Camera
 from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
@@ -29,7 +28,6 @@ _VERTICES = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.5), (0, 0,
 _FACES = np.array([(0, 1, 2), (0, 2, 3), (2, 3, 4)])
 SIZE = 4  # pixels
 _BUFFERS = ("depth", "face", "normal")
-_FACTORS = range(2, MOST_FACTOR + 1)  # samples along an axis of pixels that have several
 _SHADINGS = ("flat", "gouraud", "phong")
 
 
@@ -91,19 +89,12 @@ def list_all_needs() -> dict:
     """Return the kernels of all kinds of pictures, {(function, signature): True}: Python draws small ones."""
     with kernels.noting_needs() as needs:
         draw_all_kinds()
-    for function, signature in list(needs):  # whatever has several samples a pixel
-        needs |= {(function, with_factor(signature, factor)): True for factor in _FACTORS}
+    for function, signature in list(needs):
+        needs |= {(function, variant): True for variant in list_variants(signature)}
     # Which of the two a picture takes depends on its size and its lights.
     for function in [function for function, signature in needs if signature[:1] == ("batch function",)]:
         needs |= {(function, ("batch function", dtype)): True for dtype in ("float32", "float64")}
     return needs
-
-
-def with_factor(signature: tuple, factor: int) -> tuple:
-    """Return the signature of the kernel that does for `factor` samples along an axis what the one with this signature
-    does for another; the signature itself where no SampleGrid is among its arguments."""
-    grids = [signature_of((make_grid(n),))[0] for n in range(1, MOST_FACTOR + 1)]
-    return tuple(grids[factor - 1] if part in grids else part for part in signature)
 
 
 def draw_all_kinds() -> None:

@@ -120,7 +120,7 @@ class ShortLower(lowering.Lower):
 
     def lower_getitem(self, resty, expr, value, index, signature):
         """Write what reads an item."""
-        kind, address = signature.args[0], self._find_item(value, index, signature)
+        kind, address = signature.args[0], self._address_of(value, index, signature)
         if address is None:
             return super().lower_getitem(resty, expr, value, index, signature)
         item = arrayobj.load_item(self.context, self.builder, kind, address)
@@ -128,14 +128,14 @@ class ShortLower(lowering.Lower):
 
     def lower_setitem(self, target_var, index_var, value_var, signature):
         """Write what changes an item."""
-        kind, address = signature.args[0], self._find_item(target_var, index_var, signature)
+        kind, address = signature.args[0], self._address_of(target_var, index_var, signature)
         if address is None:
             return super().lower_setitem(target_var, index_var, value_var, signature)
         given = self.loadvar(value_var.name)
         value = self.context.cast(self.builder, given, self.typeof(value_var.name), kind.dtype)
         return arrayobj.store_item(self.context, self.builder, kind, value, address)
 
-    def _find_item(self, array, index, signature):
+    def _address_of(self, array, index, signature):
         """Return the address of an item; None where numba has to find it."""
         kind, kinds, context = self.typeof(array.name), self.typeof(index.name), self.context
         is_several = isinstance(kinds, types.BaseTuple)
