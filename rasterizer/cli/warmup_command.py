@@ -11,6 +11,7 @@ import numpy as np
 from ..compiler import fingerprint, kernels
 from ..compiler.store import Store
 from ..engine.prepared_scene import PreparedScene
+from ..engine.sample_variants import list_variants
 from ..errors import OutputError
 from ..geometry.normals import vertex_normals
 from ..options import Options
@@ -88,6 +89,8 @@ def list_all_needs() -> dict:
     """Return the kernels of all kinds of pictures, {(function, signature): True}: Python draws small ones."""
     with kernels.noting_needs() as needs:
         draw_all_kinds()
+    for function, signature in list(needs):
+        needs |= {(function, variant): True for variant in list_variants(signature)}
     # Which of the two a picture takes depends on its size and its lights.
     for function in [function for function, signature in needs if signature[:1] == ("batch function",)]:
         needs |= {(function, ("batch function", dtype)): True for dtype in ("float32", "float64")}

@@ -12,6 +12,13 @@ setup.cfg admits; tests/compiler/test_internals.py tries each one alone in the v
       _codegen._tm, _codegen._module_pass_manager
     flags.no_compile, .forceinline,                    the same
       target context .insert_user_function
+    core.compiler_machinery.PassManager._runPass,      a third less to compile (short_passes.py): passes that
+      core.analysis, core.ir, core.lowering.Lower,       aren't needed are left out, and instructions that the
+      core.datamodel.models.TupleModel,                  optimiser takes out again aren't written
+      typed_passes.NativeLowering, np.arrayobj,
+      cpython.builtins.do_minmax, state.typingctx
+    core.codegen: CodeLibrary.finalize,                the same: each helper is linked into a kernel once
+      _get_module_for_linking, _linking_libraries
     njit(forceinline=, no_cpython_wrapper=,            inlining, and a quarter less to compile
       no_cfunc_wrapper=)
     njit(_nrt=)                                        kernels that don't allocate and count no references
@@ -49,18 +56,20 @@ _SYSTEM = CDLL(None if os.name == "posix" else "ucrtbase")  # the process, with 
 # Options of njit for what Python never calls through numba: no wrappers are made.
 _UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 # A call that isn't inlined pushes every field of the structures that are passed: a hundred of them take 15 ns.
-_OF_CHOICES = {"error_model": "numpy", "forceinline": True}
+_INLINED = {"error_model": "numpy", "forceinline": True}
 
 _log = logging.getLogger("rasterizer")
 
 if IS_SEEN:
-    from numba.core import codegen, compiler_machinery, typed_passes
+    from llvmlite.binding import Linkage
+    from numba.core import codegen, compiler_machinery
     from numba.core.compiler import CompilerBase, DefaultPassBuilder
     from numba.core.compiler_lock import global_compiler_lock
     from numba.core.errors import NumbaError
     from numba.core.registry import cpu_target
 
     from . import entry_points
+    from .short_passes import ShortLowering, ShortPassManager, Struct
 
     if hasattr(os, "register_at_fork"):  # a child would find the compiler locked for ever
         os.register_at_fork(
@@ -104,8 +113,15 @@ def compile_helper(function: Callable, is_inlined: bool = True):
 def compile_choice(function: Callable, choose: Callable):
     """Return a function that is compiled differently for different types: `choose` gets the types and returns a plain
     function with the same parameters."""
-    numba.extending.overload(function, jit_options=_OF_CHOICES)(choose)
-    return as_callee(function)
+
+    def chosen(*arguments):  # one for callers that count references, and one for others
+        return function(*arguments)
+
+    options = _INLINED if not IS_SEEN or is_counting() else _OPTIONS | _UNWRAPPED | {"forceinline": True}
+    if options is not _INLINED:
+        options["pipeline_class"] = HelperCompiler
+    numba.extending.overload(chosen, jit_options=options)(choose)
+    return as_callee(chosen)
 
 
 def compile_intrinsic(function: Callable, name: str, is_documented: bool):
@@ -222,22 +238,30 @@ def type_of_part(part):
         found = class_of(name) if name else None
     except (ImportError, AttributeError) as fault:
         raise NotStandalone(f"no class {name} ({fault})") from fault
-    return types.BaseTuple.from_types(tuple(map(type_of_part, items)), found)
+    kinds = tuple(map(type_of_part, items))
+    kind = types.BaseTuple.from_types(kinds, found)
+    return Struct(kinds, found) if type(kind) is types.NamedTuple else kind
 
 
 if IS_SEEN:
 
     class HelperLibrary(codegen.JITCodeLibrary):
-        """The instructions of a helper: tidied function by function, and optimised where they are inlined."""
+        """The instructions of a helper, as they are written: they are optimised where they are inlined."""
 
-        def _optimize_final_module(self):
-            pass
-
-        def _finalize_final_module(self):
-            self._finalize_dynamic_globals()
+        def finalize(self):
+            """Leave what it calls to the kernel, where each helper is needed once."""
             self._finalized = True
 
-    class KernelLibrary(codegen.JITCodeLibrary):
+        def _optimize_functions(self, ll_module):
+            ll_module.data_layout = self._codegen._data_layout
+
+        def _get_module_for_linking(self):
+            for function in self._final_module.functions:
+                if not function.is_declaration and function.linkage == Linkage.external:
+                    function.linkage = Linkage.linkonce_odr
+            return self._final_module
+
+    class KernelLibrary(HelperLibrary):
         """The instructions of a kernel, which become an object file; nothing is loaded into this process.
 
         object_code : the content of the file · needs : the functions that it calls and doesn't hold
@@ -245,7 +269,23 @@ if IS_SEEN:
 
         object_code, needs = b"", ()
 
+        def finalize(self):
+            """Put all that it calls into one module, and make object code of it."""
+            reached = {}  # in the order in which they are met
+            waiting = [*self._linking_libraries]
+            while waiting:
+                library = waiting.pop(0)
+                if library not in reached:
+                    reached[library] = True
+                    waiting += library._linking_libraries if isinstance(library, HelperLibrary) else ()
+            self._linking_libraries = [*reached]
+            codegen.JITCodeLibrary.finalize(self)
+
         def _optimize_final_module(self):
+            # Nothing but the entry point is called from elsewhere.
+            for function in self._final_module.functions:
+                if not function.is_declaration and function.name != entry_points.NAME:
+                    function.linkage = Linkage.internal
             # Numba's cheap run before this one is for counting references, which kernels don't.
             made = self._codegen._module_pass_manager()
             if isinstance(made, tuple):
@@ -325,10 +365,10 @@ if IS_SEEN:
 
         def define_pipelines(self):
             """Return the one pipeline."""
-            pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
-            lowering = [step for step, _ in pipeline.passes].index(typed_passes.NativeLowering)
+            pipeline = ShortPassManager(DefaultPassBuilder.define_nopython_pipeline(self.state))
+            lowering = [step for step, _ in pipeline.passes].index(ShortLowering)
             pipeline.passes.insert(lowering, (self.begin, "choose where instructions go"))
-            pipeline.add_pass_after(self.finish, typed_passes.NativeLowering)
+            pipeline.add_pass_after(self.finish, ShortLowering)
             pipeline.finalize()
             return [pipeline]
 

@@ -302,7 +302,7 @@ def choice(choose: Callable) -> Callable:
             return getattr(chosen, "py_func", chosen)
 
         functools.update_wrapper(choose_plain, choose)  # numba compares the parameters' names
-        return Helper(function, lambda: _internals().compile_choice(function, choose_plain), is_one=True)
+        return Helper(function, lambda: _internals().compile_choice(function, choose_plain))
 
     return decorate if IS_COMPILING else lambda function: function
 

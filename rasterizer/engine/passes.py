@@ -34,6 +34,7 @@ from ..pipeline.lighting import Lighting
 from ..pipeline.phong_shading import FaceTable, shade_lit
 from ..pipeline.records import most_units
 from ..pipeline.resolve import Picture, resolve, resolve_averages
+from ..pipeline.sample_grid import SampleGrid, make_grid
 from ..pipeline.scan import ScanCounts, scan
 from ..pipeline.shade import shade_interpolated
 from ..pipeline.shade_once import list_points, order_samples, spread_points
@@ -160,6 +161,11 @@ class ColorPass(Pass):
         return self.is_shaded_once and self.factor > 1 and is_dear
 
     @cached_property
+    def grid(self) -> SampleGrid:
+        """The samples of a pixel."""
+        return make_grid(self.factor)
+
+    @cached_property
     def sample_order(self) -> np.ndarray:
         """The samples of a pixel in the order in which its points are looked for."""
         return order_samples(self.factor)
@@ -206,7 +212,7 @@ class ColorPass(Pass):
         if points is None:
             return self.evaluate(workspace, band, face_table, radiance)
         of_points = points.radiance[: len(radiance)]
-        list_points(band, self.factor, self.sample_order, is_textured, points)
+        list_points(band, self.grid, self.sample_order, is_textured, points)
         self.evaluate(workspace, points.band(band, self.factor), face_table, of_points)
         return None
 
@@ -241,11 +247,11 @@ class ColorPass(Pass):
         if points is not None and not points.is_spread[0]:
             return resolve_averages(
                 workspace.visibility, points.radiance[:n_channel], points, *rows,
-                self.factor, encoding, workspace.pixels, out,
+                self.grid, encoding, workspace.pixels, out,
             )  # fmt: skip
         return resolve(
             workspace.visibility, workspace.radiance[:n_channel], translucent, *rows,
-            self.factor, encoding, workspace.pixels, out,
+            self.grid, encoding, workspace.pixels, out,
         )  # fmt: skip
 
 

@@ -9,13 +9,13 @@ of float32 would show at tolerance 0.
 
 import numpy as np
 
-from ..compiler.kernels import helper, index
+from ..compiler.kernels import choice, helper, index
 from .encode import ALPHA
 from .fragments import NEXT
+from .sample_grid import factor_of
 from .shade_once import NO_POINT, SEVERAL
 from .visibility import CLEAR, strip_of
 
-MOST_FACTOR = 4  # samples a pixel along an axis
 PIECE = index(64)  # pixels that are averaged together: those that are covered as a whole take a shorter way
 
 
@@ -35,8 +35,13 @@ def gather_samples(entries, radiance, start, pixels):
     return n_covered
 
 
-@helper
-def average_samples(visibility, radiance, translucent, first, factor, n, batch):
+def choose_average(visibility, radiance, translucent, first, grid, n, batch):
+    """Return what is compiled in the place of `average_samples`."""
+    return average_single if len(grid[0]) == 1 else average_several
+
+
+@choice(choose_average)
+def average_samples(visibility, radiance, translucent, first, grid, n, batch):
     """Compute the mean of every pixel's samples, weighted by their opacity, and their mean opacity; return how many
     samples show anything.
 
@@ -46,36 +51,22 @@ def average_samples(visibility, radiance, translucent, first, factor, n, batch):
     ----------
     translucent : Translucent; None where nothing transparent is seen
     first : the band's row of samples and the column of pixels where the batch begins
+    grid : SampleGrid
     """
-    if factor == 1:
-        return gather_sample_row(visibility, radiance, translucent, first, n, batch.values)
-    return average_several(visibility, radiance, translucent, first, factor, n, batch)
+    average = average_single if len(grid.axis) == 1 else average_several
+    return average(visibility, radiance, translucent, first, grid, n, batch)
 
 
 @helper
-def average_several(visibility, radiance, translucent, first, factor, n, batch):
-    """See `average_samples`, for several samples a pixel."""
-    # The factor as a constant: the compiler then makes vector instructions of the loops over pixels.
-    if factor == 2:
-        return average_squares(visibility, radiance, translucent, first, index(2), n, batch)
-    if factor == 3:
-        return average_squares(visibility, radiance, translucent, first, index(3), n, batch)
-    return average_squares(visibility, radiance, translucent, first, index(4), n, batch)
+def average_single(visibility, radiance, translucent, first, grid, n, batch):
+    """See `average_samples`, for one sample a pixel."""
+    return gather_sample_row(visibility, radiance, translucent, first, n, batch.values)
 
 
 @helper
-def gather_sample_row(visibility, radiance, translucent, first, n, pixels):
-    """See `average_samples`, for one sample a pixel: nothing is to sum."""
-    if translucent is not None:
-        return weight_single_samples(visibility, radiance, translucent, first, n, pixels)
-    start = index(first[0] * visibility.pitch + first[1])
-    return gather_samples(visibility.entries[start : start + n], radiance, start, pixels)
-
-
-@helper
-def average_squares(visibility, radiance, translucent, first, factor, n, batch):
-    """See `average_samples`; `factor` is an `index`."""
-    (row, left), pitch, n_seen = first, visibility.pitch, np.int64(0)
+def average_several(visibility, radiance, translucent, first, grid, n, batch):
+    """See `average_samples`, for several samples a pixel: PIECE pixels at a time."""
+    (row, left), pitch, n_seen, factor = first, visibility.pitch, np.int64(0), index(factor_of(grid))
     for skipped in range(index(0), n, PIECE):
         n_here, column = min(n - skipped, PIECE), (left + np.int64(skipped)) * np.int64(factor)
         n_opaque = count_opaque(visibility.entries, pitch, (row, column), factor, n_here)
@@ -87,6 +78,15 @@ def average_squares(visibility, radiance, translucent, first, factor, n, batch):
             )
         n_seen += n_opaque
     return n_seen
+
+
+@helper
+def gather_sample_row(visibility, radiance, translucent, first, n, pixels):
+    """See `average_samples`, for one sample a pixel: nothing is to sum."""
+    if translucent is not None:
+        return weight_single_samples(visibility, radiance, translucent, first, n, pixels)
+    start = index(first[0] * visibility.pitch + first[1])
+    return gather_samples(visibility.entries[start : start + n], radiance, start, pixels)
 
 
 @helper
@@ -224,7 +224,7 @@ def weight_single_samples(visibility, radiance, translucent, first, n, pixels):
 
 
 @helper
-def average_points(pitch, points, radiance, first, factor, n, pixels):
+def average_points(pitch, points, radiance, first, grid, n, pixels):
     """Compute the means of n pixels from their points, the same bits as `average_samples` computes them from samples;
     return how many samples are covered.
 
@@ -234,19 +234,10 @@ def average_points(pitch, points, radiance, first, factor, n, pixels):
     points : PointList, of all that the band shows
     radiance : (n_channel, n_point)
     first : the band's row of samples and the column of pixels where the batch begins
+    grid : SampleGrid
     pixels : PIXELS_SHAPE float32, written
     """
-    # The factor as a constant: the compiler then unrolls the loops over samples.
-    if factor == 2:
-        return average_point_squares(pitch, points, radiance, first, index(2), n, pixels)
-    if factor == 3:
-        return average_point_squares(pitch, points, radiance, first, index(3), n, pixels)
-    return average_point_squares(pitch, points, radiance, first, index(4), n, pixels)
-
-
-@helper
-def average_point_squares(pitch, points, radiance, first, factor, n, pixels):
-    """See `average_points`; `factor` is an `index`."""
+    factor = index(factor_of(grid))
     (row, left), n_covered, n_mixed, mixed = first, np.int64(0), index(0), points.scratch[2]
     of_pixels = points.pixels[index(row) // factor, index(left) :]
     for i in range(n):

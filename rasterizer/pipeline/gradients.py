@@ -119,9 +119,16 @@ def compute_levels(n_attribute, coding, block):
         n_left += ints[s.HAS_PLANES + k] > ints[s.HAS_LEVELS + k]
     if n_left > 0 and n_attribute > 0:
         compute_value_planes(0, MOST_CHANNELS, coding.depths, block)
+        compute_textured(n_attribute, coding.textures, coding.depths, block)
+
+
+@helper
+def compute_textured(n_attribute, textures, depths, block):
+    """Compute the planes of what textured surfaces give off, and of texture coordinates, if any stand in planes."""
+    if textures is not None:
         if n_attribute > MOST_CHANNELS:
-            compute_value_planes(MOST_CHANNELS, MOST_CHANNELS, coding.depths, block)
-        compute_texcoords(n_attribute, coding.textures, coding.depths, block)
+            compute_value_planes(MOST_CHANNELS, MOST_CHANNELS, depths, block)
+        compute_texcoords(n_attribute, textures, depths, block)
 
 
 @helper

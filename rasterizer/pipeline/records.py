@@ -129,8 +129,7 @@ def write_values(records, n_record, k, face, coding, block):
     write_value_group(planes, record + index(VALUES), k, 0, MOST_CHANNELS, block)
     end = BEHIND_VALUES
     if needs & NEEDS_TEXTURE:
-        write_texcoords(planes, record + index(end), k, coding.textures, block)
-        write_value_group(planes, record + index(end + PLAIN_GROUP), k, MOST_CHANNELS, MOST_CHANNELS, block)
+        write_textured(planes, record + index(end), k, coding.textures, block)
         end += PLAIN_GROUP + VALUE_GROUP
     return units_of(end)
 
@@ -156,6 +155,15 @@ def write_index(records, n_record, k, face, coding, block):
     """Write record number `n_record`, the index of the triangle alone; return its length in units."""
     records.int_planes[(index(n_record) << index(UNIT_SHIFT)) + index(PLANES_FACE)] = face
     return np.int64(1)
+
+
+@helper
+def write_textured(planes, target, k, textures, block):
+    """Write the planes of texture coordinates, and of what the surface gives off as a whole; `textures` is None where
+    none stand in planes."""
+    if textures is not None:
+        write_texcoords(planes, target, k, textures, block)
+        write_value_group(planes, target + index(PLAIN_GROUP), k, MOST_CHANNELS, MOST_CHANNELS, block)
 
 
 @helper

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from .box_filter import MOST_FACTOR, PIECE, average_points, average_samples, average_several, gather_samples
+from .box_filter import PIECE, average_points, average_samples, gather_samples
 from .encode import (
     ALPHA,
     PIXELS_SHAPE,
@@ -23,6 +23,7 @@ from .encode import (
     pack_bytes,
 )
 from .fragments import BATCH_SIZE, NEXT
+from .sample_grid import MOST_FACTOR, factor_of
 from .visibility import CLEAR, clear, extent_of_pixels
 
 
@@ -49,7 +50,7 @@ def make_pixel_batch() -> PixelBatch:
     return PixelBatch(values, levels, np.zeros(PIXELS_SHAPE), np.zeros(int(PIECE) * MOST_FACTOR))
 
 
-def resolve(visibility, radiance, translucent, y_start, y_end, factor, encoding, batch, out) -> int:
+def resolve(visibility, radiance, translucent, y_start, y_end, grid, encoding, batch, out) -> int:
     """Write rows of the picture from a band; clear the band.
 
     Parameters
@@ -57,8 +58,8 @@ def resolve(visibility, radiance, translucent, y_start, y_end, factor, encoding,
     visibility : of the band
     radiance : (n_channel, n_row * pitch) float32 or float64, linear
     translucent : Translucent, the samples that nothing opaque is behind (layers.py), or None where there are none
-    y_start, y_end : the rows of pixels; the band's rows are y_start*factor .. y_end*factor
-    factor : samples a pixel along each axis
+    y_start, y_end : the rows of pixels; the band's rows are as many times that as a pixel has samples along an axis
+    grid : SampleGrid
     encoding : Encoding
     batch : PixelBatch, scratch
     out : Picture
@@ -68,12 +69,13 @@ def resolve(visibility, radiance, translucent, y_start, y_end, factor, encoding,
     how many samples are covered
     """
     if translucent is not None:
-        return resolve_translucent(visibility, radiance, translucent, (y_start, y_end), factor, encoding, batch, out)
+        return resolve_translucent(visibility, radiance, translucent, (y_start, y_end), grid, encoding, batch, out)
+    factor = len(grid.axis)
     if factor == 1 and is_plain(radiance.shape[0], encoding, out):
         return resolve_bytes(visibility, radiance, y_start, y_end, encoding, out)
     if factor == 1:
         return resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out)
-    return resolve_averages(visibility, radiance, None, y_start, y_end, factor, encoding, batch, out)
+    return resolve_averages(visibility, radiance, None, y_start, y_end, grid, encoding, batch, out)
 
 
 @helper
@@ -117,13 +119,13 @@ def resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out):
 
 
 @kernel
-def resolve_averages(visibility, radiance, points, y_start, y_end, factor, encoding, batch, out):
+def resolve_averages(visibility, radiance, points, y_start, y_end, grid, encoding, batch, out):
     """Average the samples of each pixel and write it; clear the band; return how many samples are covered.
 
     `points` is PointList, the points that pixels are shaded at, of all that the band shows (shade_once.py), and
     `radiance` theirs; or None, and `radiance` that of the samples.
     """
-    n_covered = np.int64(0)
+    n_covered, factor = np.int64(0), factor_of(grid)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
         first, end = covered_columns(visibility, row, factor)
@@ -131,18 +133,19 @@ def resolve_averages(visibility, radiance, points, y_start, y_end, factor, encod
         for left in range(first, end, BATCH_SIZE):
             n = index(min(end - left, BATCH_SIZE))
             if points is not None:
-                n_covered += average_points(visibility.pitch, points, radiance, (row, left), factor, n, batch.values)
+                n_covered += average_points(visibility.pitch, points, radiance, (row, left), grid, n, batch.values)
             else:
-                n_covered += average_several(visibility, radiance, None, (row, left), factor, n, batch)
+                n_covered += average_samples(visibility, radiance, None, (row, left), grid, n, batch)
             write_pixels(batch, n, radiance.shape[0], encoding, (j, left), out)
     clear(visibility, (y_end - y_start) * factor)
     return n_covered
 
 
 @kernel
-def resolve_translucent(visibility, radiance, translucent, rows, factor, encoding, batch, out):
+def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding, batch, out):
     """As `resolve_averages`, where samples may show something transparent and nothing opaque: in some columns."""
     entries, n_covered, n_channel, (y_start, y_end) = visibility.entries, np.int64(0), radiance.shape[0], rows
+    factor = factor_of(grid)
     is_direct = factor == 1 and is_plain(n_channel, encoding, out)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
@@ -163,9 +166,9 @@ def resolve_translucent(visibility, radiance, translucent, rows, factor, encodin
                 left = stretch_end
                 continue
             if is_weighted:
-                n_covered += average_samples(visibility, radiance, translucent, here, factor, n, batch)
+                n_covered += average_samples(visibility, radiance, translucent, here, grid, n, batch)
             else:
-                n_covered += average_samples(visibility, radiance, None, here, factor, n, batch)
+                n_covered += average_samples(visibility, radiance, None, here, grid, n, batch)
             write_pixels(batch, n, n_channel, encoding, (j, left), out)
             left += np.int64(n)
     clear(visibility, (y_end - y_start) * factor)

@@ -29,6 +29,7 @@ from .fragments import BATCH_SIZE
 from .gradients import NEEDS_TEXTURE
 from .interpolate import ScannedBand
 from .records import material_of
+from .sample_grid import factor_of
 from .screen_points import ScreenPoints
 from .visibility import CLEAR, IS_ID, LEVEL_MASK, NO_END, NO_START, PAYLOAD_BITS, VisibilityBuffer, extent_of_pixels
 
@@ -76,29 +77,23 @@ def order_samples(factor) -> np.ndarray:
 
 
 @kernel
-def list_points(band, factor, order, is_textured, out):
+def list_points(band, grid, order, is_textured, out):
     """List the points of a band that are shaded.
 
     Parameters
     ----------
     band : ScannedBand, a whole number of pixels high
-    factor : samples a pixel along each axis
+    grid : SampleGrid
     order : what `order_samples` returns
     is_textured : whether textured surfaces alone are wanted
     out : PointList, written
     """
-    visibility, points, n = band.visibility, out.visibility, index(0)
+    visibility, points, n, factor = band.visibility, out.visibility, index(0), factor_of(grid)
     for row in range(0, band.n_row, factor):
         first, end = extent_of_pixels(visibility, row, factor, visibility.width)
         for left in range(first, end, PIECE):
-            n_pixel, here = index(min(end - left, PIECE)), (row, left)
-            # The factor as a constant: the compiler then makes vector instructions of the loops over pixels.
-            if factor == 2:
-                n = list_batch(band, here, index(2), n_pixel, order, is_textured, n, out)
-            elif factor == 3:
-                n = list_batch(band, here, index(3), n_pixel, order, is_textured, n, out)
-            else:
-                n = list_batch(band, here, index(4), n_pixel, order, is_textured, n, out)
+            n_pixel = index(min(end - left, PIECE))
+            n = list_batch(band, (row, left), index(factor), n_pixel, order, is_textured, n, out)
     for k in range(n, n + index(PLANE_GROUP)):  # which may be read, too
         points.entries[k] = CLEAR
     points.left[0], points.right[0] = 0, np.int64(n)

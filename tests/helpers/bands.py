@@ -4,6 +4,7 @@ import numpy as np
 
 from rasterizer.pipeline.encode import RANGE_CLAMP, Encoding, with_blank
 from rasterizer.pipeline.resolve import resolve
+from rasterizer.pipeline.sample_grid import make_grid
 from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.pipeline.workspace import WorkspaceKind, make_picture, make_workspace
 from rasterizer.scene.color import srgb_from_linear
@@ -40,9 +41,8 @@ def run(covered, radiance, how, factor=1, dtype=np.float32, with_color=True, hei
     picture = make_picture((width, height or n_row), with_color)
     for array in picture:
         array.fill(0)
-    n_covered = resolve(
-        workspace.visibility, workspace.radiance, None, y_start, y_start + n_row, factor, how, workspace.pixels, picture
-    )
+    rows, grid = (y_start, y_start + n_row), make_grid(factor)
+    n_covered = resolve(workspace.visibility, workspace.radiance, None, *rows, grid, how, workspace.pixels, picture)
     return picture, picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4), workspace, n_covered
 
 

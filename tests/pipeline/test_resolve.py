@@ -7,6 +7,7 @@ from helpers.bands import encoding, fill, levels, run
 from rasterizer.pipeline.encode import RANGE_GLOBAL, RANGE_LOCAL, encode_picture
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.resolve import resolve
+from rasterizer.pipeline.sample_grid import make_grid
 from rasterizer.pipeline.visibility import CLEAR, PADDING
 from rasterizer.pipeline.workspace import make_picture
 from rasterizer.scene.color import srgb_from_linear
@@ -86,7 +87,9 @@ def test_every_pixel_of_the_band_is_written():
         workspace, picture = fill(covered, np.full((1, 24, 60), 0.5)), make_picture((60, 24), with_color)
         for array in picture:
             array.fill(77)
-        resolve(workspace.visibility, workspace.radiance, None, 0, 24, 1, encoding(), workspace.pixels, picture)
+        resolve(
+            workspace.visibility, workspace.radiance, None, 0, 24, make_grid(1), encoding(), workspace.pixels, picture
+        )
         assert not picture.rgba[~covered].any() and (picture.rgba[covered] != 77).all()
         assert not with_color or not picture.color[~covered].any() and (picture.alpha == covered).all()
 
@@ -138,7 +141,7 @@ def test_what_lanes_wrote_behind_a_row_is_cleaned():
     assert workspace.visibility.pitch >= 40 + PADDING
     entries[2, 10 : 10 + PADDING] = entries[8, 40 : 40 + PADDING] = 7
     picture = make_picture((40, 9), True)
-    resolve(workspace.visibility, workspace.radiance, None, 0, 9, 1, encoding(), workspace.pixels, picture)
+    resolve(workspace.visibility, workspace.radiance, None, 0, 9, make_grid(1), encoding(), workspace.pixels, picture)
     assert (entries == CLEAR).all()
 
 

@@ -52,7 +52,7 @@ FINDS = {
     "find_shortest_normal", "find_colored",
     "find_alike", "find_materials", "find_crossing", "find_nearest", "find_topmost", "find_visible",
     "find_visible_in", "find_seen", "find_covered", "find_covered_samples", "find_fans", "find_loops",
-    "find_small", "find_largest",
+    "find_small", "find_largest", "find_singly_assigned_variable",
 }  # fmt: skip
 
 
