@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba import types
 
 from .fingerprint import is_seen
-from .vectors import FLOATS, data_of, in_fours, shuffle, splat, transpose
+from .vectors import FLOATS, data_of, half, in_fours, shuffle, splat, transpose
 from .widths import PLANE_GROUP, TEXELS_AHEAD
 
 if is_seen(numba.__version__):
@@ -115,7 +115,7 @@ def _means(reader, four):
     sums = []
     for j in (0, 2):
         pair = _weighted_sums(reader, four, ((0, j), (0, j + 1)))
-        sums += [_half(reader.builder, pair, side) for side in (0, 1)]
+        sums += [half(reader.builder, pair, side) for side in (0, 1)]
     return sums
 
 
@@ -141,7 +141,7 @@ def _mix_levels(reader, four, shares):
     builder, mixed = reader.builder, []
     for j in range(PLANE_GROUP):
         pair = _weighted_sums(reader, four, ((0, j), (4, j)))
-        a, b = (_half(builder, pair, side) for side in (0, 1))
+        a, b = (half(builder, pair, side) for side in (0, 1))
         share = shuffle(builder, shares, shares, [j] * PLANE_GROUP)
         mixed.append(builder.fadd(a, builder.fmul(share, builder.fsub(b, a))))
     return mixed
@@ -171,8 +171,3 @@ def _weighted_sums(reader, four, pair):
         even, odd = (shuffle(builder, products, products, list(range(i, 16, 2))) for i in (0, 1))
         sums.append(builder.add(even, odd))
     return builder.sitofp(builder.add(*sums), ir.VectorType(ir.FloatType(), 8))
-
-
-def _half(builder, pair, side):
-    """One half of a vector of eight."""
-    return shuffle(builder, pair, pair, [4 * side + i for i in range(4)])
