@@ -13,7 +13,7 @@ from llvmlite import ir
 from numba import types
 
 from .fingerprint import is_seen
-from .vectors import FLOATS, data_of, in_fours, load, shuffle, splat, transpose
+from .vectors import FLOATS, data_of, half, in_fours, load, shuffle, splat, transpose
 from .widths import ID_BIT, LANES, PLANE_GROUP, POINT_UNIT
 
 if is_seen(numba.__version__):
@@ -72,6 +72,57 @@ def build_evaluate_slopes(typing_context, entries, group, x, y, out, start, stri
     return _build_evaluation(_values_and_slopes, entries, group, (x, y), out)
 
 
+def build_evaluate_with_slopes(typing_context, entries, group, first, out, start, stride, behind, behind_start):
+    """Build `screen_points.evaluate_with_slopes`: eight planes of a sample side by side."""
+    is_list, unsigned = isinstance(first, types.NamedTuple), types.uint64
+    axes = (types.int32, types.int32) if is_list else (types.int64, types.int64)
+    if tuple(getattr(axis, "dtype", axis) for axis in tuple(first)[:2]) != axes or not _is_known(group, out, behind):
+        return None
+    signature = types.void(entries, group, first, out, unsigned, unsigned, behind, unsigned)
+
+    def generate(context, builder, signature, arguments):
+        out, behind = (data_of(context, builder, signature.args[k], arguments[k]) for k in (3, 6))
+        place = cgutils.unpack_tuple(builder, arguments[2])[:2]
+        if is_list:
+            place = [data_of(context, builder, kind, axis) for kind, axis in zip(first, place, strict=False)]
+        reader, n = _make_reader(context, builder, signature, arguments, place, is_list, out)
+        with in_fours(builder, n) as (first_of_four, four):
+            position = reader.begin_four()
+            samples = [_pair_and_slopes(reader, reader.at(position, j, k)) for j, k in enumerate(four)]
+            pairs, slopes = (transpose(builder, vectors) for vectors in zip(*samples, strict=True))
+            rows = [half(builder, pair, 0) for pair in pairs]
+            rows_behind = [half(builder, pair, 1) for pair in pairs]
+            rows_behind += [half(builder, slope, side) for side in (0, 1) for slope in slopes[:-1]]
+            for data, start, some in ((out, arguments[4], rows), (behind, arguments[7], rows_behind)):
+                _store_rows(builder, data, builder.add(start, first_of_four), arguments[5], some)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def _is_known(group, *outs):
+    """Whether the types of a group of planes, and of what is written, are those that instructions are written for."""
+    numbers, *layout = group
+    is_single = all(kind.dtype == types.float32 for kind in (numbers, *outs))
+    return is_single and all(out.layout == "C" for out in outs) and layout == [types.int64, types.uint64, types.uint64]
+
+
+def _make_reader(context, builder, signature, arguments, place, is_list, out):
+    """A reader of the records that entries show, which are the first two arguments; and the number of entries."""
+    entries = context.make_array(signature.args[0])(context, builder, arguments[0])
+    numbers, *layout = cgutils.unpack_tuple(builder, arguments[1])
+    numbers = data_of(context, builder, signature.args[1][0], numbers)
+    kind = _PointReader if is_list else _PlaneReader
+    return kind(builder, entries.data, (numbers, *layout), place, out), entries.nitems
+
+
+def _store_rows(builder, data, target, stride, rows):
+    """Store four samples of each row; `target` is where those of the first one begin."""
+    for values in rows:
+        builder.store(values, builder.bitcast(builder.gep(data, [target]), FLOATS.as_pointer()), align=4)
+        target = builder.add(target, stride)
+
+
 def _build_evaluation(sample, entries, group, place, out, *others):
     """Build a loop that evaluates planes: four samples at a time, each with its four planes, which are then transposed.
 
@@ -80,10 +131,7 @@ def _build_evaluation(sample, entries, group, place, out, *others):
     others : types of further arguments
     """
     unsigned, signed = types.uint64, types.int64
-    numbers, *layout = group
-    if numbers.dtype != types.float32 or out.dtype != types.float32 or out.layout != "C":
-        return None
-    if tuple(layout) != (signed, unsigned, unsigned):
+    if not _is_known(group, out):
         return None
     is_list = isinstance(place[0], types.Array)
     if is_list and any(axis.dtype != types.int32 for axis in place):
@@ -92,23 +140,16 @@ def _build_evaluation(sample, entries, group, place, out, *others):
     signature = types.void(entries, group, *place, out, unsigned, unsigned, *others)
 
     def generate(context, builder, signature, arguments):
-        entries = context.make_array(signature.args[0])(context, builder, arguments[0])
-        out = data_of(context, builder, signature.args[4], arguments[4])
-        numbers, *layout = cgutils.unpack_tuple(builder, arguments[1])
-        numbers, place = data_of(context, builder, signature.args[1][0], numbers), arguments[2:4]
+        out, place = data_of(context, builder, signature.args[4], arguments[4]), arguments[2:4]
         if is_list:
             place = [data_of(context, builder, signature.args[axis], arguments[axis]) for axis in (2, 3)]
-        kind = _PointReader if is_list else _PlaneReader
-        reader = kind(builder, entries.data, (numbers, *layout), place, out)
-        with in_fours(builder, entries.nitems) as (first, four):
-            position = reader.begin_four()
-            target = builder.add(arguments[5], first)
+        reader, n = _make_reader(context, builder, signature, arguments, place, is_list, out)
+        with in_fours(builder, n) as (first, four):
+            position, rows = reader.begin_four(), []
             samples = [sample(reader, reader.at(position, j, k), k, *arguments[7:]) for j, k in enumerate(four)]
             for n_row, vectors in zip((PLANE_GROUP, *[PLANE_GROUP - 1] * 2), zip(*samples, strict=True), strict=False):
-                for values in transpose(builder, vectors)[:n_row]:
-                    address = builder.bitcast(builder.gep(out, [target]), FLOATS.as_pointer())
-                    builder.store(values, address, align=4)
-                    target = builder.add(target, arguments[6])
+                rows += transpose(builder, vectors)[:n_row]
+            _store_rows(builder, out, builder.add(arguments[5], first), arguments[6], rows)
         return context.get_dummy_value()
 
     return signature, generate
@@ -202,6 +243,19 @@ def _weighted_values(reader, place, k, weights):
 def _values_and_slopes(reader, place, k):
     """The four planes of a sample, and the slopes of three of them."""
     return _plane_values(reader, place), reader.part(place[0], 1), reader.part(place[0], 2)
+
+
+def _pair_and_slopes(reader, place):
+    """The planes of a group and of the one behind it, eight of a sample, and the slopes of the latter."""
+    builder, (planes, across, down) = reader.builder, place
+    both, behind = list(range(2 * PLANE_GROUP)), builder.gep(planes, [ir.IntType(64)(3 * PLANE_GROUP)])
+    value, dx, dy = (
+        shuffle(builder, reader.part(planes, number), reader.part(behind, number), both) for number in range(3)
+    )
+    across, down = (shuffle(builder, offset, offset, [k % PLANE_GROUP for k in both]) for offset in (across, down))
+    value = builder.fadd(value, builder.fmul(across, dx))
+    slopes = shuffle(builder, reader.part(behind, 1), reader.part(behind, 2), both)
+    return builder.fadd(value, builder.fmul(down, dy)), slopes
 
 
 def _record_number(builder, entry, mask):

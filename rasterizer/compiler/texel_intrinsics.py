@@ -9,8 +9,8 @@ from llvmlite import ir
 from numba import types
 
 from .fingerprint import is_seen
-from .vectors import FLOATS, data_of, in_fours, shuffle, splat, transpose
-from .widths import TEXELS_AHEAD
+from .vectors import FLOATS, data_of, half, in_fours, shuffle, splat, transpose
+from .widths import PLANE_GROUP, TEXELS_AHEAD
 
 if is_seen(numba.__version__):
     from numba.core import cgutils
@@ -23,12 +23,12 @@ def build_fetch_texels(typing_context, texels, batch, rows, n, out, start, strid
 
 def build_blend_texels(typing_context, texels, batch, rows, n, out, start, stride, step):
     """Build `texel_blend.blend_texels`."""
-    return _build_texels(_mean, (0, 1), -(2.0**-15), texels, batch, rows, out)
+    return _build_texels(_means, (0, 1), -(2.0**-15), texels, batch, rows, out)
 
 
 def build_blend_mip_levels(typing_context, texels, batch, rows, n, out, start, stride, step):
     """Build `texel_blend.blend_mip_levels`."""
-    return _build_texels(_mix_means, (0, 1, 4, 5), -(2.0**-15), texels, batch, rows, out)
+    return _build_texels(_mixed_means, (0, 1, 4, 5), -(2.0**-15), texels, batch, rows, out)
 
 
 def _build_texels(sample, positions, factor, texels, batch, rows, out):
@@ -37,7 +37,7 @@ def _build_texels(sample, positions, factor, texels, batch, rows, out):
     The memory is asked for the texels of the sample TEXELS_AHEAD behind each, and at first for those of as many: large
     textures stay in no cache.
 
-    sample : (_TexelReader, number of the sample) -> its four channels
+    sample : (_TexelReader, numbers of four samples) -> four channels of each
     positions : which of the rows say where texels are
     factor : what they are multiplied by, beside the step
     """
@@ -60,7 +60,7 @@ def _build_texels(sample, positions, factor, texels, batch, rows, out):
         with in_fours(builder, n) as (first, four):
             for k in four:
                 reader.prefetch(positions, builder.add(k, ahead))
-            samples = [sample(reader, k) for k in four]
+            samples = sample(reader, four)
             target = builder.add(start, first)
             for channel, values in enumerate(transpose(builder, samples)):
                 of_one = step if channel < 3 else alpha_step
@@ -81,13 +81,10 @@ class _TexelReader:
     def __init__(self, builder, texels, batch, rows):
         self.builder, self._texels, self._batch, self._rows = builder, texels, batch, rows
 
-    def share(self, row, k):
-        """The number of sample k in a row."""
-        return self.builder.load(self.builder.gep(self._batch, [self.builder.add(self._rows[row], k)]))
-
-    def bits(self, row, k):
-        """The whole number of sample k in a row."""
-        return self.builder.bitcast(self.share(row, k), ir.IntType(32))
+    def load_row(self, row, k, kind):
+        """The numbers of a row from sample k on."""
+        address = self.builder.gep(self._batch, [self.builder.add(self._rows[row], k)])
+        return self.builder.load(self.builder.bitcast(address, kind.as_pointer()), align=4)
 
     def load(self, row, k, kind):
         """The texels from sample k's texel in a row on."""
@@ -103,42 +100,74 @@ class _TexelReader:
             self.builder.call(function, [address, whole(0), whole(3), whole(1)])  # for reading, to stay, data
 
     def _address(self, row, k):
-        texel = self.builder.zext(self.bits(row, k), ir.IntType(64))
+        texel = self.builder.zext(self.load_row(row, k, ir.IntType(32)), ir.IntType(64))
         return self.builder.gep(self._texels, [self.builder.shl(texel, ir.Constant(ir.IntType(64), 2))])
 
 
-def _fetch(reader, k):
-    """The values of the texel of sample k."""
-    values = reader.load(0, k, ir.VectorType(ir.IntType(16), 4))
-    return reader.builder.sitofp(values, FLOATS)
+def _fetch(reader, four):
+    """The values of the texels of four samples."""
+    texels = [reader.load(0, k, ir.VectorType(ir.IntType(16), 4)) for k in four]
+    return [reader.builder.sitofp(values, FLOATS) for values in texels]
 
 
-def _mean(reader, k):
-    """The mean of four texels of sample k."""
-    return _weighted_sums(reader, k, 0)
+def _means(reader, four):
+    """The means of four texels each of four samples."""
+    sums = []
+    for j in (0, 2):
+        pair = _weighted_sums(reader, four, ((0, j), (0, j + 1)))
+        sums += [half(reader.builder, pair, side) for side in (0, 1)]
+    return sums
 
 
-def _weighted_sums(reader, k, first):
-    """The weighted sums of four texels of sample k; rows from `first` on.
+def _mixed_means(reader, four):
+    """The mixtures of the means of two mip levels, of four samples; that of one level where all shares are 0."""
+    builder = reader.builder
+    shares = reader.load_row(8, four[0], FLOATS)
+    bits = builder.bitcast(shares, ir.IntType(32 * PLANE_GROUP))
+    with builder.if_else(builder.icmp_unsigned("!=", bits, bits.type(0))) as (are_some, are_none):
+        with are_some:
+            mixed, of_mixed = _mix_levels(reader, four, shares), builder.block
+        with are_none:
+            means, of_means = _means(reader, four), builder.block
+    found = [builder.phi(FLOATS) for _ in four]
+    for result, a, b in zip(found, mixed, means, strict=True):
+        result.add_incoming(a, of_mixed)
+        result.add_incoming(b, of_means)
+    return found
+
+
+def _mix_levels(reader, four, shares):
+    """The means of two mip levels, mixed by shares of the second one."""
+    builder, mixed = reader.builder, []
+    for j in range(PLANE_GROUP):
+        pair = _weighted_sums(reader, four, ((0, j), (4, j)))
+        a, b = (half(builder, pair, side) for side in (0, 1))
+        share = shuffle(builder, shares, shares, [j] * PLANE_GROUP)
+        mixed.append(builder.fadd(a, builder.fmul(share, builder.fsub(b, a))))
+    return mixed
+
+
+def _weighted_sums(reader, four, pair):
+    """The weighted sums of four texels each, twice, side by side.
 
     Values of the upper and of the lower texel take turns, and so do weights: products are added pair by pair, for which
     many processors have an instruction, and the compiler finds it.
+
+    pair : (the first row of a mip level, which of the four samples), two of them
     """
-    builder, shorts, longs = reader.builder, ir.VectorType(ir.IntType(16), 8), ir.VectorType(ir.IntType(32), 8)
-    top, bottom = (reader.load(first + row, k, shorts) for row in (0, 1))
+    builder, shorts, longs = reader.builder, ir.VectorType(ir.IntType(16), 16), ir.VectorType(ir.IntType(32), 16)
+    texels = ir.VectorType(ir.IntType(16), 8)
+    top, bottom = (
+        shuffle(builder, *(reader.load(first + row, four[j], texels) for first, j in pair), list(range(16)))
+        for row in (0, 1)
+    )
     sums = []
     for side in (0, 1):
-        order = [4 * side + i + 8 * (j % 2) for i in range(4) for j in (0, 1)]
+        order = [8 * half + 4 * side + i + 16 * j for half in (0, 1) for i in range(4) for j in (0, 1)]
         values = shuffle(builder, top, bottom, order)
-        weights = splat(builder, ir.VectorType(ir.IntType(32), 4), reader.bits(first + 2 + side, k))
+        rows = [reader.load_row(first + 2 + side, four[0], ir.VectorType(ir.IntType(32), 4)) for first, _ in pair]
+        weights = shuffle(builder, *rows, [pair[0][1]] * 4 + [4 + pair[1][1]] * 4)
         products = builder.mul(builder.sext(values, longs), builder.sext(builder.bitcast(weights, shorts), longs))
-        even, odd = (shuffle(builder, products, products, [i, i + 2, i + 4, i + 6]) for i in (0, 1))
+        even, odd = (shuffle(builder, products, products, list(range(i, 16, 2))) for i in (0, 1))
         sums.append(builder.add(even, odd))
-    return builder.sitofp(builder.add(*sums), FLOATS)
-
-
-def _mix_means(reader, k):
-    """The mixture of the means of two mip levels."""
-    builder, a, b = reader.builder, _mean(reader, k), _weighted_sums(reader, k, 4)
-    share = splat(builder, FLOATS, reader.share(8, k))
-    return builder.fadd(a, builder.fmul(share, builder.fsub(b, a)))
+    return builder.sitofp(builder.add(*sums), ir.VectorType(ir.FloatType(), 8))

@@ -42,10 +42,21 @@ def shuffle(builder, a, b, order):
 
 
 def transpose(builder, rows):
-    """Turn four vectors of four into their columns."""
-    low = [shuffle(builder, rows[k], rows[k + 1], [0, 4, 1, 5]) for k in (0, 2)]
-    high = [shuffle(builder, rows[k], rows[k + 1], [2, 6, 3, 7]) for k in (0, 2)]
-    return [shuffle(builder, *pair, order) for pair in (low, high) for order in ([0, 1, 4, 5], [2, 3, 6, 7])]
+    """Turn four vectors of four into their columns; of four vectors of eight, the first halves and the second ones."""
+    low = [_interleave(builder, rows[k], rows[k + 1], [0, 4, 1, 5]) for k in (0, 2)]
+    high = [_interleave(builder, rows[k], rows[k + 1], [2, 6, 3, 7]) for k in (0, 2)]
+    return [_interleave(builder, *pair, order) for pair in (low, high) for order in ([0, 1, 4, 5], [2, 3, 6, 7])]
+
+
+def _interleave(builder, a, b, order):
+    """Shuffle each four elements of two vectors alike; 4 to 7 are those of the second one."""
+    n = a.type.count
+    return shuffle(builder, a, b, [k + j if j < 4 else n + k + j - 4 for k in range(0, n, 4) for j in order])
+
+
+def half(builder, eight, side):
+    """The first four elements of eight, or the others."""
+    return shuffle(builder, eight, eight, [4 * side + k for k in range(4)])
 
 
 def splat(builder, kind, value):

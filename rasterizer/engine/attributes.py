@@ -58,8 +58,8 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     if double:
         textured = {dtype: [g for g in lit[dtype] if plan.materials[g.material].texture is not None] for dtype in lit}
         # What is left where nothing is reflected diffusely: the texture doesn't weaken it.
-        black = geometry._replace(albedo=np.zeros(geometry.albedo.shape))
-        rest = light_here(black, textured) if any(textured.values()) else {}
+        black = blank(geometry.albedo.shape, np.dtype(np.float64), [g for some in textured.values() for g in some])
+        rest = light_here(geometry._replace(albedo=black), textured) if any(textured.values()) else {}
         found[1] = fill_centers(join(geometry, plan, double, whole, rest), geometry, double, threads)
     return Attributes(*found)
 
@@ -71,7 +71,7 @@ def join(geometry, plan, groups, whole, rest) -> np.ndarray:
     """
     n_side, n_point = next(iter(whole.values())).shape[:2]
     n_channel = max(values.shape[2] for values in whole.values())
-    out = np.zeros((n_side, n_point, 2 * n_channel + 2 if rest else n_channel))
+    out = blank((n_side, n_point, 2 * n_channel + 2 if rest else n_channel), np.dtype(np.float64), groups)
     for group in groups:
         here, dtype = slice(group.start, group.end), plan.of_materials.dtype_of(group.material)
         is_textured = plan.materials[group.material].texture is not None
@@ -80,6 +80,15 @@ def join(geometry, plan, groups, whole, rest) -> np.ndarray:
         if is_textured:
             out[:, here, n_channel : 2 * n_channel] = whole[dtype][:, here]
             out[:, here, 2 * n_channel :] = geometry.uv[here]
+    return out
+
+
+def blank(shape, dtype, groups) -> np.ndarray:
+    """Return an array (..., n_point, n_value) that holds zeros for the points of some groups, and anything for others:
+    a few points in a large scene are cheap."""
+    out = np.empty(shape, dtype)
+    for group in groups:
+        out[..., group.start : group.end, :] = 0
     return out
 
 
@@ -101,7 +110,7 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
     """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
     dtype, needs = lighting.materials.dtype, plan.of_materials.needs
     n_channel = 3 if any(needs[group.material] & NEEDS_COLORS for group in groups) else 1
-    intensities = np.zeros((n_side, geometry.points.shape[1], n_channel), dtype)
+    intensities = blank((n_side, geometry.points.shape[1], n_channel), dtype, groups)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     runs = [(0, geometry.points.shape[1])] if runs is None else runs

@@ -33,18 +33,20 @@ from .interpolate import (
     sample_weights,
 )
 from .lighting import light_batch, normalize_normals, view_from_direction
+from .lookup_batch import S_PLANE
 from .power import is_single
 from .records import BEHIND_NORMALS, DEPTH, NORMALS, PLAIN_GROUP, SIDE, face_of, material_of, plane_group
 from .screen_points import (
     ScreenPoints,
     evaluate_planes_here,
     evaluate_values_here,
+    evaluate_with_slopes,
     fill_positions_of_points,
     is_list,
     samples_from,
 )
 from .shade import fill_weights
-from .texturing import fill_texels
+from .texturing import fill_texels, has_texcoord_planes
 from .visibility import IS_ID, PAYLOAD_BITS, record_of, stretch_of, strip_of
 
 FURTHEST_COLUMN = 2.0**23  # integers up to this are exact in float32
@@ -93,7 +95,7 @@ def shade_lit(band, screen, lighting, faces, tangent_attribute, texturing, tint,
             entries = visibility.entries[start : start + index(n)]
             if material >= 0:
                 where = samples_from(band.points, (first, y), start, index(n))
-                gather_fragments(entries, band, where, material, screen, is_double, batch)
+                gather_fragments(entries, band, where, material, texturing, screen, is_double, batch)
                 interpolate_tangents(entries, band.records, where, tangent_attribute, batch)
                 weight_albedo(entries, band, where, material, texturing, start, batch)
                 gather_face_planes(entries, band.records, lighting.shadows, faces.planes, screen.eye, batch)
@@ -162,39 +164,70 @@ def write_radiance(batch, n, n_channel, tint, out_radiance, start):
 
 
 @helper
-def gather_fragments(entries, band, first, material, screen, is_double, batch):
-    """Fill normals, distances and albedo of the samples; `first` says where they lie (screen_points.py).
+def gather_fragments(entries, band, first, material, texturing, screen, is_double, batch):
+    """Fill normals, distances and albedo of the samples, and evaluate planes of texture coordinates for them; `first`
+    says where they lie (screen_points.py).
 
     Samples that show nothing get anything.
     """
     has_albedo = band.coding.needs[material] & NEEDS_ALBEDO != 0
-    gather_planes(entries, band, first, material, batch)
+    gather_planes(entries, band, first, material, texturing, batch)
     if band.counts.n_exact > 0 and has_exact(entries):
         interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, is_double, batch)
 
 
-def choose_planes(entries, band, first, material, batch):
+def choose_planes(entries, band, first, material, texturing, batch):
     """Return what is compiled in the place of `gather_planes`: nothing in float64."""
     return evaluate_fragments if is_single(batch.dtype) else leave_fragments
 
 
 @choice(choose_planes)
-def gather_planes(entries, band, first, material, batch):
-    """Fill what stands in planes: normals, albedo; and distances."""
+def gather_planes(entries, band, first, material, texturing, batch):
+    """Fill what stands in planes: normals, texture coordinates, albedo; and distances."""
     if batch.dtype == np.float32:
-        evaluate_fragments(entries, band, first, material, batch)
+        evaluate_fragments(entries, band, first, material, texturing, batch)
 
 
 @helper
-def leave_fragments(entries, band, first, material, batch):
+def leave_fragments(entries, band, first, material, texturing, batch):
     """Do nothing."""
 
 
+def choose_normals(entries, band, first, material, texturing, batch):
+    """Return what is compiled in the place of `evaluate_normals`."""
+    has_texcoords = str(texturing) != "none" and has_texcoord_planes(band, batch)
+    return evaluate_with_texcoords if has_texcoords else evaluate_normals_alone
+
+
+@choice(choose_normals)
+def evaluate_normals(entries, band, first, material, texturing, batch):
+    """Evaluate the planes of normals, and those of texture coordinates where there are any."""
+    has_texcoords = texturing is not None and band.coding.textures is not None
+    evaluate = evaluate_with_texcoords if has_texcoords else evaluate_normals_alone
+    evaluate(entries, band, first, material, texturing, batch)
+
+
 @helper
-def evaluate_fragments(entries, band, first, material, batch):
+def evaluate_normals_alone(entries, band, first, material, texturing, batch):
+    """See `evaluate_normals`."""
+    evaluate_planes_here(entries, plane_group(band.records, NORMALS), first, batch, f.NORMAL, f.NEXT)
+
+
+@helper
+def evaluate_with_texcoords(entries, band, first, material, texturing, batch):
+    """See `evaluate_normals`: texture coordinates stand right behind the normals, so both come in one go."""
+    group = plane_group(band.records, NORMALS)
+    if band.coding.needs[material] & NEEDS_TEXTURE:
+        evaluate_with_slopes(entries, group, first, batch, f.NORMAL, f.NEXT, texturing.lookup_batch, S_PLANE)
+    else:
+        evaluate_planes_here(entries, group, first, batch, f.NORMAL, f.NEXT)
+
+
+@helper
+def evaluate_fragments(entries, band, first, material, texturing, batch):
     """See `gather_planes`."""
     depths, needs = band.coding.depths, band.coding.needs[material]
-    evaluate_planes_here(entries, plane_group(band.records, NORMALS), first, batch, f.NORMAL, f.NEXT)
+    evaluate_normals(entries, band, first, material, texturing, batch)
     if needs & NEEDS_ALBEDO:
         fill_weights(entries, depths, batch)
         group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if needs & NEEDS_TEXTURE else 0))
@@ -271,7 +304,7 @@ def weight_albedo(entries, band, first, material, texturing, start, batch):
     if texturing is not None:
         if needs & NEEDS_TEXTURE:
             quantity = f.TEXEL if needs & NEEDS_ALBEDO else f.ALBEDO
-            fill_texels(entries, band, first, material, BEHIND_NORMALS, texturing, start, batch, quantity)
+            fill_texels(entries, band, first, material, texturing, start, batch, quantity)
             if needs & NEEDS_ALBEDO:
                 for channel in range(index(3)):
                     albedo, texel = f.ALBEDO + channel * f.NEXT, f.TEXEL + channel * f.NEXT

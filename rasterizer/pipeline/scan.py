@@ -145,9 +145,10 @@ def look_at_materials(n, material, coding, block, deferred):
     """Return how many attributes the first n triangles of a block have at most, what the materials of those that are
     not deferred need together, and whether one of all these is another than `material`."""
     n_attribute = needs = others = np.int64(0)
-    s.gather_materials(n, coding, block)
-    if len(coding.ways) == 1:
-        return coding.n_attributes[0], needs_when_drawn(coding.needs[0], deferred), False
+    if s.gather_materials(n, coding, block):
+        here = np.int64(block.ints[s.MATERIAL]) if len(coding.ways) > 1 else np.int64(0)
+        has_others = len(coding.ways) > 1 and here != material
+        return coding.n_attributes[here], needs_when_drawn(coding.needs[here], deferred), has_others
     for k in range(index(n)):
         here = np.int64(block.ints[s.MATERIAL + k])
         n_attribute = max(n_attribute, coding.n_attributes[here])

@@ -9,12 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..compiler.kernels import choice, helper, index
+from ..compiler.kernels import choice, helper, index, spelled_out
+from ..compiler.widths import PLANE_GROUP
 from ..geometry.vectors import add, dot, scale
 from . import fragments as f
 from .fragments import read_vector, set_vector
 from .lighting import view_from_direction
-from .simd import evaluate_planes, evaluate_planes_at, evaluate_values, evaluate_values_at
+from .simd import PlaneGroup, evaluate_planes, evaluate_planes_at, evaluate_values, evaluate_values_at
 from .texture_planes import evaluate_slopes, evaluate_slopes_at
 from .transform import HALF, SUBPIXEL
 
@@ -205,6 +206,19 @@ def values_of_points(entries, group, first, out, start, stride, weights):
 def values_of_samples(entries, group, first, out, start, stride, weights):
     """See `evaluate_values_here`."""
     evaluate_values(entries, group, first[0], first[1], out, start, stride, weights)
+
+
+@spelled_out("build_evaluate_with_slopes")
+def evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start):
+    """Evaluate a group of four planes into four rows of `out`, and the group that stands right behind it, with slopes,
+    into ten rows of `behind`, which begin at `behind_start`: each record is looked up once for both.
+
+    See `simd.evaluate_planes` and `texture_planes.evaluate_slopes`.
+    """
+    evaluate_planes_here(entries, group, first, out, start, stride)
+    next_column = group.column + index(3 * PLANE_GROUP)
+    group_behind = PlaneGroup(group.numbers, group.record_mask, group.shift, next_column)
+    evaluate_slopes_here(entries, group_behind, first, behind, behind_start, stride)
 
 
 # ---------------------------------------------------------------- rays

@@ -127,17 +127,23 @@ def gather_vertices(faces, triangles, vertices, block):
 
 @helper
 def gather_materials(n, coding, block):
-    """Fetch what is known of the first n triangles' materials, so that loops over the block needn't look it up."""
+    """Fetch what is known of the first n triangles' materials, so that loops over the block needn't look it up; tell
+    whether they have one material: as a rule they do, and then nothing is looked up triangle by triangle."""
     ints, reals = block.ints, block.reals
-    if len(coding.ways) == 1:
-        way, n_own, limit = np.int32(coding.ways[0]), np.int32(coding.n_attributes[0]), coding.limits[0]
+    first, others = ints[MATERIAL] if len(coding.ways) > 1 else np.int32(0), np.int32(0)
+    if len(coding.ways) > 1:
+        for k in range(index(n)):
+            others |= ints[MATERIAL + k] ^ first
+    if others == 0:
+        way, n_own, limit = np.int32(coding.ways[first]), np.int32(coding.n_attributes[first]), coding.limits[first]
         for k in range(index(BLOCK)):
             ints[WAY + k], ints[N_OWN + k], reals[LIMIT + k] = way, n_own, limit
-        return
+        return True
     for k in range(index(n)):
         material = ints[MATERIAL + k]
         ints[WAY + k], ints[N_OWN + k] = coding.ways[material], coding.n_attributes[material]
         reals[LIMIT + k] = coding.limits[material]
+    return False
 
 
 @helper
@@ -189,7 +195,10 @@ def gather_attributes(n, n_attribute, drawables, reads_double, block):
     """
     if n_attribute == 0:
         return
-    if len(reads_double) == 1 and not reads_double[0]:  # without asking each
+    n_double = np.int64(0)
+    for k in range(index(n if len(reads_double) > 1 else 1)):
+        n_double += reads_double[block.ints[MATERIAL + k] if len(reads_double) > 1 else np.int32(0)]
+    if n_double == 0:  # without asking each
         for k in range(index(n)):
             gather_corners(k, n_attribute, drawables.attributes, block)
         return

@@ -27,7 +27,7 @@ from .interpolate import (
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .screen_points import evaluate_values_here, samples_from
 from .shade import fill_weights
-from .texturing import fill_texels
+from .texturing import evaluate_texcoords, fill_texels
 from .visibility import CLEAR, IS_ID, record_of, stretch_of, strip_of
 
 REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
@@ -107,7 +107,8 @@ def leave_textured(entries, band, first, material, texturing, start, batch, out_
 def evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance):
     """See `shade_planes`."""
     records, n = band.records, index(len(entries))
-    fill_texels(entries, band, first, material, BEHIND_VALUES, texturing, start, batch, f.TEXEL)
+    evaluate_texcoords(entries, band, first, material, BEHIND_VALUES, texturing, batch)
+    fill_texels(entries, band, first, material, texturing, start, batch, f.TEXEL)
     fill_weights(entries, band.coding.depths, batch)
     evaluate_values_here(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
     group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)

@@ -38,19 +38,19 @@ class Texturing(NamedTuple):
 
 
 @helper
-def fill_texels(entries, band, first, material, group_column, texturing, start, batch, quantity):
-    """Fill four quantities with what the texture of a material shows at samples that show it.
+def fill_texels(entries, band, first, material, texturing, start, batch, quantity):
+    """Fill four quantities with what the texture of a material shows at samples that show it: after
+    `evaluate_texcoords`, or what does the same.
 
     Parameters
     ----------
     entries : (n,) int64, n <= BATCH_SIZE; what doesn't show the material gets anything
     band : ScannedBand
     first : where they lie (screen_points.py)
-    group_column : where the planes of the material's texture coordinates begin in its records
     start : index of the first entry's sample in the band
     quantity : the first of the four, such as TEXEL
     """
-    look_up_planes(entries, band, first, material, group_column, texturing, start, batch, quantity)
+    look_up_planes(entries, band, first, material, texturing, start, batch, quantity)
     if has_exact(entries):
         put_in_exact(entries, texturing.texels, start, batch, quantity)
     if band.coding.needs[material] & NEEDS_BEHIND:
@@ -69,11 +69,9 @@ def put_in_exact(entries, texels, start, batch, quantity):
         first, end = next_exact_run(entries, end)
 
 
-def choose_look_up(entries, band, first, material, group_column, texturing, start, batch, quantity):
-    """Return what is compiled in the place of `look_up_planes`: nothing where there are no planes, as in float64."""
-    coding = field_of(band, "coding")
-    has_planes = is_single(batch.dtype) and str(field_of(coding, "textures")) != "none"
-    return look_up if has_planes else look_up_nothing
+def has_texcoord_planes(band, batch) -> bool:
+    """Tell by their types whether texture coordinates stand in planes: not where a batch is of float64."""
+    return is_single(batch.dtype) and str(field_of(field_of(band, "coding"), "textures")) != "none"
 
 
 def field_of(kind, name):
@@ -81,31 +79,67 @@ def field_of(kind, name):
     return dict(zip(kind.fields, kind.types, strict=True))[name]
 
 
-@choice(choose_look_up)
-def look_up_planes(entries, band, first, material, group_column, texturing, start, batch, quantity):
-    """Fill the quantities of samples whose texture coordinates stand in planes."""
+def choose_texcoords(entries, band, first, material, group_column, texturing, batch):
+    """Return what is compiled in the place of `evaluate_texcoords`: nothing where there are no planes."""
+    return gather_texcoords if has_texcoord_planes(band, batch) else gather_nothing
+
+
+@choice(choose_texcoords)
+def evaluate_texcoords(entries, band, first, material, group_column, texturing, batch):
+    """Evaluate the planes of texture coordinates into the batch of `texturing`, with their slopes where it needs them.
+
+    group_column : where they begin in records
+    batch : see fragments.py; its type alone counts
+    """
     if batch.dtype == np.float32 and band.coding.textures is not None:
-        look_up(entries, band, first, material, group_column, texturing, start, batch, quantity)
+        gather_texcoords(entries, band, first, material, group_column, texturing, batch)
 
 
 @helper
-def look_up_nothing(entries, band, first, material, group_column, texturing, start, batch, quantity):
+def gather_nothing(entries, band, first, material, group_column, texturing, batch):
     """Do nothing."""
 
 
 @helper
-def look_up(entries, band, first, material, group_column, texturing, start, batch, quantity):
+def gather_texcoords(entries, band, first, material, group_column, texturing, batch):
+    """See `evaluate_texcoords`."""
+    coding, rows, group = band.coding.textures, texturing.lookup_batch, plane_group(band.records, group_column)
+    texture = coding.of_materials[material]
+    if texture < 0:  # computed in float64: all of its records are exact
+        return
+    if coding.packed.filters[index(texture)] == FILTER_TRILINEAR:
+        evaluate_slopes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
+    else:
+        evaluate_planes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
+
+
+def choose_look_up(entries, band, first, material, texturing, start, batch, quantity):
+    """Return what is compiled in the place of `look_up_planes`: nothing where there are no planes."""
+    return look_up if has_texcoord_planes(band, batch) else look_up_nothing
+
+
+@choice(choose_look_up)
+def look_up_planes(entries, band, first, material, texturing, start, batch, quantity):
+    """Fill the quantities of samples whose texture coordinates stand in planes."""
+    if batch.dtype == np.float32 and band.coding.textures is not None:
+        look_up(entries, band, first, material, texturing, start, batch, quantity)
+
+
+@helper
+def look_up_nothing(entries, band, first, material, texturing, start, batch, quantity):
+    """Do nothing."""
+
+
+@helper
+def look_up(entries, band, first, material, texturing, start, batch, quantity):
     """See `look_up_planes`."""
     coding, rows = band.coding.textures, texturing.lookup_batch
     if coding.of_materials[material] < 0:  # computed in float64: all of its records are exact
         return
-    texture, group = index(coding.of_materials[material]), plane_group(band.records, group_column)
+    texture = index(coding.of_materials[material])
     packed = packed_texture(coding.packed, texture)
     if packed.filter == FILTER_TRILINEAR:
-        evaluate_slopes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
         lengthen_slopes(rows, len(entries), step_of(first))
-    else:
-        evaluate_planes_here(entries, group, first, rows, S_PLANE, index(BATCH_SIZE))
     if sample_batch(rows, len(entries), packed, batch, quantity, f.NEXT):
         look_up_doubtful(entries, band, first, texture, texturing, start, batch, quantity)
 

@@ -133,10 +133,21 @@ def extent_of_pixels(extents, row, factor, width):
 @helper
 def note_material(visibility, left, right, first_row, end_row, material):
     """Note that a material is drawn in the columns left..right of the band's rows first_row..end_row."""
-    for strip in range(strip_of(first_row), strip_of(end_row - 1) + index(1)):
+    first, last = strip_of(first_row), strip_of(end_row - 1)
+    # The two ends without asking whether they differ, see `note_extent`.
+    note_in_strip(visibility, first, left, right, material)
+    note_in_strip(visibility, last, left, right, material)
+    for strip in range(first + index(1), last):
+        note_in_strip(visibility, strip, left, right, material)
+
+
+@helper
+def note_in_strip(visibility, strip, left, right, material):
+    """Note that a material is drawn in columns left..right of a strip."""
+    if visibility.materials[strip] != material:
         if visibility.materials[strip] < 0:
             visibility.materials[strip] = material
-        if visibility.materials[strip] != material:
+        else:
             visibility.other_left[strip] = min(visibility.other_left[strip], left)
             visibility.other_right[strip] = max(visibility.other_right[strip], right)
 
