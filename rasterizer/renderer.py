@@ -144,7 +144,7 @@ class Renderer:
         self.close()
 
     def __reduce__(self) -> tuple:
-        return _remake, (self.scene, {field.name: getattr(self.options, field.name) for field in fields(self.options)})
+        return _remake, (self.scene, _arguments_of(self.options))
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
@@ -254,11 +254,10 @@ class Renderer:
 
         from .scene.sample import SIZE, sample_scene, sample_views
 
-        options = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
         with noting_needs() as needs:
             try:
                 sample = sample_scene(self.scene)
-                with Renderer(sample, **options | {"size": SIZE, "threads": 1}) as renderer:
+                with Renderer(sample, **_arguments_of(self.options) | {"size": SIZE, "threads": 1}) as renderer:
                     # A view of the whole scene skips nothing but what faces away.
                     is_part_skipped = camera is not None or self.options.cull == "back"
                     renderer._prepared.uses_clusters = is_part_skipped and has_clusters(self.scene.n_face)
@@ -312,6 +311,11 @@ class Renderer:
             milliseconds=clock.milliseconds,
             plan=self._plan,
         )
+
+
+def _arguments_of(options: Options) -> dict:
+    """The arguments of `Renderer` that options were made of."""
+    return {field.name: getattr(options, field.name) for field in fields(options)}
 
 
 def _remake(scene, options) -> Renderer:

@@ -104,7 +104,7 @@ def find_small(n_attribute, coding, block):
     """Let the records of small triangles hold their index alone, those of others be exact."""
     ints = block.ints
     for k in range(index(s.BLOCK)):
-        ints[s.HAS_LEVELS + k] = 0
+        ints[s.HAS_LEVELS + k] = ints[s.IS_WEIGHTED + k] = 0
         ints[s.HAS_PLANES + k] &= ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k] <= MOST_EXTENT
 
 
