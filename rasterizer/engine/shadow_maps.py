@@ -13,6 +13,7 @@ from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.layers import Opacity
 from ..pipeline.outcodes import list_seen_faces
+from ..pipeline.planes import DEPTH_PLANE_ROUNDING
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
@@ -27,7 +28,6 @@ from .plan import Plan
 from .rounding import DOUBLE, SINGLE
 from .shadow_views import MapViews, border_planes, choose_views, corners_of, map_side, reaches
 
-MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow_lookup.py
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
 MOST_NUMBERS = 2**28  # texels of all maps of a scene: 1 GiB in float32
 
@@ -169,7 +169,7 @@ def draw_shadow_map(
         coding = make_map_coding(screen)
         render_pass = shadow_map_pass(coding, screen, texels[layer])
         draw(geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
-        _write_view(row, light_view, projection, MAP_ROUNDING * _value_range(screen, coding))
+        _write_view(row, light_view, projection, _value_rounding(screen, coding, size))
         row[lookup.SLACK] = _slack(projection, size, dtype)
         row[lookup.LAYER] = layer
         layer += 1
@@ -244,8 +244,12 @@ def _fit_screen(view, projection, corners, geometry, size):
     return fit_screen(view, projection, (near, furthest), np.inf, geometry, (size, size))
 
 
-def _value_range(screen, coding) -> float:
-    """What the values of a map range over: 1/w, or depth."""
+def _value_rounding(screen, coding, side) -> float:
+    """How far the values of a map of `side` texels a side, 1/w or depth, are off by the rounding of planes of depth.
+
+    From the sample where such a plane has its value, it is less than `side` steps to any texel, along both axes: half a
+    unit of the z-buffer each, and DEPTH_PLANE_ROUNDING.
+    """
     depths = coding.depths
-    scale = depths.inv_w_scale if screen.is_perspective else depths.depth_scale
-    return abs(scale) * 2.0**38
+    unit = abs(depths.inv_w_scale if screen.is_perspective else depths.depth_scale)
+    return (side + DEPTH_PLANE_ROUNDING) * unit
