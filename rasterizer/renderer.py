@@ -127,7 +127,7 @@ class Renderer:
             spectral=spectral,
             threads=threads,
         )
-        with compiling_ahead(lambda: self._list_needs(self.scene.camera)):
+        with compiling_ahead(lambda: self._list_needs(self.scene.camera, is_prepared=False)):
             self._prepared = PreparedScene(self.scene, self.options)
         self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
         self._is_closed = False
@@ -244,16 +244,21 @@ class Renderer:
             raise SceneError(f"out must be {legal}; given {given}")
         return np.asarray(out).view(np.uint32).reshape(height, width)
 
-    def _list_needs(self, camera: Camera | None) -> dict:
+    def _list_needs(self, camera: Camera | None, is_prepared: bool = True) -> dict:
         """Return the kernels that a picture through a camera needs, {(function, signature): True}.
 
-        They are found out by drawing small ones in Python. What only the whole scene needs, such as clipping, is
-        compiled when it is met.
+        They are found out by drawing small ones in Python, of a sample of the scene: by the plan that the whole scene
+        has in that view, or, before it is prepared, by the sample's own with all lights. What only the whole scene
+        needs, such as clipping, is compiled when it is met.
         """
         import logging
 
-        from .scene.sample import SIZE, sample_scene, sample_views
+        from .engine.given_plan import declare_lights, follow, measure_lights, view_whole
+        from .scene.sample import SIZE, choose_meshes, sample_scene, sample_views
 
+        draws_color = bool({"color", "rgb"} & set(self.options.outputs))
+        is_known = is_prepared and draws_color
+        whole = view_whole(self._prepared, self._checked_camera(camera)) if is_known else None
         with noting_needs() as needs:
             try:
                 sample = sample_scene(self.scene)
@@ -261,6 +266,12 @@ class Renderer:
                     # A view of the whole scene skips nothing but what faces away.
                     is_part_skipped = camera is not None or self.options.cull == "back"
                     renderer._prepared.uses_clusters = is_part_skipped and has_clusters(self.scene.n_face)
+                    prepared, view = renderer._prepared, renderer._checked_camera(None)
+                    prepared.is_thorough = True
+                    if draws_color:
+                        measure_lights(prepared, view)
+                        if whole is None or not follow(prepared, whole, choose_meshes(self.scene)):
+                            declare_lights(prepared, view)
                     for view in sample_views(sample, self.scene, camera):
                         renderer.render(view)
             except RasterizerError as fault:  # what was noted until then is of use

@@ -92,6 +92,19 @@ class Shadows:
             maps.append(shadow_map)
         return maps
 
+    def leaves_out(self, plan: Plan, view: View) -> bool:
+        """Tell whether some map leaves out what casts no shadow in it."""
+        for k, light in enumerate(plan.lights):
+            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
+                continue
+            beam, corners = entry_of(light).beam(light, view), self._casters.corners
+            if beam is not None and reaches(light, beam, corners):
+                maps, side = choose_views(beam, corners, shadow_of(light)), map_side(shadow_of(light))
+                needed = [seen for seen, is_needed in zip(maps.views, maps.is_needed, strict=True) if is_needed]
+                if any(_find_borders(*seen, side, corners) is not None for seen in needed):
+                    return True
+        return False
+
     @cached_property
     def shapes(self) -> NDArray[np.float64]:
         """The planes of all triangles, and the normal offsets of their points, (n_face, 5)."""
@@ -161,8 +174,8 @@ def draw_shadow_map(
             row[lookup.LAYER] = -1
             continue
         geometry = casters.geometry
-        planes = border_planes(light_view, projection, size) if projection.is_perspective else None
-        if planes is not None and _is_any_beyond(planes, light_view.eye, casters.corners):
+        planes = _find_borders(light_view, projection, size, casters.corners)
+        if planes is not None:
             seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
             geometry = _some_faces(geometry, seen)
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
@@ -176,11 +189,14 @@ def draw_shadow_map(
     return ShadowMap(block, maps.origin)
 
 
-def _is_any_beyond(planes, eye, corners) -> bool:
-    """Tell whether some corner (n_mesh, 8, 3) of a box lies beyond some plane (n, 3) through the eye; not where that is
-    no number."""
+def _find_borders(view, projection, side, corners) -> NDArray[np.float64] | None:
+    """The planes (5, 3) that bound what a map shows, see `border_planes`; None where no corner (n_mesh, 8, 3) of a box
+    lies beyond one, or where that is no number."""
+    planes = border_planes(view, projection, side) if projection.is_perspective else None
+    if planes is None:
+        return None
     with np.errstate(over="ignore", invalid="ignore"):
-        return bool(((corners - eye) @ planes.T < 0.0).any())
+        return planes if ((corners - view.eye) @ planes.T < 0.0).any() else None
 
 
 def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:

@@ -26,6 +26,7 @@ from .reach import NormalCones
 from .rounding import DOUBLE, SINGLE
 from .uniforms import light_view, list_materials
 
+
 class ViewPlan(NamedTuple):
     """What one view needs."""
 
@@ -100,6 +101,10 @@ class ViewPlans:
             steps = list_steps(plan, surroundings, fixed.steps)
             self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, fixed.summary)
         return self._last
+
+    def measure_all_lights(self, view) -> None:
+        """Measure how near all lights come to all materials, also where a light doesn't reach."""
+        self._lit_points.clearances(view)
 
     def lighting_for(self, plan: Plan, view, screen, dtype: np.dtype, shadows) -> Lighting:
         """The illumination in one type, for the view that `plan` was made for; `shadows` as `make_lighting` takes

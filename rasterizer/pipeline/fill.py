@@ -223,8 +223,8 @@ def fill_sliver_span(span, x_start, y, surface):
 def entry_of_sliver(x, y, surface):
     """Compute the entry at a sample from exact edge functions, int64; its z is kept within the triangle's range.
 
-    A weighted mean, none of whose weights is negative: so where a corner lies far before all that is seen, its z doesn't
-    take the digits of the others'.
+    A weighted mean, none of whose weights is negative: so where a corner lies far before all that is seen, its z
+    doesn't take the digits of the others'.
     """
     triangle, depths = surface.triangle, surface.depths
     dx1, dy1 = triangle.x1 - triangle.x0, triangle.y1 - triangle.y0

@@ -271,8 +271,8 @@ def find_covered_samples(block):
 def compute_depth_planes(block):
     """Compute the slopes of planes over the triangles, and the planes of depth; HAS_PLANES begins here.
 
-    Slivers are the triangles that are too long and thin for a plane, also for what their depth rises by, and those whose
-    depth is too steep for one.
+    Slivers are the triangles that are too long and thin for a plane, also for what their depth rises by, and those
+    whose depth is too steep for one.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
     for k in range(index(BLOCK)):

@@ -25,26 +25,33 @@ MOST_MESHES = 32
 MOST_KINDS = 16  # of materials, of a mesh and of all views
 SMALL_MAP = 16  # texels
 MOST_FACES = 4  # of a mesh of one material, without polygons
+THIN = 2.0**-4  # of faces: twice the area over the square of the size
 STRETCHED = (0.0, 0.0), (2.0**20, 0.0), (0.0, 2.0**20)  # texture coordinates of corners
 DISTANCE = 5.0  # of the furthest point from a camera that shows the whole scene, half diagonals
 _ATTRIBUTES = "normals", "uv", "colors", "face_colors", "smoothing", "face_material", "polygons"
 
 
-def sample_scene(scene: Scene) -> Scene:
-    """Return a scene of a few faces that is drawn in the same way: meshes of every kind there is, faces of every kind
-    of material."""
+def choose_meshes(scene: Scene) -> list[int]:
+    """Return the numbers of meshes of every kind there is, and with every kind of material."""
     met: set[object] = set()
-    meshes: tuple[Mesh, ...] = ()
-    for mesh in scene.meshes:
+    chosen: list[int] = []
+    for k, mesh in enumerate(scene.meshes):
         given = tuple(getattr(mesh, name) is None for name in _ATTRIBUTES)
         kinds = {(given, mesh.weighting, mesh.crease_angle is None), *map(kind_of, mesh.palette)}
-        if not kinds <= met and len(meshes) < MOST_MESHES:
+        if not kinds <= met and len(chosen) < MOST_MESHES:
             met |= kinds
-            meshes = (*meshes, sample_mesh(mesh))
+            chosen.append(k)
+    return chosen
+
+
+def sample_scene(scene: Scene) -> Scene:
+    """Return a scene of a few faces that is drawn in the same way: meshes of every kind there is, see `choose_meshes`,
+    faces of every kind of material."""
+    meshes = tuple(sample_mesh(scene.meshes[k]) for k in choose_meshes(scene))
     camera = None
     if scene.camera is not None and not scene.camera.is_perspective:
         camera = replace(scene, meshes=meshes, camera=None).camera_for((SIZE, SIZE))
-    lights = tuple(_with_small_map(light) for light in scene.lights)
+    lights = tuple(with_small_map(light) for light in scene.lights)
     return replace(scene, meshes=meshes, camera=camera, lights=lights)
 
 
@@ -62,7 +69,7 @@ def kind_of(material: Material) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _with_small_map(light: Light) -> Light:
+def with_small_map(light: Light) -> Light:
     """Return a light whose shadow map, if it has one, is small: Python draws it."""
     shadow = getattr(light, "shadow", None)
     if not isinstance(shadow, Shadow) or isinstance(light, AmbientLight):
@@ -103,6 +110,7 @@ def sample_mesh(mesh: Mesh) -> Mesh:
     if stretched:  # a face of its own
         corners[-1] = np.arange(3) + len(vertices)
         vertices = np.append(vertices, mesh.faces[stretched])
+    points = _fattened(mesh.vertices[vertices], corners)
     palette = tuple(map(_with_small_texture, mesh.palette))
     changes: dict[str, Any] = {"material": palette[0], "materials": palette if mesh.materials is not None else None}
     for name in _ATTRIBUTES:
@@ -115,7 +123,7 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         uv.reshape(-1, 2)[-3:] = STRETCHED
         if "polygons" in changes:
             changes["polygons"][-1] = changes["polygons"].max() + 1
-    return replace(mesh, vertices=mesh.vertices[vertices], faces=corners, **changes)
+    return replace(mesh, vertices=points, faces=corners, **changes)
 
 
 def _material_of(mesh: Mesh, face: int) -> Material:
@@ -130,6 +138,20 @@ def _fatness_of(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDA
     size = np.abs(edges).max(axis=(0, 2), keepdims=True)
     with np.errstate(under="ignore"):
         return np.linalg.norm(np.cross(*edges / np.where(size > 0.0, size, 1.0)), axis=1)
+
+
+def _fattened(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
+    """Return vertices (n, 3), with a corner moved of each face that has an area, and is so thin that a small picture of
+    it may show no sample: to half of its longest edge beside the middle of that."""
+    fatness, vertices = _fatness_of(vertices, faces), vertices.copy()
+    for face in faces[(fatness > 0.0) & (fatness < THIN)]:
+        edges = np.roll(vertices[face], -1, axis=0) - vertices[face]
+        first = int(np.abs(edges).max(axis=1).argmax())
+        along = edges[first] / np.abs(edges[first]).max()
+        across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+        half = 0.5 * np.abs(edges[first]).max() / np.linalg.norm(across) * np.linalg.norm(along)
+        vertices[face[first - 1]] = vertices[face[first]] + 0.5 * edges[first] + half * across
+    return vertices
 
 
 def _faces_of_kinds(mesh: Mesh, fatness: NDArray[np.float64]) -> Iterable[tuple[int, tuple[object, ...]]]:
@@ -171,7 +193,7 @@ def sample_views(sample: Scene, scene: Scene, camera: Camera | None) -> list[Cam
                 views[kind] = _view_of_face(mesh.vertices[mesh.faces[face]], distance, is_perspective)
     found = list(views.values()) or [sample.camera_for((SIZE, SIZE))]
     if not all(material.is_opaque for mesh in sample.meshes for material in mesh.palette):
-        found.append(_beside(found[0], distance))
+        found.append(_beside(found[0], distance + reach))
     return found
 
 
@@ -198,7 +220,8 @@ def _view_of_face(corners: NDArray[np.float64], distance: float, is_perspective:
 
 
 def _beside(camera: Camera, distance: float) -> Camera:
-    """Return a camera that looks in the same direction, far beside what the other one sees."""
+    """Return a camera that looks in the same direction, far beside what the other one sees: `distance` is more than any
+    that it shows."""
     eye, target = np.array(camera.position), np.array(camera.target)
     along = (eye - target) / np.abs(eye - target).max()
     aside = 10.0 * distance * np.cross(along, np.eye(3)[np.abs(along).argmin()])

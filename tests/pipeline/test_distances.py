@@ -20,7 +20,7 @@ def lit(mesh, camera, lamp, **options):
 @pytest.mark.parametrize("away", [0.0, 2.0**-30, 1.0, 7.0])
 @pytest.mark.parametrize("is_perspective", [True, False])
 def test_a_square_across_the_view_has_one_depth(is_perspective, away):
-    """Also where there is no range of depths, and where the one depth is 0: zeros don't tell what kind of view it is."""
+    """Also where there is no range of depths, and where the one depth is 0: zeros don't tell which kind it is."""
     square = rz.Mesh([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], [[0, 1, 2], [0, 2, 3]], material=WHITE)
     camera = rz.Camera.orthographic((0, 0, away), (0, 0, away - 1), height=3.0)
     if is_perspective:
