@@ -261,7 +261,8 @@ class Renderer:
         whole = view_whole(self._prepared, self._checked_camera(camera)) if is_known else None
         with noting_needs() as needs:
             try:
-                sample = sample_scene(self.scene)
+                kind = None if whole is None else whole.kind
+                origins, sample = choose_meshes(self.scene, kind), sample_scene(self.scene, kind)
                 with Renderer(sample, **_arguments_of(self.options) | {"size": SIZE, "threads": 1}) as renderer:
                     # A view of the whole scene skips nothing but what faces away.
                     is_part_skipped = camera is not None or self.options.cull == "back"
@@ -270,9 +271,10 @@ class Renderer:
                     prepared.is_thorough = True
                     if draws_color:
                         measure_lights(prepared, view)
-                        if whole is None or not follow(prepared, whole, choose_meshes(self.scene)):
+                        if whole is None or not follow(prepared, whole, origins):
                             declare_lights(prepared, view)
-                    for view in sample_views(sample, self.scene, camera):
+                    kind = None if whole is None else whole.kind_in(sample, origins)
+                    for view in sample_views(sample, self.scene, camera, kind):
                         renderer.render(view)
             except RasterizerError as fault:  # what was noted until then is of use
                 logging.getLogger("rasterizer").info(

@@ -10,7 +10,7 @@ from ..geometry.points import Geometry, number_materials
 from ..pipeline.lighting import Lighting
 from ..pipeline.outcodes import list_seen_faces
 from ..scene.camera import Camera
-from ..scene.sample import with_small_map
+from ..scene.sample import Kind, kind_of, with_small_map
 from ..scene.scene import Scene
 from .light_table import shadow_of
 from .plan import Plan, gather_sources
@@ -52,6 +52,22 @@ class WholeView(NamedTuple):
     scene: Scene
     view_plan: ViewPlan
     leaves_casters_out: bool  # some shadow map doesn't look at all that casts shadows
+
+    @property
+    def kind(self) -> Kind:
+        """What tells the kinds of the scene's materials apart."""
+        return self._kind_of(number_materials(self.scene.meshes)[0], np.arange(len(self.view_plan.plan.materials)))
+
+    def kind_in(self, sample: Scene, origins: list[int]) -> Kind:
+        """Return what tells the kinds of a sample's materials apart; `origins` as `follow` takes them."""
+        return self._kind_of(number_materials(sample.meshes)[0], find_numbers(sample, self.scene, origins))
+
+    def _kind_of(self, materials, numbers) -> Kind:
+        """By what they are, and by their rows of the plan, which have `numbers`."""
+        of_plan = self.view_plan.plan.of_materials
+        rows = zip(of_plan.needs[numbers].tolist(), of_plan.ways[numbers].tolist(), strict=True)
+        of_materials = dict(zip(materials, rows, strict=True))
+        return lambda material: (*kind_of(material), *of_materials[material])
 
 
 def view_whole(prepared: "PreparedScene", camera: Camera) -> WholeView:

@@ -5,7 +5,7 @@ depends on what its materials need: so there is a face of every kind of material
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -28,26 +28,32 @@ MOST_FACES = 4  # of a mesh of one material, without polygons
 THIN = 2.0**-4  # of faces: twice the area over the square of the size
 STRETCHED = (0.0, 0.0), (2.0**20, 0.0), (0.0, 2.0**20)  # texture coordinates of corners
 DISTANCE = 5.0  # of the furthest point from a camera that shows the whole scene, half diagonals
+Kind = Callable[[Material], tuple[object, ...]]
 _ATTRIBUTES = "normals", "uv", "colors", "face_colors", "smoothing", "face_material", "polygons"
 
 
-def choose_meshes(scene: Scene) -> list[int]:
-    """Return the numbers of meshes of every kind there is, and with every kind of material."""
+def choose_meshes(scene: Scene, kind: Kind | None = None) -> list[int]:
+    """Return the numbers of meshes of every kind there is, and with every kind of material; see `sample_scene`."""
     met: set[object] = set()
     chosen: list[int] = []
     for k, mesh in enumerate(scene.meshes):
         given = tuple(getattr(mesh, name) is None for name in _ATTRIBUTES)
-        kinds = {(given, mesh.weighting, mesh.crease_angle is None), *map(kind_of, mesh.palette)}
+        kinds = {(given, mesh.weighting, mesh.crease_angle is None), *map(kind or kind_of, mesh.palette)}
         if not kinds <= met and len(chosen) < MOST_MESHES:
             met |= kinds
             chosen.append(k)
     return chosen
 
 
-def sample_scene(scene: Scene) -> Scene:
+def sample_scene(scene: Scene, kind: Kind | None = None) -> Scene:
     """Return a scene of a few faces that is drawn in the same way: meshes of every kind there is, see `choose_meshes`,
-    faces of every kind of material."""
-    meshes = tuple(sample_mesh(scene.meshes[k]) for k in choose_meshes(scene))
+    faces of every kind of material.
+
+    Parameters
+    ----------
+    kind : tells the kinds of the scene's materials apart; None = `kind_of`
+    """
+    meshes = tuple(sample_mesh(scene.meshes[k], kind) for k in choose_meshes(scene, kind))
     camera = None
     if scene.camera is not None and not scene.camera.is_perspective:
         camera = replace(scene, meshes=meshes, camera=None).camera_for((SIZE, SIZE))
@@ -88,11 +94,12 @@ def _with_small_texture(material: Material) -> Material:
     return replace(material, texture=Texture(chosen[None], texture.filter, texture.wrap))
 
 
-def sample_mesh(mesh: Mesh) -> Mesh:
+def sample_mesh(mesh: Mesh, kind: Kind | None = None) -> Mesh:
     """Return a mesh of a few faces: the first ones with an area, those of a polygon that has several, and the fattest
     one of each kind of material.
 
-    If it has a texture, there is a face twice, once with texture coordinates that float32 has no digits for.
+    If it has a texture, there is a face twice, once with texture coordinates that float32 has no digits for. `kind` is
+    that of `sample_scene`.
     """
     fatness = _fatness_of(mesh.vertices, mesh.faces)
     has_area = fatness > 0.0
@@ -102,7 +109,7 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         numbers, counts = np.unique(mesh.polygons, return_counts=True)
         several = np.flatnonzero(np.isin(mesh.polygons, numbers[counts > 1][:1]))
         chosen += several[: MOST_FACES * MOST_FACES].tolist()
-    kinds = [face for face, _ in _faces_of_kinds(mesh, fatness)]
+    kinds = [face for face, _ in _faces_of_kinds(mesh, fatness, kind or kind_of)]
     stretched = [face for face in kinds if _material_of(mesh, face).texture is not None][:1]
     faces = np.array([*np.unique(chosen + kinds), *stretched])
     vertices, inverse = np.unique(mesh.faces[faces], return_inverse=True)
@@ -154,7 +161,9 @@ def _fattened(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDArr
     return vertices
 
 
-def _faces_of_kinds(mesh: Mesh, fatness: NDArray[np.float64]) -> Iterable[tuple[int, tuple[object, ...]]]:
+def _faces_of_kinds(
+    mesh: Mesh, fatness: NDArray[np.float64], kind_of: Kind
+) -> Iterable[tuple[int, tuple[object, ...]]]:
     """Yield the fattest face of each kind of material, and the kind."""
     if mesh.face_material is None:
         yield int(fatness.argmax()), kind_of(mesh.palette[0])
@@ -167,18 +176,19 @@ def _faces_of_kinds(mesh: Mesh, fatness: NDArray[np.float64]) -> Iterable[tuple[
             yield int(np.where(kinds_of_faces == k, fatness, -1.0).argmax()), kind
 
 
-def sample_views(sample: Scene, scene: Scene, camera: Camera | None) -> list[Camera]:
+def sample_views(sample: Scene, scene: Scene, camera: Camera | None, kind: Kind | None = None) -> list[Camera]:
     """Return the views in which a picture of SIZE pixels shows what the kinds of materials need, one a kind.
 
     Each looks at the front of a face, which reaches into most of the picture. The furthest point of the sample is about
-    as far away as that of the whole scene is from the camera, because float32 has digits for a distance or not. Where
-    something is transparent, there is one more view, in which nothing is seen.
+    as far away as that of the whole scene is from the camera, because float32 has digits for a distance or not. In
+    one more view nothing is seen: rows of a picture where nothing is may be finished in a way of their own.
 
     Parameters
     ----------
     sample : what is drawn, of `sample_scene`
     scene : what it is a sample of
     camera : that of the whole scene; None = one that shows all of it
+    kind : tells the kinds of the sample's materials apart; None = `kind_of`
     """
     (low, high), reach = _bounds_of(scene), 0.5 * math.dist(*_bounds_of(sample))
     furthest = 0.5 * DISTANCE * math.dist(low, high)
@@ -188,13 +198,11 @@ def sample_views(sample: Scene, scene: Scene, camera: Camera | None) -> list[Cam
     views: dict[object, Camera] = {}
     for mesh in sample.meshes:
         fatness = _fatness_of(mesh.vertices, mesh.faces)
-        for face, kind in _faces_of_kinds(mesh, fatness):
-            if kind not in views and len(views) < MOST_KINDS and fatness[face] > 0.0:
-                views[kind] = _view_of_face(mesh.vertices[mesh.faces[face]], distance, is_perspective)
+        for face, found_kind in _faces_of_kinds(mesh, fatness, kind or kind_of):
+            if found_kind not in views and len(views) < MOST_KINDS and fatness[face] > 0.0:
+                views[found_kind] = _view_of_face(mesh.vertices[mesh.faces[face]], distance, is_perspective)
     found = list(views.values()) or [sample.camera_for((SIZE, SIZE))]
-    if not all(material.is_opaque for mesh in sample.meshes for material in mesh.palette):
-        found.append(_beside(found[0], distance + reach))
-    return found
+    return [*found, _beside(found[0], distance + reach)]
 
 
 def _bounds_of(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
