@@ -96,7 +96,7 @@ def _with_small_texture(material: Material) -> Material:
 
 def sample_mesh(mesh: Mesh, kind: Kind | None = None) -> Mesh:
     """Return a mesh of a few faces: the first ones with an area, those of a polygon that has several, and the fattest
-    one of each kind of material.
+    one of each kind of material; where that is too thin to be seen, a fatter one in its place.
 
     If it has a texture, there is a face twice, once with texture coordinates that float32 has no digits for. `kind` is
     that of `sample_scene`.
@@ -114,10 +114,16 @@ def sample_mesh(mesh: Mesh, kind: Kind | None = None) -> Mesh:
     faces = np.array([*np.unique(chosen + kinds), *stretched])
     vertices, inverse = np.unique(mesh.faces[faces], return_inverse=True)
     corners = inverse.reshape(-1, 3).astype(np.uint32)
-    if stretched:  # a face of its own
+    thin = np.searchsorted(faces[: len(faces) - len(stretched)], [k for k in kinds if 0.0 < fatness[k] < THIN])
+    for row in thin.tolist():  # with vertices of its own
+        corners[row] = np.arange(3) + len(vertices)
+        vertices = np.append(vertices, mesh.faces[faces[row]])
+    if stretched:  # with vertices of its own
         corners[-1] = np.arange(3) + len(vertices)
         vertices = np.append(vertices, mesh.faces[stretched])
-    points = _fattened(mesh.vertices[vertices], corners)
+    points = mesh.vertices[vertices]
+    for row in thin.tolist():
+        points[corners[row]] = _fattened(points[corners[row]])
     palette = tuple(map(_with_small_texture, mesh.palette))
     changes: dict[str, Any] = {"material": palette[0], "materials": palette if mesh.materials is not None else None}
     for name in _ATTRIBUTES:
@@ -147,18 +153,19 @@ def _fatness_of(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDA
         return np.linalg.norm(np.cross(*edges / np.where(size > 0.0, size, 1.0)), axis=1)
 
 
-def _fattened(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDArray[np.float64]:
-    """Return vertices (n, 3), with a corner moved of each face that has an area, and is so thin that a small picture of
-    it may show no sample: to half of its longest edge beside the middle of that."""
-    fatness, vertices = _fatness_of(vertices, faces), vertices.copy()
-    for face in faces[(fatness > 0.0) & (fatness < THIN)]:
-        edges = np.roll(vertices[face], -1, axis=0) - vertices[face]
-        first = int(np.abs(edges).max(axis=1).argmax())
-        along = edges[first] / np.abs(edges[first]).max()
-        across = np.cross(along, np.eye(3)[np.abs(along).argmin()])
-        half = 0.5 * np.abs(edges[first]).max() / np.linalg.norm(across) * np.linalg.norm(along)
-        vertices[face[first - 1]] = vertices[face[first]] + 0.5 * edges[first] + half * across
-    return vertices
+def _fattened(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (3, 3) of a face that has an area, and is so thin that a small picture of it may show no
+    sample, one of them moved: to half of the longest edge beside the middle of that, on the same side."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    size = np.abs(edges).max()
+    first = int(np.abs(edges).max(axis=1).argmax())
+    along, normal = edges[first] / size, np.cross(edges[first] / size, edges[first - 2] / size)
+    if not normal.any():  # rounded to nothing
+        return corners
+    across = np.cross(normal / np.abs(normal).max(), along)
+    moved = corners.copy()
+    moved[first - 1] = corners[first] + 0.5 * edges[first] + 0.5 * size * across / np.linalg.norm(across)
+    return moved
 
 
 def _faces_of_kinds(
