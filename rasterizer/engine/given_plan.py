@@ -60,7 +60,7 @@ class WholeView(NamedTuple):
 
     def kind_in(self, sample: Scene, origins: list[int]) -> Kind:
         """Return what tells the kinds of a sample's materials apart; `origins` as `follow` takes them."""
-        return self._kind_of(number_materials(sample.meshes)[0], find_numbers(sample, self.scene, origins))
+        return self._kind_of(number_materials(sample.meshes)[0], match_materials(sample, self.scene, origins))
 
     def _kind_of(self, materials, numbers) -> Kind:
         """By what they are, and by their rows of the plan, which have `numbers`."""
@@ -99,7 +99,7 @@ def follow(sample: "PreparedScene", whole: WholeView, origins: list[int]) -> boo
     ----------
     origins : which mesh of the scene each mesh of the sample is made of
     """
-    plan, numbers = whole.view_plan.plan, find_numbers(sample.scene, whole.scene, origins)
+    plan, numbers = whole.view_plan.plan, match_materials(sample.scene, whole.scene, origins)
     geometry = renumber(sample.geometry, numbers, plan)
     if geometry is None:
         return False
@@ -109,8 +109,8 @@ def follow(sample: "PreparedScene", whole: WholeView, origins: list[int]) -> boo
     return True
 
 
-def find_numbers(sample: Scene, scene: Scene, origins: list[int]) -> NDArray[np.int64]:
-    """Find the number that each material of a sample has in the whole scene.
+def match_materials(sample: Scene, scene: Scene, origins: list[int]) -> NDArray[np.int64]:
+    """Return the number that each material of a sample has in the whole scene.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def renumber(geometry: Geometry, numbers: NDArray[np.int64], plan: Plan) -> Geom
 
     Parameters
     ----------
-    numbers : (n_material,) what `find_numbers` returns
+    numbers : (n_material,) what `match_materials` returns
     """
     has_all = (len(geometry.albedo) > 0) == plan.has_albedo and (len(geometry.uv) > 0) == (plan.textures is not None)
     if not has_all or (geometry.tangents.shape[1] > 0) != plan.has_tangents:

@@ -101,7 +101,7 @@ class Shadows:
             if beam is not None and reaches(light, beam, corners):
                 maps, side = choose_views(beam, corners, shadow_of(light)), map_side(shadow_of(light))
                 needed = [seen for seen, is_needed in zip(maps.views, maps.is_needed, strict=True) if is_needed]
-                if any(_find_borders(*seen, side, corners) is not None for seen in needed):
+                if any(_borders_of(*seen, side, corners) is not None for seen in needed):
                     return True
         return False
 
@@ -174,7 +174,7 @@ def draw_shadow_map(
             row[lookup.LAYER] = -1
             continue
         geometry = casters.geometry
-        planes = _find_borders(light_view, projection, size, casters.corners)
+        planes = _borders_of(light_view, projection, size, casters.corners)
         if planes is not None:
             seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
             geometry = _some_faces(geometry, seen)
@@ -189,7 +189,7 @@ def draw_shadow_map(
     return ShadowMap(block, maps.origin)
 
 
-def _find_borders(view, projection, side, corners) -> NDArray[np.float64] | None:
+def _borders_of(view, projection, side, corners) -> NDArray[np.float64] | None:
     """The planes (5, 3) that bound what a map shows, see `border_planes`; None where no corner (n_mesh, 8, 3) of a box
     lies beyond one, or where that is no number."""
     planes = border_planes(view, projection, side) if projection.is_perspective else None
