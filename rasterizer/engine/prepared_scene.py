@@ -1,7 +1,7 @@
 """A scene that is prepared for drawing, with what is kept from picture to picture; one picture, or its exact
 buffers."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,7 @@ class PreparedScene:
         self.geometry = gather_geometry(scene, options.is_flat)
         self.view_plans: ViewPlans | GivenPlan = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)
-        self.shadows = self._make_shadows() if self.view_plans.casts_shadows else None
+        self.shadows: Any = self._make_shadows() if self.view_plans.casts_shadows else None
         self.uses_clusters: bool | None = None  # None = where they save time
         self._clusters: Clusters | None = None  # made for the first view that may skip some
         self.is_thorough = False  # takes the longer way of two also where the shorter one would do, as for samples
