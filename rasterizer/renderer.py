@@ -127,7 +127,7 @@ class Renderer:
             spectral=spectral,
             threads=threads,
         )
-        with compiling_ahead(lambda: self._list_needs(self.scene.camera)):
+        with compiling_ahead(lambda: self._list_needs(self.scene.camera, is_prepared=False)):
             self._prepared = PreparedScene(self.scene, self.options)
         self._plan = summarize(self._prepared.view_plans.plan, is_perspective=True)
         self._is_closed = False
@@ -144,7 +144,7 @@ class Renderer:
         self.close()
 
     def __reduce__(self) -> tuple:
-        return _remake, (self.scene, {field.name: getattr(self.options, field.name) for field in fields(self.options)})
+        return _remake, (self.scene, _arguments_of(self.options))
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
@@ -244,25 +244,37 @@ class Renderer:
             raise SceneError(f"out must be {legal}; given {given}")
         return np.asarray(out).view(np.uint32).reshape(height, width)
 
-    def _list_needs(self, camera: Camera | None) -> dict:
+    def _list_needs(self, camera: Camera | None, is_prepared: bool = True) -> dict:
         """Return the kernels that a picture through a camera needs, {(function, signature): True}.
 
-        They are found out by drawing small ones in Python. What only the whole scene needs, such as clipping, is
-        compiled when it is met.
+        They are found out by drawing small ones in Python, of a sample of the scene: by the plan that the whole scene
+        has in that view, or, before it is prepared, by the sample's own with all lights. What only the whole scene
+        needs, such as clipping, is compiled when it is met.
         """
         import logging
 
-        from .scene.sample import SIZE, sample_scene, sample_views
+        from .engine.given_plan import declare_lights, follow, measure_lights, view_whole
+        from .scene.sample import SIZE, choose_meshes, sample_scene, sample_views
 
-        options = {field.name: getattr(self.options, field.name) for field in fields(self.options)}
+        draws_color = bool({"color", "rgb"} & set(self.options.outputs))
+        is_known = is_prepared and draws_color
+        whole = view_whole(self._prepared, self._checked_camera(camera)) if is_known else None
         with noting_needs() as needs:
             try:
-                sample = sample_scene(self.scene)
-                with Renderer(sample, **options | {"size": SIZE, "threads": 1}) as renderer:
+                kind = None if whole is None else whole.kind
+                origins, sample = choose_meshes(self.scene, kind), sample_scene(self.scene, kind)
+                with Renderer(sample, **_arguments_of(self.options) | {"size": SIZE, "threads": 1}) as renderer:
                     # A view of the whole scene skips nothing but what faces away.
                     is_part_skipped = camera is not None or self.options.cull == "back"
                     renderer._prepared.uses_clusters = is_part_skipped and has_clusters(self.scene.n_face)
-                    for view in sample_views(sample, self.scene, camera):
+                    prepared, view = renderer._prepared, renderer._checked_camera(None)
+                    prepared.is_thorough = True
+                    if draws_color:
+                        measure_lights(prepared, view)
+                        if whole is None or not follow(prepared, whole, origins):
+                            declare_lights(prepared, view)
+                    kind = None if whole is None else whole.kind_in(sample, origins)
+                    for view in sample_views(sample, self.scene, camera, kind):
                         renderer.render(view)
             except RasterizerError as fault:  # what was noted until then is of use
                 logging.getLogger("rasterizer").info(
@@ -312,6 +324,11 @@ class Renderer:
             milliseconds=clock.milliseconds,
             plan=self._plan,
         )
+
+
+def _arguments_of(options: Options) -> dict:
+    """The arguments of `Renderer` that options were made of."""
+    return {field.name: getattr(options, field.name) for field in fields(options)}
 
 
 def _remake(scene, options) -> Renderer:

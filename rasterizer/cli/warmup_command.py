@@ -162,9 +162,15 @@ def _rarer_scenes():
     brushed = replace(papered[0], material=Material(reflection="cook-torrance", roughness=(0.2, 0.5)))
     yield replace(plain, meshes=[brushed])
     yield replace(plain, meshes=[brushed], lights=[sun])
-    # Float64 for some surfaces of a picture in float32.
-    for others in ([papered[0]], [brushed], [papered[0], brushed]):
-        yield replace(plain, meshes=[*plain.meshes, *others])
+    # Float64 for some surfaces of a picture in float32: without tangents and with them; and without a texture, with one
+    # in float32, or in float64 alone.
+    smooth, smooth_papered = (
+        replace(mesh, material=replace(mesh.material, shininess=1e5)) for mesh in (plain.meshes[0], papered[0])
+    )
+    for double in (smooth, brushed):
+        for others in ([double], [double, papered[0]], [double, smooth_papered]):
+            yield replace(plain, meshes=[*plain.meshes, *others])
+            yield replace(plain, meshes=[*plain.meshes, *others], lights=[sun])
 
 
 def _scene(reflection, is_colored) -> Scene:

@@ -4,7 +4,6 @@ import numpy as np
 
 from ..pipeline.encode import RANGE_CLAMP, RANGE_GLOBAL, RANGE_LOCAL, Encoding, with_blank
 from ..pipeline.gradients import (
-    EXACT,
     IN_ENTRIES,
     IN_PLANES,
     NEEDS_ALBEDO,
@@ -31,7 +30,7 @@ def make_coding(plan: Plan, screen, tolerance, step=1.0) -> Coding:
     """
     of_materials, depths, n_material = plan.of_materials, scale_depths(screen), len(plan.materials)
     rows = of_materials.ways, of_materials.needs, of_materials.reads_double, of_materials.n_attributes
-    if (of_materials.ways == EXACT).all():
+    if of_materials.is_double.all():  # so all are exact
         return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, depths)
     left, brightest = np.maximum(0.0, tolerance - of_materials.roundings), max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:

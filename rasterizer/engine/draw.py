@@ -118,7 +118,7 @@ def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
     """Put parts in the place of the triangles that have a vertex outside; those that aren't looked at are left out."""
     triangles, looked_at = drawn.drawables.triangles, None if drawn.seen is None else drawn.seen.faces
     if looked_at is not None:
-        triangles = triangles.of_faces(looked_at)
+        triangles = triangles.select(looked_at)
     clipped = clip(geometry.positions, triangles, drawn.drawables.vertices, screen)
     drawables = drawn.drawables._replace(triangles=clipped.triangles, vertices=clipped.vertices)
     faces = clipped.faces if looked_at is None else looked_at[clipped.faces]

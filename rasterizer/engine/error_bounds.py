@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..pipeline.transform import DEPTH_MARGIN, Screen
+from ..pipeline.planes import DEPTH_PLANE_ROUNDING
+from ..pipeline.transform import DEPTH_BITS, DEPTH_MARGIN, Screen
 from . import light_table, reflection_table
 from .intensity_bounds import Reflected
 from .reflection_entry import HighlightBounds
@@ -274,7 +275,7 @@ def _shadow_steps(plan, surroundings) -> list[Step]:
     map's vertices are rounded to a 512th of a texel, float32 moves a point by `shadow_shift`. So what rises from the
     surface towards the light, as a wall does from a floor, hides that much of it. What lies before the surface by less
     than its depth changes over a texel isn't seen; nor what a normal offset carries the point across
-    (pipeline/shadow_lookup.py).
+    (pipeline/shadow_lookup.py); nor what lies nearer than the map's depths are rounded to.
     """
     shadows = [light_table.shadow_of(light) for light in plan.reflected_lights]
     taps = [shadow.filter for shadow in shadows if shadow is not None]
@@ -284,8 +285,11 @@ def _shadow_steps(plan, surroundings) -> list[Step]:
     steps = [Step(cause, (max(taps) + 1) / 2, "texels of the shadow map")]
     if plan.dtype == np.float32:
         steps.append(Step("the edge of a shadow in float32", surroundings.shadow_shift, "scene units beside that"))
-    unit = "times what the surface's depth changes by over a texel, and its normal offset"
-    steps.append(Step("what casts a shadow next to the surface", 1.0, unit))
+    cause, unit = "what casts a shadow next to the surface", "times what the surface's depth changes by over a texel"
+    steps.append(Step(cause, 1.0, f"{unit}, and its normal offset"))
+    side = max(shadow.size + shadow.filter for shadow in shadows if shadow is not None)
+    units = side + DEPTH_PLANE_ROUNDING  # as in engine/shadow_maps.py
+    steps.append(Step(cause, units * 2.0**-DEPTH_BITS, "of the range of the map's depths, or of their inverses"))
     return steps
 
 

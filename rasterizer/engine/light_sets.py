@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..scene.camera import View
 from .light_table import UNLIMITED, entry_of, is_carried
-from .reach import Boxes, NormalCones, lights_reaching_boxes, position_error
+from .reach import Boxes, NormalCones, lights_behind_boxes, lights_reaching_boxes, position_error
 from .rounding import times
 
 SLACK = 2.0**-8  # of the diagonal of the scene's box: how far beside their surfaces lit points may be computed
@@ -30,6 +30,8 @@ MOST_CELLS = 4096  # of all meshes together, but one of each at least
 # Radians: how far planes may turn a normal where that decides more than a shade: whether a point lies in a shadow, or
 # before a light.
 MOST_TURN = 2.0**-12
+MOST_MEASURED = 256  # meshes whose cones are measured; of more they are small, and few lights are behind all of one
+N_TESTED = 64  # triangles that are looked at first: of most meshes they tell already that normals look anywhere
 
 
 class LightSets(NamedTuple):
@@ -111,8 +113,9 @@ def compute_reach(
     is_one_sided = False
     if cones is not None:
         of_cells = NormalCones(cones.axes[mesh], cones.cosines[mesh])
-        in_front = lights_reaching_boxes(lights, anywhere, boxes, of_cells, MOST_TURN) | carried
-        reaches, is_one_sided = in_front, bool((in_front != reaches).any())
+        is_behind = lights_behind_boxes(lights, anywhere, boxes, of_cells, MOST_TURN) & ~carried
+        is_one_sided = bool((reaches & is_behind).any())
+        reaches &= ~is_behind
     # A row for each cell and material of its mesh, the same ones once; in the order of materials.
     counts = np.array([len(of_mesh) for of_mesh in numbers])
     first = np.cumsum(counts) - counts
@@ -179,10 +182,6 @@ def measure_cones(geometry: Any, n_faces: Sequence[int]) -> NormalCones:
             continue
         axes[k], cosines[k] = _cone_of(geometry.normals[:, geometry.corner[:, start:end].ravel()])
     return NormalCones(axes, cosines)
-
-
-MOST_MEASURED = 256  # meshes whose cones are measured; of more they are small, and few lights are behind all of one
-N_TESTED = 64  # triangles that are looked at first: of most meshes they tell already that normals look anywhere
 
 
 def _cone_of(normals) -> tuple[NDArray[np.float64], float]:

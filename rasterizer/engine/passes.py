@@ -132,6 +132,7 @@ class ColorPass(Pass):
     picture: Picture  # written, unless there is a sink
     sink: RowSink | None = None
     is_shaded_once: bool = False  # a pixel and polygon: see shade_once.py
+    is_thorough: bool = False  # takes the longer way of two also where the shorter one would do
     is_filled: bool = True
 
     @property
@@ -199,7 +200,7 @@ class ColorPass(Pass):
         self.light(workspace, scanned, face_table, radiance)
         if self.plan.cue is not None:
             self.spread(workspace, scanned.n_row, counts)
-            fade(scanned, self.screen.is_perspective, self.plan.cue, radiance)
+            fade(scanned.uncoded(), self.coding.depths, self.screen.is_perspective, self.plan.cue, radiance)
 
     def light(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Fill the radiance of the visible samples."""
@@ -227,7 +228,7 @@ class ColorPass(Pass):
     def evaluate(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Look textures up, and light what `light_points` fills, at every sample or point of a band."""
         if band.counts.needs & NEEDS_TEXTURE and band.counts.n_exact > 0:
-            sample_textures(band, self.textures, workspace.double_batch, workspace.texels)
+            sample_textures(band.uncoded(), self.textures, workspace.double_batch, workspace.texels)
 
     def finish(self, workspace, band, counts, translucent, drawn):
         """Average the samples of each pixel, and write the picture's rows, or hand them to the sink."""

@@ -1,13 +1,13 @@
 """A scene that is prepared for drawing, with what is kept from picture to picture; one picture, or its exact
 buffers."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry.clusters import Clusters, has_clusters, make_clusters
-from ..geometry.points import gather_geometry
+from ..geometry.points import Geometry, gather_geometry
 from ..options import Options
 from ..pipeline.clusters import SeenClusters, find_seen, leaves_out
 from ..pipeline.encode import Encoding, encode_picture, with_blank
@@ -24,6 +24,9 @@ from .output_buffers import BUFFER_TABLE
 from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
 from .plan import Plan
 from .view_plans import ViewPlan, ViewPlans
+
+if TYPE_CHECKING:
+    from .given_plan import GivenPlan
 
 NO_SHAPES = np.empty((0, 5))  # of triangles, where no light casts shadows
 
@@ -77,13 +80,25 @@ class PreparedScene:
         self.bounds = np.stack([mesh.bounds for mesh in scene.meshes])
         check_extent(self.bounds)
         self.geometry = gather_geometry(scene, options.is_flat)
-        self.view_plans = ViewPlans(scene, options, self.geometry, self.bounds)
+        self.view_plans: ViewPlans | GivenPlan = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)
-        self.shadows = self._make_shadows() if self.view_plans.casts_shadows else None
+        self.shadows: Any = self._make_shadows() if self.view_plans.casts_shadows else None
         self.uses_clusters: bool | None = None  # None = where they save time
         self._clusters: Clusters | None = None  # made for the first view that may skip some
+        self.is_thorough = False  # takes the longer way of two also where the shorter one would do, as for samples
         self.workspaces = WorkspacePool()
         self._plan_parts: PlanParts | None = None  # those of the last picture
+
+    def be_drawn_by(self, geometry: Geometry, plan: "GivenPlan") -> None:
+        """Take the plan of another scene from now on, and the geometry with that one's materials."""
+        self.geometry, self.normals, self.view_plans = geometry, NormalAttributes(geometry), plan
+        self.shadows = self._make_shadows() if plan.casts_shadows else None
+
+    def plan_for(self, camera: Camera) -> ViewPlan:
+        """Return the plan for a view, before anything is drawn."""
+        view = camera.view()
+        screen = screen_of(camera, view, self.options.size, self.options.factor, self.geometry, self.bounds)
+        return self.view_plans.plan_for(view, screen)
 
     def _make_shadows(self):
         from .shadow_maps import Shadows
@@ -153,6 +168,7 @@ class PreparedScene:
             "encoding": parts.encoding,
             "picture": picture,
             "is_shaded_once": options.antialias == "shade-once",
+            "is_thorough": self.is_thorough,
         }
         if plan.is_lit_per_sample:
             attributes = self.normals.of(plan)

@@ -105,9 +105,9 @@ def lights_reaching(
     boxes = np.asarray(boxes, float).reshape(-1, 2, 3)
     low, high = boxes[:, 0], boxes[:, 1]
     furthest = np.linalg.norm(np.maximum(np.abs(low - view.eye), np.abs(high - view.eye)), axis=1)
-    return lights_reaching_boxes(
-        lights, view, Boxes(low, high, position_error(furthest, beside), furthest), cones, turn
-    )
+    lit = Boxes(low, high, position_error(furthest, beside), furthest)
+    reaches = lights_reaching_boxes(lights, view, lit)
+    return reaches if cones is None else reaches & ~lights_behind_boxes(lights, view, lit, cones, turn)
 
 
 def position_error(furthest: ArrayLike, beside: float) -> ArrayLike:
@@ -121,18 +121,21 @@ def position_error(furthest: ArrayLike, beside: float) -> ArrayLike:
     return POSITIONS * SINGLE * (np.asarray(furthest) + beside) + beside
 
 
-def lights_reaching_boxes(
-    lights: Sequence[Any], view: View, boxes: Boxes, cones: NormalCones | None = None, turn: float = 0.0
-) -> NDArray[np.bool_]:
-    """Tell which lights may reach which boxes, whose errors are known; see `lights_reaching`."""
+def lights_reaching_boxes(lights: Sequence[Any], view: View, boxes: Boxes) -> NDArray[np.bool_]:
+    """Tell which lights may reach which boxes, whose errors are known, from either side; see `lights_reaching`."""
     reaches = np.zeros((len(boxes.low), len(lights)), bool)
     for i, light in enumerate(lights):
-        if is_black(light):
-            continue
-        reaches[:, i] = _is_within(light, view, boxes)
-        if cones is not None:
-            reaches[:, i] &= ~_is_behind(light, view, boxes, cones, turn)
+        if not is_black(light):
+            reaches[:, i] = _is_within(light, view, boxes)
     return reaches
+
+
+def lights_behind_boxes(
+    lights: Sequence[Any], view: View, boxes: Boxes, cones: NormalCones, turn: float
+) -> NDArray[np.bool_]:
+    """Tell which lights are behind all surfaces of which boxes; `cones` and `turn` as `lights_reaching` takes them."""
+    columns = [_is_behind(light, view, boxes, cones, turn) for light in lights]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(boxes.low), 0), bool)
 
 
 def _is_within(light, view, boxes) -> NDArray[np.bool_]:

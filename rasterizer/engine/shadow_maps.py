@@ -13,6 +13,7 @@ from ..geometry.surfaces import compute_normal_offsets, compute_shapes
 from ..pipeline import shadow_lookup as lookup
 from ..pipeline.layers import Opacity
 from ..pipeline.outcodes import list_seen_faces
+from ..pipeline.planes import DEPTH_PLANE_ROUNDING
 from ..pipeline.threads import Workers
 from ..pipeline.transform import make_screen
 from ..pipeline.workspace import WorkspacePool
@@ -27,7 +28,6 @@ from .plan import Plan
 from .rounding import DOUBLE, SINGLE
 from .shadow_views import MapViews, border_planes, choose_views, corners_of, map_side, reaches
 
-MAP_ROUNDING = 2.0**-32  # of the range of a map's values; see pipeline/shadow_lookup.py
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
 MOST_NUMBERS = 2**28  # texels of all maps of a scene: 1 GiB in float32
 
@@ -91,6 +91,19 @@ class Shadows:
                 room -= len(shadow_map.block)
             maps.append(shadow_map)
         return maps
+
+    def leaves_out(self, plan: Plan, view: View) -> bool:
+        """Tell whether some map leaves out what casts no shadow in it."""
+        for k, light in enumerate(plan.lights):
+            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
+                continue
+            beam, corners = entry_of(light).beam(light, view), self._casters.corners
+            if beam is not None and reaches(light, beam, corners):
+                maps, side = choose_views(beam, corners, shadow_of(light)), map_side(shadow_of(light))
+                needed = [seen for seen, is_needed in zip(maps.views, maps.is_needed, strict=True) if is_needed]
+                if any(_borders_of(*seen, side, corners) is not None for seen in needed):
+                    return True
+        return False
 
     @cached_property
     def shapes(self) -> NDArray[np.float64]:
@@ -161,26 +174,29 @@ def draw_shadow_map(
             row[lookup.LAYER] = -1
             continue
         geometry = casters.geometry
-        planes = border_planes(light_view, projection, size) if projection.is_perspective else None
-        if planes is not None and _is_any_beyond(planes, light_view.eye, casters.corners):
+        planes = _borders_of(light_view, projection, size, casters.corners)
+        if planes is not None:
             seen = list_seen_faces(geometry.positions, geometry.vertex, light_view.eye, planes)
             geometry = _some_faces(geometry, seen)
         screen = _fit_screen(light_view, projection, casters.corners, geometry, size)
         coding = make_map_coding(screen)
         render_pass = shadow_map_pass(coding, screen, texels[layer])
         draw(geometry, render_pass, screen, workspaces, threads, NO_CLOCK)
-        _write_view(row, light_view, projection, MAP_ROUNDING * _value_range(screen, coding))
+        _write_view(row, light_view, projection, _value_rounding(screen, coding, size))
         row[lookup.SLACK] = _slack(projection, size, dtype)
         row[lookup.LAYER] = layer
         layer += 1
     return ShadowMap(block, maps.origin)
 
 
-def _is_any_beyond(planes, eye, corners) -> bool:
-    """Tell whether some corner (n_mesh, 8, 3) of a box lies beyond some plane (n, 3) through the eye; not where that is
-    no number."""
+def _borders_of(view, projection, side, corners) -> NDArray[np.float64] | None:
+    """The planes (5, 3) that bound what a map shows, see `border_planes`; None where no corner (n_mesh, 8, 3) of a box
+    lies beyond one, or where that is no number."""
+    planes = border_planes(view, projection, side) if projection.is_perspective else None
+    if planes is None:
+        return None
     with np.errstate(over="ignore", invalid="ignore"):
-        return bool(((corners - eye) @ planes.T < 0.0).any())
+        return planes if ((corners - view.eye) @ planes.T < 0.0).any() else None
 
 
 def _allocate_block(n_number, dtype, room, before) -> NDArray[np.floating]:
@@ -244,8 +260,12 @@ def _fit_screen(view, projection, corners, geometry, size):
     return fit_screen(view, projection, (near, furthest), np.inf, geometry, (size, size))
 
 
-def _value_range(screen, coding) -> float:
-    """What the values of a map range over: 1/w, or depth."""
+def _value_rounding(screen, coding, side) -> float:
+    """How far the values of a map of `side` texels a side, 1/w or depth, are off by the rounding of planes of depth.
+
+    From the sample where such a plane has its value, it is less than `side` steps to any texel, along both axes: half a
+    unit of the z-buffer each, and DEPTH_PLANE_ROUNDING.
+    """
     depths = coding.depths
-    scale = depths.inv_w_scale if screen.is_perspective else depths.depth_scale
-    return abs(scale) * 2.0**38
+    unit = abs(depths.inv_w_scale if screen.is_perspective else depths.depth_scale)
+    return (side + DEPTH_PLANE_ROUNDING) * unit

@@ -12,6 +12,7 @@ from ..options import Options
 from ..pipeline.depth_cueing import DEPTH_ERROR
 from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
 from ..pipeline.lighting import Lighting
+from ..pipeline.planes import DEPTH_PLANE_ROUNDING
 from . import reflection_table
 from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_fixed_steps, list_steps
 from .float64_reasons import LARGE, SMALL
@@ -24,8 +25,6 @@ from .plan_summary import PlanSummary, summarize
 from .reach import NormalCones
 from .rounding import DOUBLE, SINGLE
 from .uniforms import light_view, list_materials
-
-ROUNDED_UNITS = 64.0  # of the z-buffer: a plane of depth errs by less in float64, see MAX_ELONGATION in setup.py
 
 
 class ViewPlan(NamedTuple):
@@ -103,6 +102,10 @@ class ViewPlans:
             self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, fixed.summary)
         return self._last
 
+    def measure_all_lights(self, view) -> None:
+        """Measure how near all lights come to all materials, also where a light doesn't reach."""
+        self._lit_points.clearances(view)
+
     def lighting_for(self, plan: Plan, view, screen, dtype: np.dtype, shadows) -> Lighting:
         """The illumination in one type, for the view that `plan` was made for; `shadows` as `make_lighting` takes
         them."""
@@ -176,14 +179,14 @@ class ViewPlans:
         """How far off the share may be that depth cueing leaves of an intensity, where depths are those of entries.
 
         Without perspective these err by half a unit of the z-buffer for each step from a triangle's first sample, along
-        both axes, and by ROUNDED_UNITS; over the cue's scale that is a change of the share.
+        both axes, and by DEPTH_PLANE_ROUNDING; over the cue's scale that is a change of the share.
         """
         cue, (width, height), factor = plan.cue, self._options.size, self._options.factor
         if cue is None or screen.z_scale == 0.0:
             return 0.0
         if screen.is_perspective:
             return DEPTH_ERROR * (0.25 + max(cue.start, 0.0) / cue.scale)
-        return (0.5 * factor * (width + height) + ROUNDED_UNITS) / abs(screen.z_scale) / cue.scale
+        return (0.5 * factor * (width + height) + DEPTH_PLANE_ROUNDING) / abs(screen.z_scale) / cue.scale
 
     def _shadow_shift(self, plan, view) -> float:
         """How far float32 moves what shadows are asked for, scene units; infinite where it can't be taken."""

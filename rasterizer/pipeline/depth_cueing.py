@@ -37,17 +37,18 @@ class Cue(NamedTuple):
 
 
 @kernel
-def fade(band, is_perspective, cue, out_radiance):
+def fade(band, depths, is_perspective, cue, out_radiance):
     """Fade the samples of a band; those that show nothing are left alone.
 
     Parameters
     ----------
-    band : ScannedBand
+    band : ScannedBand, whose coding is not read
+    depths : DepthScale
     cue : Cue
     out_radiance : (n_channel, n_row * pitch) float64, linear, changed
     """
     color = cue.color
-    visibility, records, depths = band.visibility, band.records, band.coding.depths
+    visibility, records = band.visibility, band.records
     for j in range(band.n_row):
         left, right = row_extent(visibility, j)
         for i in range(left, right):

@@ -221,15 +221,18 @@ def fill_sliver_span(span, x_start, y, surface):
 
 @helper
 def entry_of_sliver(x, y, surface):
-    """Compute the entry at a sample from exact edge functions, int64; its z is kept within the triangle's range."""
+    """Compute the entry at a sample from exact edge functions, int64; its z is kept within the triangle's range.
+
+    A weighted mean, none of whose weights is negative: so where a corner lies far before all that is seen, its z
+    doesn't take the digits of the others'.
+    """
     triangle, depths = surface.triangle, surface.depths
     dx1, dy1 = triangle.x1 - triangle.x0, triangle.y1 - triangle.y0
     dx2, dy2 = triangle.x2 - triangle.x0, triangle.y2 - triangle.y0
-    area = float(dx1 * dy2 - dx2 * dy1)
+    area = dx1 * dy2 - dx2 * dy1
     ux, uy = x * SUBPIXEL + HALF - triangle.x0, y * SUBPIXEL + HALF - triangle.y0
-    b1 = (ux * dy2 - uy * dx2) / area
-    b2 = (uy * dx1 - ux * dy1) / area
-    z = depths.z0 + b1 * (depths.z1 - depths.z0) + b2 * (depths.z2 - depths.z0)
+    e1, e2 = ux * dy2 - uy * dx2, uy * dx1 - ux * dy1
+    z = (float(area - e1 - e2) * depths.z0 + float(e1) * depths.z1 + float(e2) * depths.z2) / float(area)
     return np.int64(pack(np.rint(min(max(z, depths.least), depths.largest)), surface.payload))
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index
 from . import setup as s
-from .planes import DepthScale, compute_plane, depth_rounding, inverse_depths, values_at
+from .planes import DepthScale, compute_plane, depth_rounding, inverse_depths, straight_depths, values_at
 from .texture_planes import TEXCOORDS, TextureCoding, compute_texcoord_planes
 from .value_planes import compute_value_planes
 from .visibility import LEVEL_MASK
@@ -104,7 +104,7 @@ def find_small(n_attribute, coding, block):
     """Let the records of small triangles hold their index alone, those of others be exact."""
     ints = block.ints
     for k in range(index(s.BLOCK)):
-        ints[s.HAS_LEVELS + k] = 0
+        ints[s.HAS_LEVELS + k] = ints[s.IS_WEIGHTED + k] = 0
         ints[s.HAS_PLANES + k] &= ints[s.EXTENT_X + k] + ints[s.EXTENT_Y + k] <= MOST_EXTENT
 
 
@@ -259,8 +259,14 @@ def shortest_normal(k, block):
 @helper
 def check_distances(coding, block):
     """Clear HAS_PLANES where the distance that is found from a sample's depth may be off by more than 10 u of itself:
-    2 u of rounding, the rest that of the depth."""
+    2 u of rounding, the rest that of the depth.
+
+    With perspective it is found from 1/w, else from the depth; the other one is a constant, and its scale 0.
+    """
     for k in range(index(s.BLOCK)):
         w0, w1, w2 = inverse_depths(k, coding.depths, block)
-        shift = depth_rounding(k, block) * abs(coding.depths.inv_w_scale)
-        block.ints[s.HAS_PLANES + k] &= shift <= 8.0 * 2.0**-24 * min(w0, w1, w2)
+        d0, d1, d2 = straight_depths(k, coding.depths, block)
+        units = depth_rounding(k, block)
+        is_good = units * abs(coding.depths.inv_w_scale) <= 8.0 * 2.0**-24 * min(w0, w1, w2)
+        is_good &= units * abs(coding.depths.depth_scale) <= 8.0 * 2.0**-24 * min(abs(d0), abs(d1), abs(d2))
+        block.ints[s.HAS_PLANES + k] &= is_good

@@ -31,11 +31,15 @@ class ScannedBand(NamedTuple):
 
     visibility: VisibilityBuffer
     records: Records
-    coding: Coding  # how attributes reach the samples
+    coding: Coding | None  # how attributes reach the samples; None of `uncoded` bands
     counts: ScanCounts  # what the scan stage found
     y_start: int  # the band's first row in the picture, samples
     n_row: int
     points: ScreenPoints | None = None  # where its samples lie, if it is a list of them (screen_points.py)
+
+    def uncoded(self) -> "ScannedBand":
+        """Return the band for kernels that don't ask how it is coded: they are compiled once for all codings."""
+        return self._replace(coding=None)
 
 
 class ExactTriangle(NamedTuple):

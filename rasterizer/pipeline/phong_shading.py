@@ -171,25 +171,25 @@ def gather_fragments(entries, band, first, material, texturing, screen, is_doubl
     Samples that show nothing get anything.
     """
     has_albedo = band.coding.needs[material] & NEEDS_ALBEDO != 0
-    gather_planes(entries, band, first, material, texturing, batch)
+    gather_planes(entries, band, first, material, texturing, screen.is_perspective, batch)
     if band.counts.n_exact > 0 and has_exact(entries):
         interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, is_double, batch)
 
 
-def choose_planes(entries, band, first, material, texturing, batch):
+def choose_planes(entries, band, first, material, texturing, is_perspective, batch):
     """Return what is compiled in the place of `gather_planes`: nothing in float64."""
     return evaluate_fragments if is_single(batch.dtype) else leave_fragments
 
 
 @choice(choose_planes)
-def gather_planes(entries, band, first, material, texturing, batch):
+def gather_planes(entries, band, first, material, texturing, is_perspective, batch):
     """Fill what stands in planes: normals, texture coordinates, albedo; and distances."""
     if batch.dtype == np.float32:
-        evaluate_fragments(entries, band, first, material, texturing, batch)
+        evaluate_fragments(entries, band, first, material, texturing, is_perspective, batch)
 
 
 @helper
-def leave_fragments(entries, band, first, material, texturing, batch):
+def leave_fragments(entries, band, first, material, texturing, is_perspective, batch):
     """Do nothing."""
 
 
@@ -224,7 +224,7 @@ def evaluate_with_texcoords(entries, band, first, material, texturing, batch):
 
 
 @helper
-def evaluate_fragments(entries, band, first, material, texturing, batch):
+def evaluate_fragments(entries, band, first, material, texturing, is_perspective, batch):
     """See `gather_planes`."""
     depths, needs = band.coding.depths, band.coding.needs[material]
     evaluate_normals(entries, band, first, material, texturing, batch)
@@ -233,7 +233,6 @@ def evaluate_fragments(entries, band, first, material, texturing, batch):
         group = plane_group(band.records, BEHIND_NORMALS + (PLAIN_GROUP if needs & NEEDS_TEXTURE else 0))
         evaluate_values_here(entries, group, first, batch, f.ALBEDO, f.NEXT, f.WEIGHT)
     if band.coding.needs_distance:
-        is_perspective = depths.depth_scale == 0.0 and depths.depth_offset == 0.0
         offset, step = depths.inv_w_offset, depths.inv_w_scale
         for k in range(index(len(entries))):
             z = float(entries[k] >> PAYLOAD_BITS)

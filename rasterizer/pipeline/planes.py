@@ -9,8 +9,8 @@ from typing import NamedTuple
 from ..compiler.kernels import helper
 from . import setup as s
 
-# How far a plane of depth may be off, z-buffer units, beside half a unit a step: half a unit at the anchor, and what
-# setup.MAX_ELONGATION says.
+# How far a plane of depth may be off, z-buffer units, beside half a unit a step: half a unit at the anchor, and less
+# than 39 of float64, see setup.MAX_LEVERAGE.
 DEPTH_PLANE_ROUNDING = 40.0
 # Where r is less, its inverse is no number that float32 is at home with.
 LEAST_INVERSE = 2.0**-40
@@ -32,6 +32,14 @@ def inverse_depths(k, depths, block):
     """Compute 1/w at the three vertices of triangle k."""
     z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
     offset, scale = depths.inv_w_offset, depths.inv_w_scale
+    return offset + scale * z0, offset + scale * z1, offset + scale * z2
+
+
+@helper
+def straight_depths(k, depths, block):
+    """Compute the depths without perspective at the three vertices of triangle k; with it all are 0."""
+    z0, z1, z2 = block.reals[s.Z0 + k], block.reals[s.Z1 + k], block.reals[s.Z2 + k]
+    offset, scale = depths.depth_offset, depths.depth_scale
     return offset + scale * z0, offset + scale * z1, offset + scale * z2
 
 

@@ -94,8 +94,7 @@ def resolve_bytes(visibility, radiance, y_start, y_end, encoding, out):
     entries, radiance, n_covered = visibility.entries, radiance, np.int64(0)
     for j in range(y_start, y_end):
         row = j - y_start
-        first, end = covered_columns(visibility, row, 1)
-        fill_blank(out, j, first, end, encoding)
+        first, end = begin_row(visibility, row, 1, j, encoding, out)
         start, n = index(row * visibility.pitch + first), index(end - first)
         n_covered += encode_samples(entries[start : start + n], radiance, start, out.rgba[index(j), index(first) :])
     clear(visibility, y_end - y_start)
@@ -108,8 +107,7 @@ def resolve_samples(visibility, radiance, y_start, y_end, encoding, batch, out):
     entries, radiance, n_covered = visibility.entries, radiance, np.int64(0)
     for j in range(y_start, y_end):
         row = j - y_start
-        first, end = covered_columns(visibility, row, 1)
-        fill_blank(out, j, first, end, encoding)
+        first, end = begin_row(visibility, row, 1, j, encoding, out)
         for left in range(first, end, BATCH_SIZE):
             start, n = index(row * visibility.pitch + left), index(min(end - left, BATCH_SIZE))
             n_covered += gather_samples(entries[start : start + n], radiance, start, batch.values)
@@ -128,8 +126,7 @@ def resolve_averages(visibility, radiance, points, y_start, y_end, grid, encodin
     n_covered, factor = np.int64(0), factor_of(grid)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
-        first, end = covered_columns(visibility, row, factor)
-        fill_blank(out, j, first, end, encoding)
+        first, end = begin_row(visibility, row, factor, j, encoding, out)
         for left in range(first, end, BATCH_SIZE):
             n = index(min(end - left, BATCH_SIZE))
             if points is not None:
@@ -149,8 +146,7 @@ def resolve_translucent(visibility, radiance, translucent, rows, grid, encoding,
     is_direct = factor == 1 and is_plain(n_channel, encoding, out)
     for j in range(y_start, y_end):
         row = (j - y_start) * factor
-        first, end = covered_columns(visibility, row, factor)
-        fill_blank(out, j, first, end, encoding)
+        first, end = begin_row(visibility, row, factor, j, encoding, out)
         weighted, weighted_end = extent_of_pixels(translucent, row, factor, visibility.width)
         weighted, weighted_end = (weighted, weighted_end) if weighted < weighted_end else (end, end)
         left = first
@@ -192,10 +188,12 @@ def write_pixels(batch, n, n_channel, encoding, first, out):
 
 
 @helper
-def covered_columns(visibility, row, factor):
-    """Return the columns of pixels that any sample of `factor` rows may cover, half-open; where there are none, 0 and
-    0."""
-    return extent_of_pixels(visibility, row, factor, visibility.width)
+def begin_row(visibility, row, factor, j, encoding, out):
+    """Fill what is blank in row j of the picture; return the columns of pixels that any sample of `factor` rows of the
+    band, from `row` on, may cover, half-open."""
+    first, end = extent_of_pixels(visibility, row, factor, visibility.width)
+    fill_blank(out, j, first, end, encoding)
+    return first, end
 
 
 @helper

@@ -119,7 +119,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
                 if not has_planes or needs_corners(k, coding, block):
                     write_exact(records, n_record, k, some[k], n_attribute, coding, block)
                 if has_planes:
-                    n_unit = write_planes(records, n_record, k, some[k], coding, block)
+                    n_unit = write_record(records, n_record, k, some[k], coding, block)
                 n_record += n_unit
                 n_plane += has_planes
                 n_exact += not has_planes
@@ -178,13 +178,13 @@ def needs_corners(k, coding, block):
 
 
 def choose_writer(records, n_record, k, face, coding, block):
-    """Return what is compiled in the place of `write_planes`: only what the coding needs."""
+    """Return what is compiled in the place of `write_record`: only what the coding needs."""
     writers = {NormalCoding: write_normals, BufferCoding: write_index}
     return writers.get(coding.instance_class, write_values)
 
 
 @choice(choose_writer)
-def write_planes(records, n_record, k, face, coding, block):
+def write_record(records, n_record, k, face, coding, block):
     """Write record number `n_record`, the planes of triangle k of the block; return its length in units."""
     writers = {NormalCoding: write_normals, BufferCoding: write_index}
     return writers.get(type(coding), write_values)(records, n_record, k, face, coding, block)

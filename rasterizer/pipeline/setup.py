@@ -72,10 +72,21 @@ N_REAL = 12 + 3 * MOST_ATTRIBUTES + 3 * MOST_ATTRIBUTE_PLANES
 NEXT = index(BLOCK)  # from row to row
 NEXT_PLANE = index(3 * BLOCK)  # from one plane, or attribute at the three vertices, to the next
 
-# A plane is good while box area / triangle area stays below this: a coefficient is at most 2^DEPTH_BITS · 2^20 < 2^63
-# and its float64 rounding error at most 2^(38 + 20 - 53) units a box, a 2^33rd of the depth range. Slivers beyond get
-# their depth from exact edge functions.
+# Planes of attributes are good while E = box area / triangle area (twice the triangle's) stays below this: float64
+# rounds a rise D over an edge to 38·2^-53·E·D (the same sum as below), a 2^-28 of it, less than float32 rounds it to.
 MAX_ELONGATION = 2.0**20
+# A plane of depth is good while E·R stays below this, R the larger rise of z along the two edges. Then float64 rounds
+# it by less than 39 units beside the rounding to whole units. With u = 2^-53, W and H the sides of the box, and
+# T = |r1·e2.y| + |r2·e1.y| over the area for d/dx, likewise for d/dy:
+#
+#     d/dx, d/dy       6 u T: area, its inverse, products with edge and rise, the rise itself, their sum; times the way
+#                      from v0 to a sample, which is no longer than W and H: the value at the anchor errs with them
+#     value at A       products with the way to the anchor, and sums: 3 u T W + 2 u T H + 2 u |z0|
+#     together         9 u (T W + T H) + 2 u |z0| <= 38 u E·R, and 2^-14: no edge is longer than the box, so T W and T H
+#                      are at most 2 E·R each; |z0| <= R + 2^38 and E >= 1
+#
+# Other triangles get their depth from exact edge functions, as slivers.
+MAX_LEVERAGE = 2.0**53
 # A part of a clipped face has the plane of the whole face, but its corners are rounded to 1/256 px: a sample in it lies
 # up to 1/512 px outside the face, along either axis, and the plane leaves the face's range of depths by up to its slope
 # over 512 there. Where that is more than half the room at the ends of the z-buffer, depth is computed at every sample,
@@ -269,7 +280,8 @@ def find_covered_samples(block):
 def compute_depth_planes(block):
     """Compute the slopes of planes over the triangles, and the planes of depth; HAS_PLANES begins here.
 
-    Slivers are the triangles that are too long and thin for a plane, and those whose depth is too steep for one.
+    Slivers are the triangles that are too long and thin for a plane, also for what their depth rises by, and those
+    whose depth is too steep for one.
     """
     ints, longs, reals = block.ints, block.longs, block.reals
     for k in range(index(BLOCK)):
@@ -278,14 +290,15 @@ def compute_depth_planes(block):
         dx1, dy1, dx2, dy2 = x1 - x0, y1 - y0, x2 - x0, y2 - y0
         area = np.float64(dx1 * dy2 - dx2 * dy1)  # rounded once: the difference is an exact integer
         wide, high = float(max(x0, x1, x2) - min(x0, x1, x2)), float(max(y1, y2) - y0)
-        is_sliver = wide * high > MAX_ELONGATION * area
+        rise1, rise2 = reals[Z1 + k] - reals[Z0 + k], reals[Z2 + k] - reals[Z0 + k]
+        leverage = wide * high * max(abs(rise1), abs(rise2))
+        is_sliver = (wide * high > MAX_ELONGATION * area) | (leverage > MAX_LEVERAGE * area)
         # The columns of the inverse of the edges' matrix.
         scale = 0.0 if is_sliver else SUBPIXEL / area
         slope_x1, slope_x2 = float(dy2) * scale, -float(dy1) * scale
         slope_y1, slope_y2 = -float(dx2) * scale, float(dx1) * scale
         offset_x = float(ints[ANCHOR_X + k] * SUBPIXEL + HALF - x0) / SUBPIXEL
         offset_y = float(ints[ANCHOR_Y + k] * SUBPIXEL + HALF - y0) / SUBPIXEL
-        rise1, rise2 = reals[Z1 + k] - reals[Z0 + k], reals[Z2 + k] - reals[Z0 + k]
         dx, dy = rise1 * slope_x1 + rise2 * slope_x2, rise1 * slope_y1 + rise2 * slope_y2
         is_steep = abs(dx) + abs(dy) > (MAX_SLOPE if ints[CLIPPED_IDX + k] < 0 else MAX_CLIPPED_SLOPE)
         dx, dy = 0.0 if is_steep else dx, 0.0 if is_steep else dy

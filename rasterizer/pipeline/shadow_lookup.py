@@ -13,7 +13,10 @@ the slopes of its tangent plane, which the normal gives, times the way to the ce
 
     half a texel times the slopes   neighbouring polygons that fold towards the light reach into the texel by that much;
                                     it also covers the rounding of the map's vertices, a 512th of a texel
-    2^-32 of the map's range        rounding of its values: planes of depth err by a 2^-33rd of it (setup.py)
+    S + 40 units of the z-buffer    rounding of its values, S texels a side: a step of a plane of depth is rounded to
+                                    whole units, so half of one for each texel that a polygon reaches over, along both
+                                    axes, beside DEPTH_PLANE_ROUNDING (planes.py). Of the map's range of 2^38 units that
+                                    is a 2^-28th at 1024 texels; a polygon that is no larger than 16 errs by a 2^-32nd
     the rounding of positions       in float32 ROUNDINGS·u of the distances, in float64 2^-40 of them; see below
 
 which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px,

@@ -44,7 +44,7 @@ def sample_textures(band, textures, batch, out_texels):
 
     Parameters
     ----------
-    band : ScannedBand; the records of textured surfaces are exact
+    band : ScannedBand, whose coding is not read; the records of textured surfaces are exact
     textures : Textures
     batch : see fragments.py, float64, for what is computed on the way
     out_texels : (4, n_row * pitch) float64; only the samples of textured surfaces are written

@@ -5,7 +5,7 @@ depends on what its materials need: so there is a face of every kind of material
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -25,26 +25,39 @@ MOST_MESHES = 32
 MOST_KINDS = 16  # of materials, of a mesh and of all views
 SMALL_MAP = 16  # texels
 MOST_FACES = 4  # of a mesh of one material, without polygons
+THIN = 2.0**-4  # of faces: twice the area over the square of the size
 STRETCHED = (0.0, 0.0), (2.0**20, 0.0), (0.0, 2.0**20)  # texture coordinates of corners
 DISTANCE = 5.0  # of the furthest point from a camera that shows the whole scene, half diagonals
+Kind = Callable[[Material], tuple[object, ...]]
 _ATTRIBUTES = "normals", "uv", "colors", "face_colors", "smoothing", "face_material", "polygons"
 
 
-def sample_scene(scene: Scene) -> Scene:
-    """Return a scene of a few faces that is drawn in the same way: meshes of every kind there is, faces of every kind
-    of material."""
+def choose_meshes(scene: Scene, kind: Kind | None = None) -> list[int]:
+    """Return the numbers of meshes of every kind there is, and with every kind of material; see `sample_scene`."""
     met: set[object] = set()
-    meshes: tuple[Mesh, ...] = ()
-    for mesh in scene.meshes:
+    chosen: list[int] = []
+    for k, mesh in enumerate(scene.meshes):
         given = tuple(getattr(mesh, name) is None for name in _ATTRIBUTES)
-        kinds = {(given, mesh.weighting, mesh.crease_angle is None), *map(kind_of, mesh.palette)}
-        if not kinds <= met and len(meshes) < MOST_MESHES:
+        kinds = {(given, mesh.weighting, mesh.crease_angle is None), *map(kind or kind_of, mesh.palette)}
+        if not kinds <= met and len(chosen) < MOST_MESHES:
             met |= kinds
-            meshes = (*meshes, sample_mesh(mesh))
+            chosen.append(k)
+    return chosen
+
+
+def sample_scene(scene: Scene, kind: Kind | None = None) -> Scene:
+    """Return a scene of a few faces that is drawn in the same way: meshes of every kind there is, see `choose_meshes`,
+    faces of every kind of material.
+
+    Parameters
+    ----------
+    kind : tells the kinds of the scene's materials apart; None = `kind_of`
+    """
+    meshes = tuple(sample_mesh(scene.meshes[k], kind) for k in choose_meshes(scene, kind))
     camera = None
     if scene.camera is not None and not scene.camera.is_perspective:
         camera = replace(scene, meshes=meshes, camera=None).camera_for((SIZE, SIZE))
-    lights = tuple(_with_small_map(light) for light in scene.lights)
+    lights = tuple(with_small_map(light) for light in scene.lights)
     return replace(scene, meshes=meshes, camera=camera, lights=lights)
 
 
@@ -62,7 +75,7 @@ def kind_of(material: Material) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _with_small_map(light: Light) -> Light:
+def with_small_map(light: Light) -> Light:
     """Return a light whose shadow map, if it has one, is small: Python draws it."""
     shadow = getattr(light, "shadow", None)
     if not isinstance(shadow, Shadow) or isinstance(light, AmbientLight):
@@ -81,11 +94,12 @@ def _with_small_texture(material: Material) -> Material:
     return replace(material, texture=Texture(chosen[None], texture.filter, texture.wrap))
 
 
-def sample_mesh(mesh: Mesh) -> Mesh:
+def sample_mesh(mesh: Mesh, kind: Kind | None = None) -> Mesh:
     """Return a mesh of a few faces: the first ones with an area, those of a polygon that has several, and the fattest
-    one of each kind of material.
+    one of each kind of material; where that is too thin to be seen, a fatter one in its place.
 
-    If it has a texture, there is a face twice, once with texture coordinates that float32 has no digits for.
+    If it has a texture, there is a face twice, once with texture coordinates that float32 has no digits for. `kind` is
+    that of `sample_scene`.
     """
     fatness = _fatness_of(mesh.vertices, mesh.faces)
     has_area = fatness > 0.0
@@ -95,14 +109,21 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         numbers, counts = np.unique(mesh.polygons, return_counts=True)
         several = np.flatnonzero(np.isin(mesh.polygons, numbers[counts > 1][:1]))
         chosen += several[: MOST_FACES * MOST_FACES].tolist()
-    kinds = [face for face, _ in _faces_of_kinds(mesh, fatness)]
+    kinds = [face for face, _ in _faces_of_kinds(mesh, fatness, kind or kind_of)]
     stretched = [face for face in kinds if _material_of(mesh, face).texture is not None][:1]
     faces = np.array([*np.unique(chosen + kinds), *stretched])
     vertices, inverse = np.unique(mesh.faces[faces], return_inverse=True)
     corners = inverse.reshape(-1, 3).astype(np.uint32)
-    if stretched:  # a face of its own
+    thin = np.searchsorted(faces[: len(faces) - len(stretched)], [k for k in kinds if 0.0 < fatness[k] < THIN])
+    for row in thin.tolist():  # with vertices of its own
+        corners[row] = np.arange(3) + len(vertices)
+        vertices = np.append(vertices, mesh.faces[faces[row]])
+    if stretched:  # with vertices of its own
         corners[-1] = np.arange(3) + len(vertices)
         vertices = np.append(vertices, mesh.faces[stretched])
+    points = mesh.vertices[vertices]
+    for row in thin.tolist():
+        points[corners[row]] = _fattened(points[corners[row]])
     palette = tuple(map(_with_small_texture, mesh.palette))
     changes: dict[str, Any] = {"material": palette[0], "materials": palette if mesh.materials is not None else None}
     for name in _ATTRIBUTES:
@@ -115,7 +136,7 @@ def sample_mesh(mesh: Mesh) -> Mesh:
         uv.reshape(-1, 2)[-3:] = STRETCHED
         if "polygons" in changes:
             changes["polygons"][-1] = changes["polygons"].max() + 1
-    return replace(mesh, vertices=mesh.vertices[vertices], faces=corners, **changes)
+    return replace(mesh, vertices=points, faces=corners, **changes)
 
 
 def _material_of(mesh: Mesh, face: int) -> Material:
@@ -132,7 +153,24 @@ def _fatness_of(vertices: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDA
         return np.linalg.norm(np.cross(*edges / np.where(size > 0.0, size, 1.0)), axis=1)
 
 
-def _faces_of_kinds(mesh: Mesh, fatness: NDArray[np.float64]) -> Iterable[tuple[int, tuple[object, ...]]]:
+def _fattened(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (3, 3) of a face that has an area, and is so thin that a small picture of it may show no
+    sample, one of them moved: to half of the longest edge beside the middle of that, on the same side."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    size = np.abs(edges).max()
+    first = int(np.abs(edges).max(axis=1).argmax())
+    along, normal = edges[first] / size, np.cross(edges[first] / size, edges[first - 2] / size)
+    if not normal.any():  # rounded to nothing
+        return corners
+    across = np.cross(normal / np.abs(normal).max(), along)
+    moved = corners.copy()
+    moved[first - 1] = corners[first] + 0.5 * edges[first] + 0.5 * size * across / np.linalg.norm(across)
+    return moved
+
+
+def _faces_of_kinds(
+    mesh: Mesh, fatness: NDArray[np.float64], kind_of: Kind
+) -> Iterable[tuple[int, tuple[object, ...]]]:
     """Yield the fattest face of each kind of material, and the kind."""
     if mesh.face_material is None:
         yield int(fatness.argmax()), kind_of(mesh.palette[0])
@@ -145,18 +183,19 @@ def _faces_of_kinds(mesh: Mesh, fatness: NDArray[np.float64]) -> Iterable[tuple[
             yield int(np.where(kinds_of_faces == k, fatness, -1.0).argmax()), kind
 
 
-def sample_views(sample: Scene, scene: Scene, camera: Camera | None) -> list[Camera]:
+def sample_views(sample: Scene, scene: Scene, camera: Camera | None, kind: Kind | None = None) -> list[Camera]:
     """Return the views in which a picture of SIZE pixels shows what the kinds of materials need, one a kind.
 
     Each looks at the front of a face, which reaches into most of the picture. The furthest point of the sample is about
-    as far away as that of the whole scene is from the camera, because float32 has digits for a distance or not. Where
-    something is transparent, there is one more view, in which nothing is seen.
+    as far away as that of the whole scene is from the camera, because float32 has digits for a distance or not. In
+    one more view nothing is seen: rows of a picture where nothing is may be finished in a way of their own.
 
     Parameters
     ----------
     sample : what is drawn, of `sample_scene`
     scene : what it is a sample of
     camera : that of the whole scene; None = one that shows all of it
+    kind : tells the kinds of the sample's materials apart; None = `kind_of`
     """
     (low, high), reach = _bounds_of(scene), 0.5 * math.dist(*_bounds_of(sample))
     furthest = 0.5 * DISTANCE * math.dist(low, high)
@@ -166,13 +205,11 @@ def sample_views(sample: Scene, scene: Scene, camera: Camera | None) -> list[Cam
     views: dict[object, Camera] = {}
     for mesh in sample.meshes:
         fatness = _fatness_of(mesh.vertices, mesh.faces)
-        for face, kind in _faces_of_kinds(mesh, fatness):
-            if kind not in views and len(views) < MOST_KINDS and fatness[face] > 0.0:
-                views[kind] = _view_of_face(mesh.vertices[mesh.faces[face]], distance, is_perspective)
+        for face, found_kind in _faces_of_kinds(mesh, fatness, kind or kind_of):
+            if found_kind not in views and len(views) < MOST_KINDS and fatness[face] > 0.0:
+                views[found_kind] = _view_of_face(mesh.vertices[mesh.faces[face]], distance, is_perspective)
     found = list(views.values()) or [sample.camera_for((SIZE, SIZE))]
-    if not all(material.is_opaque for mesh in sample.meshes for material in mesh.palette):
-        found.append(_beside(found[0], distance))
-    return found
+    return [*found, _beside(found[0], distance + reach)]
 
 
 def _bounds_of(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -198,7 +235,8 @@ def _view_of_face(corners: NDArray[np.float64], distance: float, is_perspective:
 
 
 def _beside(camera: Camera, distance: float) -> Camera:
-    """Return a camera that looks in the same direction, far beside what the other one sees."""
+    """Return a camera that looks in the same direction, far beside what the other one sees: `distance` is more than any
+    that it shows."""
     eye, target = np.array(camera.position), np.array(camera.target)
     along = (eye - target) / np.abs(eye - target).max()
     aside = 10.0 * distance * np.cross(along, np.eye(3)[np.abs(along).argmin()])

@@ -6,6 +6,7 @@ import pkgutil
 import re
 
 import pytest
+from helpers.campaign_scenes import make_case
 from helpers.command import errors, one_error
 from helpers.mixed_scenes import mixed
 from helpers.small_scenes import SHADINGS, SIZE
@@ -95,6 +96,22 @@ def test_nothing_is_left_to_compile_for_materials_that_need_different_things(nam
         rz.render(mixed()[name], SIZE, shading=shading, outputs=("color", "depth", "face", "normal"), threads=1)
     missing = {function.__name__ for function, _ in set(needs) - warm}
     assert not missing, f"{sorted(missing)} are compiled at the first picture"
+
+
+def test_nothing_is_left_to_compile_for_scenes_that_nobody_has_chosen(warm):
+    for number in range(150):
+        case = make_case(11, number)
+        size, options = tuple(max(side // 3, 4) for side in case.size), dict(case.options)
+        options["outputs"] = ("color", "depth", "face", "normal") if number % 3 == 0 else ("rgb",)
+        if options["samples"] > 1 and number % 2:
+            options["antialias"] = "shade-once"
+        with kernels.noting_needs() as needs:
+            try:
+                rz.render(case.scene, size, threads=1, **options)
+            except rz.SceneError:
+                continue
+        missing = {function.__name__ for function, _ in set(needs) - warm}
+        assert not missing, f"{case.words}: {sorted(missing)} are compiled at the first picture"
 
 
 def test_no_kernel_of_the_package_is_forgotten(warm):

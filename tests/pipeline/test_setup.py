@@ -11,6 +11,7 @@ from rasterizer.compiler.kernels import kernel
 from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.cull import first_sample
+from rasterizer.pipeline.planes import DEPTH_PLANE_ROUNDING
 from rasterizer.pipeline.small_boxes import MOST_WIDE, NEXT_ROW
 from rasterizer.reference import coverage
 
@@ -156,12 +157,12 @@ def test_planes_of_depth_are_those_of_fractions(seed):
         wide, high = np.ptp(corners[k].astype(object), axis=0)
         if area == 0:
             continue
-        is_sliver = wide * high > s.MAX_ELONGATION * abs(area)
+        za, zb, zc = map(Fraction, z[k])
+        is_sliver = wide * high * rise_of(corners[k], z[k]) > s.MAX_LEVERAGE * abs(area)
         assert bool(block.ints[int(s.IS_SLIVER) + k]) == is_sliver == (not block.ints[int(s.HAS_PLANES) + k])
         if is_sliver:
             continue
         n_plane += 1
-        za, zb, zc = map(Fraction, z[k])
         z_x = 256 * ((zb - za) * (cy - ay) - (zc - za) * (by - ay)) / area
         z_y = 256 * ((zc - za) * (bx - ax) - (zb - za) * (cx - ax)) / area
         x, y = (int(block.ints[int(f) + k]) * 256 + 128 for f in (s.ANCHOR_X, s.ANCHOR_Y))
@@ -172,3 +173,66 @@ def test_planes_of_depth_are_those_of_fractions(seed):
         for number, expected in zip(found, (value, z_x, z_y), strict=True):
             assert abs(number - expected) <= 0.5 + 16 * large * Fraction(2) ** -53
     assert n_plane > 30
+
+
+def rise_of(corners, z):
+    """The larger rise along the two edges that leave the first vertex, the topmost and then leftmost."""
+    first = min(range(3), key=lambda i: (corners[i, 1], corners[i, 0]))
+    return max(abs(z[(first + 1) % 3] - z[first]), abs(z[(first + 2) % 3] - z[first]))
+
+
+def thin_triangles(rng, n, elongation, reach):
+    """Triangles (n, 3, 2) about `reach` px long in a box that is up to `elongation` times as large as they are."""
+    found = []
+    while len(found) < n:
+        along = (256 * reach * rng.uniform(0.2, 1.0, 2)).astype(np.int64)
+        aside = np.array([-along[1], along[0]]) / np.hypot(*along)
+        third = rng.random() * along + aside * (along.prod() / elongation * rng.uniform(0.8, 1.6) / np.hypot(*along))
+        corners = np.array([[0, 0], along, np.rint(third).astype(np.int64)]) * [rng.choice([-1, 1]), 1]
+        corners += rng.integers(0, 256, 2) - corners.min(axis=0)
+        area = abs(int(np.linalg.det((corners[1:] - corners[0]).astype(float))))
+        if area and elongation / 2 < np.ptp(corners, axis=0).astype(float).prod() / area <= elongation:
+            found.append(corners)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("rise", [2.0**38, 2.0**44, 2.0**50])
+def test_planes_of_depth_err_by_no_more_than_is_counted(rise):
+    """Thin triangles, as thin as they may be for what their depth rises by; a corner may lie far before all that is
+    seen. What float64 takes is seen where a plane has its value, that of whole steps at samples."""
+    rng, at_anchor, beside, n_plane, n_sliver = np.random.default_rng(int(np.log2(rise))), 0.0, 0.0, 0, 0
+    for _ in range(30):
+        elongation = min(s.MAX_LEVERAGE / rise, s.MAX_ELONGATION) * 2.0 ** rng.integers(-1, 2)
+        corners = thin_triangles(rng, s.BLOCK, elongation, 2.0 ** rng.integers(10, 19))
+        z = np.clip(rng.uniform(-0.5, 1.5, (s.BLOCK, 3)), 2.0**-15, 1.0 - 2.0**-15) * 2.0**38
+        z[np.arange(s.BLOCK), rng.integers(0, 3, s.BLOCK)] -= rise if rise > 2.0**38 else 0.0
+        block, _ = block_of(corners, z, np.zeros((s.BLOCK, 3, 0)))
+        for k in range(s.BLOCK):
+            if block.ints[int(s.IS_SLIVER) + k]:
+                n_sliver += 1
+                continue
+            n_plane += 1
+            errors = plane_errors(block, k, corners[k], z[k], rng)
+            at_anchor, beside = max(at_anchor, errors[0]), max(beside, errors[1])
+    assert n_plane > 300 and n_sliver > 50, (n_plane, n_sliver)
+    assert max(at_anchor, beside) <= DEPTH_PLANE_ROUNDING, f"{at_anchor}, {beside} > {DEPTH_PLANE_ROUNDING} units"
+    assert at_anchor > 0.04 * DEPTH_PLANE_ROUNDING, f"{at_anchor}: more than 25 times as much is counted"
+
+
+def plane_errors(block, k, corners, z, rng):
+    """How far the plane of triangle k is off where it has its value, and at samples next to it, there beside half a
+    unit a step; z-buffer units."""
+    (ax, ay), (bx, by), (cx, cy) = ([int(v) for v in corner] for corner in corners)
+    area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+    za, zb, zc = map(Fraction, z)
+    z_x = ((zb - za) * (cy - ay) - (zc - za) * (by - ay)) / area
+    z_y = ((zc - za) * (bx - ax) - (zb - za) * (cx - ax)) / area
+    left, top = (int(block.ints[int(f) + k]) for f in (s.ANCHOR_X, s.ANCHOR_Y))
+    value, dx, dy = (int(block.longs[int(f) + k]) for f in (s.PLANE_Z, s.PLANE_Z_DX, s.PLANE_Z_DY))
+    errors = []
+    for x, y in [(left, top), *(rng.dirichlet((1, 1, 1), 6) @ corners // 256).astype(int).tolist()]:
+        exact = za + z_x * (256 * x + 128 - ax) + z_y * (256 * y + 128 - ay)
+        if x >= left and y >= top:
+            off = abs(value + dx * (x - left) + dy * (y - top) - exact) - Fraction(x - left + y - top, 2)
+            errors.append(float(off))
+    return errors[0], max(errors)

@@ -86,6 +86,7 @@ IN_FUNCTIONS = {
     ("renderer", "io.row_files"): "only pictures that are written while they are drawn need it",
     ("renderer", "logging"): "only where kernels are compiled",
     ("renderer", "scene.sample"): "as logging",
+    ("renderer", "engine.given_plan"): "as logging",
     ("scene.color", "PIL"): "heavy: only colours written as text need it",
     ("scene.texture", "PIL"): "heavy: only pictures that are read need it",
     ("scene.texture", "logging"): "as PIL, which imports it",

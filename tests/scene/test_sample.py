@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.campaign_scenes import make_case
 from helpers.mixed_scenes import mixed
 from helpers.small_scenes import SHADINGS, checks, cube, drawn, floor, scene_of
 
@@ -65,6 +66,51 @@ def test_materials_that_need_different_things_are_all_seen(name, shading):
     assert missing(mixed()[name], shading=shading) <= CLIPPING
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_whatever_a_picture_needs_is_listed_before_it_is_drawn(seed):
+    """Scenes that nobody has chosen: lights that don't reach the sample, surfaces too thin to be seen, what only a view
+    of the whole scene tells, such as that float32 has too few digits for it."""
+    for number in range(12):
+        case = make_case(seed, number)
+        size, options = tuple(max(side // 3, 4) for side in case.size), dict(case.options)
+        options["outputs"] = ("color", "depth", "face", "normal") if number % 3 == 0 else ("rgb",)
+        if options["samples"] > 1 and number % 2:
+            options["antialias"] = "shade-once"
+        try:
+            needed = needs_of(case.scene, size, **options)
+        except rz.SceneError:
+            continue
+        listed = rz.Renderer(case.scene, size, threads=1, **options)._list_needs(case.scene.camera)
+        names = {function.__name__ for function, _ in needed - set(listed)} - CLIPPING
+        assert not names, f"{case.words}: {sorted(names)} are compiled when they are met"
+
+
+def test_lights_and_casters_that_the_sample_does_not_show_are_known():
+    """A lamp beside the first faces, a lamp for a mesh that is left out, and a map that looks at some casters only."""
+    strip = np.array([[x, y, 0.0] for x in range(40) for y in (0, 1)])
+    faces = np.array([[k, k + 1, k + 2] for k in range(78)])
+    lamp = rz.PointLight((38.5, 0.5, 1.0), range=2.0)
+    spot = rz.SpotLight((20.0, 0.5, 3.0), (0, 0, -1), outer=20, falloff=2.0, range=5.0, shadow=rz.Shadow(2048))
+    camera = rz.Camera.perspective((20, 0.5, 30), (20, 0.5, 0))
+    scene = rz.Scene(rz.Mesh(strip, faces), [lamp, spot], camera)
+    for shading in ("gouraud", "phong"):
+        listed = set(rz.Renderer(scene, 24, shading=shading, threads=1)._list_needs(camera))
+        assert {"point", "shaped_spot", "occlude", "list_seen"} <= {function.__name__ for function, _ in listed}
+        before = set(rz.Renderer(scene, 24, shading=shading, threads=1)._list_needs(camera, is_prepared=False))
+        assert {"point", "shaped_spot"} <= {function.__name__ for function, _ in before}
+
+
+def test_faces_that_are_too_thin_to_be_seen_become_fatter():
+    thin = np.array([[0, 0, 0], [1, 0, 0], [0.3, 2.0**-40, 0], [0, 5, 0], [1, 5, 0], [0, 6, 0]]) * 1e-12
+    mesh = rz.Mesh(
+        thin, [[0, 1, 2], [3, 4, 5]], materials=[cube().material, cube(opacity=0.5).material], face_material=[0, 1]
+    )
+    scene = rz.Scene(mesh)
+    views = sample_views(sample_scene(scene), scene, None)
+    seen = [rz.render(replace(sample_scene(scene), camera=view), SIZE, outputs="face").face.max() for view in views]
+    assert len(views) == 3 and min(seen[:2]) >= 0 > seen[2]
+
+
 @pytest.mark.parametrize("cull", ["none", "back"])
 @pytest.mark.parametrize("is_near", [False, True])
 def test_what_dense_scenes_skip_triangles_with_is_needed_by_their_samples(monkeypatch, cull, is_near):
@@ -84,16 +130,18 @@ def test_faces_are_seen_however_small_they_are_or_wherever_they_look():
     small = replace(small, vertices=1e-4 * small.vertices[:, [1, 0, 2]] + (0, 3, 0))  # inside out
     far = replace(far, vertices=far.vertices * (1, 1, 1e-5) + (50, 0, 0))
     scene = rz.Scene([cube(), small, far])
-    views = sample_views(sample_scene(scene), scene, None)
-    assert len(views) == 3
-    with rz.Renderer(scene, SIZE, cull="back", outputs=("face",), threads=1) as renderer:
-        faces = [np.unique(renderer.render(view).face).tolist() for view in views]
+    sample = sample_scene(scene)
+    views, ends = sample_views(sample, scene, None), np.cumsum([0, *(mesh.n_face for mesh in sample.meshes)])
+    assert len(views) == 4 and len(sample.meshes) == 3
+    with rz.Renderer(sample, SIZE, cull="back", outputs=("face",), threads=1) as renderer:
+        faces = [np.unique(renderer.render(view).face).tolist() for view in views[:3]]
     for mesh, found in enumerate(faces):
-        assert any(12 * mesh <= face < 12 * (mesh + 1) for face in found), f"mesh {mesh}: {found}"
+        assert any(ends[mesh] <= face < ends[mesh + 1] for face in found), f"mesh {mesh}: {found}"
 
 
-def test_a_view_in_which_nothing_is_seen_belongs_to_what_is_transparent():
-    scene = scene_of(cube(opacity=0.5))
+@pytest.mark.parametrize("opacity", [0.5, 1.0])
+def test_in_the_last_view_nothing_is_seen(opacity):
+    scene = scene_of(cube(opacity=opacity))
     *views, last = sample_views(scene, scene, scene.camera)
     assert len(views) == 1
     assert rz.render(replace(scene, camera=last), SIZE, threads=1).alpha.max() == 0.0
