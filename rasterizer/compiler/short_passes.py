@@ -140,7 +140,7 @@ class ShortLower(lowering.Lower):
         kind, kinds, context = self.typeof(array.name), self.typeof(index.name), self.context
         is_several = isinstance(kinds, types.BaseTuple)
         kinds = tuple(kinds) if is_several else (kinds,)
-        if not isinstance(kind, types.Array) or kind != signature.args[0] or kind.layout != "C":
+        if not isinstance(kind, types.Array) or kind.ndim == 0 or kind != signature.args[0] or kind.layout != "C":
             return None
         if context.enable_boundscheck or len(kinds) != kind.ndim or not all(map(_is_counted_from_start, kinds)):
             return None

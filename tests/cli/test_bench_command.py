@@ -132,7 +132,11 @@ def test_a_model_that_fails_does_not_stop_the_rest(capsys):
     assert run("nope.obj", CUBE, *few) == 1
     out, err = capsys.readouterr()
     assert "nope.obj: no such file" in err and out.startswith(f"{CUBE}: 12 triangles")
-    assert run(CUBE, CUBE, "--plot", "same.svg", *few) == 2
+
+
+def test_two_plots_of_one_name_are_refused(capsys):
+    pytest.importorskip("matplotlib")
+    assert run(CUBE, CUBE, "--plot", "same.svg") == 2
     assert "both be written" in capsys.readouterr().err
 
 
