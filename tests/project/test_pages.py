@@ -28,6 +28,7 @@ from bench import (
     scale,
     speed_vs_error,
     startup,
+    tables,
 )
 
 PICTURES = ROOT / "models" / "pictures"
@@ -43,6 +44,7 @@ SCRIPT_MODULES = (
     scale,
     speed_vs_error,
     startup,
+    tables,
     fuzz,
     hard_cases,
     history,
