@@ -138,6 +138,9 @@ class Kernel:
         """Return the entry point for a signature; None where numba calls the kernel from now on."""
         if signature not in self._loaded:
             loaded = load(self.py_func, signature) if STORE.is_used else None
+            if signature in self._loaded or self._by_numba is not None:
+                # Who lists what is to be compiled ahead may have called this kernel. What it got stays: it is in use.
+                return self._loaded.get(signature, (None,))[0]
             if loaded is None:
                 self._by_numba = _internals().compile_by_numba(self.py_func)
                 return None
@@ -381,7 +384,8 @@ def batch_function(function: Callable, dtype) -> BatchFunction | PlainBatchFunct
     if key not in _batch_functions:
         with _turn:  # two threads must get the same one: what is not kept is taken out of memory
             if key not in _batch_functions:
-                _batch_functions[key] = kind(function, np.dtype(dtype))
+                made = kind(function, np.dtype(dtype))
+                _batch_functions.setdefault(key, made)  # who lists what is to be compiled ahead may have needed it, too
     return _batch_functions[key]
 
 

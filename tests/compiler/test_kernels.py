@@ -15,6 +15,8 @@ from helpers.stores import LIGHT, TINY, EntryPoint, Pair, run, split_file
 from rasterizer.cli.messages import NORMAL, QUIET, VERBOSE, Messages, compilation_shown
 from rasterizer.compiler import internals, kernels, store
 from rasterizer.compiler.store import Store
+from rasterizer.geometry import creases
+from rasterizer.pipeline.reflection import lambert
 
 DAY = 24 * 3600
 COMPILED = "import sys; print('numba' in sys.modules)"
@@ -534,3 +536,36 @@ def test_entry_points_of_one_signature_are_shared():
         assert kernel(np.arange(5).astype(code)) == 5.0
     assert len(kernel._loaded) == 1 and 1 <= len(kernel._entries) <= 2
     assert EntryPoint(halves, (np.arange(5.0),))(np.arange(5.0)) == 5.0 and sys.modules["numba"]
+
+
+def test_a_kernel_that_is_needed_while_its_needs_are_listed_stays_in_memory(own_store, monkeypatch):
+    """What lists the needs calls the same kernel, which is loaded by then; the caller gets that one, and no other."""
+    made = []
+    load = kernels.LoadedCode
+    monkeypatch.setattr(kernels, "LoadedCode", lambda *given: made.append(load(*given)) or made[-1])
+    corners = np.array([2, 0, 2, 1], np.uint32)
+
+    def call():
+        return list_corners(corners, np.zeros(5, np.uint32), np.zeros(4, np.uint32))
+
+    list_corners = kernels.Kernel(creases.list_corners.py_func)
+    with kernels.compiling_ahead(lambda: {} if call() else {}):
+        assert call() == 2
+    kept = [loaded for _, loaded in list_corners._loaded.values()]
+    (entry_point, _), *_ = list_corners._loaded.values()
+    assert kept == [made[0]] and all(entry is entry_point for entry, _ in list_corners._entries)
+    assert [call() for _ in range(9)] == [2] * 9
+
+
+def test_a_batch_function_that_is_needed_while_its_needs_are_listed_stays_in_memory(own_store, monkeypatch):
+    """As a kernel: both ask for one function, and its address is that of code in memory."""
+    monkeypatch.setattr(kernels, "_batch_functions", {})
+    inner = []
+
+    def list_needs():
+        inner.append(kernels.batch_function(lambert, np.float64))
+        return {}
+
+    with kernels.compiling_ahead(list_needs):
+        outer = kernels.batch_function(lambert, np.float64)
+    assert inner == [outer] and inner[0].address == outer.address
