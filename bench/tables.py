@@ -121,16 +121,6 @@ def slopes(rows) -> list[str]:
     return lines_of(["", "theory", *surfaces], found)
 
 
-def best_meshes(rows) -> list[str]:
-    """What is best: of each surface the methods that nothing beats in time and error."""
-    found = [
-        [row["surface"], NAMES[row["shading"]], str(row["triangles"]), f"{row['ms']:.2f}", f"{row['rms']:.1e}"]
-        for row in sorted(rows, key=lambda row: (row["surface"], row["ms"]))
-        if row["is_best"] and row["rms"] > 1e-6
-    ]
-    return lines_of(["surface", "shading", "triangles", "ms", "rms error"], found)
-
-
 def hard_cases(rows) -> list[str]:
     """The hard cases, why each is right, its error and its bound."""
     found = [
@@ -159,7 +149,7 @@ def specks(rows) -> list[str]:
                     [[name, *(ratio.get((name, each), "") for each in SHADINGS[1:])] for name in names])  # fmt: skip
 
 
-TABLES = {"slopes": slopes, "best meshes": best_meshes, "hard cases": hard_cases, "peers": peers, "specks": specks}
+TABLES = {"slopes": slopes, "hard cases": hard_cases, "peers": peers, "specks": specks}
 
 if __name__ == "__main__":
     sys.path.insert(0, str(FOLDER.parent))  # a checkout need not be installed

@@ -104,14 +104,15 @@ class Kernel:
         """Call the kernel with arguments of a kind that was not met before, or not as the last one."""
         arguments = plain(arguments)
         signature, table = signature_of(arguments), Table(arguments)
+        kind = signature, table.numbers
         with _turn:
-            entry, _ = self._known.get((signature, table.numbers), (None, None))
-            if entry is None and self._by_numba is None:
+            if kind not in self._known and self._by_numba is None:
                 entry_point = self._find_entry_point(signature)
-                if entry_point is not None:
-                    entry = entry_point, table.address
-                    self._known[signature, table.numbers] = entry, table
-                    self._entries.append(entry)
+                # Who lists what is to be compiled ahead may have called this kernel meanwhile: what it got is in use.
+                if entry_point is not None and kind not in self._known:
+                    self._known[kind] = (entry_point, table.address), table
+                    self._entries.append(self._known[kind][0])
+            entry, _ = self._known.get(kind, (None, None))
         result = entry[0](arguments, entry[1]) if entry else NotImplemented
         if result is not NotImplemented:
             return result
@@ -139,7 +140,7 @@ class Kernel:
         if signature not in self._loaded:
             loaded = load(self.py_func, signature) if STORE.is_used else None
             if signature in self._loaded or self._by_numba is not None:
-                # Who lists what is to be compiled ahead may have called this kernel. What it got stays: it is in use.
+                # Likewise, it may be loaded by now.
                 return self._loaded.get(signature, (None,))[0]
             if loaded is None:
                 self._by_numba = _internals().compile_by_numba(self.py_func)

@@ -554,6 +554,8 @@ def test_a_kernel_that_is_needed_while_its_needs_are_listed_stays_in_memory(own_
     kept = [loaded for _, loaded in list_corners._loaded.values()]
     (entry_point, _), *_ = list_corners._loaded.values()
     assert kept == [made[0]] and all(entry is entry_point for entry, _ in list_corners._entries)
+    tables = {table.address for _, table in list_corners._known.values()}
+    assert {address for _, address in list_corners._entries} == tables, "as the tables that entry points read"
     assert [call() for _ in range(9)] == [2] * 9
 
 
