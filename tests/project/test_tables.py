@@ -46,17 +46,11 @@ def test_what_is_kept_comes_into_the_page(own_folder, monkeypatch, capsys):
 
 
 def test_tables_of_rows():
-    row = {"triangles": 8, "rms": 0.1, "slope": 1.5, "silhouette_slope": 2.0, "ms": 1.0}
+    row = {"triangles": 8, "rms": 0.1, "slope": 1.5, "silhouette_slope": 2.0}
     rows = [
-        row | {"surface": surface, "shading": shading, "is_best": shading == "phong"}
-        for surface in ("sphere", "torus")
-        for shading in tables.SHADINGS
+        row | {"surface": surface, "shading": shading} for surface in ("sphere", "torus") for shading in tables.SHADINGS
     ]
     assert tables.slopes(rows)[2] == "| flat | 1 | 1.50 | 1.50 |"
-    assert tables.best_meshes(rows)[2:] == [
-        "| sphere | Phong | 8 | 1.00 | 1.0e-01 |",
-        "| torus | Phong | 8 | 1.00 | 1.0e-01 |",
-    ]
     peer = {
         "case": "c",
         "triangles": 69451,
