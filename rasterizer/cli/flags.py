@@ -111,7 +111,7 @@ def _add_measured(group) -> None:
     add(
         "--flip", dest="with_flip", action="store_true", help="also FLIP, 0 to 1 (needs flip-evaluator; a second a row)"
     )
-    add("--seconds", type=values.number, default=60.0, metavar="N", help="time limit (default 60); compiling is extra")
+    add("--seconds", type=values.number, default=50.0, metavar="N", help="time limit (default 50); compiling is extra")
 
 
 def _add_warmup(parser) -> None:
