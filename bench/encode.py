@@ -18,6 +18,7 @@ from PIL import Image
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 from bench import measure, scenes
 from rasterizer import Options, render
+from rasterizer.analysis.timing import take_turns
 from rasterizer.io.png import encode_png
 from rasterizer.pipeline.threads import Workers
 
@@ -60,6 +61,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--threads", nargs="+", type=int, default=sorted({1, Options().n_thread}))
     parser.add_argument("--rounds", type=int, default=15, help="most files of each row (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=2.0, help="time limit of a picture (default: %(default)s)")
+    measure.add_output(parser)
     return parser
 
 
@@ -76,7 +78,7 @@ def measure_writers(pixels: np.ndarray, workers: Workers, args) -> list[dict]:
     calls = {f"own {n}T": lambda each=each: encode_png(pixels, each) for n, each in maps.items()}
     calls |= {f"Pillow {level}": lambda level=level: pillow_png(pixels, level) for level in args.levels}
     sizes = {name: len(call()) for name, call in calls.items()}
-    turns = measure.take_turns(calls, args.seconds, args.rounds)
+    turns = take_turns(calls, args.seconds, args.rounds)
     whole = len(pillow_png(pixels, DEFAULT_LEVEL))
     return [{"writer": name, "ms": float(np.median(times)), "kib": sizes[name] / 1024, "share": sizes[name] / whole}
             for name, (times, _) in turns.items()]  # fmt: skip

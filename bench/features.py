@@ -19,6 +19,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
+from rasterizer.analysis.plotting import BLUE, ORANGE, check_plotting, figure_bytes
+from rasterizer.analysis.timing import take_turns
 
 LOOK = rz.Material(diffuse=0.6, specular=0.3, shininess=32)
 SUN = rz.DirectionalLight((-0.3, -0.2, -1.0), 0.5)
@@ -89,16 +91,23 @@ def list_features() -> dict:
 
 def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
+    args = make_parser().parse_args(argv)
+    machine = measure.Machine()
+    rows = [*measure_features(args), *measure_maps(args), *measure_buffers(args)]
+    measure.write_plot(args.plot, plot, rows)
+    measure.print_json("features", machine, args, rows)
+    return 0
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Describe the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--model", default="dense-torus", help="whose shadow maps are drawn (default: %(default)s)")
     parser.add_argument("--size", default="1080p")
     parser.add_argument("--seconds", type=float, default=20.0, help="time limit of each table (default: %(default)s)")
     parser.add_argument("--frames", type=int, default=25)
-    args = parser.parse_args(argv)
-    machine = measure.Machine()
-    rows = [*measure_features(args), *measure_maps(args), *measure_buffers(args)]
-    measure.print_json("features", machine, args, rows)
-    return 0
+    measure.add_output(parser, "what a pixel pays for each thing")
+    return parser
 
 
 def measure_features(args):
@@ -111,11 +120,11 @@ def measure_features(args):
         calls, dtypes, features = {}, {}, list_features()
         for name, (scene, options, _) in features.items():
             renderer = stack.enter_context(
-                rz.Renderer(scene, size, shading="phong", outputs=("rgb",), threads=1, **options)
+                rz.Renderer(scene, size, shading="phong", outputs=("rgb",), threads=1, **{"samples": 1} | options)
             )
             renderer.render()
             calls[name], dtypes[name] = renderer.render, renderer.plan.dtype
-        turns = measure.take_turns(calls, args.seconds, args.frames)
+        turns = take_turns(calls, args.seconds, args.frames)
     median = {name: float(np.median(times)) for name, (times, _) in turns.items()}
     for name, (_, _, count) in features.items():
         more = 1e6 * (median[name] - median["plain"]) / count / (size[0] * size[1])
@@ -139,11 +148,11 @@ def measure_maps(args):
             calls = {}
             for n_thread in (1, 2):
                 renderer = stack.enter_context(
-                    rz.Renderer(rz.Scene(meshes, [light]), size, outputs=("rgb",), threads=n_thread)
+                    rz.Renderer(rz.Scene(meshes, [light]), size, outputs=("rgb",), threads=n_thread, samples=1)
                 )
                 renderer.render()
                 calls[n_thread] = renderer.render
-            turns = measure.take_turns(calls, args.seconds / 4, args.frames)
+            turns = take_turns(calls, args.seconds / 4, args.frames)
         ms = {n: float(np.median([stats.milliseconds["shadows"] for stats in turns[n][1]])) for n in calls}
         row = {"light": name, "triangles": sum(mesh.n_face for mesh in meshes), "texels": light.shadow.size}
         row |= {"ms_1": ms[1], "ms_2": ms[2]}
@@ -165,9 +174,9 @@ def measure_buffers(args):
                 calls = {}
                 for what, (shading, outputs) in BUFFERS.items():
                     options = {"shading": shading, "outputs": outputs, "cull": cull, "threads": n_thread}
-                    calls[what] = stack.enter_context(rz.Renderer(scene, size, **options)).render
+                    calls[what] = stack.enter_context(rz.Renderer(scene, size, **{"samples": 1} | options)).render
                     calls[what]()
-                turns = measure.take_turns(calls, args.seconds / 4, args.frames)
+                turns = take_turns(calls, args.seconds / 4, args.frames)
             median[n_thread] = {what: float(np.median(times)) for what, (times, _) in turns.items()}
         for what in BUFFERS:
             row = {"scene": Path(name).stem, "outputs": what}
@@ -175,6 +184,26 @@ def measure_buffers(args):
                 row |= {f"ms_{n}": ms[what], f"ratio_{n}": ms[what] / ms["Gouraud"]}
             table.print(row)
             yield row
+
+
+def plot(rows, suffix) -> bytes:
+    """Plot a bar for each thing: nanoseconds a pixel that it adds to the plain picture."""
+    check_plotting()
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    rows = [row for row in rows if row.get("ns_more") is not None]
+    rows = sorted(rows, key=lambda row: row["ns_more"])
+    figure = Figure(figsize=(7.5, 0.27 * len(rows) + 1.0), layout="constrained")
+    axes = figure.add_subplot()
+    colors = [BLUE if row["dtype"] == "float32" else ORANGE for row in rows]
+    bars = axes.barh([row["feature"] for row in rows], [row["ns_more"] for row in rows], color=colors)
+    axes.bar_label(bars, fmt="%.1f", padding=3, fontsize=8)
+    axes.set_xlabel("nanoseconds a pixel, more than the plain picture; for each thing added")
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.margins(x=0.1, y=0.01)
+    axes.legend(handles=[Patch(color=BLUE, label="float32"), Patch(color=ORANGE, label="float64")], loc="lower right")
+    return figure_bytes(figure, suffix)
 
 
 if __name__ == "__main__":

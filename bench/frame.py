@@ -22,6 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 from bench import measure, scenes
 from rasterizer import Renderer
+from rasterizer.analysis.timing import take_turns
 from rasterizer.options import SHADINGS, Options
 
 CASES = (*scenes.MODEL_NAMES, "dense", "quads-front", "quads-back")
@@ -59,6 +60,7 @@ def make_parser() -> argparse.ArgumentParser:
     instead.add_argument("--cold", action="store_true", help="start-up and compiling; first case and size")
     instead.add_argument("--memory", action="store_true", help="peak memory of each row")
     instead.add_argument("--huge", action="store_true", help="ten million triangles at 1080p, with peak memory")
+    measure.add_output(parser)
     return parser
 
 
@@ -108,7 +110,7 @@ def measure_frame(scene, size, shading, args) -> dict:
         del frame
         for n_thread in args.threads[1:]:
             calls[n_thread]()
-        turns = measure.take_turns(calls, args.seconds, args.frames)
+        turns = take_turns(calls, args.seconds, args.frames)
     median = {name: float(np.median(times)) for name, (times, _) in turns.items()}
     one, all_ = median[args.threads[0]], median[args.threads[-1]]
     stages = {n: median_stages(turns[n][1]) for n in args.threads}

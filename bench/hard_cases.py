@@ -3,10 +3,10 @@
     python bench/hard_cases.py                       all of them: a minute or two
     python bench/hard_cases.py --small               small versions, as the tests draw them
     python bench/hard_cases.py --only perspective 10 --save pictures
-    python bench/hard_cases.py --markdown            the table of bench/README.md
 
 Each case is drawn with the default tolerance, with tolerance 0 and, but where that would take minutes, by the float64
-reference. The scenes are in hard_scenes.py. The exit code is 1 where anything is wrong. The last line is JSON.
+reference. The scenes are in hard_scenes.py and hard_limits.py. The exit code is 1 where anything is wrong. The last
+line is JSON.
 """
 
 import argparse
@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
-from bench import hard_scenes, margins, measure
-from rasterizer import Renderer, reference
+from bench import hard_limits, margins, measure
+from bench.hard_scenes import Refused
+from rasterizer import RasterizerError, Renderer, reference
 
 EXACT = 1e-6  # of full scale: what tolerance 0 promises
 STORED = 2.0**-23  # relative, of an intensity that is kept as float32
@@ -34,20 +35,16 @@ COLUMNS = [
 def main(argv=None) -> int:
     """Run the script; the arguments are those of the command line."""
     args = make_parser().parse_args(argv)
-    machine, rows = measure.Machine(), []
-    table = None if args.markdown else measure.Table(COLUMNS)
-    for case in hard_scenes.CASES:
+    machine, table, rows = measure.Machine(), measure.Table(COLUMNS), []
+    for case in hard_limits.CASES:
         if args.only and not any(word in case.name for word in args.only):
             continue
         row, frame = measure_case(case, args.small)
         rows.append(row)
-        if table:
-            table.print(row)
-        if args.save and case.is_shown:
+        table.print(row)
+        if args.save and case.is_shown and frame is not None:
             Path(args.save).mkdir(exist_ok=True)
             frame.save(Path(args.save) / f"{slug(case.name)}.png")
-    if args.markdown:
-        print(markdown(rows))
     measure.print_json("hard_cases", machine, args, rows)
     return int(any(row["faults"] for row in rows))
 
@@ -58,13 +55,15 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--small", action="store_true", help="small versions of the large ones")
     parser.add_argument("--only", nargs="+", metavar="WORD", help="cases whose names have one of these words")
     parser.add_argument("--save", metavar="FOLDER", help="where pictures are written of what can be seen")
-    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown, with the reasons")
+    measure.add_output(parser)
     return parser
 
 
 def measure_case(case, is_small) -> tuple[dict, object]:
-    """Draw a case and compare it; return its row, and the frame."""
+    """Draw a case and compare it; return its row, and the frame; None where it is refused."""
     made = case.make(is_small)
+    if isinstance(made, Refused):
+        return refuse(case, made), None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         frame, exact = (draw(made, **tolerance) for tolerance in ({}, {"tolerance": 0.0}))
@@ -82,10 +81,23 @@ def measure_case(case, is_small) -> tuple[dict, object]:
     return row, frame
 
 
+def refuse(case, made) -> dict:
+    """Try what must be refused; return the row."""
+    faults = []
+    for name, call in made.calls.items():
+        try:
+            call()
+        except RasterizerError:
+            continue
+        faults.append(f"{name} are not refused")
+    return {"case": case.name, "why": case.why, "seen": 0, "bound": None, "steps": [], "faults": faults,
+            "result": "; ".join(faults) or "refused"}  # fmt: skip
+
+
 def draw(made, **options):
     """Draw a scene with all that is compared."""
     settings = {"shading": "gouraud", "outputs": ("color", "depth", "face")} | made.options | options
-    with Renderer(made.scene, made.size, **settings) as renderer:
+    with Renderer(made.scene, made.size, **{"samples": 1} | settings) as renderer:
         return renderer.render()
 
 
@@ -125,15 +137,6 @@ def compare(made, frame, exact, faults, is_limit=False) -> dict:
 def slug(name) -> str:
     """A name as that of a file."""
     return "-".join("".join(c if c.isalnum() else " " for c in name).split())
-
-
-def markdown(rows) -> str:
-    """The table of the README."""
-    lines = ["| case | what happens, and why that is right | error | bound |", "| --- | --- | --- | --- |"]
-    for row in rows:
-        error = "" if row.get("error") is None else f"{row['error']:.1e}"
-        lines.append(f"| {row['case']} | {row['why']} | {error} | {row['bound']:.1e} |")
-    return "\n".join(lines)
 
 
 if __name__ == "__main__":

@@ -25,12 +25,18 @@ class Scene(NamedTuple):
     expect: Callable | None = None  # function from the Frame to None, or to what is wrong with it
 
 
+class Refused(NamedTuple):
+    """What a case does that is refused."""
+
+    calls: dict[str, Callable]  # by name; each raises a RasterizerError
+
+
 class Case(NamedTuple):
     """A hard case."""
 
     name: str
     why: str  # what happens, and why that is right
-    make: Callable  # function from `is_small` to a Scene
+    make: Callable  # function from `is_small` to a Scene, or to a Refused
     is_shown: bool = True  # whether its picture shows anything
 
 
@@ -262,7 +268,8 @@ def vanishing_normals(_):
 
 
 @case(
-    "normals of length 0", "A limit: where a mesh says that a vertex has none, no light reaches it but ambient light."
+    "normals of length 0",
+    "A vertex that is said to have none gets the normal of its faces, as where no normals are given.",
 )
 def zero_normals(_):
     mesh = ball(8)

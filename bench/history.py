@@ -22,6 +22,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 from bench import measure, scenes
 from rasterizer import Renderer
+from rasterizer.analysis.plotting import check_plotting, figure_bytes
+from rasterizer.analysis.timing import take_turns
 
 HISTORY = Path(__file__).with_name("history.jsonl")
 SLOWER = 1.08  # ratios of one version differ by less on an idle machine
@@ -56,8 +58,7 @@ def main(argv=None) -> int:
         lines.append(make_line(machine.finish(), ratios, args.note))
         with path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(lines[-1]) + "\n")
-    if args.plot:
-        Path(args.plot).write_bytes(plot(lines, Path(args.plot).suffix))
+    measure.write_plot(args.plot, plot, lines)
     if not lines:
         print(f"{path} has no lines yet; --add measures")
         return 0
@@ -73,7 +74,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--add", action="store_true", help="measure, and add a line")
     parser.add_argument("--note", default="", metavar="TEXT", help="what is said of the new line")
     parser.add_argument("--file", default=HISTORY, help="default: %(default)s")
-    parser.add_argument("--plot", metavar="FILE", help="draw all lines (matplotlib)")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw all lines (matplotlib)")
     parser.add_argument(
         "--cases", nargs="+", default=list(CASES), choices=list(CASES), metavar="CASE", help="some cases alone"
     )
@@ -96,10 +97,12 @@ def measure_cases(args) -> dict[str, float]:
             scene, size, options = CASES[name]
             channels = "own" if scene in ("globe", "still_life") else "mono"
             settings = {"outputs": ("rgb",), "threads": 1} | options
-            renderer = stack.enter_context(Renderer(scenes.build(scene, size, "one", channels), size, **settings))
+            renderer = stack.enter_context(
+                Renderer(scenes.build(scene, size, "one", channels), size, **{"samples": 1} | settings)
+            )
             renderer.render()  # compiles and allocates
             calls[name] = renderer.render
-        turns = measure.take_turns(calls, args.seconds, args.frames)
+        turns = take_turns(calls, args.seconds, args.frames)
     yard = turns["yardstick"][0]
     return {name: round(float(np.median(turns[name][0] / yard)), 4) for name in args.cases}
 
@@ -145,8 +148,7 @@ def report(lines) -> list[tuple[str, float]]:
 
 def plot(lines, suffix) -> bytes:
     """Plot each case over the lines that can be compared, as multiples of its first."""
-    import io
-
+    check_plotting()
     from matplotlib.figure import Figure
 
     same = comparable(lines)
@@ -162,9 +164,7 @@ def plot(lines, suffix) -> bytes:
     axes.set_ylim(bottom=0.0)
     axes.grid(alpha=0.25)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
-    written = io.BytesIO()
-    figure.savefig(written, format=suffix.lstrip("."), dpi=110)
-    return written.getvalue()
+    return figure_bytes(figure, suffix)
 
 
 if __name__ == "__main__":

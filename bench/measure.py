@@ -1,5 +1,7 @@
 """How the scripts here measure: in turns, with the median, beside a yardstick, on a machine they describe."""
 
+import argparse
+import io
 import json
 import os
 import subprocess
@@ -7,11 +9,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
-from rasterizer.analysis.timing import LEAST_ROUNDS as LEAST_ROUNDS
 from rasterizer.analysis.timing import describe_machine
-from rasterizer.analysis.timing import take_turns as take_turns
 
 try:
     import resource
@@ -121,13 +122,55 @@ class Table:
         print("  ".join(cells), flush=True)
 
 
+def add_output(parser: argparse.ArgumentParser, plot: str = "") -> None:
+    """Put on a command line where results are kept, and where a plot is written of what `plot` says."""
+    parser.add_argument("--json", type=Path, metavar="FILE", help="keep the results, as those in bench/results/")
+    if plot:
+        parser.add_argument("--plot", type=Path, metavar="FILE", help=f"draw {plot} (matplotlib)")
+
+
 def print_json(bench: str, machine: Machine, args, rows: list) -> None:
-    """Print everything once more as one line of JSON, the last line of the output."""
+    """Print everything once more as one line of JSON, the last line of the output; keep it where --json says."""
+    settings = {name: value for name, value in vars(args).items() if name not in ("json", "plot")}
     record = {
         "bench": bench,
         "machine": machine.finish(),
-        "settings": vars(args),
+        "settings": settings,
         "rows": rows,
         "peak_mib": peak_mib(),
     }
-    print(json.dumps(record, default=str))
+    text = json.dumps(record, default=str)
+    print(text)
+    if getattr(args, "json", None):
+        keep(json.loads(text), args.json)
+
+
+def keep(record: dict, path: Path) -> None:
+    """Write a record into a file, a row a line; files are named without their folders."""
+    record = without_folders(record)
+    rows = ",\n  ".join(json.dumps(row) for row in record.pop("rows"))
+    head = ",\n ".join(f"{json.dumps(key)}: {json.dumps(value)}" for key, value in record.items())
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f'{{{head},\n "rows": [\n  {rows}\n ]}}\n', encoding="utf-8")
+
+
+def without_folders(value):
+    """Return a value with absolute paths as names alone."""
+    if isinstance(value, dict):
+        return {key: without_folders(each) for key, each in value.items()}
+    if isinstance(value, list):
+        return [without_folders(each) for each in value]
+    return os.path.basename(value) if isinstance(value, str) and os.path.isabs(value) else value
+
+
+def write_plot(path: Path | None, plot, rows: list) -> None:
+    """Write what `plot(rows, suffix)` draws where --plot says, a PNG file in 64 colours."""
+    if path is None:
+        return
+    drawn = plot(rows, path.suffix)
+    if path.suffix == ".png":
+        picture, written = Image.open(io.BytesIO(drawn)).convert("RGB"), io.BytesIO()
+        picture.quantize(64).save(written, "PNG", optimize=True)
+        drawn = written.getvalue()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(drawn)

@@ -28,6 +28,7 @@ from bench import measure, peers_compare, scenes
 from bench.peers_ours import SPECKS
 from bench.peers_process import PEERS, THREAD_VARIABLES, Failure, Process, find_missing
 from bench.peers_work import Setup, Work, make_work
+from rasterizer.analysis.timing import LEAST_ROUNDS
 from rasterizer.options import Options
 
 MODEL, TEXTURED = "torus-70k", "knot"  # meshes that --model and --textured-model take the place of
@@ -102,6 +103,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--save", type=Path, metavar="FOLDER",
                         help="write ours, the peer's and the difference times "
                         f"{peers_compare.AMPLIFIED}, side by side")  # fmt: skip
+    measure.add_output(parser)
     return parser
 
 
@@ -207,7 +209,7 @@ def measure_specks(args, arrays: Path):
 def take_turns(first: Process, second: Process, args) -> list:
     """Draw frames of two processes in turns, within the limits of the command line; return what both answer."""
     times, start = [], perf_counter()
-    while len(times) < measure.LEAST_ROUNDS or (len(times) < args.frames and perf_counter() - start < args.seconds):
+    while len(times) < LEAST_ROUNDS or (len(times) < args.frames and perf_counter() - start < args.seconds):
         times.append((first.draw(), second.draw()))
     return times
 

@@ -29,7 +29,7 @@ class Painter:
         antialias = "supersample" if work.setup.is_lit_per_sample else "shade-once"
         self.options |= {"threads": work.setup.threads, "antialias": antialias} | options
         self.scene = _make_scene(work)
-        self.renderer = rz.Renderer(self.scene, outputs=("rgb",), **self.options)
+        self.renderer = rz.Renderer(self.scene, outputs=("rgb",), **{"samples": 1} | self.options)
         self.version = f"rasterizer {rz.__version__}"
 
     @staticmethod
@@ -49,7 +49,7 @@ class Painter:
     @property
     def depth(self) -> np.ndarray:
         """Distances along the view in the centres of pixels, (height, width) float32."""
-        return rz.render(self.scene, outputs=("depth",), **self.options).depth
+        return rz.render(self.scene, outputs=("depth",), **{"samples": 1} | self.options).depth
 
 
 def _make_scene(work: Work) -> rz.Scene:

@@ -18,6 +18,7 @@ def main(argv=None) -> None:
     start = perf_counter()
     from bench import measure, scenes
     from rasterizer import Renderer
+    from rasterizer.analysis.timing import take_turns
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("case")
@@ -33,11 +34,11 @@ def main(argv=None) -> None:
     scene = scenes.build(args.case, args.size, args.lights, args.channels)
     marks.append(perf_counter())
     options = {name: getattr(args, name) for name in ("shading", "cull", "samples", "threads")}
-    with Renderer(scene, args.size, outputs=("rgb",), **options) as renderer:
+    with Renderer(scene, args.size, outputs=("rgb",), **{"samples": 1} | options) as renderer:
         marks.append(perf_counter())
         renderer.render()
         marks.append(perf_counter())
-        times, _ = measure.take_turns({"frame": renderer.render}, 10.0, args.frames)["frame"]
+        times, _ = take_turns({"frame": renderer.render}, 10.0, args.frames)["frame"]
     steps = [1000.0 * (after - before) for before, after in pairwise(marks)]
     names = ("import_ms", "build_ms", "prepare_ms", "first_ms")
     found = dict(zip(names, steps, strict=True), warm_ms=sorted(times)[len(times) // 2])

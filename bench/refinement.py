@@ -18,7 +18,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes, surfaces
-from rasterizer.analysis.speed_error_plot import make_logarithmic
+from rasterizer.analysis.comparison import root_mean_square
+from rasterizer.analysis.plotting import COLORS, check_plotting, figure_bytes, make_logarithmic
 from rasterizer.analysis.timing import take_turns
 
 SHADINGS = ("flat", "gouraud", "phong")
@@ -46,8 +47,7 @@ def main(argv=None) -> int:
         rows += found
         for row in found:
             table.print(row | {"is_best": "*" if row["is_best"] else ""})
-    if args.plot:
-        Path(args.plot).write_bytes(plot(rows, Path(args.plot).suffix))
+    measure.write_plot(args.plot, plot, rows)
     measure.print_json("refinement", machine, args, rows)
     return 0
 
@@ -67,7 +67,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--seconds", type=float, default=4.0, help="time limit of a surface's frames (default: %(default)s)"
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw error against triangles and against time (matplotlib)")
+    measure.add_output(parser, "error against triangles and against time")
     return parser
 
 
@@ -86,7 +86,7 @@ def measure_surface(name, args) -> list[dict]:
                 {"surface": name, "shading": shading, "triangles": mesh.n_face, "quads": n} | compare(frame, truth)
             )
             calls[n, shading] = rz.Renderer(
-                scene, args.size, shading=shading, outputs=("rgb",), threads=args.threads
+                scene, args.size, shading=shading, outputs=("rgb",), threads=args.threads, samples=1
             ).render
             calls[n, shading]()  # compiles and allocates
     times = take_turns(calls, args.seconds, args.frames)
@@ -99,7 +99,9 @@ def measure_surface(name, args) -> list[dict]:
 
 def draw(scene, args, **options):
     """Draw a scene with its colours, depths and coverage."""
-    with rz.Renderer(scene, args.size, outputs=("color", "depth"), threads=args.threads, **options) as renderer:
+    with rz.Renderer(
+        scene, args.size, outputs=("color", "depth"), threads=args.threads, **{"samples": 1} | options
+    ) as renderer:
         return renderer.render()
 
 
@@ -109,7 +111,7 @@ def compare(frame, truth) -> dict:
         is_same = np.abs(frame.depth - truth.depth) < 0.1 * np.ptp(truth.depth[np.isfinite(truth.depth)]) + 1e-3
     is_inner = is_same & (frame.alpha > 0) & (truth.alpha > 0)
     error = np.abs(frame.color - truth.color)[is_inner]
-    return {"rms": float(np.sqrt(np.mean(error**2))), "max": float(error.max()),
+    return {"rms": root_mean_square(error), "max": float(error.max()),
             "silhouette": float(np.abs(frame.alpha - truth.alpha).sum())}  # fmt: skip
 
 
@@ -139,8 +141,7 @@ def last_slopes(rows, shading, key="slope") -> list[float]:
 
 def plot(rows, suffix) -> bytes:
     """Plot error against triangles, and against time, a column a surface."""
-    import io
-
+    check_plotting()
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator
 
@@ -148,14 +149,13 @@ def plot(rows, suffix) -> bytes:
     names = list(names) or [rows[0]["surface"]]
     figure = Figure(figsize=(3.4 * len(names), 6.4), layout="constrained")
     panels = figure.subplots(2, len(names), squeeze=False, sharey="col")
-    colors = {"flat": "#7f7f7f", "gouraud": "#d55e00", "phong": "#0072b2"}
     for column, name in enumerate(names):
         for row, (key, what) in enumerate((("triangles", "triangles"), ("ms", "milliseconds"))):
             axes = panels[row][column]
             for shading in SHADINGS:
                 points = [r for r in rows if r["surface"] == name and r["shading"] == shading]
                 error = [max(r["rms"], 1e-8) for r in points]
-                axes.plot([r[key] for r in points], error, "o-", color=colors[shading], markersize=4, label=shading)
+                axes.plot([r[key] for r in points], error, "o-", color=COLORS[shading], markersize=4, label=shading)
             if key == "triangles":
                 n = np.array([r["triangles"] for r in points], float)
                 for slope, style in ((1, ":"), (2, "--")):
@@ -170,9 +170,7 @@ def plot(rows, suffix) -> bytes:
     for row in panels:
         row[0].set_ylabel("rms error against the surface")
     panels[0][0].legend(fontsize=8)
-    written = io.BytesIO()
-    figure.savefig(written, format=suffix.lstrip("."), dpi=110)
-    return written.getvalue()
+    return figure_bytes(figure, suffix)
 
 
 if __name__ == "__main__":

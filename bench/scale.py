@@ -28,6 +28,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from bench import measure, scenes
+from rasterizer.analysis.plotting import check_plotting, figure_bytes
+from rasterizer.analysis.timing import take_turns
 from rasterizer.options import Options
 
 WORST_SLOPE = 1.2  # of linear work, as it is measured where others use the memory, too
@@ -165,8 +167,7 @@ def main(argv=None) -> int:
     else:
         for name in args.axes or AXES:
             rows += measure_axis(name, args)
-    if args.plot:
-        plot(rows, args.plot)
+    measure.write_plot(args.plot, plot, rows)
     measure.print_json("scale", machine, args, rows)
     return 0
 
@@ -179,7 +180,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--threads", type=int, default=1, help="of all axes but threads (default: %(default)s)")
     parser.add_argument("--frames", type=int, default=9, help="most frames of a point (default: %(default)s)")
     parser.add_argument("--seconds", type=float, default=3.0, help="time limit of a point (default: %(default)s)")
-    parser.add_argument("--plot", metavar="FILE", help="draw the tables into a picture, by matplotlib")
+    measure.add_output(parser, "the tables into a picture")
     instead = parser.add_argument_group("measured instead")
     instead.add_argument("--many", type=int, metavar="N", help="small pictures in one process")
     instead.add_argument("--large", type=int, metavar="N", help="pixels along the side of a TIFF file")
@@ -234,7 +235,7 @@ def measure_point(make, count, args) -> dict:
     """Measure one point here: milliseconds, and MiB beyond what a process holds that has drawn next to nothing."""
     settings = {"outputs": ("rgb",), "threads": args.threads}
     small = make(1)
-    with rz.Renderer(small.scene, (16, 16), **(settings | small.options | {"threads": 1})) as renderer:
+    with rz.Renderer(small.scene, (16, 16), **({"samples": 1} | settings | small.options | {"threads": 1})) as renderer:
         renderer.render()  # kernels are loaded, or compiled
     del small, renderer
     gc.collect()
@@ -246,7 +247,7 @@ def measure_point(make, count, args) -> dict:
         marks.append([process_time()])
         work = make(count)
         marks[-1].append(process_time())
-        renderer = rz.Renderer(work.scene, work.size, **(settings | work.options))
+        renderer = rz.Renderer(work.scene, work.size, **({"samples": 1} | settings | work.options))
         marks[-1].append(process_time())
     build_ms, prepare_ms = (1000.0 * np.diff(marks)).min(axis=0)
     with renderer:
@@ -258,7 +259,7 @@ def measure_point(make, count, args) -> dict:
             renderer.render()
             cpu_ms.append(1000.0 * (process_time() - start))
 
-        times, _ = measure.take_turns({"frame": draw}, args.seconds, args.frames)["frame"]
+        times, _ = take_turns({"frame": draw}, args.seconds, args.frames)["frame"]
     after = measure.peak_mib()
     return {"build_ms": build_ms, "prepare_ms": prepare_ms, "cpu_ms": min(cpu_ms), "best_ms": float(times.min()),
             "mib": None if after is None else after - before}  # fmt: skip
@@ -292,7 +293,7 @@ def draw_many(n, n_report) -> list[float]:
         material, options = kinds[k % len(kinds)]
         light = rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8, shadow=rz.Shadow(size=64) if k % 8 == 0 else None)
         scene = rz.Scene(rz.Mesh(vertices, faces, uv=vertices[:, :2], material=rz.Material(**material)), light)
-        frame = rz.render(scene, (48 + k % 5, 32), threads=1 + k % 2, **options)
+        frame = rz.render(scene, (48 + k % 5, 32), threads=1 + k % 2, **{"samples": 1} | options)
         frame.save(os.devnull, format="png")
         if (k + 1) % (n // n_report) == 0:
             held.append(held_mib())
@@ -342,19 +343,16 @@ def measure_large(args) -> list[dict]:
 # ── plots ─────────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def plot(rows, path) -> None:
-    """Draw a panel an axis: costs over n, both in logarithms, with a line of slope 1."""
-    try:
-        import matplotlib
-    except ImportError:
-        raise SystemExit("--plot needs matplotlib: pip install '.[bench]'") from None
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
+def plot(rows, suffix) -> bytes:
+    """Plot a panel an axis: costs over n, both in logarithms, with a line of slope 1."""
+    check_plotting()
+    from matplotlib.figure import Figure
 
     names = list(dict.fromkeys(row["axis"] for row in rows if "slopes" in row))
     n_column = min(4, len(names))
     n_row = -(-len(names) // n_column)
-    figure, panels = pyplot.subplots(n_row, n_column, figsize=(4 * n_column, 3.2 * n_row), squeeze=False)
+    figure = Figure(figsize=(4 * n_column, 3.2 * n_row), layout="constrained")
+    panels = figure.subplots(n_row, n_column, squeeze=False)
     for panel, name in zip(panels.flat, names, strict=False):
         points = [row for row in rows if row["axis"] == name and "n" in row]
         n = np.array([row["n"] for row in points], float)
@@ -370,8 +368,7 @@ def plot(rows, path) -> None:
     for panel in panels.flat[len(names) :]:
         panel.set_axis_off()
     panels[0, 0].legend(fontsize=7)
-    figure.tight_layout()
-    figure.savefig(path, dpi=100)
+    return figure_bytes(figure, suffix)
 
 
 if __name__ == "__main__":

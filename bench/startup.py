@@ -83,6 +83,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--cold", type=int, default=1, metavar="N",
                         help="first pictures with no kernel compiled, in a folder of this run; with 0 the kernels "
                         "are used that are there (default: %(default)s)")  # fmt: skip
+    measure.add_output(parser)
     return parser
 
 

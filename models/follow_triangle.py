@@ -15,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # a checkout need not be installed
 import rasterizer as rz
 from rasterizer.engine.attributes import light_all
-from rasterizer.engine.coding import make_coding, make_encoding
+from rasterizer.engine.coding import make_coding, make_encoding, scale_depths
 from rasterizer.engine.depth_range import screen_of
 from rasterizer.engine.draw import Drawn, choose_band_rows, cull
 from rasterizer.engine.passes import NO_TABLE, InterpolatedPass
@@ -34,7 +34,7 @@ from rasterizer.pipeline.transform import DEPTH_BITS, SUBPIXEL, transform
 from rasterizer.pipeline.visibility import CLEAR, LEVEL_MASK, PAYLOAD_BITS
 from rasterizer.pipeline.workspace import WorkspacePool, make_picture
 
-OPTIONS = Options(size=(24, 16), shading="gouraud", threads=1)
+OPTIONS = Options(size=(24, 16), shading="gouraud", samples=1, threads=1)
 WIDTH, HEIGHT = OPTIONS.size
 COLUMN, ROW = 14, 9  # of the sample that is followed
 NAMES = "ABC"
@@ -93,7 +93,7 @@ def make_pass(scene, geometry, bounds, view, screen) -> InterpolatedPass:
     lightings = {dtype: make_lighting(plan, view, dtype, (), screen.is_perspective) for dtype in plan.dtypes}
     return InterpolatedPass(
         attributes=light_all(geometry, plan, lightings, screen, 2, np.empty(0), SERIAL),
-        coding=make_coding(plan, screen, OPTIONS.tolerance),
+        coding=make_coding(plan, OPTIONS.tolerance)._replace(depths=scale_depths(screen)),
         size=OPTIONS.size,
         plan=plan,
         screen=screen,
@@ -241,7 +241,9 @@ def describe_resolve(way: Way) -> list[str]:
     thresholds = srgb_thresholds()
     linear = float(way.radiance[ROW, COLUMN])
     encoded = 1.055 * linear ** (1 / 2.4) - 0.055
-    same = bool((np.asarray(rz.render(make_scene(), OPTIONS.size, shading=OPTIONS.shading)) == way.rgba).all())
+    same = bool(
+        (np.asarray(rz.render(make_scene(), OPTIONS.size, shading=OPTIONS.shading, samples=1)) == way.rgba).all()
+    )
     return [
         f"sRGB: 1.055·{linear:.6f}^(1/2.4) - 0.055 = {encoded:.6f}, times 255 = {255 * encoded:.3f}",
         f"level {level} holds the intensities from {thresholds[level - 1]:.6f} to {thresholds[level]:.6f}",
@@ -251,7 +253,7 @@ def describe_resolve(way: Way) -> list[str]:
 
 def describe_explanation(_way: Way) -> list[str]:
     """What the reference says of the same pixel."""
-    explanation = rz.explain(make_scene(), COLUMN, ROW, size=OPTIONS.size, shading=OPTIONS.shading)
+    explanation = rz.explain(make_scene(), COLUMN, ROW, size=OPTIONS.size, shading=OPTIONS.shading, samples=1)
     return str(explanation).splitlines()
 
 

@@ -363,6 +363,9 @@ def glass():
     ]
 
 
+SHIPPED = ("still_life.obj", "still_life.mtl")  # inside the package, too: the model of `rasterizer/io/demo.py`
+
+
 def model_files():
     """Return every model file as a dict of name and bytes."""
     makers = (teapot, sphere, torus, cube, cylinder, cone, sawtooth, gear, floor)
@@ -382,8 +385,12 @@ def model_files():
 def main():
     """Write the files into the folder given, or next to this script."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent
-    for name, data in model_files().items():
+    files = model_files()
+    for name, data in files.items():
         (folder / name).write_bytes(data)
+    if folder == Path(__file__).parent:
+        for name in SHIPPED:
+            (folder.parent / "rasterizer" / "demo" / name).write_bytes(files[name])
 
 
 if __name__ == "__main__":

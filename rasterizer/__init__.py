@@ -14,6 +14,7 @@ from .version import __version__ as __version__
 
 _HOMES = {
     "AmbientLight": "scene.lights",
+    "Animation": "animation",
     "AreaLight": "scene.lights",
     "Camera": "scene.camera",
     "Comparison": "analysis.comparison",
@@ -21,14 +22,19 @@ _HOMES = {
     "DirectionalLight": "scene.lights",
     "Explanation": "reference.explanation",
     "Frame": "frame",
+    "GroundShadow": "ground_shadow",
     "MachBands": "analysis.mach",
     "Material": "scene.material",
     "Mesh": "scene.mesh",
     "ModelError": "errors",
     "Options": "options",
+    "OptionError": "errors",
     "OutputError": "errors",
+    "Pick": "picking",
     "PointLight": "scene.lights",
     "RasterizerError": "errors",
+    "RenderRecord": "batch.tasks",
+    "RenderTask": "batch.tasks",
     "Renderer": "renderer",
     "Scene": "scene.scene",
     "SceneError": "errors",
@@ -36,46 +42,68 @@ _HOMES = {
     "SpotLight": "scene.lights",
     "Spectrum": "scene.spectrum",
     "Texture": "scene.texture",
+    "color_difference": "analysis.ciede2000",
     "compare": "analysis.comparison",
+    "demo_model": "io.demo",
     "explain": "analysis.pixel",
-    "headlight": "scene.lights",
+    "headlight": "scene.light_presets",
     "illuminate": "engine.point_lighting",
     "load": "io.loader",
     "mach_bands": "analysis.mach",
     "render": "renderer",
+    "render_many": "batch.rendering",
+    "render_tiles": "batch.tiles",
     "sheet": "analysis.contact_sheet",
-    "studio": "scene.lights",
+    "srgb": "scene.color",
+    "studio": "scene.light_presets",
+    "tabletop": "scene.light_presets",
+    "turntable": "animation",
+    "view": "notebook",
 }
 __all__ = sorted([*_HOMES, "__version__"])
 
 TYPE_CHECKING = False  # what editors and type checkers take for that of `typing`, which would take 2 ms to import
 if TYPE_CHECKING:  # for editors and type checkers; a test holds that these are the names of _HOMES
+    from .analysis.ciede2000 import color_difference as color_difference
     from .analysis.comparison import Comparison as Comparison
     from .analysis.comparison import compare as compare
     from .analysis.contact_sheet import sheet as sheet
     from .analysis.mach import MachBands as MachBands
     from .analysis.mach import mach_bands as mach_bands
     from .analysis.pixel import explain as explain
+    from .animation import Animation as Animation
+    from .animation import turntable as turntable
+    from .batch.rendering import render_many as render_many
+    from .batch.tasks import RenderRecord as RenderRecord
+    from .batch.tasks import RenderTask as RenderTask
+    from .batch.tiles import render_tiles as render_tiles
     from .engine.point_lighting import illuminate as illuminate
     from .errors import ModelError as ModelError
+    from .errors import OptionError as OptionError
     from .errors import OutputError as OutputError
     from .errors import RasterizerError as RasterizerError
     from .errors import SceneError as SceneError
     from .frame import Frame as Frame
+    from .ground_shadow import GroundShadow as GroundShadow
+    from .io.demo import demo_model as demo_model
     from .io.loader import load as load
+    from .notebook import view as view
     from .options import Options as Options
+    from .picking import Pick as Pick
     from .reference.explanation import Explanation as Explanation
     from .renderer import Renderer as Renderer
     from .renderer import render as render
     from .scene.camera import Camera as Camera
+    from .scene.color import srgb as srgb
     from .scene.depth_cue import DepthCue as DepthCue
+    from .scene.light_presets import headlight as headlight
+    from .scene.light_presets import studio as studio
+    from .scene.light_presets import tabletop as tabletop
     from .scene.lights import AmbientLight as AmbientLight
     from .scene.lights import AreaLight as AreaLight
     from .scene.lights import DirectionalLight as DirectionalLight
     from .scene.lights import PointLight as PointLight
     from .scene.lights import SpotLight as SpotLight
-    from .scene.lights import headlight as headlight
-    from .scene.lights import studio as studio
     from .scene.material import Material as Material
     from .scene.mesh import Mesh as Mesh
     from .scene.scene import Scene as Scene

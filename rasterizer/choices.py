@@ -12,12 +12,17 @@ from typing import Literal, get_args
 # --- options of a picture -----------------------------------------------------------------------------------
 
 Shading = Literal["flat", "lambert", "gouraud", "phong"]
-Output = Literal["color", "rgb", "depth", "face", "normal"]
-SavedArray = Literal["color", "rgb", "rgba", "alpha", "depth", "face", "normal"]
+Buffer = Literal[
+    "depth", "face", "normal", "mask", "object", "material", "uv", "barycentric", "position", "position_camera",
+    "normal_camera",
+]  # fmt: skip
+Output = Literal["color", "rgb", Buffer]
+SavedArray = Literal["color", "rgb", "rgba", "alpha", Buffer]
 Cull = Literal["none", "back"]
 ColorRange = Literal["clamp", "global", "local"]
 Samples = Literal[1, 4, 9, 16]
 Antialias = Literal["supersample", "shade-once"]
+EdgeKind = Literal["wire", "crease", "silhouette", "all"]
 
 SHADINGS: tuple[str, ...] = get_args(Shading)
 OUTPUTS: tuple[str, ...] = get_args(Output)  # built-in
@@ -25,12 +30,22 @@ BUFFERS: dict[str, str] = {  # all exact buffers, also those of registries.add_b
     "depth": "in scene units",
     "face": "the face's index or -1",
     "normal": "in world space",
+    "mask": "whether something is there",
+    "object": "the mesh's index or -1",
+    "material": "the material's index or -1",
+    "uv": "texture coordinates",
+    "barycentric": "weights of the face's corners",
+    "position": "in world space",
+    "position_camera": "x right, y up, z backwards",
+    "normal_camera": "the same axes",
 }
 SAVED_ARRAYS: tuple[str, ...] = get_args(SavedArray)
+ARRAY_SUFFIXES = ("npy", "npz", "exr")  # of files that hold arrays and nothing else
 CULLS: tuple[str, ...] = get_args(Cull)
 COLOR_RANGES: tuple[str, ...] = get_args(ColorRange)
 SAMPLES: tuple[int, ...] = get_args(Samples)
 ANTIALIASES: tuple[str, ...] = get_args(Antialias)
+EDGE_KINDS: tuple[str, ...] = get_args(EdgeKind)
 
 # --- what a store of compiled kernels is made for -----------------------------------------------------------
 
@@ -46,7 +61,8 @@ Filter = Literal["nearest", "bilinear", "trilinear"]
 Wrap = Literal["repeat", "clamp", "mirror"]
 Distribution = Literal["ggx", "beckmann"]
 Attachment = Literal["world", "camera"]
-Preset = Literal["studio", "headlight"]
+PoseFrame = Literal["opengl", "opencv"]
+Preset = Literal["studio", "headlight", "tabletop"]
 Reflection = Literal["phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon"]
 LightKind = Literal["ambient", "directional", "point", "spot", "area"]
 
@@ -58,11 +74,22 @@ AXES: dict[str, tuple[float, float, float]] = {
     "-y": (0.0, -1.0, 0.0),
     "-z": (0.0, 0.0, -1.0),
 }
+# Views by name: (azimuth, elevation) in degrees; front is seen from +z with y up, from -y with z up.
+VIEWS: dict[str, tuple[float, float]] = {
+    "iso": (45.0, 35.264389682754654),  # atan(1/√2): the three axes look equally long
+    "front": (0.0, 0.0),
+    "back": (180.0, 0.0),
+    "left": (-90.0, 0.0),
+    "right": (90.0, 0.0),
+    "top": (0.0, 90.0),
+    "bottom": (0.0, -90.0),
+}
 WEIGHTINGS: tuple[str, ...] = get_args(Weighting)
 FILTERS: tuple[str, ...] = get_args(Filter)
 WRAPS: tuple[str, ...] = get_args(Wrap)
 DISTRIBUTIONS: tuple[str, ...] = get_args(Distribution)
 ATTACHMENTS: tuple[str, ...] = get_args(Attachment)
+POSE_FRAMES: tuple[str, ...] = get_args(PoseFrame)
 PRESETS: tuple[str, ...] = get_args(Preset)
 REFLECTIONS: tuple[str, ...] = get_args(Reflection)  # built-in
 LIGHT_KINDS: tuple[str, ...] = get_args(LightKind)  # built-in

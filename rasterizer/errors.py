@@ -3,12 +3,15 @@
 RasterizerError
 ├── ModelError    a model that can't be read, is empty or is broken       (also a ValueError)
 ├── SceneError    an argument, light, material, camera or option that is not legal  (also a ValueError)
+│   └── OptionError   a keyword that a function doesn't have                        (also a TypeError)
 └── OutputError   a picture or buffer that could not be written           (also an OSError)
 """
 
 import reprlib
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 
 class RasterizerError(Exception):
@@ -29,6 +32,13 @@ class ModelError(RasterizerError, ValueError):
 
 class SceneError(RasterizerError, ValueError):
     """An argument is not legal; the message says what was given and what is legal."""
+
+
+class OptionError(SceneError, TypeError):
+    """A function was given a keyword that it doesn't have; the message names the nearest one that it has.
+
+    It is a TypeError, too, because Python's own error for such a keyword is one.
+    """
 
 
 class OutputError(RasterizerError, OSError):
@@ -58,6 +68,21 @@ def one_file(name: str) -> Iterator[None]:
         raise ModelError(f"{name}: is nested too deeply") from fault
     except Exception as fault:  # a fault of this package, which must not stop a program that reads many files
         raise internal_error(name, fault) from fault
+
+
+def warn_caller(text: str) -> None:
+    """Warn of what a user can change; the warning points at the line outside of this package that led to it."""
+    import warnings
+
+    level = 1
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _INSIDE:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, UserWarning, stacklevel=level + 1)
+
+
+# Between a user's line and ours stand calls of the standard library: those of `replace`, and of context managers.
+_INSIDE = (__name__.partition(".")[0], "dataclasses", "contextlib")
 
 
 def shown(value: object) -> str:

@@ -1,7 +1,8 @@
 """What a render returns: the picture and the buffers as plain arrays, with the ways to show and save them."""
 
-import io
 import os
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,16 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from .choices import BUFFERS, SAVED_ARRAYS, SavedArray
+from .choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, SavedArray
 from .errors import OutputError, SceneError, shown
-from .io.files import write_and_move
+from .frame_buffers import FrameBuffers
+from .io.files import write_whole
+from .io.picture_formats import encoded, on_white, picture_format
 from .io.png import encode_png
 from .pipeline.threads import Workers
 
 if TYPE_CHECKING:
     from PIL import Image
 
+    from .engine.output_bounds import ErrorBounds
     from .engine.plan_summary import PlanSummary
+    from .picking import FrameSource
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,8 @@ class Stats:
     steps : tuple of (cause, near, unit): where the illumination of this scene jumps, so that no error is small, and how
         near to that the bound doesn't hold. Empty where it holds everywhere
     plan : PlanSummary, what the picture needed
+    error_bounds : ErrorBounds, the largest error of each output that was asked for, `color` the same as `error_bound`;
+        and apart from these what shadow maps and texture filters add (engine/output_bounds.py)
     """
 
     faces: int
@@ -54,9 +61,10 @@ class Stats:
     samples: int
     threads: int
     error_bound: float
-    milliseconds: dict = field(default_factory=dict)
-    steps: tuple = ()
+    milliseconds: dict[str, float] = field(default_factory=dict)
+    steps: tuple[Any, ...] = ()
     plan: "PlanSummary | None" = None
+    error_bounds: "ErrorBounds | None" = None
 
     @property
     def position_bound(self) -> float:
@@ -71,7 +79,7 @@ class Stats:
         return self.covered / self.samples
 
 
-class Frame:
+class Frame(FrameBuffers):
     """Hold a rendered picture.
 
     Attributes
@@ -85,18 +93,40 @@ class Frame:
         three corners, unless it is shaded flat, the triangle that has the edge between which and the centre the sample
         lies
     normal : (height, width, 3) float32, unit normal in world space, towards the viewer, 0 where nothing is
+    mask : (height, width) bool, whether something is there
+    object : (height, width) int32, index of the mesh in `Scene.meshes`, -1 where nothing is
+    material : (height, width) int32, index of the material in `Scene.materials`, -1 where nothing is
+    uv : (height, width, 2) float32, texture coordinates, NaN where nothing is or the mesh has none
+    barycentric : (height, width, 3) float32, weights of the corners of `face`, which sum up to 1, NaN where nothing is;
+        of a polygon that is drawn about its centre they may be below 0, because the triangle that `face` names only has
+        the edge
+    position : (height, width, 3) float32, world space, NaN where nothing is
+    position_camera : (height, width, 3) float32, in the camera's frame: x right, y up, looking down -z; NaN where
+        nothing is
+    normal_camera : (height, width, 3) float32, `normal` in that frame, 0 where nothing is
     stats : Stats
+    size : (width, height) in pixels; `width` and `height` are its parts
 
     An array that was not asked for raises SceneError, which says what to ask for.
     """
 
     def __init__(
-        self, rgba: NDArray[np.uint8] | None, arrays: dict[str, NDArray], stats: Stats, size: tuple[int, int]
+        self,
+        rgba: NDArray[np.uint8] | None,
+        arrays: dict[str, NDArray],
+        stats: Stats,
+        size: tuple[int, int],
+        source: "FrameSource | None" = None,
     ) -> None:
         self._rgba = rgba  # (height, width, 4) uint8 or None
         self._arrays = arrays
-        self.stats = stats
-        self.size = size
+        self.stats: Stats = stats
+        self.size: tuple[int, int] = size
+        self._source = source  # what `pick` asks for what the frame doesn't hold
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled: the arrays, and not the scene."""
+        return self.__dict__ | {"_source": None}
 
     def __repr__(self) -> str:
         width, height = self.size
@@ -113,7 +143,7 @@ class Frame:
             raise SceneError(f"a frame has arrays by name; given {shown(name)}")
         return self._rgba is not None if name == "rgb" else name in self._arrays
 
-    def array(self, name: str) -> NDArray:
+    def array(self, name: str) -> NDArray[Any]:
         """Return an array by name: those of the attributes, and buffers that were added (registries.py).
 
         Raises SceneError for an array that the frame doesn't have.
@@ -166,7 +196,26 @@ class Frame:
         """(height, width, 3) float32, unit, world space; 0 where nothing is."""
         return self.array("normal")
 
-    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray:
+    @property
+    def width(self) -> int:
+        """Columns of the picture."""
+        return self.size[0]
+
+    @property
+    def height(self) -> int:
+        """Rows of the picture."""
+        return self.size[1]
+
+    @property
+    def __array_interface__(self) -> dict[str, Any]:
+        """What `PIL.Image.fromarray` reads: the picture as (height, width, 4) uint8; numpy shares its memory."""
+        return self.rgba.__array_interface__ | {"strides": self.rgba.strides}
+
+    def tobytes(self) -> bytes:
+        """Return the bytes of `rgba`, row by row, as `PIL.Image.fromarray` asks for them."""
+        return self.rgba.tobytes()
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         """The picture as (height, width, 4) uint8."""
         return np.array(self.rgba, dtype=dtype, copy=copy)
 
@@ -175,6 +224,21 @@ class Frame:
         from PIL import Image
 
         return Image.fromarray(np.ascontiguousarray(self._pixels()))
+
+    def show(self) -> None:
+        """Show the picture: in the cell of a notebook, else in the program that this computer opens pictures with.
+
+        Raises
+        ------
+        OutputError : there is no such program; the message says what to do instead
+        SceneError : a frame without a picture
+        """
+        if show_in_notebook(self):
+            return
+        from PIL import ImageShow
+
+        if not ImageShow.show(self.to_pil()):
+            raise OutputError("no program is there to show pictures with; frame.save('picture.png') writes a file")
 
     def _pixels(self) -> NDArray[np.uint8]:
         """The picture as it is saved: (height, width, 3) where every pixel is opaque, else (height, width, 4)."""
@@ -188,19 +252,23 @@ class Frame:
         self,
         path: str | os.PathLike[str],
         *,
-        array: SavedArray | None = None,
+        array: SavedArray | Sequence[SavedArray] | None = None,
         format: str | None = None,
+        scale: float | None = None,
         **options: Any,
     ) -> Path:
-        """Write the picture, or an array; the file appears whole or not at all.
+        """Write the picture, or arrays; the file appears whole or not at all.
 
         Parameters
         ----------
         path : where to; the suffix chooses the format: whatever Pillow writes (transparency is laid on white
-            where a format has none), or `.npy` for an array
-        array : which array a `.npy` file holds: "color" (when None), "rgb", "rgba", "alpha", "depth", "face",
-            "normal"
-        format : overrides the suffix: "npy" or a name of Pillow's: "PNG", "JPEG", ...
+            where a format has none), or for arrays `.npy` (one), `.npz`, `.exr` (several) and `.png` (one that whole
+            numbers can hold: mask, indices, depth, normals, alpha), see io/array_files.py
+        array : which array, or which ones: names of the attributes. None = the picture; in a `.npy` file "color"; in
+            `.npz` and `.exr` files all that the frame has
+        format : overrides the suffix: "npy", "npz", "exr" or a name of Pillow's: "PNG", "JPEG", ...
+        scale : of depths in a PNG file: the scene units that 1 stands for; None = 0.001. The file says it in a text
+            field, and that 0 is nothing
         options : passed to Pillow, e.g. quality=95 for a JPEG file; without options a PNG file is written by `io.png`,
             which is faster, and a TIFF file by `io.tiff`: not compressed, with alpha and a profile of sRGB
 
@@ -210,8 +278,9 @@ class Frame:
 
         Raises
         ------
-        OutputError : the file can't be written, or the format is unknown
-        SceneError : an array that is unknown, that the frame doesn't have, or that isn't for a `.npy` file
+        OutputError : the file can't be written, the format is unknown, or what it needs isn't installed; a value that
+            is out of a PNG file's range
+        SceneError : an array that is unknown, that the frame doesn't have, or that the format doesn't hold
         """
         if not isinstance(path, (str, os.PathLike)):
             raise SceneError(f"a frame is saved to a path; given {shown(path)}")
@@ -219,10 +288,10 @@ class Frame:
             raise SceneError(f"format must be text; given {shown(format)}")
         path = Path(path)
         format = (format or path.suffix).lower().lstrip(".")
-        if format == "npy":
-            content = self.encode_array(array or "color")
-        elif array is not None:
-            raise SceneError(f"arrays are written as .npy; given {shown(path.name)} for the array {shown(array)}")
+        if format in ARRAY_SUFFIXES or array is not None:
+            content = self.encode_arrays(array, format, scale)
+        elif scale is not None:
+            raise SceneError(f"scale is that of depth in a PNG file: give array='depth'; given scale={shown(scale)}")
         else:
             content = self.encode(format, **options)
         write_whole(path, content)
@@ -230,9 +299,28 @@ class Frame:
 
     def encode_array(self, array: SavedArray = "color") -> bytes:
         """Return one of the frame's arrays, by name, as the bytes of a .npy file."""
-        stream = io.BytesIO()
-        np.save(stream, self.array(array))
-        return stream.getvalue()
+        return self.encode_arrays(array, "npy")
+
+    def encode_arrays(
+        self, array: SavedArray | Sequence[SavedArray] | None = None, format: str = "npz", scale: float | None = None
+    ) -> bytes:
+        """Return one or several of the frame's arrays as the bytes of a file; parameters and errors are those of
+        `save`."""
+        from .io.array_files import encode_arrays
+
+        names: list[Any] = list(array) if isinstance(array, (list, tuple)) else [array]
+        if array is None:
+            names = self._array_names(format)
+        return encode_arrays({name: self.array(name) for name in names}, format, scale, self._map_bands)
+
+    def _array_names(self, format: str) -> list[str]:
+        """The arrays of a file for which none are named: all that the frame has, but for copies of each other."""
+        if format == "npy":
+            return ["color"]
+        has_bytes = self._rgba is not None and format == "npz"
+        has_alpha = has_bytes and "alpha" not in self._arrays
+        names = [*(["rgb"] if has_bytes else []), *(["alpha"] if has_alpha else []), *self._arrays]
+        return names or ["color"]  # which says what to ask for
 
     def encode(self, format: str = "PNG", **options: Any) -> bytes:
         """Return the picture as the bytes of a file in a format that Pillow writes, by name or suffix.
@@ -249,76 +337,31 @@ class Frame:
             return encode_tiff(self.rgba)
         image = self.to_pil()
         try:
-            return _encoded(image, name, options)
+            return encoded(image, name, options)
         except (OSError, ValueError) as error:
             if image.mode == "RGB":
                 raise OutputError(f"can't write a {name} file: {error}") from error
         try:
-            return _encoded(_on_white(image), name, options)
+            return encoded(on_white(image), name, options)
         except (OSError, ValueError) as error:
             raise OutputError(f"can't write a {name} file: {error}") from error
 
     def _encode_png(self) -> bytes:
+        return encode_png(self._pixels(), self._map_bands)
+
+    def _map_bands(self, function: Callable[[Any], Any], items: list) -> list:
+        """Call a function with every item, on as many threads as have drawn the picture."""
         workers = Workers(getattr(self.stats, "threads", 1))  # a sheet of pictures has no stats
         try:
-            return encode_png(self._pixels(), workers.map)
+            return workers.map(function, items)
         finally:
             workers.close()
 
 
-_OWN_FORMATS = {"PNG": "PNG", "TIF": "TIFF", "TIFF": "TIFF"}
-
-
-def picture_format(name: str) -> str:
-    """Return Pillow's name of a format that it writes, given by name or suffix; OutputError if none."""
-    if not isinstance(name, str):
-        raise SceneError(f"format must be text; given {shown(name)}")
-    word = name.upper().lstrip(".")
-    if word in _OWN_FORMATS:
-        return _OWN_FORMATS[word]  # without importing Pillow, which takes as long as to encode
-    from PIL import Image
-
-    Image.init()
-    found = Image.EXTENSION.get(f".{word.lower()}", word)
-    if found in Image.SAVE:
-        return found
-    common = "png, jpg, webp, tif, bmp, ppm"
-    given = f"{name!r} is unknown" if word else "a file without a suffix has none"
-    raise OutputError(f"no format to write: {given}; legal are npy, {common} and others that Pillow writes")
-
-
-def _encoded(image: "Image.Image", name: str, options: dict[str, Any]) -> bytes:
-    """A `PIL.Image` as the bytes of a file."""
-    stream = io.BytesIO()
-    image.save(stream, name, **options)
-    return stream.getvalue()
-
-
-def _on_white(image: "Image.Image") -> "Image.Image":
-    """An RGBA picture laid on white, as RGB."""
-    from PIL import Image
-
-    paper = Image.new("RGBA", image.size, "white")
-    paper.alpha_composite(image)
-    return paper.convert("RGB")
-
-
-def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file beside its place and move it there, so that nobody ever sees half of it.
-
-    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
-    replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
-    """
-    try:
-        place = os.path.realpath(path)
-        if os.path.exists(place) and not os.path.isfile(place):
-            with open(place, "wb") as stream:
-                stream.write(content)
-        else:
-            write_and_move({place: content})
-    except OSError as error:
-        folder = os.path.dirname(place)
-        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
-        raise OutputError(f"can't write {path}: {reason}") from error
-    except ValueError as error:  # a name that no file can have
-        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error
+def show_in_notebook(picture: object) -> bool:
+    """Show what has a `_repr_png_` in the cell of a notebook; False where none is running."""
+    ipython = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if ipython is None or not hasattr(ipython, "kernel"):  # a shell has no cells
+        return False
+    sys.modules["IPython"].display.display(picture)
+    return True

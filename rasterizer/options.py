@@ -10,19 +10,25 @@ from .choices import (
     BUFFERS,
     COLOR_RANGES,
     CULLS,
+    EDGE_KINDS,
     OUTPUTS,
     SAMPLES,
     SHADINGS,
     Antialias,
     ColorRange,
     Cull,
+    EdgeKind,
     Output,
     Samples,
     Shading,
 )
 from .cores import n_core
 from .errors import SceneError, shown
+from .keywords import checked_fields
 from .scene.validate import is_whole, number
+
+if TYPE_CHECKING:
+    from .scene.color import ColorLike
 
 # Samples along an axis, so that a picture may have 65536 pixels with 16 samples. What is counted along an axis has room
 # for 2^20, the guard band in which edge functions stay below 2^60: depths keep their order, rounded by half a unit a
@@ -31,11 +37,14 @@ MOST_PIXELS = 2**18
 LEAST_WAVES, MOST_WAVES = 3, 401  # samples of the spectrum: one a nanometre is the most that the tables can tell
 MOST_STOPS = 64
 MOST_THREADS = 1024
+PICTURE_SAMPLES, BUFFER_SAMPLES = 4, 1  # a picture is to look good; buffers are those of the pixels' centres
+MOST_WIDTH = 256  # px, of edges
 
 # One level of 8-bit sRGB is 1/3295 where the curve is steepest; an error below that moves a value by one level at most.
 DEFAULT_TOLERANCE = 1 / 4096
 
 
+@checked_fields
 @dataclass(frozen=True, kw_only=True)
 class Options:
     """Hold the options of a picture.
@@ -47,15 +56,18 @@ class Options:
         sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64. The default keeps every
         8-bit value within one level of the picture with tolerance 0, but next to steps of the illumination
-        (`Stats.steps`). Gouraud's method uses nearly all of it, flat shading and Phong's method a thousandth: a larger
-        one saves a tenth of the time at most, `raster bench` tells how much
-    samples : samples a pixel, on a square grid: 1, 4, 9 or 16
+        (`Stats.steps`). Gouraud's method uses nearly all of that, textures a seventh, flat shading and Phong's method a
+        hundredth at most, also with shadows and spectra. So a larger one saves a fifth of the time by Gouraud's method
+        and a tenth by the others, at most; `raster bench` tells how much
+    samples : samples a pixel, on a square grid: 1, 4, 9 or 16; None = 4 where "color" or "rgb" alone are asked for, 1
+        beside buffers, so that a pixel's colour is that of its centre, too. Stored as a number
     antialias : what is done for each sample: "supersample" (all), or "shade-once": what is covered, and how deep it is;
         what Phong's method lights and textures show is found once for each polygon in a pixel, at the pixel's centre,
         or at the covered sample next to it where a polygon doesn't cover the pixel. Transparent surfaces are shaded at
         every sample. Flat and Gouraud's method without textures are the same in both
     outputs : one name or several out of "color" (float32 linear, and 8 bits), "rgb" (8 bits only: the fastest),
-        "depth", "face", "normal"; buffers are those of the pixels' centres, never averaged; stored as a tuple
+        and the buffers "depth", "face", "normal", "mask", "object", "material", "uv", "barycentric", "position",
+        "position_camera", "normal_camera", which are those of the pixels' centres, never averaged; stored as a tuple
     cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
     color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" (divide by the picture's largest) or
         "local" (divide a pixel by its own largest component)
@@ -64,6 +76,12 @@ class Options:
     spectral : number of samples of 380..780 nm, 3 to 401, with which light and colours are multiplied; None = 81 (every
         5 nm) where a light or material has a Spectrum, else red, green and blue alone
     threads : how many, 1 to 1024; None = as many as the process may use
+    edges : which edges of polygons are drawn over the picture, where nothing hides them: "wire" (all of them), "crease"
+        (where faces meet at more than the mesh's crease angle, or end), "silhouette" (where the surface turns away from
+        the viewer, or ends), "all"; one or several; None or () = none. Stored as a tuple. Strokes are antialiased by 64
+        samples a pixel, whatever `samples` says; buffers don't show them
+    edge_color : of the edges: "#rrggbb", the name of a CSS colour, or linear (r, g, b); stored as linear RGB
+    edge_width : of the edges, in pixels, above 0 to 256
 
     Raises
     ------
@@ -73,7 +91,7 @@ class Options:
     size: tuple[int, int] = (640, 480)
     shading: Shading = "gouraud"
     tolerance: float = DEFAULT_TOLERANCE
-    samples: Samples = 1
+    samples: Samples = None  # type: ignore[assignment]  # never None once it is made
     antialias: Antialias = "supersample"
     outputs: tuple[Output, ...] = ("color",)
     cull: Cull = "none"
@@ -81,6 +99,9 @@ class Options:
     exposure: float = 0.0
     spectral: int | None = None
     threads: int | None = None
+    edges: tuple[EdgeKind, ...] = ()
+    edge_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    edge_width: float = 1.0
 
     if TYPE_CHECKING:  # more may be given than is stored
 
@@ -90,7 +111,7 @@ class Options:
             size: int | Sequence[int] = ...,
             shading: Shading = ...,
             tolerance: float = ...,
-            samples: Samples = ...,
+            samples: Samples | None = ...,
             antialias: Antialias = ...,
             outputs: Output | Sequence[Output] = ...,
             cull: Cull = ...,
@@ -98,16 +119,18 @@ class Options:
             exposure: float = ...,
             spectral: int | None = ...,
             threads: int | None = ...,
+            edges: EdgeKind | Sequence[EdgeKind] | None = ...,
+            edge_color: "ColorLike" = ...,
+            edge_width: float = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
         _check_choice("shading", self.shading, SHADINGS)
         _check_choice("cull", self.cull, CULLS)
         _check_choice("color_range", self.color_range, COLOR_RANGES)
-        _check_choice("samples", self.samples, SAMPLES)
         _check_choice("antialias", self.antialias, ANTIALIASES)
-        object.__setattr__(self, "samples", int(self.samples))
         object.__setattr__(self, "outputs", _checked_outputs(self.outputs))
+        object.__setattr__(self, "samples", _checked_samples(self.samples, self.outputs))
         object.__setattr__(self, "size", self._checked_size())
         object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
         object.__setattr__(self, "exposure", _checked_exposure(self.exposure))
@@ -117,6 +140,12 @@ class Options:
             )
         if self.threads is not None and not is_whole(self.threads, 1, MOST_THREADS):
             raise SceneError(f"threads must be 1 to {MOST_THREADS}, or None; given {shown(self.threads)}")
+
+        from .scene.color import linear_rgb
+
+        object.__setattr__(self, "edges", _checked_edges(self.edges))
+        object.__setattr__(self, "edge_color", linear_rgb(self.edge_color))
+        object.__setattr__(self, "edge_width", _checked_width(self.edge_width))
 
     def _checked_size(self) -> tuple[int, int]:
         """Return the size as two ints; a number alone makes a square."""
@@ -165,6 +194,34 @@ def _checked_outputs(outputs: object) -> tuple:
     for name in names:
         _check_choice("outputs", name, legal)
     return names
+
+
+def _checked_samples(samples: object, outputs: tuple) -> int:
+    """Return the samples a pixel; those of None depend on what is asked for."""
+    if samples is None:
+        return PICTURE_SAMPLES if {"color", "rgb"}.issuperset(outputs) else BUFFER_SAMPLES
+    _check_choice("samples", samples, SAMPLES)
+    return int(samples)  # type: ignore[call-overload]
+
+
+def _checked_edges(edges: object) -> tuple:
+    """Return the kinds of edges as a tuple; a kind alone is one, None is none."""
+    try:
+        kinds = () if edges is None else (edges,) if isinstance(edges, str) else tuple(edges)  # type: ignore[arg-type]
+    except TypeError:
+        raise SceneError(f"edges must be one or several of {', '.join(EDGE_KINDS)}; given {shown(edges)}") from None
+    for kind in kinds:
+        _check_choice("edges", kind, EDGE_KINDS)
+    every = tuple(kind for kind in EDGE_KINDS if kind != "all")
+    return every if "all" in kinds else tuple(kind for kind in every if kind in kinds)
+
+
+def _checked_width(width: object) -> float:
+    """Return the width of edges as a float."""
+    value = number(width, "edge_width")
+    if not 0.0 < value <= MOST_WIDTH:
+        raise SceneError(f"edge_width must be above 0 to {MOST_WIDTH} px; given {shown(width)}")
+    return value
 
 
 def _checked_tolerance(tolerance: object) -> float:

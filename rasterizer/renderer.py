@@ -1,39 +1,54 @@
 """The public way to render: `render` for one picture, `Renderer` for many of one scene."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
-from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .choices import Antialias, ColorRange, Cull, Output, Samples, SavedArray, Shading
-from .compiler.kernels import compiling_ahead, noting_needs
-from .engine.memory import check_memory
+from .choices import Antialias, Axis, ColorRange, Cull, EdgeKind, Output, Samples, SavedArray, Shading
+from .compiler.kernels import compiling_ahead
+from .engine.clock import Clock
+from .engine.memory import check_memory, checked_out
 from .engine.passes import RowSink
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
-from .errors import RasterizerError, SceneError, shown
+from .errors import SceneError, shown
 from .frame import Frame, Stats
-from .geometry.clusters import has_clusters
+from .io.any_scene import check_one_view, framed_from, scene_of
+from .io.loader import FileLike
+from .keywords import checked_keywords
 from .options import Options
+from .picking import PICKED, FrameSource, Pick, checked_pixel, make_pick
 from .scene.camera import Camera
+from .scene.color import ColorLike
+from .scene.lights import Light
 from .scene.scene import Scene, SceneLike
 
 if TYPE_CHECKING:
     from .io.row_files import RowFile
 
 
+@checked_keywords
 def render(
-    scene: SceneLike,
+    scene: SceneLike | FileLike,
     size: int | Sequence[int] = Options.size,
     *,
+    camera: Camera | None = None,
+    lights: Light | Iterable[Any] | None = None,
+    background: ColorLike | None = None,
+    up: Axis | None = None,
+    azimuth: float | None = None,
+    elevation: float | None = None,
+    format: str | None = None,
+    crease_angle: float | None = None,
     shading: Shading = Options.shading,
     tolerance: float = Options.tolerance,
-    samples: Samples = Options.samples,
+    samples: Samples | None = Options.samples,
     antialias: Antialias = Options.antialias,
     outputs: Output | Sequence[Output] = Options.outputs,
     cull: Cull = Options.cull,
@@ -41,25 +56,43 @@ def render(
     exposure: float = Options.exposure,
     spectral: int | None = Options.spectral,
     threads: int | None = Options.threads,
+    edges: EdgeKind | Sequence[EdgeKind] | None = Options.edges,
+    edge_color: ColorLike = Options.edge_color,
+    edge_width: float = Options.edge_width,
     out: NDArray[np.uint8] | None = None,
 ) -> Frame:
-    """Render a scene; what each option does is said at `Options`, where the defaults stand.
+    """Render a scene, or whatever one can be loaded from; what each option does is said at `Options`, where the
+    defaults stand.
+
+        rz.render("teapot.obj", (640, 480), azimuth=60, shading="phong").save("teapot.png")
 
     Parameters
     ----------
-    scene : Scene, or anything that a Scene takes as its meshes
+    scene : Scene, or anything that `load` takes: a path, the bytes of a file, an open file, a Mesh or several, a
+        trimesh.Trimesh or trimesh.Scene, or (vertices, faces)
     size : (width, height) in pixels, or one number for a square
+    camera : Camera; None = the scene's own, else one that frames it
+    lights : a light or a sequence of them; None = those of the scene or file, else studio lights
+    background : colour; None = that of the scene or file, else transparent
+    up : text, up axis "x", "y", "z" or with a minus sign; None = as `load` has it
+    azimuth, elevation : degrees, the side from which the picture is framed, as in `Camera.framing`. Where one of these
+        or `up` is given, a camera that the scene or file has doesn't count
+    format : text, the format of bytes, or of a file whose suffix doesn't tell it; as in `load`
+    crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp; as in `load`
     shading : "flat" or "lambert" (once a polygon), "gouraud" (once a vertex), "phong" (once a sample)
     tolerance : error accepted, in linear intensity where 1 is white; 0 = as exact as float64
-    samples : samples a pixel: 1, 4, 9 or 16
+    samples : samples a pixel: 1, 4, 9 or 16; None = 4 where "color" or "rgb" alone are asked for, 1 beside buffers
     antialias : "supersample" (all is done for every sample), or "shade-once" (light and textures once for each
         polygon in a pixel)
-    outputs : one name or several out of "color", "rgb", "depth", "face", "normal"
+    outputs : one name or several out of "color", "rgb", and the buffers "depth", "face", "normal", "mask", "object",
+        "material", "uv", "barycentric", "position", "position_camera", "normal_camera"
     cull : "none", or "back" to leave out faces that are clockwise as the viewer sees them
     color_range : what becomes of intensities above 1 in 8 bits: "clamp", "global" or "local"
     exposure : stops by which the light of the scene is multiplied
     spectral : number of samples of the spectrum, 3 to 401; None = 81 where something has a Spectrum, else three colours
     threads : how many; None = as many as the process may use
+    edges : "wire", "crease", "silhouette", "all" or several: edges drawn over the picture; None or () = none
+    edge_color, edge_width : their colour, in any way that colours are written, and width in pixels
     out : (height, width, 4) uint8, which becomes the frame's `rgba`; None = a new array. See `Renderer.render`
 
     Returns
@@ -68,9 +101,12 @@ def render(
 
     Raises
     ------
-    SceneError : an option or a part of the scene that is not legal
-    ModelError : a mesh that is not legal
+    SceneError : an option or a part of the scene that is not legal, a camera beside angles
+    OptionError : an option that there isn't; the message names the nearest one
+    ModelError : a file that can't be read, or a mesh that is not legal
     """
+    check_one_view(camera, azimuth=azimuth, elevation=elevation)
+    scene = scene_of(scene, lights=lights, background=background, up=up, format=format, crease_angle=crease_angle)
     with Renderer(
         scene,
         size,
@@ -84,27 +120,33 @@ def render(
         exposure=exposure,
         spectral=spectral,
         threads=threads,
+        edges=edges,
+        edge_color=edge_color,
+        edge_width=edge_width,
     ) as renderer:
-        return renderer.render(out=out)
+        if camera is None and not (azimuth is elevation is up is None):
+            camera = framed_from(renderer.scene, renderer.options.size, azimuth, elevation)
+        return renderer.render(camera, out=out)
 
 
 class Renderer:
     """Render many pictures of one scene: what doesn't depend on the camera is prepared once, and buffers are kept.
 
-    Parameters are those of `render`. Use it as a context manager, or call `close`, to end its threads. One Renderer
-    draws one picture at a time: threads that share one take turns, so each needs one of its own to draw at the same
-    time. A forked process goes on with it, on threads of its own; pickled, it becomes a new one of the same scene and
-    options.
+    Parameters are those of `render`; cameras and angles are given for each picture. Use it as a context manager, or
+    call `close`, to end its threads. One Renderer draws one picture at a time: threads that share one take turns, so
+    each needs one of its own to draw at the same time. A forked process goes on with it, on threads of its own;
+    pickled, it becomes a new one of the same scene and options.
     """
 
+    @checked_keywords
     def __init__(
         self,
-        scene: SceneLike,
+        scene: SceneLike | FileLike,
         size: int | Sequence[int] = Options.size,
         *,
         shading: Shading = Options.shading,
         tolerance: float = Options.tolerance,
-        samples: Samples = Options.samples,
+        samples: Samples | None = Options.samples,
         antialias: Antialias = Options.antialias,
         outputs: Output | Sequence[Output] = Options.outputs,
         cull: Cull = Options.cull,
@@ -112,9 +154,12 @@ class Renderer:
         exposure: float = Options.exposure,
         spectral: int | None = Options.spectral,
         threads: int | None = Options.threads,
+        edges: EdgeKind | Sequence[EdgeKind] | None = Options.edges,
+        edge_color: ColorLike = Options.edge_color,
+        edge_width: float = Options.edge_width,
     ) -> None:
-        self.scene = scene if isinstance(scene, Scene) else Scene(scene)
-        self.options = Options(
+        self.scene: Scene = scene_of(scene)
+        self.options: Options = Options(
             size=size,
             shading=shading,
             tolerance=tolerance,
@@ -126,6 +171,9 @@ class Renderer:
             exposure=exposure,
             spectral=spectral,
             threads=threads,
+            edges=edges,
+            edge_color=edge_color,
+            edge_width=edge_width,
         )
         with compiling_ahead(lambda: self._list_needs(self.scene.camera, is_prepared=False)):
             self._prepared = PreparedScene(self.scene, self.options)
@@ -143,7 +191,7 @@ class Renderer:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def __reduce__(self) -> tuple:
+    def __reduce__(self) -> tuple[Any, ...]:
         return _remake, (self.scene, _arguments_of(self.options))
 
     def close(self) -> None:
@@ -152,12 +200,22 @@ class Renderer:
             self._is_closed = True
             self._prepared.threads.close()
 
-    def render(self, camera: Camera | None = None, *, out: NDArray[np.uint8] | None = None) -> Frame:
-        """Render the scene through its own camera, or through another one.
+    @checked_keywords
+    def render(
+        self,
+        camera: Camera | None = None,
+        *,
+        azimuth: float | None = None,
+        elevation: float | None = None,
+        out: NDArray[np.uint8] | None = None,
+    ) -> Frame:
+        """Render the scene through its own camera, or through another one, or framed from a side.
 
         Parameters
         ----------
-        camera : Camera; None = the scene's own
+        camera : Camera; None = the scene's own, else one that frames it
+        azimuth, elevation : degrees, the side from which the picture is framed, as in `Camera.framing`. Where one is
+            given, the scene's own camera doesn't count. `Camera.orbit` makes the cameras of a turntable
         out : (height, width, 4) uint8, without gaps, which takes the picture and becomes the frame's `rgba`: an array
             that is used again for every picture, memory that is shared, or a numpy.memmap. None = a new array
 
@@ -167,10 +225,13 @@ class Renderer:
 
         Raises
         ------
-        SceneError : what is no camera, an `out` that doesn't fit, a picture that this machine's memory can't hold; and
-            after `close`
+        SceneError : what is no camera, a camera beside angles, an `out` that doesn't fit, a picture that this machine's
+            memory can't hold; and after `close`
         """
-        camera, words = self._checked_camera(camera), None if out is None else self._checked_out(out)
+        check_one_view(camera, azimuth=azimuth, elevation=elevation)
+        if azimuth is not None or elevation is not None:
+            camera = framed_from(self.scene, self.options.size, azimuth, elevation)
+        camera, words = self._checked_camera(camera), None if out is None else checked_out(out, self.options)
         with self._prepared.threads.turn, compiling_ahead(lambda: self._list_needs(camera)):
             return self._render(camera, words)
 
@@ -201,7 +262,8 @@ class Renderer:
         from .io.row_files import RowFile, row_format_of
 
         is_path = isinstance(path, (str, os.PathLike))
-        kind = row_format_of(Path(path).suffix.lower().lstrip("."), array) if is_path else None
+        is_row_by_row = is_path and not self.options.edges  # strokes reach over bands
+        kind = row_format_of(Path(path).suffix.lower().lstrip("."), array) if is_row_by_row else None
         if kind is None or (os.path.exists(path) and not os.path.isfile(path)):  # a device or a pipe has no places
             frame = self.render(camera)
             frame.save(path, array=array)
@@ -230,57 +292,37 @@ class Renderer:
             drawn = self._prepared.draw_picture(camera, clock, sink=RowSink(file.write_rows, with_color))
             file.end()
             self._plan = drawn.view_plan.summary._replace(ways=drawn.counts.ways)
-            return self._stats(drawn.counts, drawn.view_plan, clock)
+            names = ("color",) if with_color else ()
+            bounds = self._prepared.bound_outputs(camera, names, drawn.view_plan, drawn.screen)
+            return self._stats(drawn.counts, drawn.view_plan, clock, bounds)
 
-    def _checked_out(self, out) -> NDArray[np.uint32]:
-        """Return the array that takes the bytes of a picture, as (height, width) uint32."""
-        width, height = self.options.size
-        if not {"color", "rgb"} & set(self.options.outputs):
-            raise SceneError("out takes a picture: ask for it with outputs=('color', ...) or ('rgb', ...)")
-        is_fit = isinstance(out, np.ndarray) and out.shape == (height, width, 4) and out.dtype == np.uint8
-        if not (is_fit and out.flags.c_contiguous and out.flags.writeable and out.ctypes.data % 4 == 0):
-            given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else shown(out)
-            legal = f"a writable array ({height}, {width}, 4) of uint8, without gaps, at a multiple of 4 bytes"
-            raise SceneError(f"out must be {legal}; given {given}")
-        return np.asarray(out).view(np.uint32).reshape(height, width)
+    def pick(self, x: int, y: int, camera: Camera | None = None) -> Pick | None:
+        """Tell what a pixel shows, without a picture: no more is drawn than the rows around it.
+
+        Parameters
+        ----------
+        x, y : column and row of the pixel, from 0 on; row 0 is the top
+        camera : Camera; None = the scene's own
+
+        Returns
+        -------
+        Pick of the nearest surface at the pixel's centre; None where nothing is
+
+        Raises
+        ------
+        SceneError : a pixel that the picture doesn't have, what is no camera; and after `close`
+        """
+        (x, y), camera = checked_pixel(x, y, self.options.size), self._checked_camera(camera)
+        with self._prepared.threads.turn:
+            self._check_open()
+            arrays = self._prepared.draw_buffers(camera, Clock(), PICKED, rows=(y, y + 1))[0]
+        return make_pick(arrays, x, y, self.scene)
 
     def _list_needs(self, camera: Camera | None, is_prepared: bool = True) -> dict:
-        """Return the kernels that a picture through a camera needs, {(function, signature): True}.
+        """Return the kernels that a picture through a camera needs, {(function, signature): True}."""
+        from .kernel_needs import list_needs
 
-        They are found out by drawing small ones in Python, of a sample of the scene: by the plan that the whole scene
-        has in that view, or, before it is prepared, by the sample's own with all lights. What only the whole scene
-        needs, such as clipping, is compiled when it is met.
-        """
-        import logging
-
-        from .engine.given_plan import declare_lights, follow, measure_lights, view_whole
-        from .scene.sample import SIZE, choose_meshes, sample_scene, sample_views
-
-        draws_color = bool({"color", "rgb"} & set(self.options.outputs))
-        is_known = is_prepared and draws_color
-        whole = view_whole(self._prepared, self._checked_camera(camera)) if is_known else None
-        with noting_needs() as needs:
-            try:
-                kind = None if whole is None else whole.kind
-                origins, sample = choose_meshes(self.scene, kind), sample_scene(self.scene, kind)
-                with Renderer(sample, **_arguments_of(self.options) | {"size": SIZE, "threads": 1}) as renderer:
-                    # A view of the whole scene skips nothing but what faces away.
-                    is_part_skipped = camera is not None or self.options.cull == "back"
-                    renderer._prepared.uses_clusters = is_part_skipped and has_clusters(self.scene.n_face)
-                    prepared, view = renderer._prepared, renderer._checked_camera(None)
-                    prepared.is_thorough = True
-                    if draws_color:
-                        measure_lights(prepared, view)
-                        if whole is None or not follow(prepared, whole, origins):
-                            declare_lights(prepared, view)
-                    kind = None if whole is None else whole.kind_in(sample, origins)
-                    for view in sample_views(sample, self.scene, camera, kind):
-                        renderer.render(view)
-            except RasterizerError as fault:  # what was noted until then is of use
-                logging.getLogger("rasterizer").info(
-                    "not all kernels that the picture needs are known ahead: %s", fault
-                )
-        return needs
+        return list_needs(self, camera, is_prepared)
 
     def _checked_camera(self, camera) -> Camera:
         """Return the camera that a picture is taken with."""
@@ -302,19 +344,24 @@ class Renderer:
         self._check_open()
         check_memory(self.options, has_out=out is not None)
         prepared, outputs, clock = self._prepared, self.options.outputs, Clock()
-        arrays, rgba, counts, view_plan, buffers = {}, None, None, None, None
+        arrays, rgba, counts, view_plan, buffers, screen = {}, None, None, None, None, None
         if "color" in outputs or "rgb" in outputs:
-            rgba, color, alpha, counts, view_plan, buffers = prepared.draw_picture(camera, clock, out)
+            rgba, color, alpha, counts, view_plan, buffers, screen = prepared.draw_picture(camera, clock, out)
             self._plan = view_plan.summary._replace(ways=counts.ways)
+            if self.options.edges:
+                prepared.draw_edges(camera, rgba, *((color, alpha) if "color" in outputs else (None, None)))
+                clock.lap("edges")
             if "color" in outputs:
                 arrays.update(color=color, alpha=alpha)
         if buffers is None and prepared.buffer_names:
-            buffers, counts_of_buffers = prepared.draw_buffers(camera, clock)
+            buffers, counts_of_buffers, screen = prepared.draw_buffers(camera, clock)
             counts = counts or counts_of_buffers
         arrays.update(buffers or {})
-        return Frame(rgba, arrays, self._stats(counts, view_plan, clock), self.options.size)
+        bounds = prepared.bound_outputs(camera, outputs, view_plan, screen)
+        source = FrameSource(self.scene, camera, partial(_picker_of, self.scene, self.options))
+        return Frame(rgba, arrays, self._stats(counts, view_plan, clock, bounds), self.options.size, source)
 
-    def _stats(self, counts, view_plan, clock) -> Stats:
+    def _stats(self, counts, view_plan, clock, bounds) -> Stats:
         """Say what happened; `view_plan` is None where no picture was drawn."""
         return Stats(
             *counts[:6],
@@ -323,6 +370,7 @@ class Renderer:
             steps=() if view_plan is None else view_plan.steps,
             milliseconds=clock.milliseconds,
             plan=self._plan,
+            error_bounds=bounds,
         )
 
 
@@ -331,20 +379,11 @@ def _arguments_of(options: Options) -> dict:
     return {field.name: getattr(options, field.name) for field in fields(options)}
 
 
+def _picker_of(scene, options) -> Renderer:
+    """Return the Renderer that a frame picks with: it draws the surfaces that the frame shows, and no colours."""
+    return Renderer(scene, options.size, shading=options.shading, cull=options.cull, outputs="face", threads=1)
+
+
 def _remake(scene, options) -> Renderer:
     """What a pickled Renderer becomes."""
     return Renderer(scene, **options)
-
-
-class Clock:
-    """Milliseconds of each stage, in order."""
-
-    def __init__(self) -> None:
-        self.milliseconds: dict[str, float] = {}
-        self._last = perf_counter()
-
-    def lap(self, stage: str) -> None:
-        """Add the time since the last lap to a stage."""
-        now = perf_counter()
-        self.milliseconds[stage] = self.milliseconds.get(stage, 0.0) + 1000.0 * (now - self._last)
-        self._last = now

@@ -76,7 +76,7 @@ def compare(a: Frame | ArrayLike, b: Frame | ArrayLike) -> Comparison:
         difference = steps / 255.0
     else:
         difference = np.abs(first.linear.astype(np.float64) - second.linear)
-    rms = float(np.sqrt(np.mean(difference**2)))
+    rms = root_mean_square(difference)
     has_alpha = first.alpha is not None and second.alpha is not None
     return Comparison(
         max=float(difference.max()),
@@ -114,8 +114,17 @@ def picture_of(source: Frame | ArrayLike) -> _Picture:
     array = array[..., :3]
     if not is_linear:
         return _Picture(None, array, _share(alpha))
-    levels = np.rint(255.0 * srgb_from_linear(np.clip(array, 0.0, 1.0))).astype(np.uint8)
-    return _Picture(array, levels, alpha)
+    return _Picture(array, levels_from_linear(array), alpha)
+
+
+def levels_from_linear(linear: NDArray) -> NDArray[np.uint8]:
+    """Round linear colours, clamped to 0..1, to 8-bit sRGB."""
+    return np.rint(255.0 * srgb_from_linear(np.clip(linear, 0.0, 1.0))).astype(np.uint8)
+
+
+def root_mean_square(values: NDArray) -> float:
+    """Compute the root of the mean of the squares; 0 without values."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
 def _share(alpha: NDArray | None) -> NDArray | None:

@@ -7,15 +7,12 @@ Tech. 3(2). The program is the package flip-evaluator.
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from .packages import require
 
 
 def check_flip() -> None:
     """Raise SceneError where flip-evaluator isn't installed."""
-    try:
-        import flip_evaluator  # noqa: F401
-    except ImportError:
-        raise SceneError("FLIP needs flip-evaluator: pip install flip-evaluator") from None
+    require("flip_evaluator", "flip-evaluator", "FLIP")
 
 
 def flip_map(found: NDArray, expected: NDArray) -> NDArray[np.float32]:

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..renderer import Renderer
-from ..scene.color import srgb_from_linear
 from ..scene.scene import Scene
-from .color_difference import delta_e_2000, lab_from_linear
+from .ciede2000 import delta_e_2000, lab_from_linear
+from .comparison import levels_from_linear, root_mean_square
 from .flip import flip_map
 
 _FINER = 2  # pixels along each axis of a pixel, of 16 samples each: a grid of 8 x 8
@@ -91,17 +91,17 @@ def measure_errors(found: Light, expected: Light, with_flip: bool = False) -> Er
 
     Raises SceneError where FLIP is asked for and flip-evaluator isn't installed.
     """
-    is_drawn = (found.alpha > 0.0) | (expected.alpha > 0.0)
+    is_drawn = _drawn_by_either(found, expected)
     silhouette = float(np.abs(found.alpha - expected.alpha).sum())
     if not is_drawn.any():
         return Errors(0.0, 0.0, 0, 0.0, 0.0, 0.0, silhouette, 0, 0.0 if with_flip else None)
     found_color, expected_color = found.color[is_drawn], expected.color[is_drawn]
     difference = np.abs(found_color - expected_color)
-    levels = np.abs(_levels(found_color) - _levels(expected_color))
+    levels = np.abs(levels_from_linear(found_color).astype(np.int16) - levels_from_linear(expected_color))
     delta_e = delta_e_2000(lab_from_linear(found_color), lab_from_linear(expected_color))
     return Errors(
         max=float(difference.max()),
-        rms=float(np.sqrt(np.mean(difference**2))),
+        rms=root_mean_square(difference),
         levels=int(levels.max()),
         over_one=float(np.mean(levels > 1)),
         delta_e=float(delta_e.mean()),
@@ -114,11 +114,10 @@ def measure_errors(found: Light, expected: Light, with_flip: bool = False) -> Er
 
 def rms_error(found: Light, expected: Light) -> float:
     """The `rms` of `measure_errors` alone, which is quicker."""
-    is_drawn = (found.alpha > 0.0) | (expected.alpha > 0.0)
-    difference = found.color[is_drawn] - expected.color[is_drawn]
-    return float(np.sqrt(np.mean(difference**2))) if difference.size else 0.0
+    is_drawn = _drawn_by_either(found, expected)
+    return root_mean_square(found.color[is_drawn] - expected.color[is_drawn])
 
 
-def _levels(linear: NDArray) -> NDArray[np.int16]:
-    """Linear colours as 8-bit sRGB."""
-    return np.rint(255.0 * srgb_from_linear(np.clip(linear, 0.0, 1.0))).astype(np.int16)
+def _drawn_by_either(found: Light, expected: Light) -> NDArray[np.bool_]:
+    """The pixels of which one picture or the other covers a part, (height, width)."""
+    return (found.alpha > 0.0) | (expected.alpha > 0.0)

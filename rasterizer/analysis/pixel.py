@@ -6,15 +6,19 @@ from dataclasses import replace
 from ..choices import Antialias, ColorRange, Cull, Output, Samples, Shading
 from ..engine.prepared_scene import PreparedScene
 from ..engine.probe import ways_at
+from ..io.any_scene import scene_of
+from ..io.loader import FileLike
+from ..keywords import checked_keywords
 from ..options import Options
 from ..reference import explaining
 from ..reference.explanation import Explanation
 from ..scene.camera import Camera
-from ..scene.scene import Scene, SceneLike
+from ..scene.scene import SceneLike
 
 
+@checked_keywords
 def explain(
-    scene: SceneLike,
+    scene: SceneLike | FileLike,
     x: int,
     y: int,
     size: int | Sequence[int] = Options.size,
@@ -22,7 +26,7 @@ def explain(
     camera: Camera | None = None,
     shading: Shading = Options.shading,
     tolerance: float = Options.tolerance,
-    samples: Samples = Options.samples,
+    samples: Samples | None = Options.samples,
     antialias: Antialias = Options.antialias,
     outputs: Output | Sequence[Output] = Options.outputs,
     cull: Cull = Options.cull,
@@ -35,7 +39,7 @@ def explain(
 
     Parameters
     ----------
-    scene : Scene, or anything that a Scene takes as its meshes
+    scene : Scene, or anything that `load` takes
     x, y : column and row of the pixel, from the upper left, whole numbers
     size : (width, height) in pixels, or one number for a square
     camera : Camera; None = that of the scene
@@ -54,7 +58,7 @@ def explain(
     SceneError : a pixel outside the picture, or an option that is not legal
     ModelError : a mesh that is not legal
     """
-    scene = scene if isinstance(scene, Scene) else Scene(scene)
+    scene = scene_of(scene)
     scene = scene if camera is None else replace(scene, camera=camera)
     options = Options(
         size=size, shading=shading, tolerance=tolerance, samples=samples, antialias=antialias, outputs=outputs,

@@ -4,16 +4,19 @@ One thing is changed at a time; the rest stays what the scene says. Each is comp
 thing isn't saved at.
 """
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any, NamedTuple, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..choices import ANTIALIASES, REFLECTIONS, Filter
+from ..engine.shadow_maps import MOST_NUMBERS
 from ..renderer import Renderer
-from ..scene.lights import AmbientLight, AreaLight
+from ..scene.lights import AmbientLight, AreaLight, DirectionalLight, SpotLight
 from ..scene.lights import Light as Lamp
 from ..scene.material import Material
 from ..scene.mesh import Mesh
@@ -21,13 +24,15 @@ from ..scene.scene import Scene
 from ..scene.shadow import Shadow
 from ..scene.texture import Texture
 from .ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors
+from .ray_truth import RayTruth, draw_by_rays, only
 from .timing import take_turns
 
 _SIZES = (256, 512, 1024, 2048, 4096)
 _FILTERS = (1, 3, 5)
 _CELLS = (1, 2, 4, 8)
 _WAVES = (5, 9, 21, 41, 81)
-_FINEST_MAP, _FINEST_AREA, _FINEST_SHADOWED_AREA, _FINEST_SPECTRUM = 8192, 64, 12, 401
+_FINEST_MAPS = (8192, 4096, 2048, 1024, 512)
+_FINEST_AREA, _FINEST_SHADOWED_AREA, _FINEST_SPECTRUM = 64, 12, 401
 _MOST_ROUNDS = 15
 
 
@@ -48,12 +53,14 @@ class Axis(NamedTuple):
     against : what the errors are measured against, in words; "" where there is nothing: another look is no error
     variants : list of Variant
     finest : Variant that the errors are measured against; None = the ground truth of the scene, or nothing
+    is_of_shadows : whether rays tell what is right, as far as the time suffices; `finest` where it doesn't
     """
 
     name: str
     against: str
     variants: list[Variant]
     finest: Variant | None
+    is_of_shadows: bool = False
 
 
 class AxisRow(NamedTuple):
@@ -79,25 +86,50 @@ def measure_axes(
 ) -> list[AxisRow]:
     """Measure every value of every axis, by Phong's shading with 4 samples a pixel and the default tolerance.
 
+    Shadows are compared with rays, in tiles of the picture: as many as half of the time allows.
+
     Parameters
     ----------
     scene : Scene
     size : (width, height) in pixels
-    seconds : time in which calls take turns, of all axes together
+    seconds : time in which calls take turns, and rays are followed, of all axes together
     progress : is called with the number of axes done, that of all, and the name of the one that is begun
     options : further options of `rasterizer.render`
     """
     options = options | {"shading": "phong", "samples": 4}
     axes, rows = list_axes(scene, options), list[AxisRow]()
+    rays = None
+    if any(axis.is_of_shadows for axis in axes):
+        progress(0, len(axes), "shadows by rays")
+        seconds *= 0.5
+        settings = {name: options[name] for name in ("cull", "exposure", "spectral") if name in options}
+        rays = draw_by_rays(scene, size, options["samples"], seconds, **settings)
     for done, axis in enumerate(axes):
         progress(done, len(axes), axis.name)
-        rows += _measure_axis(axis, scene, size, seconds / len(axes), options)
+        truth = _truth_of(axis, scene, size, options, rays)
+        rows += _measure_axis(axis, _Look(scene, size, options), seconds / len(axes), truth)
     return rows
 
 
-def _measure_axis(axis: Axis, scene: Scene, size: tuple[int, int], seconds: float, options: dict) -> Iterator[AxisRow]:
+class _Look(NamedTuple):
+    """What all values of an axis are drawn with."""
+
+    scene: Scene
+    size: tuple[int, int]
+    options: dict
+
+
+class _Truth(NamedTuple):
+    """What an axis' pictures are compared with."""
+
+    light: Light
+    against: str  # in words
+    is_known: NDArray[np.bool_] | None = None  # (height, width); None = everywhere
+
+
+def _measure_axis(axis: Axis, look: _Look, seconds: float, truth: _Truth | None) -> Iterator[AxisRow]:
     """Yield a row for each value; they take turns with the scene as it is."""
-    truth = _truth_of(axis, scene, size, options)
+    scene, size, options = look
     with ExitStack() as stack:
         calls = {}
         for variant in (Variant("", scene, {}), *axis.variants):
@@ -108,16 +140,23 @@ def _measure_axis(axis: Axis, scene: Scene, size: tuple[int, int], seconds: floa
     for variant in axis.variants:
         error = None
         if truth is not None:
-            error = measure_errors(draw_light(variant.scene, size, **options | variant.options), truth)
+            found = draw_light(variant.scene, size, **options | variant.options)
+            error = measure_errors(found if truth.is_known is None else only(found, truth.is_known), truth.light)
         ratio = float(np.median(turns[variant.value] / turns[""]))
-        yield AxisRow(axis.name, variant.value, ratio * float(np.median(turns[""])), ratio, error, axis.against)
+        against = "" if truth is None else truth.against
+        yield AxisRow(axis.name, variant.value, ratio * float(np.median(turns[""])), ratio, error, against)
 
 
-def _truth_of(axis: Axis, scene: Scene, size: tuple[int, int], options: dict) -> Light | None:
+def _truth_of(
+    axis: Axis, scene: Scene, size: tuple[int, int], options: dict, rays: RayTruth | None
+) -> _Truth | None:  # fmt: skip
     """What an axis' pictures are compared with."""
+    if axis.is_of_shadows and rays is not None:
+        return _Truth(rays.light, f"rays, in {100.0 * rays.share:.3g} % of the picture", rays.is_known)
     if axis.finest is not None:
-        return draw_light(axis.finest.scene, size, **options | axis.finest.options | {"tolerance": 0.0})
-    return draw_ground_truth(scene, size, **options) if axis.against else None
+        settings = options | axis.finest.options | {"tolerance": 0.0}
+        return _Truth(draw_light(axis.finest.scene, size, **settings), axis.against)
+    return _Truth(draw_ground_truth(scene, size, **options), axis.against) if axis.against else None
 
 
 def _changed_lights(scene: Scene, change: Callable[[Lamp], Lamp]) -> Scene:
@@ -139,24 +178,35 @@ def _shadows(scene: Scene) -> list[Shadow]:
     return [shadow for shadow in shadows if shadow is not None]
 
 
-def _finest_shadows(scene: Scene) -> Variant:
-    return Variant("finest", _with_shadow(scene, size=_FINEST_MAP, filter=1), {})
+def _fits(scene: Scene) -> bool:
+    """Whether the shadow maps of a scene are within what the renderer allows, six counted of each point light."""
+    n_texel = 0
+    for light in scene.lights:
+        shadow = getattr(light, "shadow", None)
+        if shadow is not None:
+            n_cell = math.prod(getattr(light, "resolution", (1, 1)))
+            n_texel += n_cell * shadow.size**2 * (1 if isinstance(light, (DirectionalLight, SpotLight)) else 6)
+    return n_texel <= 0.9 * MOST_NUMBERS  # the rest is for what stands beside the texels
+
+
+def _shadow_axis(scene: Scene, name: str, variants: Iterable[Variant]) -> Axis | None:
+    """What changes shadows, against rays or the largest maps."""
+    size = next((size for size in _FINEST_MAPS if _fits(_with_shadow(scene, size=size))), None)
+    variants = [variant for variant in variants if _fits(variant.scene)]
+    if not _shadows(scene) or size is None or not variants:
+        return None
+    finest = Variant("finest", _with_shadow(scene, size=size, filter=1), {})
+    return Axis(name, f"maps of {size}², unfiltered", variants, finest, True)
 
 
 def _shadow_size(scene: Scene) -> Axis | None:
-    shadows = _shadows(scene)
-    if not shadows:
-        return None
-    sizes = sorted({*_SIZES, *(shadow.size for shadow in shadows)})
-    variants = [Variant(f"{size}²", _with_shadow(scene, size=size), {}) for size in sizes]
-    return Axis("shadow map", f"maps of {_FINEST_MAP}², unfiltered", variants, _finest_shadows(scene))
+    sizes = sorted({*_SIZES, *(shadow.size for shadow in _shadows(scene))})
+    return _shadow_axis(scene, "shadow map", [Variant(f"{n}²", _with_shadow(scene, size=n), {}) for n in sizes])
 
 
 def _shadow_filter(scene: Scene) -> Axis | None:
-    if not _shadows(scene):
-        return None
-    variants = [Variant(f"{n} x {n}", _with_shadow(scene, filter=n), {}) for n in _FILTERS]
-    return Axis("shadow filter", f"maps of {_FINEST_MAP}², unfiltered", variants, _finest_shadows(scene))
+    found = [Variant(f"{n} x {n}", _with_shadow(scene, filter=n), {}) for n in _FILTERS]
+    return _shadow_axis(scene, "shadow filter", found)
 
 
 def _area(scene: Scene) -> Axis | None:
@@ -169,9 +219,13 @@ def _area(scene: Scene) -> Axis | None:
             scene, lambda light: replace(light, resolution=(n, n)) if isinstance(light, AreaLight) else light
         )
 
-    # The cells of a light that casts shadows have a map each.
-    finest = _FINEST_AREA if all(light.shadow is None for light in areas) else _FINEST_SHADOWED_AREA
-    variants = [Variant(f"{n} x {n} cells", divided(n), {}) for n in _CELLS]
+    # The cells of a light that casts shadows have maps each.
+    finest = _FINEST_AREA
+    if any(light.shadow is not None for light in areas):
+        finest = next((n for n in range(_FINEST_SHADOWED_AREA, 0, -1) if _fits(divided(n))), 0)
+    variants = [Variant(f"{n} x {n} cells", divided(n), {}) for n in _CELLS if n < finest]
+    if not variants:
+        return None
     return Axis("area light", f"{finest} x {finest} cells", variants, Variant("finest", divided(finest), {}))
 
 

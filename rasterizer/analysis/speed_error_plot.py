@@ -1,29 +1,18 @@
 """The plot of speed against error: milliseconds and rms error of every method, both logarithmic, and the front."""
 
-import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..errors import SceneError
+from .plotting import COLORS, check_plotting, figure_bytes, make_logarithmic
 from .speed_error import Row, told
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FORMATS = (".png", ".svg", ".pdf")
-_COLORS = {"flat": "#7f7f7f", "lambert": "#7f7f7f", "gouraud": "#d55e00", "phong": "#0072b2"}  # Okabe & Ito 2008
 _PALER = 0.45  # of a method's colour towards white, for each subdivision
 _MARKERS = {1: "v", 4: "o", 9: "D", 16: "s"}
 _SIZE = (9.0, 6.0)  # inches
 _LEAST_ERROR = 1e-9  # what is exact has a place on a logarithmic axis
-
-
-def check_plotting() -> None:
-    """Raise SceneError where matplotlib isn't installed."""
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise SceneError("a plot needs matplotlib: pip install matplotlib") from None
 
 
 def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
@@ -33,14 +22,13 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     ----------
     rows : sequence of Row, as `speed_error.study` sorts them
     title : text above the plot
-    suffix : one of FORMATS
+    suffix : one of plotting.FORMATS
 
     Raises
     ------
     SceneError : matplotlib isn't installed
     """
     check_plotting()
-    import matplotlib
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=_SIZE, layout="constrained")
@@ -53,31 +41,15 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     axes.margins(0.08)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(loc="upper right", fontsize=9)
-    written = io.BytesIO()
-    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rasterizer"}):
-        figure.savefig(
-            written, format=suffix.lstrip("."), dpi=120, metadata={"Date": None} if suffix == ".svg" else None
-        )
-    return written.getvalue()
-
-
-def make_logarithmic(axes: "Axes", y_subs: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
-    """Give both axes of a plot logarithms, with ticks at 1, 2, 5, 10 ... that read as plain numbers."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
-
-    axes.set(xscale="log", yscale="log")
-    for axis, subs in ((axes.xaxis, (1.0, 2.0, 5.0)), (axes.yaxis, y_subs)):
-        axis.set_major_locator(LogLocator(subs=subs, numticks=30))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axis.set_minor_formatter(NullFormatter())
+    axes.legend(loc="best", fontsize=9)
+    return figure_bytes(figure, suffix, dpi=120)
 
 
 def _draw_rows(axes: "Axes", rows: Sequence[Row]) -> None:
     """Draw a point for each row: its colour tells the shading, its marker the samples, an empty one tolerance 0."""
     looks = dict.fromkeys((row.method.name, row.method.shading, row.method.subdivisions) for row in rows)
-    for name, shading, times in sorted(looks, key=lambda look: (list(_COLORS).index(look[1]), look[2])):
-        color = _paler(_COLORS[shading], _PALER * times)
+    for name, shading, times in sorted(looks, key=lambda look: (list(COLORS).index(look[1]), look[2])):
+        color = _paler(COLORS[shading], _PALER * times)
         axes.scatter([], [], color=color, marker="o", label=name)
         for row in rows:
             if row.method.name == name:

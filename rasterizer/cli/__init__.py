@@ -125,18 +125,9 @@ def exit_code(error) -> int:
 
 def _run(arguments, messages, is_imported) -> int:
     """Run the command; each one imports what it needs."""
-    if arguments.command == "warmup":
-        from .warmup_command import warm_up
+    from .commands import COMMANDS
 
-        is_imported()
-        warm_up(messages, arguments.into, arguments.cpu)
-        return DONE
-    if arguments.command == "compare":
-        from .compare_command import compare_models as run
-    elif arguments.command == "bench":
-        from .bench_command import bench_models as run
-    else:
-        from .render_command import render_models as run
+    run = COMMANDS[arguments.command].load()
     is_imported()
     failures, n_model = run(arguments, messages)
     if failures and len(failures) < n_model:

@@ -11,9 +11,10 @@ from pathlib import Path
 from time import perf_counter
 
 from ..analysis.flip import check_flip
+from ..analysis.plotting import FORMATS, check_plotting
 from ..analysis.scene_axes import measure_axes
 from ..analysis.speed_error import Study, list_methods, printed, study, told
-from ..analysis.speed_error_plot import FORMATS, check_plotting, plot
+from ..analysis.speed_error_plot import plot
 from ..analysis.timing import describe_machine
 from ..errors import SceneError
 from ..options import Options
@@ -46,15 +47,15 @@ def bench_models(arguments, messages) -> tuple[list, int]:
     return draw_models(arguments, messages, _bench_model, _check_plot)
 
 
-def _check_plot(suffix, output, _) -> None:
-    if suffix not in FORMATS:
+def _check_plot(output, _) -> None:
+    if Path(output).suffix.lower() not in FORMATS:
         raise SceneError(f"--plot writes {', '.join(FORMATS)}; given {output}")
 
 
 def _bench_model(targets, arguments, settings, messages, output) -> None:
     """Measure all views of one model."""
     start = perf_counter()
-    loaded, warned, own_options, framing = load_scene(
+    loaded, warned, own_options, framing, _ = load_scene(
         targets[0].model, arguments, settings, messages, output.files_read
     )
     arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
@@ -65,7 +66,7 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
         scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
         found, axes = _measure(scene, arguments, messages)
         title = _title(target, scene, arguments, machine)
-        if target.output:
+        if target.output is not None:
             output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         if arguments.json:
@@ -180,7 +181,7 @@ def _record(target, arguments, scene, seconds, machine, warned, found, axes) -> 
     return {
         "path": target.model,
         "view": target.view,
-        "plot": target.output or None,
+        "plot": target.output,
         "size": list(arguments.size),
         "faces": scene.n_face,
         "seconds": round(seconds, 3),

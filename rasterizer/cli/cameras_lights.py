@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import SceneError
-from ..scene import lights
+from ..scene import light_presets
 from ..scene.camera import Camera
 from ..scene.shadow import Shadow
 from .defaults import AZIMUTH, ELEVATION, FOV, VIEWS
@@ -31,7 +31,21 @@ def make_lights(arguments) -> tuple | None:
     given = tuple(make_light(text, shadow) for text in arguments.lights)
     if arguments.preset is None:
         return given or None
-    return cast_shadows(lights.PRESETS[arguments.preset](), shadow) + given
+    lights = light_presets.PRESETS[arguments.preset]()
+    if not takes_shadows(arguments) or shadow is not None:
+        lights = without_shadows(lights)
+    return cast_shadows(lights, shadow) + given
+
+
+def takes_shadows(arguments) -> bool:
+    """Tell whether edges of shadows are seen: with methods that don't light samples, a polygon or a vertex lies in the
+    shadow as a whole."""
+    return getattr(arguments, "shading", None) == "phong"
+
+
+def without_shadows(lights) -> tuple:
+    """Return lights that cast no shadows."""
+    return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)
 
 
 def cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:
@@ -57,13 +71,18 @@ def cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:
 
 
 def is_camera_given(arguments) -> bool:
-    """Tell whether any flag but --zoom says where the picture is taken from, and how."""
-    numbers = (arguments.azimuth, arguments.elevation, arguments.fov, arguments.eye, arguments.target, arguments.up)
+    """Tell whether any flag but --zoom and --camera says where the picture is taken from, and how."""
+    numbers = (arguments.azimuth, arguments.elevation, arguments.fov, arguments.eye, arguments.target, arguments.up,
+               arguments.margin)  # fmt: skip
     return bool(arguments.views) or arguments.ortho or any(value is not None for value in numbers)
 
 
 def check_camera(arguments) -> None:
-    """Raise SceneError where no model could be looked at like this; something stands in for the model."""
+    """Raise SceneError where no model could be looked at like this; something stands in for the model.
+
+    A file of --camera is read, and kept in the arguments.
+    """
+    _check_given_camera(arguments)
     if arguments.zoom <= 0.0:
         raise SceneError(f"--zoom must be above 0; given {arguments.zoom:g}")
     if arguments.eye is None and arguments.target is not None:
@@ -78,7 +97,7 @@ def check_camera(arguments) -> None:
         make_camera(arguments, view, box, box, up)
 
 
-def camera_of(arguments, view, scene, framing=None) -> Camera:
+def camera_of(arguments, view, scene, framing=None, subject=None) -> Camera:
     """Make the camera for a view of a scene: the scene's own where there is one and no flag asks for another.
 
     Parameters
@@ -88,14 +107,41 @@ def camera_of(arguments, view, scene, framing=None) -> Camera:
     scene : Scene
     framing : dict of the arguments of `Camera.framing` that a scene file gives instead of a camera, or None; flags come
         first
+    subject : Scene or points (n, 3), what is framed; None = the scene
 
     Returns
     -------
     Camera; raises SceneError for a value that is not legal
     """
-    if scene.camera is None or framing is not None or is_camera_given(arguments):
-        return make_camera(arguments, view, scene, scene.bounds, scene.up, framing)
-    return _zoomed(scene.camera, arguments.zoom)
+    own = scene.camera
+    if arguments.camera == "frame":
+        own = framing = None
+    elif arguments.camera == "file" and own is None and framing is None:
+        raise SceneError("--camera file: the model brings no camera; leave it out to fill the picture")
+    elif isinstance(arguments.camera, tuple):
+        own, framing = arguments.camera
+    if own is None or framing is not None or is_camera_given(arguments):
+        return make_camera(arguments, view, scene if subject is None else subject, scene.bounds, scene.up, framing)
+    return zoomed(own, arguments.zoom)
+
+
+def _check_given_camera(arguments) -> None:
+    """Read the file of --camera: a pair of a Camera and how to frame the model, one of them None.
+
+    Raises
+    ------
+    SceneError : other flags that say where the camera stands, or a file without a camera
+    ModelError : a file that can't be read
+    """
+    given = arguments.camera
+    if given is None or isinstance(given, tuple):
+        return
+    if given != "frame" and is_camera_given(arguments):
+        raise SceneError(f"--camera {given} can't be used with other flags of the camera but --zoom")
+    if given not in ("file", "frame"):
+        from ..io.scene_file import read_camera_file
+
+        arguments.camera_file, arguments.camera = given, read_camera_file(given)
 
 
 def make_camera(arguments, view, subject, bounds, up, framing=None) -> Camera:
@@ -136,8 +182,10 @@ def make_camera(arguments, view, subject, bounds, up, framing=None) -> Camera:
             "orthographic": arguments.ortho or framing.get("orthographic", False),
             "aspect": width / height,
         }
+        if arguments.margin is not None:
+            settings["margin"] = arguments.margin
         camera = Camera.framing(subject, **framing | settings)
-    return _zoomed(camera, arguments.zoom)
+    return zoomed(camera, arguments.zoom)
 
 
 def _first(*values):
@@ -145,7 +193,7 @@ def _first(*values):
     return next(value for value in values if value is not None)
 
 
-def _zoomed(camera, zoom) -> Camera:
+def zoomed(camera, zoom) -> Camera:
     """Make everything `zoom` times larger in the picture, from the same place."""
     if zoom == 1.0:
         return camera

@@ -18,10 +18,12 @@ from ..analysis.contact_sheet import GAP, label_width, sheet
 from ..analysis.mach import mach_bands
 from ..analysis.speed_error import subdivided, subdivision_words
 from ..analysis.timing import take_turns
+from ..choices import ARRAY_SUFFIXES
 from ..errors import SceneError
 from ..frame import Frame
 from ..options import Options
 from ..renderer import Renderer
+from .arrays import suffix_of
 from .cameras_lights import camera_of
 from .load_scene import load_scene, with_options
 from .messages import QUIET, print_record, print_text
@@ -71,7 +73,7 @@ class Figures(NamedTuple):
 
 def compare_models(arguments, messages) -> tuple[list, int]:
     """Compare the methods on every model; parameters, result and errors are those of `render_models`."""
-    if str(arguments.output).lower().endswith(".npy"):
+    if suffix_of(arguments.output) in ARRAY_SUFFIXES:
         raise SceneError(f"compare writes pictures, no arrays; given {arguments.output}")
     Options(
         size=arguments.size, **{name: getattr(arguments, name) for name in _OPTIONS}
@@ -82,7 +84,7 @@ def compare_models(arguments, messages) -> tuple[list, int]:
 def _compare_model(targets, arguments, settings, messages, output) -> None:
     """Compare the methods in all views of one model."""
     start = perf_counter()
-    loaded, of_model, own_options, framing = load_scene(
+    loaded, of_model, own_options, framing, _ = load_scene(
         targets[0].model, arguments, settings, messages, output.files_read
     )
     arguments = with_options(arguments, own_options, _OPTIONS, targets[0].model)
@@ -130,11 +132,12 @@ def _draw_methods(scene, arguments) -> tuple[dict[str, Drawn], dict[str, float],
 
 
 def _time_methods(scene, methods, options) -> dict[str, float]:
-    """The milliseconds of a warm frame by each method, as `rasterizer.render` draws it: with the default tolerance."""
+    """The milliseconds of a warm frame by each method, with one sample a pixel, as they are compared, and the
+    default tolerance."""
     with ExitStack() as stack:
         calls = {}
         for method in methods:
-            settings = options | {"shading": _shading_of(method), "outputs": ("rgb",)}
+            settings = options | {"shading": _shading_of(method), "outputs": ("rgb",), "samples": 1}
             calls[method] = stack.enter_context(Renderer(_scene_of(method, scene), **settings)).render
             calls[method]()  # compiles and allocates
         return {

@@ -1,6 +1,6 @@
 """The longer texts of the help."""
 
-EXAMPLES = """\
+RENDER = """\
 examples:
   raster render part.stl                                     part.png, here
   raster render part.stl -o side.jpg --view left --ortho -s 1920x1080 --background white
@@ -33,6 +33,27 @@ exit codes: 0 done, 1 some models failed and the rest was done, or the fault is 
 """
 
 
+BATCH = """\
+examples:
+  raster batch 'parts/*.stl' -o 'thumbs/{stem}-{view}.png' --view front,top -s 256 -j 4
+  raster batch parts --recursive -o thumbs/ --skip-existing          the folders of parts, again below thumbs
+  raster batch 'scans/*.obj' -o pictures/ --scheduler tcp://10.0.0.1:8786 --json
+
+One picture that can't be drawn doesn't stop the others, whatever the reason. A file appears whole or not at all, so a
+batch that was interrupted goes on with --resume or --skip-existing; these don't ask how a file was made. The last line
+on stderr, and with --json the last on stdout, counts what was drawn, skipped and failed.
+
+Dask's workers read models themselves where they see the same file, of the same length and time of change; else it is
+loaded here and sent. Files are written here.
+
+lights, materials, scene files: as in raster render --help
+
+exit codes: 0 all done, 1 some models failed and the rest was done, or the fault is the program's own, 2 usage;
+where no model could be drawn 3 or 4, as the first one says: it can't be read or is empty, its output can't be written;
+130 interrupted
+"""
+
+
 COMPARE = """\
 Draw each model with flat, Gouraud's and Phong's shading (or --methods) and with the reference, one sample a
 pixel, side by side on one sheet. Below them are their errors, in false colours on one scale: the difference of linear
@@ -57,4 +78,14 @@ the last line says what to choose.
   over 1, ΔE         share of 8-bit values more than a level off; mean colour difference (CIEDE2000)
   method, sampling   what makes that error: where light is evaluated, and how many samples see it (rms)
   rounding, bound    largest difference from tolerance 0, and what the frame says that it may be
+"""
+
+
+VIEW = """\
+Show a model in a page of your browser, to be turned, moved and zoomed. A click tells which face is seen, of which
+object, where it is and how it is turned. At rest the picture is the one that `raster render` writes; while something
+moves it may be smaller. The page says the camera in flags of `raster render`.
+
+The address on stdout is served to this machine alone, and holds a random token. Over SSH: ssh -L 8000:localhost:8000
+HOST, then there raster view MODEL --port 8000.
 """

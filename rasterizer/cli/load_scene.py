@@ -3,26 +3,35 @@
 import os
 import sys
 import warnings
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import fields, replace
 from pathlib import Path
+from time import perf_counter
 from typing import NamedTuple
 
 from ..errors import ModelError, SceneError
 from ..io import formats
 from ..io.loader import load
 from ..io.model_file import MeshSettings
+from ..io.progress import noticing_progress
 from ..io.scene_contents import SceneFile
 from ..options import Options
 from ..scene.color import linear_rgb
 from ..scene.depth_cue import DepthCue
+from ..scene.light_presets import studio, tabletop
 from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.scene import Scene
 from ..scene.shadow import Shadow
 from ..scene.texture import Texture
-from .cameras_lights import cast_shadows, make_lights, make_shadow
+from .cameras_lights import cast_shadows, make_lights, make_shadow, takes_shadows, without_shadows
+from .default_look import wants_tabletop, with_neutral_grey
 from .defaults import UNSAID
+from .messages import Bar
+from .suggestions import did_you_mean
 from .targets import STDIO
+
+LONG = 1.0  # seconds of reading a file, after which a bar is shown
 
 _MOST_TIMES = 15  # that a mesh can be subdivided
 
@@ -36,6 +45,8 @@ class Settings(NamedTuple):
     is_transparent: bool  # whether a background is taken away
     scene: dict  # other fields of Scene to replace
     subdivide: int
+    on_tabletop: bool  # models that bring no lights
+    with_key_shadow: bool  # there
 
 
 class Loaded(NamedTuple):
@@ -45,6 +56,7 @@ class Loaded(NamedTuple):
     warnings: list[str]  # that loading gave, which were said
     options: dict  # a scene file's, by the names of Options
     framing: dict | None  # a scene file's, as `camera_of` takes it
+    is_on_tabletop: bool
 
 
 def make_settings(arguments) -> Settings:
@@ -73,6 +85,8 @@ def make_settings(arguments) -> Settings:
         is_transparent=background == "transparent",
         scene={} if arguments.depth_cue == UNSAID else {"depth_cue": _make_cue(arguments.depth_cue)},
         subdivide=arguments.subdivide,
+        on_tabletop=wants_tabletop(arguments),
+        with_key_shadow=takes_shadows(arguments) and not arguments.shadows,
     )
 
 
@@ -115,7 +129,8 @@ def _make_material(arguments) -> dict:
 def _checked_model(word: str, flag: str) -> str:
     """Return the word for a reflection model; SceneError where the scene's table has none of that name."""
     if word not in REFLECTION_MODELS:
-        raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}")
+        meant = did_you_mean(word, REFLECTION_MODELS)
+        raise SceneError(f"argument {flag}: one of {', '.join(REFLECTION_MODELS)} is needed; given {word!r}{meant}")
     return word
 
 
@@ -130,17 +145,32 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        read = _read(model, arguments.input_format, settings, messages, files_read)
+        with _reading_shown(messages):
+            read = _read(model, arguments.input_format, settings, messages, files_read)
+        read, is_on_tabletop = _put_on_tabletop(read, model, arguments.input_format, settings)
         scene = _changed(read, model, settings)
     texts = list(dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)))
     for text in texts:
         messages.warn(text)
-    return Loaded(scene, texts, read.options, read.framing)
+    return Loaded(scene, texts, read.options, read.framing, is_on_tabletop)
+
+
+@contextmanager
+def _reading_shown(messages):
+    """Show inside the block how far the reading of a file has come, where it takes long and stderr is a terminal."""
+    start = perf_counter()
+
+    def show(n_done, n, what):
+        if perf_counter() - start > LONG:
+            bar.show(n_done, n, what)
+
+    with Bar(messages) as bar, noticing_progress(show):
+        yield
 
 
 def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     """Read a model; what it has no say in is left to the defaults."""
-    source = _read_stdin() if model == STDIO else _checked_path(model, input_format)
+    source = source_of(model, input_format)
     entry = formats.find(input_format or Path(model).suffix)
     if entry is None or not entry.is_scene:
         return SceneFile(load(source, format=input_format, log=messages.detail, files_read=files_read, **settings.load))
@@ -157,6 +187,28 @@ def _read(model, input_format, settings, messages, files_read) -> SceneFile:
     return read._replace(scene=replace(read.scene, **changes), unshadowed=unshadowed)
 
 
+def _put_on_tabletop(read, model, input_format, settings) -> tuple[SceneFile, bool]:
+    """Put a model that brings no lights on the tabletop, where that is wanted; tell whether it is. A scene file rules
+    its own look."""
+    entry = formats.find(input_format or Path(model).suffix)
+    if not settings.on_tabletop:
+        return read, False
+    if settings.load["lights"] is not None:  # those of --preset
+        return read._replace(scene=with_neutral_grey(read.scene)), True
+    if (entry is not None and entry.is_scene) or read.scene.lights != studio():
+        return read, False
+    lights = tabletop() if settings.with_key_shadow else without_shadows(tabletop())
+    return read._replace(scene=replace(with_neutral_grey(read.scene), lights=lights)), True
+
+
+def source_of(model: str, input_format: str | None) -> str | bytes:
+    """Return what `load` reads: a path, or the bytes of stdin.
+
+    Raises ModelError, in the command line's own words, for a folder and for a name that doesn't tell its format.
+    """
+    return _read_stdin() if model == STDIO else _checked_path(model, input_format)
+
+
 def _read_stdin() -> bytes:
     try:
         return sys.stdin.buffer.read()
@@ -168,8 +220,10 @@ def _checked_path(model, input_format) -> str:
     """Refuse, in the command line's own words, a folder and a name that doesn't tell its format."""
     path = Path(model)
     if os.path.isdir(path):
-        raise ModelError(f"{model}: is a folder; give the models in it, e.g. '{path / '*.stl'}'")
-    if input_format is None and not path.suffix and os.path.exists(path):
+        raise ModelError(f"{model}: is a folder; give the models in it, e.g. '{path / '*.stl'}', or --recursive")
+    if input_format is None and not path.suffix:
+        if not os.path.exists(path):
+            raise ModelError(f"{model}: no such file")
         raise ModelError(f"{model}: the format is unknown without a suffix; give --input-format")
     return model
 

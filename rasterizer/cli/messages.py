@@ -17,25 +17,30 @@ class Messages:
 
     def __init__(self, level: int = NORMAL):
         self.level = level
+        self.bar = None  # one of tqdm, while it is on the terminal
 
     def error(self, text) -> None:
         """Say what went wrong."""
-        _say(f"error: {text}")
+        self._say(f"error: {text}")
 
     def warn(self, text) -> None:
         """Say what may be a mistake."""
         if self.level > QUIET:
-            _say(f"warning: {text}")
+            self._say(f"warning: {text}")
 
     def notice(self, text) -> None:
         """Say what a person should know while waiting."""
         if self.level > QUIET:
-            _say(text)
+            self._say(text)
 
     def detail(self, text) -> None:
         """Say what only somebody who asks wants to know."""
         if self.level >= VERBOSE:
-            _say(text)
+            self._say(text)
+
+    def record(self, record: dict, is_stdout_taken: bool) -> None:
+        """Print a line of JSON, as `print_record` does."""
+        print_record(record, is_stdout_taken)
 
     def traceback(self, error) -> None:
         """Show where a fault of the program's own happened, if verbose."""
@@ -43,6 +48,12 @@ class Messages:
             import traceback
 
             traceback.print_exception(error, file=sys.stderr)
+
+    def _say(self, text) -> None:
+        if self.bar is not None:
+            self.bar.write(_line_of(text), file=sys.stderr)
+        elif sys.stderr is not None:  # None where the process was started without one
+            print(_line_of(text), file=sys.stderr, flush=True)
 
     @contextmanager
     def shown_warnings(self):
@@ -57,9 +68,16 @@ class Messages:
             yield
 
 
-def _say(text) -> None:
-    if sys.stderr is not None:  # None where the process was started without one
-        print("raster:", " ".join(str(text).split()), file=sys.stderr, flush=True)
+def _line_of(text) -> str:
+    return f"raster: {' '.join(str(text).split())}"
+
+
+def byte_words(n_byte: int) -> str:
+    """A number of bytes for people."""
+    for unit, size in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if n_byte >= size:
+            return f"{n_byte / size:.3g} {unit}"
+    return f"{n_byte} bytes"
 
 
 def print_record(record: dict, is_stdout_taken: bool) -> None:
@@ -149,7 +167,8 @@ class Bar:
     """A bar on a terminal about work of many parts; elsewhere it says nothing."""
 
     def __init__(self, messages):
-        self.is_shown = messages.level == NORMAL and sys.stderr is not None and sys.stderr.isatty()
+        is_terminal = sys.stderr is not None and sys.stderr.isatty()
+        self.is_shown = messages.level == NORMAL and is_terminal and messages.bar is None
         self._is_drawn = False
 
     def __enter__(self):

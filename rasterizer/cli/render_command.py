@@ -1,19 +1,25 @@
 """`raster render`: one model after another is loaded, drawn and written; a failure doesn't stop the rest."""
 
+import math
 import os
 from dataclasses import fields
 from pathlib import Path
 from time import perf_counter
 
-from ..errors import RasterizerError, SceneError, internal_error
-from ..frame import Frame, picture_format
-from ..options import Options
+from ..errors import SceneError
+from ..frame import Frame
+from ..io.picture_formats import picture_format
+from ..options import BUFFER_SAMPLES, PICTURE_SAMPLES, Options
 from ..renderer import Renderer
+from .arrays import check_scale, encode_arrays, expand_arrays, holds_arrays, suffix_of
 from .cameras_lights import camera_of, check_camera
-from .defaults import PICTURE_SAMPLES
+from .failures import Failures
+from .ground import bare, finish_of, framed_points, make_ground
 from .load_scene import load_scene, make_settings, with_options
-from .messages import compilation_shown, print_record
-from .targets import STDIO, plan_targets
+from .messages import compilation_shown, print_text
+from .preview import preview
+from .results import Results
+from .targets import STDIO, plan_targets, without_existing
 from .warnings import find_doubts
 from .write_targets import Outputs
 
@@ -40,69 +46,76 @@ def render_models(arguments, messages) -> tuple[list, int]:
     OutputError : the folder of an output doesn't exist
     """
     make_options(arguments)  # what is not legal is told before a model is loaded
-    return draw_models(arguments, messages, _render_model)
+    check_scale(arguments)
+    if arguments.preview:
+        if holds_arrays(arguments):
+            raise SceneError("--preview shows pictures; an array is asked for")
+        arguments.always_writes = False
+    if arguments.n_process is not None:
+        from .processes import draw_models_apart, may_be_drawn_apart
+
+        if may_be_drawn_apart(arguments):
+            plan, n_model = _plan(arguments, messages)
+            return draw_models_apart(arguments, messages, plan, render_model)[0], n_model
+    return draw_models(arguments, messages, render_model)
 
 
-def draw_models(arguments, messages, draw, check_suffix=None) -> tuple[list, int]:
+def draw_models(arguments, messages, draw, check_output=None, plan=None) -> tuple[list, int]:
     """Hand every model to `draw`, which is called with its targets, the arguments, the Settings and the messages;
-    `check_suffix` is that of `plan_targets`.
+    `check_output` is that of `plan_targets`, `plan` what that returns, if it has been called.
 
     Returns and raises what `render_models` does.
     """
     settings = make_settings(arguments)
     check_camera(arguments)
-    plan = plan_targets(arguments, check_suffix)
-    failures = []
-    with compilation_shown(messages), Outputs(plan, arguments) as outputs:
+    plan, n_model = _plan(arguments, messages, check_output) if plan is None else (plan, len(plan))
+    failures = Failures(messages, arguments.json)
+    results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
+    with compilation_shown(messages), results, Outputs(plan, arguments) as outputs:
         for number, targets in enumerate(plan):
-            try:
-                draw(targets, arguments, settings, messages, outputs.of_model(number))
-            except BrokenPipeError:
-                raise
-            except Exception as error:  # noqa: BLE001  one model that fails does not stop the rest
-                failures.append(_failure(error, targets[0], arguments, messages))
-                messages.error(failures[-1])
-                if getattr(failures[-1], "is_internal", False):
-                    messages.traceback(error.__cause__ if failures[-1] is error and error.__cause__ else error)
-                if arguments.json:
-                    record = {"path": targets[0].model, "error": str(failures[-1])}
-                    print_record(record, targets[0].output == STDIO)
+            with failures.caught(targets[0].model, arguments.size, targets[0].output == STDIO):
+                draw(targets, arguments, settings, messages, outputs.of_model(number, results))
         failures += outputs.finish(messages)
-    return failures, len(plan)
+    return failures, n_model
 
 
-def _failure(error, target, arguments, messages) -> RasterizerError:
-    """What is said of a model that failed; a fault of the program's own is told as such."""
-    if isinstance(error, RasterizerError):
-        return error
-    if isinstance(error, MemoryError):
-        return SceneError(f"not enough memory for {target.model} at {arguments.size}: {error}")
-    return internal_error(target.model, error)
+def _plan(arguments, messages, check_output=None) -> tuple[list, int]:
+    """List the outputs of each model, without those that are left out; and how many models there are."""
+    plan = plan_targets(arguments, check_output)
+    n_model = len(plan)
+    if getattr(arguments, "skip_existing", False):
+        plan, n_left_out = without_existing(plan)
+        messages.notice(f"{n_left_out} of {n_left_out + sum(map(len, plan))} outputs are there already")
+    return plan, n_model
 
 
 def make_options(arguments) -> Options:
     """The options of the pictures: every field of `Options` is a flag."""
     values = {field.name: getattr(arguments, field.name) for field in fields(Options)}
-    is_picture = values["outputs"] is None and not _is_npy(arguments)
+    is_picture = values["outputs"] is None and suffix_of(arguments.output) not in ("npy", "npz")
+    values["outputs"] = expand_arrays(values["outputs"])
     if values["samples"] is None:
-        values["samples"] = PICTURE_SAMPLES if is_picture else Options.samples
+        values["samples"] = PICTURE_SAMPLES if is_picture else BUFFER_SAMPLES
     if values["outputs"] is None:
-        values["outputs"] = "rgb" if is_picture else "color"
+        values["outputs"] = "color" if holds_arrays(arguments) else "rgb"
     return Options(**values)
 
 
-def _render_model(targets, arguments, settings, messages, output) -> None:
-    """Draw all views of one model."""
+def render_model(targets, arguments, settings, messages, output, loaded=None, make_renderer=None) -> None:
+    """Draw all views of one model; `loaded` is the model, Loaded, where it has been loaded before, and `make_renderer`
+    is called as Renderer is."""
     start = perf_counter()
-    scene, of_model, own_options, framing = load_scene(
-        targets[0].model, arguments, settings, messages, output.files_read
-    )
-    arguments = with_options(arguments, own_options, _names_of_file(arguments), targets[0].model)
+    loaded = loaded or load_scene(targets[0].model, arguments, settings, messages, output.files_read)
+    scene = loaded.scene
+    arguments = with_options(arguments, loaded.options, _names_of_file(arguments), targets[0].model)
     options = make_options(arguments)
-    with Renderer(scene, **_as_keywords(options)) as renderer:
+    ground = make_ground(arguments, loaded, options.threads)
+    subject = framed_points(scene, ground)
+    ground = None if holds_arrays(arguments) else ground
+    with (make_renderer or Renderer)(bare(scene, ground), **_as_keywords(options)) as renderer:
         for target in targets:
-            camera = camera_of(arguments, target.view, scene, framing)
-            file = _row_file(target.output, options)
+            camera = camera_of(arguments, target.view, scene, loaded.framing, subject)
+            file = _row_file(target.output, options, finish_of(ground, camera, options.size, scene.background))
             if file is not None and file.n_byte > _LONG:
                 messages.notice(
                     f"{target.model}: drawing {file.n_byte / 1e9:.3g} GB into {target.output}, which takes a while"
@@ -112,15 +125,23 @@ def _render_model(targets, arguments, settings, messages, output) -> None:
             doubts = [f"{target.model}: {text}" for text in doubts]
             for text in doubts:
                 messages.warn(text)
-            if not is_written:
-                output.write(_content(frame, target.output, options.outputs[0]), target.output)
+            if ground is not None and not is_written:
+                frame = ground.under(frame, camera, scene.background)
+            n_byte = file.n_byte if is_written else None
+            if not is_written and target.output is not None:
+                content = _content(frame, target.output, options, arguments)
+                output.write(content, target.output)
+                n_byte = len(content)
             seconds, start = perf_counter() - start, perf_counter()
+            output.results.tell(target.output, frame.size, n_byte, seconds)
+            if getattr(arguments, "preview", False):
+                print_text(preview(frame.rgba), target.output == STDIO)
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
             messages.detail(f"{target.model}: {describe_bound(frame.stats)}")
             messages.detail(f"{target.model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
             if arguments.json:
-                record = _record(target, frame, scene, seconds, of_model + doubts)
-                print_record(record, target.output == STDIO)
+                record = _record(target, frame, scene, seconds, loaded.warnings + doubts)
+                messages.record(record, target.output == STDIO)
 
 
 def _draw(renderer, camera, file, output) -> tuple[Frame, bool, bool]:
@@ -137,28 +158,28 @@ def _draw(renderer, camera, file, output) -> tuple[Frame, bool, bool]:
     return Frame(None, {}, stats, file.size), file.is_black, True
 
 
-def _row_file(output, options):
+def _row_file(output, options, finish=None):
     """Return the RowFile that a large picture is drawn into, band by band; None where it is drawn in memory."""
+    if output is None:
+        return None
     format = Path(output).suffix.lower().lstrip(".")
+    if options.edges:  # strokes reach over bands
+        return None
     is_place = output != STDIO and (os.path.isfile(output) or not os.path.exists(output))
     if format not in ("npy", "tif", "tiff") or not is_place:
         return None
     from ..io.row_files import RowFile, row_format_of
 
     kind = row_format_of(format, options.outputs[0] if format == "npy" else None)
-    file = None if kind is None else RowFile(output, kind, options.size)
+    file = None if kind is None else RowFile(output, kind, options.size, finish)
     return None if file is None or file.n_byte <= _IN_MEMORY else file
 
 
-def _is_npy(arguments) -> bool:
-    return str(arguments.output).lower().endswith(".npy")
-
-
 def _names_of_file(arguments) -> set[str]:
-    """The options that a scene file may set; what is written is known before it is read, but for which array a .npy
-    holds."""
+    """The options that a scene file may set; what is written is known before it is read, but for which arrays a file of
+    arrays holds."""
     names = {field.name for field in fields(Options)}
-    return names if _is_npy(arguments) else names - {"outputs"}
+    return names if holds_arrays(arguments) else names - {"outputs"}
 
 
 def _as_keywords(options) -> dict:
@@ -170,13 +191,34 @@ def describe_bound(stats) -> str:
     steps = "".join(
         f"; without bound next to a step: {cause} (within {near:.1g}, {unit})" for cause, near, unit in stats.steps
     )
-    return f"errors are at most {stats.error_bound:.2g} in linear intensity{steps}"
+    others = _describe_outputs(stats.error_bounds)
+    return f"errors are at most {stats.error_bound:.2g} in linear intensity{others}{steps}"
 
 
-def _content(frame, output, array) -> bytes:
-    """A picture, or the array asked for, as the bytes of its file."""
-    is_array = array != "rgb" or output.lower().endswith(".npy")
-    return frame.encode_array(array) if is_array else encode_picture(frame, output)
+def _describe_outputs(bounds) -> str:
+    """Say what is known of the other outputs, then what shadow maps and texture filters add to the colours' errors."""
+    words = [] if bounds.rgb is None else [f", {bounds.rgb} level{'' if bounds.rgb == 1 else 's'} of 8 bits"]
+    if bounds.depth is not None:
+        share = f" ({bounds.depth_share:.2g} of itself)" if math.isfinite(bounds.depth_share) else ""
+        words.append(f"; depth {bounds.depth:.2g} scene units{share}")
+    words += [] if bounds.normal is None else [f"; normal {bounds.normal:.2g} a component"]
+    words += [] if bounds.face is None else ["; face exact"]
+    words += [
+        f"; not counted: shadows of {light}s, within {near:.2g} scene units of their edges (a texel is {texel:.2g})"
+        for light, texel, near in bounds.shadows
+    ]
+    words += [
+        f"; not counted: the {name} filter of textures, up to {most:.2g} from their average over a pixel"
+        for name, most, _ in bounds.filters
+    ]
+    return "".join(words)
+
+
+def _content(frame, output, options, arguments) -> bytes:
+    """A picture, or the arrays asked for, as the bytes of its file."""
+    if holds_arrays(arguments):
+        return encode_arrays(frame, output, options.outputs, arguments.scale)
+    return encode_picture(frame, output)
 
 
 def encode_picture(frame, output) -> bytes:
@@ -196,5 +238,6 @@ def _record(target, frame, scene, seconds, doubts) -> dict:
         "coverage": frame.stats.coverage,
         "seconds": round(seconds, 4),
         "error_bound": frame.stats.error_bound,
+        "error_bounds": frame.stats.error_bounds.as_json(),
         "warnings": doubts,
     }

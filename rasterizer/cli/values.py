@@ -3,6 +3,8 @@
 import argparse
 import re
 
+from .suggestions import did_you_mean
+
 
 def number(text) -> float:
     """A finite number."""
@@ -39,9 +41,13 @@ def list_of(read, legal=None):
         for value in found:
             if legal is not None and value not in legal:
                 words = ", ".join(map(str, legal))
-                raise argparse.ArgumentTypeError(f"one or several of {words}, with commas, are needed; given {text!r}")
+                meant = did_you_mean(str(value), map(str, legal))
+                raise argparse.ArgumentTypeError(
+                    f"one or several of {words}, with commas, are needed; given {text!r}{meant}"
+                )
         return found
 
+    values.legal = legal or ()  # for the completion of shells
     return values
 
 
@@ -62,9 +68,19 @@ def vector(text, separator=",") -> tuple[float, ...]:
     return tuple(number(part) for part in parts)
 
 
+def share(text) -> float:
+    """A share as a number, or in per cent: 0.1 or 10%."""
+    return number(text[:-1]) / 100.0 if text.endswith("%") else number(text)
+
+
+def axis(text) -> str:
+    """The name of an axis, in small letters and without a plus sign."""
+    return text.lower().removeprefix("+")
+
+
 def picture_size(text) -> tuple[int, int]:
-    """800x600, or 512 for a square."""
-    match = re.fullmatch(r"(\d{1,9})(?:[xX×](\d{1,9}))?", text)
+    """800x600, 800,600, or 512 for a square."""
+    match = re.fullmatch(r"(\d{1,9})(?:[xX×,*](\d{1,9}))?", text)
     if not match:
         raise argparse.ArgumentTypeError(f"WIDTHxHEIGHT or one number is needed, in pixels; given {text!r}")
     width, height = match.groups()
@@ -104,7 +120,8 @@ def word_of(legal):
 
     def word(text) -> str:
         if text not in legal:
-            raise argparse.ArgumentTypeError(f"one of {', '.join(legal)} is needed; given {text!r}")
+            meant = did_you_mean(text, legal)
+            raise argparse.ArgumentTypeError(f"one of {', '.join(legal)} is needed; given {text!r}{meant}")
         return text
 
     return word

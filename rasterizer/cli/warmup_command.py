@@ -8,14 +8,16 @@ from time import perf_counter
 
 import numpy as np
 
+from ..choices import BUFFERS
 from ..compiler import fingerprint, kernels
 from ..compiler.store import Store
+from ..engine.clock import Clock
 from ..engine.prepared_scene import PreparedScene
 from ..engine.sample_variants import list_variants
 from ..errors import OutputError
 from ..geometry.normals import vertex_normals
 from ..options import Options
-from ..renderer import Clock, render
+from ..renderer import render
 from ..scene.camera import Camera
 from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 from ..scene.material import REFLECTIONS, Material
@@ -27,8 +29,14 @@ from .messages import compilation_shown
 _VERTICES = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.5), (0, 0, 9)])
 _FACES = np.array([(0, 1, 2), (0, 2, 3), (2, 3, 4)])
 SIZE = 4  # pixels
-_BUFFERS = ("depth", "face", "normal")
+_BUFFERS = tuple(BUFFERS)
 _SHADINGS = ("flat", "gouraud", "phong")
+
+
+def run_warmup(arguments, messages) -> tuple[list, int]:
+    """Run the command; OutputError where there is no folder for the kernels. Nothing else fails."""
+    warm_up(messages, arguments.into, arguments.cpu)
+    return [], 0
 
 
 def warm_up(messages, folder: str | None = None, processor: str | None = None) -> None:
@@ -103,22 +111,23 @@ def draw_all_kinds() -> None:
     for scene in scenes:
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):
-                render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, color_range="global")
+                render(scene, SIZE, shading=shading, tolerance=tolerance, samples=1, threads=1, color_range="global")
     for samples, tolerance in ((1, 1 / 4096), (4, 1 / 4096), (4, 0.0)):
         render(scenes[0], SIZE, samples=samples, tolerance=tolerance, outputs=("rgb",), threads=1, cull="back")
     for outputs in (_BUFFERS, ("rgb", *_BUFFERS)):  # alone, and from the entries of a picture
-        render(scenes[0], SIZE, shading="phong", outputs=outputs, threads=1)
+        render(scenes[0], SIZE, shading="phong", outputs=outputs, samples=1, threads=1)
+    render(scenes[0], SIZE, outputs="rgb", threads=1, edges="all")
     polygons = replace(
         scenes[0], meshes=[Mesh(_VERTICES, [(0, 1, 2, 3), (0, 1, 3, 2, 4)])]
     )  # a convex one, and one with ears
     for tolerance in (0.0, 1 / 4096):
-        render(polygons, SIZE, tolerance=tolerance, threads=1, outputs=("rgb",))
+        render(polygons, SIZE, tolerance=tolerance, samples=1, threads=1, outputs=("rgb",))
     _draw_clusters(scenes[0])
     vertex_normals(_VERTICES, _FACES)
     for scene in _rarer_scenes():
         for shading in _SHADINGS:
             for tolerance in (0.0, 1 / 4096):
-                render(scene, SIZE, shading=shading, tolerance=tolerance, threads=1, outputs=("rgb",))
+                render(scene, SIZE, shading=shading, tolerance=tolerance, samples=1, threads=1, outputs=("rgb",))
     for scene in (*scenes, *_rarer_scenes()):
         for shading in ("gouraud", "phong"):
             for tolerance in (0.0, 1 / 4096):
@@ -128,7 +137,7 @@ def draw_all_kinds() -> None:
 def _draw_clusters(scene) -> None:
     """Draw what a dense scene is drawn with, of a few triangles."""
     for cull in ("back", "none"):
-        prepared = PreparedScene(scene, Options(size=SIZE, cull=cull, threads=1))
+        prepared = PreparedScene(scene, Options(size=SIZE, cull=cull, samples=1, threads=1))
         prepared.uses_clusters = True
         prepared.draw_picture(scene.camera_for(prepared.options.size), Clock())
 

@@ -16,9 +16,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from ..errors import OutputError
-from ..frame import write_whole
 from ..io import formats
-from ..io.files import identity_of
+from ..io.files import identity_of, write_whole
 from .messages import write_stdout
 from .targets import STDIO
 
@@ -58,9 +57,9 @@ class Outputs:
         """Write what waits, also after an interrupt: what hasn't been loaded will not be read any more."""
         self.finish(None)
 
-    def of_model(self, number) -> "ModelOutput":
-        """Return what writes the outputs of one model of the plan."""
-        return ModelOutput(self, number)
+    def of_model(self, number, results=None) -> "ModelOutput":
+        """Return what writes the outputs of one model of the plan; `results` are told what is done."""
+        return ModelOutput(self, number, results)
 
     def write(self, content, output, number) -> None:
         """Write an output of a model; raises OutputError where it would replace what is read or was written."""
@@ -80,6 +79,7 @@ class Outputs:
         """Let `draw` write a RowFile, then put it in its place as `write` does; return what `draw` returns."""
         output = file.path
         self._check(output)
+        make_folder(output)
         with ExitStack() as stack:
             stack.enter_context(_cleaning_up())
             stack.enter_context(file)
@@ -115,6 +115,7 @@ class Outputs:
             raise OutputError(f"can't write {output}: it is {self._written[identity]}, which has just been written")
 
     def _write(self, content, output) -> None:
+        make_folder(output)
         with _cleaning_up():
             write_whole(output, content)
         self._written[identity_of(output)] = output
@@ -136,10 +137,11 @@ class Outputs:
 
 
 class ModelOutput:
-    """Write the outputs of one model; `files_read` is a list that takes the paths of the files it reads."""
+    """Write the outputs of one model; `files_read` is a list that takes the paths of the files it reads, `results` the
+    Results of the run."""
 
-    def __init__(self, outputs, number):
-        self._outputs, self._number, self.files_read = outputs, number, []
+    def __init__(self, outputs, number, results=None):
+        self._outputs, self._number, self.files_read, self.results = outputs, number, [], results
 
     def write(self, content, output) -> None:
         """Write an output, as `Outputs.write` does."""
@@ -153,6 +155,15 @@ class ModelOutput:
 
     def _note_files_read(self) -> None:
         self._outputs.files_read |= {identity_of(path): path for path in self.files_read}
+
+
+def make_folder(output) -> None:
+    """Make the folder of an output, where it isn't there; OutputError where that can't be done."""
+    folder = os.path.dirname(os.path.realpath(output))
+    try:
+        os.makedirs(folder, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"can't write {output}: can't make the folder {folder}: {error.strerror or error}") from error
 
 
 @contextmanager

@@ -140,6 +140,34 @@ def remove_old(folder: Path) -> None:
                     _empty(Path(entry.path))
 
 
+def list_folders(base: Path) -> list[Path]:
+    """List the folders of kernels below `base`, of this version and of others; only folders that this module made."""
+    found = []
+    with contextlib.suppress(OSError), os.scandir(base) as entries:
+        for entry in entries:
+            with contextlib.suppress(OSError):  # just removed by another process
+                if _is_ours(entry):
+                    found.append(Path(entry.path))
+    return sorted(found)
+
+
+def measure(folder: Path) -> tuple[int, int]:
+    """Return how many kernels a folder holds, and how many bytes they take."""
+    sizes = []
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.name.endswith(SUFFIX):
+                with contextlib.suppress(OSError):
+                    sizes.append(entry.stat(follow_symlinks=False).st_size)
+    return len(sizes), sum(sizes)
+
+
+def clear(base: Path) -> None:
+    """Remove the kernels of all versions below `base`, and nothing else; raises OSError where one can't be removed."""
+    for folder in list_folders(base):
+        _empty(folder)
+
+
 def _is_ours(entry) -> bool:
     """Tell whether an entry of a folder is a folder that this module has made."""
     digits = entry.name.removeprefix(PREFIX)

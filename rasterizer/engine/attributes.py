@@ -32,7 +32,7 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     ----------
     lightings : {dtype: Lighting}, for each of the plan's types
     n_side : 1, or 2 where normals may have to be flipped: side 1 has the intensities of flipped normals
-    normal_offsets : (n_point,) float64, scene units, see pipeline/shadow_lookup.py; empty where no light casts shadows
+    normal_offsets : (2, n_point) float64, scene units, see geometry/surfaces.py; empty where no light casts shadows
     runs : list of (start, end), the points that are needed, ascending; the others may be left unset. None for all
 
     Returns

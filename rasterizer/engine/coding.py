@@ -20,18 +20,22 @@ from ..pipeline.texture_planes import TextureCoding
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
 
+NO_DEPTHS = DepthScale(1.0, 0.0, 0.0, 0.0, 1.0, 0.0)  # of no view
 
-def make_coding(plan: Plan, screen, tolerance, step=1.0) -> Coding:
-    """Say what entries and records hold, for one view; `step` is what `lookup_step` returns.
+
+def make_coding(plan: Plan, tolerance, step=1.0) -> Coding:
+    """Say what entries and records hold, but for depths, which each view has of its own: `scale_depths`.
+
+    `step` is what `lookup_step` returns.
 
     What rounding leaves of the tolerance is shared: a quarter is for normals, a quarter for colours that are given with
     the model, the rest for textures. Or all is for intensities; with textures a quarter: where a triangle bends them by
     more they have weights, and err by next to nothing.
     """
-    of_materials, depths, n_material = plan.of_materials, scale_depths(screen), len(plan.materials)
+    of_materials, n_material = plan.of_materials, len(plan.materials)
     rows = of_materials.ways, of_materials.needs, of_materials.reads_double, of_materials.n_attributes
     if of_materials.is_double.all():  # so all are exact
-        return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, depths)
+        return Coding(*rows, np.zeros(n_material), None, 0.0, False, None, NO_DEPTHS)
     left, brightest = np.maximum(0.0, tolerance - of_materials.roundings), max(plan.bound, 1e-30)
     if plan.is_lit_per_sample:
         has_albedo = (of_materials.needs & NEEDS_ALBEDO) != 0
@@ -39,11 +43,11 @@ def make_coding(plan: Plan, screen, tolerance, step=1.0) -> Coding:
         albedo_tolerance = float(tolerance / 4 / brightest)
         return NormalCoding(
             *rows, of_materials.normal_limits, None, albedo_tolerance, plan.needs_position or plan.cue is not None,
-            code_textures(plan, of_textures, step), depths,
+            code_textures(plan, of_textures, step), NO_DEPTHS,
         )  # fmt: skip
     limits = np.where(of_materials.is_looked_up, left / 4, left)
     textures = code_textures(plan, left * 3 / 4, step)
-    return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, plan.cue is not None, textures, depths)
+    return LevelCoding(*rows, limits, float(plan.level_scale), 0.0, plan.cue is not None, textures, NO_DEPTHS)
 
 
 def lookup_step(factor, is_shaded_once) -> float:

@@ -29,6 +29,7 @@ from .transparency import Memory, Task, draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
 MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
+NO_SOURCES = np.empty(0, np.uint32)  # of triangles none of which was clipped
 NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages are not those of the picture
 
 
@@ -62,8 +63,10 @@ def draw(
     if buffers is not None:
         kind = kind._replace(n_attribute=max(kind.n_attribute, buffers.n_attribute))
 
+    first, end = render_pass.drawn_rows
+
     def draw_band(k) -> BandCounts:
-        band = Band(gather_band(parts, k), k * n_row, min((k + 1) * n_row, render_pass.n_sample[1]))
+        band = Band(gather_band(parts, k), max(k * n_row, first), min((k + 1) * n_row, end))
         workspace = workspaces.acquire(kind, render_pass.most_records(len(band.faces)))
         if workspace.records.clipped_planes is not drawn.clipped_planes:
             workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
@@ -89,7 +92,8 @@ def draw(
         workspaces.release(kind, workspace)
         return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
 
-    counts = threads.map(draw_band, busiest_first(n_in_band, render_pass.is_filled))
+    bands = range(first // n_row, -(-end // n_row))
+    counts = threads.map(draw_band, [k for k in busiest_first(n_in_band, render_pass.is_filled) if k in bands])
     clock.lap("scan, shade, resolve")
     return Counts.of(geometry, drawn, parts, render_pass, counts)
 
@@ -104,6 +108,7 @@ class Drawn(NamedTuple):
     n_clipped: int
     n_culled: int  # those that the cull stage will not have to look at
     seen: SeenClusters | None  # the triangles that are looked at; None for all
+    source: np.ndarray = NO_SOURCES  # (n_triangle,) which triangle of the scene each is a part of; empty as loaded_face
 
     @classmethod
     def whole(cls, geometry, vertices, render_pass, seen=None) -> "Drawn":
@@ -125,7 +130,7 @@ def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
     loaded_face = geometry.face[faces] if len(geometry.face) else faces
     face_table = drawn.face_table.of_parts(faces)
     n_clipped = drawn.n_clipped + clipped.n_clipped
-    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, n_clipped, drawn.n_culled, None))
+    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, n_clipped, drawn.n_culled, None, faces))
 
 
 def checked(drawn: Drawn) -> Drawn:

@@ -56,6 +56,7 @@ class Surroundings(NamedTuple):
     eye_distances: ArrayLike = np.inf  # (n_light,): of each light from the eye; inf where that is not known
     least_sums: ArrayLike = 0.0  # (n_material, n_light): |L + V| is nowhere less; 0 where that is not known
     shadow_shift: float = 0.0  # scene units: how far float32 moves what shadows are asked for, see shadow_views.py
+    depth_shift: float = 0.0  # scene units: how far the depths of samples are off without perspective
     fading: float = 0.0  # how far off the share that depth cueing leaves of an intensity may be, in float32
 
     def rounded(self) -> "Surroundings":
@@ -76,9 +77,9 @@ class Surroundings(NamedTuple):
         if not has_positions and 2.0**-30 < furthest < 2.0**50:
             furthest = 1.0
         deepness = 2.0 ** math.ceil(math.log2(self.deepness)) if self.deepness > 2.0**20 else 0.0
-        shift, fading = (
+        shift, depth_shift, fading = (
             2.0 ** (math.ceil(8.0 * math.log2(value)) / 8.0) if 0.0 < value < math.inf else value
-            for value in (self.shadow_shift, self.fading)
+            for value in (self.shadow_shift, self.depth_shift if has_positions else 0.0, self.fading)
         )
         return self._replace(
             furthest=furthest,
@@ -87,6 +88,7 @@ class Surroundings(NamedTuple):
             eye_distances=eye_distances,
             least_sums=np.floor(8.0 * np.asarray(self.least_sums)) / 8.0,
             shadow_shift=shift,
+            depth_shift=depth_shift,
             fading=fading,
         )
 
@@ -99,7 +101,8 @@ class Surroundings(NamedTuple):
     def key(self) -> tuple:
         """Return what tells the surroundings of two views apart."""
         arrays = (np.asarray(values) for values in (self.clearances, self.eye_distances, self.least_sums))
-        return self.furthest, self.deepness, self.shadow_shift, self.fading, *(values.tobytes() for values in arrays)
+        numbers = self.furthest, self.deepness, self.shadow_shift, self.depth_shift, self.fading
+        return *numbers, *(values.tobytes() for values in arrays)
 
 
 def frame_error(reflected: Reflected, surroundings: Surroundings, u: float) -> NDArray[np.float64]:
@@ -173,6 +176,8 @@ def position_error(
 
         (k F + min(E, F))·u + [E > F]·u·d         and         (k + 1)·E·u + k·u·d
 
+    Without perspective a sample's depth errs by `depth_shift` whatever its distance, which both sums have besides.
+
     The first part of such a sum moves light and point by a length, see `LightEntry.sway`: the direction turns by this
     over d. The second part turns it by an angle, or changes d by a share, that is the same at every distance. The turn
     moves a highlight as `light_slopes` says. The better of both sums is taken for each material and light.
@@ -184,8 +189,9 @@ def position_error(
     away = np.broadcast_to(np.asarray(surroundings.eye_distances, float), shape)
     clearances = np.broadcast_to(surroundings.clearances, shape)
     sways, turns = _sways_and_turns(reflected, clearances, highlights.light_slopes)
-    far = k * furthest + u * np.minimum(away, furthest), np.where(away > furthest, u, 0.0)
-    near = (k + u) * away, np.full(shape, k)
+    shift = surroundings.depth_shift
+    far = k * furthest + u * np.minimum(away, furthest) + shift, np.where(away > furthest, u, 0.0)
+    near = (k + u) * away + shift, np.full(shape, k)
     of_diffuse, of_highlights = np.minimum(*(times(sways, a) + times(turns, b) for a, b in (far, near)))
     for m in _with_steep_powers(highlights):
         with np.errstate(over="ignore", invalid="ignore"):
@@ -225,6 +231,21 @@ def depth_rounding(surroundings: Surroundings) -> float:
     by as much, so what is interpolated is off by twice that of its range; so is the position of a sample.
     """
     return DOUBLE * 2.0 * surroundings.deepness
+
+
+def straight_rounding(furthest: float) -> float:
+    """Return how far a sample's depth is off without perspective, scene units.
+
+    It is the mean of those of the corners, which are kept as those of a z-buffer: offset + step·z. It errs by 11 u S,
+    S = |offset| + 2^38 |step| (pipeline/buffers.py). The offset is the depth of the nearest point, F at most, and what
+    2^38 steps reach is the range of depths, twice that at most. A corner's depth is a product of three terms before, of
+    differences that are rounded: 5 u√3 < 9 u of F.
+
+    Parameters
+    ----------
+    furthest : F, distance of the furthest point from the eye, scene units
+    """
+    return 42.0 * DOUBLE * furthest
 
 
 def furthest_over_nearest(screen: Screen, furthest: float) -> float:

@@ -5,12 +5,14 @@ import os
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ..errors import SceneError
+from ..errors import SceneError, shown
 from ..options import Options
 from .output_buffers import BUFFER_TABLE
 
 ALWAYS_THERE = 2**28  # bytes; for less nobody is asked
+EDGE_BYTES = 32  # a pixel, where edges are drawn: a triangle for each of 4 samples, 64 bits, a share
 MEMORY_INFO = "/proc/meminfo"  # Linux: what there is, of which the part that nobody needs
 MEMORY_LIMIT = "/sys/fs/cgroup/memory.max"  # what a container may have at most
 
@@ -45,6 +47,7 @@ def count_pixel_bytes(options: Options, has_out: bool) -> int:
     if outputs & {"color", "rgb"}:
         n_byte += 0 if has_out else 4
         n_byte += 16 if "color" in outputs or options.color_range == "global" else 0
+    n_byte += EDGE_BYTES if options.edges else 0
     buffers = [BUFFER_TABLE[name] for name in outputs - {"color", "rgb"}]
     return n_byte + sum(np.dtype(buffer.dtype).itemsize * buffer.n_component for buffer in buffers)
 
@@ -61,3 +64,16 @@ def available_memory() -> int | None:
     if not found and hasattr(os, "sysconf") and {"SC_PHYS_PAGES", "SC_PAGE_SIZE"} <= set(os.sysconf_names):
         found.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
     return min(found, default=None)
+
+
+def checked_out(out: object, options: Options) -> NDArray[np.uint32]:
+    """Return the array that takes the bytes of a picture, as (height, width) uint32."""
+    width, height = options.size
+    if not {"color", "rgb"} & set(options.outputs):
+        raise SceneError("out takes a picture: ask for it with outputs=('color', ...) or ('rgb', ...)")
+    is_fit = isinstance(out, np.ndarray) and out.shape == (height, width, 4) and out.dtype == np.uint8
+    if not (is_fit and out.flags.c_contiguous and out.flags.writeable and out.ctypes.data % 4 == 0):
+        given = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else shown(out)
+        legal = f"a writable array ({height}, {width}, 4) of uint8, without gaps, at a multiple of 4 bytes"
+        raise SceneError(f"out must be {legal}; given {given}")
+    return np.asarray(out).view(np.uint32).reshape(height, width)

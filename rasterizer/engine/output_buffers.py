@@ -1,13 +1,15 @@
 """The exact buffers that a frame may have beside the picture: one kernel and one entry in BUFFER_TABLE a kind."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from ..pipeline.bands import Band
-from ..pipeline.buffers import VisibleSurfaces, write_depth, write_face, write_normal
+from ..pipeline.buffers import write_depth, write_face, write_normal
+from ..pipeline.surface_buffers import write_label, write_mask, write_mean, write_triangle, write_turned_normal
+from ..scene.camera import View
+from .buffer_tables import BufferTables
 
 
 class OutputBuffer(NamedTuple):
@@ -16,11 +18,12 @@ class OutputBuffer(NamedTuple):
     The entries of a band may be those of a picture: what holds for every record is told by `face_of` (records.py).
     """
 
-    write: Callable[[VisibleSurfaces, Band, NDArray], None]  # fills the pixels of a band where something is visible
+    write: Callable[..., None]  # of VisibleSurfaces, Band, array, table: fills the pixels of a band where something is
     dtype: DTypeLike
     n_component: int  # numbers a pixel
     empty: float  # where nothing is visible
     needs_normals: bool = False  # attributes 0-2 of the drawables, in float64, are then the normals
+    table: Callable[[BufferTables, View], Any] | None = None  # makes what `write` takes as its fourth argument, if any
 
     def make(self, size: tuple[int, int]) -> NDArray:
         """Return room for `size` = (width, height) pixels, (height, width), with several components (height, width,
@@ -32,4 +35,17 @@ BUFFER_TABLE = {
     "depth": OutputBuffer(write_depth, np.float32, 1, np.inf),
     "face": OutputBuffer(write_face, np.int32, 1, -1),
     "normal": OutputBuffer(write_normal, np.float32, 3, 0.0, needs_normals=True),
+    "triangle": OutputBuffer(write_triangle, np.int32, 1, -1),  # for edges, see edge_overlay.py; no output of a picture
+    "mask": OutputBuffer(write_mask, np.bool_, 1, False),
+    "object": OutputBuffer(write_label, np.int32, 1, -1, table=lambda tables, _view: tables.objects),
+    "material": OutputBuffer(write_label, np.int32, 1, -1, table=lambda tables, _view: tables.materials),
+    "uv": OutputBuffer(write_mean, np.float32, 2, np.nan, table=lambda tables, _view: tables.uv),
+    "barycentric": OutputBuffer(write_mean, np.float32, 3, np.nan, table=lambda tables, _view: tables.barycentric),
+    "position": OutputBuffer(write_mean, np.float32, 3, np.nan, table=lambda tables, _view: tables.positions),
+    "position_camera": OutputBuffer(
+        write_mean, np.float32, 3, np.nan, table=lambda tables, view: tables.positions_seen_from(view)
+    ),
+    "normal_camera": OutputBuffer(
+        write_turned_normal, np.float32, 3, 0.0, True, lambda _tables, view: view.world_from_camera.T
+    ),
 }

@@ -71,6 +71,7 @@ class Pass:
     factor: int = 1  # samples a pixel along each axis
     is_culled: bool = False
     is_filled: bool = False  # bands without triangles are finished, too
+    rows: tuple[int, int] | None = None  # (first, end) of the samples that are drawn; None = all
 
     n_channel: ClassVar[int] = 0  # of the intensities
     dtype: ClassVar[np.dtype] = np.dtype(np.float32)
@@ -82,6 +83,11 @@ class Pass:
     def n_sample(self) -> tuple[int, int]:
         """Columns and rows of samples."""
         return self.size[0] * self.factor, self.size[1] * self.factor
+
+    @property
+    def drawn_rows(self) -> tuple[int, int]:
+        """The first row of samples that is drawn, and the one behind the last."""
+        return self.rows or (0, self.n_sample[1])
 
     @property
     def n_attribute(self) -> int:
@@ -315,6 +321,7 @@ class BufferPass(Pass):
 
     screen: Screen
     buffers: dict[str, np.ndarray]  # by name, see output_buffers.py; written
+    tables: dict[str, tuple]  # by name: what those look up that need a table
     is_filled: bool = True
 
     def finish(self, workspace, band, counts, translucent, drawn):
@@ -348,11 +355,11 @@ class BufferPass(Pass):
         """Write what the band's entries show, this pass' own or those of a picture; the rest of its rows is empty."""
         surfaces = VisibleSurfaces(
             workspace.visibility, workspace.records, self.drawables_of(drawn), drawn.loaded_face, self.coding.depths,
-            is_own, is_own and self.n_attribute > 0, self.screen.is_perspective, workspace.batch,
+            is_own, is_own and self.n_attribute > 0, self.screen.is_perspective, workspace.batch, drawn.source,
         )  # fmt: skip
         for name, buffer in self.buffers.items():
             buffer[band.y_start : band.y_end] = BUFFER_TABLE[name].empty
-            BUFFER_TABLE[name].write(surfaces, band, buffer)
+            BUFFER_TABLE[name].write(surfaces, band, buffer, *self.tables.get(name, ()))
 
 
 @dataclass(**AS_PASS)

@@ -83,7 +83,7 @@ def illuminate(
     screen = Screen(view.eye, view.right, view.up, view.forward, *[1.0] * 8, is_perspective)
     surface = SurfacePoints(
         np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T),
-        np.ascontiguousarray(tangents.T) if plan.has_tangents else None, np.empty((0, 3)), np.empty(0),
+        np.ascontiguousarray(tangents.T) if plan.has_tangents else None, np.empty((0, 3)), np.empty((2, 0)),
     )  # fmt: skip
     n, side = len(points), 0 if two_sided else 1
     found = np.empty((n, plan.n_channel))

@@ -1,6 +1,8 @@
 """A scene that is prepared for drawing, with what is kept from picture to picture; one picture, or its exact
 buffers."""
 
+from collections.abc import Collection, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -8,18 +10,22 @@ from numpy.typing import NDArray
 
 from ..geometry.clusters import Clusters, has_clusters, make_clusters
 from ..geometry.points import Geometry, gather_geometry
+from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
 from ..pipeline.clusters import SeenClusters, find_seen, leaves_out
 from ..pipeline.encode import Encoding, encode_picture, with_blank
 from ..pipeline.gradients import Coding
 from ..pipeline.threads import Workers
+from ..pipeline.transform import Screen
 from ..pipeline.workspace import WorkspacePool, make_picture
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from .attributes import NONE, Attributes, NormalAttributes, light_all
+from .buffer_tables import BufferTables
 from .coding import lookup_step, make_buffer_coding, make_coding, make_encoding, scale_depths
-from .depth_range import check_depths, check_extent, screen_of
+from .depth_range import check_depths, check_extent, depths_of_boxes, screen_of
 from .draw import Counts, draw
+from .output_bounds import ErrorBounds, bound_depths, bound_levels, bound_normals, furthest_of
 from .output_buffers import BUFFER_TABLE
 from .passes import NO_MATERIALS, BufferPass, ColorPass, FaceTable, InterpolatedPass, LitPass, RowSink
 from .plan import Plan
@@ -40,6 +46,7 @@ class DrawnPicture(NamedTuple):
     counts: Counts
     view_plan: ViewPlan
     buffers: dict[str, NDArray] | None  # that were drawn beside it, by name; None where none were
+    screen: Screen
 
 
 class Brightest:
@@ -52,9 +59,14 @@ class Brightest:
         """Look at some rows, a Picture."""
         self._of_bands.append(float(rows.color.max()))
 
+    @property
+    def largest(self) -> float:
+        """The largest component of all rows that were looked at."""
+        return max(self._of_bands)
+
     def scale(self) -> float:
         """What brings the whole picture into the display's range."""
-        return scale_of(max(self._of_bands))
+        return scale_of(self.largest)
 
 
 def scale_of(brightest: float) -> float:
@@ -62,12 +74,17 @@ def scale_of(brightest: float) -> float:
     return 1.0 / max(1.0, brightest)
 
 
+def make_whole_buffers(names, size) -> dict[str, NDArray]:
+    """Return room for exact buffers of `size` = (width, height) pixels, by name."""
+    return {name: BUFFER_TABLE[name].make(size) for name in names}
+
+
 class PlanParts(NamedTuple):
     """What follows from a plan alone: kept until a view needs another one."""
 
     plan: Plan
     dtypes: tuple[np.dtype, ...]
-    coding: Coding  # with the depths of some view
+    coding: Coding  # without depths
     encoding: Encoding
 
 
@@ -82,16 +99,19 @@ class PreparedScene:
         self.geometry = gather_geometry(scene, options.is_flat)
         self.view_plans: ViewPlans | GivenPlan = ViewPlans(scene, options, self.geometry, self.bounds)
         self.normals = NormalAttributes(self.geometry)
+        self.buffer_tables = BufferTables(scene, self.geometry)
         self.shadows: Any = self._make_shadows() if self.view_plans.casts_shadows else None
         self.uses_clusters: bool | None = None  # None = where they save time
         self._clusters: Clusters | None = None  # made for the first view that may skip some
         self.is_thorough = False  # takes the longer way of two also where the shorter one would do, as for samples
+        self._edges: Any = None  # made for the first picture that shows edges
         self.workspaces = WorkspacePool()
         self._plan_parts: PlanParts | None = None  # those of the last picture
 
     def be_drawn_by(self, geometry: Geometry, plan: "GivenPlan") -> None:
         """Take the plan of another scene from now on, and the geometry with that one's materials."""
         self.geometry, self.normals, self.view_plans = geometry, NormalAttributes(geometry), plan
+        self.buffer_tables = BufferTables(self.scene, geometry)
         self.shadows = self._make_shadows() if plan.casts_shadows else None
 
     def plan_for(self, camera: Camera) -> ViewPlan:
@@ -147,12 +167,13 @@ class PreparedScene:
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
             clock.lap("encode")
         rgba = picture.rgba.view(np.uint8).reshape(*picture.rgba.shape, 4)
-        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, buffers.buffers if buffers else None)
+        beside = buffers.buffers if buffers else None
+        return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, beside, screen)
 
     def color_pass(self, view, screen, plan, picture, clock, seen=None) -> ColorPass:
         """Return the pass that draws `picture`: shadow maps are drawn, and the points of what is `seen` lit, before
         it."""
-        options, parts = self.options, self._parts_of(plan, screen)
+        options, parts = self.options, self._parts_of(plan)
         maps = dict.fromkeys(parts.dtypes, ())
         if plan.has_shadows:
             maps = {d: self.shadows.draw(plan, view, d, self.workspaces, self.threads) for d in parts.dtypes}
@@ -178,12 +199,12 @@ class PreparedScene:
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, face_table=FaceTable(NO_SHAPES), **shared)
 
-    def _parts_of(self, plan: Plan, screen) -> PlanParts:
+    def _parts_of(self, plan: Plan) -> PlanParts:
         """What follows from a plan."""
         if self._plan_parts is None or self._plan_parts.plan is not plan:
             options = self.options
             step = lookup_step(options.factor, options.antialias == "shade-once")
-            coding = make_coding(plan, screen, options.tolerance, step)
+            coding = make_coding(plan, options.tolerance, step)
             encoding = make_encoding(plan, self.scene.background, options.color_range)
             self._plan_parts = PlanParts(plan, plan.dtypes, coding, encoding)
         return self._plan_parts
@@ -192,23 +213,34 @@ class PreparedScene:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
-        normal_offsets = self.shadows.normal_offsets if plan.has_shadows else np.empty(0)
+        normal_offsets = self.shadows.normal_offsets if plan.has_shadows else np.empty((2, 0))
         # Points are vertices, but for flat shading; the means at centres need all points round them.
         has_runs = seen is not None and not self.options.is_flat and self.geometry.centers is None
         runs = seen.vertex_runs if has_runs else None
         return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads, runs)
+
+    def draw_edges(self, camera: Camera, rgba, color, alpha) -> None:
+        """Draw the edges that are asked for over a picture; parameters are those of `EdgeOverlay.draw_over`."""
+        if self._edges is None:
+            from .edge_overlay import EdgeOverlay
+
+            self._edges = EdgeOverlay(self)
+        self._edges.draw_over(camera, rgba, color, alpha)
 
     @property
     def buffer_names(self) -> list[str]:
         """The exact buffers that are asked for."""
         return [name for name in self.options.outputs if name not in ("color", "rgb")]
 
-    def buffer_pass(self, camera: Camera, view, screen) -> BufferPass:
-        """Return the pass that draws the exact buffers that are asked for.
+    def buffer_pass(
+        self, camera: Camera, view, screen, names: Sequence[str] | None = None, make_buffers=None
+    ) -> BufferPass:
+        """Return the pass that draws exact buffers; None = those that are asked for. `make_buffers` makes room for
+        them, by their names and the picture's size, if it isn't for whole ones.
 
         Raises SceneError where the scene is deeper than a depth buffer can hold.
         """
-        options, names = self.options, self.buffer_names
+        options, names = self.options, self.buffer_names if names is None else names
         if "depth" in names:
             check_depths(camera, view, self.bounds)
         normals = NONE
@@ -220,14 +252,62 @@ class PreparedScene:
             size=options.size,
             is_culled=options.cull == "back",
             screen=screen,
-            buffers={name: BUFFER_TABLE[name].make(options.size) for name in names},
+            buffers=(make_buffers or make_whole_buffers)(names, options.size),
+            tables={name: (make(self.buffer_tables, view),) for name in names if (make := BUFFER_TABLE[name].table)},
         )
 
-    def draw_buffers(self, camera: Camera, clock) -> tuple[dict[str, NDArray], Counts]:
-        """Draw the exact buffers that are asked for, by name, without a picture: one sample a pixel."""
+    def draw_buffers(
+        self, camera: Camera, clock, names: Sequence[str] | None = None, rows=None, make_buffers=None
+    ) -> tuple[dict[str, NDArray], Counts, Screen]:
+        """Draw exact buffers, by name, without a picture: one sample a pixel, on that screen.
+
+        Parameters
+        ----------
+        clock : Clock, which notes the milliseconds of each stage
+        names : which buffers; None = those that are asked for
+        rows : (first, end) of those that are drawn; the others are left as they come. None = all
+        make_buffers : that of `buffer_pass`
+        """
         view, size = camera.view(), self.options.size
         screen = screen_of(camera, view, size, 1, self.geometry, self.bounds)
-        render_pass, seen = self.buffer_pass(camera, view, screen), self.find_seen(screen, size)
+        render_pass = self.buffer_pass(camera, view, screen, names, make_buffers)
+        seen = self.find_seen(screen, size)
+        render_pass.rows = rows
         geometry = self.geometry._replace(face_material=NO_MATERIALS)
         counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
-        return render_pass.buffers, counts
+        return render_pass.buffers, counts, screen
+
+    def bound_outputs(
+        self, camera: Camera, outputs: Collection[str], view_plan: ViewPlan | None, screen: Screen
+    ) -> ErrorBounds:
+        """Say how far each output of a picture may be off.
+
+        Parameters
+        ----------
+        outputs : names of what was drawn
+        view_plan : that of the picture; None without one
+        screen : that of the buffers, or of the picture
+        """
+        found: dict[str, Any] = {"face": 0} if "face" in outputs else {}
+        if view_plan is not None:
+            error = view_plan.error_bound
+            found |= {"color": error} if "color" in outputs else {}
+            found |= {"rgb": bound_levels(error, self.options.color_range), "filters": view_plan.filters}
+            if view_plan.plan.has_shadows:
+                found["shadows"] = self.shadows.list_bounds(view_plan.plan, camera.view())
+        if "depth" in outputs or "normal" in outputs:
+            view = camera.view()
+            furthest = furthest_of(self.bounds, view.eye)
+            if "depth" in outputs:
+                nearest = depths_of_boxes(view, self.bounds)[0]
+                found["depth_share"], found["depth"] = bound_depths(screen, furthest, nearest)
+            if "normal" in outputs:
+                found["normal"] = bound_normals(screen, furthest, self._shortest_normal)
+        return ErrorBounds(**found)
+
+    @cached_property
+    def _shortest_normal(self) -> float:
+        """The least length of a mean of a face's normals."""
+        if self.options.is_flat:
+            return 1.0
+        return float(find_shortest_normal(self.geometry.normals, self.geometry.corner))

@@ -23,10 +23,11 @@ from .depth_range import NEAREST, fit_screen
 from .draw import NO_CLOCK, draw
 from .error_bounds import CORNERS
 from .light_table import entry_of, is_carried, shadow_of
+from .output_bounds import ShadowBound
 from .passes import shadow_map_pass
 from .plan import Plan
 from .rounding import DOUBLE, SINGLE
-from .shadow_views import MapViews, border_planes, choose_views, corners_of, map_side, reaches
+from .shadow_views import MapViews, border_planes, choose_views, corners_of, map_side, reaches, widest_texel
 
 DOUBLE_ROUNDING = 2.0**-40  # of the distances, in float64: slivers lie that far beside their planes
 MOST_NUMBERS = 2**28  # texels of all maps of a scene: 1 GiB in float32
@@ -66,6 +67,7 @@ class Shadows:
         self._casters = gather_casters(geometry, bounds, plan.opacity)
         self._geometry = geometry
         self._maps: dict[tuple, ShadowMap | None] = {}  # by the index of the light and the type of the maps
+        self._texels: dict[int, float] = {}  # by the index of the light, see `widest_texel`; 0 where it reaches nothing
 
     def draw(
         self, plan: Plan, view: View, dtype: np.dtype, workspaces: WorkspacePool, threads: Workers
@@ -105,16 +107,33 @@ class Shadows:
                     return True
         return False
 
+    def list_bounds(self, plan: Plan, view: View) -> tuple[ShadowBound, ...]:
+        """List what the maps of each kind of light that casts shadows in a view can't tell, see `ShadowBound`."""
+        found: dict[str, ShadowBound] = {}
+        for k, light in enumerate(plan.lights):
+            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
+                continue
+            if k not in self._texels or is_carried(light):
+                beam = entry_of(light).beam(light, view)
+                is_reached = beam is not None and reaches(light, beam, self._casters.corners)
+                self._texels[k] = widest_texel(beam, self._casters.corners, shadow_of(light)) if is_reached else 0.0
+            name, texel = type(light).__name__, self._texels[k]
+            near = (shadow_of(light).filter + 1) / 2 * texel
+            last = found.get(name, ShadowBound(name, 0.0, 0.0))
+            if texel > 0.0:
+                found[name] = ShadowBound(name, max(texel, last.texel), max(near, last.near))
+        return tuple(found.values())
+
     @cached_property
     def shapes(self) -> NDArray[np.float64]:
-        """The planes of all triangles, and the normal offsets of their points, (n_face, 5)."""
+        """The planes of all triangles, and their longest sides, (n_face, 5)."""
         out = np.empty((self._geometry.vertex.shape[1], 5))
-        compute_shapes(self._geometry.positions, self._geometry.normals, self._geometry.vertex, out)
+        compute_shapes(self._geometry.positions, self._geometry.vertex, out)
         return out
 
     @cached_property
     def normal_offsets(self) -> NDArray[np.float64]:
-        """The normal offsets of the points that are lit before they are drawn, (n_point,)."""
+        """The normal offsets of the points that are lit before they are drawn, (2, n_point)."""
         return compute_normal_offsets(self._geometry)
 
 

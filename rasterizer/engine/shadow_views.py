@@ -120,6 +120,18 @@ def reaches(light: Any, beam: Beam, corners: NDArray[np.float64]) -> bool:
     return bool(within.any())
 
 
+def widest_texel(beam: Beam, corners: NDArray[np.float64], shadow: Any) -> float:
+    """Return the largest side of a texel of a light's maps, scene units, on a surface that faces the light where the
+    scene is furthest from it; arguments as `choose_views` takes them."""
+    maps, widest = choose_views(beam, corners, shadow), 0.0
+    points = (corners - maps.origin).reshape(-1, 3)
+    for (view, projection), is_needed in zip(maps.views, maps.is_needed, strict=True):
+        furthest = float((points @ view.forward).max()) if projection.is_perspective else 1.0
+        if is_needed and furthest > 0.0:
+            widest = max(widest, furthest / min(projection.scale_x, projection.scale_y))
+    return widest
+
+
 def border_planes(view: View, projection: Projection, side: int) -> NDArray[np.float64] | None:
     """Return the planes that bound what a map with perspective may show, (5, 3) normals: see pipeline/outcodes.py. None
     where all casters stand in one direction, so that the map is narrower than a number can say.

@@ -14,12 +14,21 @@ from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
 from ..pipeline.lighting import Lighting
 from ..pipeline.planes import DEPTH_PLANE_ROUNDING
 from . import reflection_table
-from .error_bounds import WRITTEN, Surroundings, frame_error, furthest_over_nearest, list_fixed_steps, list_steps
+from .error_bounds import (
+    WRITTEN,
+    Surroundings,
+    frame_error,
+    furthest_over_nearest,
+    list_fixed_steps,
+    list_steps,
+    straight_rounding,
+)
 from .float64_reasons import LARGE, SMALL
 from .intensity_bounds import compute_amplifications
 from .light_sets import LightSets, compute_reach, measure_cones
 from .light_table import entry_of, shadow_of
 from .lit_points import LitPoints, eye_distances
+from .output_bounds import FilterBound, bound_filters, furthest_of
 from .plan import Plan, list_lights, make_plan
 from .plan_summary import PlanSummary, summarize
 from .reach import NormalCones
@@ -34,6 +43,7 @@ class ViewPlan(NamedTuple):
     error_bound: float  # linear intensity, see `Stats`
     steps: tuple  # where no error is small, see `Stats`
     summary: PlanSummary
+    filters: tuple[FilterBound, ...]
 
 
 class FixedParts:
@@ -44,6 +54,7 @@ class FixedParts:
         self._lightings: dict[np.dtype, Lighting] = {}
         self.summary = summarize(plan, is_perspective)
         self.steps = list_fixed_steps(plan)
+        self.filters = bound_filters(plan)
 
     def is_of(self, plan: Plan, is_perspective: bool) -> bool:
         """Tell whether it follows from a plan, which may differ in what rounding adds."""
@@ -88,8 +99,7 @@ class ViewPlans:
 
     def plan_for(self, view, screen) -> ViewPlan:
         """The plan for a view, or one with float64 where float32 has too few digits for it."""
-        reach = np.abs(self._bounds - view.eye).max(axis=(0, 1)).tolist()
-        furthest = math.sqrt(sum(side * side for side in reach))
+        furthest = furthest_of(self._bounds, view.eye)
         beside = self._beside(screen, furthest)
         plan = self._plan_of_reach(furthest, beside)
         surroundings = self._surroundings(plan, view, screen, furthest, beside).rounded()
@@ -99,7 +109,7 @@ class ViewPlans:
             plan = plan_of_view(self._bounded_plan(plan, surroundings), tolerance, surroundings)
             error_bound, fixed = float(error_bounds_of(plan, tolerance).max(initial=0.0)), self._fixed_of(plan, screen)
             steps = list_steps(plan, surroundings, fixed.steps)
-            self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, fixed.summary)
+            self._last_key, self._last = key, ViewPlan(plan, error_bound, steps, fixed.summary, fixed.filters)
         return self._last
 
     def measure_all_lights(self, view) -> None:
@@ -163,6 +173,7 @@ class ViewPlans:
         if self._needs_least_sums:
             least_sums = self._lit_points.least_sums(view, screen.is_perspective, beside)
         deepness = furthest_over_nearest(screen, furthest) if screen.is_perspective else 0.0
+        is_straight = self.plan.is_lit_per_sample and not screen.is_perspective
         return Surroundings(
             furthest=furthest,
             clearances=np.maximum(self._lit_points.clearances(view, plan.is_lit) - beside, 0.0),
@@ -172,6 +183,7 @@ class ViewPlans:
             eye_distances=eye_distances(plan.lights, view),
             least_sums=least_sums,
             shadow_shift=self._shadow_shift(plan, view),
+            depth_shift=straight_rounding(furthest) if is_straight else 0.0,
             fading=self._fading(plan, screen),
         )
 

@@ -32,7 +32,7 @@ class Part(NamedTuple):
 def smooth_part(mesh: Mesh) -> Part:
     """Split a mesh's vertices where normals or colours differ: the file's normals, else smoothing groups, else creases.
 
-    Where a mesh has colours of its vertices and of its faces, those of the vertices count.
+    Where a mesh has colours of its vertices or corners and of its faces, those of the vertices or corners count.
     """
     if mesh.normals is not None and mesh.crease_angle is None:
         if mesh.normals.ndim == 2:
@@ -46,9 +46,12 @@ def smooth_part(mesh: Mesh) -> Part:
         angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
         groups = mesh.smoothing if mesh.crease_angle is None else None
         corner, source, normals = split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, groups)
-    albedo = None if mesh.colors is None else mesh.colors[source, :3]
-    if mesh.face_colors is not None and albedo is None:
-        colors = np.repeat(mesh.face_colors[:, :3], 3, axis=0)
+    albedo = None
+    if mesh.colors is not None and mesh.colors.ndim == 2:
+        albedo = mesh.colors[source, :3]
+    elif mesh.colors is not None or mesh.face_colors is not None:
+        colors = np.repeat(mesh.face_colors[:, None], 3, axis=1) if mesh.colors is None else mesh.colors
+        colors = colors[..., :3].reshape(-1, 3)
         first, new_corner = unique_rows([corner.reshape(-1, 1), colors])
         point = corner.ravel()[first]
         source = np.arange(len(mesh.vertices))[source][point]
@@ -106,10 +109,14 @@ def split_points(part: Part, mesh: Mesh, is_textured: bool) -> Part:
 def _triangle_colors(mesh: Mesh) -> NDArray[np.float64]:
     """Return the colours (n_face, 3) of triangles, the means of their corners; in a convex polygon the mean of all its
     corners, so that it doesn't matter which is first."""
-    colors = sum(mesh.colors[mesh.faces[:, k], :3] for k in range(3)) / 3.0
-    rings = find_rings(mesh.faces, mesh.polygons, mesh.vertices)
+    rows, points, names = mesh.colors[..., :3], mesh.vertices, mesh.faces
+    if rows.ndim == 3:
+        first, names = unique_rows([mesh.faces.reshape(-1, 1), rows.reshape(-1, 3)])
+        rows, points, names = rows.reshape(-1, 3)[first], points[mesh.faces.ravel()[first]], names.reshape(-1, 3)
+    colors = sum(rows[names[:, k]] for k in range(3)) / 3.0
+    rings = find_rings(names, mesh.polygons, points)
     for k in range(3 if len(rings.start) else 0):
-        mean = np.add.reduceat(mesh.colors[rings.corners, k], rings.offsets[:-1]) / np.diff(rings.offsets)
+        mean = np.add.reduceat(rows[rings.corners, k], rings.offsets[:-1]) / np.diff(rings.offsets)
         colors[rings.owners, k] = np.repeat(mean, np.diff(rings.offsets))
     return colors
 
@@ -120,7 +127,8 @@ def polygon_centroids(vertices: NDArray, faces: NDArray, polygons: NDArray, n_po
     Where no triangle of a polygon has an area, its centroid is the mean of theirs.
     """
     centers = sum(vertices[faces[:, k]] for k in range(3)) / 3.0
-    a, b, c = (within_range(vertices)[faces[:, k]] for k in range(3))
+    scaled = within_range(vertices)
+    a, b, c = (scaled[faces[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     total = np.bincount(polygons, area, n_polygon)
     share = np.where(total[polygons] > 0.0, area, 1.0)

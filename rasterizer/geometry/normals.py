@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ..errors import ModelError, SceneError
-from ..scene.mesh import WEIGHTINGS
+from ..scene.mesh import DEFAULT_CREASE_ANGLE, WEIGHTINGS
 from ..scene.validate import choice, number
 from .creases import (
     DOT_ERROR,
@@ -204,6 +204,36 @@ def _check_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[NDArray[np.float
         worst = faces.min() if faces.min() < 0 else faces.max()
         raise ModelError(f"faces refer to vertex {worst}; the last of the vertices is {len(vertices) - 1}")
     return within_range(_freeze(vertices, np.float64)), _freeze(faces, np.uint32)
+
+
+def fill_normals(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.uint32],
+    normals: NDArray[np.float64],
+    weighting: WeightingName,
+    smoothing: NDArray[np.int32] | None,
+) -> NDArray[np.float64]:
+    """Compute the normals that are zero from the faces, up to the creases: as where a mesh has none.
+
+    Parameters
+    ----------
+    normals : (n_vertex, 3), or (n_face, 3, 3) for each corner
+    smoothing : (n_face,) smoothing groups; None = creases are at the default angle
+
+    Returns
+    -------
+    normals of the same shape; of each corner where a vertex needs several. Zero where only faces without area meet
+    """
+    split = split_creases(vertices, faces, DEFAULT_CREASE_ANGLE, weighting, smoothing)
+    is_zero: NDArray[np.bool_] = np.logical_not(normals.any(axis=-1))
+    if normals.ndim == 2:
+        n_split = np.bincount(split.source, minlength=len(vertices))
+        if n_split[is_zero].max() <= 1:
+            filled, chosen = normals.copy(), is_zero[split.source]
+            filled[split.source[chosen]] = split.normals[chosen]
+            return filled
+        normals, is_zero = normals[faces], is_zero[faces]
+    return np.where(is_zero[..., None], split.normals[split.faces], normals)
 
 
 def within_range(vertices: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,7 +7,9 @@ out: the same surface in 4 triangles a face,           ╱ ╲          face f b
                                                     0───3───1
 """
 
+import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +17,11 @@ from numpy.typing import NDArray
 from ..errors import ModelError, SceneError, shown
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from ..scene.validate import is_whole
-from .normals import split_creases
+from .normals import split_creases, within_range
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
+_HIDDEN_FOLD = math.sin(math.radians(DEFAULT_CREASE_ANGLE / 2))  # of a slope that both ends of an edge don't know
 _NEXT = [1, 2, 0]  # the edge that begins at corner k ends here; its midpoint is the point 3 + k
 
 
@@ -49,6 +52,8 @@ def _cut_once(mesh: Mesh) -> Mesh:
     edges coincide though their vertices differ, their midpoints do too: a sum of two numbers is the same both ways
     round.
     """
+    has_normals = mesh.normals is not None and mesh.crease_angle is None
+    normals: Any = mesh.normals if has_normals else _averaged_normals(mesh)
     ends, midpoints = _edges(mesh.faces)
     faces = np.concatenate([mesh.faces, midpoints + np.uint32(mesh.n_vertex)], axis=1)[:, _CHILDREN].reshape(-1, 3)
     polygons = np.arange(mesh.n_face, dtype=np.int32) if mesh.polygons is None else mesh.polygons
@@ -56,17 +61,16 @@ def _cut_once(mesh: Mesh) -> Mesh:
         mesh,
         vertices=_with_means(mesh.vertices, ends),
         faces=faces,
-        normals=None,
-        colors=None if mesh.colors is None else _with_means(mesh.colors, ends),
+        normals=_cut_attribute(normals, ends, is_direction=True),
+        crease_angle=None,
+        colors=_cut_attribute(mesh.colors, ends),
         uv=_cut_attribute(mesh.uv, ends),
         polygons=np.repeat(polygons, 4),
         face_colors=None if mesh.face_colors is None else np.repeat(mesh.face_colors, 4, axis=0),
         smoothing=None if mesh.smoothing is None else np.repeat(mesh.smoothing, 4),
         face_material=None if mesh.face_material is None else np.repeat(mesh.face_material, 4),
     )
-    if mesh.normals is None or mesh.crease_angle is not None:
-        return replace(finer, normals=_averaged_normals(finer), crease_angle=None)
-    return replace(finer, normals=_cut_attribute(mesh.normals, ends, is_direction=True))
+    return finer if has_normals else _unfold(finer, mesh, normals)
 
 
 def _edges(faces: NDArray) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
@@ -107,14 +111,35 @@ def _mean_direction(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     return np.where(np.any(total != 0.0, axis=-1, keepdims=True), total, a)
 
 
-def _averaged_normals(mesh: Mesh) -> NDArray[np.float64]:
-    """Average the faces' normals up to the creases: (n_vertex, 3), or (n_face, 3, 3) where a vertex has several.
+def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray) -> Mesh:
+    """Return the finer mesh with the normals of its faces at midpoints of edges that hide a fold.
 
-    Old vertices get the normals they had, because the faces round them keep their planes and corner angles. A midpoint
-    gets the mean of the two faces at its edge. That is what the old vertices don't know: where the surface bends one
-    way and then the other, as in a saw-tooth, their normals may all be parallel while those of the edges are not.
+    Where the surface bends one way and then the other, as in a saw-tooth, the normals at its vertices may all be
+    parallel while the faces between aren't. Such an edge runs uphill, or downhill, as both its ends see it; on a
+    surface that bends one way it falls off from both. The faces at the edge are what the ends don't know.
     Source: Overveld & Wyvill 1997, ACM Trans. Graphics 16(4), 397-419: interpolation that knows inflections.
+
+    Parameters
+    ----------
+    normals : of the coarse mesh, of its vertices or corners
     """
+    corners = normals[mesh.faces] if normals.ndim == 2 else normals
+    points = within_range(mesh.vertices)[mesh.faces]
+    edges = points[:, _NEXT] - points
+    lengths = np.linalg.norm(edges, axis=2)
+    rises = np.stack([np.einsum("fki,fki->fk", edges, ends) for ends in (corners, corners[:, _NEXT])])
+    hidden = (rises.min(axis=0) > _HIDDEN_FOLD * lengths) | (rises.max(axis=0) < -_HIDDEN_FOLD * lengths)
+    if not hidden.any():
+        return finer
+    is_taken = np.concatenate([np.zeros_like(hidden), hidden], axis=1)[:, _CHILDREN].reshape(-1, 3, 1)
+    of_faces = _averaged_normals(replace(finer, normals=None, crease_angle=mesh.crease_angle))
+    own: Any = finer.normals
+    own, found = (each[finer.faces] if each.ndim == 2 else each for each in (own, of_faces))
+    return replace(finer, normals=np.where(is_taken, found, own))
+
+
+def _averaged_normals(mesh: Mesh) -> NDArray[np.float64]:
+    """Average the faces' normals up to the creases: (n_vertex, 3), or (n_face, 3, 3) where a vertex has several."""
     angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
     groups = mesh.smoothing if mesh.crease_angle is None else None
     split = split_creases(mesh.vertices, mesh.faces, angle, mesh.weighting, groups)

@@ -4,7 +4,7 @@ points.
     flag_inverted           do a triangle's normals look against its winding?
     compute_clearance          how near does the surface come to a point, as a light or the eye is?
     find_shortest_normal    how short can an interpolated normal become?
-    compute_shapes          which plane is a triangle in, and how far from it is the curved surface that it stands for?
+    compute_shapes          which plane is a triangle in, and how long is its longest side?
     compute_normal_offsets  how far are points moved along their normals, so that their own faces don't shadow them?
 
 Columns: positions, normals and points are (3, n), one contiguous column an axis; vertex and corner are (3, n_face).
@@ -142,15 +142,14 @@ def triangle_distance(a, b, c):
 
 
 @kernel
-def compute_shapes(positions, normals, vertex, out_shape):
-    """Compute what shadows need of every triangle: its plane, and how far its corners lie, at most, from the tangent
-    planes at the other corners: how far the curved surface that it may stand for is from it.
+def compute_shapes(positions, vertex, out_shape):
+    """Compute what shadows need of every triangle: its plane, and its longest side.
 
     Parameters
     ----------
-    positions, normals : (3, n) float64
+    positions : (3, n) float64
     vertex : (3, n_face) uint32
-    out_shape : (n_face, 5) float64: unit normal n, n·P of the plane, and that distance, scene units
+    out_shape : (n_face, 5) float64: unit normal n, n·P of the plane, and the length of that side, scene units
     """
     for face in range(np.uint64(vertex.shape[1])):
         i, j, k = vertex[0, face], vertex[1, face], vertex[2, face]
@@ -160,28 +159,22 @@ def compute_shapes(positions, normals, vertex, out_shape):
         inv_size = 1.0 / size if size > 0.0 else 0.0
         out_shape[face, 0], out_shape[face, 1], out_shape[face, 2] = scale(area, inv_size)
         out_shape[face, 3] = dot(area, a) * inv_size
-        offset = 0.0
-        for here in (i, j, k):
-            p, normal = vector_of_column(positions, here), vector_of_column(normals, here)
-            for there in (i, j, k):
-                offset = max(offset, abs(dot(subtract(vector_of_column(positions, there), p), normal)))
-        out_shape[face, 4] = offset
+        out_shape[face, 4] = max(length(subtract(b, a)), length(subtract(c, b)), length(subtract(a, c)))
 
 
 def compute_normal_offsets(geometry) -> NDArray[np.float64]:
-    """Compute how far points are moved along their normals for shadows, (n_point,) float64, scene units.
+    """Compute how far points are moved along their normals for shadows, (2, n_point) float64, scene units: where they
+    are seen from the side of their normals, and where from the other side.
 
-    A vertex is moved as far as the triangles about it leave the surface that they stand for, and the centroid of a
-    polygon as far as its corners are from its plane.
+    A vertex is moved as far as the corners of the triangles about it lie above its tangent plane: on a convex surface
+    not at all. The centroid of a polygon is moved as far as the polygon's corners lie above its plane.
     """
-    offsets = np.zeros(geometry.points.shape[1])
-    if geometry.points is geometry.positions:
-        shape = np.empty((geometry.vertex.shape[1], 5))
-        compute_shapes(geometry.positions, geometry.normals, geometry.vertex, shape)
-        for corner in geometry.corner:
-            np.maximum.at(offsets, corner, shape[:, 4])
-        return offsets
-    for vertex, corner in zip(geometry.vertex, geometry.corner, strict=True):
-        away = geometry.positions[:, vertex] - geometry.points[:, corner]
-        np.maximum.at(offsets, corner, np.abs((away * geometry.normals[:, corner]).sum(axis=0)))
+    offsets = np.zeros((2, geometry.points.shape[1]))
+    for k, corner in enumerate(geometry.corner):
+        start, normal = geometry.points[:, corner], geometry.normals[:, corner]
+        others = geometry.vertex[[k]] if geometry.points is not geometry.positions else geometry.vertex
+        for vertex in others:
+            height = ((geometry.positions[:, vertex] - start) * normal).sum(axis=0)
+            np.maximum.at(offsets[0], corner, height)
+            np.maximum.at(offsets[1], corner, -height)
     return offsets

@@ -28,6 +28,8 @@ import stat
 import threading
 from pathlib import Path
 
+from ..errors import OutputError, shown
+
 _SCHEME_LENGTH = 2  # letters before a colon from which on they are a scheme; a single one is a drive
 _READ_ONLY = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)  # a pipe must not make us wait
 
@@ -245,3 +247,24 @@ class HiddenFile:
 
 
 _SEEKING = threading.Lock()  # where a system can't write at a place without moving the file's own there
+
+
+def write_whole(path: str | os.PathLike[str], content: bytes) -> None:
+    """Write a file beside its place and move it there, so that nobody ever sees half of it.
+
+    A link keeps its name and gets a new target. A file that is protected against writing is refused; one that is
+    replaced keeps its mode. Devices and pipes can't be replaced: they are written as they are. Raises OutputError.
+    """
+    try:
+        place = os.path.realpath(path)
+        if os.path.exists(place) and not os.path.isfile(place):
+            with open(place, "wb") as stream:
+                stream.write(content)
+        else:
+            write_and_move({place: content})
+    except OSError as error:
+        folder = os.path.dirname(place)
+        reason = (error.strerror or str(error)) if os.path.isdir(folder) else f"there is no folder {folder}"
+        raise OutputError(f"can't write {path}: {reason}") from error
+    except ValueError as error:  # a name that no file can have
+        raise OutputError(f"can't write {shown(os.fspath(path))}: {error}") from error

@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from ..errors import ModelError, SceneError, shown
 
@@ -29,7 +29,8 @@ class Format(NamedTuple):
     is_binary : whether it can't be given as a file object of text
     companions : text, what other files a file may name; empty = none
     up : text, the up axis of its models
-    repeats_vertices : whether a vertex stands there once for each of its triangles, normals or texture coordinates
+    repeats_vertices : whether vertices at one position are to be joined where normals are averaged: files repeat
+        those at which texture coordinates or colours change. False = there are none, or the reader has joined them
     """
 
     name: str
@@ -39,7 +40,7 @@ class Format(NamedTuple):
     is_binary: bool = False
     companions: str = ""
     up: str = "y"
-    repeats_vertices: Literal["never", "with uv", "always"] = "never"
+    repeats_vertices: bool = True
 
     def read(self) -> Callable:
         """Return the reader."""
@@ -48,14 +49,14 @@ class Format(NamedTuple):
 
 
 _SCENE = {"reader": "rasterizer.io.scene_file:read_scene", "is_scene": True, "companions": "models, arrays, textures"}
-_GLTF = {"reader": "rasterizer.io.gltf:read_gltf", "companions": "buffers, textures", "repeats_vertices": "always"}
+_GLTF = {"reader": "rasterizer.io.gltf:read_gltf", "companions": "buffers, textures"}
 
 FORMATS = {
     each.name: each
     for each in (
         Format(name="obj", reader="rasterizer.io.obj:read_obj", companions="material libraries (.mtl), textures"),
-        Format(name="stl", reader="rasterizer.io.stl_off:read_stl", up="z", repeats_vertices="always"),
-        Format(name="ply", reader="rasterizer.io.ply:read_ply", repeats_vertices="with uv"),
+        Format(name="stl", reader="rasterizer.io.stl_off:read_stl", up="z", repeats_vertices=False),
+        Format(name="ply", reader="rasterizer.io.ply:read_ply", companions="textures"),
         Format(name="off", reader="rasterizer.io.stl_off:read_off"),
         Format(name="glb", **_GLTF, is_binary=True),
         Format(name="gltf", **_GLTF),

@@ -17,14 +17,16 @@ import numpy as np
 from ..errors import ModelError, SceneError
 from ..scene.material import Material
 from .gltf_arrays import Buffers, item
+from .gltf_left_out import count_points_and_lines, list_left_out
 from .gltf_material import Paint, Pictures, linear_values, read_paint, uv_from_gltf
 from .gltf_nodes import read_lights_and_camera, world_matrices
-from .model_file import Contents, ModelFile, Part
+from .model_file import WHITE, Contents, ModelFile, Part
 
 MOST_COPIES = 2**23  # triangles that are there because nodes or primitives refer to the same ones: some 2 GB
 _GLB_MAGIC, _JSON_CHUNK = 0x46546C67, 0x4E4F534A
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+_NO_PAINT = Paint(Material(), colored=WHITE)  # what names no material is neutral grey here, no metal
 _SPARSE_USE = 4  # times as many vertices as corners: then only those in use are taken out
 
 
@@ -54,19 +56,21 @@ def read_gltf(model: ModelFile) -> Contents:
         shown = _shown_meshes(tree)
         _check_copies(model, tree, shown)
         primitives = {number: item(tree, "meshes", number)["primitives"] for number, _ in shown}
-        used = {primitive.get("material") for each in primitives.values() for primitive in each}
+        listed = [primitive for each in primitives.values() for primitive in each]
+        used = {primitive.get("material") for primitive in listed}
         pictures = Pictures(buffers)
         paints = [
-            read_paint(source, pictures) if number in used else Paint(Material())
+            read_paint(source, pictures) if number in used else _NO_PAINT
             for number, source in enumerate(tree.get("materials", []))
         ]
         parts = _make_parts(tree, primitives, buffers, paints)
+        others = (*count_points_and_lines(tree, listed), (), list_left_out(tree, listed, used))
     except ModelError:
         raise
     except (TypeError, AttributeError, LookupError, ValueError, ArithmeticError, SceneError) as fault:
         reason = f"{type(fault).__name__}: {' '.join(str(fault).split())[:200]}"
         raise model.error(f"not a readable {'GLB' if model.format == 'glb' else 'glTF'} file ({reason})") from fault
-    return Contents([(part, matrix) for number, matrix in shown for part in parts[number]], lights, camera)
+    return Contents([(part, matrix) for number, matrix in shown for part in parts[number]], lights, camera, *others)
 
 
 def _shown_meshes(tree) -> list[tuple[int, np.ndarray]]:
@@ -114,7 +118,7 @@ def _make_parts(tree, primitives, buffers, paints) -> dict[int, list[Part]]:
 def _paint_of(primitive, paints) -> Paint:
     """Return the paint of a primitive, the default one where it names none."""
     number = primitive.get("material")
-    return paints[number] if isinstance(number, int) and number < len(paints) else Paint(Material())
+    return paints[number] if isinstance(number, int) and number < len(paints) else _NO_PAINT
 
 
 def _read_tree(model):
@@ -160,7 +164,7 @@ def _part(primitive, buffers, paint, name) -> Part:
         part["uv"] = uv_from_gltf(arrays["uv"], paint.uv_matrix)
     if np.shape(arrays.get("colors"))[1:] in ((3,), (4,)):
         part["colors"] = linear_values(arrays["colors"])
-        part["material"] = paint.material if primitive.get("material") is not None else Material(diffuse=1.0)
+        part["material"] = paint.colored or paint.material
     return part
 
 

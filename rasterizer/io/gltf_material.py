@@ -1,29 +1,30 @@
 """Materials of a glTF file: coefficients, textures with their samplers, and where on a texture a primitive lies.
 
-    baseColorFactor      diffuse, linear; its alpha: see alphaMode
+    baseColorFactor      diffuse and F0, linear, see `gltf_surface`; its alpha: see alphaMode
     baseColorTexture     texture
-    emissiveFactor       emissive, linear
+    emissiveFactor       emissive, linear; with an emissiveTexture nothing
     alphaMode OPAQUE     opacity 1; the texture's alpha is not looked at
               BLEND      opacity = alpha of the factor; the texture's own alpha multiplies it
               MASK       alpha of factor and texture together at least alphaCutoff: 1, else 0
     magFilter, minFilter NEAREST: "nearest"; without mipmaps: "bilinear"; else "trilinear"
     wrapS, wrapT         "repeat", "clamp" or "mirror"
+    doubleSided          not looked at: both sides are lit and drawn, unless faces seen from behind are culled
 
-Metallic and roughness have no counterpart in this package's equation and are left out, as are all other textures.
+Textures of metallic and roughness count by their means; all others are left out.
 Format: Khronos, glTF 2.0 Specification, 2021, 3.8 and 3.9; KHR_texture_transform.
 """
 
 import math
-import warnings
 from io import BytesIO
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, warn_caller
 from ..scene.material import Material
 from ..scene.texture import Budget, Texture, read_picture
 from .gltf_arrays import Buffers, item
+from .gltf_surface import base_of, emission_of, is_unlit, lit_fields, metallic_unless_given, unlit_fields
 
 _NEAREST, _LINEAR = 9728, 9729
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
@@ -35,6 +36,7 @@ class Paint(NamedTuple):
     material: Material
     uv_set: int = 0  # which TEXCOORD_n
     uv_matrix: np.ndarray | None = None  # (2, 3) float64, new from old; None = as they are
+    colored: Material | None = None  # the one for meshes with colours of vertices; None = the same
 
 
 class Pictures:
@@ -59,9 +61,7 @@ class Pictures:
 
     def _make(self, number, alpha_mode, alpha, cutoff) -> Texture | None:
         """Make a texture; where alpha decides, it does so before mipmaps are made."""
-        source = item(self.tree, "textures", number)
-        extensions = source.get("extensions", {}).values()
-        image = next((each["source"] for each in extensions if "source" in each), source.get("source"))
+        source, image = self._source(number)
         pixels = self._read(image)
         if pixels is None:
             return None
@@ -71,8 +71,25 @@ class Pictures:
         if alpha_mode == "BLEND":
             return texture
         rgba = np.array(texture.image)
-        rgba[..., 3] = rgba[..., 3] * alpha >= cutoff if alpha_mode == "MASK" else 1.0
+        with np.errstate(over="ignore"):  # of an alpha that is none; it is more than the cutoff then
+            rgba[..., 3] = rgba[..., 3] * alpha >= cutoff if alpha_mode == "MASK" else 1.0
         return Texture(rgba, texture.filter, texture.wrap, texture.name)
+
+    def _source(self, number) -> tuple[dict, int | None]:
+        """Return a texture of the tree, and the number of its image."""
+        source = item(self.tree, "textures", number)
+        extensions = source.get("extensions", {}).values()
+        return source, next((each["source"] for each in extensions if "source" in each), source.get("source"))
+
+    def mean(self, use: dict) -> np.ndarray | None:
+        """Return the mean (4,) of the texels of a texture of numbers, within 0..1; None, and a UserWarning, if it is
+        missing."""
+        pixels = self._read(self._source(use["index"])[1])
+        if pixels is None:
+            return None
+        mean = np.atleast_1d(pixels.mean(axis=(0, 1), dtype=np.float64)) / 255.0
+        alpha = mean[-1] if len(mean) in (2, 4) else 1.0
+        return np.array([*np.broadcast_to(mean[:1] if len(mean) < 3 else mean[:3], 3), alpha])
 
     def _label(self, number) -> str:
         """What an image is called in reports."""
@@ -90,9 +107,7 @@ class Pictures:
             except (ModelError, LookupError, TypeError, ValueError) as fault:
                 reason = str(fault).removeprefix(f"{self.model.name}: ")
                 what = "a texture" if number is None else f"texture '{self._label(number)}'"
-                warnings.warn(
-                    f"{self.model.name}: {what}: {reason}; its materials keep their plain colour", stacklevel=2
-                )
+                warn_caller(f"{self.model.name}: {what}: {reason}; its materials keep their plain colour")
                 self._pixels[number] = None
         return self._pixels[number]
 
@@ -117,24 +132,23 @@ def read_paint(source: dict, pictures: Pictures) -> Paint:
     ModelError : a value that is not legal
     TypeError, AttributeError, LookupError, ValueError : a tree that is none of glTF
     """
-    surface = source.get("pbrMetallicRoughness", {})
-    red, green, blue, alpha = (float(value) for value in surface.get("baseColorFactor", (1, 1, 1, 1)))
-    emissive = tuple(float(value) for value in source.get("emissiveFactor", (0, 0, 0)))
+    (red, green, blue, alpha), use = base_of(source)
     mode, cutoff = source.get("alphaMode", "OPAQUE"), float(source.get("alphaCutoff", 0.5))
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         raise pictures.model.error(f"alphaMode must be OPAQUE, MASK or BLEND; given {mode!r}")
-    use = surface.get("baseColorTexture")
     texture = None if use is None else pictures.texture(use["index"], mode, alpha, cutoff)
     # With a texture, MASK has been decided texel by texel.
     opacity = {"OPAQUE": 1.0, "BLEND": alpha, "MASK": 1.0 if texture is not None else float(alpha >= cutoff)}[mode]
-    material = Material(
-        diffuse=(red, green, blue),
-        emissive=emissive,
-        opacity=opacity,
-        texture=texture,
-        name=str(source.get("name", "")),
-    )
-    return Paint(material) if texture is None else Paint(material, *_placement(use))
+    common = {"opacity": opacity, "texture": texture, "name": str(source.get("name", ""))}
+    place = () if texture is None else _placement(use)
+    base = (red, green, blue)
+    if is_unlit(source):
+        plain, colored = (Material(**common | unlit_fields(base, many)) for many in (texture is not None, True))
+        return Paint(plain, *place)._replace(colored=colored)
+    mean_color = (1.0, 1.0, 1.0) if texture is None else texture.image[..., :3].mean(axis=(0, 1), dtype=np.float64)
+    with np.errstate(all="ignore"):  # what isn't finite is refused by Material
+        fields = lit_fields(source, base, mean_color, pictures.mean, metallic_unless_given(pictures.tree))
+    return Paint(Material(emissive=emission_of(source), **common, **fields), *place)
 
 
 def _placement(use) -> tuple[int, np.ndarray | None]:

@@ -11,24 +11,28 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeAlias
 
 from ..choices import Axis, Weighting
 from ..errors import ModelError, SceneError, one_file, shown
+from ..keywords import checked_keywords
 from ..scene.camera import Camera
 from ..scene.color import ColorLike
 from ..scene.depth_cue import DepthCue
 from ..scene.lights import Light
 from ..scene.mesh import Mesh
-from ..scene.scene import Scene, SceneLike
+from ..scene.scene import Scene, SceneLike, is_one_mesh
 from . import formats
 from .files import Folder
 from .model_file import MeshSettings
 from .models import load_model, name_of, with_changes
 
+FileLike: TypeAlias = str | os.PathLike[str] | bytes | bytearray | memoryview | IO[Any]  # a file, or what is in one
 
+
+@checked_keywords
 def load(
-    source: SceneLike | str | os.PathLike[str] | bytes | IO[Any],
+    source: SceneLike | FileLike,
     *,
     format: str | None = None,
     crease_angle: float | None = None,
@@ -49,7 +53,7 @@ def load(
     Parameters
     ----------
     source : path (str or PathLike), bytes, file object, trimesh.Trimesh or trimesh.Scene, Mesh, pair
-        (vertices, faces), or Scene
+        (vertices, faces), sequence of those three, or Scene
     format : text, "obj", "stl", "ply", "off", "glb", "gltf" or "3mf", or "json" or "toml" for a scene file, or another
         of the table of formats; None = by the suffix of the path or the file's name
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
@@ -120,10 +124,24 @@ def _is_file(source) -> bool:
 
 def _take_meshes(source, crease_angle, drop_bad_faces):
     """Take meshes from something that is not a file."""
-    if hasattr(source, "geometry") and hasattr(source, "graph"):
+    is_sequence = isinstance(source, Iterable) and not (hasattr(source, "ndim") or isinstance(source, (dict, Mesh)))
+    if is_sequence and not is_one_mesh(source) and not _is_trimesh_scene(source):
+        meshes = [mesh for each in source for mesh in _take_one(each, crease_angle, drop_bad_faces)]
+        if not meshes:
+            raise ModelError("a model needs at least one mesh; given an empty sequence")
+        return meshes
+    return _take_one(source, crease_angle, drop_bad_faces)
+
+
+def _is_trimesh_scene(source) -> bool:
+    return hasattr(source, "geometry") and hasattr(source, "graph")
+
+
+def _take_one(source, crease_angle, drop_bad_faces) -> list[Mesh]:
+    """Take the mesh, or the meshes of a trimesh scene."""
+    if _is_trimesh_scene(source):
         return _take_trimesh_scene(source, crease_angle, drop_bad_faces)
-    is_pair = isinstance(source, (tuple, list)) and len(source) == 2
-    if is_pair and drop_bad_faces:
+    if isinstance(source, (tuple, list)) and len(source) == 2 and drop_bad_faces:
         return [Mesh(*source, crease_angle=crease_angle, drop_bad_faces=True)]
     mesh = Mesh.from_any(source)
     return [mesh if crease_angle is None else replace(mesh, crease_angle=crease_angle)]

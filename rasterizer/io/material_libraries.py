@@ -1,8 +1,8 @@
 """Find the material libraries (MTL files) that an OBJ file names, and the materials that it uses."""
 
-import warnings
 from itertools import chain
 
+from ..errors import warn_caller
 from ..scene.material import Material
 from ..scene.triangulation import listed
 from .files import OutsideError
@@ -35,9 +35,7 @@ def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> 
     found = {name: _library(model, name) for name in wanted if len(name) < 256}
     named = list(dict.fromkeys(chain(*([name] if found.get(name) else name.split() for name in wanted))))
     if len(named) > MOST_LIBRARIES:
-        warnings.warn(
-            f"{model.name}: names {len(named)} material files; the first {MOST_LIBRARIES} are looked for", stacklevel=2
-        )
+        warn_caller(f"{model.name}: names {len(named)} material files; the first {MOST_LIBRARIES} are looked for")
     for name in named[:MOST_LIBRARIES]:
         library = found[name] if name in found else _library(model, name)
         if library is None:
@@ -47,10 +45,10 @@ def find_materials(model: ModelFile, libraries: list[str], names: list[str]) -> 
     unknown = [name for name in names if name not in materials]
     if missing:
         files = listed([f"'{name[:80]}'" for name in missing])
-        warnings.warn(f"{model.name}: material file {files} not found; the default material is used", stacklevel=2)
+        warn_caller(f"{model.name}: material file {files} not found; the default material is used")
     elif unknown:
         unknown = listed([f"'{name[:80]}'" for name in unknown])
-        warnings.warn(f"{model.name}: no definition of material {unknown}; the default is used", stacklevel=2)
+        warn_caller(f"{model.name}: no definition of material {unknown}; the default is used")
     return materials
 
 
@@ -63,7 +61,7 @@ def _library(model, name) -> ModelFile | None:
         data = model.beside.read_bytes(path)
     except OutsideError as fault:
         if model.folder is not None:
-            warnings.warn(f"{model.name}: material file '{name}' {fault}", stacklevel=2)
+            warn_caller(f"{model.name}: material file '{name}' {fault}")
         return None
     except (OSError, ValueError):
         return None

@@ -3,14 +3,13 @@
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ModelError
+from ..errors import ModelError, warn_caller
 from ..scene.material import Material
 from ..scene.triangulation import CROSSING, Cut, TooManyCorners, cut_polygons
 from .files import Folder
@@ -22,11 +21,25 @@ Part = dict
 
 
 class Contents(NamedTuple):
-    """What a file holds: parts, or pairs of a part and the matrix (4, 4) of its place; lights; a camera."""
+    """What a file holds, and what of it is not used.
+
+    Parameters
+    ----------
+    parts : list of Part, or of pairs of a part and the matrix (4, 4) of its place
+    lights : of rasterizer.scene.lights; None = the file has none
+    camera : Camera or None
+    n_point, n_line : points and lines that the file has as elements of their own; they aren't drawn
+    facts : texts, what the file says about itself, as "unit millimeter"
+    left_out : texts, what else the file has and isn't used, as "normal textures"
+    """
 
     parts: list
-    lights: tuple | None = None  # of rasterizer.scene.lights; None = the file has none
-    camera: object = None  # Camera or None
+    lights: tuple | None = None
+    camera: object = None
+    n_point: int = 0
+    n_line: int = 0
+    facts: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
 
 class MeshSettings(NamedTuple):
@@ -63,6 +76,11 @@ class ModelFile(NamedTuple):
         return ModelError(f"{place}: {fault}")
 
 
+def several(n: int, what: str) -> str:
+    """Return a number with what is counted, as "1 line", "2 lines"."""
+    return f"{n} {what}" + "s" * (n != 1)
+
+
 def text_of(data: bytes) -> str:
     """Decode UTF-8, or Latin-1 where it is none: numbers and keywords are ASCII, only names differ."""
     try:
@@ -79,57 +97,6 @@ def bytes_of(colors):
     colors = np.nan_to_num(colors.astype(np.float64))
     scale = 255.0 if colors.max(initial=0.0) <= 1.0 else 1.0
     return np.rint(np.clip(colors * scale, 0.0, 255.0)).astype(np.uint8)
-
-
-def weld(part: Part) -> Part:
-    """Join the vertices that agree in every bit of position and colour, so that normals can be averaged
-    across them.
-
-    Some formats repeat a vertex for each of its triangles, normals or texture coordinates. Normals and
-    texture coordinates become those of the faces' corners. A part whose faces refer to vertices that are not
-    there is left for `Mesh` to refuse.
-    """
-    corners, n_vertex = part["faces"], len(part["vertices"])
-    columns = [part["vertices"] + 0.0]  # turns -0 into 0
-    if "colors" in part:
-        columns.append(np.asarray(part["colors"], np.float64))
-    first, inverse = unique_rows(np.concatenate(columns, axis=1))
-    if len(first) == n_vertex or corners.min() < 0 or corners.max() >= n_vertex:
-        return part
-    welded = {**part, "vertices": part["vertices"][first], "faces": inverse[corners]}
-    if "colors" in part:
-        welded["colors"] = part["colors"][first]
-    for attribute in ("normals", "uv"):
-        if attribute in part and part[attribute].ndim == 2:
-            welded[attribute] = part[attribute][corners]
-    return welded
-
-
-def unique_rows(rows):
-    """Find equal rows, bit by bit.
-
-    Parameters
-    ----------
-    rows : (n, k) float64
-
-    Returns
-    -------
-    first (n_unique,) int64 row at which each distinct row appears first, ascending; inverse (n,) int64 with
-    rows[first][inverse] equal to rows
-    """
-    bits = np.ascontiguousarray(rows).view(np.uint64)
-    mixed = np.zeros(len(bits), np.uint64)
-    for column in bits.T:
-        # One multiplication and shift a column, as in Steele, Lea, Flood 2014 (SplitMix64), OOPSLA.
-        mixed = (mixed ^ column) * np.uint64(0xBF58476D1CE4E5B9)
-        mixed ^= mixed >> np.uint64(31)
-    _, first, inverse = np.unique(mixed, return_index=True, return_inverse=True)
-    if not np.array_equal(bits[first][inverse], bits):  # two different rows share a hash
-        _, first, inverse = np.unique(bits, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return first[order], rank[inverse.reshape(-1)]
 
 
 def cut_faces(model, points, corners, counts, line_of) -> Cut:
@@ -158,7 +125,7 @@ def cut_faces(model, points, corners, counts, line_of) -> Cut:
         raise ModelError(f"{model.name}{line_of(refusal.polygon)} {refusal.fault}") from None
     if len(cut.crossing):
         more = f"; so do {len(cut.crossing) - 1} more" if len(cut.crossing) > 1 else ""
-        warnings.warn(f"{model.name}{line_of(int(cut.crossing[0]))} {CROSSING}{more}", stacklevel=2)
+        warn_caller(f"{model.name}{line_of(int(cut.crossing[0]))} {CROSSING}{more}")
     first = (np.cumsum(counts) - counts)[cut.polygons]
     is_second_half = (counts[cut.polygons] == 4) & (cut.corners[:, 0] == first) & (cut.corners[:, 1] == first + 2)
     cut.corners[is_second_half] = cut.corners[is_second_half][:, [1, 2, 0]]

@@ -6,20 +6,20 @@ bytes    bytes       formats.py             arrays
 """
 
 import os
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError, SceneError, one_file
+from ..errors import ModelError, SceneError, one_file, warn_caller
 from ..scene.mesh import Mesh
 from ..scene.mesh_arrays import fixed, has_any_area
 from ..scene.scene import Scene
 from . import formats
 from .files import Folder, read_named
-from .model_file import Contents, MeshSettings, ModelFile, Part, materials_of, weld
+from .model_file import Contents, MeshSettings, ModelFile, Part, materials_of, several
+from .weld import weld
 
 
 def load_model(
@@ -127,7 +127,7 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
     """Check the parts of a file, and place them."""
     placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in contents.parts]
     if not placed:
-        raise model.error("no faces")
+        raise model.error(_why_no_faces(contents))
     for part, _ in placed:
         if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
             raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
@@ -137,11 +137,19 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
     return [_place(model, _prepare(model, part, settings), matrix, settings) for part, matrix in placed]
 
 
+def _why_no_faces(contents) -> str:
+    """Say what a file without faces has in their place."""
+    if contents.n_line:
+        return f"nothing but lines: {several(contents.n_line, 'line')}, no faces"
+    if contents.n_point:
+        return f"a point cloud: {several(contents.n_point, 'point')}, no faces"
+    return "no faces"
+
+
 def _prepare(model, part, settings) -> Part:
     """Join copied vertices if normals are to be averaged across them; mend the file's own normals."""
     repeats = formats.FORMATS[model.format].repeats_vertices
-    is_split = repeats == "always" or (repeats == "with uv" and "uv" in part)
-    if is_split and (settings.crease_angle is not None or "normals" not in part):
+    if repeats and (settings.crease_angle is not None or "normals" not in part):
         part = weld(part)
     return _mend_normals(model, _without_useless_textures(model, part))
 
@@ -153,7 +161,7 @@ def _without_useless_textures(model, part: Part) -> Part:
         return part
     names = ", ".join(f"'{name}'" for name in useless)
     what = f"{model.name}: mesh '{part['name']}' has no texture coordinates"
-    warnings.warn(f"{what}; it is drawn without the texture of its material {names}", stacklevel=2)
+    warn_caller(f"{what}; it is drawn without the texture of its material {names}")
     if "materials" in part:
         return {**part, "materials": tuple(replace(material, texture=None) for material in part["materials"])}
     return {**part, "material": replace(part["material"], texture=None)}
@@ -185,7 +193,7 @@ def _is_worth_drawing(part: Part, drop_bad_faces) -> bool:
 
 
 def _mend_normals(model, part: Part) -> Part:
-    """Give corners whose normal is zero or not finite the normal of their triangle."""
+    """Make normals that are not finite zero, and say how many are: a mesh computes those from its faces."""
     normals = part.get("normals")
     if normals is None or part["faces"].max() >= len(part["vertices"]) or part["faces"].min() < 0:
         return part
@@ -194,37 +202,43 @@ def _mend_normals(model, part: Part) -> Part:
         is_bad = ~((length > 0.0) & np.isfinite(length))
         if not is_bad.any():
             return part
-        corners = part["vertices"][part["faces"]]
-        of_face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        of_face = np.nan_to_num(of_face / np.linalg.norm(of_face, axis=1, keepdims=True))
-    model.log(f"{model.name}: {int(is_bad.sum())} file normals are zero or not finite; the triangles' own are used")
-    if normals.ndim == 2:
-        normals, is_bad = normals[part["faces"]], is_bad[part["faces"]]
-    return {**part, "normals": np.where(is_bad[..., None], of_face[:, None], normals)}
+    what = f"{int(is_bad.sum())} file normals are zero or not finite"
+    model.log(f"{model.name}: {what}; they are computed from the faces")
+    return {**part, "normals": np.where(is_bad[..., None], 0.0, normals)}
 
 
 def _report(model, contents, parts, crease_angle):
-    """Say in one line what the file had and what is used of it."""
-    n_face = sum(len(part["faces"]) for part in parts)
+    """Say in one line what the file had, what is used of it, and what is not."""
+    has = {key for part in parts for key in part}
+    facts = [f"{sum(len(part['faces']) for part in parts)} faces", *_counts(contents, parts)]
+    facts += [what for key, what in _ATTRIBUTES.items() if key in has]
+    left_out = [several(n, what) for n, what in ((contents.n_point, "point"), (contents.n_line, "line")) if n]
+    if "uv" in has and not any(material.needs_uv for part in parts for material in materials_of(part)):
+        left_out.append("texture coordinates")
+    left_out += contents.left_out
+    normals = next((what for key, what in _NORMALS.items() if key in has), None)
+    if normals and crease_angle is not None:
+        facts.append(f"{normals} not used: crease angle {crease_angle} asked for")
+    else:
+        facts.append(f"{normals} used" if normals else "no file normals")
+    unused = f"; not used: {', '.join(left_out)}" if left_out else ""
+    model.log(f"{model.name}: {', '.join([*facts, *contents.facts])}{unused}")
+
+
+_ATTRIBUTES = {
+    "polygons": "polygons with more than 3 corners",
+    "colors": "vertex colours",
+    "face_colors": "face colours",
+}
+_NORMALS = {"normals": "file normals", "smoothing": "smoothing groups"}
+
+
+def _counts(contents, parts) -> list[str]:
+    """Say how many meshes, materials, textures, lights and cameras there are, unless none, or one mesh."""
     materials = [material for part in parts for material in materials_of(part)]
     n_material = len({material.name for material in materials} - {""})
     n_texture = len({id(material.texture) for material in materials} - {id(None)})
-    n_light = len(contents.lights or ())
-    facts = [f"{n_face} faces"]
-    facts += [f"{len(parts)} meshes"] if len(parts) > 1 else []
-    facts += [f"{n_material} material" + "s" * (n_material > 1)] if n_material else []
-    facts += [f"{n_texture} texture" + "s" * (n_texture > 1)] if n_texture else []
-    facts += [f"{n_light} light" + "s" * (n_light > 1)] if n_light else []
-    facts += ["a camera"] if contents.camera is not None else []
-    has = {key for part in parts for key in part}
-    facts += ["polygons with more than 3 corners"] if "polygons" in has else []
-    facts += ["vertex colours"] if "colors" in has else []
-    facts += ["face colours"] if "face_colors" in has else []
-    verdict = "used" if crease_angle is None else f"not used: crease angle {crease_angle} asked for"
-    if "normals" in has:
-        facts.append(f"file normals {verdict}")
-    elif "smoothing" in has:
-        facts.append(f"smoothing groups {verdict}")
-    else:
-        facts.append("no file normals")
-    model.log(f"{model.name}: {', '.join(facts)}")
+    counts = (n_material, "material"), (n_texture, "texture"), (len(contents.lights or ()), "light")
+    facts = [f"{len(parts)} meshes"] if len(parts) > 1 else []
+    facts += [several(n, what) for n, what in counts if n]
+    return facts + (["a camera"] if contents.camera is not None else [])

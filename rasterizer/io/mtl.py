@@ -41,7 +41,6 @@ Format: Wavefront, MTL specification 4.2, 1995.
 
 import math
 import re
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from io import BytesIO
@@ -49,7 +48,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError, SceneError
+from ..errors import ModelError, SceneError, warn_caller
 from ..scene.material import Material
 from ..scene.spectrum import rgb_from_xyz
 from ..scene.texture import Budget, Texture, read_picture
@@ -83,7 +82,7 @@ class Doubts:
         found = sorted(self.found)
         for k, (line, text) in enumerate(found[:MOST_WARNINGS]):
             more = f" (and {len(found) - MOST_WARNINGS} lines more)" if k == MOST_WARNINGS - 1 < len(found) - 1 else ""
-            warnings.warn(f"{self.library.name}:{line}: {text}{more}", stacklevel=3)
+            warn_caller(f"{self.library.name}:{line}: {text}{more}")
 
 
 def read_materials(library: ModelFile, used=None, maps=None) -> dict[str, Material]:
@@ -350,14 +349,14 @@ class Maps:
             content = None if path in self._pictures else library.beside.read_bytes(path)
         except (OSError, ValueError) as fault:  # also a name that the system refuses
             reason = fault if isinstance(fault, OutsideError) else "not found"
-            warnings.warn(f"{what} {reason}; the material keeps its plain colour", stacklevel=2)
+            warn_caller(f"{what} {reason}; the material keeps its plain colour")
             return None
         if path not in self._pictures:
             try:
                 self._pictures[path] = read_picture(BytesIO(content), str(path), self._budget)
             except ModelError as fault:
                 self._pictures[path] = None
-                warnings.warn(f"{what}: {fault}; the material keeps its plain colour", stacklevel=2)
+                warn_caller(f"{what}: {fault}; the material keeps its plain colour")
         return None if self._pictures[path] is None else path
 
     def _make(self, library, material, color_path, alpha_path, wrap) -> Texture:

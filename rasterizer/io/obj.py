@@ -3,8 +3,8 @@
     lines (obj_lines.py) ─ triangles (scene/triangulation.py) with their attributes ─ parts, one an object
 
 Each `o` line with faces begins a part, which may have several materials; groups (`g`) only name faces, so normals go
-across their borders. Faces keep the order of the file. Points, lines, and faces with fewer than three corners are left
-out.
+across their borders. Faces keep the order of the file. Points, lines, faces with fewer than three corners, and curved
+surfaces are left out.
 
 Read as other programs do: corners written short (`1/`, `1//`, `2/2/`) have what they name. A `v` of four or five
 numbers is a position, of six or more a position and its colour (0..1, or 0..255 where one is above 1), used where all
@@ -12,24 +12,24 @@ numbers is a position, of six or more a position and its colour (0..1, or 0..255
 Visualizer manual, appendix B1, 1995.
 """
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
 
+from ..errors import warn_caller
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
-from .model_file import WHITE, ModelFile, Part, bytes_of, cut_faces
+from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, cut_faces
 from .obj_lines import Corners, LineError, ObjLines
 
 
-def read_obj(model: ModelFile) -> list[Part]:
+def read_obj(model: ModelFile) -> Contents:
     """Read an OBJ file, the MTL files that it names, and the textures that those name.
 
     Returns
     -------
-    one part for each object, in the order of the file
+    Contents with one part for each object, in the order of the file
 
     Raises
     ------
@@ -47,7 +47,19 @@ def read_obj(model: ModelFile) -> list[Part]:
     if not parts and (fault := lines.first_fault()):
         line, reason = fault
         raise model.error(reason, lines.number_of(line))
-    return parts
+    return _with_others(parts, lines)
+
+
+def _with_others(parts, lines) -> Contents:
+    """Say what the file has beside faces that are drawn."""
+    n_point, n_line = lines.count_words("p"), len(lines.lines_of("l")) + lines.n_short_face
+    if not parts and n_point + n_line == 0:
+        n_point = len(lines.lines_of("v"))
+    curved = [keyword for keyword in ("curv", "curv2", "surf") if len(lines.lines_of(keyword))]
+    left_out = (f"curved elements ({', '.join(curved)})",) if curved else ()
+    if parts and not all("normals" in part for part in parts) and len(lines.lines_of("vn")):
+        left_out += ("normals of meshes in which some faces have none",)
+    return Contents(parts, n_point=n_point, n_line=n_line, left_out=left_out)
 
 
 def _read_parts(model, lines) -> list[Part]:
@@ -198,10 +210,9 @@ def _with_materials(model, part: Part, palette, name) -> Part:
                 is_bare = (numbers == number) & ~has_uv
                 palette.insert(-1, replace(palette[number], texture=None))  # the last one is the unnamed, -1
                 numbers[is_bare] = len(palette) - 2
-                warnings.warn(
+                warn_caller(
                     f"{model.name}: {int(is_bare.sum())} faces of mesh '{name}' with the material "
-                    f"'{palette[number].name}' have no texture coordinates; they are drawn without its texture",
-                    stacklevel=2,
+                    f"'{palette[number].name}' have no texture coordinates; they are drawn without its texture"
                 )
     used, first, inverse = np.unique(numbers, return_index=True, return_inverse=True)
     order = np.argsort(first)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .model_file import text_of
+from .progress import report
 from .text_numbers import BLANK, LEAD, NEWLINE, Words, divide, read_decimals, read_integers, split_words
 
 _KINDS = {"v": "vertex", "vt": "texture coordinate", "vn": "normal"}  # in the order of a corner
@@ -38,6 +39,8 @@ class Corners(NamedTuple):
 
 class ObjLines:
     """Hold the lines of an OBJ file, given as bytes."""
+
+    n_short_face = 0  # faces with fewer than three corners, once `corners` has been called
 
     def __init__(self, data: bytes):
         text, self._joints = _tidy(data if data.isascii() else text_of(data).encode())
@@ -69,6 +72,10 @@ class ObjLines:
         places = zip((self._starts[lines] + len(keyword)).tolist(), self._ends[lines].tolist(), strict=True)
         return lines, [self._text[start:end].decode().strip() for start, end in places]
 
+    def count_words(self, keyword: str) -> int:
+        """Return how many words stand behind a keyword, on all its lines."""
+        return sum(len(name.partition("#")[0].split()) for name in self.names_of(keyword)[1])
+
     def rows_of(self, keyword: str) -> NDArray[np.float64]:
         """Return the numbers of all lines of v, vt or vn.
 
@@ -93,7 +100,8 @@ class ObjLines:
         """
         given = {kind: self.lines_of(kind) for kind in _KINDS}
         blocks = [_read_corners(given, lines, words) for lines, words in self._words_of("f")]
-        columns = zip(*blocks, strict=True)
+        columns = list(zip(*blocks, strict=True))
+        self.n_short_face = sum(int((counts < 3).sum()) for counts in columns[1])
         return Corners(*(None if column[0] is None else np.concatenate(column) for column in columns))
 
     def first_fault(self) -> tuple[int, str] | None:
@@ -123,6 +131,7 @@ class ObjLines:
             line_starts = np.cumsum(lengths) - lengths + LEAD
             letters[line_starts[:, None] + np.arange(len(keyword))] = BLANK
             yield lines, split_words(letters, line_starts)
+            report(begin, len(lines_of_file), f"reading lines '{keyword}'")
 
 
 def _tidy(data) -> tuple[bytes, list[int]]:

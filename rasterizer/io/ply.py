@@ -6,30 +6,39 @@
 Read are of vertices `x y z`, `nx ny nz`, colours `red green blue alpha` (also `r g b`, `diffuse_red` …; bytes, 16 bits,
 or floats from 0 to 1) and texture coordinates (`s t`, `u v`, `texture_u texture_v`, `texture_s texture_t`); of faces
 their `vertex_indices` (or `vertex_index`, or the only list of whole numbers), their colours, and `texcoord`, two
-numbers for each corner (MeshLab: wedge coordinates); `tristrips`, where -1 ends a strip. Pictures (`comment
-TextureFile`, `texnumber`), other elements and properties are left out.
+numbers for each corner (MeshLab: wedge coordinates); `tristrips`, where -1 ends a strip. Pictures are those of
+`comment TextureFile NAME`, of several the one of a face's `texnumber`. Other elements and properties are left out.
+Where a file has faces and strips, what belongs to its faces and their corners alone (colours, `texcoord`) isn't used:
+strips have none.
 
 What the header promises is compared with the length of the file before memory is spent. Format: Turk 1994, The PLY
 Polygon File Format, Stanford University.
 """
 
+import re
+from dataclasses import replace
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..scene.material import Material
-from .model_file import WHITE, ModelFile, Part, bytes_of, check_indices, cut_faces
+from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces
 from .ply_rows import Bytes, List, Text, read_header
 
+_PICTURE = re.compile(rb"^comment\s+TextureFile[ \t]+(.*?)[ \t\r]*$", re.MULTILINE)
+_DRAWN = ("vertex", "face", "tristrips")
 _INDICES = ("vertex_indices", "vertex_index")
 _COLORS = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
+_WEDGES = ("texcoord", "texture_coordinates")
 _UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 
 
-def read_ply(model: ModelFile) -> list[Part]:
+def read_ply(model: ModelFile) -> Contents:
     """Read a PLY file; one part, or none where it has no faces.
 
     Raises
     ------
-    ModelError : the file is broken, or a point cloud
+    ModelError : the file is broken
 
     Warns
     -----
@@ -44,58 +53,100 @@ def read_ply(model: ModelFile) -> list[Part]:
         tables.setdefault(element.name, read.element(element))
     if "vertex" not in tables:
         raise model.error("no vertices")
-    return _make_part(model, {e.name: e for e in reversed(elements)}, tables, read.line_of)
+    parts = _make_parts(model, {e.name: e for e in reversed(elements)}, tables, read.line_of)
+    names = [name.decode("utf-8", "surrogateescape") for name in _PICTURE.findall(model.data[:start])]
+    for part in parts:
+        number = part.pop("picture", None)
+        part |= _with_pictures(model, names, number) if "uv" in part and names else {}
+    rows = {element.name: element.n_row for element in elements}
+    return Contents(
+        parts,
+        n_point=0 if parts else rows["vertex"],
+        n_line=rows.get("edge", 0),
+        left_out=tuple(_left_out(elements, parts[0] if parts else {})),
+    )
+
+
+def _with_pictures(model, names, number) -> dict:
+    """Return the materials of pictures by their names, and which each triangle has, (n,) int64 or None.
+
+    Those that can't be read are warned of; triangles with the number of none have a plain material.
+    """
+    from .mtl import Maps
+
+    maps = Maps(model.log)
+    textures = [maps.texture(model, f"TextureFile {k}", (name, "repeat"), None) for k, name in enumerate(names)]
+    materials = tuple(replace(WHITE, texture=texture) for texture in (*textures, None))
+    if number is None or (number == 0).all():
+        return {"material": materials[0]}
+    number = np.where((number >= 0) & (number < len(names)), number, len(names)).astype(np.int32)
+    return {"materials": materials, "face_material": number, "material": materials[0]}
+
+
+def _left_out(elements, part) -> list[str]:
+    """Name the elements and properties of the file that no part of it was made of."""
+    known = {"x", "y", "z", *_INDICES}
+    if "normals" in part:
+        known |= {"nx", "ny", "nz"}
+    if "uv" in part:
+        known |= {"texnumber", *_WEDGES}.union(*_UV)
+    if "colors" in part or "face_colors" in part:
+        known |= {"alpha", "diffuse_alpha", "a"}.union(*_COLORS)
+    found = []
+    for element in elements:
+        names = [each.name for each in element.properties if each.name not in known]
+        if element.name not in (*_DRAWN, "edge") and element.n_row:
+            found.append(f"elements '{element.name}'")
+        elif element.name in _DRAWN[:2] and names and part:
+            found.append(f"{element.name} properties {', '.join(names)}")
+    return found
 
 
 # --- what the columns mean ----------------------------------------------------------------------------------
 
 
-def _make_part(model, elements, tables, line_of) -> list[Part]:
-    """Turn the tables of a file into a part."""
+def _make_parts(model, elements, tables, line_of) -> list[Part]:
+    """Turn the tables of a file into a part, if it has faces or strips."""
     vertex, face = tables["vertex"], tables.get("face", {})
     points = _columns(vertex, [("x", "y", "z")])
     if points is None:
         raise model.error("the vertices have no x, y and z", elements["vertex"].line)
     indices = _indices_of(face)
-    strips = _indices_of(tables.get("tristrips", {}))
     counts = np.empty(0, np.int64) if indices is None else indices.counts
     corners = np.empty(0, np.int64) if indices is None else _whole(model, indices.items, "face")
-    if counts.max(initial=0) < 3 and strips is None:
-        if len(points):
-            raise model.error(f"a point cloud: {len(points)} points, no faces")
-        return []
 
     def place(row):
         line = line_of("face", row)
         return f": face {row}" if line is None else f":{line}: the face"
 
     check_indices(model, corners, counts, len(points), place)
+    strips = _strips(model, tables.get("tristrips", {}), len(points))
+    if counts.max(initial=0) < 3 and len(strips) == 0:
+        return []
     points = points.astype(np.float64)
     cut = cut_faces(model, points, corners, counts, place)
     part = {"vertices": points, "faces": corners[cut.corners], "name": "", "material": Material()}
     if counts.max(initial=0) > 3:
         part["polygons"] = cut.polygons
     part |= _vertex_attributes(vertex, elements["vertex"])
-    if len(cut.corners):
+    if len(strips):
+        part["faces"] = np.concatenate([part["faces"], strips])
+        if "polygons" in part:
+            more = np.arange(len(strips), dtype=np.int32) + len(counts)
+            part["polygons"] = np.concatenate([part["polygons"], more])
+    else:
         part |= _face_attributes(model, face, elements["face"], cut, counts)
-    if strips is not None:
-        triangles = _strip_triangles(_whole(model, strips.items, "tristrips"), strips.counts)
-        check_indices(
-            model, triangles.ravel(), np.full(len(triangles), 3), len(points), lambda row: ": a triangle strip"
-        )
-        if len(cut.corners) == 0:
-            part["faces"] = triangles
-        else:  # what belongs to faces has no values for strips
-            part = {
-                key: part[key]
-                for key in part
-                if key not in ("face_colors",) and not (key == "uv" and part[key].ndim == 3)
-            }
-            part["faces"] = np.concatenate([part["faces"], triangles])
-            if "polygons" in part:
-                more = np.arange(len(triangles), dtype=np.int32) + len(counts)
-                part["polygons"] = np.concatenate([part["polygons"], more])
-    return [part] if len(part["faces"]) else []
+    return [part]
+
+
+def _strips(model, table, n_point) -> np.ndarray:
+    """Return the triangles (n, 3) of all strips."""
+    strips = _indices_of(table)
+    if strips is None:
+        return np.empty((0, 3), np.int64)
+    triangles = _strip_triangles(_whole(model, strips.items, "tristrips"), strips.counts)
+    check_indices(model, triangles.ravel(), np.full(len(triangles), 3), n_point, lambda row: ": a triangle strip")
+    return triangles
 
 
 def _columns(table, choices) -> np.ndarray | None:
@@ -110,7 +161,7 @@ def _indices_of(table) -> List | None:
     """Return the list of vertices of faces or strips."""
     lists = {name: column for name, column in table.items() if isinstance(column, List)}
     named = [lists[name] for name in _INDICES if name in lists]
-    others = [column for name, column in lists.items() if name not in ("texcoord", "texture_coordinates")]
+    others = [column for name, column in lists.items() if name not in _WEDGES]
     return (named or others or [None])[0]
 
 
@@ -159,7 +210,9 @@ def _face_attributes(model, table, element, cut, counts) -> dict:
     colors = _colors(table, element)
     if colors is not None:
         part |= {"face_colors": colors[cut.polygons], "material": WHITE}
-    for name in ("texcoord", "texture_coordinates"):
+    if isinstance(table.get("texnumber"), np.ndarray):
+        part["picture"] = _whole_numbers(table["texnumber"])[cut.polygons]
+    for name in _WEDGES:
         wedge = table.get(name)
         if not isinstance(wedge, List):
             continue
@@ -191,3 +244,9 @@ def _strip_triangles(items, counts) -> np.ndarray:
     is_good = (triangles >= 0).all(axis=1)
     is_good &= (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
     return triangles[is_good]
+
+
+def _whole_numbers(values: NDArray) -> NDArray[np.int64]:
+    """Return the whole parts of numbers; -1 of those that are no index at all."""
+    is_index = (values >= 0) & (values < 2**31)
+    return np.where(is_index, values, -1).astype(np.int64)

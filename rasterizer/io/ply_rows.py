@@ -3,10 +3,12 @@
 In: the bytes of the file. Out: for each element its properties as columns of numbers; lists as `List`.
 """
 
+from array import array
 from typing import NamedTuple
 
 import numpy as np
 
+from ..scene.arrays import distinct
 from .text_numbers import numbers_in
 
 _TYPES = {
@@ -203,7 +205,68 @@ class Bytes:
                 f"room for at most {found}",
                 element.line,
             )
-        return _walk(self, element, self._even_rows(element))
+        even = self._even_rows(element)
+        lengths = [each.count_type for each in element.properties if each.count_type is not None]
+        if even is None and len(lengths) == 1 and lengths[0][0] != "f":
+            return self._rows_of_one_list(element)
+        return _walk(self, element, even)
+
+    def _rows_of_one_list(self, element):
+        """Return the columns of rows with one list, whatever its length: where each row begins is found row by row, the
+        rest for all rows at once."""
+        kinds = [np.dtype(self.order + (each.count_type or each.type)) for each in element.properties]
+        number = next(k for k, each in enumerate(element.properties) if each.count_type is not None)
+        one = element.properties[number]
+        item = np.dtype(self.order + one.type)
+        before = sum(kind.itemsize for kind in kinds[:number])
+        starts, counts = self._list_starts(element, before, kinds, item.itemsize)
+        places = {}
+        for k, kind in enumerate(kinds):
+            behind = counts * item.itemsize if k > number else 0
+            places[k] = starts + sum(each.itemsize for each in kinds[:k]) + behind, kind
+        found = {
+            each.name: self._gather(*places[k], 1).reshape(-1)
+            for k, each in enumerate(element.properties)
+            if k != number
+        }
+        items = np.empty(int(counts.sum()), item)
+        first = np.cumsum(counts) - counts
+        for count in distinct(counts).tolist():
+            rows = np.flatnonzero(counts == count)
+            begins = starts[rows] + before + kinds[number].itemsize
+            items[first[rows, None] + np.arange(count)] = self._gather(begins, item, count)
+        return found | {one.name: List(counts, items)}
+
+    def _list_starts(self, element, before, kinds, item_size):
+        """Return where each row of one list begins, and how long its list is, both (n_row,) int64."""
+        count_kind = kinds[next(k for k, each in enumerate(element.properties) if each.count_type is not None)]
+        fixed, at, data = sum(kind.itemsize for kind in kinds), self.at, self.data
+        size, signed = count_kind.itemsize, count_kind.kind == "i"
+        order = "big" if self.order == ">" else "little"
+        starts, counts = array("q"), array("q")
+        for row in range(element.n_row):
+            place = at + before
+            count = data[place] if size == 1 and place < len(data) and not signed else None
+            if count is None:
+                count = int.from_bytes(data[place : place + size], order, signed=signed)
+            if not 0 <= count <= (len(data) - at - fixed) // item_size:
+                raise self.fault(element, row)
+            starts.append(at)
+            counts.append(count)
+            at += fixed + count * item_size
+        self.at = at
+        return np.frombuffer(starts, np.int64), np.frombuffer(counts, np.int64)
+
+    def _gather(self, begins, kind, n) -> np.ndarray:
+        """Return n numbers of a kind from each of some places on, (n_place, n)."""
+        if len(begins) < n * kind.itemsize:
+            rows = [np.frombuffer(self.data, kind, n, begin) for begin in begins.tolist()]
+            return np.stack(rows) if rows else np.empty((0, n), kind)
+        letters = np.frombuffer(self.data, np.uint8)
+        columns = np.empty((len(begins), n * kind.itemsize), np.uint8)
+        for k in range(n * kind.itemsize):
+            columns[:, k] = letters[begins + k]
+        return columns.view(kind) if n else np.empty((len(begins), 0), kind)
 
     def _even_rows(self, element):
         """Return the columns of rows whose lists are all as long as those of the first; None where they are not."""

@@ -1,29 +1,29 @@
 """Write a picture as a PNG file: rows are filtered and deflated in bands, which threads take side by side.
 
-    rows   ┌ band 0   filter, deflate ┐   IHDR  size and colours
+    rows   ┌ band 0   filter, deflate ┐   IHDR  size and colours; tEXt  what is said of them
     of   ──┤ band 1   filter, deflate ├── IDAT  one a band
     bytes  └ band 2   filter, deflate ┘   IEND
 
-In: (height, width, 3 or 4) uint8. Out: the bytes of a file without metadata. They depend on the pixels alone, not on
-the number of threads.
+In: (height, width, 1, 3 or 4) uint8 or uint16. Out: the bytes of a file, without metadata but for text that is given.
+They depend on these alone, not on the number of threads.
 
 Pillow writes PNG files too. For a render of 640x480 it takes 20 ms, because it works on one thread and tries all five
 filters, and 20 ms more to be imported. Here it is 7 ms on one thread and 4 ms on two, and nothing is imported. Files
 are 9 % larger in the mean.
 
-Sources: W3C, Portable Network Graphics, third edition 2025: chunks in section 5, filters in 9. RFC 1950, zlib: the
-stream and its checksum. RFC 1951: deflate.
+Sources: W3C, Portable Network Graphics, third edition 2025: chunks in section 5, filters in 9, text in 11.3.3. RFC
+1950, zlib: the stream and its checksum. RFC 1951: deflate.
 """
 
 import struct
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_COLOR_TYPES = {3: 2, 4: 6}  # RGB, RGBA, by the number of channels
+_COLOR_TYPES = {1: 0, 3: 2, 4: 6}  # grey, RGB, RGBA, by the number of channels
 _NONE, _SUB, _UP = range(3)  # filters; Average makes files larger, and Paeth takes longer than deflating
 
 _LEVEL = 4  # of zlib: half the time of its default, 6, and 9 % more bytes; level 1 is a little faster, with 60 % more
@@ -33,28 +33,39 @@ _BAND_BYTES = 1 << 18  # a band can't refer to the one before: of half the size,
 _ADLER_BASE = 65521  # RFC 1950, 8.2: the largest prime below 2^16
 
 
-def encode_png(pixels: NDArray[np.uint8], map_bands: Callable[[Callable, list], Iterable] = map) -> bytes:
+def encode_png(
+    pixels: NDArray[np.uint8] | NDArray[np.uint16],
+    map_bands: Callable[[Callable, list], Iterable] = map,
+    text: Mapping[str, str] | None = None,
+) -> bytes:
     """Return a picture as the bytes of a PNG file.
 
     Parameters
     ----------
-    pixels : (height, width, 3 or 4) uint8, sRGB, with alpha that is not premultiplied where there are four channels
+    pixels : (height, width, 1, 3 or 4) uint8 or uint16; colours are sRGB, with alpha that is not premultiplied where
+        there are four channels
     map_bands : calls a function with every item of a list, and gives the results in the items' order; `map`, or what
         does so on several threads
+    text : text fields, by keyword: Latin-1
 
     Returns
     -------
-    bytes, of 8 bits a channel, not interlaced
+    bytes, of 8 or 16 bits a channel, not interlaced
     """
     height, width, n_channel = pixels.shape
-    step = max(1, _BAND_BYTES // (width * n_channel))
+    n_bit = 8 * pixels.itemsize
+    if n_bit == 16:  # the high byte first; filters take bytes
+        pixels = pixels.astype(">u2").view(np.uint8)
+    step = max(1, _BAND_BYTES // (width * pixels.shape[2]))
     bands = list(map_bands(lambda y: _deflate_band(pixels, y, y + step), list(range(0, height, step))))
     checksum = 1
     for _, of_band, n_byte in bands:
         checksum = _join_checksums(checksum, of_band, n_byte)
     stream = [_STREAM_HEAD, *(deflated for deflated, _, _ in bands), _LAST_BLOCK + struct.pack(">I", checksum)]
-    header = struct.pack(">IIBBBBB", width, height, 8, _COLOR_TYPES[n_channel], 0, 0, 0)
-    chunks = [_chunk(b"IHDR", header), *(_chunk(b"IDAT", part) for part in stream), _chunk(b"IEND", b"")]
+    header = struct.pack(">IIBBBBB", width, height, n_bit, _COLOR_TYPES[n_channel], 0, 0, 0)
+    fields = [f"{keyword}\0{value}".encode("latin-1") for keyword, value in (text or {}).items()]
+    head = [_chunk(b"IHDR", header), *(_chunk(b"tEXt", field) for field in fields)]
+    chunks = [*head, *(_chunk(b"IDAT", part) for part in stream), _chunk(b"IEND", b"")]
     return _SIGNATURE + b"".join(chunks)
 
 
@@ -83,7 +94,7 @@ def _filter_rows(rows, above, n_channel) -> NDArray[np.uint8]:
     ----------
     rows : (n_row, n_byte) uint8
     above : (n_byte,) uint8, the row before the first one
-    n_channel : bytes of a pixel
+    n_channel : bytes of a pixel, of all its channels
 
     Returns
     -------

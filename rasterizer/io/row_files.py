@@ -11,7 +11,7 @@ import io
 import os
 import shutil
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,8 @@ def row_format_of(format: str, array: str | None) -> RowFormat | None:
     """
     if format in TIFF_SUFFIXES and array is None:
         return RowFormat("rgba", tiff_header, 4)
-    kind = _ARRAYS.get(array or "color") if format == "npy" else None
+    is_one = array is None or isinstance(array, str)
+    kind = _ARRAYS.get(array or "color") if format == "npy" and is_one else None
     if kind is None:
         return None
     dtype, n_channel = kind
@@ -71,13 +72,24 @@ class RowFile:
     path : where the file goes; a link keeps its name and gets a new target
     kind : RowFormat
     size : (width, height) of the picture, pixels
+    finish : called with (n_row, width, 4) uint8 and the number of the first row before they are written, by any thread;
+        returns what is written in their stead. None = they are written as they come
 
     Raises OutputError for a name that no file can have.
     """
 
-    def __init__(self, path: str | os.PathLike[str], kind: RowFormat, size: tuple[int, int]) -> None:
-        self.path, self.kind, self.size = path, kind, size
-        self.is_black = True  # no channel of any pixel that was written is more than 0
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        kind: RowFormat,
+        size: tuple[int, int],
+        finish: Callable[[NDArray[np.uint8], int], NDArray[np.uint8]] | None = None,
+    ) -> None:
+        self.path: str | os.PathLike[str] = path
+        self.kind: RowFormat = kind
+        self.size: tuple[int, int] = size
+        self._finish = finish
+        self.is_black: bool = True  # no channel of any pixel that was written is more than 0
         self._header = kind.header(*size)
         try:
             self._file = HiddenFile(os.path.realpath(path))
@@ -105,7 +117,7 @@ class RowFile:
         except OSError as error:
             raise self._error(error) from error
 
-    def write_rows(self, y_start: int, rows) -> None:
+    def write_rows(self, y_start: int, rows: Any) -> None:
         """Write rows from the row `y_start` on; threads may do so at the same time.
 
         Parameters
@@ -116,6 +128,9 @@ class RowFile:
 
         Raises OutputError where the disk is full.
         """
+        if self._finish is not None:
+            rgba = self._finish(rows.rgba.view(np.uint8).reshape(*rows.rgba.shape, 4), y_start)
+            rows = rows._replace(rgba=rgba.view(np.uint32)[..., 0])
         content = np.ascontiguousarray(self._array_of(rows))
         if self.is_black and (rows.rgba & _COLOR_BYTES).any():
             self.is_black = False

@@ -21,7 +21,7 @@ import os
 import re
 from pathlib import Path
 
-from ..errors import ModelError, one_file, shown
+from ..errors import ModelError, SceneError, one_file, shown
 from ..scene.camera import Camera
 from ..scene.scene import Scene
 from ..scene.validate import picture_size
@@ -43,7 +43,7 @@ KEYS = ("meshes", "materials", "lights", "camera", "background", "depth_cue", "u
 # The fields of Options, which this side of the package doesn't import; a test holds that.
 OPTIONS = (
     "size", "shading", "tolerance", "samples", "antialias", "outputs", "cull", "color_range", "exposure", "spectral",
-    "threads",
+    "threads", "edges", "edge_color", "edge_width",
 )  # fmt: skip
 
 
@@ -85,6 +85,33 @@ def read_scene(
     with one_file(name):
         entry = formats.format_of(name, format or Path(name).suffix or "json", is_scene=True)
         return _read_tables(Entry(_parse(data, entry.name, name), name), context)
+
+
+def read_camera_file(path: str | os.PathLike[str]) -> tuple[Camera | None, dict | None]:
+    """Read the camera of a scene file, or a file that holds a camera alone.
+
+    Parameters
+    ----------
+    path : of a JSON or TOML file: a scene, of which only its camera is looked at, or a table of a camera's fields
+
+    Returns
+    -------
+    Camera, or None; and a dict of arguments of `Camera.framing`, or None: one of both is there
+
+    Raises
+    ------
+    ModelError : a file that can't be read or is no JSON or TOML
+    SceneError : no camera, or one that is not legal
+    """
+    name, data, _ = _read(path)
+    with one_file(name):
+        entry = formats.format_of(name, Path(name).suffix or "json", is_scene=True)
+        value = _parse(data, entry.name, name)
+        if isinstance(value, dict) and "camera" in value:
+            return read_camera(Entry(value["camera"], f"{name}: camera"))
+        if isinstance(value, dict) and "meshes" in value:
+            raise SceneError(f"{name}: the scene has no camera")
+        return read_camera(Entry(value, name))
 
 
 def _read_tables(root, context) -> SceneFile:

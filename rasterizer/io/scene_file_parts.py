@@ -12,7 +12,8 @@ from ..scene.camera import Camera
 from ..scene.color import linear_rgb
 from ..scene.depth_cue import DepthCue, checked_cue
 from ..scene.fields import describe_fields
-from ..scene.lights import LIGHT_KINDS, PRESETS
+from ..scene.light_presets import PRESETS
+from ..scene.lights import LIGHT_KINDS
 from ..scene.material import Material
 from ..scene.named_materials import NAMED_MATERIALS
 from ..scene.shadow import Shadow

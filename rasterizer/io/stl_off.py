@@ -5,15 +5,16 @@ import re
 import numpy as np
 
 from ..scene.material import Material
-from .model_file import WHITE, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
+from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
 from .text_numbers import numbers_in
+from .weld import weld_triangles
 
 _STL_HEADER, _STL_FACE = 84, 50  # bytes
 _STL_ROW = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
 def read_stl(model: ModelFile) -> list[Part]:
-    """Read binary or ASCII STL; every triangle has its own three vertices.
+    """Read binary or ASCII STL; its triangles share the vertices that are equal.
 
     A binary file may begin with 'solid', too. One that holds whole faces, though not as many as it says, is read as far
     as it goes; what stands behind the last face is left out. Both are reported.
@@ -38,14 +39,14 @@ def read_stl(model: ModelFile) -> list[Part]:
     if n_face == 0:
         return []
     rows = np.frombuffer(data, _STL_ROW, n_face, _STL_HEADER)
-    part = _soup(rows["corners"].astype(np.float64), "")
+    part = _soup(rows["corners"], "")
     return [part | _stl_colors(data[:80], rows["attribute"])]
 
 
 def _soup(corners, name) -> Part:
     """Make a part of triangles (n, 3, 3)."""
-    faces = np.arange(3 * len(corners)).reshape(-1, 3)
-    return {"vertices": corners.reshape(-1, 3), "faces": faces, "name": name, "material": Material()}
+    vertices, faces = weld_triangles(corners)
+    return {"vertices": vertices, "faces": faces, "name": name, "material": Material()}
 
 
 def _read_ascii_stl(model) -> list[Part]:
@@ -94,15 +95,16 @@ def _stl_colors(header: bytes, attributes) -> dict:
     down, 5 bits each. Materialise Magics: the header holds `COLOR=` and the part's RGBA, bit 15 *clear* where
     the face has its own, red lowest.
     """
-    red, green, blue = ((attributes >> shift) & 31 for shift in (10, 5, 0))
     is_own = attributes >= 0x8000
     start = header.find(b"COLOR=")
+    has_common = 0 <= start <= 70
+    if not has_common and not is_own.any():
+        return {}
+    red, green, blue = ((attributes >> shift) & 31 for shift in (10, 5, 0))
     common = (255, 255, 255)
-    if 0 <= start <= 70:
+    if has_common:
         red, blue, is_own = blue, red, ~is_own
         common = tuple(header[start + 6 : start + 9])
-    elif not is_own.any():
-        return {}
     own = np.stack([red, green, blue], axis=1) * 255 // 31
     colors = np.where(is_own[:, None], own, np.array(common))
     return {"face_colors": colors.astype(np.uint8), "material": WHITE}
@@ -113,7 +115,7 @@ def _stl_colors(header: bytes, attributes) -> dict:
 _OFF_WORD = re.compile(r"\s*(?:#[^\n]*\n\s*)*(ST)?(C)?(N)?(4)?(n)?OFF\b(\s+BINARY\b)?", re.ASCII)
 
 
-def read_off(model: ModelFile) -> list[Part]:
+def read_off(model: ModelFile) -> Contents:
     """Read OFF with its polygons; of COFF, NOFF, STOFF the colours, normals and texture coordinates of the vertices,
     and the colours of faces where each has one.
 
@@ -140,10 +142,9 @@ def read_off(model: ModelFile) -> list[Part]:
         return f":{face_rows[row][0]}: the face"
 
     check_indices(model, corners, counts, n_vertex, place)
+    n_point, n_line = int((counts == 1).sum()), int((counts == 2).sum())
     if counts.max(initial=0) < 3:
-        if n_vertex:
-            raise model.error(f"a point cloud: {n_vertex} points, no faces")
-        return []
+        return Contents([], n_point=n_vertex, n_line=n_line)
     cut = cut_faces(model, points, corners, counts, place)
     part = {"vertices": np.ascontiguousarray(points), "faces": corners[cut.corners], "name": "", "material": Material()}
     if counts.max() > 3:
@@ -158,7 +159,7 @@ def read_off(model: ModelFile) -> list[Part]:
         part |= {"face_colors": bytes_of(extra)[cut.polygons], "material": WHITE}
     if has_uv:
         part["uv"] = np.ascontiguousarray(table[:, -2:])
-    return [part]
+    return Contents([part], n_point=n_point, n_line=n_line)
 
 
 def _off_counts(model, lines) -> tuple[int, int]:

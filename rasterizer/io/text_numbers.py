@@ -15,6 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .progress import report
+
 LEAD = 24  # so that the eight letters before the end of a word are there, three times
 MOST_DIGITS = 18  # of a whole number within int64
 BLANK, NEWLINE = b" \n"
@@ -131,6 +133,7 @@ def numbers_in(text: str) -> NDArray[np.float64] | None:
             return None
         tables.append(values)
         start = end
+        report(start, len(data), "reading numbers")
     return np.concatenate(tables)
 
 

@@ -4,7 +4,8 @@
                          build: objects, placed
     the part of a path   a component may name an object of another .model part of the file (production extension)
 
-Matrices have 12 numbers, the columns of the affine one: the first three are where x goes. Colours etc. aren't read.
+Matrices have 12 numbers, the columns of the affine one: the first three are where x goes. Colours, materials and
+textures: see `threemf_properties`. Lengths are in the file's unit, which is said.
 The zip's directory tells how large each part is before one is unpacked; a document type (entities) is refused, and
 objects may be repeated for up to `gltf.MOST_COPIES` triangles more than the file holds.
 Format: 3MF Consortium, Core Specification 1.3, 2021.
@@ -19,13 +20,15 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ..scene.material import Material
+from ..errors import ModelError
 from .gltf import MOST_COPIES
-from .model_file import ModelFile, Part
+from .model_file import Contents, ModelFile, Part
+from .threemf_properties import UNSET, PropertyGroups, paint
 
 MOST_UNPACKED = 2**28  # bytes of XML of any file
 MOST_RATIO = 40  # of bytes of XML to bytes of the file, beyond MOST_UNPACKED: text of numbers packs to a tenth
 _DEEPEST = 100  # components within components
+_IGNORED = ("beamlattice", "slicestack", "displacementmesh", "booleans", "volumetricstack", "levelset")
 _FAULTS = (
     ValueError,
     LookupError,
@@ -50,32 +53,56 @@ class _Item(NamedTuple):
 class _Object:
     """An object: its own triangles, and other objects."""
 
-    def __init__(self, name):
-        self.name, self.vertices, self.corners, self.components = name, array("d"), array("q"), []
+    def __init__(self, attributes):
+        self.name, self.attributes = attributes.get("name", ""), attributes
+        self.vertices, self.corners, self.components = array("d"), array("q"), []
+        self.marks = array("q")  # of triangles with properties of their own: triangle, group, a property a corner
 
 
-def read_3mf(model: ModelFile) -> list[tuple[Part, np.ndarray]]:
+def read_3mf(model: ModelFile) -> Contents:
     """Read a 3MF file.
 
     Returns
     -------
-    pairs (part, world_from_object (4, 4) float64), one for each time that a mesh is built
+    Contents whose parts are pairs (part, world_from_object (4, 4) float64), one for each time that a mesh is built
 
     Raises ModelError for a file that is damaged, or asks for too much.
     """
     try:
         with zipfile.ZipFile(BytesIO(model.data)) as archive:
             parts = _unpack(archive, len(model.data))
-        main = next((name for name in parts if name.lower().endswith("3dmodel.model")), None)
-        if main is None:
-            raise ValueError("there is no 3D/3dmodel.model in it")
-        readers = {name: _Reader(name, text) for name, text in parts.items()}
-        return _placed(readers, main)
+            main = next((name for name in parts if name.lower().endswith("3dmodel.model")), None)
+            if main is None:
+                raise ValueError("there is no 3D/3dmodel.model in it")
+            left_out = set()
+
+            def read(name):
+                return _read_member(archive, name)
+
+            readers = {
+                name: _Reader(name, text, PropertyGroups(read, left_out, model.name)) for name, text in parts.items()
+            }
+            placed = _placed(readers, main)
     except expat.ExpatError as fault:
         raise model.error(f"not a readable 3MF file (its XML: {fault})") from fault
+    except ModelError as fault:
+        raise model.error(str(fault)) from fault
     except _FAULTS as fault:
         reason = " ".join(str(fault).split())[:200] or type(fault).__name__
         raise model.error(f"not a readable 3MF file ({type(fault).__name__}: {reason})") from fault
+    others = sorted({f"'{word}' elements" for reader in readers.values() for word in reader.ignored})
+    unit = readers[main].unit
+    return Contents(placed, facts=(f"unit {unit}",), left_out=(*sorted(left_out), *others))
+
+
+def _read_member(archive, name) -> bytes:
+    """Return a file in the zip file, whatever the case of its name."""
+    member = next((each for each in archive.infolist() if each.filename.lower() == name.lower()), None)
+    if member is None:
+        raise LookupError(f"there is no '{name[:80]}' in it")
+    if member.file_size > MOST_UNPACKED:
+        raise ValueError(f"'{name[:80]}' would take {member.file_size} bytes; {MOST_UNPACKED} are the most")
+    return archive.read(member)
 
 
 def _unpack(archive, length) -> dict[str, bytes]:
@@ -90,10 +117,12 @@ def _unpack(archive, length) -> dict[str, bytes]:
 
 
 class _Reader:
-    """Read the objects and the build of one .model part."""
+    """Read the objects, properties and build of one .model part."""
 
-    def __init__(self, name, text):
+    def __init__(self, name, text, properties):
         self.name, self.objects, self.build, self._open = name, {}, [], None
+        self.properties, self.groups, self.unit, self.ignored = properties, [], "millimeter", set()
+        self._numbers = {}  # of the groups that triangles name, in `groups`
         parser = expat.ParserCreate(namespace_separator="|")
         parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
         parser.StartDoctypeDeclHandler = self._refuse
@@ -108,16 +137,43 @@ class _Reader:
             self._open.vertices.extend(float(attributes[key]) for key in "xyz")
         elif word == "triangle" and self._open:
             self._open.corners.extend(int(attributes[key]) for key in ("v1", "v2", "v3"))
+            if "p1" in attributes or "pid" in attributes:
+                self._mark(attributes)
         elif word == "object":
-            self._open = self.objects[attributes["id"]] = _Object(attributes.get("name", ""))
+            self._open = self.objects[attributes["id"]] = _Object(attributes)
         elif word == "component" and self._open:
             self._open.components.append(self._item(attributes))
         elif word == "item":
             self.build.append(self._item(attributes))
+        elif word == "model":
+            self.unit = attributes.get("unit", self.unit)[:20]
+        elif word in _IGNORED:
+            self.ignored.add(word)
+        else:
+            self.properties.start(word, attributes)
+
+    def _mark(self, attributes):
+        """Note the properties of a triangle; what it doesn't say, its object does."""
+        own = self._open.attributes
+        first = int(attributes.get("p1", own.get("pindex", 0)))
+        others = (int(attributes.get(key, first)) for key in ("p2", "p3"))
+        group = self.number_of(attributes.get("pid", own.get("pid")))
+        self._open.marks.extend((len(self._open.corners) // 3 - 1, group, first, *others))
+
+    def number_of(self, group) -> int:
+        """Return the number by which triangles know a group of properties; UNSET for none."""
+        if group is None:
+            return UNSET
+        if group not in self._numbers:
+            self._numbers[group] = len(self.groups)
+            self.groups.append(group)
+        return self._numbers[group]
 
     def _end(self, tag):
-        if tag.rpartition("|")[2] == "object":
+        word = tag.rpartition("|")[2]
+        if word == "object":
             self._open = None
+        self.properties.end(word)
 
     def _item(self, attributes) -> _Item:
         path = next(
@@ -154,13 +210,24 @@ def _placed(readers, main) -> list[tuple[Part, np.ndarray]]:
             matrix = matrix @ item.matrix
         if thing.corners:
             key = (item.part, item.number)
-            parts.setdefault(key, _part(thing))
+            if key not in parts:
+                parts[key] = _part(thing, readers[names[item.part.lower()]])
             placed.append((parts[key], matrix))
         waiting += [(each, matrix, depth + 1) for each in reversed(thing.components)]
     return placed
 
 
-def _part(thing) -> Part:
+def _part(thing, reader) -> Part:
+    """Make the part of an object's own triangles."""
     vertices = np.frombuffer(thing.vertices, np.float64) if thing.vertices else np.empty(0)
     faces = np.frombuffer(thing.corners, np.int64).reshape(-1, 3)
-    return {"vertices": vertices.reshape(-1, 3), "faces": faces, "name": thing.name, "material": Material()}
+    own = thing.attributes
+    groups = np.full(len(faces), reader.number_of(own.get("pid")))
+    indices = np.full((len(faces), 3), int(own.get("pindex", 0)))
+    if thing.marks:
+        marks = np.frombuffer(thing.marks, np.int64).reshape(-1, 5)
+        groups[marks[:, 0]], indices[marks[:, 0]] = marks[:, 1], marks[:, 2:]
+    used = [number for number in np.unique(groups).tolist() if number != UNSET]
+    properties = {number: reader.properties.find(reader.groups[number]) for number in used}
+    look = paint(len(faces), properties, groups, indices)
+    return {"vertices": vertices.reshape(-1, 3), "faces": faces, "name": thing.name, **look}

@@ -58,6 +58,7 @@ class VisibleSurfaces(NamedTuple):
     has_corners: bool  # all triangles have exact records, with the normals as attributes 0-2
     is_perspective: bool
     batch: np.ndarray  # scratch, see fragments.py, float32
+    sources: np.ndarray = np.empty(0, np.uint32)  # (n,) which of all triangles each is a part of; empty as loaded_faces
 
 
 class DepthLine(NamedTuple):

@@ -31,9 +31,9 @@ DIFFUSE, SPECULAR = _quantity(15), _quantity(16)  # written by a reflection func
 DIFFUSE_SUM, SPECULAR_SUM = _quantity(17), _quantity(20)  # over the lights, three channels each
 ALBEDO = _quantity(23)  # three channels; planes and texels come in fours, so a fourth quantity is written, too
 INTENSITY = LIGHT_DIR  # the result, three channels, when no light is left to ask
-# For shadows. The plane of the polygon is n·P = FACE_OFFSET with the unit normal n = FACE_NORMAL; NORMAL_OFFSET is how
-# far the point is moved along its own normal. The other three belong to shadow_lookup.py.
-FACE_NORMAL, FACE_OFFSET, NORMAL_OFFSET = _quantity(27), _quantity(30), _quantity(31)
+# For shadows. The plane of the polygon is n·P = FACE_OFFSET with the unit normal n = FACE_NORMAL; FACE_SIDE is the
+# length of its longest side, 0 of a point alone. The other three belong to shadow_lookup.py.
+FACE_NORMAL, FACE_OFFSET, FACE_SIDE = _quantity(27), _quantity(30), _quantity(31)
 FROM_LIGHT, LIMIT_SLOPES, SHADOW_COUNT = _quantity(32), _quantity(35), _quantity(40)
 TANGENT = _quantity(37)  # a vector of any length, of anisotropic materials
 TEXEL = _quantity(41)  # what a texture shows: red, green, blue, alpha

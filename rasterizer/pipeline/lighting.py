@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import call_batch_function, helper, index, kernel
-from ..geometry.vectors import dot, scale, subtract
+from ..geometry.vectors import dot, scale, subtract, vector_of_column
 from . import fragments as f
 from . import material_coefficients as m
 from .fragments import BATCH_SIZE, get_vector, read_vector, set_vector
@@ -57,7 +57,8 @@ class SurfacePoints(NamedTuple):
     normals: np.ndarray  # (3, n) float64, world space, unit length
     tangents: np.ndarray | None  # (3, n) float64; None where no material needs them: then they are not compiled
     albedo: np.ndarray  # (n, n_channel) float64, read only if the material has one
-    normal_offsets: np.ndarray  # (n,) float64, scene units, see shadow_lookup.py; read only if a light casts shadows
+    normal_offsets: np.ndarray  # (2, n) float64, scene units, on the side of the normal and on the other, see
+    # geometry/surfaces.py; read only if a light casts shadows
 
 
 # ---------------------------------------------------------------- one batch
@@ -225,7 +226,7 @@ def light_points(points, start, end, screen, side, lighting, material, batch, ou
             forward, real = screen.forward, batch.dtype.type
             view_from_direction(batch, n, (-real(forward[0]), -real(forward[1]), -real(forward[2])))
         gather_tangents(points.tangents, first, n, batch)
-        gather_planes(lighting.shadows, points.normal_offsets, first, n, batch)
+        gather_planes(lighting.shadows, points, first, n, batch)
         light_batch(batch, n, lighting, material)
         for channel in range(index(lighting.n_channels[material])):
             for k in range(index(n)):
@@ -286,11 +287,14 @@ def gather_tangents(tangents, first, n, batch):
 
 
 @helper
-def gather_planes(shadows, normal_offsets, first, n, batch):
-    """Fill what shadows need, if there are any: of a point alone, its own normal is that of the surface's plane."""
+def gather_planes(shadows, points, first, n, batch):
+    """Fill what shadows need, if there are any: of a point alone, its own normal is that of the surface's plane, which
+    its normal offset moves."""
     if shadows is not None:
         for k in range(index(n)):
             normal = get_vector(batch, f.NORMAL, k)
             set_vector(batch, f.FACE_NORMAL, k, normal)
-            batch[f.FACE_OFFSET + k] = dot(normal, get_vector(batch, f.POSITION, k))
-            batch[f.NORMAL_OFFSET + k] = normal_offsets[first + k]
+            is_turned = index(dot(normal, vector_of_column(points.normals, first + k)) < 0.0)
+            height = dot(normal, get_vector(batch, f.POSITION, k))
+            batch[f.FACE_OFFSET + k] = height + points.normal_offsets[is_turned, first + k]
+            batch[f.FACE_SIDE + k] = 0

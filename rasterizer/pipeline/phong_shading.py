@@ -313,8 +313,8 @@ def weight_albedo(entries, band, first, material, texturing, start, batch):
 
 @helper
 def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
-    """Fill what shadows need, if there are any: the planes of the visible polygons, relative to the eye, and the normal
-    offsets."""
+    """Fill what shadows need, if there are any: the planes of the visible polygons, relative to the eye, and their
+    longest sides."""
     if shadows is not None:
         eye = read_vector(eye, 0)
         for k in range(index(len(entries))):
@@ -322,7 +322,7 @@ def gather_face_planes(entries, records, shadows, face_planes, eye, batch):
             normal = face_planes[face, 0], face_planes[face, 1], face_planes[face, 2]
             set_vector(batch, f.FACE_NORMAL, k, normal)
             batch[f.FACE_OFFSET + k] = face_planes[face, 3] - dot(normal, eye)
-            batch[f.NORMAL_OFFSET + k] = face_planes[face, 4]
+            batch[f.FACE_SIDE + k] = face_planes[face, 4]
 
 
 # ---------------------------------------------------------------- where the samples lie in the world

@@ -5,11 +5,11 @@ surface, or minus its depth where the rays are parallel; so larger is nearer, an
 surface is one.
 
 `occlude` is called as a light function is (light_kinds.py), after the light's own: it reads POSITION, NORMAL,
-FACE_NORMAL, FACE_OFFSET and NORMAL_OFFSET of the batch, and multiplies STRENGTH by the lit part. In place of
+FACE_NORMAL, FACE_OFFSET and FACE_SIDE of the batch, and multiplies STRENGTH by the lit part. In place of
 coefficients it gets a header followed by the maps' texels, in the type of the batch.
 
 A texel shows the depth at its centre alone. So a surface's own depth is taken there, too: the value at the point plus
-the slopes of its tangent plane, which the normal gives, times the way to the centre. On one plane both agree, but for
+the slopes of its polygon's plane times the way to the centre. On one plane both agree, but for
 
     half a texel times the slopes   neighbouring polygons that fold towards the light reach into the texel by that much;
                                     it also covers the rounding of the map's vertices, a 512th of a texel
@@ -20,12 +20,17 @@ the slopes of its tangent plane, which the normal gives, times the way to the ce
     the rounding of positions       in float32 ROUNDINGS·u of the distances, in float64 2^-40 of them; see below
 
 which is all that a point may lie behind the map and still be lit. The picture's own vertices are rounded to 1/256 px,
-which tilts its polygons a little: so a point is first moved onto the plane that its polygon has in the scene. A polygon
-that stands for a piece of a curved surface may lie below it: the point is then moved along its normal by NORMAL_OFFSET,
-how far the polygon's corners lie from their neighbours' tangent planes (geometry/surfaces.py), 0 on flat surfaces. So
-nothing of a convex surface lies before the tangent plane of an offset point; before the plane of its polygon neighbours
-may lie, where the polygon is turned away from the light and its normals are not yet. Where a point is moved beyond the
-light, it is lit.
+which tilts its polygons a little: so a point is first moved onto the plane that its polygon has in the scene.
+
+A polygon may be turned away from a light that its normals still look at, where it stands for a piece of a curved
+surface. Its own body lies before it then. Such a point is compared with its tangent plane instead, and is moved along
+its normal first: by FACE_SIDE, the polygon's longest side, times the sine of the angle between the normal and the
+polygon's. No corner of the polygon lies higher above the tangent plane: from the point to a corner is no further than
+the longest side, in the polygon's plane. Where a point is moved beyond the light, it is lit.
+
+A polygon that faces the light may have neighbours that fold towards the light. Texels of the filter that show them lie
+before its plane. So its points are moved likewise, but no further than texels of the filter reach: twice that, because
+the normal between two polygons has half of the angle between them.
 
 The rounding of positions. X is the point as seen from the light, O the light as seen from the eye; the point as seen
 from the eye is X + O, so no longer than L = |X| + |O|, lengths as sums of components. u is the unit roundoff, n the
@@ -48,7 +53,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import as_array, choice, helper, index, kernel
-from ..geometry.vectors import add, dot, scale, subtract
+from ..geometry.vectors import add, dot, length, scale, subtract
 from . import fragments as f
 from .fragments import get_vector, read_vector, set_vector
 from .interpolate import row_extent
@@ -82,7 +87,8 @@ class MapView(NamedTuple):
     slack: float  # texels: what the limit is raised by, times the slopes
     position_rounding: float  # share of the distances
     normal_error: float  # texels
-    far: float  # sum of the components of the light's position, scene units: what positions lose digits by
+    origin: tuple  # the light's position relative to the eye, scene units
+    far: float  # sum of the components of that: what positions lose digits by
     is_perspective: bool
 
 
@@ -108,14 +114,31 @@ def occlude(batch, n, shadow_map):
 
 @helper
 def move_points(batch, header, n):
-    """Move points onto the planes of their polygons, then by their normal offsets; count from the light."""
-    origin = read_vector(header, ORIGIN)
+    """Move points onto the planes of their polygons, those of polygons that are turned away above their corners; count
+    from the light."""
+    origin, forward = read_vector(header, ORIGIN), read_vector(header, MAPS + FORWARD)
+    is_perspective = header[IS_PERSPECTIVE] != header.dtype.type(0)
+    zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
+    reach = (header[FILTER] + two) / header[MAPS + SCALE_X]  # twice as far as texels of the filter, 1 away
     for k in range(n):
         position, plane = get_vector(batch, f.POSITION, k), get_vector(batch, f.FACE_NORMAL, k)
-        back = batch[f.FACE_OFFSET + k] - dot(plane, position)
-        offset = scale(get_vector(batch, f.NORMAL, k), batch[f.NORMAL_OFFSET + k])
+        normal, plane_offset = get_vector(batch, f.NORMAL, k), batch[f.FACE_OFFSET + k]
+        back = plane_offset - dot(plane, position)
+        tilt = length(subtract(normal, scale(plane, dot(plane, normal))))
+        is_front = facing(plane, plane_offset, normal, origin, forward, is_perspective) < zero
+        away = length(subtract(position, origin)) if is_perspective else one
+        near = min(batch[f.FACE_SIDE + k], reach * away) if is_front else batch[f.FACE_SIDE + k]
+        offset = scale(normal, tilt * near)
         moved = add(add(position, scale(plane, back)), offset)
         set_vector(batch, f.FROM_LIGHT, k, subtract(moved, origin))
+
+
+@helper
+def facing(plane, plane_offset, normal, origin, forward, is_perspective):
+    """Return a number that is negative where a polygon faces a light: where that stands on the side of the polygon's
+    plane that the normal looks to. `forward` is where parallel rays go to."""
+    beyond = plane_offset - dot(plane, origin) if is_perspective else dot(plane, forward)
+    return beyond * dot(plane, normal)
 
 
 @helper
@@ -146,7 +169,7 @@ def read_view(header, number):
     return MapView(
         axes, (header[first + SCALE_X], header[first + SCALE_Y]), (header[first + CENTER_X], header[first + CENTER_Y]),
         header[first + ROUNDING], header[first + SLACK], header[POSITION_ROUNDING], header[NORMAL_ERROR],
-        abs(x) + abs(y) + abs(z), header[IS_PERSPECTIVE] != header.dtype.type(0),
+        (x, y, z), abs(x) + abs(y) + abs(z), header[IS_PERSPECTIVE] != header.dtype.type(0),
     )  # fmt: skip
 
 
@@ -219,7 +242,14 @@ def compute_limits(batch, view, size, radius, start, end):
     inv_x, inv_y = one / scale_x, one / scale_y
     turned = view.normal_error * (abs(inv_x) + abs(inv_y))
     for k in range(start, end):
-        position, normal = get_vector(batch, f.FROM_LIGHT, k), get_vector(batch, f.NORMAL, k)
+        position, own, plane = (
+            get_vector(batch, f.FROM_LIGHT, k),
+            get_vector(batch, f.NORMAL, k),
+            get_vector(batch, f.FACE_NORMAL, k),
+        )
+        is_front = facing(plane, batch[f.FACE_OFFSET + k], own, view.origin, forward, view.is_perspective) < zero
+        of_plane, of_own = (one if dot(plane, own) > zero else -one) if is_front else zero, zero if is_front else one
+        normal = add(scale(plane, of_plane), scale(own, of_own))
         x, y, depth = dot(position, right), dot(position, up), dot(position, forward)
         # n·X = c with X = w (F + a R + b U): 1/w is the plane (n·F + a n·R + b n·U)/c. Parallel rays: X = a R + b U + w
         # F.
@@ -233,9 +263,9 @@ def compute_limits(batch, view, size, radius, start, end):
         # Comparisons, not min and max: what is no number becomes a number, too.
         within_x, within_y = map_x if map_x > low else low, map_y if map_y > low else low
         column, line = np.int32(within_x if within_x < high else high), np.int32(within_y if within_y < high else high)
-        length = abs(position[0]) + abs(position[1]) + abs(position[2])
-        nearness = abs(inverse) * (length if view.is_perspective else one)  # 1 over the cosine of the ray's angle
-        rounding = abs(inverse) * (magnification * view.position_rounding * (length + view.far) + turned)
+        reach = abs(position[0]) + abs(position[1]) + abs(position[2])
+        nearness = abs(inverse) * (reach if view.is_perspective else one)  # 1 over the cosine of the ray's angle
+        rounding = abs(inverse) * (magnification * view.position_rounding * (reach + view.far) + turned)
         slack = (view.slack + view.normal_error * nearness) * (abs(slope_x) + abs(slope_y)) + rounding + view.rounding
         limit = value + slack + slope_x * (real(column) + half - map_x) + slope_y * (real(line) + half - map_y)
         # Lit is what lies behind the light, or is moved beyond it: its own plane hides nothing from such a point.

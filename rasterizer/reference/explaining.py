@@ -13,7 +13,6 @@ from ..errors import SceneError, shown
 from ..options import Options
 from ..scene.scene import Scene
 from ..scene.validate import is_whole
-from .clip import SUBPIXELS
 from .cover import Window
 from .explanation import Explanation, Layer, LightShare, Sample, Vector
 from .light import Contribution, Lighting, RayOrigins, ambient_light, as_rgb, contributions
@@ -94,7 +93,7 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:
     """Explain the per_axis² samples of a pixel, row by row."""
     raster, lighting = spread_samples(look, per_axis)
     window = Window(x * per_axis, y * per_axis, per_axis, per_axis)
-    raster = raster._replace(window=window, is_drawn=raster.is_drawn & _reach(raster.screen, window))
+    raster = raster.within(window)
     layers: list[list[list[Layer]]] = [[[] for _ in range(per_axis)] for _ in range(per_axis)]
     through = np.ones(window.shape)
     visible = find_visible(raster)
@@ -112,14 +111,6 @@ def _explain_samples(look: Look, x: int, y: int, per_axis: int) -> list[Sample]:
         _sample((window.left + column + 0.5) / per_axis, (window.top + row + 0.5) / per_axis, layers[row][column])
         for row, column in np.ndindex(window.shape)
     ]
-
-
-def _reach(screen: NDArray, window: Window) -> NDArray[np.bool_]:
-    """Tell which triangles (n, 3, 2), in 1/256 px, have a box that reaches into a window."""
-    low, high = screen.min(axis=1), screen.max(axis=1)
-    start = SUBPIXELS * np.array([window.left, window.top])
-    end = start + SUBPIXELS * np.array([window.width, window.height])
-    return ((low <= end) & (high >= start)).all(axis=1)
 
 
 def _sample(x: float, y: float, layers: list[Layer]) -> Sample:

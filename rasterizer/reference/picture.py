@@ -25,6 +25,7 @@ from .materials import palette_of
 from .shade_once import SharedPoints
 from .shading import Fragments, light_samples
 from .surface import Surface, compute_sides, gather
+from .surface_buffers import SurfaceBuffers, describe_surface
 from .visibility import NOTHING, Raster, VisibilityBuffer, find_visible, gather_fragments
 
 
@@ -45,6 +46,7 @@ class Picture(NamedTuple):
     face: NDArray[np.int32]  # (h, w) index into the faces as loaded, -1 where nothing is; of the nearest surface
     normal: NDArray[np.float64]  # (h, w, 3) unit, towards the viewer, 0 where nothing is; of the nearest surface
     margin: NDArray[np.float64]  # (h, w) how much deeper the runner-up lies, inf where there is none
+    surface: SurfaceBuffers  # masks, labels and coordinates of the nearest surface
 
 
 class Look(NamedTuple):
@@ -72,6 +74,7 @@ class Layers(NamedTuple):
     face: NDArray[np.int32]  # (h, w) of the nearest surface
     depth: NDArray[np.float64]  # (h, w) of the nearest surface
     margin: NDArray[np.float64]  # (h, w) as in `Picture`
+    fragments: Fragments  # of the nearest surface
 
 
 def render(
@@ -128,7 +131,8 @@ def render(
     fine = _draw(look, per_axis) if per_axis > 1 else centres
     color, alpha = resolve(fine.color, fine.alpha, per_axis, scene.background)
     rgb = encode(color, color_range)
-    return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin)
+    of_surface = describe_surface(scene, look.surface, centres.fragments, centres.normal, look.camera.view())
+    return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin, of_surface)
 
 
 def look_at(
@@ -201,7 +205,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
     alpha = np.zeros(shape)  # summed up by itself: 1 - through has no digits where all is next to clear
     nearest = visible = find_visible(raster)
     points = shared_points(look, raster, lighting, per_axis)
-    fragments = lit_fragments(visible, raster, points)
+    front = fragments = lit_fragments(visible, raster, points)
     layer, normal, opacity = light_samples(surface, fragments, shape, lighting)
     face = np.full(shape, -1, np.int32)
     face[fragments.rows, fragments.columns] = surface.loaded_faces(fragments.face)
@@ -218,7 +222,7 @@ def _draw(look: Look, per_axis: int) -> Layers:
         visible = find_visible(raster, visible._replace(key=np.where(is_open, visible.key, NOTHING)))
         fragments = lit_fragments(visible, raster, points)
         layer, _, opacity = light_samples(surface, fragments, shape, lighting)
-    return Layers(color, alpha, normal, face, nearest.depth, margin)
+    return Layers(color, alpha, normal, face, nearest.depth, margin, front)
 
 
 def resolve(color: NDArray, alpha: NDArray, per_axis: int, background: object) -> tuple[NDArray, NDArray]:

@@ -37,7 +37,7 @@ class Fragments(NamedTuple):
     steps: NDArray[np.float64] | None = None  # (n_sample, 2, 3) what a step to the right, and down, adds to the weights
     lit_at: NDArray[np.float64] | None = None  # (n_sample, 3) row, column, depth where it is lit; None = at the sample
 
-    def part(self, some: slice) -> "Fragments":
+    def part(self, some: slice | NDArray) -> "Fragments":
         """Return some of the samples."""
         steps = None if self.steps is None else self.steps[some]
         lit_at = None if self.lit_at is None else self.lit_at[some]
@@ -79,19 +79,31 @@ def light_samples(
     opacity : (h, w) float64
     """
     color, normal, opacity = np.zeros((*shape, 3)), np.zeros((*shape, 3)), np.zeros(shape)
-    methods = {"flat": _light_flat, "gouraud": _light_gouraud, "phong": _light_phong}
     step = CHUNK * 3 // (lighting.n_wave or 3)
     for start in range(0, len(fragments.face), step):
         part = fragments.part(slice(start, start + step))
         at = part.rows, part.columns
-        diffuse, specular, normal[at] = methods[lighting.shading](surface, part, lighting)
-        texels = sample_textures(surface, part, lighting)
-        color[at] = (texels[:, :3] * diffuse + specular) * 2.0**lighting.exposure
-        if lighting.cue is not None:
-            left = cue_factors(part.depth, lighting)[:, None]
-            color[at] = left * color[at] + (1 - left) * np.array(lighting.cue.color)
-        opacity[at] = lighting.materials["opacity"][surface.material[part.face]] * texels[:, 3]
+        color[at], normal[at], opacity[at] = light_fragments(surface, part, lighting)
     return color, normal, opacity
+
+
+def light_fragments(
+    surface: Surface, fragments: Fragments, lighting: Lighting
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Light samples, all at once: colours (n, 3), normals (n, 3) and opacities (n,) as in `light_samples`."""
+    methods = {"flat": _light_flat, "gouraud": _light_gouraud, "phong": _light_phong}
+    diffuse, specular, normals = methods[lighting.shading](surface, fragments, lighting)
+    texels = sample_textures(surface, fragments, lighting)
+    colors = (texels[:, :3] * diffuse + specular) * 2.0**lighting.exposure
+    if lighting.cue is not None:
+        left = cue_factors(fragments.depth, lighting)[:, None]
+        colors = left * colors + (1 - left) * np.array(lighting.cue.color)
+    return colors, normals, opacity_of(surface, fragments, lighting, texels)
+
+
+def opacity_of(surface: Surface, fragments: Fragments, lighting: Lighting, texels: NDArray) -> NDArray[np.float64]:
+    """Return the opacities (n,) of samples; `texels` (n, 4) are what `sample_textures` returns of them."""
+    return lighting.materials["opacity"][surface.material[fragments.face]] * texels[:, 3]
 
 
 def sample_textures(surface: Surface, fragments: Fragments, lighting: Lighting) -> NDArray[np.float64]:

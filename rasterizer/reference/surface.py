@@ -76,7 +76,7 @@ def _corner_normals(mesh: Mesh) -> NDArray[np.float64]:
 def _corner_albedo(mesh: Mesh) -> NDArray[np.float64]:
     """Return the (n_face, 3, 3) linear colours of the corners, 1 where the mesh has none."""
     if mesh.colors is not None:
-        return mesh.colors[mesh.faces][..., :3]
+        return (mesh.colors if mesh.colors.ndim == 3 else mesh.colors[mesh.faces])[..., :3]
     if mesh.face_colors is not None:
         return np.repeat(mesh.face_colors[:, None, :3], 3, axis=1)
     return np.ones((mesh.n_face, 3, 3))

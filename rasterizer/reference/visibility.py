@@ -39,6 +39,14 @@ class Raster(NamedTuple):
     window: Window  # the samples that are looked at
     projection: Projection
 
+    def within(self, window: Window) -> "Raster":
+        """Return what concerns a window: of other triangles nothing is drawn."""
+        low, high = self.screen.min(axis=1), self.screen.max(axis=1)
+        start = SUBPIXELS * np.array([window.left, window.top])
+        end = start + SUBPIXELS * np.array([window.width, window.height])
+        reaches = ((low <= end) & (high >= start)).all(axis=1)
+        return self._replace(window=window, is_drawn=self.is_drawn & reaches)
+
 
 def find_visible(raster: Raster, before: VisibilityBuffer | None = None) -> VisibilityBuffer:
     """Find the nearest piece at every sample; of equally near ones the first, which has the lowest face.

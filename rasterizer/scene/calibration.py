@@ -1,12 +1,14 @@
-"""Read a camera's calibration as OpenCV writes it: intrinsics K, rotation R and translation t."""
+"""Read where a camera is as others write it: OpenCV's calibration K, R, t, and the 4 × 4 pose of graphics programs."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..choices import POSE_FRAMES
 from ..errors import SceneError, shown
 from .arrays import plain_array
+from .validate import choice
 
 
 def read_calibration(
@@ -34,7 +36,31 @@ def read_calibration(
     ideal = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
         raise SceneError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew; given {shown(K.tolist())}")
-    return (fx, fy, cx, cy), _nearest_rotation(R), t
+    return (fx, fy, cx, cy), _nearest_rotation(R, "R"), t
+
+
+def read_pose(pose: ArrayLike, frame: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Check a pose: x_world = R x_cam + eye.
+
+    Parameters
+    ----------
+    pose : (4, 4) world-from-camera
+    frame : "opengl" (x right, y up, looking down -z) or "opencv" (x right, y down, looking down +z)
+
+    Returns
+    -------
+    the rotation (3, 3) nearest to R, from the frame of "opengl", and the eye (3,), scene units
+
+    Raises
+    ------
+    SceneError : another shape, values that are not finite, a matrix that isn't affine, scales or mirrors
+    """
+    choice(frame, POSE_FRAMES, "the pose's frame")
+    matrix = _checked_matrix(pose, (4, 4), "the pose")
+    if (matrix[3] != (0.0, 0.0, 0.0, 1.0)).any():
+        raise SceneError(f"the pose's last row must be (0, 0, 0, 1); given {shown(matrix[3].tolist())}")
+    rotation = _nearest_rotation(matrix[:3, :3], "the pose's upper left (3, 3)")
+    return rotation * (1.0, -1.0, -1.0) if frame == "opencv" else rotation, matrix[:3, 3]
 
 
 def _is_column(value: Any) -> bool:
@@ -57,7 +83,7 @@ def _checked_matrix(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDAr
     return matrix
 
 
-def _nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _nearest_rotation(matrix: NDArray[np.float64], what: str) -> NDArray[np.float64]:
     """Return the rotation nearest to a matrix that is one up to a few digits.
 
     Source: Schönemann 1966, Psychometrika 31, 1-10: U Vᵀ of the singular value decomposition.
@@ -66,6 +92,6 @@ def _nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     rotation = u @ vt
     if np.abs(stretch - 1.0).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
         raise SceneError(
-            f"R must be a rotation (perpendicular unit rows, determinant 1); given {shown(matrix.tolist())}"
+            f"{what} must be a rotation (perpendicular unit rows, determinant 1); given {shown(matrix.tolist())}"
         )
     return rotation

@@ -17,53 +17,28 @@ Pixel (i, j) has its sample at (i + ½, j + ½): the picture's corners are (0, 0
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..choices import AXES, Axis
-from ..errors import SceneError, shown
+from ..choices import AXES, Axis, PoseFrame
+from ..errors import SceneError
+from ..keywords import checked_keywords
+from . import camera_checks as checks
 from . import framing
 from .arrays import VectorLike
-from .calibration import read_calibration
-from .validate import choice, number, picture_size, position3, unit3
-
-MOST_ASPECT = 1e9  # of a picture: beyond it framing would divide by nothing
-LEAST_FOV = 1e-6  # degrees: a hair in 10 km
-
-
-class View(NamedTuple):
-    """Where the camera is and its axes: (3,) float64 each, world space; the axes are orthonormal."""
-
-    eye: NDArray[np.float64]
-    right: NDArray[np.float64]
-    up: NDArray[np.float64]
-    forward: NDArray[np.float64]
-
-    @property
-    def world_from_camera(self) -> NDArray[np.float64]:
-        """(3, 3) float64: its columns are the axes right, up and backwards of the camera's frame, world space.
-
-        A direction of the camera's frame (x right, y up, looking down -z) is `world_from_camera @ direction` in the
-        world; a point is that plus `eye`.
-        """
-        return np.stack([self.right, self.up, -self.forward]).T
+from .calibration import read_calibration, read_pose
+from .projection import Projection as Projection
+from .projection import View as View
+from .validate import choice, picture_size, position3, unit3
+from .value_class import value_class
 
 
-class Projection(NamedTuple):
-    """How a point in the camera's frame gets its pixel; pixels, or pixels a scene unit where orthographic."""
-
-    scale_x: float
-    scale_y: float
-    center_x: float
-    center_y: float
-    is_perspective: bool
-
-
+@value_class
 @dataclass(frozen=True, kw_only=True)
 class Camera:
-    """Hold a camera; made by `perspective`, `orthographic`, `framing` or `from_opencv`.
+    """Hold a camera; made by `look_at`, `perspective`, `orthographic`, `framing`, `orbit`, `from_pose`, `from_opencv`.
 
     Parameters
     ----------
@@ -121,66 +96,11 @@ class Camera:
         self._set("up", unit3(up, "the camera's up"))
         if self.position == self.target:
             raise SceneError(f"the camera's position and target must differ; given {self.position} for both")
-        self._check_lens()
-        self._check_depth_range()
+        for field, value in (checks.lens_of(self) | checks.depths_of(self)).items():
+            self._set(field, value)
 
     def _set(self, field: str, value: object) -> None:
         object.__setattr__(self, field, value)
-
-    def _check_lens(self) -> None:
-        """Check the field of view, the height or the intrinsics, of which one rules."""
-        if self.intrinsics is not None:
-            self._check_intrinsics()
-        elif self.size is not None:
-            raise SceneError("the camera's size goes with its intrinsics; a picture's size is given to the renderer")
-        if (self.fov is None) == (self.height is None):
-            raise SceneError(
-                "a camera needs either fov (perspective) or height (orthographic); "
-                f"given fov={shown(self.fov)}, height={shown(self.height)}"
-            )
-        if self.fov is not None:
-            self._set("fov", _checked_fov(self.fov))
-        else:
-            height = number(self.height, "the camera's height")
-            if height <= 0.0:
-                raise SceneError(f"the camera's height must be above 0 scene units; given {shown(self.height)}")
-            self._set("height", height)
-
-    def _check_intrinsics(self) -> None:
-        """Check the OpenCV intrinsics and the size that they belong to, and derive the field of view."""
-        given: Any = self.intrinsics
-        try:
-            values = tuple(given)
-        except TypeError:
-            values = ()
-        if len(values) != 4:
-            given = shown(self.intrinsics)
-            raise SceneError(f"the camera's intrinsics must be (fx, fy, cx, cy) in pixels; given {given}")
-        fx, fy, cx, cy = (number(v, "each of the camera's intrinsics (fx, fy, cx, cy)") for v in values)
-        if fx <= 0.0 or fy <= 0.0:
-            raise SceneError(
-                f"the camera's focal lengths fx, fy must be above 0 pixels; given {shown(fx)}, {shown(fy)}"
-            )
-        width, height = picture_size(self.size)
-        self._set("intrinsics", (fx, fy, cx, cy))
-        self._set("size", (width, height))
-        self._set("fov", math.degrees(2.0 * math.atan(0.5 * height / fy)))
-
-    def _check_depth_range(self) -> None:
-        """Check near and far, where given."""
-        for field in ("near", "far"):
-            value = getattr(self, field)
-            if value is not None:
-                value = number(value, f"the camera's {field}")
-                if value <= 0.0 and self.is_perspective:
-                    raise SceneError(
-                        f"the {field} of a perspective camera must be above 0 scene units; given {shown(value)}"
-                    )
-                self._set(field, value)
-        if self.near is not None and self.far is not None and self.near >= self.far:
-            raise SceneError(
-                f"the camera's near must be below its far; given near={shown(self.near)}, far={shown(self.far)}"
-            )
 
     @property
     def is_perspective(self) -> bool:
@@ -214,16 +134,37 @@ class Camera:
         return cls(position=position, target=target, up=up, height=height, near=near, far=far)
 
     @classmethod
+    @checked_keywords
+    def look_at(
+        cls,
+        position: VectorLike,
+        target: VectorLike = (0, 0, 0),
+        up: VectorLike | Axis = "y",
+        fov: float | None = None,
+        height: float | None = None,
+        near: float | None = None,
+        far: float | None = None,
+    ) -> "Camera":
+        """Make a camera at `position` that looks at `target`: with perspective, unless a `height` is given.
+
+        `fov` is 45 degrees where neither is given; the other parameters and errors are as in the class.
+        """
+        fov = 45.0 if fov is None and height is None else fov
+        return cls(position=position, target=target, up=up, fov=fov, height=height, near=near, far=far)
+
+    @classmethod
+    @checked_keywords
     def framing(
         cls,
         subject: Any,
         azimuth: float = 35.0,
         elevation: float = 25.0,
         fov: float = 30.0,
-        up: Axis = "y",
+        up: Axis | None = None,
         margin: float = 0.05,
         orthographic: bool = False,
-        aspect: float = 4 / 3,
+        aspect: float | None = None,
+        size: int | Sequence[int] | None = None,
     ) -> "Camera":
         """Make the camera with the smallest view from a given side that shows all of a subject, centred.
 
@@ -235,10 +176,11 @@ class Camera:
             z-up), positive turns the camera to the right (towards +x)
         elevation : degrees above the horizon, -90..90
         fov : vertical field of view in degrees; without meaning for an orthographic camera
-        up : "x", "y", "z", "-x", "-y", "-z"
+        up : "x", "y", "z", "-x", "-y", "-z"; None = that of a Scene, y for anything else
         margin : share of the picture's width and height that stays empty on each side, at least 0, below 0.5
         orthographic : whether to do without perspective
-        aspect : width / height of the picture
+        aspect : width / height of the picture; None = that of `size`, else 4/3
+        size : (width, height) of the picture in pixels, or one number for a square, in place of `aspect`
 
         Returns
         -------
@@ -252,23 +194,89 @@ class Camera:
 
         Source: derivation at `rasterizer.scene.framing.fit_perspective`.
         """
-        axes = framing.orbit_axes(azimuth, elevation, choice(up, tuple(AXES), "up"))
-        margin = number(margin, "the margin")
-        if not 0.0 <= margin < 0.5:
-            raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {shown(margin)}")
-        aspect = number(aspect, "the aspect (width / height)")
-        if not 1.0 / MOST_ASPECT <= aspect <= MOST_ASPECT:
-            legal = f"above 0, and within 1/{MOST_ASPECT:g}..{MOST_ASPECT:g}"
-            raise SceneError(f"the aspect (width / height) must be {legal}; given {aspect}")
-        filled = 1.0 - 2.0 * margin
-        if not isinstance(orthographic, (bool, np.bool_)):
-            raise SceneError(f"orthographic must be True or False; given {shown(orthographic)}")
-        if orthographic:
-            eye, target, height = framing.fit_orthographic(subject, axes, aspect * filled, filled)
-            return cls(position=eye, target=target, up=axes[1], height=height)
-        slope = filled * math.tan(math.radians(_checked_fov(fov)) / 2.0)
-        eye, target = framing.fit_perspective(subject, axes, aspect * slope, slope)
-        return cls(position=eye, target=target, up=axes[1], fov=fov)
+        axes = framing.orbit_axes(azimuth, elevation, framing.up_axis(subject, up))
+        lens = framing.checked_lens(checks.fov_unless(orthographic, fov), margin, aspect, size)
+        cloud = framing.Cloud(subject, axes)
+        eye, target, height = lens.fit(cloud)
+        return cls(position=cloud.to_world(eye), target=cloud.to_world(target), up=axes[1], fov=lens.fov, height=height)
+
+    @classmethod
+    @checked_keywords
+    def orbit(
+        cls,
+        subject: Any,
+        azimuths: int | Sequence[float] = 36,
+        elevation: float = 25.0,
+        fov: float = 30.0,
+        up: Axis | None = None,
+        margin: float = 0.05,
+        orthographic: bool = False,
+        aspect: float | None = None,
+        size: int | Sequence[int] | None = None,
+    ) -> "list[Camera]":
+        """Make the cameras of a turntable: all at one distance, and looking at one point, so that nothing jumps.
+
+        Parameters
+        ----------
+        subject : what to frame, as in `framing`
+        azimuths : how many cameras, evenly round the whole turn from 35 degrees on; or the angle of each in degrees,
+            as in `framing`
+        elevation, fov, up, margin, orthographic, aspect, size : as in `framing`
+
+        Returns
+        -------
+        list of Camera, the nearest from which the picture holds the subject up to the margin from all sides, not just
+        those of `azimuths`. They turn about the middle of the subject's box
+
+        Raises
+        ------
+        SceneError : a value that is not legal, no points, points that are not finite
+
+        Source: derivation at `rasterizer.scene.framing.SweptCloud`.
+        """
+        axis = framing.up_axis(subject, up)
+        lens = framing.checked_lens(checks.fov_unless(orthographic, fov), margin, aspect, size)
+        all_axes = [framing.orbit_axes(a, elevation, axis) for a in framing.checked_azimuths(azimuths)]
+        cloud = framing.SweptCloud(subject, all_axes[0], AXES[axis])
+        eye, target, height = lens.fit(cloud)
+        places = [(cloud.to_world(eye, axes), cloud.to_world(target, axes), axes[1]) for axes in all_axes]
+        return [cls(position=p, target=t, up=upward, fov=lens.fov, height=height) for p, t, upward in places]
+
+    @classmethod
+    @checked_keywords
+    def from_pose(
+        cls,
+        pose: ArrayLike,
+        fov: float | None = None,
+        height: float | None = None,
+        near: float | None = None,
+        far: float | None = None,
+        frame: PoseFrame = "opengl",
+    ) -> "Camera":
+        """Make a camera from its pose, the matrix that takes points of the camera's frame to the world.
+
+        Parameters
+        ----------
+        pose : (4, 4) world-from-camera: a rotation and the eye's position, the last row (0, 0, 0, 1), as pyrender,
+            trimesh, glTF and Blender have it; the nearest exact rotation is taken
+        fov : vertical field of view in degrees; None = 45, unless a height is given
+        height : scene units that the picture is high, for a camera without perspective
+        near, far : as in the class
+        frame : "opengl": x to the right, y up, looking down -z; "opencv": x to the right, y down, looking down +z
+
+        Raises
+        ------
+        SceneError : a value that is not legal, a matrix that scales, mirrors or isn't affine
+        """
+        rotation, eye = read_pose(pose, frame)
+        return cls.look_at(eye, _target(eye, -rotation[:, 2]), rotation[:, 1], fov, height, near, far)
+
+    @property
+    def pose(self) -> NDArray[np.float64]:
+        """(4, 4) float64 world-from-camera: x to the right, y up, looking down -z, as `from_pose` reads it."""
+        view, pose = self.view(), np.eye(4)
+        pose[:3, :3], pose[:3, 3] = view.world_from_camera, view.eye
+        return pose
 
     @classmethod
     def from_opencv(
@@ -299,9 +307,15 @@ class Camera:
         (fx, fy, cx, cy), R, t = read_calibration(K, R, t)
         size = picture_size(size)
         eye = -R.T @ t
-        # a target about as far away as the eye is from the origin keeps every digit of the direction
-        target = eye + R[2] * max(1.0, float(np.abs(eye).max()))
-        return cls(position=eye, target=target, up=-R[1], near=near, far=far, intrinsics=(fx, fy, cx, cy), size=size)
+        return cls(
+            position=eye,
+            target=_target(eye, R[2]),
+            up=-R[1],
+            near=near,
+            far=far,
+            intrinsics=(fx, fy, cx, cy),
+            size=size,
+        )
 
     def to_opencv(self, size: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return K (3, 3), R (3, 3), t (3,), float64, as OpenCV writes this camera for pictures of `size`
@@ -351,16 +365,11 @@ class Camera:
         return Projection(scale, scale, 0.5 * width, 0.5 * height, self.is_perspective)
 
 
+def _target(eye: NDArray[np.float64], forward: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A point to look at, about as far away as the eye is from the origin: that keeps every digit of the direction."""
+    return eye + forward * max(1.0, float(np.abs(eye).max()))
+
+
 def _cross(a: VectorLike, b: VectorLike) -> tuple[float, float, float]:
     """The cross product; numpy's takes as long as a thousand vertices."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _checked_fov(fov: object) -> float:
-    """Return the field of view as a float between 0 and 180 degrees; a smaller one would magnify roundings only."""
-    value = number(fov, "the camera's fov")
-    if not LEAST_FOV <= value < 180.0:
-        raise SceneError(
-            f"the camera's fov must be between 0 and 180 degrees, {LEAST_FOV:g} at least; given {shown(fov)}"
-        )
-    return value

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import SceneError, shown
-from .validate import number, vector3
+from .arrays import plain_array
+from .validate import is_whole, number, vector3
 
 RGB: TypeAlias = tuple[float, float, float]  # linear
 # A colour as a caller may give it: a grey, three linear numbers, hex or CSS text, or a Spectrum (which is a tuple).
@@ -53,6 +54,59 @@ def linear_rgb(color: ColorLike, what: str = "color") -> RGB:
     if min(rgb) < 0.0:
         raise SceneError(f"{what} must not be negative; given {shown(color)}")
     return rgb
+
+
+def surface_rgb(color: ColorLike, what: str) -> RGB:
+    """Return the colour of a surface as `linear_rgb` does; three whole numbers, one above 1, are refused.
+
+    Who writes (255, 128, 0) means sRGB, not a surface that reflects 255 times what it gets. Lights are not asked this.
+    """
+    is_several = hasattr(color, "__len__") and getattr(color, "ndim", 1) > 0 and not isinstance(color, str)
+    channels: list[Any] = list(color) if is_several else []  # type: ignore[arg-type]
+    if len(channels) == 3 and all(is_whole(channel, 0) for channel in channels) and max(channels) > 1:
+        text = "#" + "".join(f"{int(channel):02x}" for channel in channels) if max(channels) <= 255 else "#rrggbb"
+        hint = (
+            f'sRGB is written "{text}" or rz.srgb(...), linear light divided by 255, or 2.0 where more than 1 is meant'
+        )
+        raise SceneError(f"{what} must be linear, 1 is white; given whole numbers, {shown(color)}: {hint}")
+    return linear_rgb(color, what)
+
+
+def srgb(colors: ArrayLike) -> NDArray[np.float64]:
+    """Decode sRGB colours to the linear ones that materials, lights and float colours of a mesh are given in.
+
+        rz.Material(diffuse=rz.srgb((255, 128, 0)))   # as "#ff8000"
+        rz.Mesh(vertices, faces, colors=rz.srgb(colors))
+
+    Parameters
+    ----------
+    colors : (..., 3) or (..., 4) sRGB-encoded: whole numbers of any dtype within 0..255, or floats within 0..1. A
+        fourth channel is alpha, which is linear already
+
+    Returns
+    -------
+    array of the same shape, float64, linear, 0..1
+
+    Raises
+    ------
+    SceneError : another shape, numbers out of range, text
+
+    Source: IEC 61966-2-1:1999, 5.2. `rasterizer.scene.color.srgb_from_linear` is the inverse.
+    """
+    try:
+        given = plain_array(colors)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.dtype.kind not in "fiu" or given.ndim == 0 or given.shape[-1] not in (3, 4):
+        raise SceneError(f"colours must be numbers of the shape (..., 3) or (..., 4); given {shown(colors)}")
+    white = 1.0 if given.dtype.kind == "f" else 255.0
+    if given.size and not (given.min() >= 0 and given.max() <= white):
+        legal = "floats within 0..1, or whole numbers within 0..255"
+        raise SceneError(f"colours must be {legal}; given {given.min():g} to {given.max():g}")
+    encoded = given.astype(np.float64) / white
+    linear = linear_from_srgb(encoded)
+    linear[..., 3:] = encoded[..., 3:]
+    return linear
 
 
 def _rgb_of_text(text: str, what: str) -> RGB:

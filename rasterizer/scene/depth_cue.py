@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from ..errors import SceneError, shown
 from .color import ColorLike, linear_rgb
 from .validate import number
+from .value_class import value_class
 
 
+@value_class
 @dataclass(frozen=True)
 class DepthCue:
     """Let what is seen fade with its depth d: s·I + (1 - s)·`color`, with s = scale / (scale + max(d - start, 0)).

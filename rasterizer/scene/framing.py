@@ -1,8 +1,8 @@
 """The smallest view that shows every vertex: where the eye must stand for a given viewing direction.
 
-    in:  points (world), viewing direction, picture's shape     out: eye, target (world), height of the view
+    in:  points (world), viewing direction, picture's shape     out: eye, target (camera's axes), height of the view
 
-Everything is asked of the points by one question, `_Cloud.farthest`: which of them is furthest along a
+Everything is asked of the points by one question, `Cloud.farthest`: which of them is furthest along a
 direction? Coordinates (a, b, c) are taken along the camera's axes right, up, forward; the perspective view in
 one plane is
 
@@ -14,22 +14,76 @@ one plane is
 """
 
 import math
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import AXES
 from ..errors import SceneError, shown
-from .validate import number
+from .validate import choice, is_whole, number, picture_size
 
 Array: TypeAlias = NDArray[np.float64]
 
 # Where the camera stands for an azimuth of 0, by up axis. up × front is the direction in which a positive
 # azimuth turns it: +x wherever up leaves x free, else the y-up arrangement rolled about z.
 _FRONT = {"x": "z", "y": "z", "z": "-y", "-x": "z", "-y": "-z", "-z": "y"}
+_ASPECT, _MOST_ASPECT = 4 / 3, 1e9  # of a picture: beyond the limit framing would divide by nothing
+_FIRST, _MOST_CAMERAS = 35.0, 100_000  # azimuth of an orbit's first camera, degrees; and how many it may have
 _CHUNK = 1 << 14  # points looked at in one go: their temporaries stay in L2
 _NEAREST = 0.01  # a perspective eye keeps this share of the subject's size away from the nearest vertex
+
+
+class Lens(NamedTuple):
+    """What a picture that is framed shows."""
+
+    fov: float | None  # degrees, vertical; None without perspective
+    aspect: float  # width / height
+    filled: float  # share of width and height that the subject may fill
+
+    def fit(self, cloud: "Cloud") -> tuple[Array, Array, float | None]:
+        """Return eye and target (3,) along the camera's axes, and the height of a view without perspective."""
+        if self.fov is None:
+            return fit_orthographic(cloud, self.aspect * self.filled, self.filled)
+        slope = self.filled * math.tan(math.radians(self.fov) / 2.0)
+        return *fit_perspective(cloud, self.aspect * slope, slope), None
+
+
+def checked_lens(fov: float | None, margin: object, aspect: object, size: Any) -> Lens:
+    """Return the lens for a margin and a shape, or a size, of the picture; SceneError where they are not legal."""
+    margin = number(margin, "the margin")
+    if not 0.0 <= margin < 0.5:
+        raise SceneError(f"the margin must be at least 0 and below 0.5 of the picture; given {shown(margin)}")
+    if size is not None:
+        if aspect is not None:
+            raise SceneError(f"a picture's shape is its size or its aspect; given {shown(size)} and {shown(aspect)}")
+        width, height = picture_size((size, size) if is_whole(size) else size)
+        aspect = width / height
+    aspect = _ASPECT if aspect is None else number(aspect, "the aspect (width / height)")
+    if not 1.0 / _MOST_ASPECT <= aspect <= _MOST_ASPECT:
+        legal = f"above 0, and within 1/{_MOST_ASPECT:g}..{_MOST_ASPECT:g}"
+        raise SceneError(f"the aspect (width / height) must be {legal}; given {aspect}")
+    return Lens(fov, aspect, 1.0 - 2.0 * margin)
+
+
+def up_axis(subject: Any, up: object) -> str:
+    """Return the axis that points upwards: the one given, else a scene's own, else y; SceneError for no axis."""
+    own = getattr(subject, "up", None) if hasattr(subject, "meshes") else None
+    return choice((own or "y") if up is None else up, tuple(AXES), "up")
+
+
+def checked_azimuths(azimuths: Any) -> list[float]:
+    """Return the angles of an orbit in degrees: those given, or as many as given, evenly round the whole turn."""
+    if is_whole(azimuths, 1, _MOST_CAMERAS):
+        return [_FIRST + 360.0 * k / azimuths for k in range(azimuths)]
+    try:
+        angles = [] if isinstance(azimuths, (str, bytes)) else list(azimuths)
+    except TypeError:
+        angles = []
+    if not angles:
+        legal = f"angles in degrees, or how many, 1 to {_MOST_CAMERAS}"
+        raise SceneError(f"azimuths must be {legal}; given {shown(azimuths)}")
+    return [number(angle, "each azimuth") for angle in angles]
 
 
 def orbit_axes(azimuth: float, elevation: float, up: str) -> Array:
@@ -39,11 +93,11 @@ def orbit_axes(azimuth: float, elevation: float, up: str) -> Array:
     which it moves when the elevation grows. Angles in degrees; SceneError where they are not finite or the
     elevation is outside -90..90.
     """
-    cos_az, sin_az = _cos_sin(number(azimuth, "the azimuth"))
+    cos_az, sin_az = cos_sin(number(azimuth, "the azimuth"))
     elevation = number(elevation, "the elevation")
     if not -90.0 <= elevation <= 90.0:
         raise SceneError(f"the elevation must be within -90..90 degrees; given {elevation!r}")
-    cos_el, sin_el = _cos_sin(elevation)
+    cos_el, sin_el = cos_sin(elevation)
     pole, front = np.array(AXES[up]), np.array(AXES[_FRONT[up]])
     side = np.cross(pole, front)
     outward = cos_az * front + sin_az * side
@@ -59,18 +113,17 @@ def top_when_parallel(forward: Array, up: Array) -> Array:
     return front if np.dot(forward, up) > 0.0 else -front
 
 
-def fit_perspective(subject: Any, axes: Array, slope_x: float, slope_y: float) -> tuple[Array, Array]:
+def fit_perspective(cloud: "Cloud", slope_x: float, slope_y: float) -> tuple[Array, Array]:
     """Place the eye of a perspective camera so that its view inside the margins just holds the subject.
 
     Parameters
     ----------
-    subject : as in `Camera.framing`
-    axes : (3, 3) float64, the camera's right, up, forward, world space
+    cloud : the points of the subject along the camera's axes
     slope_x, slope_y : T = tangent of half the field of view inside the margins, across and upwards
 
     Returns
     -------
-    eye, target : (3,) float64, world space
+    eye, target : (3,) float64, along the camera's axes, as the cloud's points
 
     Derivation. A point (a, b, c) is inside the left and right planes when |a - e_a| <= T (c - e_c), which is
     linear in the eye:
@@ -80,7 +133,6 @@ def fit_perspective(subject: Any, axes: Array, slope_x: float, slope_y: float) -
     tight. The other axis has slack: it is centred by `_center`, which gives the tight axis its
     e_a = (M+ - M-) / 2 as well.
     """
-    cloud = _Cloud(subject, axes)
     queries = [(1, 0, -slope_x), (-1, 0, -slope_x), (0, 1, -slope_y), (0, -1, -slope_y)]
     touched = cloud.farthest(np.array(queries))
     reach = np.einsum("ij,ij->i", touched, queries)
@@ -88,30 +140,29 @@ def fit_perspective(subject: Any, axes: Array, slope_x: float, slope_y: float) -
     depth_y = -(reach[2] + reach[3]) / (2.0 * slope_y)
     depth = min(depth_x, depth_y, cloud.low[2] - _NEAREST * cloud.size)
     eye = _center(cloud, touched, depth)
-    return cloud.to_world(eye), cloud.to_world((eye[0], eye[1], cloud.middle[2]))
+    return eye, np.array((eye[0], eye[1], cloud.middle[2]))
 
 
-def fit_orthographic(subject: Any, axes: Array, share_x: float, share_y: float) -> tuple[Array, Array, float]:
+def fit_orthographic(cloud: "Cloud", share_x: float, share_y: float) -> tuple[Array, Array, float]:
     """Place an orthographic camera in front of the subject, centred, and find the height of its view.
 
     Parameters
     ----------
-    subject, axes : as in `fit_perspective`
+    cloud : as in `fit_perspective`
     share_x, share_y : width and height inside the margins, as shares of the picture's height
 
     Returns
     -------
-    eye, target : (3,) float64, world space
+    eye, target : (3,) float64, along the camera's axes
     height : float, scene units
     """
-    cloud = _Cloud(subject, axes)
     width, height, _ = cloud.high - cloud.low
     view_height = max(width / share_x, height / share_y) or cloud.size
-    eye = (cloud.middle[0], cloud.middle[1], cloud.low[2] - cloud.size)
-    return cloud.to_world(eye), cloud.to_world(cloud.middle), float(view_height)
+    eye = np.array((cloud.middle[0], cloud.middle[1], cloud.low[2] - cloud.size))
+    return eye, cloud.middle, float(view_height)
 
 
-def _center(cloud: "_Cloud", touched: Array, depth: float) -> Array:
+def _center(cloud: "Cloud", touched: Array, depth: float) -> Array:
     """Return the eye at a given depth that sees as far to the left as to the right, above as below.
 
     The half extent s of the projection is the least with |a - e_a| <= s w for every point, w = c - depth; by
@@ -148,7 +199,7 @@ def _half_extents(points: Array, depth: float) -> tuple[Array, Array]:
     return slopes, centers
 
 
-class _Cloud:
+class Cloud:
     """The points of a subject in the camera's axes, relative to one of them (`origin`, world), so that a far
     offset costs no digits.
 
@@ -159,13 +210,16 @@ class _Cloud:
 
     def __init__(self, subject: Any, axes: Array) -> None:
         self._sets, self._axes = _point_sets(subject), axes
-        self._origin = self._sets[0][0].astype(np.float64)
+        self._origin = self._chosen_origin()
         self.extremes = self.farthest(np.concatenate([np.eye(3), -np.eye(3)]))
         if not np.isfinite(self.extremes).all():
             raise SceneError("the points to be framed must be finite; some are not")
         self.low, self.high = self.extremes.min(axis=0), self.extremes.max(axis=0)
         self.middle = 0.5 * (self.low + self.high)
         self.size = math.dist(self.low, self.high) or max(1.0, 1e-6 * float(np.abs(self._origin).max()))
+
+    def _chosen_origin(self) -> Array:
+        return self._sets[0][0].astype(np.float64)
 
     def farthest(self, directions: Array) -> Array:
         """Return the point (k, 3) that is furthest along each direction (k, 3); the first of several."""
@@ -180,9 +234,52 @@ class _Cloud:
             best[is_better], points[is_better] = reached[is_better], local[where[is_better]]
         return points @ self._axes.T
 
-    def to_world(self, p_local: ArrayLike) -> Array:
-        """Return a point given along the camera's axes in world coordinates."""
-        return self._origin + np.asarray(p_local) @ self._axes
+    def to_world(self, p_local: ArrayLike, axes: Array | None = None) -> Array:
+        """Return a point given along the camera's axes, or along other ones (3, 3), in world coordinates."""
+        return self._origin + np.asarray(p_local) @ (self._axes if axes is None else axes)
+
+
+class SweptCloud(Cloud):
+    """The circles that the points of a subject run through when it is turned about an upright axis through its middle.
+
+    Derivation. A point at the height h above the middle and at the distance r from the axis runs through a circle.
+    Along a direction D = D_h + D_v, D_v along the axis, the circle's furthest point lies where D_h points: at
+    h + r·D_h/|D_h|, D·h + r·|D_h| away. So `farthest` is exact, and what holds the circles holds the subject at every
+    angle. They look the same from every azimuth: one fit serves all cameras of an orbit.
+    """
+
+    def __init__(self, subject: Any, axes: Array, pole: ArrayLike) -> None:
+        self._pole = np.asarray(pole)
+        super().__init__(subject, axes)
+
+    def _chosen_origin(self) -> Array:
+        """The middle of the subject's box, world space; and from there heights and distances from the axis, (n,) each,
+        set by set."""
+        low = np.min([points.min(axis=0) for points in self._sets], axis=0).astype(np.float64)
+        high = np.max([points.max(axis=0) for points in self._sets], axis=0)
+        middle = 0.5 * low + 0.5 * high
+        self._circles = []
+        for points in self._sets:
+            local = points - middle
+            heights = local @ self._pole
+            self._circles.append((heights, np.linalg.norm(local - heights[:, None] * self._pole, axis=1)))
+        return middle
+
+    def farthest(self, directions: Array) -> Array:
+        """Return the point (k, 3) of the circles that is furthest along each direction (k, 3)."""
+        directions_world = directions @ self._axes
+        upward = directions_world @ self._pole
+        across = directions_world - upward[:, None] * self._pole
+        length = np.linalg.norm(across, axis=1)
+        across /= np.where(length > 0.0, length, 1.0)[:, None]
+        best, points = np.full(len(directions), -np.inf), np.full((len(directions), 3), np.nan)
+        for heights, radii in self._circles:
+            for k in range(len(directions)):
+                scores = upward[k] * heights + length[k] * radii
+                where = scores.argmax()
+                if scores[where] > best[k]:
+                    best[k], points[k] = scores[where], heights[where] * self._pole + radii[where] * across[k]
+        return points @ self._axes.T
 
 
 def _point_sets(subject: Any) -> list[NDArray[Any]]:
@@ -203,7 +300,7 @@ def _point_sets(subject: Any) -> list[NDArray[Any]]:
     return [points]
 
 
-def _cos_sin(degrees: float) -> tuple[float, float]:
+def cos_sin(degrees: float) -> tuple[float, float]:
     """Return cosine and sine of an angle in degrees, exact at multiples of 90."""
     quarter, rest = divmod(degrees, 90.0)
     if rest == 0.0:

@@ -22,11 +22,13 @@ from .color import linear_rgb
 from .fields import Attenuation, Cells, Color, Vector
 from .shadow import Shadow, checked_shadow
 from .validate import choice, is_whole, number, position3, unit3, vector3
+from .value_class import value_class
 
 MOST_LIGHTS = 16384  # of a scene; the cells of area lights count one by one, as their time does
 MOST_SHADOWED = 4096  # of them cast shadows: each is a picture or six
 
 
+@value_class
 @dataclass(frozen=True)
 class AmbientLight:
     """Light a surface evenly from all sides.
@@ -46,6 +48,7 @@ class AmbientLight:
         object.__setattr__(self, "color", linear_rgb(self.color, "the ambient light's color"))
 
 
+@value_class
 @dataclass(frozen=True)
 class DirectionalLight:
     """Light with parallel rays, from infinitely far away; it never gets weaker.
@@ -74,6 +77,7 @@ class DirectionalLight:
         object.__setattr__(self, "shadow", checked_shadow(self.shadow, "the directional light's"))
 
 
+@value_class
 @dataclass(frozen=True)
 class PointLight:
     """Light that shines from one point to all sides, and may get weaker with the distance d.
@@ -111,6 +115,7 @@ class PointLight:
         _check_positional(self, "the point light's")
 
 
+@value_class
 @dataclass(frozen=True)
 class SpotLight:
     """Light that shines from one point into a cone.
@@ -178,6 +183,7 @@ class SpotLight:
         _check_positional(self, "the spot light's")
 
 
+@value_class
 @dataclass(frozen=True)
 class AreaLight:
     """Light from a parallelogram: m·n point lights at the centres of its cells, each with 1/(m·n) of the
@@ -368,26 +374,3 @@ def check_count(lights: Iterable) -> None:
                 f"a scene may have {most} {which} at most, the cells of area lights counted one by one; given {count}: "
                 "choose fewer, or a smaller resolution of area lights"
             )
-
-
-def studio() -> tuple[Light, ...]:
-    """Return the default lights: key from the upper left, weaker fill from the right, rim from behind and
-    above, low ambient.
-
-    They move with the camera and are exactly neutral, so that a grey scene needs one channel. The intensities
-    are chosen so that the default material stays below 1 whichever way a surface faces, highlight included.
-    """
-    return (
-        AmbientLight(0.08),
-        DirectionalLight((0.55, -0.65, -0.75), 0.85, "camera"),
-        DirectionalLight((-0.85, -0.10, -0.50), 0.20, "camera"),
-        DirectionalLight((0.15, -0.70, 0.70), 0.30, "camera"),
-    )
-
-
-def headlight() -> tuple[Light, ...]:
-    """Return one directional light along the view and a low ambient, both neutral: nothing seen is dark."""
-    return (AmbientLight(0.15), DirectionalLight((0.0, 0.0, -1.0), 0.80, "camera"))
-
-
-PRESETS = {"studio": studio, "headlight": headlight}

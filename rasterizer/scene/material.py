@@ -27,10 +27,11 @@ import numpy as np
 from ..choices import DISTRIBUTIONS, Distribution
 from ..errors import SceneError, shown
 from .arrays import VectorLike
-from .color import ColorLike, linear_rgb
+from .color import ColorLike, linear_rgb, surface_rgb
 from .named_materials import fields_of
 from .texture import Texture, TextureLike
 from .validate import choice, number, unit3
+from .value_class import value_class
 
 MOST_LEVELS = 256
 
@@ -62,6 +63,7 @@ REFLECTION_MODELS: dict[str, ReflectionModel] = {
 REFLECTIONS = tuple(REFLECTION_MODELS)  # the built-in ones
 
 
+@value_class
 @dataclass(frozen=True, kw_only=True)
 class Material:
     """Hold the reflection coefficients of a surface; every colour is checked and stored as a linear RGB
@@ -113,8 +115,8 @@ class Material:
         about 1e-15 of a step may fall on its other side
     name : text, for reports
 
-    Coefficients above 1 are legal. `dataclasses.replace(material, diffuse=...)` keeps the ambient colour;
-    pass `ambient=None` along to let it follow.
+    Coefficients above 1 are legal, written as floats: whole numbers above 1, as (255, 128, 0), are refused.
+    `dataclasses.replace(material, diffuse=...)` keeps the ambient colour; pass `ambient=None` along to let it follow.
 
     Raises
     ------
@@ -137,10 +139,13 @@ class Material:
     tangent: str | VectorLike = "u"
     name: str = ""
 
+    FOLLOWS = {"ambient": "diffuse"}  # what a field is where it isn't given
+
     def __post_init__(self) -> None:
         for field in ("diffuse", "specular", "emissive", "ambient"):
             value = self.diffuse if field == "ambient" and self.ambient is None else getattr(self, field)
-            object.__setattr__(self, field, linear_rgb(value, f"the material's {field}"))
+            read = linear_rgb if field == "emissive" else surface_rgb  # what is emitted may be any multiple of white
+            object.__setattr__(self, field, read(value, f"the material's {field}"))
         shininess = number(self.shininess, "the material's shininess")
         if shininess <= 0.0:
             raise SceneError(f"the material's shininess must be above 0; given {self.shininess!r}")

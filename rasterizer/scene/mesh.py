@@ -8,7 +8,7 @@ mesh are shared: nobody can write into them.
 """
 
 from collections.abc import Iterable
-from dataclasses import KW_ONLY, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..choices import WEIGHTINGS, Weighting
 from ..errors import ModelError, SceneError, shown
+from ..keywords import checked_fields
 from . import mesh_arrays
-from .arrays import plain_array
 from .material import Material
+from .mesh_moves import Movable
 from .services import service
-from .validate import COORDINATE_LIMIT, choice, number
+from .validate import choice, number
 
 DEFAULT_CREASE_ANGLE = 30.0  # degrees
 
@@ -38,8 +39,9 @@ class HasFaces(Protocol):
         """(n_face, 3) integers."""
 
 
+@checked_fields
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh(mesh_arrays.KeepsArrays):
+class Mesh(Movable, mesh_arrays.KeepsArrays):
     """Hold a triangle mesh; polygons with more corners are cut into triangles, concave ones as they are: see
     `scene/triangulation.py`.
 
@@ -49,14 +51,15 @@ class Mesh(mesh_arrays.KeepsArrays):
     faces : (n, k) integers, k >= 3, or a list of polygons of any length >= 3, counter-clockwise seen from
         outside; stored (n_face, 3) uint32
     normals : (n_vertex, 3), or (n_face, 3, 3) for each corner of each triangle; stored float64 of unit
-        length, zero where a zero was given
-    colors : (n_vertex, 3 or 4), uint8 = sRGB-encoded, float = linear; stored float64, linear. An alpha is kept, and not
-        drawn: opacity is the material's, or its texture's
+        length. Where a zero was given, it is computed from the faces, as if there were none; it stays zero
+        where no face with an area meets the vertex
+    colors : (n_vertex, 3 or 4), or (n_face, 3, 3 or 4) for each corner of each triangle; uint8 = sRGB-encoded, float =
+        linear; stored float64, linear. An alpha is kept, and not drawn: opacity is the material's, or its texture's
     uv : (n_vertex, 2), or (n_face, 3, 2) for each corner; texture coordinates, stored float64
     material : Material
     crease_angle : degrees within 0..180; an edge between faces that meet at more stays sharp. None = the
         normals given, else the smoothing groups, else 30
-    face_colors : as `colors`, one a face: a triangle, or a polygon as given
+    face_colors : (n_face, 3 or 4) as `colors`, one a face: a triangle, or a polygon as given
     polygons : (n_face,) integers, which polygon each triangle came from; only with triangles. Stored int32,
         made where polygons are cut or faces dropped; None where every triangle is its own polygon. A convex
         polygon whose triangles are a fan is drawn about its centre unless it is shaded flat: see `geometry/centers.py`
@@ -72,7 +75,7 @@ class Mesh(mesh_arrays.KeepsArrays):
     name : text, for reports
     drop_bad_faces : whether to drop the faces that use vertices whose coordinates are not finite, instead of
         raising an error. Those vertices are then moved onto the first good one, and normals that are not
-        finite become zero
+        finite count as zero
 
     Raises
     ------
@@ -155,6 +158,8 @@ class Mesh(mesh_arrays.KeepsArrays):
             attributes |= {key: a[keep] for key, a in attributes.items() if a is not None and _is_per_face(key, a)}
         mesh_arrays.check_area(vertices, faces)
         attributes |= {"vertices": vertices, "faces": faces, "polygons": polygons}
+        if self.crease_angle is None:
+            attributes["normals"] = mesh_arrays.filled_normals(attributes, self.weighting)
         for key, array in attributes.items():
             store(key, mesh_arrays.kept(array, given[key]))
 
@@ -178,7 +183,7 @@ class Mesh(mesh_arrays.KeepsArrays):
         return {
             "normals": mesh_arrays.unit_normals(per_vertex_or_corner("normals", 3)),
             "uv": per_vertex_or_corner("uv", 2),
-            "colors": mesh_arrays.checked_colors(self.colors, {n_vertex}, "colors"),
+            "colors": mesh_arrays.checked_colors(self.colors, {n_vertex}, "colors", n_corner_face),
             "face_colors": per_triangle(mesh_arrays.checked_colors(self.face_colors, {n_face, n_given}, "face_colors")),
             "face_material": per_triangle(self._checked_face_material(n_face, n_given)),
             "smoothing": per_triangle(mesh_arrays.checked_ints(self.smoothing, {n_face, n_given}, "smoothing")),
@@ -249,39 +254,6 @@ class Mesh(mesh_arrays.KeepsArrays):
         columns = self.used_vertices.T
         return mesh_arrays.fixed(np.array([[c.min() for c in columns], [c.max() for c in columns]]))
 
-    def transformed(self, matrix: ArrayLike) -> "Mesh":
-        """Return a copy that is moved by an affine matrix.
-
-        Normals go by the inverse transpose; a matrix that mirrors also turns the faces' winding round, so
-        that the outside stays outside.
-
-        Parameters
-        ----------
-        matrix : (4, 4) new-from-old, its last row (0, 0, 0, 1)
-
-        Raises
-        ------
-        SceneError : another shape, values that are not finite, a projective matrix
-        ModelError : a matrix that leaves no face an area, or moves vertices out of the legal range
-        """
-        matrix = _checked_affine(matrix)
-        linear = matrix[:3, :3]
-        is_mirrored = np.linalg.det(linear) < 0.0
-        changes: dict[str, Any] = {"vertices": mesh_arrays.fixed(self.vertices @ linear.T + matrix[:3, 3])}
-        if self.normals is not None:
-            # the cofactor matrix is the inverse transpose times the determinant; it exists for every matrix
-            a, b, c = linear
-            cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)])
-            changes["normals"] = self.normals @ (-cofactors.T if is_mirrored else cofactors.T)
-        if is_mirrored:
-            turn = [0, 2, 1]
-            changes["faces"] = self.faces[:, turn]
-            for key in ("normals", "uv"):
-                array = changes.get(key, getattr(self, key))
-                if array is not None and array.ndim == 3:
-                    changes[key] = array[:, turn]
-        return replace(self, **changes)
-
     def subdivide(self, times: int = 1) -> "Mesh":
         """Return a mesh of the same surface in smaller triangles: a remedy for the faults of Gouraud's method.
 
@@ -292,9 +264,10 @@ class Mesh(mesh_arrays.KeepsArrays):
         `faces` are cut; the result is drawn as they lie, no longer about the polygon's centre.
 
         Normals that the mesh has are interpolated, and made unit vectors: Gouraud's picture comes nearer to
-        Phong's each time, and finds highlights inside large faces. Where they are to be computed, the new
-        vertices get the average of the faces at their edge, up to the creases; the result has these normals as
-        its own, and `crease_angle` None. So the folds that averages at the old vertices hide are found.
+        Phong's each time, and finds highlights inside large faces. Where they are to be computed, they are computed
+        first, up to the creases; the result has its normals as its own, and `crease_angle` None. An edge that leans
+        against the normals of both its ends by more than 15 degrees hides a fold, as in a saw-tooth: the faces at
+        the edge tell the normal of its middle.
 
         Parameters
         ----------
@@ -347,20 +320,6 @@ def _check_polygon_materials(polygons: NDArray[np.int32] | None, face_material: 
         raise ModelError(
             f"the triangles of a polygon must have one material; those of polygon {polygon[torn[0]]} differ"
         )
-
-
-def _checked_affine(matrix: ArrayLike) -> NDArray[np.float64]:
-    """Return a 4 × 4 affine matrix as float64."""
-    try:
-        result = plain_array(matrix)
-        result = result.astype(np.float64) if result.dtype.kind in "fiu" else np.empty(0)
-    except (TypeError, ValueError):
-        result = np.empty(0)
-    # Within the limit of coordinates no product of three numbers overflows.
-    is_fine = result.shape == (4, 4) and (np.abs(result) <= COORDINATE_LIMIT).all()
-    if not is_fine or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
-        raise SceneError(f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}")
-    return result
 
 
 def _is_per_face(key: str, array: NDArray) -> bool:

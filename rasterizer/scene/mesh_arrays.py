@@ -9,16 +9,16 @@ Whole-array checks are minima and maxima, which hand a nan on and need no tempor
 there is one.
 """
 
-import warnings
 from itertools import chain
 from typing import Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ModelError, shown
+from ..errors import ModelError, shown, warn_caller
 from .arrays import is_masked, plain_array
 from .color import linear_from_srgb_bytes
+from .services import service
 from .triangulation import CROSSING, TooManyCorners, cut_polygons, listed
 from .validate import COORDINATE_LIMIT
 
@@ -129,7 +129,7 @@ def triangulate(faces: Any, vertices: NDArray[np.float64]) -> tuple[NDArray[np.u
     except TooManyCorners as refusal:
         raise ModelError(f"face {refusal.polygon} {refusal.fault}") from None
     if len(cut.crossing):
-        warnings.warn(f"face {listed(cut.crossing)} {CROSSING}", stacklevel=2)
+        warn_caller(f"face {listed(cut.crossing)} {CROSSING}")
     return corners.astype(np.uint32)[cut.corners], cut.polygons
 
 
@@ -287,14 +287,19 @@ def finite(array: NDArray[np.float64] | None, is_mended: bool, what: str) -> NDA
     return array
 
 
-def checked_colors(values: Any, counts: set[int], what: str) -> NDArray[np.float64] | None:
-    """Return (n, 3 or 4) linear float64 colours, n one of the `counts`: uint8 is decoded, float is linear."""
+def checked_colors(
+    values: Any, counts: set[int], what: str, n_corner_face: int | None = None
+) -> NDArray[np.float64] | None:
+    """Return (n, 3 or 4), n one of the `counts`, or (n_corner_face, 3, 3 or 4) unless that is None, linear float64
+    colours: uint8 is decoded, float is linear."""
     if values is None:
         return None
     array = _as_real(values, what)
-    if array.ndim != 2 or len(array) not in counts or array.shape[1] not in (3, 4):
+    is_of_corners = n_corner_face is not None and array.ndim == 3 and array.shape[:2] == (n_corner_face, 3)
+    if not (is_of_corners or (array.ndim == 2 and len(array) in counts)) or array.shape[-1] not in (3, 4):
         n = " or ".join(map(str, sorted(counts)))
-        raise ModelError(f"{what} must have the shape ({n}, 3 or 4); given {array.shape}")
+        corners = "" if n_corner_face is None else f" or ({n_corner_face}, 3, 3 or 4)"
+        raise ModelError(f"{what} must have the shape ({n}, 3 or 4){corners}; given {array.shape}")
     if array.dtype == np.uint8:
         return linear_from_srgb_bytes(array)
     if array.dtype.kind != "f":
@@ -302,6 +307,15 @@ def checked_colors(values: Any, counts: set[int], what: str) -> NDArray[np.float
     if not (array.min() >= 0.0 and np.isfinite(array.max())):
         raise ModelError(f"{what} must be finite and at least 0; given {array.min()}..{array.max()}")
     return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def filled_normals(attributes: dict[str, Any], weighting: str) -> NDArray[np.float64] | None:
+    """Return a mesh's normals, those that are zero computed from its faces."""
+    normals = attributes["normals"]
+    if normals is None or np.einsum("...i,...i", normals, normals).min() > 0.0:
+        return normals
+    faces, smoothing = attributes["faces"], attributes["smoothing"]
+    return service("fill_normals")(attributes["vertices"], faces, normals, weighting, smoothing)
 
 
 def unit_normals(normals: NDArray[np.float64] | None) -> NDArray[np.float64] | None:

@@ -5,14 +5,15 @@ depends on what its materials need: so there is a face of every kind of material
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .camera import LEAST_FOV, Camera
+from .camera import Camera
+from .camera_checks import LEAST_FOV
 from .lights import AmbientLight, Light
 from .material import Material
 from .mesh import Mesh
@@ -45,15 +46,17 @@ def choose_meshes(scene: Scene, kind: Kind | None = None) -> list[int]:
     return chosen
 
 
-def sample_scene(scene: Scene, kind: Kind | None = None) -> Scene:
+def sample_scene(scene: Scene, kind: Kind | None = None, chosen: Sequence[int] | None = None) -> Scene:
     """Return a scene of a few faces that is drawn in the same way: meshes of every kind there is, see `choose_meshes`,
     faces of every kind of material.
 
     Parameters
     ----------
     kind : tells the kinds of the scene's materials apart; None = `kind_of`
+    chosen : the numbers of the meshes; None = what `choose_meshes` returns
     """
-    meshes = tuple(sample_mesh(scene.meshes[k], kind) for k in choose_meshes(scene, kind))
+    chosen = choose_meshes(scene, kind) if chosen is None else chosen
+    meshes = tuple(sample_mesh(scene.meshes[k], kind) for k in chosen)
     camera = None
     if scene.camera is not None and not scene.camera.is_perspective:
         camera = replace(scene, meshes=meshes, camera=None).camera_for((SIZE, SIZE))
@@ -188,7 +191,8 @@ def sample_views(sample: Scene, scene: Scene, camera: Camera | None, kind: Kind 
 
     Each looks at the front of a face, which reaches into most of the picture. The furthest point of the sample is about
     as far away as that of the whole scene is from the camera, because float32 has digits for a distance or not. In
-    one more view nothing is seen: rows of a picture where nothing is may be finished in a way of their own.
+    one more view nothing is seen: rows of a picture where nothing is may be finished in a way of their own. Where the
+    camera looks out of the whole scene's box, one more looks across a face, which is cut off behind it.
 
     Parameters
     ----------
@@ -209,7 +213,27 @@ def sample_views(sample: Scene, scene: Scene, camera: Camera | None, kind: Kind 
             if found_kind not in views and len(views) < MOST_KINDS and fatness[face] > 0.0:
                 views[found_kind] = _view_of_face(mesh.vertices[mesh.faces[face]], distance, is_perspective)
     found = list(views.values()) or [sample.camera_for((SIZE, SIZE))]
-    return [*found, _beside(found[0], distance + reach)]
+    found.append(_beside(found[0], distance + reach))
+    if camera is not None and is_perspective and _reaches_behind(scene, camera):
+        mesh = sample.meshes[0]
+        fattest = int(_fatness_of(mesh.vertices, mesh.faces).argmax())
+        found.append(_across(mesh.vertices[mesh.faces[fattest]]))
+    return found
+
+
+def _reaches_behind(scene: Scene, camera: Camera) -> bool:
+    """Tell whether the box round some mesh reaches behind a camera, so that faces may be cut off."""
+    forward = np.subtract(camera.target, camera.position)
+    return any(bool(((mesh.bounds - camera.position) * forward).min(axis=0).sum() < 0.0) for mesh in scene.meshes)
+
+
+def _across(corners: NDArray[np.float64]) -> Camera:
+    """Return a camera next to the centre of a face, which looks along it towards a corner."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    size, center = np.abs(edges).max(), corners.mean(axis=0)
+    normal = np.cross(edges[0] / size, edges[1] / size) if size > 0.0 else np.eye(3)[2]
+    up = normal / np.linalg.norm(normal) if normal.any() else np.eye(3)[2]
+    return Camera.perspective(center + size / 16.0 * up, corners[0], up)
 
 
 def _bounds_of(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
 from ..errors import SceneError, shown
+from ..keywords import checked_fields
 from .camera import Camera
-from .color import RGB, ColorLike, linear_rgb
+from .color import RGB, ColorLike, surface_rgb
 from .depth_cue import DepthCue, checked_cue
-from .lights import Light, checked_lights, studio
+from .light_presets import studio
+from .lights import Light, checked_lights
+from .material import Material
 from .mesh import Mesh, MeshLike
 from .services import service
 from .validate import choice, number, picture_size
@@ -23,6 +26,7 @@ from .validate import choice, number, picture_size
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 
 
+@checked_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Scene:
     """Hold what is drawn.
@@ -73,7 +77,7 @@ class Scene:
         if self.camera is not None and not isinstance(self.camera, Camera):
             raise SceneError(f"the scene's camera must be a Camera or None; given {shown(self.camera)}")
         if self.background is not None:
-            object.__setattr__(self, "background", linear_rgb(self.background, "the background"))
+            object.__setattr__(self, "background", surface_rgb(self.background, "the background"))
         object.__setattr__(self, "depth_cue", checked_cue(self.depth_cue))
         choice(self.up, tuple(AXES), "the scene's up")
 
@@ -131,6 +135,11 @@ class Scene:
         return int(self.face_offsets[-1])
 
     @cached_property
+    def materials(self) -> tuple[Material, ...]:
+        """The different materials of all meshes, in the order in which they first come; equal ones count once."""
+        return tuple(dict.fromkeys(material for mesh in self.meshes for material in mesh.palette))
+
+    @cached_property
     def face_offsets(self) -> NDArray[np.int64]:
         """(n_mesh + 1,) int64: face f of mesh m has the index face_offsets[m] + f in the scene."""
         offsets = np.cumsum([0] + [mesh.n_face for mesh in self.meshes], dtype=np.int64)
@@ -166,7 +175,7 @@ class Scene:
 
 def _checked_meshes(meshes: object) -> tuple[Mesh, ...]:
     """Return one or many meshes as a tuple."""
-    if _is_one_mesh(meshes):
+    if is_one_mesh(meshes):
         meshes = (meshes,)
     try:
         result = tuple(Mesh.from_any(mesh) for mesh in meshes)  # type: ignore[attr-defined]
@@ -180,7 +189,7 @@ def _checked_meshes(meshes: object) -> tuple[Mesh, ...]:
     return result
 
 
-def _is_one_mesh(source: object) -> bool:
+def is_one_mesh(source: object) -> bool:
     """Tell one mesh from a sequence; a pair is (vertices, faces) where its first item is a list of points."""
     if isinstance(source, Mesh) or (hasattr(source, "vertices") and hasattr(source, "faces")):
         return True

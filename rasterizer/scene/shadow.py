@@ -5,11 +5,13 @@ from typing import Any
 
 from ..errors import SceneError, shown
 from .validate import is_whole
+from .value_class import value_class
 
 MOST_TEXELS = 8192  # along a side of a shadow map
 MOST_TAPS = 9  # along a side of its filter
 
 
+@value_class
 @dataclass(frozen=True)
 class Shadow:
     """How a light casts shadows: by shadow maps (Williams 1978), depths of the scene as the light sees it.

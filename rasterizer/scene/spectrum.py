@@ -18,6 +18,7 @@ EGSR, whose three basis curves add up to 1 as ours do). Here a colour gets the s
 """
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -184,7 +185,7 @@ class Spectrum(tuple[float, float, float]):
     def __hash__(self) -> int:
         return hash((self._wavelengths.tobytes(), self._values.tobytes()))
 
-    def __reduce__(self) -> tuple:
+    def __reduce__(self) -> tuple[Any, ...]:
         return _spectrum, (self._wavelengths, self._values, type(self))
 
     def __repr__(self) -> str:

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..choices import FILTERS, WRAPS, Filter, Wrap
 from ..errors import ModelError, SceneError, shown
+from ..keywords import checked_fields
 from .arrays import plain_array
 from .color import linear_from_srgb_bytes
 from .mesh_arrays import KeepsArrays, fixed
@@ -58,6 +59,7 @@ class HasPixels(Protocol):
 ImageLike: TypeAlias = ArrayLike | str | os.PathLike[str] | HasPixels  # what a texture is made of
 
 
+@checked_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Texture(KeepsArrays):
     """Hold a picture that multiplies a material's diffuse and ambient coefficients.

@@ -183,7 +183,7 @@ def test_what_is_no_picture_for_it():
     fine = rz.render(scene, SIZE, samples=4, outputs=("color", "face"))
     for bad, message in (
         (fine, "one sample a pixel"),
-        (rz.render(scene, SIZE), "no face: ask for it"),
+        (rz.render(scene, SIZE, samples=1), "no face: ask for it"),
         (good.color, "color and face is needed; given ndarray"),
         (SimpleNamespace(color=good.color, face=good.color), "face .height, width. integers; given float32"),
         (SimpleNamespace(color=good.color, face=good.face + 2), "shows face 4; the scene has 4 faces"),

@@ -47,7 +47,13 @@ def test_the_file_is_the_same(folder, monkeypatch, capsys, name, flags):
 
 
 def test_a_large_picture_is_not_held_in_memory(folder, all_large, monkeypatch):
-    monkeypatch.setattr(render_command.Renderer, "render", lambda *_: pytest.fail("a whole picture was drawn"))
+    render = render_command.Renderer.render
+
+    def render_mask(renderer, camera=None, **arguments):
+        assert renderer.options.size != (24, 16), "a whole picture was drawn"
+        return render(renderer, camera, **arguments)
+
+    monkeypatch.setattr(render_command.Renderer, "render", render_mask)
     assert run(CUBE, "-o", "x.tif", "-v") == 0 and run(CUBE, "-o", "x.npy") == 0
     assert Image.open("x.tif").size == (24, 16) and np.load("x.npy").shape == (16, 24, 3)
 

@@ -4,6 +4,7 @@ along.
 Most tests look at the Scene and Camera that a renderer is given, not at pixels.
 """
 
+import io
 import json
 import shutil
 from dataclasses import fields
@@ -18,8 +19,10 @@ import rasterizer as rz
 from rasterizer import choices
 from rasterizer.cli import arguments, compare_command, defaults, main, material_arguments, render_command
 from rasterizer.cli.cameras_lights import camera_of, check_camera, make_lights
+from rasterizer.cli.default_look import NEUTRAL
 from rasterizer.cli.load_scene import load_scene, make_settings
 from rasterizer.cli.messages import Messages
+from rasterizer.engine.output_bounds import ErrorBounds
 from rasterizer.scene.material import DISTRIBUTIONS, REFLECTION_MODELS
 
 CUBE, LIFE = (str(ROOT / "models" / name) for name in ("cube.obj", "still_life.obj"))
@@ -75,7 +78,7 @@ def test_the_fields_and_words_are_those_of_a_material():
     ],
 )  # fmt: skip
 def test_material_flags(text, expected):
-    assert materials(CUBE, "--material", text) == [rz.Material(**expected)]
+    assert materials(CUBE, "--material", text) == [rz.Material(**{"diffuse": NEUTRAL} | expected)]
 
 
 def test_all_materials_change_and_keep_the_rest():
@@ -90,7 +93,7 @@ def test_all_materials_change_and_keep_the_rest():
     assert {m.ambient for m in materials(LIFE, "--material", "diffuse=0.3")} == {(0.3,) * 3}
     assert {m.ambient for m in materials(LIFE, "--material", "diffuse=0.3,ambient=0.1")} == {(0.1,) * 3}
     assert materials(CUBE, "--reflection", "blinn", "--material", "levels=4") == [
-        rz.Material(reflection="blinn", levels=4)
+        rz.Material(diffuse=NEUTRAL, reflection="blinn", levels=4)
     ]
 
 
@@ -168,7 +171,7 @@ def test_all_lights_cast_shadows_but_those_that_do_not():
     assert [light.shadow for light in lights_of(*flags)[1:]] == [None, None, rz.Shadow(64), SHADOW]
 
 
-@pytest.mark.parametrize("flags", [[], ["--preset", "headlight"], ["--preset", "studio"]])
+@pytest.mark.parametrize("flags", [["--shading", "gouraud"], ["--preset", "headlight"], ["--preset", "studio"]])
 def test_presets_cast_shadows(flags):
     scene = loaded(CUBE, *flags, "--shadows").scene
     assert len(scene.lights) > 1
@@ -235,7 +238,14 @@ def given(monkeypatch):
             found.append(SimpleNamespace(scene=self.scene, options=self.options, camera=camera or self.scene.camera))
             width, height = self.options["size"]
             stats = SimpleNamespace(
-                coverage=1.0, faces=1, culled=0, error_bound=0.0, steps=(), milliseconds={}, plan=None
+                coverage=1.0,
+                faces=1,
+                culled=0,
+                error_bound=0.0,
+                steps=(),
+                milliseconds={},
+                plan=None,
+                error_bounds=ErrorBounds(),
             )
             rgba = np.full((height, width, 4), 255, np.uint8)
             arrays = {"color": rgba[..., :3] / np.float32(255), "face": np.zeros((height, width), np.int32)}
@@ -427,3 +437,15 @@ def test_the_rest_of_the_look_reaches_the_scene(folder):
         expected.tangent,
         expected.fresnel,
     )
+
+
+@pytest.mark.parametrize(("is_terminal", "level", "is_shown"), [(True, 0, True), (False, 0, False), (True, -1, False)])
+def test_a_bar_is_shown_while_a_large_file_is_read(monkeypatch, is_terminal, level, is_shown):
+    stream = io.StringIO()
+    stream.isatty = lambda: is_terminal
+    monkeypatch.setattr("sys.stderr", stream)
+    monkeypatch.setattr("rasterizer.cli.load_scene.LONG", -1.0)
+    parsed = arguments.parse(["render", str(ROOT / "models" / "gear.stl")])
+    load_scene(parsed.models[0], parsed, make_settings(parsed), Messages(level))
+    assert ("joining vertices" in stream.getvalue()) == is_shown
+    assert stream.getvalue().endswith("\r\x1b[K") == is_shown, "it is taken away at the end"

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 
@@ -11,6 +12,7 @@ from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer.cli import arguments, main
+from rasterizer.cli.commands import COMMANDS
 from rasterizer.cli.messages import Messages, compilation_shown
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -34,6 +36,18 @@ def test_the_examples_of_the_help_parse(capsys):
     assert len(examples) == 8
     for example in examples:
         arguments.parse(example.replace("'", "").split())
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_a_help_whose_examples_parse(command, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([command, "--help"])
+    out = capsys.readouterr().out
+    assert stop.value.code == 0 and out.startswith(f"usage: raster {command}")
+    for example in re.findall(rf"^  raster ({command} .*?)(?:   .*| > .*)?$", out, re.MULTILINE):
+        arguments.parse(shlex.split(example))
+    if command not in ("compare", "bench", "view", "warmup"):
+        assert "examples:" in out and "exit codes:" in out
 
 
 def test_warmup_leaves_nothing_to_compile(capsys):

@@ -4,11 +4,12 @@ import io
 import json
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, GEAR, SMALL, errors, one_error, picture, run
+from helpers.command import CUBE, GEAR, PLAIN, SMALL, errors, one_error, picture, run
 from PIL import Image
 
 import rasterizer as rz
@@ -27,7 +28,13 @@ def test_the_default_picture(folder, capsys):
     assert os.listdir(folder) == ["cube.png"]
     image = Image.open("cube.png")
     assert (image.size, image.mode, image.format) == ((24, 16), "RGBA", "PNG")
-    expected = rz.render(rz.load(CUBE), (24, 16), samples=4)
+    scene = rz.load(CUBE, lights=rz.tabletop())
+    grey = rz.Material(diffuse=0.5)
+    scene = replace(scene, meshes=tuple(replace(mesh, material=grey) for mesh in scene.meshes))
+    ground = rz.GroundShadow(scene)
+    camera = rz.Camera.framing(np.concatenate([scene.meshes[0].vertices, ground.outline()]), aspect=24 / 16)
+    expected = rz.render(replace(scene, camera=camera), (24, 16), samples=4, shading="phong")
+    expected = ground.under(expected, camera)
     assert np.array_equal(picture("cube.png"), expected.rgba)
     alpha = picture("cube.png")[..., 3]
     assert alpha[0, 0] == 0 and alpha[8, 12] == 255
@@ -50,16 +57,16 @@ def test_the_suffix_chooses_the_format(suffix, capsys):
     ],
 )
 def test_arrays(array, dtype, shape, capsys):
-    assert run(CUBE, "--array", array) == 0 and errors(capsys) == ""
+    assert run(CUBE, "--array", array, *PLAIN) == 0 and errors(capsys) == ""
     saved = np.load("cube.npy")
     assert saved.dtype == dtype and saved.shape == shape
-    frame = rz.render(rz.load(CUBE), (24, 16), outputs=(array,))
+    frame = rz.render(rz.load(CUBE), (24, 16), outputs=(array,), samples=1)
     assert np.array_equal(saved, getattr(frame, array))
 
 
 def test_npy_alone_is_linear_color(capsys):
-    assert run(CUBE, "-o", "x.npy") == 0 and errors(capsys) == ""
-    assert np.array_equal(np.load("x.npy"), rz.render(rz.load(CUBE), (24, 16)).color)
+    assert run(CUBE, "-o", "x.npy", *PLAIN) == 0 and errors(capsys) == ""
+    assert np.array_equal(np.load("x.npy"), rz.render(rz.load(CUBE), (24, 16), samples=1).color)
 
 
 def test_many_models_and_views(folder, capsys):
@@ -87,7 +94,7 @@ def test_patterns_and_flags_in_any_order(folder, capsys):
 
 def test_stdin_and_stdout(monkeypatch, capfdbinary):
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(Path(CUBE).read_bytes())))
-    assert run("-", "--input-format", "obj", "-o", "-", "--json") == 0
+    assert run("-", "--input-format", "obj", "-o", "-", "--json", *PLAIN) == 0
     out, err = capfdbinary.readouterr()
     image = Image.open(io.BytesIO(out))
     assert image.format == "PNG" and np.array_equal(image, rz.render(rz.load(CUBE), (24, 16), samples=4))
@@ -115,12 +122,29 @@ def test_a_stream_that_takes_a_part_at_a_time(monkeypatch):
     assert len(taken) > 1 and b"".join(taken) == Path("cube.png").read_bytes()
 
 
+def test_the_bound_of_each_output_is_told(capsys, tmp_path):
+    scene = rz.Scene(rz.load(CUBE).meshes, [rz.PointLight((1, 2, 3), shadow=rz.Shadow(size=64))])
+    scene.save("lit.json")
+    assert run("lit.json", "--array", "depth", "-o", "a.npy", "--json", "-v") == 0
+    out, err = capsys.readouterr()
+    found = json.loads(out)["error_bounds"]
+    assert set(found) == {"depth", "depth_share"} and 5e-8 < found["depth_share"] < 7e-8
+    assert f"depth {found['depth']:.2g} scene units ({found['depth_share']:.2g} of itself)" in err
+    assert run("lit.json", "-o", "a.png", "--json", "-v") == 0
+    out, err = capsys.readouterr()
+    (shadow,) = json.loads(out)["error_bounds"]["shadows"]
+    assert shadow["light"] == "PointLight" and 0 < shadow["texel"] <= shadow["near"] < 1
+    assert "level of 8 bits" in err and "not counted: shadows of PointLights" in err
+
+
 def test_json(capsys):
     assert run(CUBE, "nope.obj", "--json") == 1
     out, err = capsys.readouterr()
     first, second = map(json.loads, out.splitlines())
     assert second == {"path": "nope.obj", "error": "nope.obj: no such file"} and "nope.obj" in err
     assert first.pop("seconds") > 0 and 0 < first.pop("coverage") < 1 and 0 <= first.pop("error_bound") < 0.01
+    bounds = first.pop("error_bounds")
+    assert bounds["rgb"] == 1 and [each["light"] for each in bounds["shadows"]] == ["DirectionalLight"]
     assert first == {
         "path": CUBE,
         "view": None,
@@ -220,7 +244,7 @@ def test_no_colour_codes(capsys):
         ([CUBE, "-o", "{name}.png"], "may hold {stem}, {ext}, {view}"),
         ([CUBE, "-o", "{stem.png"], "may hold"),
         ([CUBE, "-o", "{stem.upper}.png"], "may hold"),
-        ([CUBE, "-o", "x.png", "--array", "depth"], "written as .npy"),
+        ([CUBE, "-o", "x.jpg", "--array", "depth"], "written as .npy"),
         ([CUBE, CUBE], "would both be written to cube.png"),
         ([CUBE, GEAR, "-o", "x.png"], "would both be written to x.png"),
         ([CUBE, "--view", "top", "--view", "left", "-o", "x.png"], "(top) and"),
@@ -234,7 +258,7 @@ def test_usage(argv, words, folder, capsys):
     assert words in one_error(capsys) and not os.listdir(folder)
 
 
-@pytest.mark.parametrize("argv", [[], ["draw"], ["--foo"], [CUBE]])
+@pytest.mark.parametrize("argv", [["draw"], ["--foo"], ["-q"]])
 def test_a_command_is_needed(argv, capsys):
     assert main(argv) == 2
     assert "raster --help" in one_error(capsys)
@@ -289,7 +313,7 @@ def test_one_bad_model_does_not_stop_the_others(folder, capsys):
 
 
 def test_outputs_that_cannot_be_written(folder, capsys, monkeypatch):
-    assert run(CUBE, "-o", "missing/x.png") == 4 and "no folder" in one_error(capsys)
+    assert run(CUBE, "-o", f"{CUBE}/x.png") == 4 and "no folder" in one_error(capsys)
     os.mkdir("taken.png")
     assert run(CUBE, "-o", "{stem}.png") == 0
 

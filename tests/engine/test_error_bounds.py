@@ -27,7 +27,7 @@ QUAD = [[0, 1, 2], [0, 2, 3]]
 def errors_of(scene, size, expected=None, **options):
     """(frame, errors (h, w, 3)) against the judge, or the picture `expected`; 0 where the order of surfaces isn't
     clear."""
-    frame = rz.render(scene, size, outputs=("color", "face"), threads=1, **options)
+    frame = rz.render(scene, size, outputs=("color", "face"), threads=1, **{"samples": 1} | options)
     assert np.isfinite(frame.color).all(), "a colour is not finite"
     assert np.isfinite(frame.stats.error_bound), "no bound"
     if expected is not None:
@@ -65,10 +65,10 @@ def soup(rng, n, tilt=0.4):
 def assert_near_exact(scene, size, tolerances, shadings=SHADINGS):
     """Refuse pictures that are further from that of tolerance 0 than both say they may be."""
     for shading in shadings:
-        exact = rz.render(scene, size, shading=shading, tolerance=0)
+        exact = rz.render(scene, size, shading=shading, tolerance=0, samples=1)
         assert exact.color.max() > 0.1, f"{shading}: black pictures keep any bound"
         for tolerance in tolerances:
-            frame = rz.render(scene, size, shading=shading, tolerance=tolerance)
+            frame = rz.render(scene, size, shading=shading, tolerance=tolerance, samples=1)
             error, bound = np.abs(frame.color - exact.color).max(), frame.stats.error_bound + exact.stats.error_bound
             assert error <= bound, f"{shading}, {tolerance:.2g}: {error:.3g} > the stated bounds, {bound:.3g}"
 
@@ -112,7 +112,7 @@ def test_a_face_whose_normals_cancel_says_so():
     """The mean of opposite normals has no direction: a step, and the picture is drawn in float64."""
     normals = [[0, 0, 1], [0, 0, -1], [0, 0.1, 1]]
     mesh = rz.Mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [[0, 1, 2]], normals=normals)
-    frame = rz.render(rz.Scene([mesh], rz.DirectionalLight((0, 0, -1)), FRONT), SMALL, shading="phong")
+    frame = rz.render(rz.Scene([mesh], rz.DirectionalLight((0, 0, -1)), FRONT), SMALL, shading="phong", samples=1)
     assert "an interpolated normal without length" in [step.cause for step in frame.stats.steps]
     assert frame.stats.error_bound < DEFAULT
 
@@ -136,12 +136,12 @@ def test_a_light_parallel_to_a_wall_gives_one_answer_at_every_angle(model):
         )
         for shading in SHADINGS:
             for tolerance in (0.0, DEFAULT):
-                frame = rz.render(scene, SMALL, shading=shading, tolerance=tolerance, threads=1)
+                frame = rz.render(scene, SMALL, shading=shading, tolerance=tolerance, threads=1, samples=1)
                 assert frame.color.max() < 1e-6, f"{degrees} degrees, {shading}, {tolerance}: {frame.color.max()}"
                 assert frame.alpha.max() == 1.0, f"{degrees} degrees: the wall isn't seen"
             if degrees % 9 == 0:
                 assert reference.render(scene, SMALL, shading=shading).color.max() < 1e-15
-    assert rz.render(scene, SMALL).stats.steps[0].near < 1e-5
+    assert rz.render(scene, SMALL, samples=1).stats.steps[0].near < 1e-5
 
 
 @pytest.mark.parametrize("shininess", [0.05, 0.1, 0.5, 0.99, 1.0])
@@ -168,8 +168,8 @@ def test_exponents_of_any_size(shininess):
         mesh = rz.Mesh(*octasphere(3), material=material, crease_angle=180)
         scene = rz.Scene([mesh], rz.studio(), FRONT)
         for shading in SHADINGS:
-            frame = rz.render(scene, (96, 72), shading=shading, tolerance=tolerance)
-            exact = rz.render(scene, (96, 72), shading=shading, tolerance=0)
+            frame = rz.render(scene, (96, 72), shading=shading, tolerance=tolerance, samples=1)
+            exact = rz.render(scene, (96, 72), shading=shading, tolerance=0, samples=1)
             error, bound = np.abs(frame.color - exact.color).max(), frame.stats.error_bound + exact.stats.error_bound
             assert np.isfinite(frame.color).all() and frame.color.min() >= 0 and exact.color.max() > 0.1
             assert error <= bound, f"{specular}, {shading}: {error:.3g} > {bound:.3g}"
@@ -209,7 +209,9 @@ def test_amplifying_lights_have_a_bound(distance):
     light = rz.PointLight((0.1, 0.2, distance), 0.3, (0, 0, 1), amplify=True)
     mesh = rz.Mesh(SQUARE, QUAD)
     assert_bounded(rz.Scene([mesh], light, FRONT), tolerances=(0.0, DEFAULT))
-    frame = rz.render(rz.Scene([mesh], rz.PointLight((-1, -1, 0), 0.3, (0, 0, 1), amplify=True), FRONT), SMALL)
+    frame = rz.render(
+        rz.Scene([mesh], rz.PointLight((-1, -1, 0), 0.3, (0, 0, 1), amplify=True), FRONT), SMALL, samples=1
+    )
     assert np.isfinite(frame.stats.error_bound)
     assert "a light on a surface" in [step.cause for step in frame.stats.steps]
 
@@ -239,7 +241,7 @@ def test_lights_far_away(distance):
     for shading in SHADINGS:
         for tolerance in (0.0, DEFAULT):
             pictures = [
-                rz.render(rz.Scene([mesh], light, FRONT), SMALL, shading=shading, tolerance=tolerance).color
+                rz.render(rz.Scene([mesh], light, FRONT), SMALL, shading=shading, tolerance=tolerance, samples=1).color
                 for light in (rz.PointLight(distance * way, 0.8), rz.DirectionalLight(-way, 0.8))
             ]
             error = np.abs(pictures[0] - pictures[1]).max()
@@ -258,7 +260,7 @@ def test_surfaces_that_are_next_to_clear():
         mesh = rz.Mesh(vertices, faces, normals=normals, material=rz.Material(opacity=opacity))
         scene = rz.Scene([mesh], rz.studio(), FRONT)
         assert_bounded(scene, tolerances=(0.0, DEFAULT), most=1e-5)
-        frame, expected = rz.render(scene, SMALL), reference.render(scene, SMALL)
+        frame, expected = rz.render(scene, SMALL, samples=1), reference.render(scene, SMALL)
         is_seen = expected.alpha > 0
         off = np.abs(frame.alpha[is_seen] / expected.alpha[is_seen] - 1).max()
         assert off <= 3e-7, f"{opacity}: alpha differs by {off:.3g} of itself"
@@ -305,7 +307,7 @@ def test_floors_of_any_size_are_lit_from_the_side_that_is_seen():
 
 def causes(scene, **options):
     """The causes of a picture's steps."""
-    return " ".join(step.cause for step in rz.render(scene, SMALL, **options).stats.steps)
+    return " ".join(step.cause for step in rz.render(scene, SMALL, **{"samples": 1} | options).stats.steps)
 
 
 def test_steps_are_told_by_their_cause():
@@ -326,13 +328,15 @@ def test_steps_are_told_by_their_cause():
 def test_what_float32_cannot_hold_is_refused_with_the_legal_range():
     square = rz.Mesh(SQUARE, QUAD)
     with pytest.raises(rz.SceneError, match="legal is up to 3.4e"):
-        rz.render(rz.Scene([square], rz.DirectionalLight((0, 0, -1), 1e39), FRONT), SMALL)
+        rz.render(rz.Scene([square], rz.DirectionalLight((0, 0, -1), 1e39), FRONT), SMALL, samples=1)
     with pytest.raises(rz.SceneError, match="legal is up to 3.4e"):
         rz.render(
-            rz.Scene([rz.Mesh(SQUARE, QUAD, material=rz.Material(diffuse=1e200))], rz.AmbientLight(1e200), FRONT), SMALL
+            rz.Scene([rz.Mesh(SQUARE, QUAD, material=rz.Material(diffuse=1e200))], rz.AmbientLight(1e200), FRONT),
+            SMALL,
+            samples=1,
         )
     far = rz.Scene([rz.Mesh(1e60 * SQUARE, QUAD)], rz.studio(), rz.Camera.perspective((0, 0, 3e60)))
-    assert rz.render(far, SMALL).color.max() > 0.1
+    assert rz.render(far, SMALL, samples=1).color.max() > 0.1
     with pytest.raises(rz.SceneError, match="depth buffer holds"):
         rz.render(far, SMALL, outputs=("depth",))
     for place in ((1e101, 0, 0), (0, -1e300, 0)):
@@ -340,7 +344,7 @@ def test_what_float32_cannot_hold_is_refused_with_the_legal_range():
             rz.PointLight(place)
         with pytest.raises(rz.SceneError, match="1e\\+100"):
             rz.Camera.perspective(place)
-    bright = rz.render(rz.Scene([square], rz.DirectionalLight((0, 0, -1), 1e37), FRONT), SMALL)
+    bright = rz.render(rz.Scene([square], rz.DirectionalLight((0, 0, -1), 1e37), FRONT), SMALL, samples=1)
     assert np.isfinite(bright.color).all() and bright.color.max() > 1e36
 
 
@@ -376,13 +380,15 @@ def test_amplifying_lights_at_a_distance_do_not_need_float64():
         light = rz.PointLight(place, 2.0, (0, 0, 1), attached, amplify=True)
         scene = rz.Scene([mesh], light, FRONT)
         for shading in SHADINGS:
-            assert rz.render(scene, SMALL, shading=shading).stats.plan.dtype == dtype, f"{attached}, {shading}"
+            assert rz.render(scene, SMALL, shading=shading, samples=1).stats.plan.dtype == dtype, (
+                f"{attached}, {shading}"
+            )
         assert_bounded(scene, tolerances=(0.0, DEFAULT, 0.01))
 
 
 def test_the_bound_is_said_in_words():
     scene = rz.Scene([rz.Mesh(SQUARE, QUAD)], rz.DirectionalLight((0, 0, -1)), FRONT)
-    text = describe_bound(rz.render(scene, SMALL, tolerance=0).stats)
+    text = describe_bound(rz.render(scene, SMALL, tolerance=0, samples=1).stats)
     assert text.startswith("errors are at most ") and "N·L = 0 (within 2e-12, cosine of an angle)" in text
 
 
@@ -392,7 +398,10 @@ def test_a_renderer_states_the_bound_of_each_view():
     points = [(-1, -1, -1e-5), (1, -1, -1e-5), (0, 1, -1e-5), (-1e7, -1e7, -1e7), (1e7, -1e7, -1e7), (0, 1e7, -1e7)]
     scene = rz.Scene(rz.Mesh(points, [[0, 1, 2], [3, 4, 5]]), [rz.DirectionalLight((0.2, -0.3, -1))])
     cameras = [rz.Camera.perspective((0, 0, 0), (0, 0, -1), near=near) for near in (1e-3, 1e-6)]
-    with rz.Renderer(scene, (16, 12), tolerance=0) as renderer:
+    with rz.Renderer(scene, (16, 12), tolerance=0, samples=1) as renderer:
         bounds = [renderer.render(camera).stats.error_bound for camera in cameras]
-    alone = [rz.render(replace(scene, camera=camera), (16, 12), tolerance=0).stats.error_bound for camera in cameras]
+    alone = [
+        rz.render(replace(scene, camera=camera), (16, 12), tolerance=0, samples=1).stats.error_bound
+        for camera in cameras
+    ]
     assert bounds == alone and bounds[1] > 2 * bounds[0], f"{bounds} of one Renderer, {alone} of two"

@@ -113,7 +113,9 @@ def test_a_plan_leaves_out_what_reaches_nothing(shading):
         rz.PointLight((0, 0, 1e20), range=1e10),
         rz.DirectionalLight((0, 0, -1), 0),
     )
-    frames = [rz.render(rz.Scene(meshes, (SUN, *more), CAMERA), SIZE, shading=shading) for more in ((), away)]
+    frames = [
+        rz.render(rz.Scene(meshes, (SUN, *more), CAMERA), SIZE, shading=shading, samples=1) for more in ((), away)
+    ]
     assert (frames[0].color == frames[1].color).all() and (frames[0].rgba == frames[1].rgba).all()
     plans = [frame.stats.plan for frame in frames]
     assert plans[1].left_out == 4 and "left out: 4 lights" in repr(plans[1]) and plans[0].left_out == 0
@@ -124,16 +126,16 @@ def test_a_light_counts_for_the_materials_that_it_reaches():
     """A red lamp at one ball: the other one keeps its channel."""
     meshes = balls(rz.Material(diffuse=0.8), rz.Material(diffuse=0.5))
     lamp = rz.PointLight((-2.5, 0, 2), (0.8, 0.1, 0.1), range=2.0)
-    frame = rz.render(rz.Scene(meshes, (SUN, lamp), CAMERA), SIZE, shading="phong")
+    frame = rz.render(rz.Scene(meshes, (SUN, lamp), CAMERA), SIZE, shading="phong", samples=1)
     needs = {numbers: need for need in frame.stats.plan.needs for numbers in need.materials}
     assert (needs[0].lights, needs[0].channels) == (2, 3) and (needs[1].lights, needs[1].channels) == (1, 1)
-    exact = rz.render(rz.Scene(meshes, (SUN, lamp), CAMERA), SIZE, shading="phong", tolerance=0)
+    exact = rz.render(rz.Scene(meshes, (SUN, lamp), CAMERA), SIZE, shading="phong", tolerance=0, samples=1)
     assert np.abs(frame.color - exact.color).max() <= frame.stats.error_bound + exact.stats.error_bound
 
 
 def test_far_views_leave_nothing_out_and_show_the_same():
     meshes, lamp = balls(rz.Material(diffuse=0.8)), rz.PointLight((0, 9, 0), 5.0, range=7.0)
-    with rz.Renderer(rz.Scene(meshes, (SUN, lamp), CAMERA), SIZE) as renderer:
+    with rz.Renderer(rz.Scene(meshes, (SUN, lamp), CAMERA), SIZE, samples=1) as renderer:
         assert renderer.render().stats.plan.left_out == 1
         far = rz.Camera.perspective((0, 0, 1e6), fov=1e-4)
         assert renderer.render(far).stats.plan.left_out == 0
@@ -146,12 +148,12 @@ def test_lights_behind_what_is_seen_from_one_side_are_left_out():
     behind, camera = rz.DirectionalLight((0.5, 0.2, 1)), rz.Camera.perspective((0, 0, 4))
     scenes = [rz.Scene([mesh], lights, camera) for lights in ((SUN,), (SUN, behind))]
     for shading in SHADINGS:
-        frames = [rz.render(scene, SIZE, shading=shading, cull="back", tolerance=0) for scene in scenes]
+        frames = [rz.render(scene, SIZE, shading=shading, cull="back", tolerance=0, samples=1) for scene in scenes]
         assert (frames[0].color == frames[1].color).all() and frames[0].color.max() > 0.1
         assert frames[1].stats.plan.left_out == (shading in ("gouraud", "phong")), shading
-    assert rz.render(scenes[1], SIZE).stats.plan.left_out == 0, "both sides may be seen"
+    assert rz.render(scenes[1], SIZE, samples=1).stats.plan.left_out == 0, "both sides may be seen"
     turned = replace(scenes[1], camera=rz.Camera.perspective((0, 0, -4)))
-    assert rz.render(turned, SIZE).color.max() > 0.1
+    assert rz.render(turned, SIZE, samples=1).color.max() > 0.1
 
 
 def test_cones_hold_the_normals_of_each_mesh():

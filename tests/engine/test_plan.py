@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine.coding import make_coding
+from rasterizer.engine.coding import make_coding, scale_depths
 from rasterizer.engine.depth_range import NEAREST, depths_of_boxes, fit_depth_range
 from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows
 from rasterizer.engine.error_bounds import Surroundings
@@ -242,7 +242,7 @@ def test_no_intensity_is_above_the_bound(name):
     scene = scene_of([material], lights)
     for shading in SHADINGS:
         bound = plan_of(scene, shading=shading).bound
-        most = rz.render(scene, (64, 48), shading=shading, tolerance=0).color.max()
+        most = rz.render(scene, (64, 48), shading=shading, tolerance=0, samples=1).color.max()
         assert 0 < most <= bound, f"{most} > the bound {bound}"
 
 
@@ -287,7 +287,7 @@ def test_entries_accept_what_is_left_of_the_tolerance():
     camera = rz.Camera.perspective((0, 0, 5))
     screen = screen_for(camera, (1.0, 9.0))
     found = plan_of(scene_of([GREY], GREY_LIGHTS))
-    coding = make_coding(found, screen, DEFAULT_TOLERANCE)
+    coding = make_coding(found, DEFAULT_TOLERANCE)._replace(depths=scale_depths(screen))
     assert coding.limits[0] + found.of_materials.roundings.max() == pytest.approx(DEFAULT_TOLERANCE)
     assert not coding.needs_distance
     for w in (1.0, 3.7, 9.0):
@@ -299,11 +299,9 @@ def test_entries_accept_what_is_left_of_the_tolerance():
 
 @pytest.mark.parametrize("needs", [False, True])
 def test_distances_are_carried_for_lights_that_have_a_place(needs):
-    camera = rz.Camera.perspective((0, 0, 5))
-    screen = screen_for(camera, (1.0, 9.0))
     lights = GREY_LIGHTS if needs else GREY_LIGHTS[:2]
     found = plan_of(scene_of([GREY], lights), shading="phong")
-    assert make_coding(found, screen, DEFAULT_TOLERANCE).needs_distance == needs
+    assert make_coding(found, DEFAULT_TOLERANCE).needs_distance == needs
 
 
 # ---------------------------------------------------------------- depth ranges
@@ -457,15 +455,15 @@ def test_too_many_polygons_for_a_band_make_it_lower(monkeypatch):
     from rasterizer.engine import draw
 
     scene = rz.Scene([rz.Mesh(*torus(48, 24))], GREY_LIGHTS)
-    expected = rz.render(scene, (64, 48), tolerance=0, threads=1).color.tobytes()
+    expected = rz.render(scene, (64, 48), tolerance=0, threads=1, samples=1).color.tobytes()
     whole = draw.MAX_RECORDS
     heights = []
     choose = draw.find_visible
     monkeypatch.setattr(draw, "find_visible", lambda *given: heights.append(given[2].band_rows) or choose(*given))
     monkeypatch.setattr(draw, "MAX_RECORDS", 400)
-    assert rz.render(scene, (64, 48), tolerance=0, threads=1).color.tobytes() == expected
+    assert rz.render(scene, (64, 48), tolerance=0, threads=1, samples=1).color.tobytes() == expected
     assert len(heights) > 2 and sorted(heights, reverse=True) == heights
     monkeypatch.setattr(draw, "MAX_RECORDS", 20)
     with pytest.raises(rz.SceneError, match="legal are 20"):
-        rz.render(scene, (64, 48), tolerance=0, threads=1)
+        rz.render(scene, (64, 48), tolerance=0, threads=1, samples=1)
     assert whole >= 2**22

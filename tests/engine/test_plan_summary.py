@@ -15,7 +15,7 @@ SIZE = (64, 48)
 
 
 def plan_of(mesh=BALL, lights=(LIGHT,), **options):
-    frame = rz.render(rz.Scene([mesh], lights, CAMERA), SIZE, **options)
+    frame = rz.render(rz.Scene([mesh], lights, CAMERA), SIZE, **{"samples": 1} | options)
     return frame.stats.plan
 
 
@@ -57,7 +57,7 @@ def test_a_plan_names_the_functions_and_the_features_that_a_scene_uses():
 
 
 def test_a_renderer_tells_its_plan_before_and_after_a_picture():
-    with rz.Renderer(rz.Scene([BALL], [LIGHT], CAMERA), SIZE) as renderer:
+    with rz.Renderer(rz.Scene([BALL], [LIGHT], CAMERA), SIZE, samples=1) as renderer:
         assert renderer.plan.ways is None and renderer.plan.dtype == "float32"
         frame = renderer.render()
         assert renderer.plan == frame.stats.plan and renderer.plan.ways is not None

@@ -73,7 +73,7 @@ def test_a_light_reaches_nothing_only_if_no_point_is_lit(kind):
 
 def drawn_maps(light, meshes=(FLOOR, BALL)):
     """The layers of the maps that are drawn of a light; None for none."""
-    with rz.Renderer(rz.Scene(meshes, light), 16, shading="phong") as renderer:
+    with rz.Renderer(rz.Scene(meshes, light), 16, shading="phong", samples=1) as renderer:
         renderer.render()
         shadows = renderer._prepared.shadows  # None where no light is left that casts any
         (shadow_map,) = (shadows and shadows._maps.values()) or [None]
@@ -100,10 +100,10 @@ def test_what_is_left_out_changes_nothing(position, monkeypatch):
     from rasterizer.engine import shadow_views
 
     scene = rz.Scene([FLOOR, BALL], rz.PointLight(position, shadow=rz.Shadow(64, 3), range=8.0))
-    frame = rz.render(scene, 64, shading="phong")
+    frame = rz.render(scene, 64, shading="phong", samples=1)
     monkeypatch.setattr(shadow_views, "_is_needed", lambda *_: True)
     monkeypatch.setattr("rasterizer.engine.shadow_maps.reaches", lambda *_: True)
-    assert (rz.render(scene, 64, shading="phong").rgba == frame.rgba).all()
+    assert (rz.render(scene, 64, shading="phong", samples=1).rgba == frame.rgba).all()
 
 
 @pytest.mark.parametrize(
@@ -113,23 +113,23 @@ def test_what_is_left_out_changes_nothing(position, monkeypatch):
 def test_float32_is_taken_where_it_moves_edges_by_less_than_an_eighth_of_a_texel(distance, texels, expected):
     light = rz.DirectionalLight((0.3, 0.2, -1), shadow=rz.Shadow(texels))
     camera = rz.Camera.perspective((0, -0.6 * distance, 0.8 * distance), (0, 0, 0), fov=math.degrees(4 / distance))
-    frame = rz.render(rz.Scene([FLOOR, BALL], light, camera), 32, shading="phong")
+    frame = rz.render(rz.Scene([FLOOR, BALL], light, camera), 32, shading="phong", samples=1)
     assert frame.stats.plan.dtype == expected, frame.stats.plan.reasons
     assert any("float32" in cause for cause, _, _ in frame.stats.steps) == (expected == "float32")
-    assert rz.render(rz.Scene([FLOOR, BALL], light, camera), 32, tolerance=0).stats.plan.dtype == "float64"
+    assert rz.render(rz.Scene([FLOOR, BALL], light, camera), 32, tolerance=0, samples=1).stats.plan.dtype == "float64"
 
 
 def test_maps_are_drawn_anew_where_a_view_needs_float64():
     """From near, from far away, and from near again: as if each were drawn alone."""
     scene = rz.Scene([FLOOR, BALL], rz.DirectionalLight((0.3, 0.2, -1), shadow=rz.Shadow(256)))
     cameras = [rz.Camera.perspective((0, -d, d), (0, 0, 0), fov=200 / d) for d in (5.0, 3000.0, 5.0)]
-    with rz.Renderer(scene, 64, shading="phong") as renderer:
+    with rz.Renderer(scene, 64, shading="phong", samples=1) as renderer:
         for camera, dtype in zip(cameras, ("float32", "float64", "float32"), strict=True):
             frame = renderer.render(camera)
-            alone = rz.render(replace(scene, camera=camera), 64, shading="phong")
+            alone = rz.render(replace(scene, camera=camera), 64, shading="phong", samples=1)
             assert frame.stats.plan.dtype == dtype and (frame.rgba == alone.rgba).all()
 
 
 def test_a_black_light_needs_no_look_up():
     scene = rz.Scene([FLOOR], rz.DirectionalLight((0, 0, -1), 0.0, shadow=True))
-    assert rz.render(scene, 16, shading="phong").color.max() == 0
+    assert rz.render(scene, 16, shading="phong", samples=1).color.max() == 0

@@ -50,7 +50,9 @@ def draw_both(meshes, light, camera, size, shading="phong", tolerance=0.0, **opt
     for each in (light, replace(light, shadow=None)):
         scene = rz.Scene(meshes, (rz.AmbientLight(AMBIENT), each), camera)
         outputs = ("color", "face")
-        frames.append(rz.render(scene, size, shading=shading, tolerance=tolerance, outputs=outputs, **options))
+        frames.append(
+            rz.render(scene, size, shading=shading, tolerance=tolerance, outputs=outputs, **{"samples": 1} | options)
+        )
     return frames
 
 
@@ -276,7 +278,7 @@ def test_edges_are_within_a_pixel_of_the_analytic_ones(name, tolerance):
     light, n_map = EDGES[name]
     meshes = [floor_mesh(), rz.Mesh(quad := floating_quad(), QUAD, material=MATTE)]
     frame, bare = draw_both(meshes, light, ABOVE, FLOOR_SIZE, tolerance=tolerance)
-    with rz.Renderer(rz.Scene(meshes, (light,), ABOVE), 16) as renderer:
+    with rz.Renderer(rz.Scene(meshes, (light,), ABOVE), 16, samples=1) as renderer:
         renderer.render()
         assert renderer._prepared.shadows._maps[0, np.dtype(renderer.plan.dtype)].block[N_MAP] == n_map
     hidden = is_hidden(quad, floor_points(), light)
@@ -496,9 +498,12 @@ def test_neither_threads_nor_earlier_pictures_matter(shading):
     lights = [rz.AmbientLight(AMBIENT), make_light("area", 40, 30, shadow=Shadow(128)), make_light("spot", 60, 200)]
     lights += [replace(make_light("point", 70, 100), attached="camera", position=(1, 1, 0))]
     cameras = [rz.Camera.perspective((2, y, 4), (0, 0, 0), fov=40) for y in (-3, 0, 2)]
-    fresh = [rz.render(rz.Scene(meshes, lights, camera), (160, 120), shading=shading, threads=1) for camera in cameras]
+    fresh = [
+        rz.render(rz.Scene(meshes, lights, camera), (160, 120), shading=shading, threads=1, samples=1)
+        for camera in cameras
+    ]
     for threads in (1, 2, 3):
-        with rz.Renderer(rz.Scene(meshes, lights), (160, 120), shading=shading, threads=threads) as renderer:
+        with rz.Renderer(rz.Scene(meshes, lights), (160, 120), shading=shading, threads=threads, samples=1) as renderer:
             for k in (0, 1, 2, 0, 0):
                 frame = renderer.render(cameras[k])
                 assert (
@@ -513,9 +518,9 @@ def test_too_many_maps_are_refused(monkeypatch):
     monkeypatch.setattr(shadow_maps, "MOST_NUMBERS", 3 * 64**2)
     mesh = rz.Mesh(*octasphere(1))
     lights = [rz.DirectionalLight((0, k, -1), shadow=rz.Shadow(size=64)) for k in range(3)]
-    rz.render(rz.Scene([mesh], lights[:2]), 16)
+    rz.render(rz.Scene([mesh], lights[:2]), 16, samples=1)
     with pytest.raises(rz.SceneError, match="smaller shadow size, or fewer cells"):
-        rz.render(rz.Scene([mesh], lights), 16)
+        rz.render(rz.Scene([mesh], lights), 16, samples=1)
 
 
 def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
@@ -524,7 +529,7 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     scene = rz.Scene(
         [mesh], [rz.DirectionalLight((0, 0, -1), shadow=Shadow(size=64))], rz.Camera.perspective((0, 0, 5))
     )
-    with rz.Renderer(scene, (16, 12), shading="phong") as renderer:
+    with rz.Renderer(scene, (16, 12), shading="phong", samples=1) as renderer:
         renderer.render()
         shadows, plans = renderer._prepared.shadows, renderer._prepared.view_plans
         (shadow_map,) = shadows._maps.values()

@@ -26,7 +26,7 @@ def show(material, lights, shading="phong", **options):
     scene = rz.Scene(
         [rz.Mesh(SHEET, [[0, 1, 2, 3]], material=material)], lights, CAMERA, options.pop("background", None)
     )
-    return rz.render(scene, SIZE, shading=shading, **({"tolerance": 0} | options))
+    return rz.render(scene, SIZE, shading=shading, **({"samples": 1} | {"tolerance": 0} | options))
 
 
 def seen(values):
@@ -93,9 +93,9 @@ def test_rgb_colours_under_white_light_stay_what_they_are(shading):
     material = rz.Material(diffuse=(0.7, 0.3, 0.2), ambient=(0.2, 0.5, 0.6), specular=0.3, emissive=(0.1, 0, 0.05))
     lights = (rz.AmbientLight(0.2), rz.DirectionalLight(DIRECTION, 0.6), rz.PointLight((2, 2, 3), 0.4, "1/(d+1)"))
     scene = rz.Scene([rz.Mesh(vertices * 3, faces, material=material)], lights, CAMERA)
-    plain = rz.render(scene, SIZE, shading=shading, tolerance=0)
+    plain = rz.render(scene, SIZE, shading=shading, tolerance=0, samples=1)
     for n in (16, 81, 200):
-        spectral = rz.render(scene, SIZE, shading=shading, tolerance=0, spectral=n)
+        spectral = rz.render(scene, SIZE, shading=shading, tolerance=0, spectral=n, samples=1)
         assert np.abs(spectral.color - plain.color).max() < 2e-6
     assert np.ptp(plain.color) > 0.3
 
@@ -129,7 +129,9 @@ def test_highlights_under_a_coloured_lamp(shading):
 
     def draw(color, **options):
         lights = (rz.AmbientLight(0.3), rz.DirectionalLight(DIRECTION, color))
-        return rz.render(rz.Scene([model], lights, CAMERA), SIZE, shading=shading, tolerance=0, **options).color
+        return rz.render(
+            rz.Scene([model], lights, CAMERA), SIZE, shading=shading, tolerance=0, **{"samples": 1} | options
+        ).color
 
     dark, white = draw(0.0), draw(1.0)
     assert np.abs(draw(LAMP) - (dark + (white - dark) * np.array(LAMP))).max() < 3e-6 and white.max() > 0.8
@@ -151,8 +153,8 @@ def lit_scene(background=None, **material):
 def test_exposure_multiplies_by_powers_of_2_exactly(stops, shading, material):
     """Every operation after a product with a power of 2 is exact: the same digits."""
     scene = lit_scene(**material)
-    plain = rz.render(scene, SIZE, shading=shading, tolerance=0)
-    frame = rz.render(scene, SIZE, shading=shading, tolerance=0, exposure=stops)
+    plain = rz.render(scene, SIZE, shading=shading, tolerance=0, samples=1)
+    frame = rz.render(scene, SIZE, shading=shading, tolerance=0, exposure=stops, samples=1)
     assert plain.color.max() > 0.01
     assert np.array_equal(frame.color, plain.color * np.float32(2.0**stops)) and np.array_equal(
         frame.alpha, plain.alpha
@@ -163,8 +165,8 @@ def test_exposure_multiplies_by_powers_of_2_exactly(stops, shading, material):
 def test_the_background_is_not_exposed(stops):
     for material in ({}, {"opacity": 0.5}):
         behind = (0.3, 0.4, 0.2)
-        bare = rz.render(lit_scene(**material), SIZE, tolerance=0, exposure=stops)
-        frame = rz.render(lit_scene(behind, **material), SIZE, tolerance=0, exposure=stops)
+        bare = rz.render(lit_scene(**material), SIZE, tolerance=0, exposure=stops, samples=1)
+        frame = rz.render(lit_scene(behind, **material), SIZE, tolerance=0, exposure=stops, samples=1)
         expected = bare.color * bare.alpha[..., None] + behind * (1 - bare.alpha[..., None])
         assert (bare.alpha == 0).any() and np.abs(frame.color - expected).max() < 1e-6 * 2**stops + 1e-6
 
@@ -186,8 +188,8 @@ def test_exposure_of_pictures_within_the_tolerance():
     """The tolerance is one of the exposed picture."""
     for shading in SHADINGS:
         for stops in (-6, 3):
-            exact = rz.render(lit_scene(), SIZE, shading=shading, tolerance=0, exposure=stops)
-            frame = rz.render(lit_scene(), SIZE, shading=shading, exposure=stops)
+            exact = rz.render(lit_scene(), SIZE, shading=shading, tolerance=0, exposure=stops, samples=1)
+            frame = rz.render(lit_scene(), SIZE, shading=shading, exposure=stops, samples=1)
             assert exact.color.max() > 0.1 * 2.0**stops
             assert np.abs(frame.color - exact.color).max() <= 1 / 4096
 

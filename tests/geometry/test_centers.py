@@ -35,7 +35,7 @@ def test_the_middle_of_a_quad_is_the_mean_of_its_corners(shading, tolerance):
     """0, 1, 0, 1: a fan shows 0 or 1 in the middle, as its list begins."""
     for first in range(4):
         scene = straight_on(rz.Mesh(QUAD, [turned(range(4), first)], colors=grey([0, 1, 0, 1]), material=AMBIENT_ALONE))
-        frame = rz.render(scene, 64, shading=shading, tolerance=tolerance, outputs=("color",))
+        frame = rz.render(scene, 64, shading=shading, tolerance=tolerance, outputs=("color",), samples=1)
         middle = frame.color[31:33, 31:33, 0].mean()
         assert abs(middle - 0.5) < 1e-6, f"first corner {first}: {middle} instead of 0.5"
         # Between the bottom edge and the centre values are linear along the edge: 0 to 1 from left to right.
@@ -128,7 +128,9 @@ def test_the_default_tolerance_holds_for_polygons(shading):
         plain = rz.Mesh(scene.meshes[0].vertices, scene.meshes[0].faces, polygons=scene.meshes[0].polygons,
                         colors=scene.meshes[0].colors, normals=scene.meshes[0].normals)  # fmt: skip
         scene = rz.Scene(plain, scene.lights, scene.camera)
-        exact, cheap = (rz.render(scene, SIZE, shading=shading, tolerance=t, outputs=("color",)) for t in (0, 1 / 4096))
+        exact, cheap = (
+            rz.render(scene, SIZE, shading=shading, tolerance=t, outputs=("color",), samples=1) for t in (0, 1 / 4096)
+        )
         assert exact.color.max() > 0.05, f"seed {seed}: black pictures are within any tolerance"
         worst = max(worst, float(np.abs(exact.color - cheap.color).max()))
     assert worst <= 1 / 4096, f"{worst:.3g} > {1 / 4096:.3g}"
@@ -141,7 +143,7 @@ def test_flat_colours_do_not_depend_on_the_first_corner():
             scene = straight_on(
                 rz.Mesh(shape, [turned(range(k), first)], colors=grey(np.arange(k) % 2), material=AMBIENT_ALONE)
             )
-            color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",)).color[4, 4, 0]
+            color = rz.render(scene, 8, shading="flat", tolerance=0, outputs=("color",), samples=1).color[4, 4, 0]
             assert abs(color - (np.arange(k) % 2).mean()) < 1e-6, f"first corner {first}: {color}"
             assert_matches_reference(scene, (8, 8), EXACT, shading="flat", tolerance=0)
 

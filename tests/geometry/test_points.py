@@ -7,6 +7,7 @@ import pytest
 from helpers.pinhole import octasphere, torus, unit
 
 import rasterizer as rz
+from rasterizer import reference
 from rasterizer.geometry.mesh_points import flat_part, polygon_centroids, smooth_part
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.geometry.surfaces import compute_clearance, flag_inverted
@@ -124,6 +125,31 @@ def test_numbers_of_polygons_may_have_gaps():
     part = flat_part(rz.Mesh(vertices, faces, polygons=polygons))
     assert (part.corner[:, 0] == np.arange(len(faces)) // 3).all() and len(part.points) == -(-len(faces) // 3)
     assert np.isfinite(part.points).all() and np.abs(np.linalg.norm(part.normals, axis=1) - 1).max() < 1e-15
+
+
+@pytest.mark.parametrize("has_polygons", [False, True])
+def test_colors_of_corners_are_kept(has_polygons):
+    vertices, faces = octasphere(1)
+    polygons = np.arange(len(faces)) // 2 if has_polygons else None
+    own = np.random.default_rng(3).random((len(faces), 3, 4))
+    part = smooth_part(rz.Mesh(vertices, faces, colors=own, polygons=polygons))
+    assert (part.albedo[part.corner] == own[..., :3]).all() and (corner_places(part) == vertices[faces]).all()
+    shared = np.random.default_rng(4).random((len(vertices), 3))
+    meshes = [rz.Mesh(vertices, faces, colors=c, polygons=polygons) for c in (shared, shared[faces])]
+    flat, same = (flat_part(mesh).albedo for mesh in meshes)
+    assert (flat == same).all()
+    assert np.abs(flat_part(rz.Mesh(vertices, faces, colors=own)).albedo - own[..., :3].mean(axis=1)).max() < 1e-15
+
+
+@pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
+def test_colors_of_corners_are_those_of_the_reference(shading):
+    vertices = [(-1, -1, 0), (1, -1, 0), (1, 1, 0.3), (-1, 1, 0), (0, 1.6, 0.2)]
+    colors = np.random.default_rng(1).random((3, 3, 3))
+    mesh = rz.Mesh(vertices, [(0, 1, 2), (0, 2, 3), (3, 2, 4)], colors=colors, polygons=[0, 0, 1])
+    scene = rz.Scene(mesh)
+    drawn = rz.render(scene, size=(40, 30), shading=shading, tolerance=0.0, samples=1).color
+    error = np.abs(drawn - reference.render(scene, (40, 30), shading=shading).color).max()
+    assert error < 1e-6, f"{error:.2g} > 1e-6"
 
 
 def test_colors_of_polygons_are_means():

@@ -21,7 +21,7 @@ def load(name, **options):
 
 
 def draw(mesh, shading="gouraud", lights=None, camera=None, **options):
-    return rz.render(rz.Scene([mesh], lights, camera), SIZE, shading=shading, tolerance=0, **options)
+    return rz.render(rz.Scene([mesh], lights, camera), SIZE, shading=shading, tolerance=0, **{"samples": 1} | options)
 
 
 # ---------------------------------------------------------------- geometry
@@ -93,6 +93,13 @@ def test_attributes_go_along():
     assert np.allclose(middle, (corners + corners[:, [1, 2, 0]]) / 2)
 
 
+def test_colors_of_corners_are_interpolated():
+    colors = np.random.default_rng(6).uniform(size=(1, 3, 3))
+    finer = rz.Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)], colors=colors).subdivide()
+    weights = np.stack([1 - finer.vertices[:, 0] - finer.vertices[:, 1], *finer.vertices.T[:2]], axis=1)
+    assert np.allclose(finer.colors, weights[finer.faces] @ colors[0])
+
+
 def test_a_polygon_stays_one_for_flat_shading():
     """The same light on the same face; a sample at an edge may belong to the neighbour after rounding."""
     for mesh in (load("teapot.obj"), rz.Mesh(*octasphere(2))):
@@ -147,7 +154,7 @@ def test_a_saw_tooth_is_found_without_creases(shading):
     slopes = 0.7 * np.array([0.2, 1.4]) * 0.5**0.5
     for times, is_cured in ((0, False), (1, True), (2, True)):
         scene = rz.Scene([sheet.subdivide(times)], lights, camera)
-        color = rz.render(scene, size, shading=shading, tolerance=0).color[:, 20:-20, 1]
+        color = rz.render(scene, size, shading=shading, tolerance=0, samples=1).color[:, 20:-20, 1]
         assert (np.ptp(color) > 0.5) == is_cured, f"{times} times: {np.ptp(color):.3f} apart"
         if is_cured:  # the middle of a slope is lit as the slope; two pixels lie half a pixel beside it
             middles = color[:, 9::20] / 2 + color[:, 10::20] / 2
@@ -176,6 +183,40 @@ def test_gouraud_comes_nearer_to_phong_each_time(make):
         errors.append(rz.compare(*(draw(finer, s, lights, camera).color for s in ("gouraud", "phong"))).rms)
     ratios = np.array(errors[1:]) / errors[:-1]
     assert (ratios < 0.9).all() and errors[-1] < 0.2 * errors[0], f"rms errors {np.round(errors, 5)}"
+
+
+@pytest.mark.parametrize("name", ["sphere.obj", "teapot.obj"])
+@pytest.mark.parametrize("angle", [None, 180.0])
+def test_computed_normals_bring_gouraud_nearer_to_phong_of_the_given_mesh(name, angle):
+    """Where another part of the surface shows, because new vertices are rounded, nothing is compared."""
+    mesh = replace(load(name), normals=None, crease_angle=angle, material=rz.Material(specular=0.5, shininess=30))
+    options = {"tolerance": 0, "outputs": ("color", "face")}
+    scene = rz.Scene(mesh, (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -1, -2), 0.8)))
+    camera = rz.Camera.framing(scene, azimuth=20, elevation=30, aspect=4 / 3)
+    phong = rz.render(replace(scene, camera=camera), (120, 90), shading="phong", **options)
+    errors = []
+    for times in range(3):
+        finer = rz.render(
+            replace(scene, meshes=(mesh.subdivide(times),), camera=camera), (120, 90), shading="gouraud", **options
+        )
+        is_same = (phong.face >= 0) & (finer.face // 4**times == phong.face)
+        assert is_same.sum() > 0.99 * (phong.face >= 0).sum()
+        errors.append(float(np.sqrt(np.mean((finer.color - phong.color)[is_same] ** 2))))
+    ratios = np.array(errors[1:]) / errors[:-1]
+    assert (ratios < 0.8).all(), f"rms errors {np.round(errors, 6)}"
+
+
+def test_a_midpoint_has_the_mean_of_its_ends_and_creases_stay():
+    cube = rz.Mesh(load("cube.obj").vertices, load("cube.obj").faces, crease_angle=30)
+    finer = cube.subdivide(2)
+    corners = finer.normals if finer.normals.ndim == 3 else finer.normals[finer.faces]
+    assert np.allclose(corners, np.repeat(face_normals(cube.vertices, cube.faces), 16, axis=0)[:, None], atol=1e-12)
+    mesh = rz.Mesh(*octasphere(1), crease_angle=180)
+    finer = mesh.subdivide(1)
+    means = mesh.vertices[mesh.faces] + mesh.vertices[mesh.faces[:, [1, 2, 0]]]
+    means /= np.linalg.norm(means, axis=2, keepdims=True)
+    middles = finer.normals[finer.faces[3::4]]  # the triangle in the middle: points 3, 4 and 5
+    assert np.abs(middles - means).max() < 0.02 and finer.crease_angle is None
 
 
 def test_a_highlight_inside_a_face_is_found():

@@ -20,13 +20,14 @@ import numpy as np
 import rasterizer as rz
 from helpers.against_reference import EXACT, clear_pixels, color_errors, depth_resolution
 from helpers.campaign_climb import mutated
+from helpers.campaign_outputs import output_ratios
 from helpers.campaign_scenes import Case, make_case
 from helpers.campaign_steps import next_to_step
 from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.layers import INVISIBLE_ALPHA
 
-OUTPUTS = ("color", "depth", "face")
+OUTPUTS = ("color", "depth", "face", "normal")
 ROUNDED = 2.0**-23  # relative, of an intensity stored as float32: in the frame, and in its alpha
 
 
@@ -68,13 +69,17 @@ def find_faults(case: Case) -> Outcome:
     found, is_clear = check_surfaces(case, frame, exact, expected)
     if found:
         return Outcome(faults + found, dtype, np.inf, 0, 0)
+    ratios = output_ratios(case, frame, expected, is_clear, lambda: all_clear(case))
+    faults += [f"{name}: the error is {ratio:.3g} times its bound" for name, ratio in ratios.items() if ratio > 1.0]
     outcome = check_colors(case, frame, exact, expected, is_clear, dtype)
     return outcome._replace(faults=faults + outcome.faults)
 
 
 def draw(case, **others):
     """Draw a case, with some other options; return the frame, and in which dtype it was lit."""
-    with rz.Renderer(case.scene, case.size, **({"outputs": OUTPUTS, "threads": 1} | case.options | others)) as renderer:
+    with rz.Renderer(
+        case.scene, case.size, **({"samples": 1} | {"outputs": OUTPUTS, "threads": 1} | case.options | others)
+    ) as renderer:
         frame = renderer.render()
         return frame, np.dtype(frame.stats.plan.dtype)
 
@@ -123,7 +128,7 @@ def check_shadows(case, frame, exact) -> list:
     bare = [light if isinstance(light, rz.AmbientLight) else replace(light, shadow=None) for light in scene.lights]
     bright = replace(scene, lights=bare)
     options = case.options | {"tolerance": 0.0, "outputs": OUTPUTS, "threads": 1}
-    low, high = (rz.render(each, case.size, **options) for each in (dark, bright))
+    low, high = (rz.render(each, case.size, **{"samples": 1} | options) for each in (dark, bright))
     for name, one in (("its tolerance", frame), ("tolerance 0", exact)):
         room = one.stats.error_bound + high.stats.error_bound + ROUNDED * np.abs(high.color)
         weight = 1.0 if is_opaque(scene) else frame.alpha[..., None]

@@ -11,6 +11,7 @@ from rasterizer.scene.texture import FILTERS, WRAPS
 
 SIZE = (16, 12)  # of most pictures, pixels
 MOST_LIGHTS = 1e4
+MANY = 300  # lights
 
 
 class Dice:
@@ -156,6 +157,7 @@ def make_lights(dice, points, lens) -> list:
         n = int(dice.power(1, 2.3))
     if dice.size != SIZE and dice.chance(0.12):
         n = int(dice.power(2, np.log10(MOST_LIGHTS)))
+        n = n if n % 16 == 0 else min(n, MANY)  # thousands take half a minute: a few times are enough
     is_grey = dice.chance(0.5)
     strength = dice.between(0.3, 1.5) / (n if n > 4 else 1.0) * (dice.power(-3, 3) if dice.wild(0.2) else 1.0)
     kinds = [str(kind) for kind in dice.rng.choice(list(LIGHTS), min(n, 3), p=[0.4, 0.3, 0.24, 0.06])]

@@ -39,6 +39,7 @@ def make_case(seed: int, index: int) -> Case:
     lights = as_many_as_legal(make_lights(dice, np.concatenate(points), lens))
     background = tuple(dice.rng.random(3)) if dice.chance(0.2) else None
     options = make_options(dice)
+    options["antialias"] = "shade-once" if options["samples"] > 1 and index % 2 else "supersample"
     cue = None
     if dice.wild(0.1):
         lengths = np.array([dice.power(-1, 1), dice.between(0, 1)]) * lens.reach * dice.scale

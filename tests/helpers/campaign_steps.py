@@ -18,8 +18,9 @@ from rasterizer.reference.vectors import blend, dot, length, unit
 
 # Words that the causes of `frame.stats.steps` are known by.
 LEVELS, GRAZES, HALF, AWAY, CONE = "toon", "grazes", "half vector", "N·H = 0", "sharp spot"
+OPPOSITE = "opposite to him"
 TEXELS, NEAR_LIGHT, SHORT, SHADOW = "texels", "light on a surface", "without length", "shadow"
-CAUSES = (LEVELS, GRAZES, HALF, AWAY, CONE, TEXELS, NEAR_LIGHT, SHORT, SHADOW)
+CAUSES = (LEVELS, GRAZES, HALF, AWAY, OPPOSITE, CONE, TEXELS, NEAR_LIGHT, SHORT, SHADOW)
 
 
 def next_to_step(case, steps) -> np.ndarray:
@@ -98,6 +99,8 @@ class Marker:
             is_near |= np.isin(model, ("phong", "blinn")) & ~table["normalized"] & (np.abs(n_dot_l) <= near[GRAZES])
         if HALF in near:
             is_near |= (model == "blinn") & (length(to_light + view_dirs)[:, 0] < near[HALF])
+        if OPPOSITE in near:
+            is_near |= (model == "cook-torrance") & (length(to_light + view_dirs)[:, 0] < near[OPPOSITE])
         if AWAY in near:
             is_near |= (model == "cook-torrance") & (np.abs(dot(normals, unit(to_light + view_dirs))) <= near[AWAY])
         return is_near

@@ -13,6 +13,7 @@ from rasterizer.cli import main
 
 CUBE = str(ROOT / "models" / "cube.obj")
 GEAR = str(ROOT / "models" / "gear.stl")
+PLAIN = ["--preset", "studio", "--shading", "gouraud"]  # as the library draws, but for 4 samples
 SMALL = ["-s", "24x16", "--threads", "1"]
 
 

@@ -103,7 +103,7 @@ def _load_and_draw(path) -> str:
         is_sane = _is_sane(scene)
         with warnings.catch_warnings():
             warnings.simplefilter("always" if is_sane else "ignore")
-            frame = rz.render(scene, **options | {"outputs": ("color", "depth", "face")})
+            frame = rz.render(scene, **{"samples": 1} | options | {"outputs": ("color", "depth", "face")})
     except (rz.ModelError, rz.SceneError) as fault:
         text = str(fault)
         is_ours = os.path.dirname(path) in text or (
@@ -143,7 +143,7 @@ def main():
     compiling = Compiling()
     event.register("numba:compiler_lock", compiling)
     signal.signal(signal.SIGALRM, _alarm(compiling))
-    rz.render(rz.load(Path(__file__).parents[2] / "models" / "cube.obj"), SIZE, threads=1)
+    rz.render(rz.load(Path(__file__).parents[2] / "models" / "cube.obj"), SIZE, threads=1, samples=1)
     used = (
         int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         if sys.platform == "linux"

@@ -11,7 +11,18 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from helpers.model_bytes import GLB, PLY_HEADER, THREEMF, box, exported, gltf_with, rich_gltf, threemf
+from helpers.model_bytes import (
+    COLORED_THREEMF,
+    GLB,
+    PLY_HEADER,
+    THREEMF,
+    box,
+    exported,
+    gltf_with,
+    metal_gltf,
+    rich_gltf,
+    threemf,
+)  # fmt: skip
 
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it warns of packages that it would like to have
 
@@ -53,6 +64,13 @@ MTL = (
     b"newmtl a\nKa 1 1 1\nKd 0.5 0.6 0.7\nKs 0.2 0.2 0.2\nNs 30\nd 0.9\nmap_Kd -clamp on wood.png\nmap_d wood.png\n"
     b"newmtl b\nillum 0\nTr 0.2\nKe 0 1 0\n"
 )
+PLY_PICTURED = (
+    PLY_HEADER.replace("ascii 1.0\n", "ascii 1.0\ncomment TextureFile wood.png\n").format(
+        n_face=1, face_properties="property list uchar float texcoord\nproperty int texnumber\n"
+    )
+    + "3 0 1 2 6 0 0 1 0 1 1 0\n"
+)
+PLY_STRIPS = PLY_PICTURED.replace("end_header", "element tristrips 1\nproperty list int int a\nend_header")
 TRIANGLE = {
     "vertices": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "faces": [[0, 1, 2], [0, 2, 3]],
     "uv": [[0, 0], [1, 0], [0, 1], [1, 1]],
@@ -188,12 +206,13 @@ def seeds() -> dict[str, list[bytes]]:
     return {
         "stl": [exported(box(), "stl"), exported(box(), "stl_ascii"), b"COLOR=abcd".ljust(84, b"\1")],
         "ply": [exported(colored, "ply", vertex_normal=True), exported(box(), "ply", encoding="ascii"),
+                (PLY_STRIPS + "5 0 1 2 3 -1\n").encode(), PLY_PICTURED.encode(),
                 (quads + "4 0 1 2 3 9 9 9\n3 0 1 2 1 2 3\n").encode()],
         "off": [exported(box(), "off"),
                 b"OFF # c\n5 3 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n-1 0 0\n\n5 0 1 2 3 4\n3 0 1 2\n4 3 2 1 0\n"],
         "glb": [GLB, exported(trimesh.Scene([box(), colored]), "glb")],
-        "gltf": [gltf_with(lambda tree, primitive: None), rich_gltf()],
-        "3mf": [threemf()],
+        "gltf": [gltf_with(lambda tree, primitive: None), rich_gltf(), metal_gltf()],
+        "3mf": [threemf(), threemf(COLORED_THREEMF, **{"3D/a.png": picture()})],
     }  # fmt: skip
 
 
@@ -291,8 +310,8 @@ def _chunk(random):
 
 
 def _xml(random):
-    text = damaged(random, THREEMF.encode())
-    return "m.3mf", {"m.3mf": threemf(text)}
+    text = damaged(random, (THREEMF, COLORED_THREEMF)[int(random.integers(0, 2))].encode())
+    return "m.3mf", {"m.3mf": threemf(text, **{"3D/a.png": picture()})}
 
 
 def _scene_files():

@@ -25,7 +25,7 @@ def light_points_of(material, light, points, normals, view, tolerance, clearance
     plan = plan_of_points(material, light, tolerance, clearance)
     screen = Screen(view.eye, view.right, view.up, view.forward, *[1.0] * 8, True)
     columns = (np.ascontiguousarray(rows.T) for rows in (points, normals))
-    surface = SurfacePoints(*columns, None, np.empty((0, 3)), np.empty(0))
+    surface = SurfacePoints(*columns, None, np.empty((0, 3)), np.empty((2, 0)))
     found = np.empty((len(points), plan.n_channel), plan.dtype)
     batch = make_batch(plan.dtype)
     light_points(surface, 0, len(points), screen, 1, make_lighting(plan, view, plan.dtype), 0, batch, found)

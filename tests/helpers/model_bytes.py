@@ -83,6 +83,51 @@ def rich_gltf() -> bytes:
     return gltf_with(change)
 
 
+def metal_gltf() -> bytes:
+    """Return a glTF file of metal, whose material has all that is read of extensions."""
+
+    def change(tree, primitive):
+        extensions = {
+            "ior": {"ior": 1.4}, "specular": {"specularFactor": 0.5, "specularColorFactor": [1, 0.5, 0.2]},
+            "emissive_strength": {"emissiveStrength": 2},
+        }  # fmt: skip
+        glossy = {"diffuseFactor": [1, 0, 0, 1], "specularFactor": [0.2, 0.1, 0], "glossinessFactor": 0.5}
+        surface = {"baseColorFactor": [1, 0.5, 0.2, 1], "metallicFactor": 0.5, "roughnessFactor": 0.4}
+        texture = {"metallicRoughnessTexture": {"index": 0}}
+        tree["images"], tree["textures"] = [{"uri": "wood.png"}], [{"source": 0}]
+        tree["materials"] = [
+            {
+                "pbrMetallicRoughness": surface | texture,
+                "extensions": {f"KHR_materials_{name}": fields for name, fields in extensions.items()},
+                "emissiveFactor": [0.1, 0, 0],
+            },
+            {
+                "extensions": {
+                    "KHR_materials_pbrSpecularGlossiness": glossy | {"specularGlossinessTexture": {"index": 0}}
+                }
+            },
+            {"extensions": {"KHR_materials_unlit": {}}, "pbrMetallicRoughness": surface},
+        ]
+        primitive["material"] = 0
+        tree["meshes"][0]["primitives"] += [primitive | {"material": k} for k in (1, 2)]
+
+    return gltf_with(change)
+
+
+COLORED_THREEMF = """<model unit="inch"><resources>
+<basematerials id="1"><base name="a" displaycolor="#805020"/><base name="b" displaycolor="#FFFFFF80"/></basematerials>
+<colorgroup id="2"><color color="#FF0000"/><color color="#00ff0080"/></colorgroup>
+<texture2d id="3" path="/3D/a.png" contenttype="image/png" tilestyleu="mirror"/>
+<texture2dgroup id="4" texid="3"><tex2coord u="0" v="0"/><tex2coord u="1" v="0.5"/></texture2dgroup>
+<compositematerials id="5" matid="1" matindices="0 1"><composite values="1 2"/></compositematerials>
+<multiproperties id="6" pids="2 5" blendmethods="multiply"><multi pindices="1 0"/></multiproperties>
+<object id="9" pid="1" pindex="1"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>
+<vertex x="0" y="1" z="0"/><vertex x="0" y="0" z="1"/></vertices><triangles><triangle v1="0" v2="2" v3="1"/>
+<triangle v1="0" v2="1" v3="3" pid="2" p1="0" p2="1" p3="0"/><triangle v1="1" v2="2" v3="3" pid="4" p1="0" p2="1"/>
+<triangle v1="2" v2="0" v3="3" pid="5" p1="0"/><triangle v1="2" v2="0" v3="3" pid="6" p1="0"/></triangles></mesh>
+</object></resources><build><item objectid="9"/></build></model>
+"""
+
 THREEMF = """<?xml version="1.0" encoding="UTF-8"?>
 <model unit="millimeter" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>
 <object id="1" name="tip" type="model"><mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/>

@@ -32,7 +32,7 @@ def draw_faces(points, size, depth=None, **options):
     faces = np.arange(3 * len(points)).reshape(-1, 3)
     normals = np.tile([0.0, 0.0, 1.0], (3 * len(points), 1))
     scene = sheet(size, points.reshape(-1, 2) / 256, 1.0 + depth, faces, normals=normals)
-    return rz.render(scene, size, outputs=("face",), **options).face
+    return rz.render(scene, size, outputs=("face",), **{"samples": 1} | options).face
 
 
 def sheet(

@@ -110,7 +110,14 @@ def drawn() -> dict:
 def draw(name, shading) -> dict[str, np.ndarray]:
     """The buffers of one picture."""
     scene, options = drawn()[name]
-    frame = rz.render(scene, SIZE, shading=shading, outputs=("color", "depth", "face", "normal"), threads=1, **options)
+    frame = rz.render(
+        scene,
+        SIZE,
+        shading=shading,
+        outputs=("color", "depth", "face", "normal"),
+        threads=1,
+        **{"samples": 1} | options,
+    )
     return {buffer: getattr(frame, buffer) for buffer in BUFFERS}
 
 

@@ -13,8 +13,7 @@ from helpers.model_bytes import box, exported, gltf_with
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.frame import write_whole
-from rasterizer.io.files import Folder, OutsideError, identity_of, read_named
+from rasterizer.io.files import Folder, OutsideError, identity_of, read_named, write_whole
 
 TEXTURED = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 1/1 2/2 3/3\n"
 SECRET = "outside/secret.png"

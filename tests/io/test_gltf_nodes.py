@@ -10,7 +10,8 @@ from rasterizer.errors import ModelError
 from rasterizer.io.gltf_nodes import world_matrices
 from rasterizer.io.loader import load
 from rasterizer.scene.camera import Camera
-from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight, studio
+from rasterizer.scene.light_presets import studio
+from rasterizer.scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
 
 QUARTER = math.sqrt(0.5)  # of a turn, as part of a quaternion
 

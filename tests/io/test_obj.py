@@ -138,7 +138,7 @@ def test_texture_coordinates_without_a_seam_belong_to_vertices():
     assert mesh.uv.tolist() == [[0, 0], [1, 0], [1, 1]]
 
 
-def test_zero_normals_become_those_of_the_triangle():
+def test_zero_normals_are_computed_from_the_faces():
     facts = []
     text = POINTS + "vn 0 0 0\nvn 0 1 0\nf 1//1 2//2 3//2\n"
     (mesh,) = load_obj(text, log=facts.append).meshes
@@ -256,7 +256,7 @@ def load_with_mtl(folder, mtl, text=POINTS + "usemtl a\nf 1 2 3\n", **options):
             "Ka 1 1 1\nKd 0.5 0 0\nKs 1 1 1\nKe 0 0 2\nillum 0",
             Material(ambient=0, diffuse=0, specular=0, emissive=(0.5, 0, 2)),
         ),
-        ("Kd 0 0 0\nKe 1 2 3", Material(diffuse=0, specular=0, emissive=(1, 2, 3))),
+        ("Kd 0 0 0\nKe 1 2 3", Material(diffuse=0, specular=0, emissive=(1.0, 2, 3))),
         ("d 0.25", Material(specular=0, opacity=0.25)),
         ("Tr 0.25", Material(specular=0, opacity=0.75)),
         ("Tr 0.25\nd 1", Material(specular=0)),
@@ -355,10 +355,11 @@ def test_missing_material_is_warned_of_and_named(tmp_path):
         ("v 0 0\nv 1 0\nv 1 1\nf 1 2 3\n", r":1: a vertex has 2 numbers, 3 are needed$"),
         (POINTS + "vn 0 0\nf 1//1 2//1 3//1\n", r":9: a normal has 2 numbers, 3 are needed$"),
         ("# c\r\n\r\nv 0 0 0\r\nv 1 0 0 \\\r\n\r\nv x 1 0\r\nf 1 2 3\r\n", r":6: 'x' is not a number$"),
-        (POINTS, r": no faces$"),
-        (POINTS + "f 1 2\n", r": no faces$"),
+        (POINTS, r": a point cloud: 8 points, no faces$"),
+        (POINTS + "p 1 2\np 3\n", r": a point cloud: 3 points, no faces$"),
+        (POINTS + "f 1 2\n", r": nothing but lines: 1 line, no faces$"),
         ("f 1 2 3\n", r":1: face refers to vertex 1, the file has 0$"),
-        (POINTS + "l 1 2\n", r": no faces$"),
+        (POINTS + "l 1 2\nl 2 3 4\np 1\n", r": nothing but lines: 2 lines, no faces$"),
         ("hello world\n", r": no faces$"),
         (POINTS + "f 1 1 2\nf 3 3 3\n", r"every face has zero area"),
         ("v nan 0 0\nv inf 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 2 3 4\n", r"2 of 4 vertices .* not finite"),

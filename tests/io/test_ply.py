@@ -1,9 +1,11 @@
 """PLY: every kind of file that others write, and errors that name the line."""
 
 import struct
+import warnings
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
@@ -149,3 +151,85 @@ def test_faults_name_the_line(data, fault):
 def test_rows_may_be_written_on_any_lines():
     rows = points().replace("\n", " ") + "\n3\n0 1\n2 3 3\n4 5"
     assert only(text(FACES.format(n=2), rows)).n_face == 2
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("count", [("uchar", "u1"), ("char", "i1"), ("ushort", "u2"), ("int", "i4"), ("float", "f4")])
+def test_binary_rows_of_lists_of_several_lengths_are_those_of_text(order, count):
+    rng = np.random.default_rng(7)
+    faces = [rng.choice(6, rng.integers(3, 6), replace=False).tolist() for _ in range(40)] + [[0, 1], [], [5, 4, 3]]
+    properties = f"property uchar red\nproperty list {count[0]} short vertex_indices\nproperty double green\n"
+    elements = f"element face {len(faces)}\n{properties}property uchar blue\n"
+    rows = [f"{k} {len(face)} {' '.join(map(str, face))} {k / 2} {255 - k}" for k, face in enumerate(faces)]
+    written = text(elements, points() + "\n".join(rows) + "\n")
+    data = np.array([float(word) for word in points().split()], order + "f4").tobytes()
+    for k, face in enumerate(faces):
+        data += bytes([k]) + np.array(len(face), order + count[1]).tobytes() + np.array(face, order + "i2").tobytes()
+        data += np.array(k / 2, order + "f8").tobytes() + bytes([255 - k])
+    name = "binary_little_endian" if order == "<" else "binary_big_endian"
+    header = written[: written.index(b"end_header\n") + 11].replace(b"ascii", name.encode())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # polygons that cross themselves
+        one, other = only(header + data), only(written)
+        assert np.array_equal(one.faces, other.faces) and np.array_equal(one.polygons, other.polygons)
+        assert np.allclose(one.face_colors[:, [0, 2]], other.face_colors[:, [0, 2]])
+    for n in range(1, 60):
+        with pytest.raises(ModelError, match="binary PLY of another length than its header says"):
+            only(header + data[:-n])
+
+
+def test_a_long_list_among_short_ones_takes_no_square_of_its_length():
+    elements = "element face 3\nproperty list uint int vertex_indices\n"
+    header = text(elements, "").replace(b"ascii", b"binary_little_endian")
+    data = np.array([float(word) for word in points().split()], "<f4").tobytes()
+    long = np.arange(200_000, dtype="<i4") % 2
+    for face in ([0, 1, 2], long, [0, 1, 2, 3]):
+        data += np.array([len(face), *face], "<i4").tobytes()
+    with pytest.raises(ModelError, match="face 1"):
+        only(header + data)
+    huge = data.replace(np.array([len(long)], "<u4").tobytes(), b"\xff\xff\xff\xff")
+    with pytest.raises(ModelError, match="ends in face row 1 of 3"):
+        only(header + huge)
+
+
+def test_what_is_not_used_is_said():
+    facts = []
+    elements = (
+        "property float confidence\n" + FACES.format(n=1) + "property uchar flags\nelement edge 2\nproperty int a\n"
+        "element camera 1\nproperty float focus\n"
+    )
+    only(text(elements, points("0.5") + "3 0 1 2 7\n1\n2\n9\n"), log=facts.append)
+    assert facts == [
+        "model: 1 faces, no file normals; not used: 2 lines, vertex properties confidence, face properties flags, "
+        "elements 'camera'"
+    ]
+
+
+WEDGES = FACES.format(n=3) + "property list uchar float texcoord\nproperty int texnumber\n"
+PICTURES = "comment TextureFile red.png\ncomment TextureFile  dark blue.png \r\n".replace("\r", "")
+
+
+def test_pictures_of_faces(tmp_path):
+    for name, color in (("red.png", (255, 0, 0)), ("Dark Blue.png", (0, 0, 90))):
+        Image.new("RGB", (2, 2), color).save(tmp_path / name)
+    rows = "".join(f"3 0 1 {k + 2} 6 0 0 1 0 1 1 {number}\n" for k, number in enumerate((1, 0, -1)))
+    (tmp_path / "m.ply").write_bytes(text(WEDGES, points() + rows, comment=PICTURES))
+    facts = []
+    (mesh,) = load(tmp_path / "m.ply", log=facts.append).meshes
+    names = [mesh.palette[k].texture and mesh.palette[k].texture.name for k in mesh.face_material]
+    assert names == [str(tmp_path / "Dark Blue.png"), str(tmp_path / "red.png"), None]
+    assert mesh.material.diffuse == (1, 1, 1) and facts == [
+        "%s: 3 faces, 2 textures, no file normals" % (tmp_path / "m.ply")
+    ]
+    (tmp_path / "m.ply").write_bytes(text(WEDGES, points() + rows, comment=PICTURES.replace("red", "gone")))
+    with pytest.warns(UserWarning, match="gone.png' of material 'TextureFile 0' not found"):
+        assert load(tmp_path / "m.ply").meshes[0].material.texture is None
+
+
+def test_one_picture_of_vertices(tmp_path):
+    Image.new("L", (2, 2), 99).save(tmp_path / "a.png")
+    rows = "".join(f"{x} {y} {z} {x / 8} {y / 8}\n" for x, y, z in POINTS) + "3 0 1 2\n"
+    elements = "property float texture_u\nproperty float texture_v\n" + FACES.format(n=1)
+    (tmp_path / "m.ply").write_bytes(text(elements, rows, comment="comment TextureFile a.png\n"))
+    (mesh,) = load(tmp_path / "m.ply").meshes
+    assert mesh.material.texture.image.shape == (2, 2, 4) and mesh.uv.max() == 1.0

@@ -238,7 +238,7 @@ BAD = [
     ({"materials": {"a": {"texture": {"filter": "cubic"}}}}, "materials.a.texture: a texture needs either file"),
     ({"materials": {"a": {"diffuse": {"values": [1]}}}}, "materials.a.diffuse: wavelengths is missing"),
     ({"materials": {"a": {"diffuse": {"wavelengths": [5, 4], "values": [1, 1]}}}}, "materials.a.diffuse.wavelengths: "),
-    ({"lights": "sun"}, "lights: must be a table, or one of studio, headlight; given 'sun'"),
+    ({"lights": "sun"}, "lights: must be a table, or one of studio, headlight, tabletop; given 'sun'"),
     ({"lights": [{"color": 1}]}, r"lights\[0\]: kind is missing; legal are ambient, directional"),
     ({"lights": [{"kind": "sun"}]}, r"lights\[0\].kind: must be one of ambient"),
     ({"lights": ["studio", {"kind": "point"}]}, r"lights\[1\]: position is missing"),

@@ -242,6 +242,11 @@ def test_a_fault_while_writing_leaves_the_old_files(tmp_path, monkeypatch):
     assert before == {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)}
 
 
+def test_colors_of_corners_come_back(tmp_path):
+    scene = rz.Scene(rz.Mesh(SQUARE, TWO, colors=np.random.default_rng(2).random((2, 3, 4))))
+    assert_same(scene, rz.load(scene.save(tmp_path / "a.json")))
+
+
 def test_damaged_arrays(tmp_path):
     path = rz.Scene(rz.Mesh(SQUARE, [[0, 1, 2]])).save(tmp_path / "a.json")
     content = (tmp_path / "a.npz").read_bytes()

@@ -131,7 +131,7 @@ def test_models_are_those_of_the_reference(name, shading):
     expected = reference.render(scene, size, shading=shading).color
     assert np.ptp(expected) > 0.2
     for tolerance, budget in ((0.0, 1e-6), (DEFAULT_TOLERANCE, DEFAULT_TOLERANCE)):
-        frame = rz.render(scene, size, shading=shading, tolerance=tolerance)
+        frame = rz.render(scene, size, shading=shading, tolerance=tolerance, samples=1)
         off = np.sort(np.abs(frame.color - expected).max(axis=2), axis=None)
         worst = off[-3] if "sharp" in name else off[-1]
         assert worst <= budget, f"{worst:.3g} > {budget:.3g}"
@@ -144,15 +144,18 @@ def test_many_lights_add_up():
     lights += [rz.SpotLight(rng.normal(size=3) * 5, rng.normal(size=3), 0.02, 30, 60) for _ in range(30)]
     lights += [rz.DirectionalLight(rng.normal(size=3), 0.01) for _ in range(29)]
     lights += [rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0), 0.1, (2, 2))]
-    together = rz.render(models(lights), size, shading="phong", tolerance=0).color
-    alone = sum(rz.render(models([light]), size, shading="phong", tolerance=0).color.astype(float) for light in lights)
+    together = rz.render(models(lights), size, shading="phong", tolerance=0, samples=1).color
+    alone = sum(
+        rz.render(models([light]), size, shading="phong", tolerance=0, samples=1).color.astype(float)
+        for light in lights
+    )
     assert np.abs(together - alone).max() <= 1e-5 and together.max() > 0.05
 
 
 def test_a_scene_without_a_spot_compiles_and_runs_no_spot_code():
     """Batch functions are looked up by the lights that are there."""
     scene = models([rz.PointLight((1, 2, 3)), rz.AreaLight((3, 3, 3), (1, 0, 0), (0, 1, 0)), rz.AmbientLight(0.1)])
-    assert rz.Renderer(scene, 8).plan.light_functions == ("point",)
+    assert rz.Renderer(scene, 8, samples=1).plan.light_functions == ("point",)
 
 
 def test_the_usual_fall_is_the_usual_code():
@@ -165,7 +168,7 @@ def test_the_usual_fall_is_the_usual_code():
     assert functions == [spot, shaped_spot]
     nearly = rz.SpotLight((0, 0, 1), (0, 0, -1), falloff=np.nextafter(1.0, 2))
     pictures = [
-        rz.render(rz.Scene(models(()).meshes, [light]), 40, shading="phong", tolerance=0).color
+        rz.render(rz.Scene(models(()).meshes, [light]), 40, shading="phong", tolerance=0, samples=1).color
         for light in (usual, nearly)
     ]
     assert np.abs(pictures[0] - pictures[1]).max() <= 1e-7

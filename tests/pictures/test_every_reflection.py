@@ -355,7 +355,7 @@ def test_pictures_agree_with_the_reference(name):
         for shading in SHADINGS:
             for tolerance in (0.0, 1 / 4096):
                 found = compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance)
-                brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance).plan.bound
+                brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance, samples=1).plan.bound
                 budget = tolerance or max(EXACT, 2 * SINGLE * brightest)
                 assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
                 assert found.n_compared > 100
@@ -393,6 +393,8 @@ def test_the_command_line_knows_every_model(name, tmp_path):
         "24",
         "--shading",
         "phong",
+        "--preset",
+        "studio",
         "-o",
         out,
         "-q",
@@ -400,7 +402,9 @@ def test_the_command_line_knows_every_model(name, tmp_path):
     assert main([str(word) for word in argv]) == 0
     scene = rz.load(model)
     meshes = [replace(m, material=replace(m.material, reflection=name)) for m in scene.meshes]
-    expected = rz.render(replace(scene, meshes=tuple(meshes)), (24, 24), shading="phong", outputs=("color",)).color
+    expected = rz.render(
+        replace(scene, meshes=tuple(meshes)), (24, 24), shading="phong", outputs=("color",), samples=1
+    ).color
     assert (np.load(out) == expected).all()
 
 

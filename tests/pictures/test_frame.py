@@ -13,7 +13,9 @@ from PIL import Image
 
 from rasterizer import frame as frame_module
 from rasterizer.errors import OutputError, SceneError
-from rasterizer.frame import Frame, Stats, picture_format, write_whole
+from rasterizer.frame import Frame, Stats
+from rasterizer.io.files import write_whole
+from rasterizer.io.picture_formats import picture_format
 
 STATS = Stats(12, 0, 6, 6, 3, 12, 1, 1e-4, {"scan": 1.5, "shade": 0.5})
 
@@ -140,7 +142,7 @@ def test_arrays_are_saved_by_name(tmp_path):
     with pytest.raises(SceneError, match="array must be one of color, rgb"):
         frame.save(tmp_path / "c.npy", array="colour")
     with pytest.raises(SceneError, match="arrays are written as .npy"):
-        frame.save(tmp_path / "d.png", array="depth")
+        frame.save(tmp_path / "d.jpg", array="depth")
     assert sorted(os.listdir(tmp_path)) == ["a.npy", "d.npy"]
 
 

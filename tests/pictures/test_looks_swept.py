@@ -78,12 +78,12 @@ def test_random_looks_keep_their_bounds(seed):
     for _ in range(4):
         scene, shading = random_scene(rng), SHADINGS[rng.integers(len(SHADINGS))]
         found = compare_with_reference(scene, SIZE, shading=shading, tolerance=0)
-        with rz.Renderer(scene, SIZE, shading=shading, tolerance=0) as renderer:
+        with rz.Renderer(scene, SIZE, shading=shading, tolerance=0, samples=1) as renderer:
             exact, brightest = renderer.render(), renderer.plan.bound
         budget = max(EXACT, 2.0**-23 * brightest)
         assert found.color <= budget, f"against the reference: {found.color:.3g} > {budget:.3g} in {scene}, {shading}"
         for tolerance in (1e-5, 1 / 4096, 0.01):
-            with rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance) as renderer:
+            with rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance, samples=1) as renderer:
                 frame = renderer.render()
                 n_single += renderer.plan.dtype == "float32"
             error = np.abs(frame.color.astype(float) - exact.color).max()

@@ -105,7 +105,7 @@ SCENES = {
 def test_each_surface_is_within_the_bound_of_the_picture(name, shading, samples, tolerance):
     """Against the reference, which knows of no ways; a toon's levels jump, so a few of their pixels may be off."""
     scene, options = SCENES[name](), {"shading": shading, "samples": samples, "tolerance": tolerance}
-    stats = rz.render(scene, SIZE, **options).stats
+    stats = rz.render(scene, SIZE, **{"samples": 1} | options).stats
     bound, most = stats.error_bound, max(1.01 * tolerance, 1e-6 * max(stats.plan.bound, 1.0))
     assert bound <= most, f"the bound {bound:.3g} > {most:.3g}"
     has_steps = any(material.reflection == "toon" for mesh in scene.meshes for material in mesh.palette)
@@ -122,7 +122,7 @@ def draw_in_bands(monkeypatch, scene, n_row, size=SIZE, **options):
         patch.setattr(
             draw, "choose_band_rows", lambda width, height, n_thread, factor: max(n_row // factor, 1) * factor
         )
-        return rz.render(scene, size, outputs=("color", "rgb"), **options)
+        return rz.render(scene, size, outputs=("color", "rgb"), **{"samples": 1} | options)
 
 
 def assert_same_in_all_bands(monkeypatch, scene, message, size=SIZE, **options):
@@ -191,7 +191,7 @@ def test_a_speck_leaves_every_pixel_of_a_plain_object_as_it_is(speck, shading, s
     plain, pictures = ball("plain", radius=1.1), {}
     for name, center in PLACES.items():
         scene = rz.Scene([plain, FRAME_OF_ALL, ball(speck, center, 0.12, SPECK)], GREY, CAMERA)
-        pictures[name] = rz.render(scene, SIZE, outputs=("color", "rgb", "face"), **options)
+        pictures[name] = rz.render(scene, SIZE, outputs=("color", "rgb", "face"), **{"samples": 1} | options)
     expected = pictures["far above"]
     is_plain = (expected.face >= 0) & (expected.face < plain.n_face)
     for name, frame in pictures.items():
@@ -244,7 +244,7 @@ def way_of(shading, channels, dtype, is_opaque):
 ])  # fmt: skip
 def test_a_plan_tells_what_each_material_needs(looks, shading):
     """Materials of equal needs together; the picture's own line says what all of them need at most."""
-    with rz.Renderer(balls(looks), SIZE, shading=shading) as renderer:
+    with rz.Renderer(balls(looks), SIZE, shading=shading, samples=1) as renderer:
         before, frame = renderer.plan, renderer.render()
     plan = frame.stats.plan
     assert before._replace(ways=plan.ways) == plan
@@ -286,7 +286,7 @@ def test_textures_alone_are_drawn_as_beside_others(shading, samples):
 def test_stats_count_the_ways_of_every_material(shading):
     """Those of a fine plain ball beside a toon and a coloured one."""
     meshes = ball("plain", (-1, -1, 0), shape=octasphere(5)), *balls(["toon", "coloured"]).meshes
-    frame = rz.render(rz.Scene(meshes, GREY, CAMERA), SIZE, shading=shading, threads=1)
+    frame = rz.render(rz.Scene(meshes, GREY, CAMERA), SIZE, shading=shading, threads=1, samples=1)
     ways, n_face = frame.stats.plan.ways, len(BALL[1])
     assert ways.exact >= n_face // 2, f"the toon: {ways}"
     assert ways.planes >= n_face // 2, f"the coloured ball: {ways}"
@@ -302,6 +302,6 @@ def test_the_report_of_many_materials_is_short():
     vertices, faces = octasphere(1)
     mesh = rz.Mesh(vertices, faces, materials=looks, face_material=np.arange(len(faces)) % 30)
     colored = ball("coloured", (1, 1, 0))
-    plan = rz.render(rz.Scene([mesh, colored], GREY, CAMERA), SIZE, shading="phong").stats.plan
+    plan = rz.render(rz.Scene([mesh, colored], GREY, CAMERA), SIZE, shading="phong", samples=1).stats.plan
     assert len(plan.needs) == 2 and plan.needs[0].materials == tuple(range(30))
     assert "materials 0, 1, 2, 3, 4, 5, 6, 7, … (30 of them): 1 channel, float32" in repr(plan)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import make_models
 import numpy as np
 import pytest
+from helpers import true_surfaces
 from helpers.against_reference import EXACT, assert_matches_reference, compare_with_reference
 from helpers.pinhole import ALBEDO, DULL, SHADINGS, octasphere, torus, unit
 from helpers.raster import COLORED, GREY, ROOT, sheet
@@ -12,7 +13,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from bench import analytic
 
 DEFAULT = 1 / 4096
 SIZE = (96, 72)
@@ -94,7 +94,7 @@ def test_the_stated_bound_holds(shading, tolerance, brightness):
     scene = rz.Scene([rz.Mesh(*torus(24, 12))], lights, VIEW)
     for samples in (1, 16):
         options = {"shading": shading, "tolerance": tolerance, "samples": samples}
-        bound = rz.render(scene, SIZE, **options).stats.error_bound
+        bound = rz.render(scene, SIZE, **{"samples": 1} | options).stats.error_bound
         found = compare_with_reference(scene, SIZE, **options)
         assert found.color <= bound, f"{samples} samples: {found.color:.3g} > the stated bound {bound:.3g}"
 
@@ -192,10 +192,10 @@ def test_errors_against_the_true_surface(name, specular):
         solid = make(level)
         mesh = rz.Mesh(solid.points, solid.faces, material=material, crease_angle=180)
         scene = rz.Scene([mesh], GREY, camera)
-        truth = analytic.draw(name, scene, (160, 120), 1)
+        truth = true_surfaces.draw(name, scene, (160, 120), 1)
         rms = []
         for shading in SHADINGS:
-            frame = rz.render(scene, (160, 120), shading=shading)
+            frame = rz.render(scene, (160, 120), shading=shading, samples=1)
             both = (frame.alpha > 0) & (truth.alpha > 0)
             assert both.sum() > 5000
             rms.append(np.sqrt(np.mean((frame.color - truth.color)[both] ** 2)))
@@ -217,7 +217,8 @@ def test_a_highlight_inside_a_triangle_is_lost_by_gouraud_and_found_by_phong():
     scene = sheet(size, corners, 1.0, [[0, 1, 2]], lights, normals=lean, material=material)
     for tolerance in (0.0, DEFAULT):
         flat, gouraud, phong = (
-            rz.render(scene, size, shading=shading, tolerance=tolerance).color[..., 1] for shading in SHADINGS
+            rz.render(scene, size, shading=shading, tolerance=tolerance, samples=1).color[..., 1]
+            for shading in SHADINGS
         )
         at = middle[::-1]
         highlight = phong - (phong > 0) * 0.2
@@ -257,7 +258,7 @@ def test_flat_gouraud_and_phong_agree_on_a_lit_plane(points, slopes, direction, 
     expected = 0.7 * (0.1 + n_dot_l * np.array(lights[1].color))
     for shading in SHADINGS:
         for tolerance, budget in ((0.0, EXACT), (DEFAULT, DEFAULT)):
-            frame = rz.render(scene, SIZE, shading=shading, tolerance=tolerance)
+            frame = rz.render(scene, SIZE, shading=shading, tolerance=tolerance, samples=1)
             error = np.abs(frame.color - expected)[frame.alpha > 0].max(initial=0.0)
             assert error <= budget, f"{shading}: {error:.3g} > {budget:.3g}"
 
@@ -288,7 +289,7 @@ def test_increments_do_not_drift_over_long_spans(rise, channels):
     expected = at_corners[0] + share * (at_corners[1] - at_corners[0])
     by_tolerance = {}
     for tolerance, budget in ((0.0, EXACT), (DEFAULT, DEFAULT)):
-        color = rz.render(scene, WIDE, tolerance=tolerance).color[..., 1]
+        color = rz.render(scene, WIDE, tolerance=tolerance, samples=1).color[..., 1]
         error = np.abs(color - expected)
         assert error.max() <= budget, f"{error.max():.3g} > {budget:.3g}"
         by_tolerance[tolerance] = color
@@ -376,7 +377,7 @@ def test_averaged_normals_hide_the_teeth_of_a_saw_and_creases_show_them():
         drawn = {}
         for angle in (180, 30):
             mesh = replace(load("sawtooth.obj", crease_angle=angle).meshes[0], material=DULL)
-            frame = rz.render(rz.Scene([mesh], lights, camera), size, shading=shading)
+            frame = rz.render(rz.Scene([mesh], lights, camera), size, shading=shading, samples=1)
             assert (frame.alpha == 1).all()
             drawn[angle] = frame.color[:, 20:-20, 1]  # the outermost slopes have no neighbour to average with
         even, teeth = drawn[180], drawn[30]
@@ -438,7 +439,7 @@ def test_facets_of_a_round_wall_show_only_without_smoothing():
     for angle, least, most in ((0, 14, 20), (30, 100, 200)):
         mesh = replace(load("cylinder.obj", crease_angle=angle).meshes[0], material=DULL)
         scene = rz.Scene([mesh], [light], camera)
-        row = rz.render(scene, (320, 240), tolerance=0).color[120, :, 1]
+        row = rz.render(scene, (320, 240), tolerance=0, samples=1).color[120, :, 1]
         n_value = len(np.unique(row.round(6)))
         assert least <= n_value <= most, f"{angle} degrees: {n_value} values, not {least} to {most}"
 

@@ -32,7 +32,7 @@ OPTIONS = [
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 @pytest.mark.parametrize(("background", "opacity"), [(None, 1.0), ("orange", 1.0), (None, 0.5)])
 def test_the_file_is_that_of_the_frame(tmp_path, options, background, opacity):
-    with rz.Renderer(ring(background, opacity), SIZE, **options) as renderer:
+    with rz.Renderer(ring(background, opacity), SIZE, **{"samples": 1} | options) as renderer:
         frame = renderer.render()
         has_color = "color" in renderer.options.outputs
         kinds = [("x.tif", None), ("x.TIFF", None), *((f"{name}.npy", name) for name in ("rgb", "rgba", "alpha"))]
@@ -58,7 +58,7 @@ def test_other_files_are_written_as_a_frame_saves_them(tmp_path):
 
 def test_another_camera_and_a_path_as_text(tmp_path):
     other = rz.Camera.perspective((0, 3, 3), fov=40)
-    with rz.Renderer(ring(), SIZE) as renderer:
+    with rz.Renderer(ring(), SIZE, samples=1) as renderer:
         renderer.render_to(str(tmp_path / "x.tif"), other)
         assert np.array_equal(np.asarray(Image.open(tmp_path / "x.tif")), renderer.render(other).rgba)
 
@@ -75,13 +75,13 @@ def test_another_camera_and_a_path_as_text(tmp_path):
     ],
 )
 def test_what_a_file_cannot_hold(tmp_path, outputs, name, array, words):
-    with rz.Renderer(ring(), SIZE, outputs=outputs) as renderer, pytest.raises(rz.SceneError, match=words):
+    with rz.Renderer(ring(), SIZE, outputs=outputs, samples=1) as renderer, pytest.raises(rz.SceneError, match=words):
         renderer.render_to(tmp_path / name, array=array)
     assert os.listdir(tmp_path) == []
 
 
 def test_places_that_cannot_be_written(tmp_path):
-    with rz.Renderer(ring(), SIZE) as renderer:
+    with rz.Renderer(ring(), SIZE, samples=1) as renderer:
         with pytest.raises(rz.OutputError, match="there is no folder"):
             renderer.render_to(tmp_path / "missing" / "x.tif")
         with pytest.raises(rz.OutputError, match="is unknown"):
@@ -106,7 +106,7 @@ def test_a_fault_while_drawing_leaves_nothing(tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(RowFile, "write_rows", fail)
-    with rz.Renderer(ring(), SIZE, threads=2) as renderer, pytest.raises(KeyboardInterrupt):
+    with rz.Renderer(ring(), SIZE, threads=2, samples=1) as renderer, pytest.raises(KeyboardInterrupt):
         renderer.render_to(tmp_path / "x.tif")
     assert os.listdir(tmp_path) == []
 
@@ -141,9 +141,11 @@ def test_a_picture_may_be_larger_than_the_memory(tmp_path):
 def test_a_picture_is_drawn_into_the_array_that_is_given(outputs, color_range):
     out = np.full((SIZE[1], SIZE[0], 4), 77, np.uint8)
     options = {"outputs": outputs, "color_range": color_range}
-    frame = rz.render(ring(), SIZE, out=out, **options)
-    assert np.shares_memory(frame.rgba, out) and np.array_equal(out, rz.render(ring(), SIZE, **options).rgba)
-    with rz.Renderer(ring(), SIZE, **options) as renderer:
+    frame = rz.render(ring(), SIZE, out=out, **{"samples": 1} | options)
+    assert np.shares_memory(frame.rgba, out) and np.array_equal(
+        out, rz.render(ring(), SIZE, **{"samples": 1} | options).rgba
+    )
+    with rz.Renderer(ring(), SIZE, **{"samples": 1} | options) as renderer:
         first = renderer.render(out=out).rgba.copy()
         assert np.array_equal(renderer.render(out=out).rgba, first)
 
@@ -151,9 +153,9 @@ def test_a_picture_is_drawn_into_the_array_that_is_given(outputs, color_range):
 def test_a_picture_is_drawn_into_a_mapped_file(tmp_path):
     shape = (SIZE[1], SIZE[0], 4)
     mapped = np.lib.format.open_memmap(tmp_path / "x.npy", "w+", np.uint8, shape)
-    rz.render(ring(), SIZE, outputs="rgb", out=mapped)
+    rz.render(ring(), SIZE, outputs="rgb", out=mapped, samples=1)
     mapped.flush()
-    assert np.array_equal(np.load(tmp_path / "x.npy"), rz.render(ring(), SIZE).rgba)
+    assert np.array_equal(np.load(tmp_path / "x.npy"), rz.render(ring(), SIZE, samples=1).rgba)
 
 
 ROOM = np.zeros((SIZE[1], SIZE[0], 4), np.uint8)
@@ -169,7 +171,7 @@ READ_ONLY.flags.writeable = False
 )  # fmt: skip
 def test_arrays_that_do_not_fit(out):
     with pytest.raises(rz.SceneError, match=r"out must be a writable array \(43, 61, 4\) of uint8"):
-        rz.render(ring(), SIZE, out=out)
+        rz.render(ring(), SIZE, out=out, samples=1)
 
 
 def test_an_array_takes_a_picture_only():

@@ -77,10 +77,12 @@ def test_many_cameras_give_the_bytes_of_fresh_renders(shading, setup):
     for lights in (COLORED, CARRIED):
         scene = scene_of(lights)
         cameras = [*walk(15)] * 2
-        with rz.Renderer(scene, **options) as renderer:
+        with rz.Renderer(scene, **{"samples": 1} | options) as renderer:
             frames = [renderer.render(camera) for camera in cameras]
         drawn = [digest(frame) for frame in frames]  # after all are drawn: a later one may not change them
-        fresh = [digest(rz.render(scene_of(lights, camera=camera), **options)) for camera in cameras[:15]]
+        fresh = [
+            digest(rz.render(scene_of(lights, camera=camera), **{"samples": 1} | options)) for camera in cameras[:15]
+        ]
         assert drawn[:15] == fresh
         assert drawn[15:] == fresh
         assert len(set(drawn)) == 13, "three of the cameras see nothing, all others something else"
@@ -123,14 +125,14 @@ def test_a_scene_without_a_camera_is_framed_for_the_size():
         assert digest(rz.render(scene, size, outputs=ALL)) == digest(
             rz.render(replace(scene, camera=framed), size, outputs=ALL)
         )
-        covered = np.argwhere(rz.render(scene, size).alpha > 0)
+        covered = np.argwhere(rz.render(scene, size, samples=1).alpha > 0)
         share = (np.ptp(covered, axis=0) + 1) / (size[1], size[0])
         assert 0.88 < share.max() < 0.92, f"the scene fills {share.max():.2f} of the picture, not 0.9"
 
 
 @pytest.mark.parametrize("given", ["front", (0, 0, 5), 5])
 def test_what_is_no_camera_is_refused(given):
-    with rz.Renderer(scene_of(), SIZE) as renderer, pytest.raises(rz.SceneError, match="camera"):
+    with rz.Renderer(scene_of(), SIZE, samples=1) as renderer, pytest.raises(rz.SceneError, match="camera"):
         renderer.render(given)
 
 
@@ -140,9 +142,9 @@ def test_outputs_do_not_change_the_picture(shading):
     for samples, background in ((1, None), (4, "navy")):
         scene = scene_of(camera=next(walk(1)), background=background)
         options = {"size": SIZE, "shading": shading, "samples": samples}
-        whole = rz.render(scene, outputs=ALL, **options)
+        whole = rz.render(scene, outputs=ALL, **{"samples": 1} | options)
         for names in [(name,) for name in ALL] + [("rgb", "depth"), ("normal", "color"), ("face", "rgb")]:
-            some = rz.render(scene, outputs=names, **options)
+            some = rz.render(scene, outputs=names, **{"samples": 1} | options)
             for name in names:
                 assert getattr(some, name).tobytes() == getattr(whole, name).tobytes(), f"{name} of {names}"
             if "rgb" in names:
@@ -172,7 +174,7 @@ def test_inputs_are_never_changed():
         with rz.Renderer(scene, SIZE, shading=shading, outputs=ALL, color_range="global") as renderer:
             for camera in walk(5):
                 renderer.render(camera)
-        rz.render((given["vertices"], given["faces"]), SIZE, shading=shading)
+        rz.render((given["vertices"], given["faces"]), SIZE, shading=shading, samples=1)
     for name, array in given.items():
         assert array.flags.writeable and (array == before[name]).all(), name
         assert array.dtype == before[name].dtype
@@ -246,13 +248,13 @@ def test_renderers_in_threads_of_the_caller(is_shared):
     ]
     cameras = [*walk(10)] * 2
     expected = [
-        [digest(rz.render(replace(scene, camera=camera), **given)) for camera in cameras[:10]]
+        [digest(rz.render(replace(scene, camera=camera), **{"samples": 1} | given)) for camera in cameras[:10]]
         for scene, given in zip(scenes, options, strict=True)
     ]
     found, start = [None] * 4, threading.Barrier(4)
 
     def draw(k):
-        with rz.Renderer(scenes[k], **options[k]) as renderer:
+        with rz.Renderer(scenes[k], **{"samples": 1} | options[k]) as renderer:
             start.wait()
             found[k] = [digest(renderer.render(camera)) for camera in cameras]
 
@@ -266,7 +268,7 @@ def test_renderers_in_threads_of_the_caller(is_shared):
 
 def test_close_ends_the_threads():
     before = threading.active_count()
-    with rz.Renderer(scene_of(), SIZE, threads=4) as renderer:
+    with rz.Renderer(scene_of(), SIZE, threads=4, samples=1) as renderer:
         renderer.render()
         assert threading.active_count() > before
     assert threading.active_count() == before
@@ -296,7 +298,7 @@ def digests_of_two():
     found = [None, None]
 
     def draw(k, shading):
-        frame = rz.render(scene_of(GREY, camera=next(walk(1))), SIZE, shading=shading)
+        frame = rz.render(scene_of(GREY, camera=next(walk(1))), SIZE, shading=shading, samples=1)
         found[k] = hashlib.sha256(frame.color.tobytes() + frame.rgba.tobytes()).hexdigest()
 
     threads = [threading.Thread(target=draw, args=given) for given in enumerate(("gouraud", "phong"))]
@@ -316,7 +318,9 @@ def print_digests():
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_closed_renderer_says_so(threads):
-    with rz.Renderer(rz.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), (32, 24), threads=threads) as renderer:
+    with rz.Renderer(
+        rz.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), (32, 24), threads=threads, samples=1
+    ) as renderer:
         renderer.render()
     with pytest.raises(rz.SceneError, match="closed"):
         renderer.render()

@@ -46,12 +46,12 @@ def bytes_of(frame):
 @pytest.mark.parametrize("shading", ["gouraud", "phong"])
 def test_threads_that_share_a_renderer_take_turns(kind, shading):
     """384 pictures in all, of eight cameras; each is that of a Renderer of its own."""
-    with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2) as renderer:
+    with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2, samples=1) as renderer:
         expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS]
     wrong, order = [], sys.getswitchinterval()
     sys.setswitchinterval(1e-5)
     try:
-        with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2) as renderer:
+        with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2, samples=1) as renderer:
 
             def draw(first):
                 for k in range(first, first + 12):
@@ -69,7 +69,7 @@ def test_threads_that_share_a_renderer_take_turns(kind, shading):
 
 
 def test_close_waits_for_the_picture_that_is_being_drawn():
-    renderer, outcomes = rz.Renderer(scene_of("plain"), (400, 300), shading="phong", threads=2), []
+    renderer, outcomes = rz.Renderer(scene_of("plain"), (400, 300), shading="phong", threads=2, samples=1), []
 
     def draw():
         try:
@@ -108,7 +108,7 @@ def ends_well(function) -> bool:
 @forking
 @pytest.mark.parametrize("n_thread", [1, 2, 5])
 def test_a_forked_process_draws_on(n_thread):
-    with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread) as renderer:
+    with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread, samples=1) as renderer:
         expected = bytes_of(renderer.render())
 
         def child():
@@ -124,7 +124,7 @@ def test_a_forked_process_draws_on(n_thread):
 @pytest.mark.parametrize("n_thread", [1, 2])
 def test_a_fork_while_others_draw(n_thread):
     """The child has neither the threads nor whoever holds the lock."""
-    with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread) as renderer:
+    with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread, samples=1) as renderer:
         expected, is_over = bytes_of(renderer.render()), threading.Event()
 
         def draw():
@@ -151,6 +151,7 @@ def test_a_fork_while_a_kernel_is_compiled():
     from rasterizer.compiler import internals
 
     assert internals.IS_SEEN
+    numba.njit(lambda x: x)(1)  # what numba sets up once has a lock of its own
     is_begun = threading.Event()
 
     def compile_many():
@@ -177,7 +178,7 @@ def digest_of(k):
 @forking
 @pytest.mark.parametrize("n_thread", [1, 2])
 def test_a_pool_of_forked_processes(n_thread):
-    with rz.Renderer(scene_of("near light"), SIZE, threads=n_thread) as renderer:
+    with rz.Renderer(scene_of("near light"), SIZE, threads=n_thread, samples=1) as renderer:
         expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS]
         SHARED["renderer"] = renderer
         with multiprocessing.get_context("fork").Pool(2) as pool:
@@ -188,7 +189,7 @@ def test_a_pool_of_forked_processes(n_thread):
 @pytest.mark.parametrize("kind", ["plain", "layered"])
 def test_a_pickled_renderer_is_one_of_the_same_scene_and_options(kind):
     options = {"shading": "phong", "tolerance": 0.01, "samples": 4, "cull": "back", "threads": 2, "exposure": 0.5}
-    with rz.Renderer(scene_of(kind), SIZE, outputs=("rgb", "color", "depth"), **options) as renderer:
+    with rz.Renderer(scene_of(kind), SIZE, outputs=("rgb", "color", "depth"), **{"samples": 1} | options) as renderer:
         expected = renderer.render()
         with pickle.loads(pickle.dumps(renderer)) as other:
             assert other.options == renderer.options
@@ -205,7 +206,7 @@ def test_a_pickled_renderer_is_one_of_the_same_scene_and_options(kind):
 def test_a_picture_that_fails_leaves_nothing_in_the_next(monkeypatch, fault, stage, n_thread):
     """A z-buffer half full would show the first picture's surfaces in the second."""
     kind = "layered" if stage in ("list_fragments", "composite") else "plain"
-    with rz.Renderer(scene_of(kind), (200, 150), threads=n_thread) as renderer:
+    with rz.Renderer(scene_of(kind), (200, 150), threads=n_thread, samples=1) as renderer:
         expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS[:3]]
         module = next(each for each in (drawing, passes, transparency) if hasattr(each, stage))
         real = getattr(module, stage)
@@ -250,7 +251,7 @@ def test_nothing_runs_on_after_an_error(n_thread):
 @pytest.mark.skipif(os.name != "posix", reason="needs signals to a process of its own")
 def test_an_interrupt_in_the_middle_of_a_picture():
     """Ctrl-C at any time: the Renderer draws the right picture afterwards."""
-    with rz.Renderer(scene_of("shadows"), (300, 200), shading="phong", threads=2) as renderer:
+    with rz.Renderer(scene_of("shadows"), (300, 200), shading="phong", threads=2, samples=1) as renderer:
         expected, rng = bytes_of(renderer.render()), np.random.default_rng(4)
         previous = signal.signal(signal.SIGALRM, signal.default_int_handler)
         try:

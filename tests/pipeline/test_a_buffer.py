@@ -40,7 +40,7 @@ def panes(n, order=None):
 
 def show(meshes, shading="gouraud", background=None, lights=WHITE, size=SIZE, **options):
     scene = rz.Scene(meshes, lights, sheet_camera(SIZE[1]), background)
-    return rz.render(scene, size, shading=shading, **({"tolerance": 0} | options))
+    return rz.render(scene, size, shading=shading, **({"samples": 1} | {"tolerance": 0} | options))
 
 
 def over(n):
@@ -168,7 +168,7 @@ def test_the_alpha_of_a_texture_multiplies_the_opacity(shading):
 
 def test_layers_of_a_grey_scene_take_one_channel():
     meshes = [pane(2.0, paint(0.9, 0.5)), pane(3.0, paint(0.4, 0.25))]
-    with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE, tolerance=0) as renderer:
+    with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE, tolerance=0, samples=1) as renderer:
         assert renderer.plan.channels == 1
         frame = renderer.render()
     assert np.abs(frame.color * frame.alpha[..., None] - (0.45 + 0.5 * 0.25 * 0.4)).max() < 1e-6
@@ -235,9 +235,9 @@ def test_a_soup_of_triangles_is_that_of_the_judge(shading, samples):
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_threads_and_repetition_do_not_matter(shading):
     scene = rz.Scene([soup(5)], LIT, rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=70))
-    expected = rz.render(scene, (200, 150), shading=shading, threads=1)
+    expected = rz.render(scene, (200, 150), shading=shading, threads=1, samples=1)
     for threads in (1, 2, 3):
-        with rz.Renderer(scene, (200, 150), shading=shading, threads=threads) as renderer:
+        with rz.Renderer(scene, (200, 150), shading=shading, threads=threads, samples=1) as renderer:
             for _ in range(2):
                 frame = renderer.render()
                 assert (
@@ -260,7 +260,7 @@ def test_a_back_is_seen_through_the_front():
 
 def test_an_opaque_scene_plans_no_layers():
     for meshes, is_layered in (([pane(2.0, paint(0.5))], False), (panes(2), True)):
-        with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE) as renderer:
+        with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE, samples=1) as renderer:
             renderer.render()
             assert ("transparency" in renderer.plan.features) == is_layered
             (kind,) = renderer._prepared.workspaces._free
@@ -359,7 +359,9 @@ def test_what_is_left_out_behind_many_layers_is_within_the_bound(monkeypatch, to
         with monkeypatch.context() as patch:
             patch.setattr(planning, "least_transmittance", lambda *_: 0.0)
             full = show(meshes, tolerance=tolerance, samples=samples)
-        with rz.Renderer(rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE, tolerance=tolerance) as renderer:
+        with rz.Renderer(
+            rz.Scene(meshes, WHITE, sheet_camera(SIZE[1])), SIZE, tolerance=tolerance, samples=1
+        ) as renderer:
             least = renderer._prepared.view_plans.plan.opacity.least
             assert renderer.plan.bound >= brightest
             budget = 2 * renderer.plan.bound * least + 2.0**-24 * brightest

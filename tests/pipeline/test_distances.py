@@ -13,7 +13,7 @@ WHITE = rz.Material(diffuse=0.8, specular=0.0)
 def lit(mesh, camera, lamp, **options):
     """(picture, that of the reference) of a mesh under one lamp by Phong's method."""
     scene = rz.Scene(mesh, lamp, camera)
-    frame = rz.render(scene, SIZE, shading="phong", threads=1, outputs=("color", "depth"), **options)
+    frame = rz.render(scene, SIZE, shading="phong", threads=1, outputs=("color", "depth"), **{"samples": 1} | options)
     return frame, reference.render(scene, SIZE, shading="phong")
 
 

@@ -48,7 +48,9 @@ def ball(material, z=-30.0, radius=14.0):
 
 
 def show(meshes, shading="gouraud", lights=LIT, camera=CAMERA, **options):
-    return rz.render(rz.Scene(meshes, lights, camera), SIZE, shading=shading, **({"threads": 1} | options))
+    return rz.render(
+        rz.Scene(meshes, lights, camera), SIZE, shading=shading, **({"samples": 1} | {"threads": 1} | options)
+    )
 
 
 def assert_same_bytes(frame, expected, where=np.s_[:]):
@@ -101,7 +103,9 @@ def test_memory_is_that_of_the_samples_of_a_pane():
     for width in (10, 640):
         meshes = [rz.Mesh(np.array(layer(size, 9.0, is_perspective=False)), QUAD)]
         meshes.append(quad(-width / 2, -5, width, 10, 4.0, paint(0.5, 0.5)))
-        with rz.Renderer(rz.Scene(meshes, LIT, sheet_camera(size[1])), size, threads=1, shading="phong") as renderer:
+        with rz.Renderer(
+            rz.Scene(meshes, LIT, sheet_camera(size[1])), size, threads=1, shading="phong", samples=1
+        ) as renderer:
             renderer.render()
             (free,) = renderer._prepared.workspaces._free.values()
             rooms.append(sum(workspace.room.n_byte for workspace in free))
@@ -234,7 +238,7 @@ def test_three_hundred_layers_are_those_of_the_reference():
     scene = rz.Scene(meshes, WHITE, CAMERA)
     expected = reference.render(scene, SIZE, shading="gouraud")
     for tolerance in (0.0, 1 / 4096):
-        frame = rz.render(scene, SIZE, shading="gouraud", tolerance=tolerance)
+        frame = rz.render(scene, SIZE, shading="gouraud", tolerance=tolerance, samples=1)
         off = np.abs((frame.color - expected.color) * expected.alpha[..., None]).max()
         assert off <= max(tolerance, 2e-6), f"{off:.3g} > {tolerance:.3g}"
         assert np.abs(frame.alpha - expected.alpha).max() <= 2.0**-12

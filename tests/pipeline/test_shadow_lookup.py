@@ -19,7 +19,7 @@ from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.workspace import WorkspacePool
 from rasterizer.scene.camera import View
 
-GIVEN = (*axes_of(f.POSITION), *axes_of(f.NORMAL), *axes_of(f.FACE_NORMAL), int(f.FACE_OFFSET), int(f.NORMAL_OFFSET))
+GIVEN = (*axes_of(f.POSITION), *axes_of(f.NORMAL), *axes_of(f.FACE_NORMAL), int(f.FACE_OFFSET), int(f.FACE_SIDE))
 KINDS = ("directional", "point", "cube", "spot")
 N_POINT = 4096
 
@@ -62,11 +62,18 @@ class Points:
         position = position - view.eye[:, None]
         away = 1 + rng.uniform(-20, 20, N_POINT) * 2.0**-24  # how far float32 is off along a ray
         normal = normal / np.linalg.norm(normal, axis=0)
-        to_light = self.maps[0].origin[:, None] - (position + view.eye[:, None] + normal * shape[:, 4])
-        if isinstance(scene.lights[0], rz.DirectionalLight):
+        to_light = self.maps[0].origin[:, None] - (position + view.eye[:, None])
+        is_parallel = isinstance(scene.lights[0], rz.DirectionalLight)
+        if is_parallel:
             to_light = -np.array(scene.lights[0].direction)[:, None] * np.ones(N_POINT)
+        plane = shape[:, :3].T
+        agreement = (plane * normal).sum(axis=0)
+        is_front = agreement * (plane * to_light).sum(axis=0) > 0
+        near = np.minimum(shape[:, 4], reach_of(self.blocks[0], -to_light))
+        lift = np.linalg.norm(normal - agreement * plane, axis=0) * np.where(is_front, near, shape[:, 4])
+        to_light = to_light if is_parallel else to_light - lift * normal
         distance_to_light = np.linalg.norm(to_light, axis=0)
-        self.n_dot_l = np.abs((normal * to_light).sum(axis=0) / distance_to_light)
+        self.n_dot_l = np.abs((np.where(is_front, plane, normal) * to_light).sum(axis=0) / distance_to_light)
         block = self.blocks[0]
         scale = block[lookup.MAPS + lookup.SCALE_X : lookup.MAPS + lookup.SCALE_Y + 1].min()
         texel = (distance_to_light if block[lookup.IS_PERSPECTIVE] else 1) / scale
@@ -123,12 +130,27 @@ def test_float32_decides_as_float64_does_but_next_to_edges(kind, texels, taps):
     assert n_sure > 0.9 * N_POINT and 0.1 * n_sure < n_lit < 0.97 * n_sure, f"{n_sure} points, {n_lit} lit"
 
 
+def reach_of(block, from_light):
+    """Twice as far as texels of the filter reach, where a point of (3,) or points of (3, n) lie."""
+    away = np.linalg.norm(from_light, axis=0) if block[lookup.IS_PERSPECTIVE] else 1.0
+    return (block[lookup.FILTER] + 2) / block[lookup.MAPS + lookup.SCALE_X] * away
+
+
 def naive_share(block, row):
     """The lit share of one point, by the definition, in float64; and how near any comparison is."""
     size, taps, is_perspective = (int(block[k]) for k in (lookup.SIZE, lookup.FILTER, lookup.IS_PERSPECTIVE))
     position, normal, plane, offset = row[:3], row[3:6], row[6:9], row[9]
-    moved = position + plane * (offset - plane @ position) + normal * row[10]
-    from_light = moved - block[lookup.ORIGIN : lookup.ORIGIN + 3]
+    from_light = position + plane * (offset - plane @ position) - block[lookup.ORIGIN : lookup.ORIGIN + 3]
+    rays = from_light if is_perspective else block[lookup.MAPS + lookup.FORWARD : lookup.MAPS + lookup.FORWARD + 3]
+    tilt, near, is_front = (
+        np.linalg.norm(normal - plane * (plane @ normal)),
+        row[10],
+        (plane @ rays) * (plane @ normal) < 0,
+    )
+    if is_front:
+        near = min(near, reach_of(block, position - block[lookup.ORIGIN : lookup.ORIGIN + 3]))
+    from_light = from_light + normal * tilt * near
+    normal = plane * np.sign(plane @ normal) if is_front else normal
     axis, number = int(np.abs(from_light).argmax()), 0
     if block[lookup.N_MAP] == 6:
         number = 2 * axis + (from_light[axis] <= 0)

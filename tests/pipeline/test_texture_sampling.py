@@ -87,7 +87,10 @@ def test_the_wraps_of_this_file_are_those_of_the_drawing():
 
 def show(meshes, shading="gouraud", lights=WHITE, camera=None, size=SIZE, **options):
     return rz.render(
-        rz.Scene(meshes, lights, camera or eye_camera()), size, shading=shading, **({"tolerance": 0} | options)
+        rz.Scene(meshes, lights, camera or eye_camera()),
+        size,
+        shading=shading,
+        **({"samples": 1} | {"tolerance": 0} | options),
     )
 
 
@@ -278,7 +281,7 @@ def test_tolerance_changes_textured_surfaces_by_the_bound_at_most_and_threads_by
                     face_material=np.arange(len(faces)) % 3)  # fmt: skip
     scene = rz.Scene([model], LIT, eye_camera())
     exact, *default = (
-        rz.render(scene, SIZE, shading=shading, threads=threads, **options)
+        rz.render(scene, SIZE, shading=shading, threads=threads, **{"samples": 1} | options)
         for threads, options in ((1, {"tolerance": 0}), (1, {}), (3, {}))
     )
     error, bound = np.abs(exact.color - default[0].color).max(), default[0].stats.error_bound + exact.stats.error_bound

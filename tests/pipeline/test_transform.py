@@ -204,7 +204,7 @@ def test_every_sample_shows_a_point_within_the_position_bound(make, reach):
     corners, because both parts of the quotient are linear."""
     rng, size, n_sample = np.random.default_rng(7), (96, 72), 0
     bound = POSITION_BOUND
-    assert rz.render(rz.load("models/cube.obj"), (4, 3)).stats.position_bound == bound
+    assert rz.render(rz.load("models/cube.obj"), (4, 3), samples=1).stats.position_bound == bound
     steps = bound * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
     camera = make((0, 0, 3))
     view, projection = camera.view(), camera.projection(size)
@@ -212,7 +212,9 @@ def test_every_sample_shows_a_point_within_the_position_bound(make, reach):
         vertices = rng.uniform(-0.7, 0.7, 3) + rng.uniform(-reach, reach, (3, 3))
         values = rng.uniform(0, 1, (3, 3))
         mesh = rz.Mesh(vertices, [[0, 1, 2]], colors=values, material=rz.Material(ambient=1.0))
-        frame = rz.render(rz.Scene([mesh], [rz.AmbientLight(1.0)], camera), size, shading="phong", tolerance=0)
+        frame = rz.render(
+            rz.Scene([mesh], [rz.AmbientLight(1.0)], camera), size, shading="phong", tolerance=0, samples=1
+        )
         rows, columns = np.nonzero(frame.alpha)
         places = np.stack([columns, rows], axis=1)[:, None] + 0.5 + steps
         corners = (vertices - view.eye) @ np.stack([view.right, view.up, view.forward]).T

@@ -14,7 +14,9 @@ PAGE = "rasterizer/README.md"
 PACKAGE = ROOT / "rasterizer"
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 CLOSE = 1e-5  # relative: another processor may round the last bit of a float otherwise
-FOLDERS = ["cli", "analysis", "reference", "", "engine", "pipeline", "geometry", "io", "scene", "compiler"]
+FOLDERS = [
+    "cli", "batch", "viewer", "analysis", "reference", "", "engine", "pipeline", "geometry", "io", "scene", "compiler",
+]  # fmt: skip
 
 
 def chapter(title) -> str:

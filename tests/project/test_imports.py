@@ -26,24 +26,31 @@ OF_NUMPY = ("numpy.typing", "numpy._typing", "numpy.ctypeslib")
 
 # Of the package's own modules, those that every picture of a model of triangles needs: folders or single modules.
 OWN = (
-    "choices", "cores", "errors", "frame", "options", "renderer", "version", "compiler", "pipeline",
-    "cli.arguments", "cli.cameras_lights", "cli.defaults", "cli.flags", "cli.help_texts", "cli.light_arguments",
-    "cli.load_scene", "cli.material_arguments", "cli.messages", "cli.render_command", "cli.targets", "cli.values",
-    "cli.warnings", "cli.write_targets",
-    "engine.attributes", "engine.coding", "engine.depth_range", "engine.draw", "engine.error_bounds",
-    "engine.float64_reasons", "engine.highlight_tables", "engine.intensity_bounds", "engine.light_fall",
-    "engine.light_sets", "engine.light_table",
-    "engine.lit_points", "engine.material_plans", "engine.memory", "engine.output_buffers", "engine.passes",
+    "choices", "cores", "errors", "frame", "frame_buffers", "keywords", "options", "picking", "renderer", "version",
+    "compiler", "pipeline",
+    "cli.arguments", "cli.arrays", "cli.cameras_lights", "cli.commands", "cli.default_look", "cli.defaults",
+    "cli.edge_arguments", "cli.failures", "cli.flags", "cli.ground", "cli.help_texts", "cli.light_arguments",
+    "cli.load_scene", "cli.look_flags", "cli.material_arguments", "cli.messages", "cli.preview", "cli.render_command",
+    "cli.render_flags", "cli.results", "cli.suggestions", "cli.targets", "cli.values", "cli.warnings",
+    "cli.write_targets", "scene.light_presets",
+    "engine.attributes", "engine.buffer_tables", "engine.coding", "engine.depth_range", "engine.draw",
+    "engine.clock", "engine.error_bounds", "engine.float64_reasons", "engine.highlight_tables",
+    "engine.intensity_bounds",
+    "engine.light_fall", "engine.light_sets", "engine.light_table",
+    "engine.lit_points", "engine.output_bounds", "engine.material_plans", "engine.memory", "engine.output_buffers",
+    "engine.passes",
     "engine.plan", "engine.plan_summary", "engine.prepared_scene", "engine.reach", "engine.reflection_entry",
     "engine.reflection_table", "engine.rounding", "engine.spectral_products", "engine.surface_arrays", "engine.tint",
     "engine.transparency", "engine.uniforms", "engine.view_plans",
     "geometry.centers", "geometry.clusters", "geometry.creases", "geometry.mesh_points", "geometry.normals",
     "geometry.points", "geometry.polygons", "geometry.surfaces", "geometry.tangents", "geometry.vectors",
-    "io.files", "io.formats", "io.loader", "io.model_file", "io.models", "io.png",
-    "io.scene_contents",
-    "scene.arrays", "scene.calibration", "scene.camera", "scene.color", "scene.depth_cue", "scene.fields",
-    "scene.framing", "scene.lights", "scene.material", "scene.mesh", "scene.mesh_arrays", "scene.named_materials",
-    "scene.scene", "scene.services", "scene.shadow", "scene.texture", "scene.triangulation", "scene.validate",
+    "io.any_scene", "io.files", "io.formats", "io.loader", "io.model_file", "io.models", "io.picture_formats", "io.png",
+    "io.progress",
+    "io.scene_contents", "io.weld",
+    "scene.arrays", "scene.calibration", "scene.camera", "scene.camera_checks", "scene.color", "scene.depth_cue",
+    "scene.fields", "scene.framing", "scene.lights", "scene.material", "scene.mesh", "scene.mesh_arrays",
+    "scene.mesh_moves", "scene.named_materials", "scene.scene", "scene.services", "scene.shadow", "scene.texture",
+    "scene.triangulation", "scene.validate", "scene.value_class", "scene.projection",
 )  # fmt: skip
 OF_FORMATS = {
     "obj": ("io.obj", "io.obj_lines", "io.text_numbers"),
@@ -79,7 +86,8 @@ def test_importing_the_package_loads_nothing():
 
 def test_help_loads_what_parses_and_prints():
     modules = modules_after('from rasterizer.cli import main\ntry:\n    main(["--help"])\nexcept SystemExit:\n    pass')
-    assert own_among(modules) <= {"cli.arguments", "cli.help_texts", "cli.messages", "errors", "version"}
+    of_cli = {"cli.arguments", "cli.commands", "cli.messages", "cli.suggestions"}
+    assert own_among(modules) <= {*of_cli, "errors", "version"}
     unasked = {"dataclasses", "inspect", "typing", "logging", "pathlib", "numpy", "numba", "llvmlite", "PIL"}
     assert not foreign_among(modules) & unasked
 
@@ -111,7 +119,7 @@ def stl_of(folder, kind):
 @pytest.mark.parametrize(("suffix", "kind"), [("obj", "text"), ("stl", "binary"), ("stl", "ascii")])
 def test_a_picture_loads_only_what_it_uses(suffix, kind, tmp_path, always_loaded):
     model = MODELS / "cube.obj" if suffix == "obj" else stl_of(tmp_path, kind)
-    argv = ["render", str(model), "-o", str(tmp_path / "x.png"), "-s", "32x24"]
+    argv = ["render", str(model), "-o", str(tmp_path / "x.png"), "-s", "32x24", "--preset", "studio"]
     modules = modules_after(RENDER.format(argv))
     allowed = (*OWN, *OF_FORMATS[suffix])
     strays = {name for name in own_among(modules) if not any(f"{name}.".startswith(f"{each}.") for each in allowed)}

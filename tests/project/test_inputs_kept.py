@@ -47,7 +47,7 @@ def mesh_of(given, image=None):
 def picture_of(mesh, **options):
     scene = rz.Scene([mesh], GREY, CAMERA)
     outputs = ("color", "depth", "face", "normal")
-    frames = [rz.render(scene, SIZE, shading=shading, outputs=outputs, threads=1, **options)
+    frames = [rz.render(scene, SIZE, shading=shading, outputs=outputs, threads=1, **{"samples": 1} | options)
               for shading in ("flat", "gouraud", "phong")]  # fmt: skip
     return b"".join(getattr(f, name).tobytes() for f in frames for name in ("color", "rgba", "depth", "face", "normal"))
 
@@ -135,7 +135,7 @@ def test_writing_into_any_array_of_a_mesh_changes_nothing(tmp_path, way):
     for key, value in list(given.items()):
         memory, handed = WAYS[way](value, tmp_path)
         mesh = mesh_of(given | {key: handed})
-        with rz.Renderer(rz.Scene([mesh], GREY, CAMERA), SIZE, threads=1) as renderer:
+        with rz.Renderer(rz.Scene([mesh], GREY, CAMERA), SIZE, threads=1, samples=1) as renderer:
             before = renderer.render().color.tobytes()
             spoil(memory)
             assert renderer.render().color.tobytes() == before, f"{key} as {way}: a Renderer sees what was written"
@@ -241,8 +241,10 @@ def test_writing_into_what_else_a_scene_is_made_of_changes_nothing():
     other = rz.Camera.from_opencv(*matrices, SIZE)
 
     def pictures():
-        found = [rz.render(scene, SIZE, spectral=spectral, threads=1).color.tobytes() for spectral in (None, 8)]
-        with rz.Renderer(scene, SIZE, threads=1) as renderer:
+        found = [
+            rz.render(scene, SIZE, spectral=spectral, threads=1, samples=1).color.tobytes() for spectral in (None, 8)
+        ]
+        with rz.Renderer(scene, SIZE, threads=1, samples=1) as renderer:
             return [*found, renderer.render(other).color.tobytes()]
 
     expected = pictures()

@@ -16,7 +16,7 @@ DEFAULTS = {
     "size": (640, 480),
     "shading": "gouraud",
     "tolerance": 1 / 4096,
-    "samples": 1,
+    "samples": 4,
     "antialias": "supersample",
     "outputs": ("color",),
     "cull": "none",
@@ -24,6 +24,9 @@ DEFAULTS = {
     "exposure": 0.0,
     "spectral": None,
     "threads": None,
+    "edges": (),
+    "edge_color": (0.0, 0.0, 0.0),
+    "edge_width": 1.0,
 }
 
 
@@ -31,12 +34,12 @@ def test_defaults_are_those_of_the_manual():
     """Each by its value: a new option must be listed here, too."""
     options = Options()
     assert {field.name: getattr(options, field.name) for field in fields(Options)} == DEFAULTS
-    assert options.n_thread >= 1 and options.factor == 1 and not options.is_flat and DEFAULT_TOLERANCE == 1 / 4096
+    assert options.n_thread >= 1 and options.factor == 2 and not options.is_flat and DEFAULT_TOLERANCE == 1 / 4096
 
 
 def pictures_of(scene, *settings) -> list:
     """Linear colours of small pictures, one for each of the settings."""
-    return [rz.render(scene, (24, 18), **given).color for given in settings]
+    return [rz.render(scene, (24, 18), **{"samples": 1} | given).color for given in settings]
 
 
 def test_the_default_exposure_multiplies_by_one():
@@ -71,7 +74,7 @@ def test_illegal_sizes(size):
 
 
 def test_samples_count_towards_the_largest_size():
-    assert Options(size=MOST_PIXELS).size == (MOST_PIXELS, MOST_PIXELS)
+    assert Options(size=MOST_PIXELS, samples=1).size == (MOST_PIXELS, MOST_PIXELS)
     with pytest.raises(SceneError, match=f"1 to {MOST_PIXELS // 2} px with 4 samples"):
         Options(size=MOST_PIXELS, samples=4)
 
@@ -87,8 +90,8 @@ def test_samples_count_towards_the_largest_size():
         ("cull", "front"),
         ("color_range", "wrap"),
         ("outputs", ()),
-        ("outputs", ("color", "uv")),
-        ("outputs", "uv"),
+        ("outputs", ("color", "uvw")),
+        ("outputs", "uvw"),
         ("tolerance", -1e-9),
         ("tolerance", math.nan),
         ("tolerance", math.inf),
@@ -103,6 +106,16 @@ def test_samples_count_towards_the_largest_size():
 def test_illegal_values(name, value):
     with pytest.raises(SceneError, match=f"^{name} must "):
         Options(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("outputs", "samples"),
+    [("color", 4), ("rgb", 4), (("rgb", "color"), 4), ("depth", 1), (("color", "face"), 1), (("normal",), 1)],
+)
+def test_pictures_have_four_samples_and_buffers_one(outputs, samples):
+    """A pixel's colour beside buffers is that of its centre, too; what is said rules."""
+    assert Options(outputs=outputs).samples == Options(outputs=outputs, samples=None).samples == samples
+    assert Options(outputs=outputs, samples=9).samples == 9
 
 
 def test_legal_words():

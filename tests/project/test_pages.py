@@ -17,18 +17,22 @@ from rasterizer.cli import main
 sys.path.insert(0, str(ROOT))
 from bench import (
     before_after,
+    choices,
     encode,
     features,
     frame,
     fuzz,
     hard_cases,
     history,
+    measure_all,
     peers,
     refinement,
     scale,
-    speed_vs_error,
     startup,
     tables,
+    throughput,
+    tolerance,
+    tolerance_modes,
 )
 
 PICTURES = ROOT / "models" / "pictures"
@@ -37,18 +41,23 @@ COMMANDS = {line: page for page in PAGES for line in commands(page)}
 EXAMPLES = [pytest.param(text, id=f"{page}-{k}") for page in PAGES for k, text in enumerate(blocks(page, "python"))]
 SCRIPT_MODULES = (
     before_after,
+    choices,
+    measure_all,
     encode,
     features,
     frame,
     peers,
     scale,
-    speed_vs_error,
     startup,
     tables,
+    tolerance,
     fuzz,
     hard_cases,
     history,
     refinement,
+    throughput,
+    tolerance,
+    tolerance_modes,
 )
 SCRIPTS = {module.__name__.rpartition(".")[2]: module for module in SCRIPT_MODULES}
 WRITTEN = ("teapot.png", "MODEL.png", "scene.toml", "cube.obj", "ball.json")  # what examples write or only speak of

@@ -5,10 +5,11 @@ import json
 
 import numpy as np
 import pytest
+from helpers import true_surfaces
 from PIL import Image
 
 import rasterizer as rz
-from bench import analytic, refinement, surfaces
+from bench import refinement, surfaces
 
 
 @pytest.mark.parametrize("name", surfaces.SURFACES)
@@ -34,7 +35,7 @@ def test_the_finest_mesh_stands_for_the_surface():
     scene = rz.Scene([surfaces.make_mesh("torus", 512, rz.Material())], rz.studio())
     size = (48, 36)
     frame = rz.render(scene, size, shading="phong", tolerance=0, outputs=("color", "depth"))
-    truth = analytic.draw("torus", scene, size, 1)
+    truth = true_surfaces.draw("torus", scene, size, 1)
     truth_depth = np.where(np.isfinite(truth.nearest), truth.nearest, 0.0)
     is_inner = (truth.alpha == 1) & (frame.alpha == 1) & (np.abs(frame.depth - truth_depth) < 0.05)
     assert is_inner.sum() > 300 and np.abs(frame.color - truth.color)[is_inner].max() < 2e-3

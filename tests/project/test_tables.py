@@ -1,56 +1,105 @@
-"""The tables of bench/README.md are what bench/results/ say."""
+"""The tables of the pages are what bench/results/ say."""
 
-import io
 import json
+import re
+from importlib import import_module
 
 import pytest
+from PIL import Image
 
-from bench import tables
+from bench import measure, measure_all, table_rows, tables
+
+PAGES = pytest.mark.parametrize("path", tables.PAGES, ids=lambda path: f"{path.parent.name}/{path.name}")
 
 
-def test_the_page_says_what_was_measured():
-    page = tables.PAGE.read_text(encoding="utf-8")
-    assert len(tables.MARKED.findall(page)) == page.count("<!-- results/") > 0
+@PAGES
+def test_a_page_says_what_was_measured(path):
+    page = path.read_text(encoding="utf-8")
+    assert len(tables.MARKED.findall(page)) == page.count("<!-- results/") == page.count("<!-- end -->") > 0
     assert not tables.wrong_tables(page), "python bench/tables.py writes them"
+
+
+@PAGES
+def test_every_table_of_figures_is_between_comments(path):
+    """What stands outside explains, and has no measured figure: no cell that is nothing but a number."""
+    page = tables.MARKED.sub("", path.read_text(encoding="utf-8"))
+    cells = [cell.strip() for line in page.splitlines() if line.startswith("|") for cell in line.strip("|").split("|")]
+    assert not [
+        cell for cell in cells if re.fullmatch(r"[-−]?[\d.,e/ ]*\d[\d.,e/ ]*(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?|\d.*[%×]", cell)
+    ]
+
+
+def test_every_table_and_result_is_shown():
+    shown = [found for path in tables.PAGES for found in tables.MARKED.finditer(path.read_text(encoding="utf-8"))]
+    assert {found[3] for found in shown} == set(tables.TABLES)
+    names = {path.stem for path in tables.RESULTS.glob("*.json")}
+    assert {found[2] for found in shown} == names == set(measure_all.list_runs("scan", "textured"))
 
 
 def test_results_tell_their_machine_and_no_folders():
     for path in tables.RESULTS.glob("*.json"):
         record = json.loads(path.read_text(encoding="utf-8"))
-        assert record["bench"] == path.stem and record["rows"]
+        assert path.stem.startswith(record["bench"]) and record["rows"], path.name
         assert {"cpu", "cores", "python", "numba", "load"} <= set(record["machine"]), path.name
-        assert tables.without_folders(record) == record, path.name
+        assert measure.without_folders(record) == record, path.name
+
+
+def test_plots_are_small():
+    for path in tables.RESULTS.glob("*.png"):
+        n_byte = path.stat().st_size
+        assert n_byte < 60_000, f"{path.name}: {n_byte} >= 60000 bytes"
+        assert Image.open(path).width <= 2000, path.name
 
 
 @pytest.fixture
 def own_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(tables, "RESULTS", tmp_path / "results")
-    monkeypatch.setattr(tables, "PAGE", tmp_path / "README.md")
+    monkeypatch.setattr(tables, "PAGES", (tmp_path / "README.md",))
     return tmp_path
 
 
-MACHINE = {"cpu": "C", "cores": 2, "python": "3", "numpy": "2", "numba": "0", "load": 0.0}
+MACHINE = {"cpu": "C", "cores": 2, "python": "3", "numpy": "2", "numba": "0", "load": 0.0, "others": 0.0}
 
 
-def test_what_is_kept_comes_into_the_page(own_folder, monkeypatch, capsys):
+def test_what_is_kept_comes_into_the_page(own_folder, capsys):
     row = {"case": "a", "why": "b.", "error": 1e-3, "bound": 2e-3}
     record = {"bench": "hard_cases", "machine": MACHINE, "settings": {"model": "/a/b/scan.obj"}, "rows": [row]}
-    monkeypatch.setattr("sys.stdin", io.StringIO("a table\n" + json.dumps(record) + "\n"))
-    assert tables.main(["--keep", "-"]) == 0
-    assert tables.load("hard_cases")["settings"]["model"] == "scan.obj"
-    tables.PAGE.write_text("x\n<!-- results/hard_cases.json: hard cases -->\nold\n<!-- end -->\ny\n")
+    measure.keep(record, tables.RESULTS / "hard_cases.json")
+    assert tables.load("hard_cases") == record | {"settings": {"model": "scan.obj"}}
+    (page,) = tables.PAGES
+    page.write_text("x\n<!-- results/hard_cases.json: hard cases -->\nold\n<!-- end -->\ny\n")
     assert tables.main(["--check"]) == 1 and "hard cases is not what" in capsys.readouterr().out
     assert tables.main([]) == 0 and tables.main(["--check"]) == 0
-    page = tables.PAGE.read_text()
-    assert "| a | b. | 1.0e-03 | 2.0e-03 |" in page and "old" not in page and "on 2 cores of C" in page
+    text = page.read_text()
+    assert "| a | b. | 1.0e-03 | 2.0e-03 |" in text and "old" not in text and "on 2 cores of C" in text
+    assert "Other work" not in text and "Other work took 30 %" in tables.said_of(MACHINE | {"others": 0.3})
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0"), (None, ""), (2.3e-4, "2.3·10⁻⁴"), (3e-8, "3.0·10⁻⁸"), (0.0996, "0.10"), (9.96, "10"), (99.6, "100")],
+)
+def test_figures_have_two_digits(value, text):
+    assert table_rows.figure(value) == text
+
+
+def test_figures_are_the_nearest_with_their_digits():
+    for k in range(-30, 31):
+        for digits in (1.0, 1.25, 3.14159, 9.949, 9.96, 9.996):
+            text = table_rows.figure(digits * 10.0**k, 3)
+            number, _, power = text.partition("·10")
+            power = int(power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))) if power else 0
+            assert float(number) * 10.0**power == pytest.approx(digits * 10.0**k, rel=0.005), text
 
 
 def test_tables_of_rows():
     row = {"triangles": 8, "rms": 0.1, "slope": 1.5, "silhouette_slope": 2.0}
     rows = [
-        row | {"surface": surface, "shading": shading} for surface in ("sphere", "torus") for shading in tables.SHADINGS
+        row | {"surface": surface, "shading": shading}
+        for surface in ("sphere", "torus")
+        for shading in table_rows.SHADINGS
     ]
-    assert tables.slopes(rows)[2] == "| flat | 1 | 1.50 | 1.50 |"
+    assert table_rows.slopes(rows)[2] == "| flat | 1 | 1.50 | 1.50 |"
     peer = {
         "case": "c",
         "triangles": 69451,
@@ -60,6 +109,38 @@ def test_tables_of_rows():
         "ratio": 2.5,
         "ratio_of_cpu": 2.0,
     }
-    assert tables.peers([peer, {"speck": "x"}])[2:] == ["| `c` | 69 451 | p | 1.00 | 2.50 | 2.5 | 2.0 |"]
+    assert table_rows.peers([peer, {"speck": "x"}])[2:] == ["| `c` | 69 451 | p | 1.00 | 2.50 | 2.5 | 2.0 |"]
     speck = {"speck": "toon", "shading": "phong", "ratio_of_cpu": 1.02}
-    assert tables.specks([peer, speck])[2:] == ["| toon |  | 1.02 |"]
+    assert table_rows.specks([peer, speck])[2:] == ["| toon |  | 1.02 |"]
+
+
+def test_a_finer_mesh_is_compared_with_a_coarser_one():
+    rows = [{"surface": surface, "shading": shading, "triangles": n, "ms": ms, "rms": rms}
+            for surface in ("sphere", "torus")
+            for shading, n, ms, rms in (("phong", 8, 2.0, 0.1), ("gouraud", 32, 3.0, 0.05), ("gouraud", 8, 1.0, 0.2),
+                                        ("phong", 32, 9.0, 0.01))]  # fmt: skip
+    assert table_rows.finer(rows)[2:] == ["| 32 / 8 | 1.5 · 0.50 | 1.5 · 0.50 |"]
+
+
+def test_growth_has_both_ends_and_the_slope():
+    point = {"axis": "lights", "build_ms": 1.0, "prepare_ms": 2.0, "cpu_ms": 3.0, "mib": 4.0}
+    slopes = dict.fromkeys(("build_ms", "prepare_ms", "mib")) | {"cpu_ms": 0.9}
+    rows = [point | {"n": 1}, point | {"n": 10, "cpu_ms": 30.0}, {"axis": "lights", "slopes": slopes}]
+    assert table_rows.growth(rows)[2:] == ["| lights | 1, 10 | 1.0, 1.0 | 2.0, 2.0 | 3.0, 30 · 0.90 | 4.0, 4.0 |"]
+    assert table_rows.one_more(rows)[2:] == ["| lights | 0 | 0 | 3000 | 0 |"]
+
+
+def test_a_quick_run_measures_less():
+    command = ["x.py", "--seconds", "15", "--runs", "11", "model"]
+    assert measure_all.quickened(command) == ["x.py", "--seconds", "3", "--runs", "3", "model"]
+
+
+@pytest.mark.parametrize("name", measure_all.list_runs("scan", "textured"))
+def test_scripts_take_the_arguments_of_every_run(name):
+    script, *arguments = measure_all.list_runs("scan", "textured")[name]
+    module = import_module(f"bench.{script.removesuffix('.py')}")
+    args = module.make_parser().parse_args([*arguments, "--json", "x.json"])
+    assert args.json.name == "x.json"
+    module.make_parser().parse_args(measure_all.quickened(arguments))
+    if name in measure_all.PLOTTED:
+        assert module.make_parser().parse_args([*arguments, "--plot", "x.png"]).plot.name == "x.png"

@@ -39,9 +39,9 @@ def draw_pictures(folder: Path) -> list[Path]:
     """Every function, as the examples of the documentation call them."""
     scene = make_scene()
     frame = rz.render(scene, SIZE, shading="phong", outputs=["color", "face"], samples=1, threads=1)
-    pair = rz.render((scene.meshes[0].vertices, scene.meshes[0].faces), 16, cull="back", exposure=0.5)
+    pair = rz.render((scene.meshes[0].vertices, scene.meshes[0].faces), 16, cull="back", exposure=0.5, samples=1)
     camera = rz.Camera.framing(scene, azimuth=30, aspect=SIZE[0] / SIZE[1], up="z")
-    with rz.Renderer(scene, SIZE, shading="gouraud", outputs="color", color_range="global") as renderer:
+    with rz.Renderer(scene, SIZE, shading="gouraud", outputs="color", color_range="global", samples=1) as renderer:
         turned = renderer.render(camera, out=np.empty((*SIZE[::-1], 4), np.uint8))
         covered: int = renderer.render_to(folder / "written.tif", camera).covered
     assert covered == turned.stats.covered
@@ -53,4 +53,4 @@ def draw_pictures(folder: Path) -> list[Path]:
     )
     names = [scene.save(folder / "scene.json"), frame.save(folder / "face.npy", array="face")]
     loaded = rz.load(names[0])
-    return [*names, rz.render(loaded, SIZE, threads=1).save(str(folder / "picture.png"), compress_level=1)]
+    return [*names, rz.render(loaded, SIZE, threads=1, samples=1).save(str(folder / "picture.png"), compress_level=1)]

@@ -52,15 +52,23 @@ def layers_of(reached) -> set[str]:
 def test_the_reference_reaches_nothing_compiled():
     reached = reached_from("reference")
     assert "rasterizer.scene.mesh" in reached and "numpy" in reached
-    assert layers_of(reached) <= {"reference", "scene", "options", "errors", "choices", "cores"}
+    assert layers_of(reached) <= {"reference", "scene", "options", "errors", "keywords", "choices", "cores"}
     assert not COMPILED & {name.split(".")[0] for name in reached}
 
 
 def test_the_scene_reaches_only_itself():
     reached = reached_from("scene")
-    assert layers_of(reached) <= {"scene", "errors", "choices"}
+    assert layers_of(reached) <= {"scene", "errors", "keywords", "choices"}
     assert not COMPILED & {name.split(".")[0] for name in reached}
 
 
 def test_geometry_reaches_only_the_scene_and_the_compiler():
-    assert layers_of(reached_from("geometry")) <= {"geometry", "scene", "compiler", "errors", "choices", "cores"}
+    assert layers_of(reached_from("geometry")) <= {
+        "geometry",
+        "scene",
+        "compiler",
+        "errors",
+        "keywords",
+        "choices",
+        "cores",
+    }

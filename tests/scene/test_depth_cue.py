@@ -45,7 +45,10 @@ def test_pictures_agree_with_the_judge(camera, shading):
 def test_it_is_the_formula_of_the_depth_buffer(camera):
     shown = scene(CAMERAS[camera])
     options = {"shading": "phong", "tolerance": 0, "outputs": ("color", "depth")}
-    cued, plain = rz.render(shown, SIZE, **options), rz.render(replace(shown, depth_cue=None), SIZE, **options)
+    cued, plain = (
+        rz.render(shown, SIZE, **{"samples": 1} | options),
+        rz.render(replace(shown, depth_cue=None), SIZE, **{"samples": 1} | options),
+    )
     is_seen = np.isfinite(cued.depth)
     share = (0.8 / (0.8 + np.maximum(cued.depth.astype(float) - 2.5, 0)))[..., None]
     expected = share * plain.color + (1 - share) * np.array(CUE.color)
@@ -96,12 +99,14 @@ def test_depths_of_entries_fade_within_the_bound(shading, projection):
     for its scale, so that rounding counts most."""
     for cue in (CUE, rz.DepthCue(0.1, 3.0, (0.2, 0.4, 0.9))):
         shown = rz.Scene(scene().meshes, camera=CAMERAS[projection], depth_cue=cue)
-        fast, exact = (rz.render(shown, SIZE, shading=shading, tolerance=t) for t in (Options.tolerance, 0.0))
+        fast, exact = (
+            rz.render(shown, SIZE, shading=shading, tolerance=t, samples=1) for t in (Options.tolerance, 0.0)
+        )
         assert fast.stats.plan.dtype == "float32" and fast.stats.plan.ways.exact < sum(fast.stats.plan.ways)
         error, bound = np.abs(fast.color - exact.color).max(), fast.stats.error_bound + exact.stats.error_bound
         assert error <= bound, f"{error:.3g} > {bound:.3g}"
     steep = rz.Scene(scene().meshes, camera=CAMERAS["perspective"], depth_cue=rz.DepthCue(1e-3, 3.0))
-    assert rz.render(steep, SIZE, shading=shading).stats.plan.dtype == "float64"
+    assert rz.render(steep, SIZE, shading=shading, samples=1).stats.plan.dtype == "float64"
 
 
 def test_grey_pictures_keep_one_channel_and_others_pay_nothing():

@@ -114,7 +114,7 @@ def test_normals_become_unit_length():
     normals = [(0, 0, 3), (1e-200, 0, 1e-200), (0, 1e200, 1e200), (0, 0, 0)]
     root = math.sqrt(0.5)
     mesh = Mesh(SQUARE, TWO, normals)
-    assert mesh.normals == pytest.approx(np.array([(0, 0, 1), (root, 0, root), (0, root, root), (0, 0, 0)]))
+    assert mesh.normals == pytest.approx(np.array([(0, 0, 1), (root, 0, root), (0, root, root), (0, 0, 1)]))
     corners = np.random.default_rng(0).normal(size=(2, 3, 3))
     mesh = Mesh(SQUARE, TWO, corners)
     assert mesh.normals == pytest.approx(corners / np.linalg.norm(corners, axis=2, keepdims=True))
@@ -183,6 +183,7 @@ def test_uv_by_vertex_or_corner():
         ),
         ({"colors": np.ones((3, 3))}, r"colors must have the shape \(4, 3 or 4\)"),
         ({"colors": np.ones((4, 2))}, "colors must have the shape"),
+        ({"colors": np.ones((3, 3, 3))}, r"colors must have the shape \(4, 3 or 4\) or \(2, 3, 3 or 4\)"),
         ({"colors": np.ones((4, 3), dtype=int)}, "colors must be uint8"),
         ({"colors": -np.ones((4, 3))}, "colors must be finite and at least 0"),
         ({"colors": np.full((4, 3), math.nan)}, "colors must be finite and at least 0"),
@@ -244,7 +245,7 @@ def test_dropping_goes_by_polygons_and_keeps_their_numbers():
 
 def test_dropping_leaves_good_meshes_alone_and_mends_normals():
     mesh = Mesh(SQUARE, TWO, [(0, 0, 2), (0, 0, math.nan), (0, 0, 1), (math.inf, 0, 1)], drop_bad_faces=True)
-    assert mesh.polygons is None and mesh.normals.tolist() == [[0, 0, 1], [0, 0, 0], [0, 0, 1], [0, 0, 0]]
+    assert mesh.polygons is None and mesh.normals.tolist() == [[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1]]
 
 
 @pytest.mark.parametrize("scale", [1e-150, 1e-6, 1.0, 1e6, 1e99])
@@ -316,11 +317,12 @@ def test_transformed_normals_stay_perpendicular_and_outside(seed):
 
 
 def test_transformed_mirror_turns_the_winding_and_the_corners_with_it():
-    corners = np.arange(12.0).reshape(2, 3, 2)
-    mesh = Mesh(SQUARE, TWO, uv=corners, polygons=[3, 3], face_colors=np.eye(3)[:2], smoothing=[1, 2], name="m")
+    corners, colors = np.arange(12.0).reshape(2, 3, 2), np.arange(18.0).reshape(2, 3, 3)
+    given = {"uv": corners, "colors": colors, "polygons": [3, 3], "face_colors": np.eye(3)[:2], "smoothing": [1, 2]}
+    mesh = Mesh(SQUARE, TWO, **given, name="m")
     moved = mesh.transformed(np.diag([1, 1, -1, 1]))
     assert moved.faces.tolist() == [[0, 2, 1], [0, 3, 2]]
-    assert np.array_equal(moved.uv, corners[:, [0, 2, 1]])
+    assert np.array_equal(moved.uv, corners[:, [0, 2, 1]]) and np.array_equal(moved.colors, colors[:, [0, 2, 1]])
     assert (moved.name, moved.polygons.tolist(), moved.smoothing.tolist()) == ("m", [3, 3], [1, 2])
     assert np.array_equal(moved.face_colors, mesh.face_colors)
     assert (area_vectors(moved)[:, 2] == -1.0).all()

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, errors, picture, run
+from helpers.command import CUBE, PLAIN, errors, picture, run
 
 import rasterizer as rz
 from rasterizer.cli import arguments
@@ -40,7 +40,7 @@ def test_the_command_line(folder, capsys):
     assert arguments.parse(["render", "x.obj", "--material", "gold"]).materials == [GOLD]
     parsed = arguments.parse(["render", "x.obj", "--material", "red plastic,shininess=80,fresnel=0.5/0.4/0.3"])
     assert parsed.materials[0]["shininess"] == 80 and parsed.materials[0]["fresnel"] == (0.5, 0.4, 0.3)
-    assert run(CUBE, "--material", "gold", "-o", "gold.png") == 0
+    assert run(CUBE, "--material", "gold", "-o", "gold.png", *PLAIN) == 0
     scene = rz.load(CUBE)
     mesh = replace(scene.meshes[0], material=rz.Material(**GOLD))
     assert np.array_equal(picture("gold.png"), rz.render(replace(scene, meshes=[mesh]), (24, 16), samples=4))

@@ -29,7 +29,7 @@ def test_a_sample_of_every_kind_of_scene_is_small_and_can_be_drawn(name):
     scene, options = drawn()[name]
     sample = sample_scene(scene)
     assert sum(len(mesh.faces) for mesh in sample.meshes) <= 60 and len(sample.lights) == len(scene.lights)
-    assert rz.render(sample, SIZE, threads=1, **options).rgb.shape == (SIZE, SIZE, 3)
+    assert rz.render(sample, SIZE, threads=1, **{"samples": 1} | options).rgb.shape == (SIZE, SIZE, 3)
 
 
 # Where rounding takes half of the tolerance, a view decides whether float32 will do: none of these is such a scene.
@@ -39,7 +39,7 @@ CLIPPING = {"search_nearest", "find_crossing", "clip_faces"}  # what the whole s
 
 def needs_of(scene, size, views=None, **options) -> set:
     """The kernels that pictures of a scene need; Python draws them."""
-    with noting_needs() as needs, rz.Renderer(scene, size, threads=1, **options) as renderer:
+    with noting_needs() as needs, rz.Renderer(scene, size, threads=1, **{"samples": 1} | options) as renderer:
         for view in views or [None]:
             renderer.render(view)
     return set(needs)
@@ -80,7 +80,7 @@ def test_whatever_a_picture_needs_is_listed_before_it_is_drawn(seed):
             needed = needs_of(case.scene, size, **options)
         except rz.SceneError:
             continue
-        listed = rz.Renderer(case.scene, size, threads=1, **options)._list_needs(case.scene.camera)
+        listed = rz.Renderer(case.scene, size, threads=1, **{"samples": 1} | options)._list_needs(case.scene.camera)
         names = {function.__name__ for function, _ in needed - set(listed)} - CLIPPING
         assert not names, f"{case.words}: {sorted(names)} are compiled when they are met"
 
@@ -94,9 +94,11 @@ def test_lights_and_casters_that_the_sample_does_not_show_are_known():
     camera = rz.Camera.perspective((20, 0.5, 30), (20, 0.5, 0))
     scene = rz.Scene(rz.Mesh(strip, faces), [lamp, spot], camera)
     for shading in ("gouraud", "phong"):
-        listed = set(rz.Renderer(scene, 24, shading=shading, threads=1)._list_needs(camera))
+        listed = set(rz.Renderer(scene, 24, shading=shading, threads=1, samples=1)._list_needs(camera))
         assert {"point", "shaped_spot", "occlude", "list_seen"} <= {function.__name__ for function, _ in listed}
-        before = set(rz.Renderer(scene, 24, shading=shading, threads=1)._list_needs(camera, is_prepared=False))
+        before = set(
+            rz.Renderer(scene, 24, shading=shading, threads=1, samples=1)._list_needs(camera, is_prepared=False)
+        )
         assert {"point", "shaped_spot"} <= {function.__name__ for function, _ in before}
 
 
@@ -118,10 +120,20 @@ def test_what_dense_scenes_skip_triangles_with_is_needed_by_their_samples(monkey
     monkeypatch.setattr(clusters, "LEAST_FACES", 1)
     camera = rz.Camera.perspective((0.0, 0.3, 0.9)) if is_near else None
     scene = rz.Scene(rz.Mesh(*torus(12, 8)), camera=camera)
-    listed = {function.__name__ for function, _ in rz.Renderer(scene, SIZE, cull=cull)._list_needs(camera)}
+    listed = {function.__name__ for function, _ in rz.Renderer(scene, SIZE, cull=cull, samples=1)._list_needs(camera)}
     needed = {function.__name__ for function, _ in needs_of(scene, (24, 18), cull=cull)}
     assert needed - listed <= CLIPPING
     assert ("describe_clusters" in needed) == ("describe_clusters" in listed) == (cull == "back" or is_near)
+
+
+def test_what_cuts_faces_off_behind_a_camera_is_listed():
+    """A camera that stands on a floor: depths are looked for, and the floor is clipped."""
+    camera = rz.Camera.perspective((0.1, 0.2, 0.3), (0.5, 0.1, 0.1))
+    floor = rz.Mesh([[-3, 0, 3], [3, 0, 3], [3, 0, -3], [-3, 0, -3]], [[0, 1, 2, 3]])
+    scene = rz.Scene(floor, camera=camera)
+    listed = {function.__name__ for function, _ in rz.Renderer(scene, SIZE, samples=1)._list_needs(camera)}
+    needed = {function.__name__ for function, _ in needs_of(scene, (24, 18))}
+    assert {"search_nearest", "clip_faces"} <= needed <= listed, needed - listed
 
 
 def test_faces_are_seen_however_small_they_are_or_wherever_they_look():
@@ -144,7 +156,7 @@ def test_in_the_last_view_nothing_is_seen(opacity):
     scene = scene_of(cube(opacity=opacity))
     *views, last = sample_views(scene, scene, scene.camera)
     assert len(views) == 1
-    assert rz.render(replace(scene, camera=last), SIZE, threads=1).alpha.max() == 0.0
+    assert rz.render(replace(scene, camera=last), SIZE, threads=1, samples=1).alpha.max() == 0.0
 
 
 def test_kinds_of_materials_are_told_apart_by_what_is_computed_not_by_colours():

@@ -12,7 +12,8 @@ import rasterizer.scene
 from rasterizer.engine.point_lighting import illuminate
 from rasterizer.errors import ModelError, SceneError
 from rasterizer.scene.camera import Camera
-from rasterizer.scene.lights import AmbientLight, AreaLight, PointLight, studio
+from rasterizer.scene.light_presets import studio
+from rasterizer.scene.lights import AmbientLight, AreaLight, PointLight
 from rasterizer.scene.material import Material
 from rasterizer.scene.mesh import Mesh
 from rasterizer.scene.scene import Scene

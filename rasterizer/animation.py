@@ -1,0 +1,145 @@
+"""Moving pictures: frames that a notebook shows one after the other, and the turntable of a scene."""
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import SceneError, shown
+from .frame import Frame
+from .io.animation import Timing, encode_animation
+from .io.files import write_whole
+from .io.loader import load
+from .options import Options
+from .renderer import Renderer
+from .scene.camera import Camera
+from .scene.scene import Scene
+from .scene.validate import is_whole, number
+
+_MOST_FRAMES = 10_000
+_MOST_LOOPS = 65535
+
+
+class Animation:
+    """Hold frames that are shown one after the other. The last expression of a notebook's cell shows itself.
+
+    Parameters
+    ----------
+    frames : sequence of Frame, or of (height, width, 4) uint8 arrays, all of one size; stored as a list of arrays
+    seconds : how long one round takes, 0.001 to 1000000
+    loop : how often it is shown, up to 65535; 0 = again and again
+
+    Raises
+    ------
+    SceneError : no frames, frames of several sizes, or a value that is not legal
+    """
+
+    def __init__(self, frames: Iterable[Frame | NDArray[np.uint8]], seconds: float = 3.0, loop: int = 0) -> None:
+        try:
+            self.frames = [_picture_of(frame) for frame in frames]
+        except TypeError:
+            raise SceneError(f"an animation is made of a sequence of frames; given {shown(frames)}") from None
+        sizes = sorted({frame.shape[1::-1] for frame in self.frames})
+        if len(sizes) != 1:
+            found = "none" if not sizes else " and ".join(f"{width}x{height}" for width, height in sizes[:3])
+            raise SceneError(f"an animation needs frames of one size; given {found}")
+        self.seconds = number(seconds, "the seconds of an animation")
+        if not 1e-3 <= self.seconds <= 1e6:
+            raise SceneError(f"the seconds of an animation must be within 0.001..1000000; given {shown(seconds)}")
+        if not is_whole(loop, 0, _MOST_LOOPS):
+            raise SceneError(f"loop must be within 0..{_MOST_LOOPS}, 0 = again and again; given {shown(loop)}")
+        self.loop = int(loop)
+
+    def __repr__(self) -> str:
+        height, width = self.frames[0].shape[:2]
+        return f"<Animation {width}x{height}, {len(self.frames)} frames, {self.seconds:g} s>"
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def _repr_png_(self) -> bytes:
+        """What a notebook shows: an APNG file, which browsers play."""
+        return self.encode("png")
+
+    def encode(self, format: str = "gif") -> bytes:
+        """Return the animation as the bytes of a file in a format, by name or suffix: gif, webp, png (APNG), mp4 ...
+
+        Raises
+        ------
+        SceneError : a format that is unknown, or can't hold this many pixels or frames a second
+        OutputError : a library that is missing
+        """
+        if not isinstance(format, str):
+            raise SceneError(f"format must be text; given {shown(format)}")
+        suffix = f".{format.lower().lstrip('.')}" if format else ""
+        return encode_animation(self.frames, suffix, Timing(self.seconds, self.loop))
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the animation to a path, whose suffix chooses the format; the file appears whole or not at all.
+
+        Returns
+        -------
+        Path, the same as given
+
+        Raises
+        ------
+        SceneError, OutputError : as `encode`, and where the file can't be written
+        """
+        if not isinstance(path, (str, os.PathLike)):
+            raise SceneError(f"an animation is saved to a path; given {shown(path)}")
+        path = Path(path)
+        write_whole(path, self.encode(path.suffix))
+        return path
+
+
+def turntable(
+    scene: Any,
+    size: int | tuple[int, int] = (320, 240),
+    n_frame: int = 36,
+    *,
+    seconds: float = 3.0,
+    elevation: float = 25.0,
+    fov: float = 30.0,
+    **options: Any,
+) -> Animation:
+    """Turn a scene round once: the camera goes round it at one distance.
+
+    Parameters
+    ----------
+    scene : Scene, or whatever `load` takes
+    size : (width, height) in pixels, or one number for a square
+    n_frame : pictures of one round, 1 to 10000
+    seconds : how long it takes
+    elevation, fov : degrees, as in `Camera.framing`
+    options : other options of `render`, but `outputs`
+
+    Returns
+    -------
+    Animation, which a notebook's cell shows
+
+    Raises
+    ------
+    SceneError : a value or option that is not legal
+    ModelError : a model that can't be read
+    """
+    if not is_whole(n_frame, 1, _MOST_FRAMES):
+        raise SceneError(f"n_frame must be within 1..{_MOST_FRAMES}; given {shown(n_frame)}")
+    if "outputs" in options:
+        raise SceneError("a turntable is made of pictures alone: it takes no outputs")
+    scene = scene if isinstance(scene, Scene) else load(scene)
+    checked = Options(size=size)
+    cameras = Camera.orbit(scene, int(n_frame), elevation, fov, size=checked.size)
+    with Renderer(scene, checked.size, outputs=("rgb",), **options) as renderer:
+        return Animation([renderer.render(camera) for camera in cameras], seconds)
+
+
+def _picture_of(frame: object) -> NDArray[np.uint8]:
+    """Return a frame as (height, width, 4) uint8."""
+    picture = frame.rgba if isinstance(frame, Frame) else frame
+    is_picture = isinstance(picture, np.ndarray) and picture.dtype == np.uint8 and picture.ndim == 3
+    if not is_picture or picture.shape[2] != 4 or not picture.size:  # type: ignore[attr-defined]
+        raise SceneError(f"a frame must be a Frame or an array (height, width, 4) of uint8; given {shown(frame)}")
+    return picture  # type: ignore[return-value]

@@ -1,0 +1,169 @@
+"""What a process does for a batch: it loads a model, and draws the pictures of a run, one after the other.
+
+A run is some tasks of one model. Nothing is written here: the bytes of the files go back.
+"""
+
+import os
+import pickle
+import warnings
+from pathlib import Path
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from ..choices import VIEWS, SavedArray
+from ..errors import RasterizerError, SceneError, internal_error
+from ..frame import Frame, Stats
+from ..io.loader import load
+from ..options import Options
+from ..renderer import Renderer
+from ..scene.camera import Camera
+from ..scene.scene import Scene
+from .executors import identify
+
+
+class Picture(NamedTuple):
+    """One picture of a run."""
+
+    number: int  # of the task
+    suffix: str  # of its file
+    view: str | tuple[float, float] | None
+    camera: Camera | None
+    options: Options
+    array: SavedArray | None
+
+
+class Run(NamedTuple):
+    """Some pictures of one model."""
+
+    name: str  # of the model, as messages call it
+    path: str | None  # of its file; None where it is sent
+    identity: tuple[int, int] | None  # of the file, as the caller sees it; None where nobody else is asked
+    load: dict[str, Any]  # arguments of `load`
+    pictures: tuple[Picture, ...]
+
+
+class Drawn(NamedTuple):
+    """What became of a picture."""
+
+    number: int  # of the task
+    content: bytes | None  # of its file; None where it failed
+    error: Exception | None
+    seconds: float
+    stats: Stats | None
+    warnings: tuple[str, ...]
+    files_read: tuple[str, ...]  # that the model named
+
+
+class Model(NamedTuple):
+    """A model that is loaded."""
+
+    key: tuple
+    scene: Scene
+    warnings: tuple[str, ...]
+    files_read: tuple[str, ...]
+
+
+def draw_run(run: Run, shared: Any, kept: dict[str, Any]) -> list[Drawn] | None:
+    """Draw the pictures of a run; return them, or None where this process doesn't see the file of the model.
+
+    Parameters
+    ----------
+    shared : what is loaded where the run has no path
+    kept : the model and the Renderer of the run before; changed
+    """
+    if not is_seen(run):
+        return None
+    return [_draw(run, picture, shared, kept) for picture in run.pictures]
+
+
+def is_seen(run: Run) -> bool:
+    """Tell whether this process sees the file of a run's model as the caller does, where that was asked for."""
+    return run.path is None or run.identity is None or identify(run.path) == run.identity
+
+
+def _draw(run: Run, picture: Picture, shared: Any, kept: dict[str, Any]) -> Drawn:
+    """Draw one picture; whatever goes wrong becomes its error."""
+    start, model = perf_counter(), None
+    try:
+        model = load_model_of(run, shared, kept)
+        frame = _render(model, picture, kept)
+        content = encode(frame, picture)
+        stats, error = frame.stats, None
+    except Exception as fault:  # noqa: BLE001  one that fails does not stop the rest
+        content, stats, error = None, None, make_error(run.name, fault)
+    told = () if model is None else (model.warnings, model.files_read)
+    return Drawn(picture.number, content, error, perf_counter() - start, stats, *(told or ((), ())))
+
+
+def make_error(name: str, fault: Exception) -> RasterizerError:
+    """Return what is said of a fault; one of this package's own is told as such."""
+    if isinstance(fault, RasterizerError):
+        return fault.with_traceback(None)
+    if isinstance(fault, MemoryError):
+        return SceneError(f"not enough memory for {name}: {fault}")
+    return internal_error(name, fault)
+
+
+def load_model_of(run: Run, shared: Any, kept: dict[str, Any]) -> Model:
+    """Load the model of a run, unless it is the one that was drawn before."""
+    whose = id(shared) if run.path is None else (run.path, identify(run.path))
+    key = (whose, pickle.dumps(run.load))
+    if "model" in kept and kept["model"].key == key:
+        return kept["model"]
+    if "fault" in kept and kept["fault"][0] == key:  # it isn't read once more for each of its pictures
+        raise kept["fault"][1]
+    drop(kept)
+    files_read: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        source = shared if run.path is None else run.path
+        try:
+            loaded = load(source, **run.load, files_read=files_read)
+        except Exception as fault:
+            kept["fault"], kept["source"] = (key, fault), shared
+            raise
+    texts = dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, UserWarning))
+    kept["model"] = Model(key, loaded, tuple(texts), tuple(dict.fromkeys(files_read)))
+    kept["source"] = shared  # another one may not get its id
+    return kept["model"]
+
+
+def drop(kept: dict[str, Any]) -> None:
+    """Forget the model that was drawn before, and end its Renderer."""
+    if "renderer" in kept:
+        kept["renderer"].close()
+    kept.clear()
+
+
+def _render(model: Model, picture: Picture, kept: dict[str, Any]) -> Frame:
+    """Draw a picture of a model, by the Renderer of the one before if the options are the same."""
+    if "renderer" not in kept or kept["renderer"].options != picture.options:
+        if "renderer" in kept:
+            kept.pop("renderer").close()
+        kept["renderer"] = Renderer(model.scene, **vars(picture.options))
+    return kept["renderer"].render(camera_of(model.scene, picture))
+
+
+def camera_of(scene: Scene, picture: Picture) -> Camera | None:
+    """Return the camera of a picture; None for the scene's own."""
+    if picture.view is None:
+        return picture.camera
+    angles = VIEWS[picture.view] if isinstance(picture.view, str) else picture.view
+    try:
+        azimuth, elevation = angles
+    except (TypeError, ValueError):
+        raise SceneError(f"view must be a name or (azimuth, elevation); given {picture.view!r}") from None
+    width, height = picture.options.size
+    return Camera.framing(scene, azimuth, elevation, up=scene.up, aspect=width / height)
+
+
+def encode(frame: Frame, picture: Picture) -> bytes:
+    """Return a picture, or one of its arrays, as the bytes of its file; as `Frame.save` writes it."""
+    if picture.suffix != ".npy":
+        return frame.encode(picture.suffix)
+    return frame.encode_array(picture.array or picture.options.outputs[0])
+
+
+def suffix_of(output: str | os.PathLike[str]) -> str:
+    """Return the suffix of a file in small letters."""
+    return Path(output).suffix.lower()

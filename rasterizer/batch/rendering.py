@@ -1,0 +1,343 @@
+"""`render_many`: tasks in, files and records out.
+
+Tasks are taken from their iterable as they are needed, a few for each process. Neighbours of one model become a run,
+which is one unit of work: the model is loaded once for it. A unit whose process dies is divided into single tasks. Each
+of these is drawn once more, alone in its process; the one that ends that process, too, is named.
+"""
+
+import os
+from collections import OrderedDict, deque
+from collections.abc import Generator, Iterable, Iterator, Mapping
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from ..errors import OutputError, RasterizerError, SceneError, shown
+from ..io.files import identity_of, write_whole
+from ..io.loader import load
+from ..options import Options
+from ..scene.mesh import Mesh
+from ..scene.scene import Scene
+from ..scene.validate import choice, whole
+from .crew import Crew, Died, Done, Failed, SharedObject, Unit, work_through
+from .draw_run import Drawn, Picture, Run, draw_run, load_model_of, make_error, suffix_of
+from .executors import identify, make_executor_crew
+from .processes import LocalProcesses
+from .tasks import EXISTING, Existing, RenderRecord, RenderSummary, RenderTask
+
+LONGEST_RUN = 8  # pictures
+MOST_PROCESSES = 1024
+_MOST_OUTPUTS = 2**16  # of the last ones is known which task writes them
+_MOST_OBJECTS = 8  # models given as objects that are recognised when they come again
+
+
+def render_many(
+    tasks: Iterable[RenderTask],
+    executor: Any = None,
+    *,
+    n_process: int | None = None,
+    existing: Existing = "replace",
+) -> "Batch":
+    """Draw many pictures of many models, in several processes, and write each as soon as it is drawn.
+
+    One that fails doesn't stop the others, whatever the reason: a broken model, an argument that is not legal, a
+    process that dies. A file appears whole or not at all. The bytes are those that one process writes.
+
+    Parameters
+    ----------
+    tasks : RenderTask each, in a list or from a generator, which is asked for a few at a time. Neighbours that have the
+        same model are drawn together: put the views of a model next to each other
+    executor : who draws. None = processes of this machine, with one thread each. Else an executor of
+        `concurrent.futures`, a `dask.distributed.Client`, or the address of a scheduler of Dask, "tcp://…" (extra
+        `distributed`). Files are written by this process alone. Dask's workers read a model's file themselves where
+        they see the same one, of the same length and time of change; else it is loaded here and sent to each worker
+        once
+    n_process : how many processes, 1 to 1024, or how many tasks an executor works on at a time; None = as many as this
+        process may use processors, or as the executor has
+    existing : what becomes of a task whose file is there: "replace", "skip" (it is left out), or "skip-newer" (it is
+        left out unless its model's file has changed since). So a run that was interrupted is resumed. It isn't asked
+        how the file was made
+
+    Returns
+    -------
+    Batch, an iterator of RenderRecord in the order in which pictures are done; nothing is drawn before the first is
+    asked for. Its `summary` counts them
+
+    Raises
+    ------
+    SceneError : another argument than the tasks is not legal; from the iterator: what is no RenderTask
+    RasterizerError : from the iterator: no process can be started, or the executor takes no tasks any more. What was
+        written until then stays
+    """
+    choice(existing, EXISTING, "existing")
+    try:
+        iterator = iter(tasks)
+    except TypeError:
+        raise SceneError(f"tasks must be an iterable of RenderTask; given {shown(tasks)}") from None
+    return Batch(iterator, make_crew(executor, n_process), existing)
+
+
+def make_crew(executor: Any, n_process: int | None) -> Crew:
+    """Return who draws, from the arguments of `render_many`; SceneError where they are not legal."""
+    if n_process is not None:
+        n_process = whole(n_process, "n_process", 1, MOST_PROCESSES)
+    return LocalProcesses(n_process) if executor is None else make_executor_crew(executor, n_process)
+
+
+class Item(NamedTuple):
+    """A task that waits to be drawn."""
+
+    number: int  # of the task
+    task: RenderTask
+    options: Options
+    path: str | None  # of the model; None where it is an object
+    shared: SharedObject | None  # the model, where it is an object
+
+    def has_model_of(self, other: "Item") -> bool:
+        """Tell whether one run can hold both."""
+        is_loaded_alike = self.task.load is other.task.load or not (self.task.load or other.task.load)
+        return is_loaded_alike and self.path == other.path and self.shared is other.shared
+
+
+class Note(NamedTuple):
+    """What is remembered of a unit that was sent."""
+
+    items: list[Item]
+    run: Run
+    is_alone: bool = False  # drawn once more, because its process died
+    warnings: tuple[str, ...] = ()  # of a model that was loaded here
+    files_read: tuple[str, ...] = ()
+    error: RasterizerError | None = None  # where it could not be loaded here
+
+
+class Batch:
+    """Iterate over what becomes of the tasks of `render_many`; a context manager, which ends what it has started.
+
+    Attributes
+    ----------
+    summary : RenderSummary of what has been done so far
+    """
+
+    def __init__(self, tasks: Iterator[RenderTask], crew: Crew, existing: Existing) -> None:
+        self._tasks, self._crew, self._existing = tasks, crew, existing
+        self._counts, self._start, self._n_task = RenderSummary(), perf_counter(), 0
+        self._is_exhausted = False
+        self._waiting: deque[Item] = deque()
+        self._outputs: OrderedDict[str, int] = OrderedDict()  # index of the task that writes each
+        self._objects: OrderedDict[int, SharedObject] = OrderedDict()  # by the id of the object, which they keep
+        self._n_object = 0
+        self._records = self._work()
+
+    @property
+    def summary(self) -> RenderSummary:
+        """What has been done so far."""
+        return self._counts
+
+    def __iter__(self) -> "Batch":
+        return self
+
+    def __next__(self) -> RenderRecord:
+        record = next(self._records)
+        setattr(self._counts, record.status, getattr(self._counts, record.status) + 1)
+        self._counts.seconds = perf_counter() - self._start
+        return record
+
+    def __enter__(self) -> "Batch":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End what draws; nothing more is written. What has been written stays."""
+        self._records.close()
+        self._crew.close()
+
+    def _work(self) -> Generator[RenderRecord, None, None]:
+        """Keep the crew at work; yield what becomes of the tasks."""
+        self._start = perf_counter()
+        try:
+            for unit, outcome in work_through(self._crew, self._units(), self._follow_up):
+                if outcome is None:
+                    yield unit  # the record of a task that isn't drawn
+                else:
+                    yield from self._settle(unit.note, outcome)
+        finally:
+            self._crew.close()
+
+    # --- tasks to units
+
+    def _units(self) -> Iterator[Unit | RenderRecord]:
+        """Yield what is to be drawn, and the records of what isn't."""
+        while True:
+            yield from self._fill()
+            if not self._waiting:
+                return
+            yield self._next_unit()
+
+    def _fill(self) -> Iterator[RenderRecord]:
+        """Take tasks until there are some for each process; yield the records of those that aren't drawn."""
+        while not self._is_exhausted and len(self._waiting) < LONGEST_RUN * self._crew.n_slot:
+            try:
+                task = next(self._tasks)
+            except StopIteration:
+                self._is_exhausted = True
+                return
+            if not isinstance(task, RenderTask):
+                raise SceneError(f"tasks must be RenderTask each; number {self._n_task} is {shown(task)}")
+            index, self._n_task = self._n_task, self._n_task + 1
+            try:
+                item = self._check(index, task)
+            except Exception as fault:  # noqa: BLE001  one that is not legal doesn't stop the others
+                yield _failed(index, task, make_error(task.name, fault))
+                continue
+            if item is None:
+                yield RenderRecord(index, os.fspath(task.output), "skipped", source=source_of(task))
+            else:
+                self._waiting.append(item)
+
+    def _check(self, index: int, task: RenderTask) -> Item | None:
+        """Return a task as an item; None where its file is there and shall stay."""
+        options = task.check()
+        output = os.path.abspath(task.output)
+        other = self._outputs.setdefault(output, index)
+        if other != index:
+            raise OutputError(f"can't write {task.output}: task {other} of the batch writes it, too")
+        if len(self._outputs) > _MOST_OUTPUTS:
+            self._outputs.popitem(last=False)
+        path = source_of(task)
+        if self._existing != "replace" and is_there(output, path if self._existing == "skip-newer" else None):
+            return None
+        identity = None if path is None else identity_of(path)
+        if identity is not None and identity == identity_of(output):
+            raise OutputError(f"can't write {task.output}: it is the model, which is read")
+        if path is not None and not self._crew.is_here:
+            path = os.path.abspath(path)
+        return Item(index, task, options, path, None if path is not None else self._share(task.source, task.load))
+
+    def _share(self, source: Any, settings: Mapping[str, Any]) -> SharedObject:
+        """Return a model that is an object as what is sent once; one that may change is copied, by loading it."""
+        is_frozen = isinstance(source, (Scene, Mesh, bytes))
+        shared = self._objects.get(id(source)) if is_frozen else None
+        if shared is None:
+            shared = SharedObject(source if is_frozen else load(source, **settings), str(self._n_object))
+            self._n_object += 1
+            if is_frozen:
+                self._objects[id(source)] = shared
+        if is_frozen:
+            self._objects.move_to_end(id(source))
+        if len(self._objects) > _MOST_OBJECTS:
+            self._objects.popitem(last=False)
+        return shared
+
+    def _next_unit(self) -> Unit:
+        """Return what is drawn next, of what waits."""
+        # Shorter runs where few tasks are left, so that all processes have some.
+        n = max(1, min(LONGEST_RUN, len(self._waiting) // self._crew.n_slot))
+        items = [self._waiting.popleft()]
+        while self._waiting and len(items) < n and self._waiting[0].has_model_of(items[0]):
+            items.append(self._waiting.popleft())
+        return self._unit_of(items)
+
+    def _unit_of(self, items: list[Item], is_alone: bool = False) -> Unit:
+        """Return the unit that draws some items of one model."""
+        task, path = items[0].task, items[0].path
+        identity = None if path is None or self._crew.is_here else identify(path)
+        pictures = tuple(
+            Picture(
+                item.number,
+                suffix_of(item.task.output),
+                item.task.view,
+                item.task.camera,
+                item.options,
+                item.task.array,
+            )
+            for item in items
+        )
+        run = Run(task.name, path, identity, dict(task.load), pictures)
+        unit = Unit(draw_run, run, items[0].shared)
+        unit.note = Note(items, run, is_alone)
+        return unit
+
+    # --- outcomes to records
+
+    def _follow_up(self, unit: Unit, outcome: Done | Died | Failed) -> list[Unit]:
+        """Return what takes the place of a unit: its tasks one by one, or the same with its model."""
+        note: Note = unit.note
+        if isinstance(outcome, Done):
+            return [] if outcome.value is not None else self._send_model(unit)
+        if note.is_alone or (isinstance(outcome, Failed) and len(note.items) == 1):
+            return []
+        return [self._unit_of([item], isinstance(outcome, Died)) for item in note.items]
+
+    def _send_model(self, unit: Unit) -> list[Unit]:
+        """Load a model that the machine that should draw it doesn't see; return the unit that has it, or nothing."""
+        note: Note = unit.note
+        try:
+            model = load_model_of(note.run, None, {})
+        except Exception as fault:  # noqa: BLE001  one model that can't be read does not stop the rest
+            unit.note = note._replace(error=make_error(note.run.name, fault))
+            return []
+        run = note.run._replace(path=None, identity=None, load={})
+        again = Unit(draw_run, run, self._share(model.scene, {}))
+        again.note = note._replace(warnings=model.warnings, files_read=model.files_read)
+        return [again]
+
+    def _settle(self, note: Note, outcome: Done | Died | Failed) -> Iterator[RenderRecord]:
+        """Write what was drawn, and yield its records."""
+        if isinstance(outcome, Done) and outcome.value is not None:
+            for item, drawn in zip(note.items, outcome.value, strict=True):
+                yield self._write(item, drawn, note)
+            return
+        error = note.error
+        if isinstance(outcome, Died):
+            error = RasterizerError(f"{note.run.name}: the process that drew it {outcome.how}, twice")
+        elif isinstance(outcome, Failed):
+            what = f"{type(outcome.error).__name__}: {outcome.error}"
+            error = SceneError(f"{note.run.name}: can't be drawn by another process: {what}")
+        yield from (_failed(item.number, item.task, error) for item in note.items)
+
+    def _write(self, item: Item, drawn: Drawn, note: Note) -> RenderRecord:
+        """Write the file of a picture; return its record."""
+        if drawn.content is None:
+            return _failed(item.number, item.task, drawn.error, drawn.seconds)
+        output = os.fspath(item.task.output)
+        try:
+            identity = identity_of(output)
+            for path in (*drawn.files_read, *note.files_read):
+                if identity is not None and identity_of(path) == identity:
+                    raise OutputError(f"can't write {output}: it is {path}, which the model reads")
+            make_folder_of(output)
+            write_whole(output, drawn.content)
+        except OutputError as error:
+            return _failed(item.number, item.task, error, drawn.seconds)
+        told = (*note.warnings, *drawn.warnings)
+        source = source_of(item.task)
+        return RenderRecord(item.number, output, "drawn", drawn.seconds, None, drawn.stats, source, told)
+
+
+def make_folder_of(output: str) -> None:
+    """Make the folder that a file goes to; OutputError where that can't be done."""
+    try:
+        os.makedirs(os.path.dirname(os.path.realpath(output)), exist_ok=True)
+    except (OSError, ValueError) as fault:
+        reason = getattr(fault, "strerror", None) or fault
+        raise OutputError(f"can't write {output}: its folder can't be made: {reason}") from fault
+
+
+def source_of(task: RenderTask) -> str | None:
+    """The path of a task's model; None where that is no file."""
+    return os.fspath(task.source) if isinstance(task.source, (str, os.PathLike)) else None
+
+
+def _failed(index: int, task: RenderTask, error: Exception | None, seconds: float = 0.0) -> RenderRecord:
+    """The record of a task that failed."""
+    return RenderRecord(index, str(task.output), "failed", seconds, error, None, source_of(task))
+
+
+def is_there(output: str, model: str | None) -> bool:
+    """Tell whether a file is there, and no older than the file of its model, if one is given. An empty one is none."""
+    try:
+        status = os.stat(output)
+        return status.st_size > 0 and (model is None or status.st_mtime_ns >= os.stat(model).st_mtime_ns)
+    except (OSError, ValueError):
+        return False

@@ -1,0 +1,171 @@
+"""What a batch draws, and what it says of each picture."""
+
+import difflib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, get_args
+
+from ..choices import SAVED_ARRAYS, VIEWS, SavedArray
+from ..errors import SceneError, shown
+from ..frame import Stats
+from ..io.picture_formats import picture_format
+from ..options import Options
+from ..scene.camera import Camera
+
+Existing = Literal["replace", "skip", "skip-newer"]
+EXISTING: tuple[str, ...] = get_args(Existing)
+
+_PICTURE = {"outputs": "rgb", "samples": 4}  # what options begin with that are given as a dict
+
+
+@dataclass(frozen=True)
+class RenderTask:
+    """Say what one picture of a batch shows, and where it goes.
+
+    Parameters
+    ----------
+    source : whatever `load` takes: a path, bytes, a Mesh, a Scene, a trimesh object …
+    output : path of the file; the suffix chooses the format, folders are made
+    view : one of the named views, such as "front", or a pair (azimuth, elevation) in degrees; None = the camera below,
+        or the scene's own
+    camera : Camera; None = by the view
+    options : Options, or a dict of some of them. Where a dict names no outputs, they are what the file holds: of a
+        picture "rgb" with 4 samples, of a .npy file its array with one. `threads` is 1 unless it is given
+    load : dict of other arguments of `load`: format, crease_angle, up, lights, background, allow_outside …
+    array : which array a .npy file holds, as in `Frame.save`; None = the first of the outputs, or "color"
+
+    Nothing is checked before the task is done, so that one that is not legal doesn't stop the others.
+    """
+
+    source: Any
+    output: str | os.PathLike[str]
+    view: str | tuple[float, float] | None = None
+    camera: Camera | None = None
+    options: Options | Mapping[str, Any] = field(default_factory=dict)
+    load: Mapping[str, Any] = field(default_factory=dict)
+    array: SavedArray | None = None
+
+    @property
+    def name(self) -> str:
+        """What messages call it: its model's path, or else its output."""
+        return str(self.source if isinstance(self.source, (str, os.PathLike)) else self.output)
+
+    def check(self) -> Options:
+        """Return the options of the picture, complete.
+
+        Raises
+        ------
+        SceneError : a value that is not legal
+        OutputError : a format that can't be written
+        """
+        if not isinstance(self.output, (str, os.PathLike)) or not os.fspath(self.output):
+            raise SceneError(f"output must be the path of a file; given {shown(self.output)}")
+        if not isinstance(self.load, Mapping) or not all(isinstance(name, str) for name in self.load):
+            raise SceneError(f"load must be a dict of arguments of rz.load; given {shown(self.load)}")
+        if self.camera is not None and not isinstance(self.camera, Camera):
+            raise SceneError(f"camera must be a Camera or None; given {shown(self.camera)}")
+        if self.array is not None and self.array not in SAVED_ARRAYS:
+            raise SceneError(f"array must be one of {', '.join(SAVED_ARRAYS)}; given {shown(self.array)}")
+        if self.array is not None and not self.is_array:
+            raise SceneError(f"arrays are written as .npy; given {shown(self.output)} for the array {self.array!r}")
+        if not self.is_array:
+            picture_format(os.path.splitext(os.fspath(self.output))[1])
+        if self.camera is not None and self.view is not None:
+            raise SceneError("a task takes a view or a camera, not both")
+        if isinstance(self.view, str) and self.view not in VIEWS:
+            raise SceneError(f"view must be one of {', '.join(VIEWS)}, or (azimuth, elevation); given {self.view!r}")
+        return self._options()
+
+    @property
+    def is_array(self) -> bool:
+        """Whether its file holds an array."""
+        return os.fspath(self.output).lower().endswith(".npy")
+
+    def _begin(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """What is an option's default where a dict doesn't have it: that of a picture, or of an array."""
+        if not self.is_array:
+            return {} if "outputs" in given else _PICTURE
+        name = self.array or "color"
+        return {"outputs": {"rgba": "rgb", "alpha": "color"}.get(name, name)}
+
+    def _options(self) -> Options:
+        """The options, with one thread where none are asked for."""
+        given = self.options
+        if isinstance(given, Options):
+            values = {each.name: getattr(given, each.name) for each in fields(Options)}
+        elif isinstance(given, Mapping):
+            legal = [each.name for each in fields(Options)]
+            for name in given:
+                if name not in legal:
+                    near = difflib.get_close_matches(str(name), legal, 1)
+                    hint = f"did you mean {near[0]}?" if near else f"legal are {', '.join(legal)}"
+                    raise SceneError(f"no option is called {shown(name)}; {hint}")
+            values = self._begin(given) | dict(given)
+        else:
+            raise SceneError(f"options must be Options or a dict of some; given {shown(given)}")
+        if values.get("threads") is None:
+            values["threads"] = 1
+        return Options(**values)
+
+
+@dataclass(frozen=True)
+class RenderRecord:
+    """Say what became of a task.
+
+    Attributes
+    ----------
+    index : which one it was, counted from 0
+    path : of its output, text
+    status : "drawn", "skipped" (its file was there) or "failed"
+    seconds : that it took where it was drawn, its model's loading included if it was the first of that model
+    error : Exception, where it failed; nothing was written then
+    stats : Stats of the picture, where it was drawn
+    source : path of its model, text; None where it was no file
+    warnings : what its model was warned of, texts
+    """
+
+    index: int
+    path: str
+    status: Literal["drawn", "skipped", "failed"]
+    seconds: float = 0.0
+    error: Exception | None = None
+    stats: Stats | None = None
+    source: str | None = None
+    warnings: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as a dict that can be written as JSON."""
+        found = {"index": self.index, "path": self.path, "source": self.source, "status": self.status}
+        found |= {"seconds": round(self.seconds, 4), "error": None if self.error is None else str(self.error)}
+        coverage = None if self.stats is None else self.stats.coverage
+        return found | {"coverage": coverage, "warnings": list(self.warnings)}
+
+
+@dataclass
+class RenderSummary:
+    """Count what became of the tasks of a batch.
+
+    Attributes
+    ----------
+    drawn, skipped, failed : how many
+    seconds : since the batch began
+    """
+
+    drawn: int = 0
+    skipped: int = 0
+    failed: int = 0
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        pictures = "1 picture" if self.drawn == 1 else f"{self.drawn} pictures"
+        parts = [f"{pictures} drawn"]
+        parts += [f"{self.skipped} skipped"] if self.skipped else []
+        parts += [f"{self.failed} failed"] if self.failed else []
+        rate = f" ({self.drawn / self.seconds:.3g} a second)" if self.drawn and self.seconds > 0 else ""
+        return f"{', '.join(parts)} in {self.seconds:.3g} s{rate}"
+
+    @property
+    def exit_code(self) -> int:
+        """What a program may end with: 0 where nothing failed, 1 where something did."""
+        return int(self.failed > 0)

@@ -1,0 +1,210 @@
+"""`raster doctor`: what is installed, where compiled kernels are kept, and what is wrong with it.
+
+What can't be imported is a finding, so nothing but the standard library is imported before it has been looked for.
+"""
+
+import os
+import platform
+import re
+import shutil
+import sys
+from importlib import metadata
+from pathlib import Path
+
+from ..cores import n_core
+from ..errors import OutputError, SceneError
+from ..version import __version__
+from .messages import print_record, print_text
+
+_NEEDED = ("numpy", "numba", "llvmlite", "pillow", "trimesh")
+_SETTINGS = ("RASTER_STORE", "RASTER_MOST_TEXELS", "NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK",
+             "XDG_CACHE_HOME", "NO_COLOR")  # fmt: skip
+_FIRST = 12  # letters of the names of facts
+_MB = 1e6
+_LEAST_FREE = 200e6  # bytes of a disk: all kernels take less than a third
+
+
+def examine(arguments, messages) -> tuple[list, int]:
+    """Say what is there, and remove kernels where that is asked for.
+
+    Parameters
+    ----------
+    arguments : those of the command, as `parse` returns them
+    messages : Messages
+
+    Returns
+    -------
+    the problems, one error each; and the number of things that were looked at, which is larger
+
+    Raises
+    ------
+    OutputError : kernels can't be removed
+    """
+    cleared = _clear() if arguments.clear else None
+    facts = {
+        "version": __version__,
+        "python": platform.python_version(),
+        "executable": sys.executable,
+        "package": str(Path(__file__).resolve().parents[1]),
+        "system": platform.platform(terse=True),
+        "cpu": _cpu_name(),
+        "threads": n_core(),
+        "packages": {name: _version_of(name) for name in _NEEDED},
+        "extras": _list_extras(),
+        "kernels": _describe_kernels(),
+        "settings": {name: os.environ[name] for name in _SETTINGS if name in os.environ},
+    }
+    if cleared is not None:
+        facts["cleared"] = cleared
+    problems = _list_problems(facts)
+    if arguments.json:
+        print_record(facts | {"problems": problems}, False)
+    else:
+        print_text(_text(facts), False)
+    for problem in problems:
+        messages.error(problem)
+    return [SceneError(problem) for problem in problems], len(problems) + 1
+
+
+def _version_of(name) -> str | None:
+    """The version of a package that is installed, without importing it."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _cpu_name() -> str | None:
+    """The processor's model name, and the best level of processors that it belongs to; None where it can't be told."""
+    try:
+        from ..analysis.timing import describe_machine
+        from ..compiler.fingerprint import usable_processors
+
+        return f"{describe_machine()['cpu']} ({', '.join(usable_processors()[1:2]) or 'no level'})"
+    except ImportError:  # numpy or llvmlite is missing, which is told
+        return platform.processor() or platform.machine()
+
+
+def _list_extras() -> dict[str, dict[str, str | None]]:
+    """The extras of the package as it is installed: for each the version of every package of it, None = missing."""
+    found = {}
+    for text in _requirements():
+        extra = re.search(r"extra == ['\"]([\w-]+)['\"]", text)
+        limit = re.search(r"python_version < ['\"](\d+)\.(\d+)['\"]", text)
+        if extra and not (limit and sys.version_info >= (int(limit[1]), int(limit[2]))):
+            name = re.match(r"[\w.-]+", text)[0]
+            found.setdefault(extra[1], {})[name] = _version_of(name)
+    return found
+
+
+def _requirements() -> list[str]:
+    """The requirements in the metadata of whichever distribution has this package; none where it isn't installed."""
+    for name in dict.fromkeys(metadata.packages_distributions().get(__package__.partition(".")[0], ())):
+        if (requirements := metadata.requires(name)) is not None:
+            return requirements
+    return []
+
+
+# --- compiled kernels -----------------------------------------------------------------------------------------------
+
+
+def _describe_kernels() -> dict:
+    """Where kernels are kept and how large they are."""
+    try:
+        from ..compiler import kernels, store
+    except ImportError as fault:
+        return {"folder": None, "reasons": [f"{fault}"], "is_used": False, "count": 0, "bytes": 0, "others": []}
+    own = kernels.STORE.own
+    count, n_byte = store.measure(own) if own is not None else (0, 0)
+    shipped = [folder for folder in kernels.STORE.folders if folder != own]
+    others = [folder for folder in (store.list_folders(own.parent) if own is not None else []) if folder != own]
+    return {
+        "folder": None if own is None else str(own),
+        "is_used": kernels.STORE.is_used,
+        "reasons": list(kernels.STORE.reasons),
+        "count": count,
+        "bytes": n_byte,
+        "free": None if own is None else shutil.disk_usage(own.parent).free,
+        "processors": [each.partition(" ")[0] for each in kernels.STORE.processors],
+        "shipped": [{"folder": str(folder), "count": store.measure(folder)[0]} for folder in shipped],
+        "others": [_measured(store, folder) for folder in others],
+    }
+
+
+def _measured(store, folder) -> dict:
+    count, n_byte = store.measure(folder)
+    return {"folder": str(folder), "count": count, "bytes": n_byte}
+
+
+def _clear() -> dict:
+    """Remove all kernels in the user's folder; return how many there were, and their bytes."""
+    try:
+        from ..compiler import kernels, store
+    except ImportError as fault:
+        raise OutputError(f"kernels can't be removed: {fault}") from fault
+    own = kernels.STORE.own
+    if own is None:
+        return {"count": 0, "bytes": 0}
+    sizes = [store.measure(folder) for folder in store.list_folders(own.parent)]
+    try:
+        store.clear(own.parent)
+    except OSError as fault:
+        raise OutputError(f"kernels in {own.parent} can't be removed: {fault.strerror or fault}") from fault
+    return {"count": sum(count for count, _ in sizes), "bytes": sum(n_byte for _, n_byte in sizes)}
+
+
+# --- what is printed ------------------------------------------------------------------------------------------------
+
+
+def _list_problems(facts) -> list[str]:
+    """What is missing or broken, and what to do."""
+    problems = [f"{name} is not installed, and nothing can be drawn without it"
+                for name, version in facts["packages"].items() if version is None]  # fmt: skip
+    kernels = facts["kernels"]
+    if kernels["folder"] is None:
+        why = "; ".join(kernels["reasons"]) or "there is no folder for them"
+        problems.append(f"compiled kernels are not kept, so every run compiles: {why}; RASTER_STORE names a folder")
+    elif kernels["free"] < _LEAST_FREE:
+        problems.append(f"the disk of {kernels['folder']} is nearly full: {kernels['free'] / _MB:.0f} MB are free")
+    return problems
+
+
+def _text(facts) -> str:
+    """The facts as lines."""
+    n = facts["threads"]
+    lines = [
+        ("raster", f"{facts['version']}, in {facts['package']}"),
+        ("python", f"{facts['python']}, {facts['executable']}"),
+        ("system", facts["system"]),
+        ("processor", facts["cpu"]),
+        ("threads", f"{n}"),
+        *((name, version or "MISSING") for name, version in facts["packages"].items()),
+        *_kernel_lines(facts["kernels"]),
+        *((f"[{name}]", _extra_words(packages)) for name, packages in facts["extras"].items()),
+        *(("setting", f"{name}={value}") for name, value in facts["settings"].items()),
+    ]
+    if "cleared" in facts:
+        lines.append(("cleared", _kernel_words(facts["cleared"])))
+    return "".join(f"{name:<{_FIRST}}{' '.join(value.split())}\n" for name, value in lines)
+
+
+def _kernel_lines(kernels):
+    """Where kernels are, and how many."""
+    if kernels["folder"] is not None:
+        state = _kernel_words(kernels) + ("" if kernels["count"] else "; raster warmup makes them")
+        yield "kernels", f"{state}, in {kernels['folder']}"
+    for shipped in kernels.get("shipped", ()):
+        yield "kernels", f"{shipped['count']} that came with the package, in {shipped['folder']}"
+    if kernels["others"]:
+        total = {key: sum(each[key] for each in kernels["others"]) for key in ("count", "bytes")}
+        yield "", f"{_kernel_words(total)} of other versions; raster doctor --clear removes all"
+    for reason in kernels["reasons"] if kernels["folder"] is not None else ():
+        yield "", f"not in {reason}"
+
+
+def _kernel_words(facts) -> str:
+    return f"{facts['count']} kernels, {facts['bytes'] / _MB:.1f} MB"
+
+
+def _extra_words(packages) -> str:
+    return ", ".join(f"{name} {version or 'missing'}" for name, version in packages.items())

@@ -1,0 +1,227 @@
+"""`raster info`: what is in a model, said without drawing it.
+
+load ─ facts ─┬─ lines on stdout
+              └─ a line of JSON
+"""
+
+import os
+import re
+import warnings
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from ..analysis.mesh_topology import compute_topology, guess_up
+from ..io import formats
+from ..io.loader import load
+from .failures import Failures
+from .load_scene import source_of
+from .messages import byte_words, print_record, print_text
+from .targets import STDIO, list_models
+
+_MANY = 12  # materials that are listed by name
+_FIRST = 14  # letters of the names of facts
+# Statements of OBJ files that draw something, and that are no polygons: Wavefront, appendix B1.
+_OBJ_STATEMENTS = {b"p": "points", b"l": "lines", b"curv": "curves", b"curv2": "curves", b"surf": "free-form surfaces"}
+
+
+def describe_models(arguments, messages) -> tuple[list, int]:
+    """Describe every model; parameters, result and errors are those of `render_models`."""
+    models = list_models(arguments)
+    failures = Failures(messages, arguments.json)
+    for number, model in enumerate(models):
+        with failures.caught(model):
+            facts = _describe(model, arguments, messages)
+            if arguments.json:
+                print_record(facts, False)
+            else:
+                print_text(("\n" if number else "") + _text(facts), False)
+    return failures, len(models)
+
+
+def _describe(model, arguments, messages) -> dict:
+    """Load a model, and return what is known of it: a record that JSON can say."""
+    start = perf_counter()
+    source = source_of(model, arguments.input_format)
+    said, files_read = [], []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        scene = load(
+            source,
+            format=arguments.input_format,
+            drop_bad_faces=arguments.drop_bad_faces,
+            allow_outside=arguments.allow_outside,
+            log=said.append,
+            files_read=files_read,
+        )
+    for text in said:
+        messages.detail(text)
+    texts = [str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)]
+    entry = formats.format_of(model, arguments.input_format)
+    points, faces = _gather(scene)
+    topology, (up, reason) = compute_topology(points, faces), guess_up(points, faces)
+    materials = {id(each): each for mesh in scene.meshes for each in mesh.palette}
+    low, high = scene.bounds
+    return {
+        "path": model,
+        "format": entry.name,
+        "bytes": len(source) if isinstance(source, bytes) else os.path.getsize(model),
+        "faces": scene.n_face,
+        "polygons": _count_polygons(scene),
+        "vertices": topology.n_vertex,
+        "edges": topology.n_edge,
+        "meshes": [{"name": mesh.name, "faces": mesh.n_face} for mesh in scene.meshes],
+        "bounds": [low.tolist(), high.tolist()],
+        "extent": (high - low).tolist(),
+        "watertight": topology.is_watertight,
+        "open_edges": topology.n_open,
+        "branching_edges": topology.n_branching,
+        "turned_edges": topology.n_turned,
+        "degenerate_faces": topology.n_degenerate,
+        "bodies": topology.n_body,
+        "area": topology.area,
+        "volume": topology.volume,
+        "up": scene.up,
+        "up_guess": up,
+        "up_reason": reason,
+        "normals": _normals_of(scene),
+        "materials": [_material(material) for material in materials.values()],
+        "textures": [_texture(each) for each in _textures(materials.values())],
+        "lights": [type(light).__name__ for light in scene.lights],
+        "camera": scene.camera is not None,
+        "files_read": list(dict.fromkeys(files_read)),
+        "not_drawn": _list_not_drawn(scene, entry.name, source),
+        "warnings": list(dict.fromkeys(texts)),
+        "seconds": round(perf_counter() - start, 4),
+    }
+
+
+def _gather(scene):
+    """The vertices and triangles of all meshes as one: (n_vertex, 3) float64, (n_face, 3) int64."""
+    offsets = np.cumsum([0] + [len(mesh.vertices) for mesh in scene.meshes])
+    points = np.concatenate([mesh.vertices for mesh in scene.meshes])
+    faces = [mesh.faces.astype(np.int64) + offset for mesh, offset in zip(scene.meshes, offsets[:-1], strict=True)]
+    return points, np.concatenate(faces)
+
+
+def _count_polygons(scene) -> int:
+    """Polygons as the file has them; a triangle is one."""
+    return sum(
+        mesh.n_face if mesh.polygons is None else int(np.count_nonzero(np.diff(mesh.polygons, prepend=-1)))
+        for mesh in scene.meshes
+    )
+
+
+def _normals_of(scene) -> str:
+    """Where normals come from: of the file, of its smoothing groups, or averaged; all that there are."""
+    found = []
+    for mesh in scene.meshes:
+        if mesh.normals is not None:
+            found.append("of the file")
+        elif mesh.smoothing is not None:
+            found.append("of smoothing groups")
+        else:
+            found.append("averaged")
+    return ", ".join(dict.fromkeys(found))
+
+
+def _material(material) -> dict:
+    texture = material.texture
+    return {
+        "name": material.name,
+        "reflection": material.reflection,
+        "diffuse": list(material.diffuse),
+        "opacity": material.opacity,
+        "texture": None if texture is None else texture.name,
+    }
+
+
+def _textures(materials) -> list:
+    return list({id(each.texture): each.texture for each in materials if each.texture is not None}.values())
+
+
+def _texture(texture) -> dict:
+    height, width = texture.image.shape[:2]
+    return {"name": texture.name, "size": [width, height], "alpha": texture.has_alpha}
+
+
+def _list_not_drawn(scene, format, source) -> list[str]:
+    """What a file holds and no picture shows; what its reader warns of is said elsewhere."""
+    found = []
+    if format == "obj":
+        data = source if isinstance(source, bytes) else Path(source).read_bytes()
+        counts = {}
+        for word in re.findall(rb"^[ \t]*(p|l|curv2?|surf)[ \t]", data, re.MULTILINE):
+            counts[_OBJ_STATEMENTS[word]] = counts.get(_OBJ_STATEMENTS[word], 0) + 1
+        found += [f"{n} statements of {what}" if n > 1 else f"a statement of {what}" for what, n in counts.items()]
+    if any(mesh.colors is not None and mesh.colors.shape[1] == 4 and mesh.colors[:, 3].min() < 1.0
+           for mesh in scene.meshes):  # fmt: skip
+        found.append("the alpha of vertex colours")
+    return found
+
+
+# --- what is printed ------------------------------------------------------------------------------------------------
+
+
+def _text(facts) -> str:
+    """The facts as lines."""
+    low, high = facts["bounds"]
+    lines = [
+        ("format", f"{facts['format']}, {byte_words(facts['bytes'])}"),
+        ("faces", _faces(facts)),
+        ("vertices", f"{facts['vertices']}"),
+        ("bounds", f"{_point(low)} to {_point(high)}"),
+        ("size", " x ".join(f"{value:.6g}" for value in facts["extent"])),
+        ("watertight", _watertight(facts)),
+        ("bodies", f"{facts['bodies']}"),
+        ("area", f"{facts['area']:.6g}"),
+        ("volume", "-" if facts["volume"] is None else f"{facts['volume']:.6g}"),
+        ("up", _up(facts)),
+        ("normals", facts["normals"]),
+        ("materials", _materials(facts["materials"])),
+        ("textures", ", ".join(_texture_words(each) for each in facts["textures"]) or "none"),
+        ("not drawn", ", ".join(facts["not_drawn"]) or "nothing is left out"),
+    ]
+    lines += [("files read", ", ".join(facts["files_read"]))] if facts["files_read"] else []
+    lines += [("camera", "one of the file")] if facts["camera"] else []
+    lines += [("warning", text) for text in facts["warnings"]]
+    name = "stdin" if facts["path"] == STDIO else " ".join(facts["path"].split())
+    return "\n".join([name, *(f"  {fact:<{_FIRST}}{' '.join(value.split())}" for fact, value in lines)]) + "\n"
+
+
+def _faces(facts) -> str:
+    words = [f"{facts['faces']} triangle" + "s" * (facts["faces"] > 1)]
+    words += [f"of {facts['polygons']} polygons"] if facts["polygons"] != facts["faces"] else []
+    n_mesh = len(facts["meshes"])
+    return " ".join(words) + (f", in {n_mesh} meshes" if n_mesh > 1 else "")
+
+
+def _watertight(facts) -> str:
+    faults = [(facts["open_edges"], "open edges"), (facts["turned_edges"], "edges between faces turned round"),
+              (facts["branching_edges"], "edges of more than two faces")]  # fmt: skip
+    told = ", ".join(f"{n} of {facts['edges']} are {what}" for n, what in faults if n)
+    return ("yes" if facts["watertight"] else "no") + (f": {told}" if told else "")
+
+
+def _up(facts) -> str:
+    up, guess, reason = facts["up"], facts["up_guess"], facts["up_reason"]
+    if guess is None:
+        return f"{up} ({reason})"
+    verdict = "agrees" if guess == up else f"says {guess}: try --up {guess}"
+    return f"{up}; the shape {verdict} ({reason})"
+
+
+def _materials(materials) -> str:
+    names = [f"'{each['name']}'" if each["name"] else "one without a name" for each in materials]
+    more = len(names) - _MANY
+    return f"{len(names)}: " + ", ".join(names[:_MANY]) + (f" and {more} more" if more > 0 else "")
+
+
+def _texture_words(texture) -> str:
+    width, height = texture["size"]
+    return f"'{texture['name']}' {width}x{height}"
+
+
+def _point(values) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

@@ -1,0 +1,269 @@
+"""Models drawn in other processes: `raster batch`, and `raster render -j N`.
+
+    here                                            there
+    plan ─ units ─────────────────────────────────  load ─ Renderer ─ bytes, and what there is to say
+    files ─ what there is to say ─ exit code  ────  ┘
+
+What writes files, and what is said, is here, as where one process draws: never in place of what the run reads, one line
+a message.
+"""
+
+import os
+from collections.abc import Callable
+from copy import copy
+from typing import Any, NamedTuple
+
+from ..batch.crew import Crew, Died, Done, Failed, SharedObject, Unit, work_through
+from ..batch.executors import DaskCrew, identify
+from ..batch.processes import LocalProcesses
+from ..batch.rendering import LONGEST_RUN
+from ..batch.tasks import RenderSummary
+from ..errors import RasterizerError, SceneError
+from .cameras_lights import check_camera
+from .failures import Failures
+from .load_scene import Settings, load_scene, make_settings
+from .messages import Messages, compilation_shown
+from .results import Results
+from .targets import STDIO, Target
+from .write_targets import Outputs
+
+
+class ModelWork(NamedTuple):
+    """What is sent for some pictures of a model."""
+
+    draw: Callable  # see `draw_models_apart`
+    targets: list[Target]
+    arguments: Any
+    settings: Settings
+    is_here: bool  # whether who draws sees the files of this machine
+    identity: tuple[int, int] | None  # of the model's file, as it is here; None where it isn't compared
+
+
+class ModelDone(NamedTuple):
+    """What comes back."""
+
+    contents: list[tuple[bytes, str]]  # of files, and the names of these
+    n_written: int  # files that were too large to be sent, and are there
+    said: list[tuple[str, tuple]]  # methods of Messages, or of Results, and what they are called with
+    failures: list[RasterizerError]
+    files_read: list[str]
+
+
+class HeldMessages(Messages):
+    """Keep what is said; it is said elsewhere."""
+
+    def __init__(self, level):
+        super().__init__(level)
+        self.said = []
+
+    def error(self, text) -> None:
+        """Keep an error."""
+        self.said.append(("error", (str(text),)))
+
+    def warn(self, text) -> None:
+        """Keep a warning."""
+        self.said.append(("warn", (text,)))
+
+    def notice(self, text) -> None:
+        """Keep a notice."""
+        self.said.append(("notice", (text,)))
+
+    def detail(self, text) -> None:
+        """Keep a detail, where it will be said."""
+        if self.level > 0:
+            self.said.append(("detail", (text,)))
+
+    def record(self, record, is_stdout_taken) -> None:
+        """Keep a line of JSON."""
+        self.said.append(("record", (record, is_stdout_taken)))
+
+    def traceback(self, error) -> None:
+        """Keep where a fault happened: a traceback can't be sent."""
+        import traceback
+
+        for line in "".join(traceback.format_exception(error)).splitlines():
+            self.detail(line)
+
+
+class HeldResults:
+    """Keep what is told of pictures; see `Results`."""
+
+    def __init__(self, said):
+        self._said = said
+
+    def tell(self, output, size, n_byte, seconds) -> None:
+        """Keep that a picture is done."""
+        self._said.append(("tell", (output, size, n_byte, seconds)))
+
+
+class HeldOutput:
+    """Keep what is to be written; what is too large for that is written where it is drawn, if the file system is the
+    same."""
+
+    def __init__(self, is_here, said):
+        self.results = HeldResults(said)
+        self.contents, self.files_read, self.n_written, self._is_here = [], [], 0, is_here
+
+    def write(self, content, output) -> None:
+        """Keep the content of a file."""
+        self.contents.append((content, output))
+
+    def draw(self, draw, file):
+        """Let `draw` write a RowFile, and put it in its place; return what `draw` returns."""
+        if not self._is_here:
+            raise SceneError(
+                f"{file.path}: {file.n_byte / 1e9:.3g} GB are too large to be sent from one machine to another"
+            )
+        with file:
+            drawn = draw(file)
+            file.move()
+        self.n_written += 1
+        return drawn
+
+
+def draw_apart(work: ModelWork, loaded, _kept) -> ModelDone | None:
+    """Draw pictures of a model; return them, or None where this process doesn't see the model's file."""
+    model = work.targets[0].model
+    if loaded is None and work.identity is not None and identify(model) != work.identity:
+        return None
+    messages = HeldMessages(work.arguments.level)
+    output = HeldOutput(work.is_here, messages.said)
+    failures = Failures(messages, work.arguments.json)
+    with messages.shown_warnings(), failures.caught(model, work.arguments.size):
+        work.draw(work.targets, work.arguments, work.settings, messages, output, loaded)
+    plain = [failure.with_traceback(None) for failure in failures]
+    return ModelDone(output.contents, output.n_written, messages.said, plain, output.files_read)
+
+
+def may_be_drawn_apart(arguments) -> bool:
+    """Tell whether other processes can draw: stdin, stdout and the terminal are this one's."""
+    is_shown = getattr(arguments, "preview", False)
+    return STDIO not in arguments.models and arguments.output != STDIO and not is_shown
+
+
+def draw_models_apart(arguments, messages, plan, draw, executor=None) -> tuple[list, int, RenderSummary]:
+    """Draw the pictures of a plan, as `plan_targets` returns it, in processes of this machine or by an executor.
+
+    `draw` is `render_model`, or another function of a module that is called as that.
+
+    Returns
+    -------
+    the failures, one error for each model that failed; the number of models; and what was done
+    """
+    settings = make_settings(arguments)
+    check_camera(arguments)
+    crew = LocalProcesses(arguments.n_process) if executor is None else DaskCrew(executor, arguments.n_process)
+    tell_of_compiling(crew, messages)
+    results = Results(messages, sum(map(len, plan)), is_told=not arguments.json)
+    with compilation_shown(messages), results:
+        try:
+            work = _Work(arguments, settings, messages, crew, plan, draw, results)
+            return work.run() if plan else ([], 0, RenderSummary())
+        finally:
+            crew.close()
+
+
+def tell_of_compiling(crew: Crew, messages) -> None:
+    """Say why nothing happens for a while, where the crew has to compile first."""
+    if not getattr(crew, "is_warm", True):
+        messages.notice("compiling kernels for the first time, which takes some seconds: raster warmup does it ahead")
+
+
+class _Work:
+    """The pictures of a plan on their way to a crew and back."""
+
+    def __init__(self, arguments, settings, messages, crew: Crew, plan, draw, results):
+        self._arguments, self._settings, self._messages = copy(arguments), settings, messages
+        self._crew, self._plan, self._draw, self._results = crew, plan, draw, results
+        self._arguments.threads = arguments.threads or 1
+        self._failed = {}  # the first error of each model that failed, by its number
+        self._summary = RenderSummary()
+        self._n_target = sum(map(len, plan))
+
+    def run(self) -> tuple[list, int, RenderSummary]:
+        """Draw everything; return what `draw_models_apart` does."""
+        # No model is done before another is begun: whatever exists may be read by one of them. The plan has one more
+        # model than there are, so that all others come after it.
+        with Outputs([self._plan[0], *self._plan], self._arguments) as outputs:
+            for unit, outcome in work_through(self._crew, self._units(), self._follow_up):
+                self._settle(unit, outcome, outputs.of_model(0))
+            late = outputs.finish(self._messages)
+        self._summary.drawn -= len(late)
+        self._summary.failed += len(late)
+        failures = [self._failed[number] for number in sorted(self._failed)] + late
+        return failures, len(self._plan), self._summary
+
+    def _units(self):
+        """Yield the views of each model, in several units where there are fewer models than processes."""
+        longest = max(1, min(LONGEST_RUN, self._n_target // self._crew.n_slot))
+        for number, targets in enumerate(self._plan):
+            for first in range(0, len(targets), longest):
+                yield self._unit(number, targets[first : first + longest])
+
+    def _unit(self, number, targets, is_alone=False) -> Unit:
+        identity = None
+        if not self._crew.is_here:
+            targets = [target._replace(model=os.path.abspath(target.model)) for target in targets]
+            identity = identify(targets[0].model)
+        unit = Unit(
+            draw_apart, ModelWork(self._draw, targets, self._arguments, self._settings, self._crew.is_here, identity)
+        )
+        unit.note = number, is_alone
+        return unit
+
+    def _follow_up(self, unit, outcome) -> list[Unit]:
+        """Return what takes the place of a unit: its views one by one, or the same with its model."""
+        number, is_alone = unit.note
+        if isinstance(outcome, Done):
+            return [] if outcome.value is not None else self._send_model(unit)
+        targets = unit.argument.targets
+        if is_alone or (isinstance(outcome, Failed) and len(targets) == 1):
+            return []
+        return [self._unit(number, [target], isinstance(outcome, Died)) for target in targets]
+
+    def _send_model(self, unit) -> list[Unit]:
+        """Load a model that the machine that should draw it doesn't see; return the unit that has it, or nothing."""
+        model, found = unit.argument.targets[0].model, []
+        failures = Failures(self._messages, self._arguments.json)
+        with failures.caught(model):
+            loaded = load_scene(model, self._arguments, self._settings, self._messages, found)
+            again = Unit(draw_apart, unit.argument, SharedObject(loaded, model))
+            again.note = unit.note
+            return [again]
+        self._note_failures(unit, failures)
+        return []
+
+    def _settle(self, unit, outcome, output) -> None:
+        """Write what was drawn, and say what there is to say."""
+        model = unit.argument.targets[0].model
+        failures = Failures(self._messages, self._arguments.json)
+        n_written = 0
+        if isinstance(outcome, Done) and outcome.value is not None:
+            done: ModelDone = outcome.value
+            output.files_read += done.files_read
+            n_written = done.n_written
+            for content, name in done.contents:
+                with failures.caught(model):
+                    output.write(content, name)
+                    n_written += 1
+            for name, what in done.said:
+                getattr(self._results if name == "tell" else self._messages, name)(*what)
+            failures += done.failures
+        elif not isinstance(outcome, Done):
+            with failures.caught(model):
+                raise _error_of(model, outcome)
+        self._summary.drawn += n_written
+        self._summary.failed += len(unit.argument.targets) - n_written
+        self._note_failures(unit, failures)
+
+    def _note_failures(self, unit, failures) -> None:
+        for failure in failures:
+            self._failed.setdefault(unit.note[0], failure)
+
+
+def _error_of(model, outcome: Died | Failed) -> RasterizerError:
+    """What is said of a unit that nothing came back of."""
+    if isinstance(outcome, Died):
+        return RasterizerError(f"{model}: the process that drew it {outcome.how}, twice")
+    fault = outcome.error
+    return SceneError(f"{model}: can't be drawn by another process: {type(fault).__name__}: {fault}")

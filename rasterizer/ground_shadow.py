@@ -1,0 +1,309 @@
+"""The soft shadow of a scene on the ground under it, for the alpha channel of its pictures.
+
+    scene ─ masks ─ opacity of the ground ─ under a picture
+            what each point of an area light      over a square, once    pixels that show the ground
+            can't see of the ground               for all pictures
+
+The ground is the plane through the scene's lowest point. It shows nothing but the shadow, so a picture with it lies on
+any page. The light is round, far above the scene, and has the same intensity everywhere on the ground. The scene as one
+of the light's points sees it, in perspective, covers just the texels of the ground that get no light from there: a
+projected shadow (Blinn 1988, "Me and My (Fake) Shadow"). The mean over the points is the shadow of the area light.
+
+The camera is above the ground and the scene, too: so a ray meets the scene before the ground, and the shadow lies under
+the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
+"""
+
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .choices import BUFFERS
+from .errors import SceneError, shown
+from .frame import Frame
+from .renderer import Renderer
+from .scene.camera import Camera
+from .scene.color import ColorLike, linear_from_srgb, linear_rgb, srgb_from_linear
+from .scene.framing import orbit_axes
+from .scene.lights import AmbientLight
+from .scene.scene import Scene, SceneLike
+from .scene.validate import is_whole, number
+
+HEIGHT = 5.0  # of the light above the ground, in radii of the scene's box
+SPREAD = 0.35  # radius of the light over its height: how fast shadows become soft
+RESOLVED = 2.0**-40  # of its distance from the origin: a scene that is smaller is a point
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+MOST_POINTS, LEAST_POINTS = 128, 16  # of the light, as many as there is time for
+FACES_DRAWN = 2**22  # triangles times points of the light: some 0.2 s
+
+
+class _Ground(NamedTuple):
+    """Where the texels of the shadow lie: world space, scene units."""
+
+    center: NDArray[np.float64]  # (3,) of the ground that is looked at
+    right: NDArray[np.float64]  # (3,) along a row of texels
+    front: NDArray[np.float64]  # (3,) from a row to the next
+    up: NDArray[np.float64]  # (3,) away from the ground
+    texel: float  # width of one
+    shape: tuple[int, int]  # rows and columns of texels
+    radius: float  # half the diagonal of the scene's box
+
+
+class GroundShadow:
+    """Hold the shadow of a scene on the ground under it, for all pictures of the scene.
+
+    Parameters
+    ----------
+    scene : Scene, or anything that a Scene takes as its meshes; its `up` says where the ground is. What is transparent
+        lets light through
+    strength : opacity of the ground where no light arrives, 0 to 1
+    size : texels along the longer side of the shadow, 16 to 4096
+    points : of the light, 1 to 1024; None = 128, and fewer for more than some 30,000 triangles
+    threads : how many; None = as many as the process may use
+
+    Attributes
+    ----------
+    opacity : (rows, columns) float32, 0 where all of the light arrives, `strength` where none does
+
+    Raises
+    ------
+    SceneError : a value that is not legal
+    """
+
+    def __init__(
+        self,
+        scene: SceneLike,
+        *,
+        strength: float = 0.6,
+        size: int = 512,
+        points: int | None = None,
+        threads: int | None = None,
+    ) -> None:
+        scene = scene if isinstance(scene, Scene) else Scene(scene)
+        strength = number(strength, "the shadow's strength")
+        if not 0.0 <= strength <= 1.0:
+            raise SceneError(f"the shadow's strength must be within 0..1; given {shown(strength)}")
+        for name, value, least, most in (("size", size, 16, 4096), ("points", points, 1, 1024)):
+            if not (is_whole(value, least, most) or (name == "points" and value is None)):
+                raise SceneError(
+                    f"the shadow's {name} must be a whole number within {least}..{most}; given {shown(value)}"
+                )
+        if points is None:
+            points = min(max(FACES_DRAWN // max(scene.n_face, 1), LEAST_POINTS), MOST_POINTS)
+        self._ground = _ground_under(scene, size)
+        if self._ground is None:
+            self.opacity = np.zeros((4, 4), np.float32)
+        else:
+            self.opacity = np.float32(strength) * _draw_masks(scene, self._ground, points, threads)
+
+    def outline(self, share: float = 0.4) -> NDArray[np.float64]:
+        """Return points round the part of the shadow that a picture should show, (n, 3) float64, world space.
+
+        Parameters
+        ----------
+        share : of the deepest shadow; what is fainter lies outside
+        """
+        if self._ground is None:
+            return np.empty((0, 3))
+        dark = self.opacity > share * self.opacity.max(initial=0.0)
+        rows = np.flatnonzero(dark.any(axis=1))
+        first, last = dark[rows].argmax(axis=1), dark.shape[1] - 1 - dark[rows, ::-1].argmax(axis=1)
+        ground, middle = self._ground, (np.array(dark.shape) - 1) / 2.0
+        across = np.concatenate([first, last])[:, None] - middle[1]
+        along = np.concatenate([rows, rows])[:, None] - middle[0]
+        return ground.center + ground.texel * (across * ground.right + along * ground.front)
+
+    def opacity_at(
+        self, camera: Camera, size: tuple[int, int], rows: tuple[int, int] | None = None
+    ) -> NDArray[np.float32]:
+        """Return the opacity of the ground at the centres of a picture's pixels, (n_row, width) float32.
+
+        It is 0 where the camera doesn't see the ground, or sees it from below.
+
+        Parameters
+        ----------
+        camera : Camera that the picture is taken with
+        size : (width, height) of the picture, pixels
+        rows : the first, and the one behind the last; None = all
+        """
+        first, end = (0, size[1]) if rows is None else rows
+        opacity = np.zeros((end - first, size[0]), np.float32)
+        planes = None if self._ground is None else _texel_planes(self._ground, camera, size)
+        if planes is None:
+            return opacity
+        x = np.arange(size[0]) + 0.5
+        padded = np.pad(self.opacity, 1)  # no shadow beyond the last texel
+        n_line, n_column = self.opacity.shape
+        for k in range(len(opacity)):
+            column, line, w = (plane[0] * x + (plane[1] * (first + k + 0.5) + plane[2]) for plane in planes)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                column, line = column / w + 0.5, line / w + 0.5  # of `padded`, from the centre of its first texel
+            is_seen = (w > 0) & (column > 0) & (column < n_column + 1) & (line > 0) & (line < n_line + 1)
+            seen = np.flatnonzero(is_seen)
+            if len(seen):
+                opacity[k, seen] = _interpolated(padded, column[seen], line[seen])
+        return opacity
+
+    def under(self, frame: Frame, camera: Camera, background: ColorLike | None = None) -> Frame:
+        """Return a picture with the shadow under it.
+
+        Parameters
+        ----------
+        frame : Frame of the scene, with a picture, drawn without a background
+        camera : Camera that it was drawn with
+        background : colour of what lies behind; None = the picture stays transparent
+
+        Returns
+        -------
+        Frame, with the same statistics and buffers, but for `color` and `alpha`; its `rgba` is new
+        """
+        rgba = self.under_rows(frame.rgba, 0, camera, frame.size, background)
+        buffers = {name: frame.array(name) for name in BUFFERS if frame.has(name)}
+        return Frame(rgba, buffers, frame.stats, frame.size)
+
+    def under_rows(
+        self,
+        rgba: NDArray[np.uint8],
+        first: int,
+        camera: Camera,
+        size: tuple[int, int],
+        background: ColorLike | None = None,
+    ) -> NDArray[np.uint8]:
+        """Return rows of a picture with the shadow under them.
+
+        Parameters
+        ----------
+        rgba : (n_row, width, 4) uint8, sRGB and alpha, not premultiplied; drawn without a background
+        first : number of the first of these rows
+        camera : Camera that the picture was drawn with
+        size : (width, height) of the whole picture, pixels
+        background : colour of what lies behind; None = the picture stays transparent
+
+        Returns
+        -------
+        (n_row, width, 4) uint8, a new array
+        """
+        rgba = rgba.copy()
+        opacity = self.opacity_at(camera, size, (first, first + len(rgba)))
+        changed = (rgba[..., 3] < 255) & ((opacity > 0) | (background is not None))
+        front = rgba[changed]
+        alpha = front[:, 3:] / np.float32(255)
+        behind = (1 - alpha) * opacity[changed][:, None]
+        color = _linear_levels()[front[:, :3]] * alpha
+        if background is None:
+            alpha = alpha + behind
+            color = color / np.maximum(alpha, np.float32(1e-30))
+        else:
+            color = color + (1 - alpha - behind) * np.asarray(linear_rgb(background, "the background"), np.float32)
+            alpha = np.ones_like(alpha)
+        rgba[changed] = np.rint(255 * np.concatenate([srgb_from_linear(np.minimum(color, 1)), alpha], axis=1))
+        return rgba
+
+
+def _ground_under(scene: Scene, size: int) -> _Ground | None:
+    """Find the rectangle of the ground on which there may be shadow; None for a scene that is a point."""
+    right, up, forward = orbit_axes(0.0, 0.0, scene.up)
+    front = -forward
+    box = np.stack([scene.bounds @ axis for axis in (right, front, up)])
+    low, high = box.min(axis=1), box.max(axis=1)
+    radius = math.hypot(*(high - low)) / 2.0
+    if radius <= RESOLVED * float(np.abs(scene.bounds).max()):
+        return None
+    half, height = (high - low)[:2] / 2.0, float(high[2] - low[2])
+    # The shadow of a point at the height z lies z/(HEIGHT radius - z) times further from the light than the point.
+    further = height / (HEIGHT * radius - height)
+    half = half + further * (half + SPREAD * HEIGHT * radius)
+    middle = (low + high) / 2.0
+    texel = 2.0 * float(half.max()) / (size - 2)
+    columns, rows = (min(max(math.ceil(2.0 * side / texel) + 2, 4), size) for side in half)
+    center = middle[0] * right + middle[1] * front + low[2] * up
+    return _Ground(center, right, front, up, texel, (rows, columns), radius)
+
+
+def _light_points(ground: _Ground, n: int) -> NDArray[np.float64]:
+    """Return points that share a disc evenly, (n, 2), along `right` and `front` from above the centre, scene units.
+
+    Source: Vogel 1979, "A better way to construct the sunflower head".
+    """
+    k = np.arange(n)
+    away = SPREAD * HEIGHT * ground.radius * np.sqrt((k + 0.5) / n)
+    return np.stack([away * np.cos(k * GOLDEN_ANGLE), away * np.sin(k * GOLDEN_ANGLE)], axis=1)
+
+
+def _camera_at(ground: _Ground, x: float, y: float) -> Camera:
+    """Return the camera at a point of the light whose pixels are the texels of the ground."""
+    rows, columns = ground.shape
+    height = HEIGHT * ground.radius
+    eye = ground.center + x * ground.right + y * ground.front + height * ground.up
+    focal = height / ground.texel
+    # Straight below the eye is the pixel that this texel is; OpenCV counts from the centre of the first one.
+    below = columns / 2 - 0.5 + x / ground.texel, rows / 2 - 0.5 + y / ground.texel
+    return Camera(
+        position=eye,
+        target=eye - ground.radius * ground.up,
+        up=-ground.front,
+        intrinsics=(focal, focal, *below),
+        size=(columns, rows),
+    )
+
+
+def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> NDArray[np.float32]:
+    """Draw what each of n points of the light sees, and return which share of the light each texel doesn't get."""
+    rows, columns = ground.shape
+    is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
+    output = "depth" if is_opaque else "rgb"  # whichever tells what is covered, at the least cost
+    casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
+    total = np.zeros((rows, columns), np.float32)
+    with Renderer(casters, (columns, rows), shading="flat", outputs=output, samples=1, threads=threads) as renderer:
+        for x, y in _light_points(ground, n):
+            frame = renderer.render(_camera_at(ground, x, y))
+            total += np.isfinite(frame.depth) if is_opaque else frame.alpha
+    return total / np.float32(n)
+
+
+def _texel_planes(ground: _Ground, camera: Camera, size: tuple[int, int]) -> NDArray[np.float64] | None:
+    """Return three planes over a picture, (3, 3): each is a·x + b·y + c at the pixels' coordinates (x, y).
+
+    The ray through a pixel meets the ground in column first/third and row second/third of texels, before the camera
+    where the third is above 0. None where the camera is not above the ground.
+    """
+    eye, right, up, forward = camera.view()
+    scale_x, scale_y, center_x, center_y, is_perspective = camera.projection(size)
+    # The ray as a linear function of (x, y, 1): its direction, or without perspective its origin.
+    across = np.stack([right / scale_x, -up / scale_y, up * (center_y / scale_y) - right * (center_x / scale_x)])
+    height = float((eye - ground.center) @ ground.up)
+    sinks = float(-forward @ ground.up)
+    steps = np.stack([ground.right, ground.front]) / ground.texel
+    rows, columns = ground.shape
+    middle = np.array([columns / 2, rows / 2])
+    one = np.array([0.0, 0.0, 1.0])
+    if is_perspective:
+        if height <= 0.0:
+            return None
+        across[2] += forward
+        w = -across @ ground.up  # the ray sinks by so much, and meets the ground at height/w of its length
+        hits = steps @ (across * height).T + np.outer(steps @ (eye - ground.center) + middle, w)
+        return np.stack([hits[0], hits[1], w])
+    if sinks <= 0.0:
+        return None
+    heights = across @ ground.up + height * one
+    hits = steps @ (across + np.outer(one, eye - ground.center) + np.outer(heights / sinks, forward)).T
+    return np.stack([hits[0] + middle[0] * one, hits[1] + middle[1] * one, one])
+
+
+def _interpolated(values: NDArray[np.float32], x: NDArray, y: NDArray) -> NDArray[np.float32]:
+    """Interpolate between the four values round each point, bilinearly; coordinates from the first value's."""
+    column, row = x.astype(np.intp), y.astype(np.intp)
+    share_x, share_y = (x - column).astype(np.float32), (y - row).astype(np.float32)
+    first, pitch = row * values.shape[1] + column, values.shape[1]
+    flat = values.ravel()
+    upper = flat[first] + share_x * (flat[first + 1] - flat[first])
+    lower = flat[first + pitch] + share_x * (flat[first + pitch + 1] - flat[first + pitch])
+    return upper + share_y * (lower - upper)
+
+
+def _linear_levels() -> NDArray[np.float32]:
+    """Return the linear intensities of the 256 levels of sRGB."""
+    return linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)

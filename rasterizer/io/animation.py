@@ -1,0 +1,198 @@
+"""Write moving pictures: the table of their formats, and an encoder for each.
+
+frames, seconds ─┬─ GIF (gif.py), WebP, APNG by Pillow: with transparency
+                 └─ MP4 and its like by PyAV: on a background
+"""
+
+import io
+from collections.abc import Callable, Collection
+from fractions import Fraction
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import OutputError, SceneError
+
+Frames = Collection[NDArray[np.uint8]]  # (height, width, 4) uint8 each; may be gone through more than once
+_MOST_GIF_FPS = 50  # times are hundredths of a second, and viewers take 1 for 10
+_MOST_GIF = 65535  # pixels along a side of a GIF file
+_MOST_WEBP = 16383
+_MOST_BYTES = 4e9  # of frames that Pillow holds together
+_VIDEO = {"crf": "18", "preset": "veryfast"}  # of H.264: quality that looks like the original
+
+
+class Timing(NamedTuple):
+    """When frames are shown.
+
+    Parameters
+    ----------
+    seconds : float above 0, of one round
+    loop : how often the animation is shown; 0 = again and again
+    """
+
+    seconds: float
+    loop: int = 0
+
+    def delays(self, n_frame: int, unit: float) -> list[int]:
+        """Return how long each frame is shown, whole multiples of `unit` seconds; their sum is right to one of them."""
+        ends = [round(self.seconds * k / n_frame / unit) for k in range(n_frame + 1)]
+        return [max(after - before, 1) for before, after in zip(ends[:-1], ends[1:], strict=True)]
+
+
+class AnimationFormat(NamedTuple):
+    """Describe a format of moving pictures.
+
+    Parameters
+    ----------
+    suffix : of files, in lower case with its dot
+    encode : function of frames, a Timing and the suffix, which returns the file's bytes
+    has_alpha : whether its pictures may be transparent
+    most_fps : frames a second that it can show; None = as many as are wanted
+    """
+
+    suffix: str
+    encode: Callable[[Frames, Timing, str], bytes]
+    has_alpha: bool = True
+    most_fps: float | None = None
+
+    def check_timing(self, n_frame: int, seconds: float) -> None:
+        """Raise SceneError where a file can't show so many frames in so many seconds."""
+        if self.most_fps is not None and n_frame > 1 and n_frame > self.most_fps * seconds:
+            legal = f"a {self.suffix} file shows at most {self.most_fps:g} frames a second"
+            raise SceneError(f"{legal}; given {n_frame} in {seconds:g} s")
+
+
+def animation_format(suffix: str) -> AnimationFormat:
+    """Return the format of files with a suffix.
+
+    Raises
+    ------
+    SceneError : a suffix that no format has
+    OutputError : a format whose library is missing
+    """
+    found = FORMATS.get(suffix.lower())
+    if found is None:
+        given = f"given {suffix}" if suffix else "the name has no suffix"
+        raise SceneError(f"moving pictures are written as {', '.join(FORMATS)}; {given}")
+    if found.encode is _encode_video:
+        _import_av(suffix)
+    return found
+
+
+def encode_animation(frames: Frames, suffix: str, timing: Timing) -> bytes:
+    """Return frames as the bytes of a file.
+
+    Parameters
+    ----------
+    frames : collection of (height, width, 4) uint8, all of one size; it may be gone through twice. Where the format
+        knows no transparency they are opaque
+    suffix : of the file, which chooses the format
+    timing : Timing
+
+    Raises
+    ------
+    SceneError : another format, or more than it can hold
+    OutputError : a library that is missing, or that can't write these frames
+    """
+    if not len(frames):
+        raise SceneError("an animation needs at least one frame; given none")
+    found = animation_format(suffix)
+    found.check_timing(len(frames), timing.seconds)
+    return found.encode(frames, timing, suffix.lower())
+
+
+def _encode_gif(frames: Frames, timing: Timing, _suffix: str) -> bytes:
+    from .gif import Palette, encode_gif
+
+    _shape_of(frames, _MOST_GIF, "GIF")
+    delays = timing.delays(len(frames), 0.01)
+    parts = encode_gif(frames, Palette(frames), delays, loop=timing.loop)
+    return b"".join(parts)
+
+
+def _encode_webp(frames: Frames, timing: Timing, _suffix: str) -> bytes:
+    _shape_of(frames, _MOST_WEBP, "WebP")
+    return _encode_by_pillow(frames, "WEBP", timing, quality=90, method=1)
+
+
+def _encode_apng(frames: Frames, timing: Timing, _suffix: str) -> bytes:
+    # Each frame replaces what was there: it isn't laid upon the one before.
+    return _encode_by_pillow(frames, "PNG", timing, disposal=1, blend=0, compress_level=4)
+
+
+def _encode_by_pillow(frames: Frames, name: str, timing: Timing, **options: Any) -> bytes:
+    from PIL import Image
+
+    height, width = next(iter(frames)).shape[:2]
+    if (n_byte := 4 * width * height * len(frames)) > _MOST_BYTES:
+        raise SceneError(
+            f"{len(frames)} frames of {width}x{height} take {n_byte / 1e9:.1f} GB of memory as {name}, more than "
+            f"{_MOST_BYTES / 1e9:.0f}; write them as .gif or .mp4, which take one after the other"
+        )
+    first, *others = (Image.fromarray(np.ascontiguousarray(frame)) for frame in frames)
+    stream = io.BytesIO()
+    try:
+        first.save(
+            stream,
+            name,
+            save_all=True,
+            append_images=others,
+            duration=timing.delays(len(frames), 0.001),
+            loop=timing.loop,
+            **options,
+        )
+    except (OSError, ValueError) as error:
+        raise OutputError(f"can't write an animation as {name}: {error}") from error
+    return stream.getvalue()
+
+
+def _encode_video(frames: Frames, timing: Timing, suffix: str) -> bytes:
+    """Encode H.264 in the container of the suffix: planes of half the size for colour, so sides are made even."""
+    av = _import_av(suffix)
+    height, width = _shape_of(frames, _MOST_WEBP, "H.264")
+    stream = io.BytesIO()
+    try:
+        with av.open(stream, "w", format="matroska" if suffix == ".mkv" else suffix[1:]) as container:
+            rate = Fraction(len(frames) / timing.seconds).limit_denominator(1001)
+            track = container.add_stream("libx264", rate=rate, options=_VIDEO)
+            track.width, track.height, track.pix_fmt = width + width % 2, height + height % 2, "yuv420p"
+            for _ in range(max(timing.loop, 1)):
+                for frame in frames:
+                    even = np.pad(frame[..., :3], ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+                    picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
+                    container.mux(track.encode(picture))
+            container.mux(track.encode())
+    except (av.FFmpegError, ValueError) as error:
+        raise OutputError(f"can't write an animation as {suffix}: {error}") from error
+    return stream.getvalue()
+
+
+def _import_av(suffix: str) -> Any:
+    try:
+        import av
+    except ImportError:
+        raise OutputError(f"{suffix} files need the package av: pip install '.[video]'") from None
+    return av
+
+
+def _shape_of(frames: Frames, most: int, name: str) -> tuple[int, int]:
+    """Return height and width of the first frame; SceneError where the format can't hold them."""
+    height, width = next(iter(frames)).shape[:2]
+    if max(height, width) > most:
+        raise SceneError(f"a {name} file has at most {most} pixels a side; given {width}x{height}")
+    return height, width
+
+
+FORMATS = {
+    each.suffix: each
+    for each in (
+        AnimationFormat(".gif", _encode_gif, most_fps=_MOST_GIF_FPS),
+        AnimationFormat(".webp", _encode_webp),
+        AnimationFormat(".png", _encode_apng),
+        AnimationFormat(".apng", _encode_apng),
+        AnimationFormat(".mp4", _encode_video, has_alpha=False),
+        AnimationFormat(".mov", _encode_video, has_alpha=False),
+        AnimationFormat(".mkv", _encode_video, has_alpha=False),
+    )
+}

@@ -1,0 +1,231 @@
+"""Files of a frame's arrays: one of them as .npy or PNG, several in an .npz or EXR file.
+
+    .npy   one array as it is
+    .npz   arrays by name, deflated
+    .png   whole numbers of 8 or 16 bits: mask, indices, depth, normals; how to read them stands in text fields
+    .exr   channels of float32 and uint32, lossless; by the library OpenEXR (extra `exr`)
+
+In: arrays by name, as `Frame` has them. Out: the bytes of a file.
+
+What a PNG file holds is stored·scale + offset; the text fields "array", "scale", "offset" and "nothing" say it. What is
+out of range is an error: nothing is limited in silence. In an EXR file colours are multiplied by alpha, as is the
+custom there; indices are 1 more than those of the arrays, so that 0 is nothing, as in PNG files.
+"""
+
+import io
+import math
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..choices import ARRAY_SUFFIXES, SAVED_ARRAYS
+from ..errors import OutputError, SceneError, shown
+from ..scene.validate import number
+from .png import encode_png
+
+DEFAULT_SCALE = 0.001  # of depths in PNG files: millimetres, where a scene unit is a metre
+MOST = 65535  # the largest number of 16 bits
+INDICES = ("face", "object", "material")
+NORMALS = ("normal", "normal_camera")
+IN_PNG = ("rgb", "rgba", "alpha", "depth", "mask", *INDICES, *NORMALS)
+CHANNELS = {  # of EXR files
+    "color": ("R", "G", "B"),
+    "alpha": ("A",),
+    "depth": ("Z",),
+    "normal": ("N.X", "N.Y", "N.Z"),
+    "position": ("P.X", "P.Y", "P.Z"),
+    "normal_camera": ("Ncamera.X", "Ncamera.Y", "Ncamera.Z"),
+    "position_camera": ("Pcamera.X", "Pcamera.Y", "Pcamera.Z"),
+    "uv": ("UV.U", "UV.V"),
+    "barycentric": ("barycentric.X", "barycentric.Y", "barycentric.Z"),
+    "mask": ("mask",),
+    "face": ("id.face",),
+    "object": ("id.object",),
+    "material": ("id.material",),
+}
+
+
+def encode_arrays(
+    arrays: dict[str, NDArray],
+    format: str,
+    scale: float | None = None,
+    map_bands: Callable[[Callable, list], Iterable] = map,
+) -> bytes:
+    """Return arrays by name as the bytes of a file.
+
+    Parameters
+    ----------
+    arrays : as `Frame` has them
+    format : small letters: "npy", "npz", "exr" or "png"
+    scale : of depths in a PNG file, see `encode_array_png`
+    map_bands : as in `encode_png`
+
+    Raises
+    ------
+    SceneError : no array, several for a format that holds one, one that the format doesn't hold, a scale in vain
+    OutputError : a value that is out of range, or a library that is missing
+    """
+    names = list(arrays)
+    if not names:
+        raise SceneError(f"array must name at least one of {', '.join(SAVED_ARRAYS)}; given none")
+    if format not in (*ARRAY_SUFFIXES, "png"):
+        legal = "arrays are written as .npy, .npz, .exr or .png"
+        raise SceneError(f"{legal}; given {'.' + format if format else 'no suffix'} for {', '.join(names)}")
+    if format in ("npy", "png") and len(names) > 1:
+        raise SceneError(f"a .{format} file holds one array, .npz and .exr files several; given {', '.join(names)}")
+    if format == "png":
+        return encode_array_png(names[0], arrays[names[0]], scale, map_bands)
+    if scale is not None:
+        raise SceneError(f"scale is that of depth in a PNG file; given scale={shown(scale)} for .{format}")
+    if format == "npy":
+        return encode_npy(arrays[names[0]])
+    return encode_npz(arrays) if format == "npz" else encode_exr(arrays)
+
+
+def encode_npy(array: NDArray) -> bytes:
+    """Return an array as the bytes of a .npy file."""
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def encode_npz(arrays: dict[str, NDArray]) -> bytes:
+    """Return arrays by name as the bytes of an .npz file; of equal arrays the same bytes."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:  # 6 takes 4 times as long
+        for name, array in arrays.items():
+            entry = zipfile.ZipInfo(f"{name}.npy")  # of a fixed date
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(entry, "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, np.ascontiguousarray(array), allow_pickle=False)
+    return stream.getvalue()
+
+
+def encode_array_png(
+    name: str, array: NDArray, scale: float | None = None, map_bands: Callable[[Callable, list], Iterable] = map
+) -> bytes:
+    """Return an array as the bytes of a PNG file.
+
+    Parameters
+    ----------
+    name : one of IN_PNG
+    array : as `Frame` has it
+    scale : scene units that 1 in the file stands for, of depths alone; None = DEFAULT_SCALE
+    map_bands : as in `encode_png`
+
+    Raises
+    ------
+    SceneError : an array that whole numbers can't hold; a scale that is no number above 0, or of another array
+    OutputError : a value that is out of range
+    """
+    check_scale(scale, name)
+    if name in ("rgb", "rgba"):
+        return encode_png(array, map_bands)
+    if name == "depth":
+        stored, text = _stored_depths(array, DEFAULT_SCALE if scale is None else number(scale, "scale"))
+    elif name == "mask":
+        stored, text = np.where(array, np.uint8(255), np.uint8(0)), _text(1 / 255, 0, "0 or 1")
+    elif name == "alpha":
+        stored, text = np.rint(array * 255).astype(np.uint8), _text(1 / 255, 0, "covered share")
+    elif name in INDICES:
+        if array.max(initial=-1) >= MOST:
+            legal = f"a PNG file holds indices up to {MOST - 1}"
+            raise OutputError(f"{legal}; given {name} {array.max()}: write it as .npy, .npz or .exr")
+        stored, text = (array + 1).astype(np.uint16), _text(1, -1, "index")
+    elif name in NORMALS:
+        stored = np.rint((array.astype(np.float64) + 1) * (MOST / 2)).astype(np.uint16)
+        stored[(array == 0).all(axis=-1)] = 0
+        text = _text(2 / MOST, -1, "unit vector")
+    else:
+        raise SceneError(f"a PNG file holds {', '.join(IN_PNG)}; given {name!r}: write it as .npy, .npz or .exr")
+    return encode_png(stored.reshape(*array.shape[:2], -1), map_bands, {"array": name, **text})
+
+
+def check_scale(scale: float | None, name: str) -> None:
+    """Refuse a scale that is no number above 0, or of another array than depth; raises SceneError."""
+    if scale is not None and name != "depth":
+        raise SceneError(f"scale is that of depth in a PNG file; given scale={shown(scale)} for {name!r}")
+    if scale is not None and not number(scale, "scale") > 0:
+        raise SceneError(f"scale must be a number above 0: the scene units of 1 in the file; given {shown(scale)}")
+
+
+def _stored_depths(depths: NDArray, scale: float) -> tuple[NDArray[np.uint16], dict[str, str]]:
+    """Return depths as 16-bit numbers, 0 where nothing is, and what is said of them."""
+    is_seen = np.isfinite(depths)
+    stored = np.zeros(depths.shape)
+    stored[is_seen] = np.rint(depths[is_seen].astype(np.float64) / scale)
+    if is_seen.any() and not (stored[is_seen].min() >= 1 and stored.max() <= MOST):
+        low, high = float(depths[is_seen].min()), float(depths[is_seen].max())
+        legal = f"with scale {scale:g} a PNG file holds depths from {scale:g} to {MOST * scale:g}"
+        fitting = f"; scale={_rounded_up(high / MOST):g} or more holds the deepest" if high > MOST * scale else ""
+        raise OutputError(f"{legal}; given {low:g} to {high:g}{fitting}")
+    return stored.astype(np.uint16), _text(scale, 0, "scene units along the viewing axis")
+
+
+def _rounded_up(value: float) -> float:
+    """Return the next number with two digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return math.ceil(value / unit) * unit
+
+
+def _text(scale: float, offset: float, unit: str) -> dict[str, str]:
+    """What a PNG file says of its numbers."""
+    formula = f"stored * {scale!r} {'-' if offset < 0 else '+'} {abs(offset)}"
+    return {
+        "scale": repr(scale),
+        "offset": repr(offset),
+        "nothing": "0",
+        "Description": f"{formula}, {unit}; 0 = nothing",
+    }
+
+
+def encode_exr(arrays: dict[str, NDArray]) -> bytes:
+    """Return arrays by name as the bytes of an EXR file; buffers of one's own have channels of their own names.
+
+    Colours are multiplied by the array "alpha", where there is one.
+
+    Raises
+    ------
+    OutputError : the library OpenEXR is missing, or can't write the file
+    SceneError : an array of 8-bit colours
+    """
+    exr = import_exr()
+    channels: dict[str, NDArray] = {}
+    for name, array in arrays.items():
+        if name in ("rgb", "rgba"):
+            raise SceneError(f"an EXR file holds linear colours: give 'color', not {name!r}")
+        if name == "color" and "alpha" in arrays:
+            array = array * arrays["alpha"][..., None]
+        if array.dtype.kind in "bui":
+            array = (array.astype(np.int64) + (name in INDICES)).astype(np.uint32)
+        columns = array.reshape(*array.shape[:2], -1)
+        own = [name] if columns.shape[2] == 1 else [f"{name}.{k}" for k in range(columns.shape[2])]
+        for k, channel in enumerate(CHANNELS.get(name, own)):
+            plane = columns[..., k]
+            channels[channel] = np.ascontiguousarray(plane, np.uint32 if plane.dtype == np.uint32 else np.float32)
+    header = {
+        "compression": exr.ZIP_COMPRESSION,
+        "type": exr.scanlineimage,
+        "comments": "Colours are multiplied by alpha. Indices are 1 more than in the arrays: 0 = nothing.",
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "arrays.exr")
+        try:
+            exr.File(header, channels).write(path)
+        except (RuntimeError, ValueError, TypeError) as error:
+            raise OutputError(f"can't write an EXR file: {error}") from error
+        with open(path, "rb") as stream:
+            return stream.read()
+
+
+def import_exr():
+    """Return the library OpenEXR; raises OutputError, which names the extra, where it is missing."""
+    try:
+        import OpenEXR
+    except ImportError as error:
+        raise OutputError("EXR files need the extra exr (pip install '.[exr]'), the library OpenEXR") from error
+    return OpenEXR

@@ -1,0 +1,159 @@
+"""The camera of the viewer: it turns about a pivot, moves sideways and comes nearer.
+
+    in:  a Camera, and what is done to it in pixels or degrees     out: a Camera
+
+The eye stands at pivot - distance · forward. What is moved by pixels is measured in the plane through the pivot that is
+parallel to the picture, so that what lies in that plane stays below the pointer.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..choices import AXES
+from ..scene.camera import Camera
+from ..scene.scene import Scene
+
+Array: TypeAlias = NDArray[np.float64]
+Size: TypeAlias = tuple[int, int]
+
+NEAREST, FURTHEST = 1e-4, 1e4  # distances and heights of the view, in sizes of the scene
+_FOV = 30.0  # degrees, where a camera without perspective gets one; that of Camera.framing
+_AT_POLE = 1e-8  # sine of the angle to the pole, below which rounding decides which way is to the side
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """Hold a camera that can be moved.
+
+    Parameters
+    ----------
+    lens : Camera, whose field of view, height, intrinsics and range of depth are used
+    pivot : (3,) float64, what the camera turns about, world space
+    axes : (3, 3) float64, the camera's right, up, forward, world space
+    distance : from the eye to the pivot, scene units
+    pole : (3,) float64, what is upwards in the world
+    extent : length of the diagonal of the scene's box, scene units
+    is_moved : whether the lens stands elsewhere by now
+    """
+
+    lens: Camera
+    pivot: Array
+    axes: Array
+    distance: float
+    pole: Array
+    extent: float
+    is_moved: bool = False
+
+    @classmethod
+    def of(cls, camera: Camera, scene: Scene) -> "Orbit":
+        """Make the orbit of a camera about what it looks at in a scene.
+
+        The target of a camera that was made of a calibration lies anywhere on its axis. It turns about the point of its
+        axis that is as far away as the scene's middle.
+        """
+        eye, right, up, forward = camera.view()
+        low, high = scene.bounds
+        extent = math.dist(low, high)
+        distance = math.dist(camera.position, camera.target)
+        if camera.intrinsics is not None:
+            distance = max(float(np.dot(0.5 * (low + high) - eye, forward)), NEAREST * extent)
+        axes = np.stack([right, up, forward])
+        return cls(camera, eye + distance * forward, axes, distance, np.array(AXES[scene.up]), extent)
+
+    @property
+    def camera(self) -> Camera:
+        """The camera where it stands now; as it was given until it is moved."""
+        if not self.is_moved:
+            return self.lens
+        eye = self.pivot - self.distance * self.axes[2]
+        return replace(self.lens, position=tuple(eye), target=tuple(self.pivot), up=tuple(self.axes[1]))
+
+    def turned(self, azimuth: float, elevation: float) -> "Orbit":
+        """Return the orbit with the camera moved to the right and upwards, in degrees; it stops above and below.
+
+        The camera turns about the pole, and about the horizontal axis to its side. So a horizon stays level, and one
+        that a given camera has tilted stays as it is.
+        """
+        forward = self.axes[2]
+        now = math.degrees(math.asin(max(-1.0, min(1.0, -float(forward @ self.pole)))))
+        elevation = max(-90.0, min(90.0, now + elevation)) - now
+        side = np.cross(forward, self.pole)
+        length = float(np.linalg.norm(side))
+        side = side / length if length > _AT_POLE else self.axes[0]
+        axes = _rotated(self.axes, side, -math.radians(elevation))
+        return self._moved(axes=_orthonormal(_rotated(axes, self.pole, math.radians(azimuth))))
+
+    def panned(self, dx: float, dy: float, size: Size) -> "Orbit":
+        """Return the orbit with the picture moved by pixels, to the right and downwards."""
+        scale_x, scale_y = self._pixels_per_unit(size)
+        shift = -dx / scale_x * self.axes[0] + dy / scale_y * self.axes[1]
+        return self._moved(pivot=self.pivot + shift)
+
+    def zoomed(self, factor: float, x: float, y: float, size: Size) -> "Orbit":
+        """Return the orbit with all enlarged `factor` times about a point of the picture, in pixels."""
+        now = self.distance if self.lens.is_perspective else float(self.lens.height or 1.0)
+        new = max(NEAREST * self.extent, min(FURTHEST * self.extent, now / factor))
+        scale_x, scale_y = self._pixels_per_unit(size)
+        projection = self.lens.projection(size)
+        across, upwards = (x - projection.center_x) / scale_x, (projection.center_y - y) / scale_y
+        shift = (1.0 - new / now) * (across * self.axes[0] + upwards * self.axes[1])
+        moved = self._moved(pivot=self.pivot + shift)
+        if self.lens.is_perspective:
+            return replace(moved, distance=new)
+        return replace(moved, lens=replace(self.lens, height=new))
+
+    def about(self, point: Array) -> "Orbit":
+        """Return the orbit about another pivot (3,), world space, which comes to the middle of the picture."""
+        return self._moved(pivot=np.array(point, np.float64))
+
+    def with_other_projection(self) -> "Orbit":
+        """Return the orbit with perspective where it has none, or without; what lies at the pivot keeps its size."""
+        standing = self.camera
+        if self.lens.height is None:
+            height = 2.0 * self.distance * math.tan(math.radians(self.lens.fov or _FOV) / 2.0)
+            lens = Camera.orthographic(standing.position, standing.target, tuple(self.axes[1]), height)
+            return self._moved(lens=lens)
+        distance = self.lens.height / (2.0 * math.tan(math.radians(_FOV) / 2.0))
+        lens = Camera.perspective(standing.position, standing.target, tuple(self.axes[1]), _FOV)
+        return self._moved(lens=lens, distance=distance)
+
+    def position_of(self, p_world: Array, size: Size) -> tuple[float, float] | None:
+        """Return where a point (3,), world space, is seen: in pixels of a picture of `size`; None behind the eye."""
+        eye, right, up, forward = self.camera.view()
+        projection = self.lens.projection(size)
+        r = p_world - eye
+        w = float(r @ forward) if projection.is_perspective else 1.0
+        if w <= 0.0:
+            return None
+        x = projection.center_x + projection.scale_x * float(r @ right) / w
+        return x, projection.center_y - projection.scale_y * float(r @ up) / w
+
+    def _pixels_per_unit(self, size: Size) -> tuple[float, float]:
+        """Pixels for each scene unit in the plane through the pivot, across and upwards."""
+        projection = self.lens.projection(size)
+        w = self.distance if projection.is_perspective else 1.0
+        return projection.scale_x / w, projection.scale_y / w
+
+    def _moved(self, **changes: object) -> "Orbit":
+        return replace(self, is_moved=True, **changes)  # type: ignore[arg-type]
+
+
+def _rotated(vectors: Array, axis: Array, angle: float) -> Array:
+    """Rotate vectors (n, 3) about a unit axis, in radians, counter-clockwise as seen from the axis's end.
+
+    Source: Rodrigues 1840, J. Math. Pures Appl. 5, 380-440.
+    """
+    along = np.outer(vectors @ axis, axis)
+    return along + math.cos(angle) * (vectors - along) + math.sin(angle) * np.cross(axis, vectors)
+
+
+def _orthonormal(axes: Array) -> Array:
+    """Take rounding out of axes right, up, forward (3, 3), so that it doesn't add up from turn to turn."""
+    forward = axes[2] / np.linalg.norm(axes[2])
+    right = np.cross(forward, axes[1])
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(right, forward), forward])

@@ -1,0 +1,257 @@
+"""One look at a scene: messages of a page come in, pictures go out.
+
+    read_message ─ apply (each event) ─ render ─ encode
+                          └─ pick       full at rest, smaller while something moves
+
+While something moves, a picture has one sample a pixel and is a JPEG file. At rest it has all samples and is a PNG
+file: the picture that `rasterizer.render` draws through the same camera, byte for byte.
+"""
+
+import io
+import threading
+from collections import OrderedDict
+from dataclasses import fields, replace
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError, shown
+from ..frame import Frame
+from ..options import Options
+from ..renderer import Renderer
+from ..scene.camera import Camera
+from ..scene.color import linear_rgb
+from ..scene.light_presets import PRESETS, studio
+from ..scene.scene import Scene
+from .camera_flags import camera_flags
+from .controls import LIGHTS, SHADINGS, Aim, State, apply, home_camera, projection_of
+from .events import read_message
+from .orbit import Orbit
+from .picking import Picked, pick
+from .resolution import Resolution
+
+SAMPLES = 4  # a pixel, at rest
+PAPER = "#ffffff"  # behind the scene until a page says what its own is
+_QUALITY = 85  # of JPEG files
+_MOST_RENDERERS = 3  # kept: for pictures at rest, for those that move, and the one used before
+_OWN = ("size", "shading", "samples", "outputs")  # options that the viewer chooses itself, or names
+
+
+class Reply(NamedTuple):
+    """What a message is answered with: what the page shows beside the picture, as JSON may be, and the picture."""
+
+    status: dict[str, Any]
+    content: bytes
+    media_type: str
+
+
+class Session:
+    """Look at one scene. Threads that share a session take turns.
+
+    Parameters
+    ----------
+    scene : Scene
+    camera : Camera that is looked through at first; None = the scene's own, or one that shows all of it
+    title : text, what the scene is called
+    shading : "flat" ("lambert"), "gouraud" or "phong", at first
+    samples : samples a pixel at rest: 1, 4, 9 or 16
+    options : other options of `render`, but for `size` and `outputs`, which are the viewer's own
+
+    Raises
+    ------
+    SceneError : an option that is not legal
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        camera: Camera | None = None,
+        title: str = "",
+        shading: str = "phong",
+        samples: int = SAMPLES,
+        **options: Any,
+    ) -> None:
+        legal = [field.name for field in fields(Options) if field.name not in _OWN]
+        for name in options:
+            if name not in legal:
+                raise SceneError(f"the viewer has no option {name!r}; legal are shading, samples, {', '.join(legal)}")
+        shading = "flat" if shading == "lambert" else shading
+        if shading not in SHADINGS:
+            raise SceneError(f"shading must be one of {', '.join(SHADINGS)}; given {shown(shading)}")
+        if camera is not None and not isinstance(camera, Camera):
+            raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
+        Options(samples=samples, **options)  # type: ignore[arg-type]  # what is not legal is told at once
+        self.scene, self.title = scene, title or "scene"
+        self._camera, self._samples, self._options = camera, samples, options
+        self._state = State(None, shading, LIGHTS[0])
+        self._size, self._background = Options.size, PAPER
+        self._resolution = Resolution()
+        self._renderers: OrderedDict[tuple, Renderer] = OrderedDict()
+        self._n_made = 0  # renderers
+        self._at_rest: tuple[tuple, Frame, bytes] | None = None  # what it shows, the picture, its file
+        self._turn = threading.Lock()
+
+    @property
+    def camera(self) -> Camera:
+        """The camera as it stands now."""
+        return self._home() if self._state.orbit is None else self._state.orbit.camera
+
+    @property
+    def picked(self) -> Picked | None:
+        """The point that was picked last; None if there is none."""
+        return self._state.picked
+
+    @property
+    def frame(self) -> Frame | None:
+        """The last picture at rest, with the buffers face, depth and normal; None before the first one."""
+        return self._at_rest and self._at_rest[1]
+
+    def close(self) -> None:
+        """End the threads that draw. The session goes on when it is asked for a picture once more."""
+        with self._turn:
+            while self._renderers:
+                self._renderers.popitem()[1].close()
+
+    def answer(self, given: object) -> Reply:
+        """Do what a message says, and draw the picture.
+
+        Parameters
+        ----------
+        given : the message, as JSON may be; see events.py
+
+        Returns
+        -------
+        Reply
+
+        Raises
+        ------
+        SceneError : what is no message; a picture that can't be drawn
+        """
+        message = read_message(given)
+        with self._turn:
+            self._size, self._background = message.size, message.background
+            is_at_rest, said = message.is_rest, []
+            for event in message.events:
+                self._state, aim = apply(event, self._state, self.scene, self._home(), self._size)
+                if aim is not None:
+                    self._pick(aim)
+                    is_at_rest = True
+                said.append(self._state.said)
+            reply = self._reply_at_rest() if is_at_rest else self._reply_moving()
+            reply.status["said"] = ". ".join(filter(None, dict.fromkeys(said)))
+            return reply
+
+    def _home(self) -> Camera:
+        return home_camera(self.scene, self._size, self._camera)
+
+    def _pick(self, aim: Aim) -> None:
+        """Pick what is seen at a pixel, and turn about it from now on if that is asked for."""
+        frame, _ = self._draw_at_rest()
+        picked = pick(frame, self.scene, self.camera, aim.x, aim.y)
+        orbit = self._state.orbit
+        if aim.is_pivot and picked is not None:
+            orbit = (orbit or Orbit.of(self._home(), self.scene)).about(np.array(picked.position))
+        said = "nothing is there" if picked is None else str(picked)
+        self._state = self._state._replace(picked=picked, orbit=orbit, said=said)
+
+    def _reply_at_rest(self) -> Reply:
+        start = perf_counter()
+        _, content = self._draw_at_rest()
+        return Reply(self._status(1, True, perf_counter() - start), content, "image/png")
+
+    def _reply_moving(self) -> Reply:
+        divisor, n_made = self._resolution.divisor, self._n_made
+        settings = {"size": self._resolution.size_of(self._size), "samples": 1, "outputs": ("rgb",)}
+        renderer = self._renderer(settings)
+        start = perf_counter()
+        content = encode_jpeg(renderer.render(self.camera).rgba)
+        seconds = perf_counter() - start
+        if n_made == self._n_made:  # a first picture also compiles and allocates
+            self._resolution.note(1e3 * seconds)
+        return Reply(self._status(divisor, False, seconds), content, "image/jpeg")
+
+    def _draw_at_rest(self) -> tuple[Frame, bytes]:
+        """Draw the picture as good as it gets, with the buffers that picking needs; or return it where it is drawn."""
+        shown_now = (self.camera, self._state.shading, self._state.lights, self._size, self._background)
+        if self._at_rest is None or self._at_rest[0] != shown_now:
+            outputs = ("rgb", "face", "depth", "normal")
+            renderer = self._renderer({"size": self._size, "samples": self._samples, "outputs": outputs})
+            frame = renderer.render(self.camera)
+            self._at_rest = shown_now, frame, frame.encode("PNG")
+        return self._at_rest[1:]
+
+    def _renderer(self, settings: dict[str, Any]) -> Renderer:
+        """Return what draws such pictures, which is kept for the next one."""
+        state = self._state
+        key = (state.shading, state.lights, self._background, *settings.values())
+        renderer = self._renderers.pop(key, None)
+        if renderer is None:
+            while len(self._renderers) >= _MOST_RENDERERS:
+                self._renderers.popitem(last=False)[1].close()
+            self._n_made += 1
+            renderer = Renderer(self._scene(), shading=state.shading, **settings, **self._options)  # type: ignore[arg-type]
+        self._renderers[key] = renderer
+        return renderer
+
+    def _scene(self) -> Scene:
+        """Return the scene in the light that is chosen, on the page's background where it has none of its own."""
+        changes: dict[str, Any] = {}
+        if self._state.lights in PRESETS:
+            changes["lights"] = PRESETS[self._state.lights]()
+        if self.scene.background is None:
+            changes["background"] = linear_rgb(self._background)
+        return replace(self.scene, **changes) if changes else self.scene
+
+    def _flags(self) -> str:
+        """The flags of `raster render` that draw what is seen; "" where none do."""
+        flags, lights = camera_flags(self.camera, self.scene.up), self._state.lights
+        if lights not in PRESETS and self.scene.lights == studio():
+            lights = "studio"
+        preset = f" --preset {lights}" if lights in PRESETS else ""
+        return flags and f"{flags} --shading {self._state.shading}{preset}"
+
+    def _status(self, divisor: int, is_full: bool, seconds: float) -> dict[str, Any]:
+        """Return what the page shows beside the picture."""
+        state = self._state
+        orbit = state.orbit or Orbit.of(self._home(), self.scene)
+        picked = state.picked
+        return {
+            "title": self.title,
+            "n_face": self.scene.n_face,
+            "size": list(self._size),
+            "divisor": divisor,
+            "is_full": is_full,
+            "milliseconds": round(1e3 * seconds, 1),
+            "switches": {
+                "shading": state.shading,
+                "lights": state.lights,
+                "projection": projection_of(state, self._home()),
+            },
+            "picked": None if picked is None else str(picked),
+            "marker": None if picked is None else orbit.position_of(np.array(picked.position), self._size),
+            "camera": self._flags(),
+        }
+
+
+def encode_jpeg(rgba: NDArray[np.uint8]) -> bytes:
+    """Return a picture without transparency as the bytes of a JPEG file: one of greys has one channel.
+
+    Parameters
+    ----------
+    rgba : (height, width, 4) uint8, without gaps
+
+    Returns
+    -------
+    bytes
+    """
+    from PIL import Image
+
+    words = rgba.view("<u4")[..., 0]
+    is_grey = not ((words ^ (words >> 8)) & 0xFFFF).any()  # red is green, and green is blue
+    image = Image.fromarray(np.ascontiguousarray(rgba[..., 0] if is_grey else rgba[..., :3]))
+    stream = io.BytesIO()
+    image.save(stream, "JPEG", quality=_QUALITY)
+    return stream.getvalue()

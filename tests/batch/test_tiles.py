@@ -1,0 +1,88 @@
+"""`render_tiles`: one picture by many processes, the same file as one process writes."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from helpers.deadly import Deadly
+from helpers.raster import ROOT
+
+import rasterizer as rz
+from rasterizer.cli import main
+
+pytestmark = pytest.mark.usefixtures("folder")
+
+STILL_LIFE = str(ROOT / "models" / "still_life.obj")
+
+
+@pytest.fixture(scope="module")
+def executor():
+    """Threads of this process, so that no test waits for another one to start; local processes are tested below."""
+    with ThreadPoolExecutor(1) as made:
+        yield made
+
+
+def alone(task) -> bytes:
+    """The file that one process writes."""
+    with rz.Renderer(rz.load(STILL_LIFE), **vars(task.check())) as renderer:
+        frame = renderer.render(task.camera)
+        frame.save("alone" + os.path.splitext(task.output)[1], array=task.array)
+    return open("alone" + os.path.splitext(task.output)[1], "rb").read()
+
+
+@pytest.mark.parametrize(
+    ("output", "array", "options"),
+    [
+        ("a.png", None, {}),
+        ("a.jpg", None, {}),
+        ("a.tif", None, {"color_range": "global", "shading": "phong"}),
+        ("a.npy", "color", {"samples": 4}),
+        ("a.npy", "alpha", {"color_range": "global"}),
+        ("a.npy", "rgb", {"samples": 16}),
+        ("a.npy", "depth", {}),
+        ("a.npy", "normal", {}),
+        ("a.npy", "face", {}),
+    ],
+)
+def test_the_file_is_that_of_one_process(output, array, options, executor):
+    task = rz.RenderTask(STILL_LIFE, output, options={"size": (64, 75)} | options, array=array)
+    stats = rz.render_tiles(task, executor, n_tile=7)
+    assert open(output, "rb").read() == alone(task)
+    assert 0.0 < stats.coverage < 1.0 and stats.samples == 64 * 75 * task.check().samples
+
+
+def test_local_processes_draw_it():
+    task = rz.RenderTask(STILL_LIFE, "out/a.tif", options={"size": (64, 75), "shading": "phong"})
+    rz.render_tiles(task, n_process=2)
+    assert open("out/a.tif", "rb").read() == alone(task)
+    again = rz.RenderTask(rz.load(STILL_LIFE), "out/b.tif", options=task.options)  # an object, which is sent
+    rz.render_tiles(again, n_process=1, n_tile=75)
+    assert open("out/b.tif", "rb").read() == open("out/a.tif", "rb").read()
+
+
+def test_what_goes_wrong_is_raised_and_leaves_no_file(executor, folder):
+    (folder / "bad.obj").write_text("v 1 2\n")
+    for source, kind, words in [("nope.obj", rz.ModelError, "no such file"), ("bad.obj", rz.ModelError, "bad.obj:1")]:
+        with pytest.raises(kind, match=words):
+            rz.render_tiles(rz.RenderTask(source, "a.tif"), executor)
+    deadly = rz.RenderTask(STILL_LIFE, "a.tif", load={"lights": Deadly()})
+    with pytest.raises(rz.RasterizerError, match="the process that drew rows 0 to .* exit code 9, twice"):
+        rz.render_tiles(deadly, n_process=1)
+    with pytest.raises(rz.SceneError, match="n_tile"):
+        rz.render_tiles(rz.RenderTask(STILL_LIFE, "a.tif", options={"size": 4}), executor, n_tile=5)
+    with pytest.raises(rz.SceneError, match="a RenderTask"):
+        rz.render_tiles(STILL_LIFE)
+    with pytest.raises(rz.OutputError, match="no format"):
+        rz.render_tiles(rz.RenderTask(STILL_LIFE, "a.obj"), executor)
+    assert os.listdir() == ["bad.obj"]
+
+
+def test_the_command_line_writes_the_same_files(capsys):
+    look = ["-s", "48x36", "--shading", "phong", "--color-range", "global", "--view", "iso", "--view", "top", "-q"]
+    assert main(["batch", STILL_LIFE, "nope.obj", "--tiles", "-j", "1", "-o", "tiles/", *look]) == 1
+    os.mkdir("whole")
+    assert main(["render", STILL_LIFE, "-o", "whole/", *look]) == 0
+    assert sorted(os.listdir("tiles")) == ["still_life-iso.png", "still_life-top.png"]
+    for name in os.listdir("tiles"):
+        assert open(f"tiles/{name}", "rb").read() == open(f"whole/{name}", "rb").read()
+    assert "nope.obj: no such file" in capsys.readouterr().err

@@ -1,0 +1,90 @@
+"""`raster info`: what is said of models, as lines and as JSON; nothing is drawn, and nothing heavy is imported."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from helpers.command import CUBE, GEAR, start
+from helpers.raster import ROOT
+
+import rasterizer as rz
+from rasterizer.cli import main
+
+pytestmark = pytest.mark.usefixtures("folder")
+MODELS = ROOT / "models"
+
+
+def records(capsys, *argv, code=0):
+    """What --json says, a dict a model."""
+    assert main(["info", "--json", *map(str, argv)]) == code
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_the_facts_are_those_of_the_scene(capsys):
+    cube, room = records(capsys, CUBE, MODELS / "room.json")
+    assert (cube["faces"], cube["polygons"], cube["vertices"], cube["edges"]) == (12, 6, 8, 18)
+    assert cube["watertight"] and cube["bodies"] == 1 and cube["volume"] == pytest.approx(8.0)
+    assert cube["bounds"] == [[-1, -1, -1], [1, 1, 1]] and cube["up"] == "y" and cube["format"] == "obj"
+    scene = rz.load(MODELS / "room.json")
+    assert room["faces"] == scene.n_face and [each["faces"] for each in room["meshes"]] == [
+        mesh.n_face for mesh in scene.meshes
+    ]
+    assert room["textures"][0]["size"] == [256, 128] and room["camera"]
+    assert {"wood", "globe"} < {each["name"] for each in room["materials"]}
+    assert any(name.endswith("table.obj") for name in room["files_read"])
+    assert np.allclose(room["bounds"], scene.bounds)
+
+
+def test_lines_say_what_json_says(capsys):
+    assert main(["info", GEAR, CUBE]) == 0
+    out, err = capsys.readouterr()
+    gear, cube = out.split("\n\n")
+    assert err == "" and gear.splitlines()[0] == GEAR and cube.splitlines()[0] == CUBE
+    for words in ("2304 triangles", "watertight    yes", "bodies        1", "up            z"):
+        assert words in gear
+    assert "12 triangles of 6 polygons" in cube
+
+
+def test_what_is_not_drawn_and_what_is_missing_is_told(folder, capsys):
+    (folder / "odd ü.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl none\nf 1 2 3\nl 1 2\nl 2 3\np 1\n", encoding="utf-8"
+    )
+    assert main(["info", "odd ü.obj"]) == 0
+    out = capsys.readouterr().out
+    assert "2 statements of lines, a statement of points" in out and "no definition of material 'none'" in out
+    assert "no: 3 of 3 are open edges" in out
+    (odd,) = records(capsys, "odd ü.obj")
+    assert odd["path"] == "odd ü.obj" and len(odd["not_drawn"]) == 2 and odd["warnings"]
+
+
+def test_one_that_fails_does_not_stop_the_rest(folder, capsys):
+    (folder / "empty.obj").write_bytes(b"")
+    found = records(capsys, "nope.stl", CUBE, "empty.obj", code=1)
+    assert found[0] == {"path": "nope.stl", "error": "nope.stl: no such file"}
+    assert found[1]["faces"] == 12 and found[2]["error"] == "empty.obj: the file is empty"
+    assert main(["info", "nope.stl"]) == 3
+    assert capsys.readouterr().err == "raster: error: nope.stl: no such file\n"
+    assert main(["info"]) == 2 and main(["info", "-"]) == 2
+
+
+def test_stdin_and_what_is_imported(folder):
+    data = (MODELS / "gear.stl").read_bytes()
+    done = start("info", "-", "--input-format", "stl", "--json", cwd=folder, input=data)
+    assert done.returncode == 0 and json.loads(done.stdout)["bytes"] == len(data)
+    code = (
+        f"import sys; from rasterizer.cli import main; assert main(['info', {CUBE!r}]) == 0\n"
+        "heavy = {'numba', 'llvmlite', 'trimesh', 'PIL', 'scipy'} & set(sys.modules)\n"
+        "print(sorted(heavy), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stderr == "[]\n"
+
+
+def test_a_material_under_a_spectrum_can_be_said(folder, capsys):
+    mesh = rz.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], colors=np.full((3, 4), 0.5),
+                   material=rz.Material(diffuse=rz.Spectrum.blackbody(4000)))  # fmt: skip
+    rz.Scene(mesh).save("lamp.json")
+    (lamp,) = records(capsys, "lamp.json")
+    assert len(lamp["materials"][0]["diffuse"]) == 3 and lamp["not_drawn"] == ["the alpha of vertex colours"]

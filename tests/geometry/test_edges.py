@@ -1,0 +1,64 @@
+"""The edges of polygons: each once, with the planes on both sides."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.small_scenes import MODELS, cube
+
+import rasterizer as rz
+from rasterizer.geometry.edges import gather_edges
+
+
+def test_a_cube_whose_faces_share_no_vertices_has_twelve_edges_and_six_diagonals():
+    edges = gather_edges(cube())
+    assert len(edges.ends) == 18 and not edges.is_open.any() and edges.is_crease.sum() == 12
+    edges = gather_edges(replace(cube(), polygons=np.arange(12) // 2))
+    assert len(edges.ends) == 12 and edges.is_crease.all()
+    dots = (edges.normals[:, 0] * edges.normals[:, 1]).sum(axis=1)
+    assert np.abs(dots).max() <= 1e-15
+
+
+def test_open_edges_and_those_of_three_faces_are_told():
+    sheet = gather_edges(rz.Mesh([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2, 3)]))
+    assert len(sheet.ends) == 4 and sheet.is_open.all() and sheet.is_crease.all()
+    leaves = rz.Mesh([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], [(0, 1, 2), (0, 1, 3), (0, 1, 4)])
+    edges = gather_edges(leaves)
+    assert len(edges.ends) == 7 and edges.is_open.all()
+
+
+def test_faces_wound_against_each_other_meet_at_their_real_angle():
+    vertices = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    flat = gather_edges(rz.Mesh(vertices, [(0, 1, 2), (0, 3, 2)]))
+    assert len(flat.ends) == 5 and flat.is_crease.sum() == 4  # the diagonal is none
+
+
+@pytest.mark.parametrize(
+    ("angle", "expected"), [(None, True), (59.0, True), (61.0, False), (0.0, True), (180.0, False)]
+)
+def test_the_meshs_crease_angle_decides(angle, expected):
+    mesh = replace(
+        rz.Mesh([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-0.5, -np.sqrt(0.75), 0)], [(0, 1, 2), (1, 0, 3)]),
+        crease_angle=angle,
+    )
+    edges = gather_edges(mesh)
+    inner = ~edges.is_open
+    assert inner.sum() == 1 and edges.is_crease[inner][0] == expected
+
+
+def test_degenerate_faces_make_no_creases_of_their_own():
+    vertices = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 1, 0)]
+    edges = gather_edges(rz.Mesh(vertices, [(0, 1, 3), (1, 2, 3), (0, 2, 1), (2, 2, 3)]))
+    assert np.isfinite(edges.normals).all() and len(edges.ends) == 6
+    assert not edges.is_crease[~edges.is_open].any()
+
+
+def test_models_of_polygons_have_the_edges_of_euler():
+    for name, n_edge in (("cube.obj", 12), ("sphere.obj", None), ("torus.obj", None)):
+        (mesh,) = rz.load(MODELS / name).meshes
+        edges = gather_edges(mesh)
+        n_vertex = len(np.unique(mesh.vertices, axis=0))
+        n_polygon = mesh.n_face if mesh.polygons is None else len(np.unique(mesh.polygons))
+        characteristic = n_vertex - len(edges.ends) + n_polygon
+        assert characteristic == (0 if name == "torus.obj" else 2), name
+        assert n_edge is None or len(edges.ends) == n_edge

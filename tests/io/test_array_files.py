@@ -1,0 +1,216 @@
+"""Files of arrays: what is read is what was written, PNG files say how to read them, and what they can't hold is
+refused."""
+
+import io
+import zlib
+
+import numpy as np
+import pytest
+from helpers.raster import ROOT
+from PIL import Image
+
+import rasterizer as rz
+from rasterizer.choices import BUFFERS
+from rasterizer.io.array_files import IN_PNG, encode_array_png, encode_arrays, encode_exr, encode_npz
+from rasterizer.io.png import encode_png
+
+SIZE = (37, 23)
+
+
+@pytest.fixture(scope="module")
+def frame() -> rz.Frame:
+    """A picture with every buffer."""
+    return rz.render(rz.load(ROOT / "models/cube.obj"), SIZE, outputs=("color", *BUFFERS), samples=4)
+
+
+def read_png(data) -> tuple[np.ndarray, dict]:
+    """The numbers of a PNG file, of 8 or 16 bits, and its text fields; read without the package's code or Pillow's,
+    which takes 16 bits of grey alone."""
+    with Image.open(io.BytesIO(data)) as image:
+        text = dict(image.text)
+    at, stream = 8, b""
+    while at < len(data):
+        n_byte, name = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        body = data[at + 8 : at + 8 + n_byte]
+        if name == b"IHDR":
+            width, height = (int.from_bytes(body[k : k + 4], "big") for k in (0, 4))
+            n_bit, n_channel = body[8], {0: 1, 2: 3, 6: 4}[body[9]]
+        stream += body if name == b"IDAT" else b""
+        at += 12 + n_byte
+    n_byte = n_channel * n_bit // 8
+    rows = np.frombuffer(zlib.decompress(stream), np.uint8).reshape(height, 1 + width * n_byte)
+    pixels, above = np.zeros((height, width, n_byte), np.uint8), np.zeros((width, n_byte), np.uint8)
+    for y, row in enumerate(rows):
+        here = row[1:].reshape(width, n_byte)
+        pixels[y] = {0: here, 1: here.cumsum(axis=0, dtype=np.uint8), 2: here + above}[int(row[0])]
+        above = pixels[y]
+    numbers = pixels if n_bit == 8 else pixels.reshape(height, -1).view(">u2").reshape(height, width, n_channel)
+    return numbers.astype(int).squeeze(axis=-1) if n_channel == 1 else numbers.astype(int), text
+
+
+def decoded(data) -> tuple[np.ndarray, np.ndarray]:
+    """What a PNG file holds, by its own text, and where it holds nothing."""
+    stored, text = read_png(data)
+    return stored * float(text["scale"]) + float(text["offset"]), stored == int(text["nothing"])
+
+
+@pytest.mark.parametrize("n_channel", [1, 3, 4])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (31, 1), (200, 330)])
+def test_png_files_of_8_and_16_bits_are_read_as_they_were_written(size, dtype, n_channel):
+    rng = np.random.default_rng(size[0])
+    pixels = (rng.integers(0, 65536, (*size, n_channel)) & (np.arange(size[1])[:, None] * 7)).astype(dtype)
+    found, text = read_png(encode_png(pixels, text={"a": "b", "scale": "0.001"}))
+    assert np.array_equal(found.reshape(pixels.shape), pixels) and text == {"a": "b", "scale": "0.001"}
+
+
+def test_pillow_reads_16_bit_depths(frame):
+    with Image.open(io.BytesIO(encode_array_png("depth", frame.depth))) as image:
+        assert image.mode.startswith("I;16")
+        stored = np.asarray(image).astype(int)
+    expected = np.where(np.isfinite(frame.depth), np.rint(frame.depth.astype(float) / 0.001), 0)
+    assert np.array_equal(stored, np.where(np.isfinite(frame.depth), expected, 0))
+
+
+def test_depths_come_back_to_half_a_step(frame, tmp_path):
+    for scale in (None, 2e-4, 0.25, 1 / 3):
+        frame.save(tmp_path / "depth.png", array="depth", scale=scale)
+        depth, is_nothing = decoded((tmp_path / "depth.png").read_bytes())
+        assert np.array_equal(is_nothing, np.isinf(frame.depth))
+        error, most = np.abs(depth - frame.depth)[~is_nothing].max(), 0.5001 * (scale or 0.001)
+        assert error <= most, f"{error:.3g} > {most:.3g}"
+
+
+def test_masks_indices_and_alpha_come_back_exactly(frame):
+    for name in ("face", "object", "material"):
+        found, is_nothing = decoded(encode_array_png(name, frame.array(name)))
+        assert np.array_equal(found, frame.array(name)) and np.array_equal(is_nothing, ~frame.mask)
+    found, _ = decoded(encode_array_png("mask", frame.mask))
+    assert np.array_equal(found, frame.mask) and read_png(encode_array_png("mask", frame.mask))[0].max() == 255
+    found, _ = decoded(encode_array_png("alpha", frame.alpha))
+    assert np.abs(found - frame.alpha).max() <= 0.5001 / 255
+
+
+def test_normals_come_back_to_half_a_step(frame):
+    for name in ("normal", "normal_camera"):
+        found, is_nothing = decoded(encode_array_png(name, frame.array(name)))
+        assert np.array_equal(is_nothing.all(axis=-1), ~frame.mask)
+        assert np.abs(found - frame.array(name))[frame.mask].max() <= 1.001 / 65535
+
+
+def test_a_png_file_says_what_it_holds(frame):
+    _, text = read_png(encode_array_png("depth", frame.depth, 0.01))
+    assert text["array"] == "depth" and text["scale"] == "0.01" and text["nothing"] == "0"
+    assert text["Description"] == "stored * 0.01 + 0, scene units along the viewing axis; 0 = nothing"
+
+
+def test_what_is_out_of_range_is_an_error_and_no_lie(frame):
+    with pytest.raises(rz.OutputError, match=r"from 1e-05 to 0\.65535; given .* to .*; scale=.* or more holds"):
+        encode_array_png("depth", frame.depth, 1e-5)
+    with pytest.raises(rz.OutputError, match=r"from 1000 to 6\.5535e\+07; given"):
+        encode_array_png("depth", frame.depth, 1000)
+    with pytest.raises(rz.OutputError, match="indices up to 65534; given face 65535"):
+        encode_array_png("face", np.array([[-1, 65535]], np.int32))
+    assert decoded(encode_array_png("face", np.array([[-1, 65534]], np.int32)))[0].tolist() == [[-1, 65534]]
+    empty = encode_array_png("depth", np.full((2, 2), np.inf, np.float32), 1e-9)
+    assert decoded(empty)[1].all()
+    for factor in (1.0, 0.97, 1e5, 3e-4):  # what is suggested holds the depths
+        depths = (frame.depth * np.float32(factor)).astype(np.float32)
+        with pytest.raises(rz.OutputError) as fault:
+            encode_array_png("depth", depths, 1e-9)
+        assert decoded(encode_array_png("depth", depths, float(str(fault.value).split("scale=")[1].split()[0])))
+
+
+@pytest.mark.parametrize("scale", [0, -1.0, np.nan, np.inf, "1", True, None])
+def test_a_scale_is_a_number_above_0(frame, scale):
+    if scale is None:
+        assert encode_array_png("depth", frame.depth) == encode_array_png("depth", frame.depth, 0.001)
+        return
+    with pytest.raises(rz.SceneError, match="scale"):
+        encode_array_png("depth", frame.depth, scale)
+
+
+def test_an_npz_file_has_all_arrays_by_name(frame, tmp_path):
+    frame.save(tmp_path / "all.npz")
+    with np.load(tmp_path / "all.npz") as found:
+        assert set(found) == {"rgb", "color", "alpha", *BUFFERS}
+        for name in found:
+            expected = frame.array(name)
+            assert found[name].dtype == expected.dtype and found[name].tobytes() == expected.tobytes(), name
+    frame.save(tmp_path / "two.npz", array=("depth", "mask"))
+    with np.load(tmp_path / "two.npz") as found:
+        assert list(found) == ["depth", "mask"]
+    assert encode_npz({"a": np.zeros(3)}) == encode_npz({"a": np.zeros(3)})
+
+
+def test_an_exr_file_has_the_channels_that_others_expect(frame, tmp_path):
+    exr = pytest.importorskip("OpenEXR", reason="the extra exr is not installed")
+    frame.save(tmp_path / "all.exr")
+    with exr.File(str(tmp_path / "all.exr"), separate_channels=True) as file:
+        found = {name: channel.pixels for name, channel in file.channels().items()}
+        assert "premultiplied" not in file.header() and "Indices are 1 more" in file.header()["comments"]
+    for k, name in enumerate("RGB"):
+        assert np.array_equal(found[name], frame.color[..., k] * frame.alpha)
+    assert np.array_equal(found["A"], frame.alpha) and np.array_equal(found["Z"], frame.depth)
+    for group, name in (("N", "normal"), ("P", "position"), ("Pcamera", "position_camera")):
+        for k, axis in enumerate("XYZ"):
+            assert np.array_equal(found[f"{group}.{axis}"], frame.array(name)[..., k], equal_nan=True)
+    for name in ("face", "object", "material"):
+        assert found[f"id.{name}"].dtype == np.uint32 and np.array_equal(
+            found[f"id.{name}"].astype(int) - 1, frame.array(name)
+        )
+    assert np.array_equal(found["mask"], frame.mask)
+    assert np.array_equal(found["UV.U"], frame.uv[..., 0], equal_nan=True)
+    own = encode_exr({"of-ones-own": np.ones((2, 3, 2), np.float32)})
+    (tmp_path / "own.exr").write_bytes(own)
+    with exr.File(str(tmp_path / "own.exr"), separate_channels=True) as file:
+        assert set(file.channels()) == {"of-ones-own.0", "of-ones-own.1"}
+
+
+def test_a_missing_library_is_told_with_its_extra(frame, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "OpenEXR", None)
+    with pytest.raises(rz.OutputError, match=r"EXR files need the extra exr \(pip install '\.\[exr\]'\)") as fault:
+        encode_arrays({"depth": frame.depth}, "exr")
+    assert "\n" not in str(fault.value)
+
+
+@pytest.mark.parametrize(
+    ("path", "arguments", "message"),
+    [
+        ("a.png", {"array": "position"}, r"a PNG file holds rgb, .*; given 'position': write it as \.npy"),
+        ("a.png", {"array": ["depth", "mask"]}, r"a \.png file holds one array"),
+        ("a.npy", {"array": ["depth", "mask"]}, r"a \.npy file holds one array"),
+        ("a.jpg", {"array": "mask"}, r"arrays are written as \.npy, \.npz, \.exr or \.png; given \.jpg for mask"),
+        ("a", {"array": "mask"}, "given no suffix for mask"),
+        ("a.npz", {"array": []}, "array must name at least one of"),
+        ("a.npz", {"array": "masks"}, "array must be one of .*; given 'masks'"),
+        ("a.npz", {"array": [3]}, "array must be one of"),
+        ("a.npz", {"array": 3}, "array must be"),
+        ("a.png", {"array": "mask", "scale": 1}, "scale is that of depth"),
+        ("a.npy", {"array": "depth", "scale": 1}, "scale is that of depth in a PNG file"),
+        ("a.png", {"scale": 1}, "give array='depth'"),
+        ("a.exr", {"array": "rgb"}, "an EXR file holds linear colours"),
+    ],
+)
+def test_what_a_file_can_not_hold_is_refused(frame, tmp_path, path, arguments, message):
+    if path == "a.exr":
+        pytest.importorskip("OpenEXR", reason="the extra exr is not installed")
+    with pytest.raises(rz.SceneError, match=message):
+        frame.save(tmp_path / path, **arguments)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_frame_without_linear_colours_says_what_to_ask_for(tmp_path):
+    frame = rz.render(rz.load(ROOT / "models/cube.obj"), 4, outputs="rgb")
+    with pytest.raises(rz.SceneError, match="has no color: ask for it with outputs"):
+        frame.save(tmp_path / "a.exr")
+    frame.save(tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as found:
+        assert list(found) == ["rgb", "alpha"]
+
+
+def test_every_array_that_png_files_hold_can_be_saved(frame, tmp_path):
+    for name in IN_PNG:
+        frame.save(tmp_path / f"{name}.png", array=name)
+        with Image.open(tmp_path / f"{name}.png") as image:
+            assert image.size == SIZE

@@ -1,0 +1,191 @@
+"""Tests of joining equal vertices: which rows are equal, and that no seam is left in normals."""
+
+import io
+import tracemalloc
+
+import numpy as np
+import pytest
+import trimesh
+from helpers.model_bytes import gltf_with, threemf
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rasterizer.errors import ModelError
+from rasterizer.geometry.mesh_points import smooth_part
+from rasterizer.io import weld
+from rasterizer.io.loader import load
+from rasterizer.io.progress import noticing_progress
+from rasterizer.io.weld import unique_rows, weld_triangles
+
+
+@given(st.lists(st.tuples(st.sampled_from([0.0, 1.0, -1.0, np.nan, np.inf]), st.sampled_from([0.0, 2.0])), min_size=1))
+def test_unique_rows(rows):
+    rows = np.array(rows)
+    first, inverse = unique_rows(rows)
+    assert rows[first][inverse].tobytes() == rows.tobytes()
+    assert len({row.tobytes() for row in rows}) == len(first)
+    assert sorted(first) == list(first)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_rows_are_the_same_in_one_block_or_many(dtype, monkeypatch):
+    rows = np.random.default_rng(3).integers(0, 4, (700, 3)).astype(dtype)
+    rows[rows == 0] *= np.random.default_rng(4).choice([-1, 1], (rows == 0).sum())  # -0 is 0
+    whole = unique_rows(rows)
+    assert len(whole[0]) == 64
+    for block in (1, 9, 100):
+        monkeypatch.setattr(weld, "_BLOCK", block)
+        for blocked in (unique_rows(rows), unique_rows(rows[:699].reshape(-1, 3, 3))):
+            n = len(blocked[1])
+            assert np.array_equal(blocked[0], whole[0]) and np.array_equal(blocked[1], whole[1][:n])
+
+
+def test_rows_that_share_a_hash_stay_apart(monkeypatch):
+    monkeypatch.setattr(weld, "_hash_rows", lambda bits: bits[:, 0].astype(np.uint64) % np.uint64(2))
+    rows = np.random.default_rng(5).integers(1, 9, (300, 3)).astype(np.float64)
+    first, inverse = unique_rows(rows)
+    assert len(first) == len(np.unique(rows, axis=0)) and np.array_equal(rows[first][inverse], rows)
+    assert (np.diff(first) > 0).all()
+
+
+def test_triangles_share_vertices_in_the_order_of_their_use():
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, -0.0]]], np.float32)
+    vertices, faces = weld_triangles(corners)
+    assert faces.tolist() == [[0, 1, 2], [1, 3, 2]] and vertices.dtype == np.float64
+    assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+
+
+# --- a roof of two triangles that meet at 20 degrees, whose ridge is there twice ---
+
+RIDGE = np.tan(np.radians(10.0))
+ROOF = np.array([(-1, 0, 0), (0, 0, RIDGE), (0, 1, RIDGE), (0, 0, RIDGE), (1, 0, 0), (0, 1, RIDGE)])
+FACES = np.array([(0, 1, 2), (3, 4, 5)])
+UV = np.array([(0, 0), (0.5, 0), (0.5, 1), (0.6, 0), (1, 0), (0.6, 1)])
+COLORS = np.array([(255, 0, 0)] * 3 + [(0, 0, 255)] * 3)
+
+
+def obj(colors=False, uv=False, normals=False) -> bytes:
+    rows = [" ".join(map(str, row)) for row in (np.hstack([ROOF, COLORS]) if colors else ROOF)]
+    lines = [f"v {row}" for row in rows] + [f"vt {a} {b}" for a, b in UV] * uv + ["vn 0 0 1"] * normals
+    corner = {(False, False): "{0}", (True, False): "{0}/{0}", (False, True): "{0}//1"}[uv, normals]
+    return "\n".join([*lines, *("f " + " ".join(corner.format(k + 1) for k in face) for face in FACES)]).encode()
+
+
+def off() -> bytes:
+    rows = [*ROOF, *([3, *face] for face in FACES)]
+    return ("OFF\n6 2 0\n" + "\n".join(" ".join(map(str, row)) for row in rows)).encode()
+
+
+def model_xml() -> str:
+    vertices = "".join('<vertex x="{}" y="{}" z="{}"/>'.format(*row) for row in ROOF)
+    triangles = "".join('<triangle v1="{}" v2="{}" v3="{}"/>'.format(*face) for face in FACES)
+    mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
+    objects = f'<resources><object id="1">{mesh}</object></resources>'
+    return f'<model>{objects}<build><item objectid="1"/></build></model>'
+
+
+def exported(format, **visual) -> bytes:
+    mesh = trimesh.Trimesh(ROOF, FACES, process=False, **visual)
+    data = mesh.export(file_type=format)
+    return data if isinstance(data, bytes) else data.encode()
+
+
+def ridge_normals(mesh) -> np.ndarray:
+    """The different normals at the vertices of the ridge."""
+    part = smooth_part(mesh)
+    return np.unique(np.round(part.normals[np.abs(part.positions[:, 0]) < 1e-9], 6), axis=0)
+
+
+FILES = {
+    "obj": obj(), "obj with uv": obj(uv=True), "obj with colours": obj(colors=True), "off": off(),
+    "stl": exported("stl"), "ply": exported("ply"), "glb": exported("glb"), "3mf": threemf(model_xml()),
+    "ply with colours": exported("ply", vertex_colors=COLORS), "stl_ascii": exported("stl_ascii"),
+    "glb with colours": exported("glb", vertex_colors=COLORS),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_vertex_that_is_there_twice_makes_no_seam(name):
+    format = "stl" if name == "stl_ascii" else name.split()[0]
+    (mesh,) = load(FILES[name], format=format).meshes
+    assert np.allclose(ridge_normals(mesh), [[0, 0, 1]], atol=1e-6)
+    (sharp,) = load(FILES[name], format=format, crease_angle=15).meshes
+    assert len(ridge_normals(sharp)) == 2, "creases by angle still decide"
+
+
+@pytest.mark.parametrize("name", ["obj with colours", "ply with colours", "glb with colours"])
+def test_what_differs_at_a_joined_vertex_belongs_to_the_corners(name):
+    (mesh,) = load(FILES[name], format=name.split()[0]).meshes
+    assert mesh.n_vertex == 4 and mesh.colors.shape[:2] == (2, 3)
+    assert mesh.colors[..., :3].tolist() == [[[1, 0, 0]] * 3, [[0, 0, 1]] * 3]
+    part = smooth_part(mesh)
+    assert len(part.positions) == 6 and sorted(map(tuple, part.albedo)) == [(0, 0, 1)] * 3 + [(1, 0, 0)] * 3
+
+
+def test_texture_coordinates_stay_where_they_were():
+    (mesh,) = load(obj(uv=True), format="obj").meshes
+    assert mesh.n_vertex == 4 and np.array_equal(mesh.uv, UV[FACES])
+
+
+def test_normals_of_a_file_are_not_touched():
+    (mesh,) = load(obj(normals=True), format="obj").meshes
+    assert mesh.n_vertex == 6 and np.array_equal(mesh.vertices[mesh.faces], ROOF[FACES])
+    assert np.allclose(smooth_part(mesh).normals, (0, 0, 1))
+
+
+def test_smoothing_groups_still_decide():
+    text = obj().replace(b"f 1 2 3", b"s 1\nf 1 2 3").replace(b"f 4 5 6", b"s 2\nf 4 5 6")
+    (mesh,) = load(text, format="obj").meshes
+    assert len(ridge_normals(mesh)) == 2
+
+
+def test_a_polygon_that_repeats_a_position_is_drawn():
+    text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4 5\n"
+    (mesh,) = load(text, format="obj").meshes
+    part = smooth_part(mesh)
+    assert np.allclose(part.normals, (0, 0, 1)) and mesh.n_vertex == 4
+
+
+def test_parts_of_a_scene_are_not_joined_with_each_other():
+    scene = trimesh.Scene({"a": trimesh.creation.box(), "b": trimesh.creation.box()})
+    stream = io.BytesIO(scene.export(file_type="glb"))
+    assert [mesh.n_vertex for mesh in load(stream, format="glb").meshes] == [8, 8]
+
+
+def test_an_index_out_of_range_is_still_refused():
+    broken = gltf_with(lambda tree, primitive: tree["accessors"][primitive["attributes"]["POSITION"]].update(count=4))
+    with pytest.raises(ModelError):
+        load(broken, format="gltf")
+
+
+# --- how far it is ---
+
+
+def test_progress_is_told_within_its_block_only(monkeypatch):
+    monkeypatch.setattr(weld, "_BLOCK", 2)
+    told = []
+    with noticing_progress(lambda n_done, n, what: told.append((n_done, n, what))):
+        load(FILES["stl"], format="stl")
+    assert told == [(0, 6, "joining vertices"), (3, 6, "joining vertices")]
+    load(FILES["stl"], format="stl")
+    assert len(told) == 2
+
+
+def test_a_large_stl_file_takes_little_more_memory_than_its_mesh():
+    """A file of ten million faces has 0.5 GB, and loads within 1.6 GB: 110 bytes a face beside it."""
+    k, budget = 400, 110.0
+    x = np.arange(k + 1, dtype=np.float32)
+    grid = np.stack([*np.meshgrid(x, x), np.zeros((k + 1, k + 1), np.float32)], axis=2)
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    corners = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)], axis=2).reshape(-1, 3, 3)
+    rows = np.zeros(len(corners), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    rows["corners"] = corners
+    data = bytes(80) + np.uint32(len(rows)).tobytes() + rows.tobytes()
+    tracemalloc.start()
+    try:
+        (mesh,) = load(data, format="stl").meshes
+        peak = tracemalloc.get_traced_memory()[1] / len(rows)
+    finally:
+        tracemalloc.stop()
+    assert mesh.n_vertex == (k + 1) ** 2 and np.array_equal(mesh.vertices[mesh.faces], corners)
+    assert peak < budget, f"{peak:.0f} > {budget:.0f} bytes a face"

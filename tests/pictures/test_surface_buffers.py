@@ -1,0 +1,173 @@
+"""Check masks, labels, texture coordinates, barycentric coordinates, positions and normals of the camera's frame
+against the reference, and against each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.pinhole import SHADINGS, octasphere
+from helpers.small_scenes import MODELS, cube, drawn, floor, scene_of
+
+import rasterizer as rz
+from rasterizer import reference
+
+SIZE = (60, 44)
+LABELS = ("mask", "object", "material")
+MEANS = ("uv", "barycentric", "position", "position_camera")
+NEW = (*LABELS, *MEANS, "normal_camera")
+ALL = ("depth", "face", "normal", *NEW)
+# float32 rounds to 2^-24 of a number. The weights are quotients of whole numbers times 1/w, which is a line in z: off
+# by 2^-50 of the largest 1/w for each, so by 2^-50·(far/near) of itself. No scene below has far/near > 2^18.
+ROUNDING, WEIGHT_ERROR = 2.0**-24, 2.0**-30
+
+
+def polygons_with_uv() -> rz.Mesh:
+    """A hexagon, a concave polygon and a bent quad; texture coordinates of their own at every corner."""
+    angles = np.radians(60 * np.arange(6) + 7)
+    hexagon = np.stack([np.cos(angles), np.sin(angles), 0.4 * np.cos(angles)], axis=1)
+    leaf = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (0, -0.3, 0), (-1, 1, 0)]) + (2.4, 0, -1)
+    bent = np.array([(-1, -1, 0), (1, -1, 0.7), (1, 1, 0), (-1, 1, 0.7)]) * 0.8 + (-2.2, 0, -0.5)
+    vertices = np.concatenate([hexagon, leaf, bent])
+    polygons = [tuple(range(6)), tuple(range(6, 11)), tuple(range(11, 15))]
+    mesh = rz.Mesh(vertices, polygons)
+    return replace(mesh, uv=np.random.default_rng(3).uniform(-2, 3, (len(vertices), 2)))
+
+
+def two_palettes() -> rz.Scene:
+    """Two meshes, faces of several materials, one of which both meshes have."""
+    gold, red = rz.Material.named("gold"), rz.Material(diffuse="red")
+    box = cube()
+    mixed = replace(box, face_material=np.arange(box.n_face) % 2, materials=(gold, red))
+    ball = rz.Mesh(*octasphere(2), material=red).transformed(np.diag((0.8, 0.8, 0.8, 1.0)) + 1.5 * np.eye(4, k=3))
+    return scene_of(mixed, ball, floor(diffuse="navy"))
+
+
+def deep() -> rz.Scene:
+    """A floor from 1/1000 to 100 units away."""
+    camera = rz.Camera.perspective((0, 0.001, 0), (0, 0, -1), fov=90, near=0.001)
+    return rz.Scene(rz.Mesh([(-90, 0, 1), (90, 0, 1), (90, 0, -100), (-90, 0, -100)], [(0, 1, 2, 3)]), camera=camera)
+
+
+def far_away() -> rz.Scene:
+    """A cube a million units from the origin."""
+    mesh = cube().transformed(np.eye(4) + np.outer([1e6, -2e6, 3e6, 0], [0, 0, 0, 1]))
+    return rz.Scene(mesh, camera=rz.Camera.perspective((1e6 + 2.5, -2e6 + 2, 3e6 + 3.5), (1e6, -2e6, 3e6), fov=50))
+
+
+def scenes() -> dict[str, rz.Scene]:
+    """Name -> scene."""
+    small = drawn()
+    names = (
+        "a file", "many lights", "orthographic", "clipped all round", "small triangles", "a polygon with ears",
+        "transparent", "texture, bilinear",
+    )  # fmt: skip
+    chosen = {name: small[name][0] for name in names}
+    front = rz.Camera.perspective((0.5, 0.3, 6), fov=45)
+    chosen["polygons"] = scene_of(polygons_with_uv(), camera=front)
+    chosen["polygons, clipped"] = scene_of(polygons_with_uv(), camera=replace(front, position=(0, 0.1, 0.5), near=0.2))
+    chosen["subpixel"] = scene_of(rz.Mesh(*octasphere(5)), camera=rz.Camera.perspective((0, 1, 9), fov=20))
+    return chosen | {"palettes": two_palettes(), "deep": deep(), "far away": far_away()}
+
+
+SCENES = scenes()
+
+
+def test_the_reference_and_the_renderer_agree_on_every_buffer():
+    for name, scene in SCENES.items():
+        for shading in SHADINGS if name in ("polygons", "a file") else ("gouraud",):
+            expected = reference.render(scene, SIZE, shading=shading)
+            frame = rz.render(scene, SIZE, shading=shading, outputs=ALL)
+            same = frame.face == expected.face
+            assert same.mean() > 0.97, f"{name}: {(~same).sum()} pixels show another face"
+            for buffer in LABELS:
+                found, wanted = frame.array(buffer), getattr(expected.surface, buffer)
+                assert (found == wanted)[same].all(), f"{name}, {shading}: {buffer}"
+            for buffer in MEANS:
+                found, wanted = frame.array(buffer)[same], getattr(expected.surface, buffer)[same]
+                spread = np.nan_to_num(np.abs(wanted)).max() + 1.0
+                error = np.nan_to_num(np.abs(found - wanted))
+                most = ROUNDING * np.nan_to_num(np.abs(wanted)) + WEIGHT_ERROR * spread
+                assert (np.isnan(found) == np.isnan(wanted)).all(), f"{name}, {shading}: {buffer} is NaN elsewhere"
+                assert (error <= most).all(), (
+                    f"{name}, {shading}: {buffer} is off by {(error / most).max():.3g} budgets"
+                )
+            error = np.abs(frame.normal_camera - expected.surface.normal_camera)[same].max()
+            assert error <= 2.0**-22, f"{name}, {shading}: normal_camera is off by {error:.3g} > 2^-22"
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_the_same_bytes_come_alone_beside_a_picture_and_from_any_number_of_threads(shading):
+    for name in ("polygons, clipped", "transparent", "palettes", "small triangles", "texture, bilinear"):
+        alone = rz.render(SCENES[name], SIZE, shading=shading, outputs=ALL, threads=1)
+        beside = rz.render(SCENES[name], SIZE, shading=shading, outputs=("color", *ALL), threads=2)
+        more = rz.render(SCENES[name], SIZE, shading=shading, outputs=("rgb", *NEW), samples=4)
+        for buffer in NEW:
+            for other in (beside, more):
+                assert other.array(buffer).tobytes() == alone.array(buffer).tobytes(), f"{name}: {buffer}"
+        for buffer in MEANS:
+            one = rz.render(SCENES[name], SIZE, shading=shading, outputs=buffer)
+            assert one.array(buffer).tobytes() == alone.array(buffer).tobytes(), f"{name}: {buffer} by itself"
+
+
+def test_face_and_barycentric_give_everything_else():
+    for name in ("a file", "many lights", "palettes", "polygons", "orthographic"):
+        scene = SCENES[name]
+        shading = "flat" if name == "polygons" else "gouraud"  # bent polygons have no plane about their centres
+        frame = rz.render(scene, SIZE, shading=shading, outputs=ALL)
+        seen, offsets = frame.mask, scene.face_offsets
+        assert (seen == (frame.face >= 0)).all() and frame.mask.dtype == bool
+        assert np.abs(frame.barycentric[seen].sum(axis=1) - 1).max() <= 2.0**-22
+        corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in scene.meshes])[frame.face[seen]]
+        position = np.einsum("nk,nkx->nx", frame.barycentric[seen].astype(float), corners)
+        error = np.abs(position - frame.position[seen]).max()
+        assert error <= 2.0**-22 * np.abs(corners).max(), f"{name}: {error:.3g}"
+        assert (np.searchsorted(offsets, frame.face[seen], side="right") - 1 == frame.object[seen]).all()
+        assert np.abs(-frame.position_camera[..., 2][seen] / frame.depth[seen] - 1).max() <= 2.0**-22
+
+
+def test_positions_lie_on_the_rays_through_the_pixels():
+    scene = SCENES["many lights"]
+    camera = scene.camera
+    frame = rz.render(scene, SIZE, outputs=("position", "position_camera", "mask"))
+    view, projection = camera.view(), camera.projection(SIZE)
+    seen = frame.mask
+    r = (frame.position[seen] - view.eye).astype(float)
+    x = projection.center_x + projection.scale_x * (r @ view.right) / (r @ view.forward)
+    y = projection.center_y - projection.scale_y * (r @ view.up) / (r @ view.forward)
+    rows, columns = np.nonzero(seen)
+    off = max(np.abs(x - columns - 0.5).max(), np.abs(y - rows - 0.5).max())
+    assert off <= 1 / 512 + 1e-3, f"{off:.3g} px > 1/512 px and the rounding of float32"
+    assert np.abs(r @ view.world_from_camera - frame.position_camera[seen]).max() <= 1e-4
+
+
+def test_materials_are_numbered_as_the_scene_lists_them():
+    scene = SCENES["palettes"]
+    frame = rz.render(scene, SIZE, outputs=("material", "object"))
+    assert [material.name for material in scene.materials][:1] == ["gold"] and len(scene.materials) == 3
+    assert set(np.unique(frame.material[frame.object == 1])) == {1}  # red is that of the first mesh, too
+    assert set(np.unique(frame.material[frame.object == 0])) == {0, 1}
+    assert set(np.unique(frame.material[frame.object == 2])) == {2}
+
+
+def test_an_empty_view_has_empty_buffers():
+    scene = replace(SCENES["a file"], camera=rz.Camera.perspective((0, 0, 9), (0, 0, 20)))
+    frame = rz.render(scene, 8, outputs=ALL)
+    assert not frame.mask.any() and (frame.object == -1).all() and (frame.material == -1).all()
+    assert all(np.isnan(frame.array(buffer)).all() for buffer in MEANS)
+    assert not frame.normal_camera.any() and not np.signbit(frame.normal_camera).any()
+
+
+def test_culled_faces_are_in_no_buffer():
+    scene = scene_of(floor(), camera=rz.Camera.perspective((0, -5, 0.1), (0, 0, 0)))
+    assert rz.render(scene, 8, outputs="mask").mask.any()
+    assert not rz.render(scene, 8, outputs="mask", cull="back").mask.any()
+
+
+def test_dense_meshes_whose_clusters_are_skipped_have_the_same_buffers():
+    scene = rz.load(MODELS / "sphere.obj")
+    with rz.Renderer(scene, SIZE, outputs=NEW) as renderer:
+        plain = renderer.render()
+        renderer._prepared.uses_clusters = True
+        skipped = renderer.render()
+    for buffer in NEW:
+        assert plain.array(buffer).tobytes() == skipped.array(buffer).tobytes(), buffer

@@ -1,0 +1,64 @@
+"""bench/tour.ipynb: every cell runs and shows what it says; the file itself holds no outputs."""
+
+import importlib.util
+import io
+import json
+import os
+from base64 import b64decode
+
+import numpy as np
+import pytest
+from helpers.raster import ROOT
+from PIL import Image
+
+PATH = ROOT / "bench" / "tour.ipynb"
+CELLS = json.loads(PATH.read_text(encoding="utf-8"))["cells"]
+MISSING = [name for name in ("nbclient", "ipykernel", "anywidget") if importlib.util.find_spec(name) is None]
+
+
+def test_the_file_holds_no_outputs():
+    for cell in CELLS:
+        assert not cell.get("outputs") and cell.get("execution_count") is None and not cell["metadata"]
+        assert cell["source"][-1] == cell["source"][-1].rstrip("\n")
+
+
+def test_its_text_is_short():
+    for cell in CELLS:
+        n_line = len(cell["source"])
+        assert n_line <= (8 if cell["cell_type"] == "markdown" else 18), "".join(cell["source"])
+        assert all(len(line) <= 121 for line in cell["source"])
+
+
+@pytest.fixture(scope="module")
+def outputs():
+    """The outputs of all cells, run in a kernel of their own."""
+    import nbclient
+    import nbformat
+
+    notebook = nbformat.read(PATH, as_version=4)
+    client = nbclient.NotebookClient(notebook, timeout=300, resources={"metadata": {"path": str(PATH.parent)}})
+    before = os.environ.get("PYTHONPATH")
+    os.environ["PYTHONPATH"] = str(ROOT)
+    try:
+        client.execute()
+    finally:
+        if before is None:
+            del os.environ["PYTHONPATH"]
+        else:
+            os.environ["PYTHONPATH"] = before
+    return [output for cell in notebook.cells for output in cell.get("outputs", [])]
+
+
+@pytest.mark.slow  # a kernel is started
+@pytest.mark.skipif(bool(MISSING), reason=f"{MISSING} are not installed: the extras notebook and browser bring them")
+def test_every_cell_shows_what_it_says(outputs):
+    assert not [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"]
+    shown = [output.data for output in outputs if "data" in output]
+    pictures = [Image.open(io.BytesIO(b64decode(data["image/png"]))) for data in shown if "image/png" in data]
+    assert len(pictures) == 7
+    assert all(len(np.unique(np.asarray(picture.convert("L")))) > 30 for picture in pictures)
+    assert pictures[-1].n_frames == 24
+    assert any("application/vnd.jupyter.widget-view+json" in data for data in shown)
+    (errors,) = [output["text"] for output in outputs if "rms" in output.get("text", "")]
+    rms = {line.split()[0]: float(line.partition("rms ")[2].partition(",")[0]) for line in errors.splitlines()}
+    assert rms["flat"] > rms["gouraud"] > rms["phong"] > 0

@@ -1,0 +1,262 @@
+"""The viewer's page in a real browser: what hands do changes the picture, and the picture is the renderer's own."""
+
+import re
+import threading
+
+import numpy as np
+import pytest
+from helpers.browser import browser, canvas_pixels, missing, page_in, screen_pixels, wait_for_picture, wait_for_rest
+from helpers.raster import ROOT
+
+import rasterizer as rz
+from rasterizer.viewer import server as server_module
+from rasterizer.viewer.server import Server
+from rasterizer.viewer.session import Session
+
+REASON = missing()
+pytestmark = [
+    pytest.mark.slow,  # a browser is started
+    pytest.mark.skipif(REASON is not None, reason=str(REASON)),
+]
+
+
+@pytest.fixture(scope="module")
+def program():
+    with browser() as program:
+        yield program
+
+
+@pytest.fixture
+def server():
+    scene = rz.load(str(ROOT / "models" / "teapot.obj"))
+    server = Server(Session(scene, title="teapot.obj", threads=1))
+    thread = threading.Thread(target=server.serve)
+    thread.start()
+    yield server
+    server.shutdown()
+    server.server_close()
+    thread.join(10)
+
+
+@pytest.fixture
+def page(program, server):
+    with page_in(program) as page:
+        page.goto(server.url)
+        wait_for_rest(page)
+        yield page
+        assert not page.complaints
+
+
+def expected(session, background="#ffffff", **options) -> np.ndarray:
+    """What the renderer draws through the session's camera."""
+    height, width = session.frame.rgb.shape[:2]
+    scene = rz.Scene(session.scene.meshes, session.scene.lights, background=background)
+    options = {"shading": "phong", "samples": 4, "outputs": "rgb", "threads": 1, **options}
+    with rz.Renderer(scene, (width, height), **options) as renderer:
+        return renderer.render(session.camera).rgb
+
+
+def middle(page) -> tuple[float, float]:
+    box = page.locator("canvas").bounding_box()
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def do_drag(page, **_):
+    x, y = middle(page)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 90, y + 25, steps=6)
+    page.mouse.up()
+
+
+def do_drag_with_shift(page):
+    page.keyboard.down("Shift")
+    do_drag(page)
+    page.keyboard.up("Shift")
+
+
+def do_drag_with_the_right_button(page):
+    x, y = middle(page)
+    page.mouse.move(x, y)
+    page.mouse.down(button="right")
+    page.mouse.move(x - 60, y, steps=4)
+    page.mouse.up(button="right")
+
+
+def do_wheel(page):
+    page.mouse.move(*middle(page))
+    page.mouse.wheel(0, -300)
+
+
+def do_keys(page):
+    page.locator("canvas").focus()
+    for key in ("ArrowLeft", "ArrowUp", "+", "Shift+ArrowRight"):
+        page.keyboard.press(key)
+
+
+GESTURES = [do_drag, do_drag_with_shift, do_drag_with_the_right_button, do_wheel, do_keys]
+
+
+def test_the_first_picture_is_the_renderers_own_on_the_canvas_and_on_the_screen(page, server):
+    assert server.session.camera == server.session.scene.camera_for(server.session.frame.size)
+    assert np.array_equal(canvas_pixels(page), expected(server.session))
+    seen, drawn = screen_pixels(page.locator("canvas")), expected(server.session)
+    rows, columns = (min(sides) for sides in zip(seen.shape[:2], drawn.shape[:2], strict=True))
+    difference = np.abs(seen[:rows, :columns].astype(int) - drawn[:rows, :columns]).mean()
+    assert difference < 2, f"{difference:.2f} levels: the canvas is stretched, or its colours are"
+
+
+@pytest.mark.parametrize("gesture", GESTURES, ids=lambda gesture: gesture.__name__)
+def test_what_hands_do_changes_the_picture_to_what_the_camera_sees(page, server, gesture):
+    before, camera = canvas_pixels(page), server.session.camera
+    gesture(page)
+    after = wait_for_picture(page, before)
+    assert server.session.camera != camera
+    assert np.array_equal(after, expected(server.session))
+
+
+def test_a_drag_turns_by_the_way_of_the_pointer(page, server):
+    def azimuth():
+        eye, target = np.subtract(server.session.camera.position, 0), server.session.camera.target
+        x, _, z = eye - target
+        return np.degrees(np.arctan2(x, z))
+
+    before, start, height = canvas_pixels(page), azimuth(), server.session.frame.size[1]
+    do_drag(page)
+    wait_for_picture(page, before)
+    assert start - azimuth() == pytest.approx(180 * 90 / height, abs=180 * 5 / height)  # CLICK is lost
+
+
+def test_a_click_tells_what_is_seen_and_marks_it(page, server):
+    page.mouse.click(*middle(page))
+    page.wait_for_selector(".raster-mark:not([hidden])")
+    picked = server.session.picked
+    assert picked.face == server.session.frame.face[picked.pixel[1], picked.pixel[0]]
+    text = page.locator(".raster-status").text_content()
+    assert text == str(picked) == page.locator("[role=status]").text_content()
+    mark, (x, y) = page.locator(".raster-mark").bounding_box(), middle(page)
+    assert abs(mark["x"] + mark["width"] / 2 - x) < 2 and abs(mark["y"] + mark["height"] / 2 - y) < 2
+    page.locator("canvas").press("Escape")
+    page.wait_for_selector(".raster-mark", state="hidden")
+
+
+def test_a_double_click_turns_about_the_point(page, server):
+    x, y = middle(page)
+    page.mouse.dblclick(x + 40, y + 20)
+    page.wait_for_function("document.querySelector('canvas').dataset.state === 'rest'")
+    page.wait_for_timeout(300)
+    assert np.allclose(server.session.camera.target, server.session.picked.position)
+
+
+def test_switches_change_the_picture_and_keys_change_the_switches(page, server):
+    before = canvas_pixels(page)
+    page.get_by_label("Shading").select_option("flat")
+    after = wait_for_picture(page, before)
+    assert np.array_equal(after, expected(server.session, shading="flat"))
+    page.locator("canvas").press("s")
+    wait_for_picture(page, after)
+    assert page.get_by_label("Shading").input_value() == "gouraud"
+    page.get_by_label("Projection").select_option("orthographic")
+    page.wait_for_timeout(300)
+    wait_for_rest(page)
+    assert not server.session.camera.is_perspective
+    page.get_by_role("button", name="First view").click()
+    page.wait_for_timeout(300)
+    wait_for_rest(page)
+    assert server.session.camera.is_perspective
+
+
+def test_the_picture_has_as_many_pixels_as_its_window(page, server):
+    before = canvas_pixels(page)
+    page.set_viewport_size({"width": 640, "height": 380})
+    after = wait_for_picture(page, before)
+    assert after.shape[1] == 640 and np.array_equal(after, expected(server.session))
+
+
+def test_a_screen_with_finer_pixels_gets_a_finer_picture(program, server):
+    with page_in(program, device_scale_factor=2) as page:
+        page.goto(server.url)
+        wait_for_rest(page)
+        assert canvas_pixels(page).shape[1] == 960
+        page.mouse.click(*middle(page))
+        page.wait_for_selector(".raster-mark:not([hidden])")
+        assert abs(server.session.picked.pixel[0] - 480) <= 1
+
+
+def test_a_dark_page_has_a_dark_picture_and_text_that_can_be_read(program, server):
+    for scheme, paper in (("dark", "#16181b"), ("light", "#ffffff")):
+        with page_in(program, color_scheme=scheme) as page:
+            page.goto(server.url)
+            wait_for_rest(page)
+            assert np.array_equal(canvas_pixels(page), expected(server.session, paper))
+            for selector in (".raster-title", ".raster-numbers", ".raster-help summary", ".raster-bar label"):
+                assert contrast(page, selector) >= 4.5, f"{scheme}: {selector}"
+
+
+def test_a_page_that_turns_dark_gets_a_dark_picture(page, server):
+    before = canvas_pixels(page)
+    page.emulate_media(color_scheme="dark")
+    assert np.array_equal(wait_for_picture(page, before), expected(server.session, "#16181b"))
+
+
+def contrast(page, selector) -> float:
+    """How text stands out from what is behind it. Source: WCAG 2.2, contrast ratio."""
+    script = """element => {
+        const ink = getComputedStyle(element).color;
+        while (getComputedStyle(element).backgroundColor === "rgba(0, 0, 0, 0)") element = element.parentElement;
+        return [ink, getComputedStyle(element).backgroundColor];
+    }"""
+    lights = []
+    for color in page.eval_on_selector(selector, script):
+        levels = np.array([float(each) for each in re.findall(r"[\d.]+", color)[:3]]) / 255
+        linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
+        lights.append(linear @ (0.2126, 0.7152, 0.0722))
+    return (max(lights) + 0.05) / (min(lights) + 0.05)
+
+
+def test_everything_is_reached_by_the_keyboard_and_has_a_name(page):
+    page.locator("body").press("Tab")
+    reached = []
+    for _ in range(7):
+        reached.append(page.evaluate("document.activeElement.tagName"))
+        page.keyboard.press("Tab")
+    assert [name for name in reached if name != "BODY"] == ["SELECT", "SELECT", "SELECT", "BUTTON", "CANVAS", "SUMMARY"]
+    page.locator("canvas").focus()
+    page.keyboard.press("ArrowLeft")
+    outline = page.eval_on_selector("canvas", "canvas => getComputedStyle(canvas).outlineStyle")
+    assert outline == "solid", "where the keys go is seen"
+    canvas = page.locator("canvas")
+    assert canvas.get_attribute("aria-label") == "3-D view of teapot.obj"
+    described = canvas.get_attribute("aria-describedby")
+    assert "arrow keys" in page.locator(f"#{described}").text_content()
+
+
+def test_the_page_says_that_the_program_has_ended(program):
+    server = Server(Session(rz.load(str(ROOT / "models" / "cube.obj")), threads=1))
+    thread = threading.Thread(target=server.serve)
+    thread.start()
+    with page_in(program) as page:
+        page.goto(server.url)
+        wait_for_rest(page)
+        server.shutdown()
+        server.server_close()
+        page.wait_for_selector("canvas[data-state=ended]")
+        assert "has ended" in page.locator(".raster-status").text_content()
+    thread.join(10)
+
+
+def test_once_ends_with_the_page_but_not_when_it_is_loaded_again(program, monkeypatch):
+    monkeypatch.setattr(server_module, "_GRACE", 1.0)
+    server = Server(Session(rz.load(str(ROOT / "models" / "cube.obj")), threads=1), is_once=True)
+    thread = threading.Thread(target=server.serve)
+    thread.start()
+    with page_in(program) as page:
+        page.goto(server.url)
+        wait_for_rest(page)
+        page.reload()
+        wait_for_rest(page)
+        page.wait_for_timeout(1500)
+        assert thread.is_alive()
+    thread.join(10)
+    assert not thread.is_alive()
+    server.server_close()

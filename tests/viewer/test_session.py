@@ -1,0 +1,249 @@
+"""One look at a scene: events move the camera, pictures at rest are the renderer's own, clicks tell what is seen."""
+
+import io
+import shlex
+import threading
+
+import numpy as np
+import pytest
+from helpers.raster import ROOT
+from helpers.viewing import SIZE, click, drag, key, message, rest, switch, zoom
+from PIL import Image
+
+import rasterizer as rz
+from rasterizer.cli import main
+from rasterizer.viewer import session as session_module
+from rasterizer.viewer.camera_flags import camera_flags
+from rasterizer.viewer.session import Session, encode_jpeg
+
+CUBE = str(ROOT / "models" / "cube.obj")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return rz.load(CUBE)
+
+
+@pytest.fixture
+def session(scene):
+    session = Session(scene, title="cube.obj", threads=1)
+    yield session
+    session.close()
+
+
+def pixels(reply) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(reply.content)).convert("RGB"))
+
+
+def expected(session, background="#ffffff", size=SIZE, **options) -> np.ndarray:
+    scene = rz.Scene(session.scene.meshes, options.pop("lights", session.scene.lights), background=background)
+    options = {"shading": "phong", "samples": 4, "outputs": "rgb", **options}
+    with rz.Renderer(scene, size, **options) as renderer:
+        return renderer.render(session.camera).rgb
+
+
+def test_a_picture_at_rest_is_the_renderers_own(session):
+    reply = rest(session)
+    assert reply.media_type == "image/png" and reply.status["is_full"]
+    assert np.array_equal(pixels(reply), expected(session))
+    assert session.camera == session.scene.camera_for(SIZE)
+
+
+@pytest.mark.parametrize(
+    "events",
+    [
+        [drag(13, -7)],
+        [drag(4, 9, "pan")],
+        [drag(0, 20, "zoom")],
+        [zoom(1.7, 10, 20)],
+        [key("ArrowLeft"), key("ArrowUp", True), key("+")],
+        [key("5")],
+        [key("o"), drag(5, 5)],
+    ],
+    ids=str,
+)
+def test_whatever_moves_the_camera_the_picture_is_what_it_sees(session, events):
+    before = pixels(rest(session))
+    reply = rest(session, *events)
+    assert np.array_equal(pixels(reply), expected(session))
+    assert not np.array_equal(pixels(reply), before)
+
+
+def test_while_something_moves_pictures_are_jpeg_and_close_to_those_at_rest(session):
+    reply = session.answer(message(drag(5, 5)))
+    assert reply.media_type == "image/jpeg" and not reply.status["is_full"]
+    difference = np.abs(pixels(reply).astype(int) - expected(session, samples=1))
+    assert difference.mean() < 3, difference.mean()
+
+
+def test_slow_pictures_become_smaller_while_something_moves_and_whole_at_rest(session, monkeypatch):
+    clock = iter(np.arange(0, 1e4, 0.5))
+    monkeypatch.setattr(session_module, "perf_counter", lambda: float(next(clock)))
+    sizes = [Image.open(io.BytesIO(session.answer(message(drag(1, 0))).content)).size for _ in range(20)]
+    assert sizes[0] == SIZE and sizes[-1] == (10, 8)
+    assert pixels(rest(session)).shape == (60, 80, 3)
+
+
+def test_named_views_show_all_of_the_scene(session):
+    for name, (azimuth, elevation) in {"1": (0, 0), "4": (90, 0), "6": (0, -90)}.items():
+        rest(session, zoom(9.0), key(name))
+        assert session.camera == rz.Camera.framing(session.scene, azimuth, elevation, aspect=4 / 3)
+
+
+def test_the_first_view_comes_back_and_follows_the_shape_of_the_page(session):
+    first = rest(session).content
+    rest(session, drag(9, 9), zoom(2.0))
+    assert rest(session, key("0")).content == first
+    rest(session, size=(30, 60))
+    assert session.camera == session.scene.camera_for((30, 60))
+
+
+def test_a_given_camera_is_looked_through_first(scene):
+    camera = rz.Camera.perspective((3, 1, 2), fov=50)
+    session = Session(scene, camera=camera, threads=1)
+    assert np.array_equal(pixels(rest(session)), expected(session)) and session.camera is camera
+
+
+def test_switches_choose_shading_lights_and_projection(session):
+    reply = rest(
+        session, switch("shading", "flat"), switch("lights", "headlight"), switch("projection", "orthographic")
+    )
+    assert reply.status["switches"] == {"shading": "flat", "lights": "headlight", "projection": "orthographic"}
+    assert reply.status["said"] == "shading: flat. lights: headlight. projection: orthographic"
+    assert np.array_equal(pixels(reply), expected(session, shading="flat", lights=rz.headlight()))
+    assert not session.camera.is_perspective
+
+
+def test_keys_go_through_the_switches_and_come_back(session):
+    seen = [rest(session, key("s")).status["switches"]["shading"] for _ in range(3)]
+    assert seen == ["flat", "gouraud", "phong"]
+    seen = [rest(session, key("l")).status["switches"]["lights"] for _ in range(3)]
+    assert seen == ["studio", "headlight", "own"]
+
+
+@pytest.mark.parametrize("event", [key("q"), key(""), switch("shading", "wood"), switch("__class__", "x"), key("é")])
+def test_what_means_nothing_does_nothing(session, event):
+    first = rest(session)
+    assert rest(session, event).content == first.content
+
+
+def test_the_background_is_the_pages_own_unless_the_scene_has_one(session, scene):
+    assert tuple(pixels(rest(session, background="#16181b"))[0, 0]) == (0x16, 0x18, 0x1B)
+    own = Session(rz.Scene(scene.meshes, background="#102030"), threads=1)
+    assert tuple(pixels(rest(own))[0, 0]) == (0x10, 0x20, 0x30)
+
+
+def test_a_click_tells_face_object_position_and_normal(session):
+    reply = session.answer(message(click(40.4, 30.9)))
+    picked = session.picked
+    assert reply.status["is_full"] and picked.pixel == (40, 30)
+    assert picked.face == session.frame.face[30, 40] == picked.face_of_mesh
+    mesh = session.scene.meshes[picked.mesh]
+    corners = mesh.vertices[mesh.faces[picked.face]]
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normal /= np.linalg.norm(normal)
+    assert abs((np.array(picked.position) - corners[0]) @ normal) <= 1e-5
+    assert abs(np.dot(picked.normal, normal)) == pytest.approx(1, abs=1e-6)
+    assert reply.status["picked"] == str(picked) == reply.status["said"]
+    assert np.allclose(reply.status["marker"], (40.5, 30.5), atol=1e-3)
+
+
+def test_an_object_is_told_by_its_name_and_its_own_face(session):
+    names = ("left", "rïght 'x'")
+    triangle = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])
+    meshes = [rz.Mesh(triangle + 2 * k, [[0, 1, 2], [1, 3, 2]], name=name) for k, name in enumerate(names)]
+    camera = rz.Camera.perspective((2.5, 2.5, 9), (2.5, 2.5, 2))
+    session = Session(rz.Scene(meshes), camera=camera, threads=1)
+    session.answer(message(click(40, 30)))
+    assert session.picked.mesh == 1 and session.picked.face == 2 + session.picked.face_of_mesh
+    assert repr(names[1]) in str(session.picked)
+
+
+@pytest.mark.parametrize("at", [(0, 0), (-5, 3), (79.99, 1e5)])
+def test_beside_the_object_nothing_is_picked(session, at):
+    session.answer(message(click(40, 30)))
+    reply = session.answer(message(click(*at)))
+    assert session.picked is None and reply.status["marker"] is None and reply.status["said"] == "nothing is there"
+
+
+def test_a_picked_point_stays_marked_while_the_camera_moves_and_escape_forgets_it(session):
+    session.answer(message(click(40, 30)))
+    marker = rest(session, drag(10, 0, "pan")).status["marker"]
+    assert np.allclose(marker, (50.5, 30.5), atol=4.0)  # it is nearer than the pivot, and moves further
+    assert rest(session, key("Escape")).status["picked"] is None
+
+
+def test_a_double_click_turns_about_the_point(session):
+    session.answer(message(click(50, 35, True)))
+    position = session.picked.position
+    marker = rest(session, drag(30, 12)).status["marker"]
+    assert np.allclose(marker, (40, 30), atol=1e-3) and np.allclose(session.camera.target, position)
+
+
+def test_the_keyboard_picks_what_is_in_the_middle(session):
+    session.answer(message(key("Enter")))
+    assert session.picked.pixel == (40, 30)
+
+
+@pytest.mark.parametrize("events", [[], [drag(13, 5), zoom(1.3)], [key("o"), drag(5, 5)]], ids=str)
+def test_the_flags_of_a_view_draw_the_same_picture(session, events, folder):
+    rest(session, *events)
+    flags = shlex.split(session.answer(message()).status["camera"])
+    argv = ["render", CUBE, "-s", "80x60", "--shading", "phong", "--background", "white", "-o", "x.png", *flags]
+    assert main([*argv, "-q"]) == 0
+    difference = np.abs(np.asarray(Image.open("x.png").convert("RGB")).astype(int) - expected(session))
+    assert difference.max() <= 1, difference.max()
+
+
+def test_no_flags_are_told_for_a_camera_that_they_cannot_say():
+    assert camera_flags(rz.Camera.perspective((5, 4, 3), up=(1, 1, 0)), "y") == ""
+    assert camera_flags(rz.Camera.perspective((5, 4, 3), near=1), "y") == ""
+    assert camera_flags(rz.Camera.perspective((0, 0, 3)), "y") == (
+        "--eye 0.0,0.0,3.0 --target 0.0,0.0,0.0 --up y --fov 45.0"
+    )
+
+
+def test_renderers_are_kept_but_not_many(session):
+    for color in range(6):
+        session.answer(message(background=f"#00000{color}"))
+        rest(session, background=f"#00000{color}")
+    assert len(session._renderers) == 3
+
+
+def test_threads_that_share_a_session_take_turns(session):
+    faults = []
+
+    def ask(k):
+        try:
+            for _ in range(5):
+                session.answer(message(drag(k, 1), is_rest=k % 2 == 0))
+        except Exception as fault:
+            faults.append(fault)
+
+    threads = [threading.Thread(target=ask, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not faults
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"shading": "wood"}, {"samples": 3}, {"size": 5}, {"outputs": "rgb"}, {"tolerance": -1}, {"camera": 3}],
+    ids=str,
+)
+def test_options_that_are_not_legal_are_told_at_once(scene, options):
+    with pytest.raises(rz.SceneError):
+        Session(scene, **options)
+
+
+@pytest.mark.parametrize("is_grey", [True, False])
+def test_jpeg_files_hold_the_picture(is_grey):
+    ramp = np.linspace(0, 255, 64).astype(np.uint8)
+    rgba = np.dstack([np.tile(ramp, (48, 1))] * 3 + [np.full((48, 64), 255, np.uint8)])
+    if not is_grey:
+        rgba[..., 2] //= 2
+    image = Image.open(io.BytesIO(encode_jpeg(np.ascontiguousarray(rgba))))
+    assert image.mode == ("L" if is_grey else "RGB")
+    assert np.abs(np.asarray(image.convert("RGB")).astype(int) - rgba[..., :3]).mean() < 2
