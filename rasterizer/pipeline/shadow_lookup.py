@@ -62,10 +62,12 @@ from .visibility import CLEAR, PAYLOAD_BITS, clear
 
 # The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether
 # rays diverge; the light's position relative to the eye; how far positions are rounded, as a share of the distances;
-# how far the normal's error turns the slopes, in texels. Then a block of N_MAP_COLUMN numbers for each map.
-N_MAP, SIZE, FILTER, IS_PERSPECTIVE, ORIGIN, POSITION_ROUNDING, NORMAL_ERROR, MAPS = 0, 1, 2, 3, 4, 7, 8, 9
+# how far the normal's error turns the slopes, in texels; twice how far texels of the filter reach on a surface that faces
+# the light, scene units, in perspective 1 away. Then a block of N_MAP_COLUMN numbers for each map.
+N_MAP, SIZE, FILTER, IS_PERSPECTIVE, ORIGIN, POSITION_ROUNDING, NORMAL_ERROR, REACH, MAPS = 0, 1, 2, 3, 4, 7, 8, 9, 10
 # A map's block: its axes, unit length; scale and centre, texels; how far its values are rounded; how many texels the
-# limit is raised by, times the slopes; which of the blocks of texels is its own, or -1 where nothing is to be seen.
+# limit is raised by, times the slopes; which of the blocks of texels is its own, or -1 where nothing is to be seen: then
+# the others aren't written.
 RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, SLACK, LAYER = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15
 N_MAP_COLUMN = 16
 HEADER = MAPS + 6 * N_MAP_COLUMN
@@ -118,8 +120,7 @@ def move_points(batch, header, n):
     from the light."""
     origin, forward = read_vector(header, ORIGIN), read_vector(header, MAPS + FORWARD)
     is_perspective = header[IS_PERSPECTIVE] != header.dtype.type(0)
-    zero, one, two = batch.dtype.type(0), batch.dtype.type(1), batch.dtype.type(2)
-    reach = (header[FILTER] + two) / header[MAPS + SCALE_X]  # twice as far as texels of the filter, 1 away
+    zero, one, reach = batch.dtype.type(0), batch.dtype.type(1), header[REACH]
     for k in range(n):
         position, plane = get_vector(batch, f.POSITION, k), get_vector(batch, f.FACE_NORMAL, k)
         normal, plane_offset = get_vector(batch, f.NORMAL, k), batch[f.FACE_OFFSET + k]
