@@ -62,12 +62,12 @@ from .visibility import CLEAR, PAYLOAD_BITS, clear
 
 # The header: how many maps (1, or 6: one for each face of a cube), texels a side, texels a side of the filter, whether
 # rays diverge; the light's position relative to the eye; how far positions are rounded, as a share of the distances;
-# how far the normal's error turns the slopes, in texels; twice how far texels of the filter reach on a surface that faces
-# the light, scene units, in perspective 1 away. Then a block of N_MAP_COLUMN numbers for each map.
+# how far the normal's error turns the slopes, in texels; twice how far texels of the filter reach on a surface that
+# faces the light, scene units, in perspective 1 away. Then a block of N_MAP_COLUMN numbers for each map.
 N_MAP, SIZE, FILTER, IS_PERSPECTIVE, ORIGIN, POSITION_ROUNDING, NORMAL_ERROR, REACH, MAPS = 0, 1, 2, 3, 4, 7, 8, 9, 10
 # A map's block: its axes, unit length; scale and centre, texels; how far its values are rounded; how many texels the
-# limit is raised by, times the slopes; which of the blocks of texels is its own, or -1 where nothing is to be seen: then
-# the others aren't written.
+# limit is raised by, times the slopes; which of the blocks of texels is its own, or -1 where nothing is to be seen:
+# then the others aren't written.
 RIGHT, UP, FORWARD, SCALE_X, SCALE_Y, CENTER_X, CENTER_Y, ROUNDING, SLACK, LAYER = 0, 3, 6, 9, 10, 11, 12, 13, 14, 15
 N_MAP_COLUMN = 16
 HEADER = MAPS + 6 * N_MAP_COLUMN

@@ -144,8 +144,7 @@ class Material:
     def __post_init__(self) -> None:
         for field in ("diffuse", "specular", "emissive", "ambient"):
             value = self.diffuse if field == "ambient" and self.ambient is None else getattr(self, field)
-            read = linear_rgb if field == "emissive" else surface_rgb  # what is emitted may be any multiple of white
-            object.__setattr__(self, field, read(value, f"the material's {field}"))
+            object.__setattr__(self, field, surface_rgb(value, f"the material's {field}"))
         shininess = number(self.shininess, "the material's shininess")
         if shininess <= 0.0:
             raise SceneError(f"the material's shininess must be above 0; given {self.shininess!r}")
