@@ -134,6 +134,14 @@ def test_advice_names_the_quickest_that_is_as_exact():
     assert advise([]) == ""
 
 
+def test_advice_compares_what_is_quickest_of_each_method():
+    """However many rows a method has, and whichever of them is nearest to the truth by a digit that isn't shown."""
+    phong, gouraud = Method("phong", 0, 4, 1 / 4096), Method("gouraud", 1, 4, 1 / 4096)
+    rows = [make_row(11.0, 0.00999, phong._replace(tolerance=0.0)), make_row(6.0, 0.0100, phong)]
+    text = advise([*rows, make_row(9.0, 0.0100, phong._replace(tolerance=1 / 64)), make_row(4.0, 0.0105, gouraud)])
+    assert text.startswith("Choose Gouraud") and "as exact as Phong with 0.01 here, and 1.5 times as fast." in text
+
+
 def test_advice_tells_what_samples_and_tolerances_change():
     four, one = Method("phong", 0, 4, 1 / 4096), Method("phong", 0, 1, 1 / 4096)
     rows = [make_row(4.0, 0.01, four), make_row(6.0, 0.01, four._replace(tolerance=0.0)),
