@@ -1,15 +1,22 @@
 """Subdivision: every triangle becomes four that lie in it, so that Gouraud's method sees more points of the surface.
 
-in:  a mesh                                             2
-out: the same surface in 4 triangles a face,           ╱ ╲          face f becomes 4f .. 4f + 3:
-     face by face                                     5───4         (0, 3, 5) (3, 1, 4) (5, 4, 2) (3, 4, 5)
-                                                     ╱ ╲ ╱ ╲
-                                                    0───3───1
+in:  a mesh                                             2                         d ── m ── c
+out: the same surface in smaller triangles,            ╱ ╲                        │ ╲  │  ╱ │
+     face by face                                     5───4                       m ── M ── m
+                                                     ╱ ╲ ╱ ╲                      │ ╱  │  ╲ │
+                                                    0───3───1                     a ── m ── b
+
+    a triangle f becomes 4f .. 4f + 3:              (0, 3, 5) (3, 1, 4) (5, 4, 2) (3, 4, 5)
+    a convex polygon, drawn about its centre M      two triangles an edge: (a, m, M) (m, b, M)
+    (centers.py), is cut as it is drawn:            of a quad that are four a triangle, too
+
+Every triangle's points have numbers: 0, 1, 2 its corners, 3, 4, 5 the midpoints of the edges that begin there, 6 the
+centre of its polygon.
 """
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +24,26 @@ from numpy.typing import NDArray
 from ..errors import ModelError, SceneError, shown
 from ..scene.mesh import DEFAULT_CREASE_ANGLE, Mesh
 from ..scene.validate import is_whole
+from .centers import Centers, with_means
+from .mesh_points import unique_rows
 from .normals import split_creases, within_range
+from .polygons import Rings, find_rings
 
 _FACE_LIMIT = 2**31 - 1  # face indices are int32, -1 means nothing hit
 _CHILDREN = np.array([(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)])
 _HIDDEN_FOLD = math.sin(math.radians(DEFAULT_CREASE_ANGLE / 2))  # of a slope that both ends of an edge don't know
 _NEXT = [1, 2, 0]  # the edge that begins at corner k ends here; its midpoint is the point 3 + k
+_CENTER = 6
+
+
+class _Cuts(NamedTuple):
+    """How the triangles of a mesh are cut."""
+
+    owner: NDArray[np.int64]  # (n_finer,) the triangle that a new one is made of
+    corners: NDArray[np.int64]  # (n_finer, 3) its corners, as points 0..6 of that triangle
+    rings: Rings  # the polygons that are cut about their centres; their corners are rows
+    rows: NDArray[np.int64] | None  # (n_row,) corners of faces, 3f + k, one of each kind; None: rows are vertices
+    ring: NDArray[np.int64]  # (n_face,) which of the rings a triangle belongs to, -1 to none
 
 
 def subdivide(mesh: Mesh, times: int) -> Mesh:
@@ -46,7 +67,7 @@ def _checked_times(times: object) -> int:
 
 
 def _cut_once(mesh: Mesh) -> Mesh:
-    """Cut every triangle of a mesh in four.
+    """Cut every triangle of a mesh in four, and polygons that are drawn about their centres there.
 
     An edge has one midpoint however many faces meet there, so the finer mesh is as closed as the given one. Where two
     edges coincide though their vertices differ, their midpoints do too: a sum of two numbers is the same both ways
@@ -54,47 +75,96 @@ def _cut_once(mesh: Mesh) -> Mesh:
     """
     has_normals = mesh.normals is not None and mesh.crease_angle is None
     normals: Any = mesh.normals if has_normals else _averaged_normals(mesh)
-    ends, midpoints = _edges(mesh.faces)
-    faces = np.concatenate([mesh.faces, midpoints + np.uint32(mesh.n_vertex)], axis=1)[:, _CHILDREN].reshape(-1, 3)
+    cuts = _list_cuts(mesh, normals)
+    ends, midpoints = _edges(mesh.faces, cuts)
+    centers = mesh.n_vertex + len(ends) + cuts.ring[:, None]
+    names = np.concatenate([mesh.faces, midpoints + np.int64(mesh.n_vertex), centers], axis=1)
     polygons = np.arange(mesh.n_face, dtype=np.int32) if mesh.polygons is None else mesh.polygons
     finer = replace(
         mesh,
-        vertices=_with_means(mesh.vertices, ends),
-        faces=faces,
-        normals=_cut_attribute(normals, ends, is_direction=True),
+        vertices=_cut_attribute(mesh.vertices, mesh, cuts, ends),
+        faces=_pick(names, cuts),
+        normals=_cut_attribute(normals, mesh, cuts, ends, is_direction=True),
         crease_angle=None,
-        colors=_cut_attribute(mesh.colors, ends),
-        uv=_cut_attribute(mesh.uv, ends),
-        polygons=np.repeat(polygons, 4),
-        face_colors=None if mesh.face_colors is None else np.repeat(mesh.face_colors, 4, axis=0),
-        smoothing=None if mesh.smoothing is None else np.repeat(mesh.smoothing, 4),
-        face_material=None if mesh.face_material is None else np.repeat(mesh.face_material, 4),
+        colors=_cut_attribute(mesh.colors, mesh, cuts, ends),
+        uv=_cut_attribute(mesh.uv, mesh, cuts, ends),
+        polygons=polygons[cuts.owner],
+        face_colors=None if mesh.face_colors is None else mesh.face_colors[cuts.owner],
+        smoothing=None if mesh.smoothing is None else mesh.smoothing[cuts.owner],
+        face_material=None if mesh.face_material is None else mesh.face_material[cuts.owner],
     )
-    return finer if has_normals else _unfold(finer, mesh, normals)
+    return finer if has_normals else _unfold(finer, mesh, normals, cuts)
 
 
-def _edges(faces: NDArray) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
-    """Return the ends (n_edge, 2) uint32 of all edges, and which edge begins at each corner, (n_face, 3) uint32."""
-    low, high = np.minimum(faces, faces[:, _NEXT]), np.maximum(faces, faces[:, _NEXT])
+def _list_cuts(mesh: Mesh, normals: NDArray) -> _Cuts:
+    """List the triangles that a mesh is cut into, in the order of those that they are made of.
+
+    A polygon whose corners don't have one value each is drawn as its triangles lie, and cut so.
+    """
+    of_corners = [each for each in (normals, mesh.colors, mesh.uv) if each is not None and each.ndim == 3]
+    rows, names, points = None, mesh.faces, mesh.vertices
+    if of_corners and mesh.polygons is not None:
+        keys = [mesh.faces.reshape(-1, 1), *(each.reshape(-1, each.shape[2]) for each in of_corners)]
+        rows, names = unique_rows(keys)
+        names, points = names.reshape(-1, 3), mesh.vertices[mesh.faces.ravel()[rows]]
+    rings = find_rings(names, mesh.polygons, points)
+    ring = np.full(mesh.n_face, -1)
+    ring[rings.owners] = np.repeat(np.arange(len(rings.start)), np.diff(rings.offsets))
+    start = (names[rings.owners] == rings.corners[:, None]).argmax(axis=1)  # an edge of a polygon begins there
+    triangles = np.flatnonzero(ring < 0)
+    end, center = (start + 1) % 3, np.full(len(start), _CENTER)
+    halves = np.stack([np.stack([start, 3 + start, center], 1), np.stack([3 + start, end, center], 1)], 1)
+    owner = np.concatenate([np.repeat(triangles, 4), np.repeat(rings.owners, 2)])
+    corners = np.concatenate([np.tile(_CHILDREN, (len(triangles), 1)), halves.reshape(-1, 3)])
+    order = np.argsort(owner, kind="stable")
+    return _Cuts(owner[order], corners[order], rings, rows, ring)
+
+
+def _pick(table: NDArray, cuts: _Cuts) -> NDArray:
+    """Return what a table (n_face, 7, ...) of the triangles' points has at the corners of the new triangles."""
+    return table[cuts.owner[:, None], cuts.corners]
+
+
+def _edges(faces: NDArray, cuts: _Cuts) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+    """Return the ends (n_edge, 2) uint32 of all edges that are cut, and which edge begins at each corner, (n_face, 3);
+    anything where none is cut."""
+    is_cut = np.zeros((len(faces), _CENTER + 1), bool)
+    is_cut[cuts.owner[:, None], cuts.corners] = True
+    is_cut = is_cut[:, 3:_CENTER]
+    low, high = np.minimum(faces, faces[:, _NEXT])[is_cut], np.maximum(faces, faces[:, _NEXT])[is_cut]
     keys, edge = np.unique(low.astype(np.uint64) << np.uint64(32) | high, return_inverse=True)
     ends = np.stack([keys >> np.uint64(32), keys & np.uint64(0xFFFFFFFF)], axis=1).astype(np.uint32)
-    return ends, edge.reshape(faces.shape).astype(np.uint32)
+    midpoints = np.zeros(faces.shape, np.int64)
+    midpoints[is_cut] = edge.ravel()
+    return ends, midpoints
 
 
-def _with_means(values: NDArray, ends: NDArray) -> NDArray[np.float64]:
-    """Return values of vertices, followed by those of the midpoints."""
-    return np.concatenate([values, _mean(values[ends[:, 0]], values[ends[:, 1]])])
-
-
-def _cut_attribute(values: NDArray | None, ends: NDArray, is_direction: bool = False) -> NDArray[np.float64] | None:
-    """Return an attribute of the vertices (n_vertex, k), or of the corners (n_face, 3, k), for the finer mesh."""
+def _cut_attribute(values: Any, mesh: Mesh, cuts: _Cuts, ends: NDArray, is_direction: bool = False) -> Any:
+    """Return an attribute of the vertices (n_vertex, k), of the corners (n_face, 3, k), or None, for the finer mesh."""
     if values is None:
         return None
     mean = _mean_direction if is_direction else _mean
+    centers = _center_means(values, mesh, cuts, is_direction)
     if values.ndim == 2:
-        return np.concatenate([values, mean(values[ends[:, 0]], values[ends[:, 1]])])
-    points = np.concatenate([values, mean(values, values[:, _NEXT])], axis=1)
-    return points[:, _CHILDREN].reshape(-1, 3, values.shape[2])
+        return np.concatenate([values, mean(values[ends[:, 0]], values[ends[:, 1]]), centers])
+    of_faces = np.append(centers, np.zeros_like(centers, shape=(1, values.shape[2])), axis=0)[cuts.ring]
+    return _pick(np.concatenate([values, mean(values, values[:, _NEXT]), of_faces[:, None]], axis=1), cuts)
+
+
+def _center_means(values: NDArray, mesh: Mesh, cuts: _Cuts, is_direction: bool) -> NDArray[np.float64]:
+    """Return the means of an attribute over the corners of each ring, (n_ring, k); of directions that cancel, the first
+    one."""
+    rings = cuts.rings
+    if len(rings.start) == 0:
+        return np.empty((0, values.shape[-1]))
+    if values.ndim == 3:
+        values = values.reshape(-1, values.shape[2])[cuts.rows]
+    elif cuts.rows is not None:
+        values = values[mesh.faces.ravel()[cuts.rows]]
+    means = with_means(values, Centers(len(values), rings.offsets, rings.corners))[len(values) :]
+    if is_direction:
+        means = np.where(np.any(means != 0.0, axis=1, keepdims=True), means, values[rings.corners[rings.offsets[:-1]]])
+    return means
 
 
 def _mean(a: NDArray, b: NDArray) -> NDArray[np.float64]:
@@ -111,12 +181,13 @@ def _mean_direction(a: NDArray, b: NDArray) -> NDArray[np.float64]:
     return np.where(np.any(total != 0.0, axis=-1, keepdims=True), total, a)
 
 
-def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray) -> Mesh:
+def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray, cuts: _Cuts) -> Mesh:
     """Return the finer mesh with the normals of its faces at midpoints of edges that hide a fold.
 
     Where the surface bends one way and then the other, as in a saw-tooth, the normals at its vertices may all be
     parallel while the faces between aren't. Such an edge runs uphill, or downhill, as both its ends see it; on a
-    surface that bends one way it falls off from both. The faces at the edge are what the ends don't know.
+    surface that bends one way it falls off from both. The faces at the edge are what the ends don't know. To the centre
+    of a polygon lead such ways from its corners.
     Source: Overveld & Wyvill 1997, ACM Trans. Graphics 16(4), 397-419: interpolation that knows inflections.
 
     Parameters
@@ -124,18 +195,33 @@ def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray) -> Mesh:
     normals : of the coarse mesh, of its vertices or corners
     """
     corners = normals[mesh.faces] if normals.ndim == 2 else normals
-    points = within_range(mesh.vertices)[mesh.faces]
-    edges = points[:, _NEXT] - points
-    lengths = np.linalg.norm(edges, axis=2)
-    rises = np.stack([np.einsum("fki,fki->fk", edges, ends) for ends in (corners, corners[:, _NEXT])])
-    hidden = (rises.min(axis=0) > _HIDDEN_FOLD * lengths) | (rises.max(axis=0) < -_HIDDEN_FOLD * lengths)
-    if not hidden.any():
+    vertices = within_range(mesh.vertices)
+    points = vertices[mesh.faces]
+    hidden = _leans(points, points[:, _NEXT], corners, corners[:, _NEXT])
+    centers, of_centers = (
+        np.append(_center_means(values, mesh, cuts, is_direction), np.zeros((1, 3)), axis=0)[cuts.ring][:, None]
+        for values, is_direction in ((vertices, False), (normals, True))
+    )
+    lengths = np.linalg.norm(of_centers, axis=2, keepdims=True)
+    of_centers = of_centers / np.where(lengths > 0.0, lengths, 1.0)
+    to_center = _leans(points, centers, corners, of_centers).any(axis=1) & (cuts.ring >= 0)
+    is_hidden_ring = np.append(np.bincount(cuts.ring[to_center], minlength=len(cuts.rings.start)) > 0, False)
+    table = np.concatenate([np.zeros_like(hidden), hidden, is_hidden_ring[cuts.ring][:, None]], axis=1)
+    if not table.any():
         return finer
-    is_taken = np.concatenate([np.zeros_like(hidden), hidden], axis=1)[:, _CHILDREN].reshape(-1, 3, 1)
+    is_taken = _pick(table, cuts)[..., None]
     of_faces = _averaged_normals(replace(finer, normals=None, crease_angle=mesh.crease_angle))
     own: Any = finer.normals
     own, found = (each[finer.faces] if each.ndim == 2 else each for each in (own, of_faces))
     return replace(finer, normals=np.where(is_taken, found, own))
+
+
+def _leans(starts: NDArray, ends: NDArray, at_starts: NDArray, at_ends: NDArray) -> NDArray[np.bool_]:
+    """Tell which ways from points to others run uphill, or downhill, as the unit normals at both see it."""
+    ways = ends - starts
+    lengths = np.linalg.norm(ways, axis=-1)
+    rises = np.stack([(ways * at_starts).sum(axis=-1), (ways * at_ends).sum(axis=-1)])
+    return (rises.min(axis=0) > _HIDDEN_FOLD * lengths) | (rises.max(axis=0) < -_HIDDEN_FOLD * lengths)
 
 
 def _averaged_normals(mesh: Mesh) -> NDArray[np.float64]:

@@ -258,10 +258,10 @@ class Mesh(Movable, mesh_arrays.KeepsArrays):
         """Return a mesh of the same surface in smaller triangles: a remedy for the faults of Gouraud's method.
 
         Every triangle is cut at the midpoints of its edges into four that lie in it: face f becomes the faces
-        4f..4f + 3. The surface and so its silhouette stay, but for the rounding of the new vertices, which are
-        placed to 1/256 px like all. Colours and texture coordinates are interpolated. A polygon stays one
-        polygon, so flat shading doesn't change either. Of a polygon with more than three corners the triangles in
-        `faces` are cut; the result is drawn as they lie, no longer about the polygon's centre.
+        4f..4f + 3. A convex polygon of k > 3 corners, which is drawn about its centre, is cut about that, from the
+        midpoints of its edges, into 2k triangles: those of a quad's two faces are 4f..4f + 3, too. The surface and
+        so its silhouette stay, but for the rounding of the new vertices, which are placed to 1/256 px like all.
+        Colours and texture coordinates are interpolated. A polygon stays one polygon, so flat shading lights it once.
 
         Normals that the mesh has are interpolated, and made unit vectors: Gouraud's picture comes nearer to
         Phong's each time, and finds highlights inside large faces. Where they are to be computed, they are computed

@@ -55,16 +55,90 @@ def test_the_silhouette_stays(is_far):
     mesh = load("torus.obj") if is_far else load("teapot.obj")
     scene = rz.Scene([mesh])
     camera = scene.camera_for(SIZE)
-    # Flat: where values are interpolated, polygons are drawn about their centres, which bent ones have beside their
-    # triangles.
-    before = draw(mesh, camera=camera, shading="flat", outputs=("depth", "face"))
-    after = draw(mesh.subdivide(2), camera=camera, shading="flat", outputs=("depth", "face"))
+    before = draw(mesh, camera=camera, outputs=("depth", "face"))
+    after = draw(mesh.subdivide(2), camera=camera, outputs=("depth", "face"))
     changed = (before.face >= 0) != (after.face >= 0)
     assert changed.sum() <= 3, f"{changed.sum()} of {(before.face >= 0).sum()} samples covered otherwise"
     same = (before.face == after.face // 16) & (before.face >= 0)
     assert same.sum() > 0.99 * (before.face >= 0).sum()
     # half a sub-pixel moves a sample of these surfaces by two thousandths of its depth at most, seen at 87 degrees
     assert np.allclose(before.depth[same], after.depth[same], rtol=2e-3)
+
+
+# ---------------------------------------------------------------- polygons
+
+
+def bent_polygons(rng, n_corner, mirrored):
+    """A strip of convex polygons, bent, next to each other along an edge, with triangles between them."""
+    turns = 2 * np.pi * (np.arange(n_corner) + rng.uniform(-0.2, 0.2, n_corner)) / n_corner
+    ring = np.stack([np.cos(turns), np.sin(turns), rng.uniform(-0.02, 0.02, n_corner)], axis=1)
+    vertices = np.concatenate([ring, ring + [2.5, 0, 0]])
+    polygons = [list(range(n_corner)), list(range(n_corner, 2 * n_corner)), [0, 1, n_corner]]
+    return vertices, [face[::-1] for face in polygons] if mirrored else polygons
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("n_corner", [4, 5, 6, 9])
+def test_polygons_are_cut_as_they_are_drawn(n_corner, mirrored):
+    """Twice an edge of the polygon, and at every sample the same depth and texture coordinates as without."""
+    rng = np.random.default_rng(n_corner)
+    vertices, faces = bent_polygons(rng, n_corner, mirrored)
+    mesh = rz.Mesh(vertices, faces, uv=rng.uniform(size=(2 * n_corner, 2)), material=DULL)
+    finer = mesh.subdivide()
+    is_polygon = finer.polygons < 2
+    assert is_polygon.sum() == 2 * 2 * n_corner and (~is_polygon).sum() == 4
+    centers = np.array([vertices[face].mean(axis=0) for face in faces[:2]])
+    assert np.abs(centers[:, None] - finer.vertices).max(axis=2).min(axis=1).max() < 1e-15
+    camera = rz.Camera.orthographic((1.2, 0, 5), (1.2, 0, 0), height=2.5)
+    for times in (1, 2):
+        before, after = (
+            draw(each, camera=camera, outputs=("depth", "uv", "mask", "face")) for each in (mesh, mesh.subdivide(times))
+        )
+        both = before.mask & after.mask
+        assert (before.mask != after.mask).mean() < 0.01 and both.mean() > 0.3
+        # a vertex lies half a sub-pixel, 1/512 px, beside its place: SIZE[1] pixels are 2.5 units
+        moved = 2 * 2.5 / SIZE[1] / 512
+        steepest = np.abs(np.diff(before.uv, axis=1)[both[:, 1:] & both[:, :-1]]).max() * SIZE[1] / 2.5
+        apart = np.abs(before.uv - after.uv).max(axis=2)[both]
+        assert np.quantile(apart, 0.99) <= steepest * moved, f"{np.quantile(apart, 0.99)} > {steepest * moved}"
+        assert np.quantile(np.abs(before.depth[both] - after.depth[both]), 0.99) < 2e-3
+
+
+@pytest.mark.parametrize("n_corner", [4, 7])
+def test_values_of_polygons_corners_are_cut_alike(n_corner):
+    """What stands at corners is what stands at vertices, where it is the same; each new triangle knows its polygon."""
+    rng = np.random.default_rng(n_corner)
+    vertices, faces = bent_polygons(rng, n_corner, False)
+    values = {"uv": rng.uniform(size=(2 * n_corner, 2)), "colors": rng.uniform(size=(2 * n_corner, 3)),
+              "normals": unit(rng.normal(size=(2 * n_corner, 3)) + [0, 0, 3])}  # fmt: skip
+    whole = rz.Mesh(vertices, faces, face_colors=rng.uniform(size=(3, 3)), **values)
+    of_corners = replace(whole, **{name: value[whole.faces] for name, value in values.items()})
+    fine, other = whole.subdivide(2), of_corners.subdivide(2)
+    assert np.array_equal(fine.faces, other.faces) and np.array_equal(fine.polygons, other.polygons)
+    for name in values:
+        assert np.allclose(getattr(fine, name)[fine.faces], getattr(other, name), rtol=0, atol=1e-12), name
+    assert np.array_equal(fine.face_colors, whole.face_colors[np.searchsorted(whole.polygons, fine.polygons)])
+
+
+def test_a_polygon_whose_corners_differ_keeps_its_triangles():
+    """A quad with a seam along its diagonal isn't drawn about its centre, and not cut there."""
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    mesh = rz.Mesh(square, [[0, 1, 2, 3]])
+    finer = replace(mesh, uv=np.random.default_rng(3).uniform(size=(2, 3, 2))).subdivide()
+    assert finer.n_face == 8 and np.array_equal(finer.faces[:4].ravel()[[0, 4, 8]], mesh.faces[0])
+    assert mesh.subdivide().n_vertex == finer.n_vertex == 9  # the middle of the diagonal is the centre, too
+
+
+def test_a_mesh_of_quads_stays_closed():
+    n, m = 8, 6
+    vertices, _ = torus(n, m)
+    i, j = np.divmod(np.arange(n * m), m)
+    quads = np.stack([i * m + j, (i + 1) % n * m + j, (i + 1) % n * m + (j + 1) % m, i * m + (j + 1) % m], axis=1)
+    finer = rz.Mesh(vertices[: n * m], quads).subdivide(2)
+    half_edges = np.concatenate([finer.faces[:, [k, (k + 1) % 3]] for k in range(3)])
+    assert len(np.unique(half_edges, axis=0)) == len(half_edges) == 3 * 32 * n * m
+    assert {tuple(e) for e in half_edges.tolist()} == {tuple(e) for e in half_edges[:, ::-1].tolist()}
+    assert finer.n_vertex - len(half_edges) // 2 + finer.n_face == 0 and len(finer.used_vertices) == finer.n_vertex
 
 
 # ---------------------------------------------------------------- what belongs to it
@@ -84,12 +158,18 @@ def test_attributes_go_along():
     assert (finer.name, finer.material) == ("two", DULL)
     for key in ("face_colors", "smoothing", "polygons"):
         assert np.array_equal(getattr(finer, key), np.repeat(getattr(mesh, key), 4, axis=0)), key
-    for key in ("colors", "uv"):
-        assert np.allclose(getattr(finer, key)[finer.faces][:, :2].reshape(4, 4, 2, -1)[:, 0, 1],
-                           getattr(mesh, key)[mesh.faces][:, :2].mean(axis=1)), key  # fmt: skip
+    groups = [[k] for k in range(6)] + [list(quad) for quad in quads]  # a value is the mean over some vertices
+    groups += sorted({tuple(sorted((quad[k - 1], quad[k]))) for quad in quads for k in range(4)})
+    places = np.array([mesh.vertices[list(group)].mean(axis=0) for group in groups])
+    for vertex, *values in zip(finer.vertices, finer.colors, finer.uv, strict=True):
+        group = list(groups[np.abs(places - vertex).sum(axis=1).argmin()])
+        for key, value in zip(("colors", "uv"), values, strict=True):
+            assert np.allclose(value, getattr(mesh, key)[group].mean(axis=0)), key
+    assert finer.n_vertex == len(groups)
     assert all(np.array_equal(getattr(mesh, key), array) for key, array in copy.items())
     corners = rng.uniform(size=(4, 3, 2))
-    middle = replace(mesh, uv=corners).subdivide().uv[3::4]  # the child in the middle, whose corners are the midpoints
+    split = replace(mesh, uv=corners)  # a quad with a seam is cut as triangles: the fourth has the midpoints as corners
+    middle = split.subdivide().uv[3::4]
     assert np.allclose(middle, (corners + corners[:, [1, 2, 0]]) / 2)
 
 
