@@ -3,12 +3,14 @@
 import json
 import re
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from bench import measure, measure_all, table_rows, tables
 
+ROOT = Path(__file__).parents[2]
 PAGES = pytest.mark.parametrize("path", tables.PAGES, ids=lambda path: f"{path.parent.name}/{path.name}")
 
 
@@ -27,6 +29,19 @@ def test_every_table_of_figures_is_between_comments(path):
     assert not [
         cell for cell in cells if re.fullmatch(r"[-−]?[\d.,e/ ]*\d[\d.,e/ ]*(?:·10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?|\d.*[%×]", cell)
     ]
+
+
+@pytest.mark.parametrize(
+    "path", sorted(ROOT.glob("*/README.md")) + [ROOT / "README.md"], ids=lambda path: path.parent.name
+)
+def test_sentences_have_no_measured_times(path):
+    """A time, or how many times faster something is, changes with each version and machine: it stands in a table."""
+    page = tables.MARKED.sub("", path.read_text(encoding="utf-8"))
+    prose = [line for line in re.sub(r"```.*?```", "", page, flags=re.DOTALL).splitlines() if line[:4].strip()]
+    measured = re.compile(
+        r"\b\d[\d.,]*\s?(?:ms|µs|ns)\b|\d times (?:as (?:fast|long|quick)|slower|faster)|[\d.,]+ s of one core"
+    )
+    assert not [line for line in prose if measured.search(line)]
 
 
 def test_every_table_and_result_is_shown():
