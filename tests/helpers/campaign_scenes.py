@@ -146,9 +146,11 @@ def make_normals(dice, vertices, faces, shape) -> dict:
 def in_camera(dice, lens, places, depth) -> np.ndarray:
     """The points (n, 3) that lie at places (n, 2) of the picture, in pixels, and at depths (n,)."""
     eye, right, up, forward = lens.camera.view()
-    scale_x, scale_y, center_x, center_y, is_perspective = lens.camera.projection(dice.size)
+    scale_x, scale_y, center_x, center_y, is_perspective, skew = lens.camera.projection(dice.size)
     spread = depth if is_perspective else np.ones_like(depth)
-    x, y = (places[:, 0] - center_x) / scale_x * spread, (center_y - places[:, 1]) / scale_y * spread
+    y = (center_y - places[:, 1]) / scale_y
+    x = (places[:, 0] - center_x + skew * y) / scale_x
+    x, y = x * spread, y * spread
     return eye + x[:, None] * right + y[:, None] * up + depth[:, None] * forward
 
 

@@ -11,11 +11,12 @@ AXIS |= {f"-{name}": tuple(-c for c in axis) for name, axis in AXIS.items()}
 def project(camera, points, size):
     """Return (n, 2) pixels and (n,) depths of points, straight from the definitions."""
     eye, right, up, forward = camera.view()
-    scale_x, scale_y, center_x, center_y, is_perspective = camera.projection(size)
+    scale_x, scale_y, center_x, center_y, is_perspective, skew = camera.projection(size)
     r = np.asarray(points, dtype=np.float64) - eye
     depth = r @ forward
     w = depth if is_perspective else np.ones(len(r))
-    return np.stack([center_x + scale_x * (r @ right) / w, center_y - scale_y * (r @ up) / w], axis=1), depth
+    x, y = center_x + (scale_x * (r @ right) - skew * (r @ up)) / w, center_y - scale_y * (r @ up) / w
+    return np.stack([x, y], axis=1), depth
 
 
 def needle(rng, bits, size) -> np.ndarray:

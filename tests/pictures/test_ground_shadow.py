@@ -81,7 +81,7 @@ def test_a_pixel_shows_the_ground_that_its_ray_meets(up, is_perspective):
         camera = rz.Camera.framing(scene, azimuth, elevation, up=up, orthographic=not is_perspective)
         opacity = shadow.opacity_at(camera, (80, 60))
         eye, right, upwards, forward = camera.view()
-        scale_x, scale_y, center_x, center_y, _ = camera.projection((80, 60))
+        scale_x, scale_y, center_x, center_y, *_ = camera.projection((80, 60))
         at = centers(shadow)
         away = at - eye
         w = away @ forward if is_perspective else np.ones(len(at))

@@ -88,7 +88,7 @@ def test_what_is_skipped_covers_no_sample(name):
         with np.errstate(all="ignore"):
             here, _ = transform(positions, screen, SERIAL)
         fates = np.empty(clusters.shapes.shape[1], np.uint8)
-        stage.decide_clusters(clusters.shapes, stage.ClusterView(screen, *map(float, SIZE), True), fates)
+        stage.decide_clusters(clusters.shapes, stage.make_view(screen, SIZE, True), fates)
         n += np.bincount(fates, minlength=4)
         fate_of_face = np.repeat(fates, c.CLUSTER)[: columns.shape[1]]
         is_outside = here.x[columns] == OUTSIDE
@@ -127,7 +127,7 @@ def test_rounding_turns_triangles_round_so_that_slack_is_needed():
         screen = screen_of(camera.view(), camera.projection(SIZE), (0.1 * distance, 9 * distance))
         here, _ = transform(positions, screen, SERIAL)
         fates = np.empty(clusters.shapes.shape[1], np.uint8)
-        stage.decide_clusters(clusters.shapes, stage.ClusterView(screen, *map(float, SIZE), True), fates)
+        stage.decide_clusters(clusters.shapes, stage.make_view(screen, SIZE, True), fates)
         corners = positions.T[columns.T] - screen.eye
         faces_away = np.einsum("ij,ij->i", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]) > 0
         areas = areas_of(here, columns)

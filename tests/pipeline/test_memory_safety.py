@@ -94,7 +94,8 @@ def test_a_polygon_that_zigzags_through_a_plane_finds_room(n):
     """Slivers that rounding has bent: every corner lies on the other side than the one before."""
     polygon, out = np.zeros((n, clip.N_CORNER_COLUMN)), np.full((clip.ROOM + 1, clip.N_CORNER_COLUMN), np.nan)
     polygon[:, clip.W] = [1.0, -1.0, 1.0][:n] if n == 3 else np.where(np.arange(n) % 2, -1.0, 1.0)
-    screen = Screen(*np.eye(4)[:, :3], 1.0, 1.0, 0.0, 0.0, 0.0, np.inf, 0.0, 1.0, True)
+    axes = np.eye(4)[:, :3]
+    screen = Screen(*axes, axes[1], 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0, 1.0, True)
     n_out = clip_once(polygon, n, screen, out)
     assert n_out <= 3 * n // 2 <= clip.ROOM and np.isnan(out[n_out:]).all() and not np.isnan(out[:n_out]).any()
 
