@@ -80,6 +80,10 @@ def make_lens(dice) -> Lens:
         focal = 0.5 * dice.size[1] / np.tan(np.radians(fov) / 2)
         center = np.array(dice.size) * dice.rng.uniform(-0.3, 1.3, 2)
         options |= {"fov": 45.0, "intrinsics": (focal, focal * dice.between(0.8, 1.2), *center), "size": dice.size}
+        if dice.chance(0.7):
+            options["skew"] = focal * (dice.power(-3, 1.5) if dice.wild(0.5) else dice.between(0.0, 0.5))
+            options["skew"] *= dice.rng.choice([-1.0, 1.0])
+            dice.words.append(f"skew {options['skew'] / focal:.3g}")
     else:
         options["fov"] = fov
     if dice.wild(0.25):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.pixels import skewed
 from helpers.stages import SERIAL, screen_of
 
 import rasterizer as rz
@@ -66,6 +67,8 @@ def views(rng, n):
             camera = rz.Camera.orthographic(eye, target, height=10.0 ** rng.uniform(-1, 1.5))
         else:
             camera = rz.Camera.perspective(eye, target, fov=rng.choice([1.0, 30.0, 60.0, 120.0, 175.0]))
+        if k % 4 == 1:
+            camera = skewed(camera, SIZE, rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-2.0, 1.5))
         deepest = min(far, 1e3)
         yield screen_of(camera.view(), camera.projection(SIZE), (min(near, 0.5 * deepest), deepest), far)
 

@@ -186,6 +186,15 @@ def camera_of(rng, points, unit):
         return rz.Camera.orthographic(
             eye, points[0] + unit * np.array((0.1, 0.2, -1.0)), height=unit * extreme(rng, -12, 12), near=near, far=far
         )
+    if rng.random() < 0.2:
+        focal = extreme(rng, -20, 20) if rng.random() < 0.3 else float(rng.uniform(1, 99))
+        skew = focal * float(rng.choice((-1024, 1024, 1e-9, 0.3, extreme(rng, -300, 3))))
+        lens = {
+            "intrinsics": (focal, float(rng.uniform(1, 99)), *rng.normal(16, 99, 2)),
+            "size": (31, 31),
+            "skew": skew,
+        }
+        return rz.Camera(position=eye, target=points.mean(axis=0), near=near, far=far, **lens)
     fov = float(rng.choice((40, 90, 1e-6, 175, 179.999999)))
     return rz.Camera.perspective(eye, points.mean(axis=0), fov=fov, near=near, far=far)
 
