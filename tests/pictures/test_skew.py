@@ -20,7 +20,7 @@ from rasterizer.viewer.picking import pick
 SIZE = (60, 44)
 LEANS = (0.3, -0.8, 5.0)  # skew over fx
 OUTPUTS = ("color", "depth", "face", "normal", "position")
-TABLED = {"gouraud": "color", "flat": "rgb", "phong": "rgba"}
+TABLED = {"gouraud": "color", "flat": "rgb", "phong": "rgb"}
 SUBPIXEL = 256
 PLAIN = {"samples": 1, "cull": "none", "color_range": "clamp", "exposure": 0.0, "spectral": None}
 
