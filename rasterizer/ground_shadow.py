@@ -269,8 +269,11 @@ def _texel_planes(ground: _Ground, camera: Camera, size: tuple[int, int]) -> NDA
     The ray through a pixel meets the ground in column first/third and row second/third of texels, before the camera
     where the third is above 0. None where the camera is not above the ground.
     """
-    eye, right, up, forward = camera.view()
-    scale_x, scale_y, center_x, center_y, is_perspective = camera.projection(size)
+    view = camera.view()
+    eye, forward = view.eye, view.forward
+    projection = camera.projection(size)
+    scale_x, scale_y, center_x, center_y, is_perspective, _ = projection
+    right, up = projection.ray_axes(view)
     # The ray as a linear function of (x, y, 1): its direction, or without perspective its origin.
     across = np.stack([right / scale_x, -up / scale_y, up * (center_y / scale_y) - right * (center_x / scale_x)])
     height = float((eye - ground.center) @ ground.up)

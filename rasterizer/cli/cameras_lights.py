@@ -202,7 +202,7 @@ def zoomed(camera, zoom) -> Camera:
         (width, height), (x, y) = camera.size, (cx + 0.5, cy + 0.5)
         # The middle of the picture stays where it is; OpenCV counts from the centre of the first pixel.
         x, y = width / 2 + (x - width / 2) * zoom, height / 2 + (y - height / 2) * zoom
-        return replace(camera, intrinsics=(fx * zoom, fy * zoom, x - 0.5, y - 0.5))
+        return replace(camera, intrinsics=(fx * zoom, fy * zoom, x - 0.5, y - 0.5), skew=camera.skew * zoom)
     if not camera.is_perspective:
         return replace(camera, height=camera.height / zoom)
     slope = math.tan(math.radians(camera.fov) / 2.0) / zoom

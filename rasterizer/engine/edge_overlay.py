@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..geometry.edges import Edges, join_edges
 from ..pipeline.strokes import GRID, STEPS, EdgeView, Occluders, draw_strokes
-from ..pipeline.transform import Screen
+from ..pipeline.transform import Screen, skew_stretch
 from ..scene.camera import Camera, View
 from ..scene.color import LINEAR_OF_BYTE, linear_rgb, srgb_from_linear
 from .attributes import NONE
@@ -75,7 +75,8 @@ class EdgeOverlay:
         segments = project(self._edges.ends[chosen], screen, size, radius * FACTOR)
         bits = np.zeros(options.size[::-1], np.uint64)
         if len(segments):
-            slack = COORDINATE_ERROR * float(max(np.abs(prepared.bounds).max(), np.abs(screen.eye).max()))
+            largest = float(max(np.abs(prepared.bounds).max(), np.abs(screen.eye).max()))
+            slack = COORDINATE_ERROR * largest * skew_stretch(screen)
             projection = screen.scale_x, screen.scale_y, screen.center_x, screen.center_y
             edge_view = EdgeView(*projection, screen.is_perspective, slack, float(FACTOR))
             occluders = Occluders(
@@ -120,8 +121,8 @@ def choose(edges: Edges, kinds: tuple[str, ...], screen: Screen, is_culled: bool
 
 
 def in_camera(positions: NDArray, screen: Screen) -> NDArray[np.float64]:
-    """Return points (3, n) of the world in the camera's frame: right, up, depth."""
-    axes = np.stack([screen.right, screen.up, screen.forward])
+    """Return points (3, n) of the world in the camera's frame: along the screen's `across`, up, and depth."""
+    axes = np.stack([screen.across, screen.up, screen.forward])
     return axes @ (positions - np.asarray(screen.eye)[:, None])
 
 
@@ -154,10 +155,10 @@ def project(ends: NDArray, screen: Screen, size: tuple[int, int], margin: float)
 
 def to_screen(points: NDArray, screen: Screen) -> NDArray[np.float64]:
     """Return where points (n, 3) of the camera's frame are seen: x, y in samples, and nearness."""
-    right, up, depth = points.T
+    across, up, depth = points.T
     w = depth if screen.is_perspective else np.ones(len(depth))
     nearness = 1.0 / depth if screen.is_perspective else -depth
-    x = screen.center_x + screen.scale_x * right / w
+    x = screen.center_x + screen.scale_x * across / w
     return np.stack([x, screen.center_y - screen.scale_y * up / w, nearness], axis=1)
 
 

@@ -80,7 +80,7 @@ def illuminate(
     plan = make_plan(scene, Options(tolerance=0.0, exposure=exposure, spectral=spectral), np.empty((0, 3)))
     lighting = make_lighting(plan, view, plan.dtype, (), is_perspective)
     # Of a screen lighting reads the eye and the axis along which it looks.
-    screen = Screen(view.eye, view.right, view.up, view.forward, *[1.0] * 8, is_perspective)
+    screen = Screen(view.eye, view.right, view.up, view.forward, view.right, *[1.0] * 9, is_perspective)
     surface = SurfacePoints(
         np.ascontiguousarray(points.T), np.ascontiguousarray(normals.T),
         np.ascontiguousarray(tangents.T) if plan.has_tangents else None, np.empty((0, 3)), np.empty((2, 0)),

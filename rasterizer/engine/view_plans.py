@@ -13,6 +13,7 @@ from ..pipeline.depth_cueing import DEPTH_ERROR
 from ..pipeline.gradients import EXACT, IN_ENTRIES, NEEDS_ALBEDO
 from ..pipeline.lighting import Lighting
 from ..pipeline.planes import DEPTH_PLANE_ROUNDING
+from ..pipeline.transform import skew_stretch
 from . import reflection_table
 from .error_bounds import (
     WRITTEN,
@@ -158,11 +159,11 @@ class ViewPlans:
 
     def _beside(self, screen, furthest) -> float:
         """How far beside its triangle a sample's point may lie, scene units: vertices are rounded to 1/256 px, so by at
-        most √2/512 px at its depth; 0 where vertices or centroids are lit."""
+        most √2/512 px at its depth, with skew `skew_stretch` times as much; 0 where vertices or centroids are lit."""
         if not self.plan.is_lit_per_sample:
             return 0.0
         deepest = furthest if screen.is_perspective else 1.0
-        return deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y)
+        return deepest * math.sqrt(2.0) / 512.0 / min(screen.scale_x, screen.scale_y) * skew_stretch(screen)
 
     def _surroundings(self, plan, view, screen, furthest, beside) -> Surroundings:
         """What this view says about the positions of lights and surfaces.
@@ -185,6 +186,7 @@ class ViewPlans:
             shadow_shift=self._shadow_shift(plan, view),
             depth_shift=straight_rounding(furthest) if is_straight else 0.0,
             fading=self._fading(plan, screen),
+            lean=abs(screen.skew) / screen.scale_x if self.plan.is_lit_per_sample else 0.0,
         )
 
     def _fading(self, plan, screen) -> float:

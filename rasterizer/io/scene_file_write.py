@@ -153,6 +153,8 @@ def _camera(camera) -> dict:
     values = {field.name: getattr(camera, field.name) for field in fields(camera)}
     if camera.intrinsics is not None:
         values["fov"] = None
+    if camera.skew == 0.0:
+        values["skew"] = None
     return {key: _plain(value) for key, value in values.items() if value is not None}
 
 

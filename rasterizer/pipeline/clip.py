@@ -35,7 +35,7 @@ MOST_CORNERS = 3 + N_CLIP_PLANE  # each plane adds at most one corner to a conve
 # Rounding may bend a sliver, and then more than two edges cross a plane: of n corners with m inside, m and one for each
 # crossing are left, m + 2 min(m, n - m) <= 3 n / 2. Six times from a triangle on: 4, 6, 9, 13, 19, 28.
 ROOM = 28
-# Columns of a corner while it is clipped: distance along the viewing axis, along right and up (scene units).
+# Columns of a corner while it is clipped: distances along the viewing axis, the screen's `across` and up, scene units.
 W, ACROSS, UPWARD = 0, 1, 2
 N_CORNER_COLUMN = 3
 
@@ -285,7 +285,7 @@ def gather_corners(positions, vertex_idx, face, screen, out):
         i = vertex_idx[k, face]
         rx, ry, rz = positions[0, i] - screen.eye[0], positions[1, i] - screen.eye[1], positions[2, i] - screen.eye[2]
         out[k, W] = rx * screen.forward[0] + ry * screen.forward[1] + rz * screen.forward[2]
-        out[k, ACROSS] = rx * screen.right[0] + ry * screen.right[1] + rz * screen.right[2]
+        out[k, ACROSS] = rx * screen.across[0] + ry * screen.across[1] + rz * screen.across[2]
         out[k, UPWARD] = rx * screen.up[0] + ry * screen.up[1] + rz * screen.up[2]
 
 

@@ -46,6 +46,10 @@ and n·r_0 is n·forward.
 *The least n·r_0*, with the cone of the normals about the unit axis a, half angle t, box center c, v = c - eye:
 n·r_0 = n·v + n·(p_0 - c) >= (a·v) cos t - |v - (a·v) a| sin t + offset, where a·v > 0 and t < 90 degrees.
 
+*With skew* x is measured along `across`, which is up to t = `skew_stretch` long, in the place of the camera's right. So
+an error along x, and the box's width W, may be t times what they are without it: t·scale_x stands for scale_x in what
+is computed of them. The area is what it is without skew: a shear has the determinant 1.
+
 Source: the cone test as in Shirman & Abi-Ezzi 1993, "The cone of normals technique for fast processing of curved
 patches", Computer Graphics Forum 12(3), 261-272; the slack is derived here.
 """
@@ -68,7 +72,7 @@ from ..geometry.clusters import (
     Clusters,
 )  # fmt: skip
 from ..geometry.vectors import cross, dot, scale, subtract
-from .transform import LIMIT_PX, SUBPIXEL, Screen, project
+from .transform import LIMIT_PX, SUBPIXEL, Screen, project, skew_stretch
 
 SNAP = 0.75  # sub-pixels
 FINEST = 2.0**36
@@ -106,6 +110,7 @@ class ClusterView(NamedTuple):
     width: float  # of the picture, samples
     height: float
     is_culled: bool  # triangles that are seen clockwise are dropped
+    steep_x: float  # px: as `scale_x` of the screen, what a step in space changes x by at most, at depth 1
 
 
 def find_seen(clusters: Clusters, n_vertex, screen, size, cull_back) -> SeenClusters:
@@ -123,7 +128,7 @@ def find_seen(clusters: Clusters, n_vertex, screen, size, cull_back) -> SeenClus
     # The views of cameras are never mirrored; of one that were, the signs of areas would be others.
     right, up, forward = screen.right.tolist(), screen.up.tolist(), screen.forward.tolist()
     is_mirrored = dot(cross(right, up), forward) >= 0.0 or min(screen.scale_x, screen.scale_y) <= 0
-    view = ClusterView(screen, float(size[0]), float(size[1]), bool(cull_back and not is_mirrored))
+    view = make_view(screen, size, cull_back and not is_mirrored)
     decide_clusters(clusters.shapes, view, fates)
     seen = np.flatnonzero(fates == SEEN).astype(np.uint32)
     runs = None
@@ -132,6 +137,12 @@ def find_seen(clusters: Clusters, n_vertex, screen, size, cull_back) -> SeenClus
         runs = list_runs(is_needed, n_vertex)
     n_culled, n_clipped = (count_faces(clusters, fates == fate) for fate in (FACING_AWAY, CLIPPED_AWAY))
     return SeenClusters(seen, clusters.n_face, n_culled, n_clipped, runs)
+
+
+def make_view(screen, size, is_culled) -> ClusterView:
+    """Gather what clusters are looked at with; `size` is (width, height) of the picture in samples."""
+    steep_x = screen.scale_x * skew_stretch(screen)
+    return ClusterView(screen, float(size[0]), float(size[1]), bool(is_culled), float(steep_x))
 
 
 def leaves_out(positions, screen, size) -> bool:
@@ -143,7 +154,7 @@ def leaves_out(positions, screen, size) -> bool:
     screen, size : as `find_seen` takes them
     """
     step = max(1, positions.shape[1] // N_TESTED)
-    across, upward, depth = np.stack([screen.right, screen.up, screen.forward]) @ (
+    across, upward, depth = np.stack([screen.across, screen.up, screen.forward]) @ (
         positions[:, ::step] - screen.eye[:, None]
     )
     with np.errstate(all="ignore"):  # what isn't finite, or at the camera's depth, isn't in the picture
@@ -192,12 +203,12 @@ def decide_clusters(shapes, view, out_fates):
     """
     screen = view.screen
     eye = (screen.eye[0], screen.eye[1], screen.eye[2])
-    right = (screen.right[0], screen.right[1], screen.right[2])
+    axis = (screen.across[0], screen.across[1], screen.across[2])
     up = (screen.up[0], screen.up[1], screen.up[2])
     forward = (screen.forward[0], screen.forward[1], screen.forward[2])
     # Of a plane beside the view n·r + d·w is the distance in px times the depth, outwards; w is 1 without perspective.
     center_x, center_y = screen.center_x, screen.center_y
-    across, upward = scale(right, screen.scale_x), scale(up, screen.scale_y)
+    across, upward = scale(axis, screen.scale_x), scale(up, screen.scale_y)
     for k in range(index(shapes.shape[1])):
         box = (
             subtract((shapes[CENTER, k], shapes[CENTER + 1, k], shapes[CENTER + 2, k]), eye),
@@ -208,10 +219,10 @@ def decide_clusters(shapes, view, out_fates):
         least_w, largest_w = range_along(box, forward, slack)
         is_before = largest_w < screen.near
         is_behind = least_w > screen.far
-        is_placed = (least_w >= screen.near) & (largest_w <= screen.far) & is_exact(least_w, reach, screen)
+        is_placed = (least_w >= screen.near) & (largest_w <= screen.far) & is_exact(least_w, reach, view)
         beside = is_beside(box, across, -center_x, view.width - center_x, forward, slack, screen)
         beside |= is_beside(box, upward, center_y - view.height, center_y, forward, slack, screen)
-        is_away = view.is_culled & faces_away(k, shapes, box, (least_w, largest_w), reach, screen)
+        is_away = view.is_culled & faces_away(k, shapes, box, (least_w, largest_w), reach, view)
         fate = SKIPPED if is_placed & beside else SEEN
         fate = FACING_AWAY if is_placed & is_away else fate
         out_fates[k] = CLIPPED_AWAY if is_before | is_behind else fate
@@ -227,10 +238,11 @@ def range_along(box, normal, slack):
 
 
 @helper
-def is_exact(least_w, reach, screen):
+def is_exact(least_w, reach, view):
     """Tell whether all of a box has a position on the screen, which is found within SNAP; see above."""
+    screen = view.screen
     ratio = reach / least_w if screen.is_perspective else reach
-    most_scale = max(screen.scale_x, screen.scale_y)
+    most_scale = max(view.steep_x, screen.scale_y)
     out = most_scale * ratio + max(abs(screen.center_x), abs(screen.center_y))
     finest = most_scale * ratio * (ratio if screen.is_perspective else 1.0)
     return (out < LIMIT_PX - 1.0) & (finest <= FINEST)
@@ -255,7 +267,7 @@ def is_beside(box, across, low, high, forward, slack, screen):
 
 
 @helper
-def faces_away(k, shapes, box, depths, reach, screen):
+def faces_away(k, shapes, box, depths, reach, view):
     """Tell whether all triangles of cluster k are certain to be clockwise on the screen; see above.
 
     Parameters
@@ -263,6 +275,7 @@ def faces_away(k, shapes, box, depths, reach, screen):
     box : (center, half size) relative to the eye · depths : the least and the largest in it · reach : its furthest
         distance from the eye; scene units
     """
+    screen = view.screen
     least_w, largest_w = depths if screen.is_perspective else (1.0, 1.0)
     forward = (screen.forward[0], screen.forward[1], screen.forward[2])
     axis = (shapes[AXIS, k], shapes[AXIS + 1, k], shapes[AXIS + 2, k])
@@ -274,7 +287,7 @@ def faces_away(k, shapes, box, depths, reach, screen):
     least = share * shapes[COSINE, k] - np.sqrt(dot(rest, rest)) * shapes[SINE, k] + offset - SLACK * distance
     height = SUBPIXEL * shapes[HEIGHT, k] / largest_w
     area = screen.scale_x * screen.scale_y * height * height * (least / largest_w) * (1.0 - SLACK)
-    moved = 2.0 * SNAP * (screen.scale_x + screen.scale_y) * height * (distance / least_w) * (largest_w / least_w)
+    moved = 2.0 * SNAP * (view.steep_x + screen.scale_y) * height * (distance / least_w) * (largest_w / least_w)
     return (shapes[COSINE, k] > 0.0) & (share > 0.0) & (area >= moved + 4.0 * SNAP * SNAP)
 
 

@@ -15,7 +15,7 @@ count where they are.
 
 import numpy as np
 
-from .transform import LIMIT, SUBPIXEL, project
+from .transform import LIMIT, SUBPIXEL, project, skew_stretch
 
 # Columns of the planes: q_i at the picture's corner (0, 0), and what 1/256 px to the right, and down, adds to them; the
 # range that their sum has where the face is seen, 1 without perspective; depths of the vertices, scene units.
@@ -42,13 +42,14 @@ def compute_face_planes(positions, vertex_idx, screen):
     """
     relative = positions[:, vertex_idx] - screen.eye[:, None, None]
     across, upward, depth = (
-        np.einsum("a,akn->nk", axis, relative) for axis in (screen.right, screen.up, screen.forward)
+        np.einsum("a,akn->nk", axis, relative) for axis in (screen.across, screen.up, screen.forward)
     )
     w = depth if screen.is_perspective else np.ones_like(depth)
     across, upward = snap_across_view(across, upward, w, screen)
     order = np.lexsort((upward, across, depth), axis=-1)
     across, upward, w, depth = (np.take_along_axis(values, order, axis=1) for values in (across, upward, w, depth))
-    rows, is_edge_on = invert_corners(np.stack([across, upward, w], axis=2), screen.is_perspective)
+    corners = np.stack([across, upward, w], axis=2)
+    rows, is_edge_on = invert_corners(corners, screen.is_perspective, skew_stretch(screen))
     q_x, q_y = rows[:, :, 0] / (screen.scale_x * SUBPIXEL), -rows[:, :, 1] / (screen.scale_y * SUBPIXEL)
     q = (
         rows[:, :, 2]
@@ -85,18 +86,20 @@ def snap_across_view(across, upward, w, screen):
     return across, upward
 
 
-def invert_corners(corners, is_perspective):
+def invert_corners(corners, is_perspective, stretch=1.0):
     """Invert the matrices M whose columns are the corners of faces: (M^-1, which faces are seen edge-on).
 
     M^-1 has the rows (P_j × P_k)/det M. Each face is scaled to lengths of at most 1, so that no product over- or
     underflows; without perspective the third coordinate is 1 and no length, and stays. Each P_i is known to 2^-53 of
     its length, twice, and so det M = P_i·(P_j × P_k), products included, to less than 2^-50 Σ |P_i| |P_j × P_k|,
     however much further away one vertex is than another. A face whose determinant is no larger is seen edge-on; its
-    rows are (0, 0, 1).
+    rows are (0, 0, 1). With skew that is 2^-53 of a length that may be `stretch` times as long, while the corner is as
+    much shorter: it counts stretch² times.
 
     Parameters
     ----------
     corners : (n, corner, axis) float64, eye space, scene units
+    stretch : see `skew_stretch`
 
     Returns
     -------
@@ -112,7 +115,7 @@ def invert_corners(corners, is_perspective):
     rows = np.cross(after, before - after)
     edges = corners[:, 1:] - corners[:, :1]
     determinant = (corners[:, 0] * np.cross(edges[:, 0], edges[:, 1])).sum(axis=1)
-    doubt = 2.0**-50 * (np.linalg.norm(corners, axis=2) * np.linalg.norm(rows, axis=2)).sum(axis=1)
+    doubt = 2.0**-50 * stretch * stretch * (np.linalg.norm(corners, axis=2) * np.linalg.norm(rows, axis=2)).sum(axis=1)
     is_edge_on = ~(np.abs(determinant) > doubt)
     rows = rows / np.where(is_edge_on, 1.0, determinant)[:, None, None] / scale[:, None, :]
     rows[is_edge_on] = (0.0, 0.0, 1.0)

@@ -229,7 +229,7 @@ def fill_positions_of_points(screen, first, n, needs_position, batch):
     """Fill positions and view directions as `phong_shading.fill_positions`, for points that lie anywhere.
 
     A ray is computed in float64: its parts are not longer than it is itself, with 4 roundings each, of a place, the
-    step and two products or sums. Then it is rounded once: so it errs by less than the 7 u that count there.
+    step and two products or sums. Then it is rounded once: so it errs by less than what counts there.
     """
     real = batch.dtype.type
     right, up, forward = read_vector(screen.right, 0), read_vector(screen.up, 0), read_vector(screen.forward, 0)
@@ -239,8 +239,8 @@ def fill_positions_of_points(screen, first, n, needs_position, batch):
     if not screen.is_perspective:
         view_from_direction(batch, n, scale(away, -one))
     for k in range(index(n)):
-        across = (float(first.x[k]) * part + 0.5 - screen.center_x) * step_x
         upward = (screen.center_y - (float(first.y[k]) * part + 0.5)) * step_y
+        across = ((float(first.x[k]) * part + 0.5 - screen.center_x) + screen.skew * upward) * step_x
         exact = add(add(scale(right, across), scale(up, upward)), scale(forward, along))
         ray = real(exact[0]), real(exact[1]), real(exact[2])
         if screen.is_perspective:

@@ -9,9 +9,10 @@ those of the samples around the point, 3x3. Where none of them covers it, becaus
 hidden if all of them lie in front of it as a whole.
 
 How much nearer counts as in front. Coordinates are those of float32 files: a vertex, and so a plane, may be off by
-d = 2^-22 of the scene's largest coordinate. The plane n·P = c, at the distance h = c/|n| from the eye, is seen along
-the ray r at 1/w = n·r/c. Moved by d along its normal, that changes by the share d/h. The edge's own 1/w, with ends that
-are off by d, is off by d/w². Without perspective a plane's depth is off by d |n|/|n_z|, that of an edge by d.
+d = 2^-22 of the scene's largest coordinate, and `skew_stretch` times as much with skew. The plane n·P = c, at the
+distance h = c/|n| from the eye, is seen along the ray r at 1/w = n·r/c. Moved by d along its normal, that changes by
+the share d/h. The edge's own 1/w, with ends that are off by d, is off by d/w². Without perspective a plane's depth is
+off by d |n|/|n_z|, that of an edge by d.
 """
 
 from typing import NamedTuple
@@ -30,7 +31,7 @@ OUTSIDE, BEHIND, HIDING = 0, 1, 2  # what a triangle is to a point of an edge: i
 class Occluders(NamedTuple):
     """What may hide an edge."""
 
-    points: np.ndarray  # (3, n_vertex) float64: right, up and depth in the camera's frame, scene units
+    points: np.ndarray  # (3, n_vertex) float64: across, up and depth in the camera's frame, scene units
     vertex_idx: np.ndarray  # (3, n_triangle) uint32
     visible: np.ndarray  # (height, width) int32, the triangle at each sample, -1 where none is
 

@@ -6,6 +6,10 @@ Out: `Vertices`: x and y int32 in 1/256 px, and z float64, depth in units of the
      z = a + b·depth. A vertex that has no place on the screen (nearer than the near plane, beyond the far plane,
      further than 2^20 px from the picture, not finite) has x = OUTSIDE; its triangles go to the clip stage.
 
+Skew is a shear of the view, and that is all it is: where points are measured along `across` instead of `right`, they
+are seen as without skew. So the stages that only project, clip, or solve for weights know nothing of it. A length of
+theirs is not one of the world any more, see `skew_stretch`.
+
 Float64 throughout: float32 would move two vertices in a hundred by a sub-pixel.
 
 What the rounding to 1/256 px does to all that is interpolated: a vertex v_i of the polygon becomes s_i, no further than
@@ -16,6 +20,7 @@ colour, depth, normal and texture coordinate is that of a point of the polygon t
 sample; how much that is in a colour depends on how fast the colour changes there.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -44,10 +49,12 @@ class Screen(NamedTuple):
     right: np.ndarray  # (3,) float64 each: the axes of view space, world space, unit length
     up: np.ndarray
     forward: np.ndarray
+    across: np.ndarray  # (3,) float64: what x is measured along, right - skew/scale_x · up; no unit vector with skew
     scale_x: float  # px
     scale_y: float
     center_x: float
     center_y: float
+    skew: float  # px, 0 without perspective; see `Projection`
     near: float  # clip distance, scene units
     far: float  # clip distance: infinite where the caller gave none
     z_offset: float  # z = z_offset + z_scale / w  (perspective)  or  z_offset + z_scale * depth
@@ -85,9 +92,12 @@ def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:
         spread = far - near
         scale = DEPTH_SPAN / spread if spread > 0 else 0.0
         offset = DEPTH_MARGIN - scale * near
+    skew, across = projection.skew, view.right
+    if skew != 0.0:
+        across = view.right - (skew / projection.scale_x) * view.up
     return Screen(
-        view.eye, view.right, view.up, view.forward,
-        projection.scale_x, projection.scale_y, projection.center_x, projection.center_y,
+        view.eye, view.right, view.up, view.forward, across,
+        projection.scale_x, projection.scale_y, projection.center_x, projection.center_y, skew,
         near_clip, far_clip, offset, scale, projection.is_perspective,
     )  # fmt: skip
 
@@ -117,7 +127,7 @@ def transform_range(positions, start, end, screen, out):
     out : Vertices, of which start..end is written
     """
     eye_x, eye_y, eye_z = screen.eye[0], screen.eye[1], screen.eye[2]
-    right_x, right_y, right_z = screen.right[0], screen.right[1], screen.right[2]
+    across_x, across_y, across_z = screen.across[0], screen.across[1], screen.across[2]
     up_x, up_y, up_z = screen.up[0], screen.up[1], screen.up[2]
     forward_x, forward_y, forward_z = screen.forward[0], screen.forward[1], screen.forward[2]
     px, py, pz = positions[0, start:end], positions[1, start:end], positions[2, start:end]
@@ -127,7 +137,7 @@ def transform_range(positions, start, end, screen, out):
         rx, ry, rz = px[k] - eye_x, py[k] - eye_y, pz[k] - eye_z
         depth = rx * forward_x + ry * forward_y + rz * forward_z
         w = depth if screen.is_perspective else 1.0
-        across = rx * right_x + ry * right_y + rz * right_z
+        across = rx * across_x + ry * across_y + rz * across_z
         upward = rx * up_x + ry * up_y + rz * up_z
         x, y = project(across, upward, w, screen)
         is_inside = (depth >= screen.near) & (depth <= screen.far) & (abs(x) <= LIMIT) & (abs(y) <= LIMIT)
@@ -138,13 +148,24 @@ def transform_range(positions, start, end, screen, out):
     return n_outside
 
 
+def skew_stretch(screen) -> float:
+    """Return how many times as long as in the world a length may be that is measured along across, up and forward,
+    or as short: 1 without skew.
+
+    It is the largest singular value of the shear [[1, -s], [0, 1]], s = skew/scale_x; the least is its inverse, because
+    the determinant is 1. They are the roots of λ⁴ - (2 + s²) λ² + 1.
+    """
+    lean = abs(screen.skew / screen.scale_x) if screen.skew != 0.0 else 0.0
+    return 0.5 * (lean + math.sqrt(lean * lean + 4.0))
+
+
 @helper
 def project(across, upward, w, screen):
     """Project view space to the screen: (x, y) in 1/256 px, not rounded; numbers in kernels, or float64 arrays.
 
     Parameters
     ----------
-    across, upward : along the camera's right and up, scene units
+    across, upward : along the screen's `across` and the camera's up, scene units
     w : distance along the viewing axis, scene units; 1 without perspective
     """
     x = (screen.center_x + screen.scale_x * across / w) * SUBPIXEL

@@ -119,17 +119,15 @@ def clip_to_view(position: NDArray, projection: Projection, depths: Range, is_ro
 def snap(position: NDArray, projection: Projection) -> NDArray[np.int64]:
     """Project points of the eye's frame (..., 3) to the screen (..., 2), int64 in 1/256 px, rounded half to even."""
     w = position[..., 2] if projection.is_perspective else 1.0
-    x_px = projection.center_x + projection.scale_x * position[..., 0] / w
+    x_px = projection.center_x + (projection.scale_x * position[..., 0] - projection.skew * position[..., 1]) / w
     y_px = projection.center_y - projection.scale_y * position[..., 1] / w
     return np.rint(SUBPIXELS * np.stack([x_px, y_px], axis=-1)).astype(np.int64)
 
 
 def rays(x_px: NDArray, y_px: NDArray, projection: Projection) -> NDArray[np.float64]:
     """Return the points (..., 3) of the eye's frame at depth 1 that are seen at x_px, y_px (...), in px."""
-    across, upward = (
-        (x_px - projection.center_x) / projection.scale_x,
-        (projection.center_y - y_px) / projection.scale_y,
-    )
+    upward = (projection.center_y - y_px) / projection.scale_y
+    across = (x_px - projection.center_x + projection.skew * upward) / projection.scale_x
     return np.stack([across, upward, np.ones_like(across)], axis=-1)
 
 
@@ -161,15 +159,16 @@ def _fan(polygon: NDArray, projection: Projection) -> NDArray[np.float64]:
 def _screen_planes(projection: Projection) -> list[Plane]:
     """Return the planes |x_px|, |y_px| = 2^20 as (a, b, c, d), with a right + b up + c depth + d >= 0 inside.
 
-    x_px <= limit says center_x + scale_x right / w <= limit, so (limit - center_x) w - scale_x right >= 0, as
-    w > 0: w is the depth in a perspective view and 1 in an orthographic one. Likewise for the other three.
+    x_px <= limit says center_x + (scale_x right - skew up) / w <= limit, so (limit - center_x) w - scale_x right
+    + skew up >= 0, as w > 0: w is the depth in a perspective view and 1 in an orthographic one. Likewise for the other
+    three.
     """
     limit = SNAP_LIMIT / SUBPIXELS
     planes = []
     for sign in (1.0, -1.0):
         x_room, y_room = limit - sign * projection.center_x, limit - sign * projection.center_y
         x_slope, y_slope = -sign * projection.scale_x, sign * projection.scale_y
-        for right, up, room in ((x_slope, 0.0, x_room), (0.0, y_slope, y_room)):
+        for right, up, room in ((x_slope, sign * projection.skew, x_room), (0.0, y_slope, y_room)):
             planes.append((right, up, room, 0.0) if projection.is_perspective else (right, up, 0.0, room))
     return planes
 

@@ -263,7 +263,7 @@ def world_positions(fragments: Fragments, lighting: Lighting) -> NDArray[np.floa
     if fragments.lit_at is not None:
         rows, columns, depth = fragments.lit_at.T
     view, projection, depth = lighting.view, lighting.projection, depth[:, None]
-    x = (columns + 0.5 - projection.center_x) / projection.scale_x
     y = (projection.center_y - (rows + 0.5)) / projection.scale_y
+    x = (columns + 0.5 - projection.center_x + projection.skew * y) / projection.scale_x
     across = x[:, None] * view.right + y[:, None] * view.up
     return view.eye + (depth if projection.is_perspective else 1.0) * across + depth * view.forward

@@ -13,30 +13,30 @@ from .validate import choice
 
 def read_calibration(
     K: ArrayLike, R: ArrayLike, t: ArrayLike
-) -> tuple[tuple[float, float, float, float], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[tuple[float, float, float, float, float], NDArray[np.float64], NDArray[np.float64]]:
     """Check a calibration x_cam = R x_world + t, in a frame with x right, y down, z forward.
 
     Parameters
     ----------
-    K : (3, 3) [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels, without skew
+    K : (3, 3) [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels
     R : (3, 3) rotation from world to camera
     t : (3,) or (3, 1), scene units
 
     Returns
     -------
-    (fx, fy, cx, cy) in pixels, the rotation (3, 3) nearest to R, and t (3,)
+    (fx, fy, cx, cy, skew) in pixels, the rotation (3, 3) nearest to R, and t (3,)
 
     Raises
     ------
-    SceneError : shapes, values that are not finite, skew, a matrix R that is no rotation
+    SceneError : shapes, values that are not finite, another form of K, a matrix R that is no rotation
     """
     K, R = _checked_matrix(K, (3, 3), "K"), _checked_matrix(R, (3, 3), "R")
     t = _checked_matrix(np.ravel(t) if _is_column(t) else t, (3,), "t")
-    fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
-    ideal = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+    (fx, skew, cx), (_, fy, cy), _ = K.tolist()
+    ideal = np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     if np.abs(K - ideal).max() > 1e-9 * max(abs(fx), 1.0):
-        raise SceneError(f"K must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] without skew; given {shown(K.tolist())}")
-    return (fx, fy, cx, cy), _nearest_rotation(R, "R"), t
+        raise SceneError(f"K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]; given {shown(K.tolist())}")
+    return (fx, fy, cx, cy, skew), _nearest_rotation(R, "R"), t
 
 
 def read_pose(pose: ArrayLike, frame: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -8,10 +8,11 @@ The camera's frame is right-handed and the camera looks down its own -z:
          up                  right = forward × up,  up = right × forward,  right × up = -forward
           |   forward
           |  /               r = p - eye,  w = r·forward  (orthographic: w = 1)
-          | /                x = center_x + scale_x (r·right) / w
+          | /                x = center_x + (scale_x (r·right) - skew (r·up)) / w
       eye +------ right      y = center_y - scale_y (r·up) / w        row 0 is the top
 
-Pixel (i, j) has its sample at (i + ½, j + ½): the picture's corners are (0, 0) and (width, height).
+Only a calibration may have skew. Pixel (i, j) has its sample at (i + ½, j + ½): the picture's corners are (0, 0) and
+(width, height).
 """
 
 import math
@@ -57,6 +58,7 @@ class Camera:
         clipped
     intrinsics : (fx, fy, cx, cy) of an OpenCV calibration, pixels of `size`; `fov` is then taken from fy
     size : (width, height) in pixels of the pictures that `intrinsics` belong to; None without intrinsics
+    skew : K[0, 1] of the calibration, pixels of `size`, at most 1024 fx either way; 0 without intrinsics
 
     Raises
     ------
@@ -72,6 +74,7 @@ class Camera:
     far: float | None = None
     intrinsics: tuple[float, float, float, float] | None = None
     size: tuple[int, int] | None = None
+    skew: float = 0.0
 
     if TYPE_CHECKING:  # more may be given than is stored
 
@@ -87,6 +90,7 @@ class Camera:
             far: float | None = ...,
             intrinsics: Sequence[float] | None = ...,
             size: Sequence[int] | None = ...,
+            skew: float = ...,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -293,8 +297,9 @@ class Camera:
 
         Parameters
         ----------
-        K : (3, 3) [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels; OpenCV counts from the centre of the first
-            pixel, so its (cx, cy) is (cx + ½, cy + ½) here. Skew is not supported
+        K : (3, 3) [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] in pixels; OpenCV counts from the centre of the first
+            pixel, so its (cx, cy) is (cx + ½, cy + ½) here. There is no distortion of lenses: undistort pictures
+            first (`cv2.undistort`), and take the K that they have then
         R : (3, 3) rotation from world to camera; the nearest exact rotation is taken
         t : (3,) or (3, 1), scene units
         size : (width, height) of the pictures that K belongs to, pixels
@@ -302,9 +307,9 @@ class Camera:
 
         Raises
         ------
-        SceneError : shapes, values that are not finite, skew, a matrix R that is no rotation
+        SceneError : shapes, values that are not finite, another form of K, a matrix R that is no rotation
         """
-        (fx, fy, cx, cy), R, t = read_calibration(K, R, t)
+        (fx, fy, cx, cy, skew), R, t = read_calibration(K, R, t)
         size = picture_size(size)
         eye = -R.T @ t
         return cls(
@@ -315,6 +320,7 @@ class Camera:
             far=far,
             intrinsics=(fx, fy, cx, cy),
             size=size,
+            skew=skew,
         )
 
     def to_opencv(self, size: Sequence[int]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -328,8 +334,8 @@ class Camera:
         if not self.is_perspective:
             raise SceneError("an orthographic camera has no OpenCV form; make a perspective one")
         eye, right, up, forward = self.view()
-        scale_x, scale_y, center_x, center_y, _ = self.projection(size)
-        K = np.array([[scale_x, 0.0, center_x - 0.5], [0.0, scale_y, center_y - 0.5], [0.0, 0.0, 1.0]])
+        scale_x, scale_y, center_x, center_y, _, skew = self.projection(size)
+        K = np.array([[scale_x, skew, center_x - 0.5], [0.0, scale_y, center_y - 0.5], [0.0, 0.0, 1.0]])
         R = np.stack([right, -up, forward])
         return K, R, -R @ eye
 
@@ -357,7 +363,8 @@ class Camera:
         if self.intrinsics is not None and self.size is not None:
             fx, fy, cx, cy = self.intrinsics
             grow_x, grow_y = width / self.size[0], height / self.size[1]
-            return Projection(fx * grow_x, fy * grow_y, (cx + 0.5) * grow_x, (cy + 0.5) * grow_y, True)
+            center = (cx + 0.5) * grow_x, (cy + 0.5) * grow_y
+            return Projection(fx * grow_x, fy * grow_y, *center, True, self.skew * grow_x)
         if self.height is not None:
             scale = height / self.height
         elif self.fov is not None:

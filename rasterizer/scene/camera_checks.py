@@ -12,10 +12,11 @@ if TYPE_CHECKING:
     from .camera import Camera
 
 LEAST_FOV = 1e-6  # degrees: a hair in 10 km
+MOST_SKEW = 1024.0  # of fx: columns that lean by more than 89.94 degrees show nothing
 
 
 def lens_of(camera: "Camera") -> dict[str, Any]:
-    """Return the fields of a camera's lens, checked: `fov` or `height`, and `intrinsics` with their `size`."""
+    """Return the fields of a camera's lens, checked: `fov` or `height`, and `intrinsics` with `skew` and `size`."""
     fields: dict[str, Any] = {}
     fov = camera.fov
     if camera.intrinsics is not None:
@@ -23,6 +24,10 @@ def lens_of(camera: "Camera") -> dict[str, Any]:
         fov = fields["fov"]
     elif camera.size is not None:
         raise SceneError("the camera's size goes with its intrinsics; a picture's size is given to the renderer")
+    elif number(camera.skew, "the camera's skew") != 0.0:
+        raise SceneError(f"the camera's skew goes with its intrinsics; given {shown(camera.skew)} without any")
+    else:
+        fields = {"skew": 0.0}
     if (fov is None) == (camera.height is None):
         raise SceneError(
             "a camera needs either fov (perspective) or height (orthographic); "
@@ -37,7 +42,7 @@ def lens_of(camera: "Camera") -> dict[str, Any]:
 
 
 def _intrinsics_of(camera: "Camera") -> dict[str, Any]:
-    """Check the OpenCV intrinsics and the size that they belong to, and derive the field of view."""
+    """Check the OpenCV intrinsics, skew and the size that they belong to, and derive the field of view."""
     given: Any = camera.intrinsics
     try:
         values = tuple(given)
@@ -48,9 +53,15 @@ def _intrinsics_of(camera: "Camera") -> dict[str, Any]:
     fx, fy, cx, cy = (number(v, "each of the camera's intrinsics (fx, fy, cx, cy)") for v in values)
     if fx <= 0.0 or fy <= 0.0:
         raise SceneError(f"the camera's focal lengths fx, fy must be above 0 pixels; given {shown(fx)}, {shown(fy)}")
+    skew = number(camera.skew, "the camera's skew")
+    if abs(skew) > MOST_SKEW * fx:
+        raise SceneError(
+            f"the camera's skew must be at most {MOST_SKEW:g} times its fx, {shown(fx)} pixels; "
+            f"given {shown(camera.skew)}"
+        )
     width, height = picture_size(camera.size)
     fov = math.degrees(2.0 * math.atan(0.5 * height / fy))
-    return {"intrinsics": (fx, fy, cx, cy), "size": (width, height), "fov": fov}
+    return {"intrinsics": (fx, fy, cx, cy), "skew": skew, "size": (width, height), "fov": fov}
 
 
 def depths_of(camera: "Camera") -> dict[str, float]:

@@ -35,3 +35,16 @@ class Projection(NamedTuple):
     center_x: float
     center_y: float
     is_perspective: bool
+    skew: float = 0.0  # px that a scene unit upwards takes off x at depth 1; K[0, 1] of OpenCV; 0 without perspective
+
+    def ray_axes(self, view: View) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return what a step of 1/scale_x, 1/scale_y of a pixel moves a point at depth 1 by, (3,) float64 each, world
+        space: the ray through (x, y) is
+
+            (x - center_x)/scale_x · across + (center_y - y)/scale_y · upward + forward
+
+        They are the camera's right and up; with skew what stays in one column leans, by skew/scale_x to the right.
+        """
+        if self.skew == 0.0:
+            return view.right, view.up
+        return view.right, view.up + (self.skew / self.scale_x) * view.right

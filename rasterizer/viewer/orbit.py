@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES
-from ..scene.camera import Camera
+from ..scene.camera import Camera, View
 from ..scene.scene import Scene
 
 Array: TypeAlias = NDArray[np.float64]
@@ -90,7 +90,8 @@ class Orbit:
     def panned(self, dx: float, dy: float, size: Size) -> "Orbit":
         """Return the orbit with the picture moved by pixels, to the right and downwards."""
         scale_x, scale_y = self._pixels_per_unit(size)
-        shift = -dx / scale_x * self.axes[0] + dy / scale_y * self.axes[1]
+        right, up = self._ray_axes(size)
+        shift = -dx / scale_x * right + dy / scale_y * up
         return self._moved(pivot=self.pivot + shift)
 
     def zoomed(self, factor: float, x: float, y: float, size: Size) -> "Orbit":
@@ -100,7 +101,8 @@ class Orbit:
         scale_x, scale_y = self._pixels_per_unit(size)
         projection = self.lens.projection(size)
         across, upwards = (x - projection.center_x) / scale_x, (projection.center_y - y) / scale_y
-        shift = (1.0 - new / now) * (across * self.axes[0] + upwards * self.axes[1])
+        right, up = self._ray_axes(size)
+        shift = (1.0 - new / now) * (across * right + upwards * up)
         moved = self._moved(pivot=self.pivot + shift)
         if self.lens.is_perspective:
             return replace(moved, distance=new)
@@ -129,14 +131,19 @@ class Orbit:
         w = float(r @ forward) if projection.is_perspective else 1.0
         if w <= 0.0:
             return None
-        x = projection.center_x + projection.scale_x * float(r @ right) / w
-        return x, projection.center_y - projection.scale_y * float(r @ up) / w
+        across, upward = float(r @ right), float(r @ up)
+        x = projection.center_x + (projection.scale_x * across - projection.skew * upward) / w
+        return x, projection.center_y - projection.scale_y * upward / w
 
     def _pixels_per_unit(self, size: Size) -> tuple[float, float]:
         """Pixels for each scene unit in the plane through the pivot, across and upwards."""
         projection = self.lens.projection(size)
         w = self.distance if projection.is_perspective else 1.0
         return projection.scale_x / w, projection.scale_y / w
+
+    def _ray_axes(self, size: Size) -> tuple[Array, Array]:
+        """The ways in the world that rows and columns of the picture go; see `Projection.ray_axes`."""
+        return self.lens.projection(size).ray_axes(View(self.pivot, *self.axes))
 
     def _moved(self, **changes: object) -> "Orbit":
         return replace(self, is_moved=True, **changes)  # type: ignore[arg-type]

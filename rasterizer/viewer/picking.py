@@ -61,13 +61,13 @@ def pick(frame: Frame, scene: Scene, camera: Camera, x: float, y: float) -> Pick
     face = int(frame.face[row, column])
     if face < 0:
         return None
-    eye, right, up, forward = camera.view()
-    projection = camera.projection(frame.size)
+    view, projection = camera.view(), camera.projection(frame.size)
+    right, up = projection.ray_axes(view)
     depth = float(frame.depth[row, column])
     spread = depth if projection.is_perspective else 1.0
     across = (column + 0.5 - projection.center_x) / projection.scale_x * spread
     upwards = (projection.center_y - row - 0.5) / projection.scale_y * spread
-    position = eye + across * right + upwards * up + depth * forward
+    position = view.eye + across * right + upwards * up + depth * view.forward
     mesh = int(np.searchsorted(scene.face_offsets, face, side="right")) - 1
     return Picked(
         pixel=(column, row),

@@ -281,11 +281,11 @@ def test_a_camera_of_the_file_is_used_unless_a_flag_asks_for_another(folder, giv
 
 
 def test_zoom_of_a_calibrated_camera_keeps_the_middle():
-    camera = rz.Camera.from_opencv([[80, 0, 40], [0, 90, 20], [0, 0, 1]], np.eye(3), [0, 0, 5], (100, 60))
+    camera = rz.Camera.from_opencv([[80, 7, 40], [0, 90, 20], [0, 0, 1]], np.eye(3), [0, 0, 5], (100, 60))
     scene = rz.Scene(rz.load(CUBE).meshes, camera=camera)
     near = camera_of(arguments.parse(["render", CUBE, "--zoom", "2"]), None, scene)
     wide, near = camera.projection((100, 60)), near.projection((100, 60))
-    assert (near.scale_x, near.scale_y) == (2 * wide.scale_x, 2 * wide.scale_y)
+    assert (near.scale_x, near.scale_y, near.skew) == (2 * wide.scale_x, 2 * wide.scale_y, 2 * 7)
     for middle, before, after in ((50, wide.center_x, near.center_x), (30, wide.center_y, near.center_y)):
         assert after - middle == pytest.approx(2 * (before - middle))
 

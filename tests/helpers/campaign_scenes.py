@@ -80,6 +80,10 @@ def make_lens(dice) -> Lens:
         focal = 0.5 * dice.size[1] / np.tan(np.radians(fov) / 2)
         center = np.array(dice.size) * dice.rng.uniform(-0.3, 1.3, 2)
         options |= {"fov": 45.0, "intrinsics": (focal, focal * dice.between(0.8, 1.2), *center), "size": dice.size}
+        if dice.chance(0.7):
+            options["skew"] = focal * (dice.power(-3, 1.5) if dice.wild(0.5) else dice.between(0.0, 0.5))
+            options["skew"] *= dice.rng.choice([-1.0, 1.0])
+            dice.words.append(f"skew {options['skew'] / focal:.3g}")
     else:
         options["fov"] = fov
     if dice.wild(0.25):
@@ -146,9 +150,11 @@ def make_normals(dice, vertices, faces, shape) -> dict:
 def in_camera(dice, lens, places, depth) -> np.ndarray:
     """The points (n, 3) that lie at places (n, 2) of the picture, in pixels, and at depths (n,)."""
     eye, right, up, forward = lens.camera.view()
-    scale_x, scale_y, center_x, center_y, is_perspective = lens.camera.projection(dice.size)
+    scale_x, scale_y, center_x, center_y, is_perspective, skew = lens.camera.projection(dice.size)
     spread = depth if is_perspective else np.ones_like(depth)
-    x, y = (places[:, 0] - center_x) / scale_x * spread, (center_y - places[:, 1]) / scale_y * spread
+    y = (center_y - places[:, 1]) / scale_y
+    x = (places[:, 0] - center_x + skew * y) / scale_x
+    x, y = x * spread, y * spread
     return eye + x[:, None] * right + y[:, None] * up + depth[:, None] * forward
 
 

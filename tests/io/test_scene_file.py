@@ -165,7 +165,8 @@ def test_cameras():
         (0, 0, 5), (0, 1, 0), "x", 3
     )
     intrinsics = {"intrinsics": [80, 90, 40, 20], "size": [100, 60]}
-    assert scene_of(camera=place | intrinsics).camera.intrinsics == (80, 90, 40, 20)
+    plain, leaning = (scene_of(camera=place | intrinsics | more).camera for more in ({}, {"skew": -7.5}))
+    assert plain.intrinsics == leaning.intrinsics == (80, 90, 40, 20) and (plain.skew, leaning.skew) == (0.0, -7.5)
 
 
 def test_framing():

@@ -172,7 +172,11 @@ LENSES = st.one_of(
     ),
     st.fixed_dictionaries({"height": st.floats(0.1, 99)}),
     st.fixed_dictionaries(
-        {"intrinsics": st.tuples(*[st.floats(1, 999)] * 4), "size": st.tuples(*[st.integers(1, 999)] * 2)}
+        {
+            "intrinsics": st.tuples(*[st.floats(1, 999)] * 4),
+            "size": st.tuples(*[st.integers(1, 999)] * 2),
+            "skew": st.just(0.0) | st.floats(-999, 999),
+        }
     ),
 )
 

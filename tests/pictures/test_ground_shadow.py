@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers import solids
+from helpers.pixels import project, skewed
 
 import rasterizer as rz
 from rasterizer import ground_shadow
@@ -72,20 +73,16 @@ def test_nothing_is_dark_at_the_rim(up):
         assert not np.concatenate([opacity[0], opacity[-1], opacity[:, 0], opacity[:, -1]]).any()
 
 
-@pytest.mark.parametrize("is_perspective", [True, False])
+@pytest.mark.parametrize("lens", ["perspective", "orthographic", "skew"])
 @pytest.mark.parametrize("up", UPS)
-def test_a_pixel_shows_the_ground_that_its_ray_meets(up, is_perspective):
+def test_a_pixel_shows_the_ground_that_its_ray_meets(up, lens):
     scene = rz.Scene(soup(1), up=up)
     shadow = GroundShadow(scene, size=64, points=20)
     for azimuth, elevation in ((20, 30), (-100, 70), (200, 90)):
-        camera = rz.Camera.framing(scene, azimuth, elevation, up=up, orthographic=not is_perspective)
+        camera = rz.Camera.framing(scene, azimuth, elevation, up=up, orthographic=lens == "orthographic")
+        camera = skewed(camera, (80, 60), 0.4) if lens == "skew" else camera
         opacity = shadow.opacity_at(camera, (80, 60))
-        eye, right, upwards, forward = camera.view()
-        scale_x, scale_y, center_x, center_y, _ = camera.projection((80, 60))
-        at = centers(shadow)
-        away = at - eye
-        w = away @ forward if is_perspective else np.ones(len(at))
-        x, y = center_x + scale_x * (away @ right) / w, center_y - scale_y * (away @ upwards) / w
+        x, y = project(camera, centers(shadow), (80, 60))[0].T
         column, row = np.floor(x).astype(int), np.floor(y).astype(int)
         inside = (column > 0) & (column < 79) & (row > 0) & (row < 59)
         near = (

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers.pixels import skewed
 from helpers.stages import SERIAL, screen_of
 
 import rasterizer as rz
@@ -66,6 +67,8 @@ def views(rng, n):
             camera = rz.Camera.orthographic(eye, target, height=10.0 ** rng.uniform(-1, 1.5))
         else:
             camera = rz.Camera.perspective(eye, target, fov=rng.choice([1.0, 30.0, 60.0, 120.0, 175.0]))
+        if k % 4 == 1:
+            camera = skewed(camera, SIZE, rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-2.0, 1.5))
         deepest = min(far, 1e3)
         yield screen_of(camera.view(), camera.projection(SIZE), (min(near, 0.5 * deepest), deepest), far)
 
@@ -88,7 +91,7 @@ def test_what_is_skipped_covers_no_sample(name):
         with np.errstate(all="ignore"):
             here, _ = transform(positions, screen, SERIAL)
         fates = np.empty(clusters.shapes.shape[1], np.uint8)
-        stage.decide_clusters(clusters.shapes, stage.ClusterView(screen, *map(float, SIZE), True), fates)
+        stage.decide_clusters(clusters.shapes, stage.make_view(screen, SIZE, True), fates)
         n += np.bincount(fates, minlength=4)
         fate_of_face = np.repeat(fates, c.CLUSTER)[: columns.shape[1]]
         is_outside = here.x[columns] == OUTSIDE
@@ -127,7 +130,7 @@ def test_rounding_turns_triangles_round_so_that_slack_is_needed():
         screen = screen_of(camera.view(), camera.projection(SIZE), (0.1 * distance, 9 * distance))
         here, _ = transform(positions, screen, SERIAL)
         fates = np.empty(clusters.shapes.shape[1], np.uint8)
-        stage.decide_clusters(clusters.shapes, stage.ClusterView(screen, *map(float, SIZE), True), fates)
+        stage.decide_clusters(clusters.shapes, stage.make_view(screen, SIZE, True), fates)
         corners = positions.T[columns.T] - screen.eye
         faces_away = np.einsum("ij,ij->i", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]) > 0
         areas = areas_of(here, columns)

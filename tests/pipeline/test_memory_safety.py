@@ -94,7 +94,8 @@ def test_a_polygon_that_zigzags_through_a_plane_finds_room(n):
     """Slivers that rounding has bent: every corner lies on the other side than the one before."""
     polygon, out = np.zeros((n, clip.N_CORNER_COLUMN)), np.full((clip.ROOM + 1, clip.N_CORNER_COLUMN), np.nan)
     polygon[:, clip.W] = [1.0, -1.0, 1.0][:n] if n == 3 else np.where(np.arange(n) % 2, -1.0, 1.0)
-    screen = Screen(*np.eye(4)[:, :3], 1.0, 1.0, 0.0, 0.0, 0.0, np.inf, 0.0, 1.0, True)
+    axes = np.eye(4)[:, :3]
+    screen = Screen(*axes, axes[1], 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0, 1.0, True)
     n_out = clip_once(polygon, n, screen, out)
     assert n_out <= 3 * n // 2 <= clip.ROOM and np.isnan(out[n_out:]).all() and not np.isnan(out[:n_out]).any()
 
@@ -185,6 +186,15 @@ def camera_of(rng, points, unit):
         return rz.Camera.orthographic(
             eye, points[0] + unit * np.array((0.1, 0.2, -1.0)), height=unit * extreme(rng, -12, 12), near=near, far=far
         )
+    if rng.random() < 0.2:
+        focal = extreme(rng, -20, 20) if rng.random() < 0.3 else float(rng.uniform(1, 99))
+        skew = focal * float(rng.choice((-1024, 1024, 1e-9, 0.3, extreme(rng, -300, 3))))
+        lens = {
+            "intrinsics": (focal, float(rng.uniform(1, 99)), *rng.normal(16, 99, 2)),
+            "size": (31, 31),
+            "skew": skew,
+        }
+        return rz.Camera(position=eye, target=points.mean(axis=0), near=near, far=far, **lens)
     fov = float(rng.choice((40, 90, 1e-6, 175, 179.999999)))
     return rz.Camera.perspective(eye, points.mean(axis=0), fov=fov, near=near, far=far)
 

@@ -1,6 +1,7 @@
 """Cameras: axes, pixels, refusals, OpenCV."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -88,6 +89,10 @@ def test_orthographic_pixels():
         ({"position": (0, 0, 1), "intrinsics": (0, 1, 1, 1), "size": (4, 3)}, "focal"),
         ({"position": (0, 0, 1), "intrinsics": (1, 1, 1, 1)}, "size"),
         ({"position": (0, 0, 1), "fov": 45, "size": (4, 3)}, "size"),
+        ({"position": (0, 0, 1), "fov": 45, "skew": 0.1}, "skew goes with its intrinsics; given 0.1"),
+        ({"position": (0, 0, 1), "height": 2, "skew": "much"}, "skew"),
+        ({"position": (0, 0, 1), "intrinsics": (1, 1, 1, 1), "size": (4, 3), "skew": math.nan}, "skew"),
+        ({"position": (0, 0, 1), "intrinsics": (1, 1, 1, 1), "size": (4, 3), "skew": None}, "skew"),
     ],
 )
 def test_illegal_cameras_are_refused(options, message):
@@ -123,6 +128,35 @@ def test_opencv_by_hand():
     assert camera.fov == pytest.approx(math.degrees(2 * math.atan(240 / 400)))
 
 
+def test_skew_by_hand():
+    """OpenCV: u = (500 * 1 + 40 * 2)/5 + 319.5 = 435.5, whole numbers or not; a larger picture has more of it."""
+    K = [[500, 40, 319.5], [0, 400, 200], [0, 0, 1]]
+    camera = Camera.from_opencv(K, np.eye(3, dtype=int), [0, 0, 4], (640, 480))
+    assert project(camera, [(1, 2, 1)], (640, 480))[0][0] == pytest.approx((436.0, 360.5))
+    assert camera.skew == 40.0 and camera.intrinsics == (500, 400, 319.5, 200) and "skew=40" in repr(camera)
+    assert camera.projection((1280, 480)).skew == 80.0 and camera.projection((640, 960)).skew == 40.0
+    assert camera.to_opencv((1280, 960))[0].tolist() == [[1000, 80, 639.5], [0, 800, 400.5], [0, 0, 1]]
+    assert (
+        pickle.loads(pickle.dumps(camera))
+        == camera
+        == Camera.from_opencv(np.float32(K), np.eye(3), [0, 0, 4], (640, 480))
+    )
+    plain = Camera.from_opencv(np.diag([500, 400, 1]), np.eye(3), [0, 0, 4], (640, 480))
+    assert plain != camera and plain.skew == 0.0 and "skew" not in repr(plain)
+
+
+@pytest.mark.parametrize("skew", [-70.0, 0.0, 1e-3, 3000.0])
+def test_rays_go_through_their_pixels(skew):
+    """Projection.ray_axes is the inverse of what K does."""
+    camera = Camera.from_opencv([[500, skew, 300], [0, 400, 200], [0, 0, 1]], np.eye(3), [1, 2, 4], (640, 480))
+    view, projection = camera.view(), camera.projection((640, 480))
+    right, up = projection.ray_axes(view)
+    places = np.random.default_rng(3).uniform(-500, 900, (20, 2))
+    x, y = (places[:, :1] - projection.center_x) / 500, (projection.center_y - places[:, 1:]) / 400
+    points = view.eye + 3.0 * (x * right + y * up + view.forward)
+    assert project(camera, points, (640, 480))[0] == pytest.approx(places, abs=1e-9)
+
+
 def test_opencv_turned_by_hand():
     """The camera's forward is the world's x, its right the world's -y, its down the world's -z."""
     R = np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
@@ -142,7 +176,8 @@ def test_opencv_round_trip(seed, scale):
     R = q * np.sign(np.diag(r))
     R = R if np.linalg.det(R) > 0 else -R
     t = rng.normal(size=3) * scale
-    K = np.array([[rng.uniform(100, 900), 0, rng.uniform(-50, 700)], [0, rng.uniform(100, 900), 33.25], [0, 0, 1]])
+    skew = rng.choice([0.0, 1e-12, rng.normal(0, 200)])
+    K = np.array([[rng.uniform(100, 900), skew, rng.uniform(-50, 700)], [0, rng.uniform(100, 900), 33.25], [0, 0, 1]])
     back_K, back_R, back_t = Camera.from_opencv(K, R, t, (640, 480)).to_opencv((640, 480))
     assert back_K == pytest.approx(K, rel=1e-12)
     assert back_R == pytest.approx(R, abs=1e-12)
@@ -181,7 +216,10 @@ def test_own_cameras_have_an_opencv_form():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"K": [[500, 1, 0], [0, 500, 0], [0, 0, 1]]}, "skew"),
+        ({"K": [[500, 0, 0], [1, 500, 0], [0, 0, 1]]}, r"K must be \[\[fx, skew, cx\]"),
+        ({"K": [[500, 1, 0], [0, 500, 0], [0, 1, 1]]}, "K must be"),
+        ({"K": [[500, 512001, 0], [0, 500, 0], [0, 0, 1]]}, "skew must be at most 1024 times its fx, 500.0 pixels"),
+        ({"K": [[500, math.inf, 0], [0, 500, 0], [0, 0, 1]]}, "K must be"),
         ({"K": np.eye(4)}, "K must be"),
         ({"K": np.diag([500, 500, 2])}, "K must be"),
         ({"K": np.diag([-500, 500, 1])}, "focal"),

@@ -15,7 +15,7 @@ SIZE = (300, 200)
 def seen(camera, points, size=SIZE):
     """Where points lie in the picture, as shares of its width and height."""
     eye, right, up, forward = camera.view()
-    scale_x, scale_y, center_x, center_y, is_perspective = camera.projection(size)
+    scale_x, scale_y, center_x, center_y, is_perspective, _ = camera.projection(size)
     local = points - eye
     w = local @ forward if is_perspective else np.ones(len(points))
     assert not is_perspective or (w > 0).all()

@@ -16,6 +16,7 @@ CAMERAS = {
     "orthographic": rz.Camera.framing(SCENE, orthographic=True),
     "from above": rz.Camera.framing(SCENE, elevation=90.0),
     "tilted": rz.Camera.perspective((5, 4, 3), (0, 1, 0), up=(1, 1, 0)),
+    "skewed": rz.Camera.from_opencv([[50, 35, 30], [0, 55, 33], [0, 0, 1]], np.diag([1, -1, -1]), (0, 1, 9), SIZE),
     "calibrated": rz.Camera.from_opencv([[50, 0, 30], [0, 55, 33], [0, 0, 1]], np.diag([1, -1, -1]), (0, 1, 9), SIZE),
 }
 

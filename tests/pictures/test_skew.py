@@ -1,0 +1,216 @@
+"""Cameras with skew: what is seen lies where K says, and all that is promised of a picture holds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from helpers.campaign import find_faults
+from helpers.campaign_scenes import Case
+from helpers.pinhole import SHADINGS, octasphere
+from helpers.pixels import skewed
+from helpers.small_scenes import cube, drawn, floor, scene_of
+
+import rasterizer as rz
+from rasterizer import reference
+from rasterizer.engine.edge_overlay import EdgeOverlay
+from rasterizer.engine.prepared_scene import PreparedScene
+from rasterizer.options import DEFAULT_TOLERANCE, Options
+from rasterizer.viewer.picking import pick
+
+SIZE = (60, 44)
+LEANS = (0.3, -0.8, 5.0)  # skew over fx
+OUTPUTS = ("color", "depth", "face", "normal", "position")
+TABLED = {"gouraud": "color", "flat": "rgb", "phong": "rgb"}
+SUBPIXEL = 256
+PLAIN = {"samples": 1, "cull": "none", "color_range": "clamp", "exposure": 0.0, "spectral": None}
+
+
+def random_calibration(rng):
+    """K with a skew of up to twice fx, R and t: the origin is about six units away, near the picture's middle."""
+    q, r = np.linalg.qr(rng.normal(size=(3, 3)))
+    R = q * np.sign(np.diag(r))
+    R = R if np.linalg.det(R) > 0 else -R
+    fx, fy = rng.uniform(20, 120, 2)
+    K = [[fx, fx * rng.uniform(-2, 2), rng.uniform(10, 50)], [0, fy, rng.uniform(5, 40)], [0, 0, 1]]
+    return np.array(K), R, np.append(rng.uniform(-0.3, 0.3, 2), 6.0)
+
+
+def pixels_of(points, K, R, t):
+    """Where OpenCV sees points (..., 3), in pixels from the picture's corner."""
+    uvw = (np.asarray(points, float) @ R.T + t) @ K.T
+    return uvw[..., :2] / uvw[..., 2:] + 0.5
+
+
+def covered_by(corners, size):
+    """The samples that triangles (n, 3, 2) cover, by edge functions in whole numbers with the top-left rule."""
+    y, x = np.mgrid[: size[1], : size[0]] * SUBPIXEL + SUBPIXEL // 2
+    covered = np.zeros((size[1], size[0]), bool)
+    for triangle in np.rint(np.asarray(corners) * SUBPIXEL).astype(np.int64):
+        (ax, ay), (bx, by), (cx, cy) = triangle.tolist()
+        if (bx - ax) * (cy - ay) < (cx - ax) * (by - ay):
+            triangle = triangle[::-1]
+        inside = np.ones_like(covered)
+        for (ax, ay), (bx, by) in zip(triangle.tolist(), np.roll(triangle, -1, axis=0).tolist(), strict=True):
+            is_kept = by < ay or (by == ay and bx > ax)  # a left edge goes up, a top edge to the right
+            inside &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= (0 if is_kept else 1)
+        covered |= inside
+    return covered
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_samples_are_covered_where_k_puts_the_triangles(seed):
+    rng = np.random.default_rng(seed)
+    matrices = random_calibration(rng)
+    points = rng.normal(0, 1.5, (20, 3, 3)).clip(-5, 5)
+    depth = (points @ matrices[1].T + matrices[2])[..., 2]
+    points = points[(depth > 0.05).all(axis=1)]
+    camera = rz.Camera.from_opencv(*matrices, SIZE, near=0.01)
+    mesh = rz.Mesh(points.reshape(-1, 3), np.arange(3 * len(points)).reshape(-1, 3))
+    frame = rz.render(rz.Scene(mesh, camera=camera), SIZE, shading="flat", outputs="mask")
+    expected = covered_by(pixels_of(points, *matrices), SIZE)
+    assert 0 < expected.sum() and (frame.mask == expected).all(), f"{(frame.mask != expected).sum()} samples"
+
+
+@pytest.mark.parametrize("size", [SIZE, (120, 44), (60, 132)])
+@pytest.mark.parametrize("seed", range(5))
+def test_positions_lie_at_the_centres_of_their_pixels(seed, size):
+    """Vertices are rounded to 1/256 px; a position is rounded to float32, and moves by that over its depth."""
+    K, R, t = random_calibration(np.random.default_rng(seed))
+    camera = rz.Camera.from_opencv(K, R, t, SIZE)
+    scene = rz.Scene(rz.Mesh(*octasphere(4)), camera=camera)
+    frame = rz.render(scene, size, outputs=("position", "mask", "depth"))
+    rows, columns = np.nonzero(frame.mask)
+    K, R, t = camera.to_opencv(size)
+    off = np.abs(pixels_of(frame.position[frame.mask], K, R, t) - np.stack([columns, rows], axis=1) - 0.5)
+    most = 1 / 512 + 2.0**-24 * 2 * np.abs(K[:2, :2]).sum(axis=1) / frame.depth[frame.mask].min()
+    assert len(rows) > 50 and (off.max(axis=0) <= most).all(), f"{off.max(axis=0)} px > {most}"
+
+
+SCENES = drawn()
+NAMES = [name for name in SCENES if SCENES[name][0].camera is None or SCENES[name][0].camera.is_perspective]
+
+
+def skewed_case(name, lean, **options) -> Case:
+    """A small scene, seen through a camera with skew, as one of the campaign."""
+    scene, own = SCENES[name]
+    camera = skewed(scene.camera_for(SIZE), SIZE, lean)
+    return Case(0, 16, f"{name}, {lean}", replace(scene, camera=camera), SIZE, PLAIN | own | options)
+
+
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("tolerance", [0.0, DEFAULT_TOLERANCE])
+@pytest.mark.parametrize("lean", LEANS)
+def test_every_scene_keeps_the_promises_of_the_campaign(lean, tolerance, shading):
+    """Coverage, faces, every buffer and colour within the stated bounds of the reference, the same bytes with two
+    threads; near planes, borders, textures, shadows and surfaces that let light through."""
+    faults = {}
+    for name in NAMES:
+        own = SCENES[name][1].get("tolerance", tolerance)
+        found = find_faults(skewed_case(name, lean, shading=shading, tolerance=own)).faults
+        faults |= {name: found} if found else {}
+    assert not faults
+
+
+@pytest.mark.parametrize("lean", LEANS)
+def test_other_buffers_are_those_of_the_reference(lean):
+    for name in ("texture, bilinear", "clipped all round", "many lights", "small triangles"):
+        scene = skewed_case(name, lean).scene
+        frame = rz.render(scene, SIZE, outputs=("face", "uv", "barycentric", "position_camera"))
+        expected = reference.render(scene, SIZE)
+        same = frame.face == expected.face
+        assert same.mean() > 0.97, name
+        for buffer in ("uv", "barycentric", "position_camera"):
+            found, wanted = frame.array(buffer)[same], getattr(expected.surface, buffer)[same]
+            assert (np.isnan(found) == np.isnan(wanted)).all(), (name, buffer)
+            error, spread = np.nan_to_num(np.abs(found - wanted)), np.nan_to_num(np.abs(wanted))
+            most = 2.0**-24 * spread + 2.0**-30 * (spread.max() + 1.0)
+            assert (error <= most).all(), f"{name}: {buffer} is off by {(error / most).max():.3g} budgets"
+
+
+def sheared(scene, size) -> rz.Scene:
+    """A scene whose vertices are moved sideways, so that a camera without skew sees each where skew would show it."""
+    camera = scene.camera_for(size)
+    view, lean = camera.view(), camera.skew / camera.intrinsics[0]
+    meshes = [
+        replace(mesh, vertices=mesh.vertices - lean * np.outer((mesh.vertices - view.eye) @ view.up, view.right))
+        for mesh in scene.meshes
+    ]
+    return replace(scene, meshes=meshes, camera=replace(camera, skew=0.0))
+
+
+@pytest.mark.parametrize("lean", LEANS)
+def test_skew_shows_what_a_shear_of_the_world_shows(lean):
+    """Coverage, depths and faces of a scene that is moved instead are the same, but for the rounding of vertices."""
+    for name in ("clipped all round", "small triangles", "many lights"):
+        scene = skewed_case(name, lean).scene
+        one, two = (rz.render(each, SIZE, outputs=("face", "depth")) for each in (scene, sheared(scene, SIZE)))
+        same = one.face == two.face
+        assert same.mean() > 0.995, f"{name}: {(~same).sum()} pixels differ"
+        seen = same & (one.face >= 0)
+        assert np.abs(one.depth[seen] / two.depth[seen] - 1.0).max() <= 1e-4
+
+
+@pytest.mark.parametrize("lean", LEANS)
+def test_edges_are_those_of_a_sheared_world(lean):
+    scene = replace(scene_of(cube(), floor()), camera=skewed(scene_of(cube()).camera, SIZE, lean))
+    shares = []
+    for each in (scene, sheared(scene, SIZE)):
+        found = EdgeOverlay(PreparedScene(each, Options(size=SIZE, edges=("wire",), threads=1)))
+        shares.append(found.coverage(each.camera_for(SIZE)))
+    off = np.abs(shares[0] - shares[1])
+    assert (shares[0] > 0).sum() > 50 and (off > 0.25).sum() <= 2, f"{(off > 0.25).sum()} pixels"
+
+
+@pytest.mark.parametrize("lean", LEANS)
+@pytest.mark.parametrize("shading", SHADINGS)
+def test_the_same_bytes_come_from_any_threads_rows_and_tiles(tmp_path, shading, lean):
+    scene = skewed_case("shadows", lean).scene
+    options = {"shading": shading, "outputs": TABLED[shading], "samples": 4}
+    with rz.Renderer(scene, SIZE, threads=1, **options) as one, rz.Renderer(scene, SIZE, threads=3, **options) as more:
+        frame = one.render()
+        kind = TABLED[shading]
+        assert frame.array(kind).tobytes() == more.render().array(kind).tobytes()
+        more.render_to(tmp_path / "rows.npy", array=kind)
+    assert np.load(tmp_path / "rows.npy").tobytes() == frame.array(kind).tobytes()
+
+
+def test_tiles_of_other_processes_have_the_same_bytes(tmp_path):
+    """The camera is pickled, and written to a scene file."""
+    scene = skewed_case("many lights", 0.3).scene
+    scene.save(tmp_path / "scene.json")
+    options = rz.Options(size=SIZE, outputs="rgb", samples=4, shading="phong")
+    task = rz.RenderTask(tmp_path / "scene.json", tmp_path / "tiles.npy", options=options, camera=scene.camera)
+    rz.render_tiles(task, n_process=2, n_tile=5)
+    frame = rz.render(rz.load(tmp_path / "scene.json"), SIZE, outputs="rgb", samples=4, shading="phong")
+    assert np.load(tmp_path / "tiles.npy").tobytes() == frame.rgb.tobytes()
+
+
+def test_what_is_picked_lies_below_the_pointer():
+    scene = skewed_case("many lights", 0.7).scene
+    camera = scene.camera
+    frame = rz.render(scene, SIZE, outputs=("face", "depth", "normal", "position"))
+    K, R, t = camera.to_opencv(SIZE)
+    n_seen = 0
+    for x, y in ((3, 40), (30, 22), (31, 30), (55, 41), (20, 12), (44, 25)):
+        found, picked = pick(frame, scene, camera, x + 0.3, y + 0.9), frame.pick(x, y)
+        assert (found is None) == (picked is None)
+        if found is None:
+            continue
+        n_seen += 1
+        off = np.abs(pixels_of(found.position, K, R, t) - (x + 0.5, y + 0.5)).max()
+        assert off <= 1e-4, f"{off:.3g} px"
+        assert np.abs(pixels_of(picked.position, K, R, t) - (x + 0.5, y + 0.5)).max() <= 1 / 512 + 1e-4
+        assert (found.face, picked.face) == (frame.face[y, x],) * 2
+    assert n_seen >= 4
+
+
+def test_dense_meshes_whose_clusters_are_skipped_show_the_same():
+    camera = skewed(rz.Camera.perspective((0.4, 0.6, 1.6), (0.5, 0, 0), fov=40), SIZE, 1.5)
+    scene = rz.Scene(rz.Mesh(*octasphere(6)), camera=camera)
+    for cull in ("none", "back"):
+        with rz.Renderer(scene, SIZE, outputs=OUTPUTS, cull=cull) as renderer:
+            plain = renderer.render()
+            renderer._prepared.uses_clusters = True
+            skipped = renderer.render()
+        for name in OUTPUTS:
+            assert plain.array(name).tobytes() == skipped.array(name).tobytes(), name
