@@ -1,14 +1,14 @@
-"""Memory that nobody has filled, and memory that is used again, full of chosen bytes: pictures must not depend on them."""
+"""Memory that nobody has filled, and memory that is used again, full of chosen bytes: nothing may depend on them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
-from pytest import MonkeyPatch
+import pytest
 
 from rasterizer.engine.light_table import is_carried
 
-# As float32 and float64: 0; NaN (as an integer -1); 3.0 and 32.5; -0.75 and -0.09; 2.4e38 and 1.4e306. None = random bytes.
+# As float32 and float64: 0; NaN (-1 as an integer); 3.0 and 32.5; -0.75 and -0.09; 2.4e38 and 1.4e306. None = random.
 FILLINGS = 0x00, 0xFF, 0x40, 0xBF, 0x7F, None
 RANDOM = np.random.default_rng(4).integers(0, 256, 4099, np.uint8)
 # What a workspace's fields must hold when it is taken: a clear visibility buffer, and clear extents.
@@ -35,7 +35,7 @@ def dirty_memory(filling: int | None) -> Iterator[None]:
     No kernel must be compiled meanwhile: the compiler knows `np.empty` by what it is. None allocates an array itself.
     """
     empty, empty_like = np.empty, np.empty_like
-    with MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr(np, "empty", lambda *given, **options: dirty(empty(*given, **options), filling))
         patch.setattr(np, "empty_like", lambda *given, **options: dirty(empty_like(*given, **options), filling))
         yield
