@@ -12,7 +12,7 @@ from rasterizer.engine.light_table import is_carried
 FILLINGS = 0x00, 0xFF, 0x40, 0xBF, 0x7F, None
 RANDOM = np.random.default_rng(4).integers(0, 256, 4099, np.uint8)
 # What a workspace's fields must hold when it is taken: a clear visibility buffer, and clear extents.
-CLEAR = {"visibility", "extents", "block"}
+CLEAR = {"visibility", "extents"}
 
 
 def dirty(array: np.ndarray, filling: int | None) -> np.ndarray:

@@ -115,7 +115,9 @@ CARRIED = {
 def test_another_view_asks_a_carried_lamp_for_nothing_new(lamp, is_prepared):
     """From near by its shadow map leaves out some casters, from afar none: what chooses them is known before."""
     vertices, faces = octasphere(1)
-    scene = scene_of(cube(), rz.Mesh(vertices * 0.5 + (0.2, 1.5, 0.3), faces), lights=[rz.AmbientLight(0.1), CARRIED[lamp]])
+    scene = scene_of(
+        cube(), rz.Mesh(vertices * 0.5 + (0.2, 1.5, 0.3), faces), lights=[rz.AmbientLight(0.1), CARRIED[lamp]]
+    )
     views = [None, rz.Camera.perspective((-2.0, 1.6, 3.0), fov=60), rz.Camera.perspective((0, 1.6, 1.0), (0, 1.6, 0))]
     with rz.Renderer(scene, 12, shading="phong", threads=1, samples=1) as renderer:
         listed = {function.__name__ for function, _ in renderer._list_needs(None, is_prepared=is_prepared)}
