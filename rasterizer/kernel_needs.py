@@ -5,7 +5,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING
 
 from .compiler.kernels import noting_needs
-from .engine.given_plan import declare_lights, follow, measure_lights, view_whole
+from .engine.given_plan import declare_lights, declare_seen_casters, follow, leaves_out, measure_lights, view_whole
 from .errors import RasterizerError
 from .geometry.clusters import has_clusters
 from .scene.camera import Camera
@@ -32,7 +32,9 @@ def list_needs(renderer: "Renderer", camera: Camera | None, is_prepared: bool = 
     draws_color = bool({"color", "rgb"} & set(options.outputs))
     # By compiled kernels, not in Python: it looks at all points. Most are there: the sample of an unprepared scene has
     # needed them.
-    whole = view_whole(renderer._prepared, renderer._checked_camera(camera)) if is_prepared and draws_color else None
+    seen_by = renderer._checked_camera(camera)
+    whole = view_whole(renderer._prepared, seen_by) if is_prepared and draws_color else None
+    looks_away = leaves_out(scene, seen_by) if whole is None else whole.leaves_casters_out
     with noting_needs() as needs:
         try:
             kind = None if whole is None else whole.kind
@@ -48,6 +50,8 @@ def list_needs(renderer: "Renderer", camera: Camera | None, is_prepared: bool = 
                     measure_lights(prepared, view)
                     if whole is None or not follow(prepared, whole, origins):
                         declare_lights(prepared, view)
+                    if looks_away:
+                        declare_seen_casters(prepared)
                 kind = None if whole is None else whole.kind_in(sample, origins)
                 for view in sample_views(sample, scene, camera, kind):
                     small.render(view)

@@ -13,7 +13,9 @@ from ..scene.camera import Camera
 from ..scene.sample import Kind, kind_of, with_small_map
 from ..scene.scene import Scene
 from .light_table import shadow_of
-from .plan import Plan, gather_sources
+from .plan import Plan, gather_sources, list_lights
+from .shadow_maps import leaves_casters_out
+from .shadow_views import corners_of
 from .uniforms import list_materials, make_lighting
 from .view_plans import ViewPlan
 
@@ -51,7 +53,7 @@ class WholeView(NamedTuple):
 
     scene: Scene
     view_plan: ViewPlan
-    leaves_casters_out: bool  # some shadow map doesn't look at all that casts shadows
+    leaves_casters_out: bool  # some shadow map doesn't look at all that casts shadows, or not in every view
 
     @property
     def kind(self) -> Kind:
@@ -74,8 +76,8 @@ def view_whole(prepared: "PreparedScene", camera: Camera) -> WholeView:
     """Find what the picture through a camera is drawn by."""
     view_plan = prepared.plan_for(camera)
     has_shadows = view_plan.plan.has_shadows and prepared.shadows is not None
-    leaves_out = has_shadows and prepared.shadows.leaves_out(view_plan.plan, camera.view())
-    return WholeView(prepared.scene, view_plan, leaves_out)
+    looks_away = has_shadows and prepared.shadows.leaves_out(view_plan.plan, camera.view())
+    return WholeView(prepared.scene, view_plan, looks_away)
 
 
 def measure_lights(sample: "PreparedScene", camera: Camera) -> None:
@@ -104,9 +106,18 @@ def follow(sample: "PreparedScene", whole: WholeView, origins: list[int]) -> boo
     if geometry is None:
         return False
     sample.be_drawn_by(geometry, GivenPlan(whole.view_plan))
-    if whole.leaves_casters_out:
-        list_seen_faces(geometry.positions, geometry.vertex, np.zeros(3), np.zeros((1, 3)))
     return True
+
+
+def leaves_out(scene: Scene, camera: Camera) -> bool:
+    """Tell whether some shadow map of a scene that isn't prepared may leave out what casts no shadow in it."""
+    corners = corners_of(np.stack([mesh.bounds for mesh in scene.meshes]))
+    return leaves_casters_out(list_lights(scene)[0], corners, camera.view())
+
+
+def declare_seen_casters(sample: "PreparedScene") -> None:
+    """Ask for what chooses the casters that a shadow map shows, which those of a sample may all be."""
+    list_seen_faces(sample.geometry.positions, sample.geometry.vertex, np.zeros(3), np.zeros((1, 3)))
 
 
 def match_materials(sample: Scene, scene: Scene, origins: list[int]) -> NDArray[np.int64]:

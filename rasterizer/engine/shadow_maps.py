@@ -1,6 +1,7 @@
 """Shadow maps: for every light that casts shadows, pictures of the opaque surfaces as the light sees them
 (pipeline/shadow_lookup.py). What they show is chosen in shadow_views.py."""
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -95,17 +96,9 @@ class Shadows:
         return maps
 
     def leaves_out(self, plan: Plan, view: View) -> bool:
-        """Tell whether some map leaves out what casts no shadow in it."""
-        for k, light in enumerate(plan.lights):
-            if shadow_of(light) is None or self._casters is None or not plan.is_lit[:, k].any():
-                continue
-            beam, corners = entry_of(light).beam(light, view), self._casters.corners
-            if beam is not None and reaches(light, beam, corners):
-                maps, side = choose_views(beam, corners, shadow_of(light)), map_side(shadow_of(light))
-                needed = [seen for seen, is_needed in zip(maps.views, maps.is_needed, strict=True) if is_needed]
-                if any(_borders_of(*seen, side, corners) is not None for seen in needed):
-                    return True
-        return False
+        """Tell whether some map may leave out what casts no shadow in it, see `leaves_casters_out`."""
+        lights = [light for k, light in enumerate(plan.lights) if plan.is_lit[:, k].any()]
+        return self._casters is not None and leaves_casters_out(lights, self._casters.corners, view)
 
     def list_bounds(self, plan: Plan, view: View) -> tuple[ShadowBound, ...]:
         """List what the maps of each kind of light that casts shadows in a view can't tell, see `ShadowBound`."""
@@ -206,6 +199,28 @@ def draw_shadow_map(
         row[lookup.LAYER] = layer
         layer += 1
     return ShadowMap(block, maps.origin)
+
+
+def leaves_casters_out(lights: Iterable[Any], corners: NDArray[np.float64], view: View) -> bool:
+    """Tell whether the shadow map of some light may leave out what casts no shadow in it: in a view, or where it is
+    carried, in another one.
+
+    Parameters
+    ----------
+    corners : (n_mesh, 8, 3) of boxes round all that casts shadows, and all that they fall on, world space
+    """
+    for light in lights:
+        beam = None if shadow_of(light) is None else entry_of(light).beam(light, view)
+        if beam is None or beam.origin is None:
+            continue
+        if is_carried(light):
+            return True
+        if reaches(light, beam, corners):
+            maps, side = choose_views(beam, corners, shadow_of(light)), map_side(shadow_of(light))
+            needed = [seen for seen, is_needed in zip(maps.views, maps.is_needed, strict=True) if is_needed]
+            if any(_borders_of(*seen, side, corners) is not None for seen in needed):
+                return True
+    return False
 
 
 def _borders_of(view, projection, side, corners) -> NDArray[np.float64] | None:

@@ -90,7 +90,7 @@ def scan(band, drawables, coding, block, visibility, records, deferred):
     """
     faces = band.faces
     n_record = n_level = n_plane = n_exact = needs = np.int64(0)
-    material = np.int64(block.ints[s.MATERIAL]) if len(faces) == 0 else material_of_face(faces[0], drawables.triangles)
+    material = np.int64(0) if len(faces) == 0 else material_of_face(faces[0], drawables.triangles)
     for first in range(0, len(faces), s.BLOCK):
         some = faces[index(first) : index(min(first + s.BLOCK, len(faces)))]
         # Half of the work is done for all triangles of the block side by side: planes of depth and attributes.

@@ -113,7 +113,8 @@ def make_block() -> Block:
 def gather_vertices(faces, triangles, vertices, block):
     """Fetch the vertices of up to BLOCK triangles, (n,) uint32, in the order of the file.
 
-    IS_FLIPPED says for now whether the normals look against the winding.
+    IS_FLIPPED says for now whether the normals look against the winding. Behind the last triangle the block holds what
+    was left there, but a material that there is: loops over the whole block look materials up.
     """
     ints, reals = block.ints, block.reals
     x, y, z = vertices.x, vertices.y, vertices.z
@@ -134,6 +135,8 @@ def gather_vertices(faces, triangles, vertices, block):
         if clipped >= 0:
             reals[LEAST_Z + k] = triangles.z_ranges[index(clipped), 0]
             reals[LARGEST_Z + k] = triangles.z_ranges[index(clipped), 1]
+    for k in range(index(len(faces)), index(BLOCK)):
+        ints[MATERIAL + k] = 0
 
 
 @helper

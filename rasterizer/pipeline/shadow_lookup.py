@@ -32,19 +32,28 @@ A polygon that faces the light may have neighbours that fold towards the light. 
 before its plane. So its points are moved likewise, but no further than texels of the filter reach: twice that, because
 the normal between two polygons has half of the angle between them.
 
-The rounding of positions. X is the point as seen from the light, O the light as seen from the eye; the point as seen
-from the eye is X + O, so no longer than L = |X| + |O|, lengths as sums of components. u is the unit roundoff, n the
-plane's unit normal, c = n·X (n·F for parallel rays, F the map's axis), m = 1/w (1 for parallel rays). A point that lies
-e before its plane has a limit that is off by m e/|c|. Counted in u L, that is in m u L/|c|:
+The rounding of positions. X is the moved point as seen from the light, O the light as seen from the eye, and h the
+most that the point may be moved along its normal; so it is moved by no more than √3·h, and lay no further than
+L + √3·h from the eye, L = |X| + |O|, lengths as sums of components. u is the unit roundoff, n the plane's unit normal,
+c = n·X (n·F for parallel rays, F the map's axis), m = 1/w (1 for parallel rays). A point that lies e before its plane
+has a limit that is off by m e/|c|. Counted in u L, that is in m u L/|c|, and in u h:
 
-    10   the distance from the plane: n·P 5 (n, products, two sums, the plane's offset), two moves 3, subtracting O 2
-    15   the point's own 1/w or depth: 5 (axis, products, two sums, division) of m², or of m; and m <= 3/|c|, because a
-         map reaches 63 degrees from its axis at most, where |X| = 3 w
-     6   its position on the map, likewise 4, along both axes: 4·√2, times the slopes n·R/c and n·U/c
-     4   the limit, a sum of three terms (3), and the texel's own rounding
+    L   h
+    5   5·√3    the distance from the plane: n·P 4 (n, products, two sums), the plane's offset 1
+    3   2·√3    onto the plane: the product 1, as that way is far shorter than P, and the sum; the sum with the offset 1
+    1           subtracting O: O and the difference, which are L together
+    1   18      the offset: the sine 9.5 (n·N 4, n and the product 2; the difference and the length 3.5 of itself, 1 at
+                most), h as a share of the distance 6.3 (its share 1, product 1, length 2.5, and √3 for the difference),
+                where O, too, is rounded; two products 2
+    8           the point's own 1/w or depth and its position on the map: products with an axis err by 4 each (axis,
+                products, two sums), an error d of the point. What that changes in the limit is m n·d/c: 4·√3; and 1 as
+                m is a quotient
+    4           the limit, a sum of four terms (3), and the texel's own rounding: of m, and m <= m |X|/|c|
 
-That is ROUNDINGS = 35. What an error e of the normal, SLOPE_ERROR a tap, changes in the slopes is e/(|c| scale) and
-e/|c| of the slope itself, times |X| (1 for parallel rays); times the way to the furthest texel of the filter.
+That is 22 L + 31 h. ROUNDINGS = 35 of L + h are allowed, what float32 positions may be off as well (Precision in
+engine/shadow_views.py). What an error e of the normal, SLOPE_ERROR a tap, changes in the slopes is e/(|c| scale) and
+e/|c| of the slope itself, times |X| (1 for parallel rays); times the way to the furthest texel of the filter. SLACK has
+the roundings of the slopes, and of the position times the scale.
 Errors of a position along its own plane move what the point is compared with: an edge appears that much elsewhere.
 """
 
@@ -76,6 +85,7 @@ ROUNDINGS = 35
 # in, the limit there, and the texel. Beside the slopes of the limit: the face of the cube, or how many taps are lit.
 TEXEL_IDX, LIMIT, TEXEL = f.FROM_LIGHT, f.FROM_LIGHT + f.NEXT, f.FROM_LIGHT + f.NEXT + f.NEXT
 SLOPE_X, SLOPE_Y = f.LIMIT_SLOPES, f.LIMIT_SLOPES + f.NEXT
+MOST_MOVED = SLOPE_X  # before: how far a point may have been moved along its normal
 CUBE_FACE = N_LIT = f.SHADOW_COUNT
 
 
@@ -116,8 +126,10 @@ def occlude(batch, n, shadow_map):
 
 @helper
 def move_points(batch, header, n):
-    """Move points onto the planes of their polygons, those of polygons that are turned away above their corners; count
-    from the light."""
+    """Move points onto the planes of their polygons and along their normals; count from the light.
+
+    Fills MOST_MOVED, too.
+    """
     origin, forward = read_vector(header, ORIGIN), read_vector(header, MAPS + FORWARD)
     is_perspective = header[IS_PERSPECTIVE] != header.dtype.type(0)
     zero, one, reach = batch.dtype.type(0), batch.dtype.type(1), header[REACH]
@@ -129,6 +141,7 @@ def move_points(batch, header, n):
         is_front = facing(plane, plane_offset, normal, origin, forward, is_perspective) < zero
         away = length(subtract(position, origin)) if is_perspective else one
         near = min(batch[f.FACE_SIDE + k], reach * away) if is_front else batch[f.FACE_SIDE + k]
+        batch[MOST_MOVED + k] = near
         offset = scale(normal, tilt * near)
         moved = add(add(position, scale(plane, back)), offset)
         set_vector(batch, f.FROM_LIGHT, k, subtract(moved, origin))
@@ -266,7 +279,8 @@ def compute_limits(batch, view, size, radius, start, end):
         column, line = np.int32(within_x if within_x < high else high), np.int32(within_y if within_y < high else high)
         reach = abs(position[0]) + abs(position[1]) + abs(position[2])
         nearness = abs(inverse) * (reach if view.is_perspective else one)  # 1 over the cosine of the ray's angle
-        rounding = abs(inverse) * (magnification * view.position_rounding * (reach + view.far) + turned)
+        most_distance = reach + view.far + batch[MOST_MOVED + k]
+        rounding = abs(inverse) * (magnification * view.position_rounding * most_distance + turned)
         slack = (view.slack + view.normal_error * nearness) * (abs(slope_x) + abs(slope_y)) + rounding + view.rounding
         limit = value + slack + slope_x * (real(column) + half - map_x) + slope_y * (real(line) + half - map_y)
         # Lit is what lies behind the light, or is moved beyond it: its own plane hides nothing from such a point.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.campaign_scenes import make_case
 from helpers.mixed_scenes import mixed
+from helpers.pinhole import octasphere
 from helpers.small_scenes import SHADINGS, checks, cube, drawn, floor, scene_of
 
 import rasterizer as rz
@@ -100,6 +101,30 @@ def test_lights_and_casters_that_the_sample_does_not_show_are_known():
             rz.Renderer(scene, 24, shading=shading, threads=1, samples=1)._list_needs(camera, is_prepared=False)
         )
         assert {"point", "shaped_spot"} <= {function.__name__ for function, _ in before}
+
+
+CARRIED = {
+    "spot": rz.SpotLight((0.0, 0.5, 0.0), (0, 0, -1), 0.5, outer=20, attached="camera", shadow=rz.Shadow(16)),
+    "point": rz.PointLight((0.2, 0.1, -1.4), 0.7, attached="camera", shadow=rz.Shadow(16)),
+    "at the eye": rz.PointLight((0.0, 0.0, 0.0), 0.7, attached="camera", shadow=rz.Shadow(16)),
+}
+
+
+@pytest.mark.parametrize("lamp", CARRIED)
+@pytest.mark.parametrize("is_prepared", [True, False])
+def test_another_view_asks_a_carried_lamp_for_nothing_new(lamp, is_prepared):
+    """From near by its shadow map leaves out some casters, from afar none: what chooses them is known before."""
+    vertices, faces = octasphere(1)
+    scene = scene_of(
+        cube(), rz.Mesh(vertices * 0.5 + (0.2, 1.5, 0.3), faces), lights=[rz.AmbientLight(0.1), CARRIED[lamp]]
+    )
+    views = [None, rz.Camera.perspective((-2.0, 1.6, 3.0), fov=60), rz.Camera.perspective((0, 1.6, 1.0), (0, 1.6, 0))]
+    with rz.Renderer(scene, 12, shading="phong", threads=1, samples=1) as renderer:
+        listed = {function.__name__ for function, _ in renderer._list_needs(None, is_prepared=is_prepared)}
+    needed = [{function.__name__ for function, _ in needs_of(scene, 12, [view], shading="phong")} for view in views]
+    choosing = {"compute_outcodes", "list_seen"}
+    assert not choosing <= needed[0] and choosing <= set.union(*needed)
+    assert set.union(*needed) - listed <= CLIPPING
 
 
 def test_faces_that_are_too_thin_to_be_seen_become_fatter():
