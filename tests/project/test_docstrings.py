@@ -1,4 +1,4 @@
-"""Docstrings of everything that users see: there, with shapes and types of arrays, and with the errors that are raised."""
+"""Docstrings of everything that users see: they are there, and tell shapes and types of arrays, and errors."""
 
 import ast
 import inspect
