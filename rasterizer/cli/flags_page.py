@@ -28,8 +28,8 @@ _INTRODUCTION = f"""\
 # The command line
 
 `raster COMMAND [options]`. A command that is left out is `render`. Each command's `--help` says what stands here.
-Models and flags come in any order; a flag's name is written in full; `--flag VALUE` and `--flag=VALUE` are the same. Messages
-go to stderr, results to stdout. The [examples](../README.md#in-a-shell) are run by the tests.
+Models and flags come in any order; a flag's name is written in full; `--flag VALUE` and `--flag=VALUE` are the same.
+Messages go to stderr, results to stdout. The [examples](../README.md#in-a-shell) are run by the tests.
 
 This page is made from the parsers, by `{_COMMAND}`.
 """
