@@ -138,7 +138,8 @@ class Frame(FrameBuffers):
         )
 
     def has(self, name: str) -> bool:
-        """Tell whether the frame has `name`: "rgb" (a picture), "color", or a buffer: "depth", "face", "normal" …"""
+        """Tell whether the frame has `name`: "rgb" (a picture), "color", or a buffer: "depth", "face", "normal" …
+        SceneError for what is no text."""
         if not isinstance(name, str):
             raise SceneError(f"a frame has arrays by name; given {shown(name)}")
         return self._rgba is not None if name == "rgb" else name in self._arrays
@@ -146,7 +147,17 @@ class Frame(FrameBuffers):
     def array(self, name: str) -> NDArray[Any]:
         """Return an array by name: those of the attributes, and buffers that were added (registries.py).
 
-        Raises SceneError for an array that the frame doesn't have.
+        Parameters
+        ----------
+        name : text, one of the attributes, or the name of such a buffer
+
+        Returns
+        -------
+        (height, width) or (height, width, n), with the dtype that is said above; not a copy
+
+        Raises
+        ------
+        SceneError : a name that is unknown, or an array that the frame doesn't have; the message says what to ask for
         """
         if not isinstance(name, str) or not (name in SAVED_ARRAYS or name in BUFFERS):
             legal = dict.fromkeys((*SAVED_ARRAYS, *BUFFERS))
@@ -212,7 +223,7 @@ class Frame(FrameBuffers):
         return self.rgba.__array_interface__ | {"strides": self.rgba.strides}
 
     def tobytes(self) -> bytes:
-        """Return the bytes of `rgba`, row by row, as `PIL.Image.fromarray` asks for them."""
+        """Return the bytes of `rgba`, row by row, as `PIL.Image.fromarray` asks for them; SceneError without any."""
         return self.rgba.tobytes()
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
@@ -220,7 +231,7 @@ class Frame(FrameBuffers):
         return np.array(self.rgba, dtype=dtype, copy=copy)
 
     def to_pil(self) -> "Image.Image":
-        """Return the picture as a `PIL.Image`: RGB where every pixel is opaque, else RGBA."""
+        """Return the picture as a `PIL.Image`: RGB where every pixel is opaque, else RGBA; SceneError without one."""
         from PIL import Image
 
         return Image.fromarray(np.ascontiguousarray(self._pixels()))
@@ -298,7 +309,7 @@ class Frame(FrameBuffers):
         return path
 
     def encode_array(self, array: SavedArray = "color") -> bytes:
-        """Return one of the frame's arrays, by name, as the bytes of a .npy file."""
+        """Return one of the frame's arrays, by name, as the bytes of a .npy file; errors are those of `array`."""
         return self.encode_arrays(array, "npy")
 
     def encode_arrays(
@@ -327,6 +338,11 @@ class Frame(FrameBuffers):
 
         Transparency is laid on white where the format has none; `options` are passed to Pillow. Without options a PNG
         file is written by `io.png`, on as many threads as have drawn the picture, and a TIFF file by `io.tiff`.
+
+        Raises
+        ------
+        OutputError : a format that is unknown, or that can't hold the picture
+        SceneError : a frame without a picture
         """
         name = picture_format(format)
         if name == "PNG" and not options:

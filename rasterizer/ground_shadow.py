@@ -99,11 +99,15 @@ class GroundShadow:
             self.opacity = np.float32(strength) * _draw_masks(scene, self._ground, points, threads)
 
     def outline(self, share: float = 0.4) -> NDArray[np.float64]:
-        """Return points round the part of the shadow that a picture should show, (n, 3) float64, world space.
+        """Return points round the part of the shadow that a picture should show.
 
         Parameters
         ----------
         share : of the deepest shadow; what is fainter lies outside
+
+        Returns
+        -------
+        (n, 3) float64, world space, scene units; none where there is no shadow
         """
         if self._ground is None:
             return np.empty((0, 3))
@@ -118,15 +122,17 @@ class GroundShadow:
     def opacity_at(
         self, camera: Camera, size: tuple[int, int], rows: tuple[int, int] | None = None
     ) -> NDArray[np.float32]:
-        """Return the opacity of the ground at the centres of a picture's pixels, (n_row, width) float32.
-
-        It is 0 where the camera doesn't see the ground, or sees it from below.
+        """Return the opacity of the ground at the centres of a picture's pixels.
 
         Parameters
         ----------
         camera : Camera that the picture is taken with
         size : (width, height) of the picture, pixels
         rows : the first, and the one behind the last; None = all
+
+        Returns
+        -------
+        (n_row, width) float32, 0 where the camera doesn't see the ground, or sees it from below
         """
         first, end = (0, size[1]) if rows is None else rows
         opacity = np.zeros((end - first, size[0]), np.float32)
@@ -158,6 +164,10 @@ class GroundShadow:
         Returns
         -------
         Frame, with the same statistics and buffers, but for `color` and `alpha`; its `rgba` is new
+
+        Raises
+        ------
+        SceneError : a frame without a picture, a colour that is not legal
         """
         rgba = self.under_rows(frame.rgba, 0, camera, frame.size, background)
         buffers = {name: frame.array(name) for name in BUFFERS if frame.has(name)}
@@ -184,6 +194,10 @@ class GroundShadow:
         Returns
         -------
         (n_row, width, 4) uint8, a new array
+
+        Raises
+        ------
+        SceneError : a colour that is not legal
         """
         rgba = rgba.copy()
         opacity = self.opacity_at(camera, size, (first, first + len(rgba)))

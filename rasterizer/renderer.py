@@ -280,6 +280,14 @@ class Renderer:
         ----------
         file : RowFile of a picture of this size (io/row_files.py)
         camera : Camera; None = the scene's own
+
+        Returns
+        -------
+        Stats
+
+        Raises
+        ------
+        OutputError, SceneError : as `render_to`
         """
         outputs, wanted = self.options.outputs, file.kind.array
         if "color" not in outputs and (wanted == "color" or "rgb" not in outputs):

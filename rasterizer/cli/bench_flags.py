@@ -37,7 +37,7 @@ def _add_measured(group) -> None:
         type=values.list_of(str, choices.SHADINGS),
         default=("flat", "gouraud", "phong"),
         metavar="LIST",
-        help="(default flat,gouraud,phong)",
+        help="shading methods (default flat,gouraud,phong)",
     )
     add(
         "--subdivisions",
@@ -59,7 +59,7 @@ def _add_measured(group) -> None:
         type=values.list_of(values.fraction),
         default=(0.0, Options.tolerance, 1 / 64),
         metavar="LIST",
-        help="(default 0,1/4096,1/64)",
+        help="errors accepted (default 0,1/4096,1/64)",
     )
     add(
         "--no-axes",

@@ -14,11 +14,10 @@ from pathlib import Path
 from ..cores import n_core
 from ..errors import OutputError, SceneError
 from ..version import __version__
+from .environment import ENVIRONMENT
 from .messages import print_record, print_text
 
 _NEEDED = ("numpy", "numba", "llvmlite", "pillow", "trimesh")
-_SETTINGS = ("RASTER_STORE", "RASTER_MOST_TEXELS", "NUMBA_CACHE_DIR", "NUMBA_DISABLE_JIT", "NUMBA_BOUNDSCHECK",
-             "XDG_CACHE_HOME", "NO_COLOR")  # fmt: skip
 _FIRST = 12  # letters of the names of facts
 _MB = 1e6
 _LEAST_FREE = 200e6  # bytes of a disk: all kernels take less than a third
@@ -52,7 +51,7 @@ def examine(arguments, messages) -> tuple[list, int]:
         "packages": {name: _version_of(name) for name in _NEEDED},
         "extras": _list_extras(),
         "kernels": _describe_kernels(),
-        "settings": {name: os.environ[name] for name in _SETTINGS if name in os.environ},
+        "settings": {name: os.environ[name] for name in ENVIRONMENT if name in os.environ},
     }
     if cleared is not None:
         facts["cleared"] = cleared

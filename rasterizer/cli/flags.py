@@ -188,7 +188,7 @@ def add_loading(group) -> None:
         "--threads",
         type=int,
         metavar="N",
-        help="(default: all that the process may use)",
+        help="threads that draw a picture (default: all that the process may use)",
     )
     add("--drop-bad-faces", action="store_true", help="leave out faces with NaN or infinite coordinates")
     add(

@@ -98,7 +98,8 @@ class LightEntry:
         return math.inf
 
     def amplification(self, light: Any, clearance: ArrayLike) -> ArrayLike:
-        """Return how much stronger than its colour the light is at most, at the clearance and beyond; at least 1."""
+        """Return how much stronger than its colour the light is at most, at the clearance (...), scene units, and
+        beyond: (...) float64, at least 1."""
         return 1.0
 
     def sway(self, light: Any, clearance: NDArray[np.float64], slope: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,18 +16,27 @@ class OutputBuffer(NamedTuple):
     """A kind of buffer: one sample a pixel, at its centre, never averaged.
 
     The entries of a band may be those of a picture: what holds for every record is told by `face_of` (records.py).
+
+    Parameters
+    ----------
+    write : function of VisibleSurfaces, Band, array and table, which fills the pixels of a band where something is
+    dtype : of the array
+    n_component : numbers a pixel
+    empty : value where nothing is visible
+    needs_normals : whether attributes 0-2 of the drawables, in float64, are the normals
+    table : function of BufferTables and View that makes the fourth argument of `write`; None = it takes none
     """
 
-    write: Callable[..., None]  # of VisibleSurfaces, Band, array, table: fills the pixels of a band where something is
+    write: Callable[..., None]
     dtype: DTypeLike
-    n_component: int  # numbers a pixel
-    empty: float  # where nothing is visible
-    needs_normals: bool = False  # attributes 0-2 of the drawables, in float64, are then the normals
-    table: Callable[[BufferTables, View], Any] | None = None  # makes what `write` takes as its fourth argument, if any
+    n_component: int
+    empty: float
+    needs_normals: bool = False
+    table: Callable[[BufferTables, View], Any] | None = None
 
     def make(self, size: tuple[int, int]) -> NDArray:
-        """Return room for `size` = (width, height) pixels, (height, width), with several components (height, width,
-        n_component); not filled, because the bands are filled one by one, while they are in the cache."""
+        """Return room for `size` = (width, height) pixels: (height, width), with several components (height, width,
+        n_component), of `dtype`; not filled, because the bands are filled one by one, while they are in the cache."""
         return np.empty(size[::-1] if self.n_component == 1 else (*size[::-1], self.n_component), self.dtype)
 
 

@@ -10,11 +10,18 @@ from .uniforms import batch_functions_of
 
 
 class Ways(NamedTuple):
-    """Triangles by the way that their attributes took, counted in each band that they meet."""
+    """Triangles by the way that their attributes took, counted in each band that they meet.
 
-    entries: int  # intensities in the entries of the visibility buffer
-    planes: int  # records of planes
-    exact: int  # exact records
+    Parameters
+    ----------
+    entries : those with intensities in the entries of the visibility buffer
+    planes : those with records of planes
+    exact : those with exact records
+    """
+
+    entries: int
+    planes: int
+    exact: int
 
 
 class MaterialNeeds(NamedTuple):

@@ -68,6 +68,10 @@ class ReflectionEntry:
         ----------
         angle : (...) radians
         beside : what else it changes by for each radian, in the light's strength
+
+        Returns
+        -------
+        (...) float64
         """
         return np.minimum(1.0, times(self.turn_slope(material) + beside, angle))
 

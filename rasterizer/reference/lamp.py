@@ -52,8 +52,8 @@ class LampKind:
         return [Lamp(light, color, frame.vector(light.direction), None, index)]
 
     def attenuate(self, lamp: Lamp, points: NDArray) -> tuple[NDArray, NDArray | None]:
-        """Return the unit vectors (n, 3) from points (n, 3) to a lamp, and what is left of its light there, (n, 1);
-        None instead of the latter where nothing weakens it."""
+        """Return the unit vectors (n, 3) float64 from points (n, 3), world space, to a lamp, and what is left of its
+        light there, (n, 1) float64; None instead of the latter where nothing weakens it."""
         return np.broadcast_to(-lamp.axis, points.shape), None
 
 

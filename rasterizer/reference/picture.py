@@ -35,18 +35,28 @@ class Picture(NamedTuple):
     The margin tells how safe the order of the surfaces is. Where a surface lets something through, the next ones have
     margins too; the least counts. The steps of a z-buffer grow with the depth squared in perspective, so these margins
     are brought to the depth of the nearest surface: as many steps there.
+
+    Attributes
+    ----------
+    color : (height, width, 3) float64, linear, not clamped, not premultiplied
+    alpha : (height, width) float64
+    rgb : (height, width, 3) uint8, sRGB
+    depth : (height, width) float64, scene units along the viewing axis, of the nearest surface; inf where nothing is
+    face : (height, width) int32, index into the faces as loaded, of the nearest surface; -1 where nothing is
+    normal : (height, width, 3) float64, unit, world space, towards the viewer, of the nearest surface; 0 where nothing
+        is
+    margin : (height, width) float64, how much deeper the runner-up lies, inf where there is none
+    surface : SurfaceBuffers, masks, labels and coordinates of the nearest surface
     """
 
-    color: NDArray[np.float64]  # (h, w, 3) linear, not clamped, not premultiplied
-    alpha: NDArray[np.float64]  # (h, w)
-    rgb: NDArray[np.uint8]  # (h, w, 3) sRGB
-    depth: NDArray[
-        np.float64
-    ]  # (h, w) scene units along the viewing axis, inf where nothing is; of the nearest surface
-    face: NDArray[np.int32]  # (h, w) index into the faces as loaded, -1 where nothing is; of the nearest surface
-    normal: NDArray[np.float64]  # (h, w, 3) unit, towards the viewer, 0 where nothing is; of the nearest surface
-    margin: NDArray[np.float64]  # (h, w) how much deeper the runner-up lies, inf where there is none
-    surface: SurfaceBuffers  # masks, labels and coordinates of the nearest surface
+    color: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    rgb: NDArray[np.uint8]
+    depth: NDArray[np.float64]
+    face: NDArray[np.int32]
+    normal: NDArray[np.float64]
+    margin: NDArray[np.float64]
+    surface: SurfaceBuffers
 
 
 class Look(NamedTuple):

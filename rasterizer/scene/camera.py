@@ -340,7 +340,7 @@ class Camera:
         return K, R, -R @ eye
 
     def view(self) -> View:
-        """Return the eye and the camera's axes, world space, float64."""
+        """Return the eye and the camera's axes: View, of (3,) float64 each, world space."""
         way = tuple(to - at for to, at in zip(self.target, self.position, strict=True))
         forward = unit3(way, "the way from the camera's position to its target")
         up: VectorLike = self.up

@@ -155,10 +155,21 @@ class Scene:
         return bounds
 
     def framed(self, aspect: float) -> Camera:
-        """Return a perspective camera that shows the whole scene from the default side in a picture of
-        `aspect` = width / height.
+        """Return a perspective camera that shows the whole scene from the default side.
 
         The same camera is returned every time; looking at all vertices takes a while for large scenes.
+
+        Parameters
+        ----------
+        aspect : width / height of the picture, finite, above 0
+
+        Returns
+        -------
+        Camera, as `Camera.framing` makes it
+
+        Raises
+        ------
+        SceneError : another aspect
         """
         aspect = number(aspect, "the aspect (width / height)")
         if aspect not in self._framed:
@@ -166,7 +177,20 @@ class Scene:
         return self._framed[aspect]
 
     def camera_for(self, size: Sequence[int]) -> Camera:
-        """Return the scene's own camera, else one that frames it for a `size` of (width, height) pixels."""
+        """Return the scene's own camera, else one that frames it.
+
+        Parameters
+        ----------
+        size : (width, height) of the picture, pixels
+
+        Returns
+        -------
+        Camera
+
+        Raises
+        ------
+        SceneError : a size that is not legal, where there is no camera
+        """
         if self.camera is not None:
             return self.camera
         width, height = picture_size(size)

@@ -79,7 +79,7 @@ class Spectrum(tuple[float, float, float]):
 
     @classmethod
     def flat(cls, value: float) -> "Spectrum":
-        """Return the spectrum that has one value at all wavelengths: a grey, or white light; a number, at least 0."""
+        """Return the spectrum that has one `value`, at least 0 (else SceneError): a grey, or white light."""
         value = number(value, "the flat spectrum's value")
         return cls((SHORTEST, LONGEST), (value, value))
 
@@ -160,11 +160,11 @@ class Spectrum(tuple[float, float, float]):
         return _spectrum(WAVELENGTHS, samples_of((red, green, blue), N_TABLE), cls)
 
     def at(self, wavelengths: ArrayLike) -> NDArray[np.float64]:
-        """Return the values at wavelengths: finite numbers in nm, of any shape; float64 of the same shape."""
+        """Return the values (...) float64 at `wavelengths` (...), nm; SceneError for what are no finite numbers."""
         return np.interp(_numbers(wavelengths, "wavelengths"), self._wavelengths, self._values)
 
     def scaled(self, factor: float) -> "Spectrum":
-        """Return the spectrum times a number, at least 0: a weaker or stronger light, a darker or brighter surface."""
+        """Return the spectrum times `factor`, at least 0 (else SceneError): a brighter or darker one."""
         value = number(factor, "the spectrum's factor")
         if value < 0.0:
             raise SceneError(f"the spectrum's factor must be at least 0; given {shown(factor)}")

@@ -5,7 +5,17 @@ from functools import cache
 
 from helpers.raster import ROOT
 
-PAGES = ("README.md", "models/README.md", "rasterizer/README.md", "bench/README.md", "tests/README.md")
+RECIPES = ("rasterizer/batch/README.md", "rasterizer/io/README.md", "rasterizer/analysis/README.md")
+PAGES = (
+    "README.md",
+    "models/README.md",
+    "rasterizer/README.md",
+    "rasterizer/cli/README.md",
+    *RECIPES,
+    "bench/README.md",
+    "tests/README.md",
+    "CHANGELOG.md",
+)
 
 
 @cache
@@ -23,6 +33,20 @@ def shell_lines(page) -> list[str]:
     """Return the lines of shell blocks, without comments."""
     lines = (line.partition(" # ")[0].strip() for block in blocks(page, "sh") for line in block.splitlines())
     return [line for line in lines if line]
+
+
+def console_lines(page) -> list[tuple[str, int]]:
+    """Return the commands `raster ...` of console blocks, without a `timeout` before them, each with its exit code: 0,
+    or the number behind `echo $?`."""
+    found: list[tuple[str, int]] = []
+    for block in blocks(page, "console"):
+        lines = iter(block.splitlines())
+        for line in lines:
+            if line == "$ echo $?":
+                found[-1] = (found[-1][0], int(next(lines)))
+            else:
+                found.append((re.sub(r"^\$ (timeout \d+ )?raster ", "", line), 0))
+    return found
 
 
 def commands(page) -> list[str]:

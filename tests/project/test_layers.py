@@ -11,7 +11,7 @@ import rasterizer as rz
 
 # The layers, from the top to the bottom: a module imports its own folder and what stands further down.
 LAYERS = (
-    ("__main__",),
+    ("__main__", "api_pages"),
     ("cli",),
     ("batch", "notebook"),
     ("viewer",),
@@ -50,6 +50,7 @@ FORBIDDEN = {
 
 # Imports inside functions, each with its reason. Any other one hides a circle, or should stand at the top.
 IN_FUNCTIONS = {
+    ("api_pages", "pdoc"): "optional: the extra docs",
     ("analysis.contact_sheet", "PIL"): "heavy: only sheets and pictures that are saved need it",
     ("analysis.flip", "flip_evaluator"): "optional: only `raster bench --flip` needs it",
     ("analysis.plotting", "matplotlib"): "optional: only plots need it",
