@@ -126,15 +126,21 @@ def add_camera(parser) -> None:
     add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
     add_lens(group)
     add_margin(group)
+    add_standpoint(group, "frame = fill the picture although the model brings a camera")
+    add_up(group)
+
+
+def add_standpoint(group, frame) -> None:
+    """Add cameras that stand somewhere, whatever they show; `frame` says what --camera frame does."""
+    add = group.add_argument
     add(
         "--camera",
         metavar="FILE",
         help="a camera out of a scene file, or one by itself in JSON; file = the model's own, which must have one; "
-        "frame = fill the picture although the model brings a camera",
+        + frame,
     )
     add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")
-    add_up(group)
 
 
 def add_lens(group) -> None:
