@@ -20,8 +20,8 @@ examples:
   raster turntable room.obj -o room.webp --eye 4,2,6 --target 0,1,0 --fov 50
   raster turntable part.obj -o 'frames/{stem}-{frame:03}.png' --frames 120
 
-A GIF file has one palette of 255 colours for all frames, and no half-covered pixels; WebP and APNG have all colours
-and an alpha channel. MP4, MOV and MKV need the extra `video`, and have no alpha: without --background they are white.
+A GIF file has one palette of 255 colours for all frames, and no half-covered pixels, so that it has no shadow on the
+ground without --background; WebP and APNG have all colours and an alpha channel. MP4, MOV and MKV need the extra `video`, and have no alpha: without --background they are white.
 
 exit codes: 0 done, 1 some models failed and the rest was done, 2 usage, 3 a model can't be read or is empty,
 4 an output can't be written, 130 interrupted

@@ -6,6 +6,7 @@ in:  a Camera, angles in degrees, the axis: a direction and a point     out: a C
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,7 +33,8 @@ def turned_cameras(
     for angle in angles:
         turn = rotation(pole, angle)
         position, target = (pivot + turn @ (np.array(p) - pivot) for p in (camera.position, camera.target))
-        found.append(camera if angle == 0.0 else replace(camera, position=position, target=target, up=turn @ up))
+        moved: dict[str, Any] = {"position": position, "target": target, "up": turn @ up}
+        found.append(camera if angle == 0.0 else replace(camera, **moved))
     return found
 
 

@@ -212,3 +212,18 @@ def test_a_camera_that_looks_down_the_axis_turns_its_picture():
     camera = rz.Camera.look_at((0, 5, 0), (0, 0, 0), "y")
     tops = [c.view().up for c in turned_cameras(camera, [0, 90, 180], (0, 1, 0), np.zeros(3))]
     assert np.allclose(tops, [[0, 0, -1], [-1, 0, 0], [0, 0, 1]], rtol=0, atol=1e-12)
+
+
+def test_a_transparent_gif_has_no_soft_shadow_and_that_is_said_once(capsys):
+    assert run(GEAR, CUBE, "-o", "{stem}.gif") == 0
+    assert capsys.readouterr().err.count("no shadow on the ground") == 1
+    bare = ["gear.gif", "cube.gif"]
+    kept = [open(path, "rb").read() for path in bare]
+    for argv in (["--no-ground"], ["-q"]):
+        assert run(GEAR, CUBE, "-o", "{stem}.gif", *argv) == 0
+        assert not capsys.readouterr().err and [open(path, "rb").read() for path in bare] == kept
+    for name, argv in (("x.webp", []), ("x.gif", ["--background", "white"])):
+        assert run(CUBE, "-o", name, *argv) == 0
+        assert "no shadow" not in capsys.readouterr().err
+    white = pictures("x.gif")[0][..., :3].astype(int)
+    assert ((white > 130) & (white < 250)).all(axis=2).sum() > 100, "soft greys on the ground"
