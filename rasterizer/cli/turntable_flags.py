@@ -1,8 +1,8 @@
 """The flags of `raster turntable`."""
 
 from . import values
-from .defaults import AZIMUTH, ELEVATION, TURNTABLE_FRAMES, TURNTABLE_SECONDS, TURNTABLE_SIZE
-from .flags import add_files, add_lens, add_margin, add_messages, add_standpoint, add_up
+from .defaults import TURNTABLE_FRAMES, TURNTABLE_SECONDS, TURNTABLE_SIZE
+from .flags import add_files, add_messages, add_side
 from .look_flags import add_drawing
 
 _HELP = """\
@@ -21,7 +21,8 @@ examples:
   raster turntable part.obj -o 'frames/{stem}-{frame:03}.png' --frames 120
 
 A GIF file has one palette of 255 colours for all frames, and no half-covered pixels, so that it has no shadow on the
-ground without --background; WebP and APNG have all colours and an alpha channel. MP4, MOV and MKV need the extra `video`, and have no alpha: without --background they are white.
+ground without --background; WebP and APNG have all colours and an alpha channel.
+MP4, MOV and MKV need the extra `video`, and have no alpha: without --background they are white.
 
 exit codes: 0 done, 1 some models failed and the rest was done, 2 usage, 3 a model can't be read or is empty,
 4 an output can't be written, 130 interrupted
@@ -50,16 +51,6 @@ def add_flags(parser) -> None:
     add("--turn", type=values.number, default=360.0, metavar="A", help="degrees of the round, or with a minus sign the "
         "other way round (default 360)")  # fmt: skip
     add("--loop", type=values.whole, default=0, metavar="N", help="how often it is shown (default 0: again and again)")
-    add(
-        "--azimuth",
-        type=values.number,
-        metavar="A",
-        help=f"degrees at the first frame, 0 = front (default {AZIMUTH:g})",
-    )
-    add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
-    add_lens(group)
-    add_margin(group)
-    add_standpoint(group, "frame = show all of the model in every frame (default)")
-    add_up(group)
+    add_side(group, "at the first frame", "frame = show all of the model in every frame (default)")
     add_drawing(parser)
     add_messages(parser)
