@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .choices import AXES
 from .errors import SceneError, shown
 from .frame import Frame
 from .io.animation import Timing, encode_animation
@@ -17,6 +18,7 @@ from .options import Options
 from .renderer import Renderer
 from .scene.camera import Camera
 from .scene.scene import Scene
+from .scene.turning import pivot_of, turned_cameras
 from .scene.validate import is_whole, number
 
 _MOST_FRAMES = 10_000
@@ -101,11 +103,12 @@ def turntable(
     n_frame: int = 36,
     *,
     seconds: float = 3.0,
-    elevation: float = 25.0,
-    fov: float = 30.0,
+    elevation: float | None = None,
+    fov: float | None = None,
+    camera: Camera | None = None,
     **options: Any,
 ) -> Animation:
-    """Turn a scene round once: the camera goes round it at one distance.
+    """Turn a scene round once: the camera goes round it at one distance, to the right, about the scene's up axis.
 
     Parameters
     ----------
@@ -113,7 +116,9 @@ def turntable(
     size : (width, height) in pixels, or one number for a square
     n_frame : pictures of one round, 1 to 10000
     seconds : how long it takes
-    elevation, fov : degrees, as in `Camera.framing`
+    elevation, fov : degrees, as in `Camera.framing`; None = 25 and 30
+    camera : of the first frame, from which it goes round what it looks at; None = the cameras of `Camera.orbit`, which
+        show all of the scene from all sides
     options : other options of `render`, but `outputs`
 
     Returns
@@ -131,9 +136,22 @@ def turntable(
         raise SceneError("a turntable is made of pictures alone: it takes no outputs")
     scene = scene if isinstance(scene, Scene) else load(scene)
     checked = Options(size=size)
-    cameras = Camera.orbit(scene, int(n_frame), elevation, fov, size=checked.size)
+    cameras = _cameras(scene, int(n_frame), checked.size, camera, elevation=elevation, fov=fov)
     with Renderer(scene, checked.size, outputs=("rgb",), **options) as renderer:
         return Animation([renderer.render(camera) for camera in cameras], seconds)
+
+
+def _cameras(scene: Scene, n_frame: int, size: tuple[int, int], camera: object, **framing: Any) -> list[Camera]:
+    """Return the cameras of a round: those of an orbit, or one that is given, turned."""
+    given = {name: value for name, value in framing.items() if value is not None}
+    if camera is None:
+        return Camera.orbit(scene, n_frame, size=size, **given)
+    if not isinstance(camera, Camera):
+        raise SceneError(f"camera must be a Camera or None; given {shown(camera)}")
+    if given:
+        raise SceneError(f"a turntable has a camera, or frames the scene; given camera, {', '.join(given)}")
+    angles = [360.0 * k / n_frame for k in range(n_frame)]
+    return turned_cameras(camera, angles, AXES[scene.up], pivot_of(camera, scene.bounds))
 
 
 def _picture_of(frame: object) -> NDArray[np.uint8]:

@@ -55,6 +55,16 @@ def internal_error(name: str, fault: Exception) -> ModelError:
     return error
 
 
+def error_of(name: str, fault: Exception) -> RasterizerError:
+    """Return what is said of whatever went wrong at one model: an error of this package as it is, else one that stands
+    for it."""
+    if isinstance(fault, RasterizerError):
+        return fault
+    if isinstance(fault, MemoryError):
+        return SceneError(f"not enough memory for {name}" + (f": {fault}" if str(fault) else ""))
+    return internal_error(name, fault)
+
+
 @contextmanager
 def one_file(name: str) -> Iterator[None]:
     """Turn what gets out of reading one file, and is no error of ours, into a ModelError that names the file."""

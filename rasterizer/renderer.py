@@ -236,9 +236,14 @@ class Renderer:
             return self._render(camera, words)
 
     def render_to(
-        self, path: str | os.PathLike[str], camera: Camera | None = None, *, array: SavedArray | None = None
+        self,
+        path: str | os.PathLike[str],
+        camera: Camera | None = None,
+        *,
+        array: SavedArray | Sequence[SavedArray] | None = None,
+        scale: float | None = None,
     ) -> Stats:
-        """Render into a file; the same file as `render(camera).save(path, array=array)` writes.
+        """Render into a file; the same file as `render(camera).save(path, array=array, scale=scale)` writes.
 
         TIFF files, and .npy files of `color`, `rgb`, `rgba` or `alpha`, are written band by band while the picture is
         drawn: it may be larger than the memory. Nothing but what the file holds is drawn. With
@@ -248,7 +253,7 @@ class Renderer:
         ----------
         path : where to; the suffix chooses the format. The file appears whole or not at all
         camera : Camera; None = the scene's own
-        array : which array a .npy file holds, as in `Frame.save`
+        array, scale : which arrays the file holds, and the unit of depths in a PNG file, as in `Frame.save`
 
         Returns
         -------
@@ -256,7 +261,7 @@ class Renderer:
 
         Raises
         ------
-        OutputError : the file can't be written, or its folder has no room for it
+        OutputError : the file can't be written, its folder has no room for it, or a value is out of its range
         SceneError : what is no camera, an array that is unknown or was not asked for by `outputs`; and after `close`
         """
         from .io.row_files import RowFile, row_format_of
@@ -266,8 +271,10 @@ class Renderer:
         kind = row_format_of(Path(path).suffix.lower().lstrip("."), array) if is_row_by_row else None
         if kind is None or (os.path.exists(path) and not os.path.isfile(path)):  # a device or a pipe has no places
             frame = self.render(camera)
-            frame.save(path, array=array)
+            frame.save(path, array=array, scale=scale)
             return frame.stats
+        if scale is not None:
+            raise SceneError(f"scale is that of depth in a PNG file; given scale={shown(scale)} for {shown(path)}")
         with RowFile(path, kind, self.options.size) as file:
             stats = self.render_rows(file, camera)
             file.move()

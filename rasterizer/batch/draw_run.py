@@ -11,7 +11,7 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 from ..choices import VIEWS, SavedArray
-from ..errors import RasterizerError, SceneError, internal_error
+from ..errors import RasterizerError, SceneError, error_of
 from ..frame import Frame, Stats
 from ..io.loader import load
 from ..options import Options
@@ -89,19 +89,15 @@ def _draw(run: Run, picture: Picture, shared: Any, kept: dict[str, Any]) -> Draw
         frame = _render(model, picture, kept)
         content = encode(frame, picture)
         stats, error = frame.stats, None
-    except Exception as fault:  # noqa: BLE001  one that fails does not stop the rest
+    except Exception as fault:  # noqa: BLE001  whatever it is, one that fails does not stop the rest
         content, stats, error = None, None, make_error(run.name, fault)
     told = () if model is None else (model.warnings, model.files_read)
     return Drawn(picture.number, content, error, perf_counter() - start, stats, *(told or ((), ())))
 
 
 def make_error(name: str, fault: Exception) -> RasterizerError:
-    """Return what is said of a fault; one of this package's own is told as such."""
-    if isinstance(fault, RasterizerError):
-        return fault.with_traceback(None)
-    if isinstance(fault, MemoryError):
-        return SceneError(f"not enough memory for {name}: {fault}")
-    return internal_error(name, fault)
+    """Return what is said of a fault, without its traceback: that would hold on to what was being drawn."""
+    return error_of(name, fault).with_traceback(None)
 
 
 def load_model_of(run: Run, shared: Any, kept: dict[str, Any]) -> Model:
@@ -119,8 +115,8 @@ def load_model_of(run: Run, shared: Any, kept: dict[str, Any]) -> Model:
         source = shared if run.path is None else run.path
         try:
             loaded = load(source, **run.load, files_read=files_read)
-        except Exception as fault:
-            kept["fault"], kept["source"] = (key, fault), shared
+        except RasterizerError as fault:  # of the model; what else goes wrong may go well the next time
+            kept["fault"], kept["source"] = (key, fault.with_traceback(None)), shared
             raise
     texts = dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, UserWarning))
     kept["model"] = Model(key, loaded, tuple(texts), tuple(dict.fromkeys(files_read)))

@@ -77,7 +77,7 @@ class ExecutorCrew:
             return unit, Died(str(fault))
         except CancelledError:
             return self._settle_lost(unit)
-        except Exception as fault:  # noqa: BLE001  whatever an executor raises
+        except Exception as fault:  # noqa: BLE001  whatever a unit raised there: the others go on
             return unit, Died(str(fault)) if _is_death(fault) else Failed(fault)
 
     def _settle_lost(self, unit: Unit) -> tuple[Unit, Done | Died | Failed]:
@@ -115,7 +115,7 @@ class DaskCrew(ExecutorCrew):
     def n_slot(self) -> int:
         """How many units it should have at a time."""
         if self._n_asked is None and monotonic() - self._asked_at > _LATELY:
-            with suppress(Exception):  # the scheduler can't be asked just now
+            with suppress(Exception):  # Dask's errors have no base: the scheduler can't be asked just now
                 self._n_slot = _AHEAD * max(1, sum(self.client.nthreads().values()))
             self._asked_at = monotonic()
         return self._n_slot

@@ -187,7 +187,7 @@ class Batch:
             index, self._n_task = self._n_task, self._n_task + 1
             try:
                 item = self._check(index, task)
-            except Exception as fault:  # noqa: BLE001  one that is not legal doesn't stop the others
+            except Exception as fault:  # noqa: BLE001  whatever it is, one that is not legal doesn't stop the others
                 yield _failed(index, task, make_error(task.name, fault))
                 continue
             if item is None:
@@ -274,7 +274,7 @@ class Batch:
         note: Note = unit.note
         try:
             model = load_model_of(note.run, None, {})
-        except Exception as fault:  # noqa: BLE001  one model that can't be read does not stop the rest
+        except Exception as fault:  # noqa: BLE001  whatever it is, one that can't be read doesn't stop the rest
             unit.note = note._replace(error=make_error(note.run.name, fault))
             return []
         run = note.run._replace(path=None, identity=None, load={})

@@ -107,11 +107,12 @@ def _guarded(argv, interrupts, is_imported) -> int:
     except Exception as error:  # noqa: BLE001  whatever it is ends in one line
         if interrupts:
             return _interrupted()
-        from ..errors import internal_error
+        from ..errors import error_of
 
-        messages.error(internal_error("command line", error))
+        failure = error_of("command line", error)
+        messages.error(failure)
         messages.traceback(error)
-        return SOME_FAILED
+        return exit_code(failure)
 
 
 def exit_code(error) -> int:

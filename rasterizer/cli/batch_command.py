@@ -5,30 +5,15 @@ from time import perf_counter
 from ..batch.rendering import is_there
 from ..errors import SceneError
 from .processes import draw_models_apart, may_be_drawn_apart
-from .render_command import make_options, render_model
+from .render_command import check_options, render_model
 from .targets import plan_targets
 from .tiles import draw_models_tiled
 
 
 def draw_batch(arguments, messages) -> tuple[list, int]:
-    """Draw every model.
-
-    Parameters
-    ----------
-    arguments : those of the command, as `parse` returns them
-    messages : Messages
-
-    Returns
-    -------
-    the failures, one error for each model that failed; and the number of models
-
-    Raises
-    ------
-    SceneError : an argument that is wrong for every model
-    OutputError : a folder that can't be made
-    """
+    """Draw every model; parameters, result and errors are those of `render_models`."""
     start = perf_counter()
-    make_options(arguments)  # what is not legal is told before a model is loaded
+    check_options(arguments)
     if not may_be_drawn_apart(arguments):
         raise SceneError("raster batch reads and writes files; for stdin and stdout there is raster render")
     plan = plan_targets(arguments)

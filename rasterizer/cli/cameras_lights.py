@@ -162,9 +162,8 @@ def make_camera(arguments, view, subject, bounds, up, framing=None) -> Camera:
 
     Raises SceneError for a value that is not legal.
     """
-    framing = framing or {}
-    fov = _first(arguments.fov, framing.get("fov"), FOV)
     if arguments.eye is not None:
+        fov = _first(arguments.fov, (framing or {}).get("fov"), FOV)
         target = bounds.mean(axis=0) if arguments.target is None else arguments.target
         camera = Camera.perspective(arguments.eye, target, up, fov)
         if arguments.ortho:
@@ -172,20 +171,26 @@ def make_camera(arguments, view, subject, bounds, up, framing=None) -> Camera:
             height = 2.0 * distance * math.tan(math.radians(camera.fov) / 2.0)
             camera = Camera.orthographic(arguments.eye, target, up, height)
     else:
-        azimuth, elevation = VIEWS.get(view, (framing.get("azimuth", AZIMUTH), framing.get("elevation", ELEVATION)))
-        width, height = arguments.size
-        settings = {
-            "azimuth": _first(arguments.azimuth, azimuth),
-            "elevation": _first(arguments.elevation, elevation),
-            "fov": fov,
-            "up": up,
-            "orthographic": arguments.ortho or framing.get("orthographic", False),
-            "aspect": width / height,
-        }
-        if arguments.margin is not None:
-            settings["margin"] = arguments.margin
-        camera = Camera.framing(subject, **framing | settings)
+        camera = Camera.framing(subject, **framing_settings(arguments, view, up, framing))
     return zoomed(camera, arguments.zoom)
+
+
+def framing_settings(arguments, view, up, framing=None) -> dict:
+    """The arguments of `Camera.framing`, but for the subject; parameters are those of `make_camera`."""
+    framing = framing or {}
+    azimuth, elevation = VIEWS.get(view, (framing.get("azimuth", AZIMUTH), framing.get("elevation", ELEVATION)))
+    width, height = arguments.size
+    settings = {
+        "azimuth": _first(arguments.azimuth, azimuth),
+        "elevation": _first(arguments.elevation, elevation),
+        "fov": _first(arguments.fov, framing.get("fov"), FOV),
+        "up": up,
+        "orthographic": arguments.ortho or framing.get("orthographic", False),
+        "aspect": width / height,
+    }
+    if arguments.margin is not None:
+        settings["margin"] = arguments.margin
+    return framing | settings
 
 
 def _first(*values):

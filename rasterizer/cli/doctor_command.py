@@ -24,12 +24,7 @@ _LEAST_FREE = 200e6  # bytes of a disk: all kernels take less than a third
 
 
 def examine(arguments, messages) -> tuple[list, int]:
-    """Say what is there, and remove kernels where that is asked for.
-
-    Parameters
-    ----------
-    arguments : those of the command, as `parse` returns them
-    messages : Messages
+    """Say what is there, and remove kernels where that is asked for; parameters are those of `render_models`.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
 from contextlib import contextmanager
 
-from ..errors import RasterizerError, SceneError, internal_error
+from ..errors import error_of
 
 
 class Failures(list):
@@ -32,21 +32,12 @@ class Failures(list):
             yield
         except BrokenPipeError:
             raise
-        except Exception as error:  # noqa: BLE001  one model that fails does not stop the rest
-            failure = _failure(error, model, size)
+        except Exception as error:  # noqa: BLE001  whatever it is, one model that fails does not stop the rest
+            at = f" at {size}" if size is not None and isinstance(error, MemoryError) else ""
+            failure = error_of(f"{model}{at}", error)
             self.append(failure)
             self._messages.error(failure)
             if getattr(failure, "is_internal", False):
                 self._messages.traceback(error.__cause__ if failure is error and error.__cause__ else error)
             if self._is_json:
                 self._messages.record({"path": model, "error": str(failure)}, is_stdout_taken)
-
-
-def _failure(error, model, size) -> RasterizerError:
-    """What is said of a model that failed; a fault of the program's own is told as such."""
-    if isinstance(error, RasterizerError):
-        return error
-    if isinstance(error, MemoryError):
-        at = f" at {size}" if size is not None else ""
-        return SceneError(f"not enough memory for {model}{at}: {error}")
-    return internal_error(model, error)

@@ -117,11 +117,22 @@ def add_camera(parser) -> None:
         metavar="LIST",
         help=f"where from: {', '.join(VIEWS)}; several, with commas, make a picture each",
     )
+    add_side(group, "about the up axis", "frame = fill the picture although the model brings a camera")
+
+
+def add_side(group, azimuth, frame) -> None:
+    """Add the side that a model is framed from, and cameras that stand somewhere, whatever they show.
+
+    Parameters
+    ----------
+    azimuth, frame : text, what the degrees of --azimuth are, and what --camera frame does
+    """
+    add = group.add_argument
     add(
         "--azimuth",
         type=values.number,
         metavar="A",
-        help=f"degrees about the up axis, 0 = front (default {AZIMUTH:g})",
+        help=f"degrees {azimuth}, 0 = front (default {AZIMUTH:g})",
     )
     add("--elevation", type=values.number, metavar="A", help=f"degrees above the horizon (default {ELEVATION:g})")
     add_lens(group)
@@ -130,7 +141,7 @@ def add_camera(parser) -> None:
         "--camera",
         metavar="FILE",
         help="a camera out of a scene file, or one by itself in JSON; file = the model's own, which must have one; "
-        "frame = fill the picture although the model brings a camera",
+        + frame,
     )
     add("--eye", type=values.vector, metavar="X,Y,Z", help="where the camera stands")
     add("--target", type=values.vector, metavar="X,Y,Z", help="what it looks at (default: the model's middle)")

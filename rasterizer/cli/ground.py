@@ -18,11 +18,16 @@ if TYPE_CHECKING:
 
 def make_ground(arguments, loaded: Loaded, threads: int | None) -> "GroundShadow | None":
     """Return the shadow under a model, or None where no ground is wanted."""
-    if not (loaded.is_on_tabletop if arguments.ground is None else arguments.ground):
+    if not wants_ground(arguments, loaded):
         return None
     from ..ground_shadow import GroundShadow
 
     return GroundShadow(loaded.scene, threads=threads)
+
+
+def wants_ground(arguments, loaded: Loaded) -> bool:
+    """Tell whether a model is to have its shadow under it."""
+    return loaded.is_on_tabletop if arguments.ground is None else arguments.ground
 
 
 def finish_of(ground: "GroundShadow | None", camera: Camera, size: tuple[int, int], background):

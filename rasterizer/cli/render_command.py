@@ -45,8 +45,7 @@ def render_models(arguments, messages) -> tuple[list, int]:
     SceneError : an argument that is wrong for every model
     OutputError : the folder of an output doesn't exist
     """
-    make_options(arguments)  # what is not legal is told before a model is loaded
-    check_scale(arguments)
+    check_options(arguments)
     if arguments.preview:
         if holds_arrays(arguments):
             raise SceneError("--preview shows pictures; an array is asked for")
@@ -87,6 +86,12 @@ def _plan(arguments, messages, check_output=None) -> tuple[list, int]:
         plan, n_left_out = without_existing(plan)
         messages.notice(f"{n_left_out} of {n_left_out + sum(map(len, plan))} outputs are there already")
     return plan, n_model
+
+
+def check_options(arguments) -> None:
+    """Raise SceneError for what is not legal, before a model is loaded."""
+    make_options(arguments)
+    check_scale(arguments)
 
 
 def make_options(arguments) -> Options:

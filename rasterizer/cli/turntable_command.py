@@ -1,6 +1,6 @@
 """`raster turntable`: each model turns round once, in a moving picture.
 
-load ─ cameras on a circle (orbit.py) ─ one Renderer ─ frames ─┬─ a moving picture (io/animation.py)
+load ─ cameras on a circle ─ one Renderer ─ frames ─┬─ a moving picture (io/animation.py)
                                                                └─ a picture each, with {frame} in the name
 """
 
@@ -9,35 +9,31 @@ from functools import cached_property
 from pathlib import Path
 from time import perf_counter
 
-import numpy as np
-
+from ..choices import AXES
 from ..errors import SceneError
+from ..io import formats
 from ..io.animation import Timing, animation_format, encode_animation
 from ..options import Options
 from ..renderer import Renderer
-from .cameras_lights import zoomed
-from .defaults import AZIMUTH, ELEVATION, FOV, TURNTABLE_FRAMES, TURNTABLE_SECONDS
-from .ground import OnGround, bare, framed_points, make_ground
+from ..scene.camera import Camera
+from ..scene.turning import middle_on_axis, pivot_of, turned_cameras
+from .cameras_lights import camera_of, framing_settings, zoomed
+from .defaults import TURNTABLE_FRAMES, TURNTABLE_SECONDS
+from .ground import OnGround, bare, framed_points, make_ground, wants_ground
 from .load_scene import load_scene, with_options
 from .messages import Bar, print_record
-from .orbit import orbit_cameras
 from .render_command import draw_models, encode_picture, make_options
 from .targets import STDIO, check_picture, writes_frames
 from .warnings import find_doubts
 
 _IN_MEMORY = 2**30  # bytes of frames; where they are more, they are drawn again each time that they are looked at
 _MOST_FRAMES = 100_000
-_BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])  # stands in for a model
 
 
 def turn_models(arguments, messages) -> tuple[list, int]:
     """Turn every model; parameters, result and errors are those of `render_models`."""
     _fill_in_timing(arguments)
     make_options(arguments)  # what is not legal is told before a model is loaded
-    if arguments.zoom <= 0.0:
-        raise SceneError(f"--zoom must be above 0; given {arguments.zoom:g}")
-    arguments.camera = None
-    _cameras(arguments, _BOX, "y")
 
     def check_animation(output, _) -> None:
         _check_animation(output, arguments)
@@ -79,26 +75,31 @@ def _suffix_of(output) -> str:
     return ".gif" if output == STDIO else Path(output).suffix
 
 
-def _cameras(arguments, points, up, framing=None) -> list:
+def _cameras(arguments, model, loaded, subject) -> list:
     """The cameras of a round; a full one ends a step before it would begin again."""
-    framing = framing or {}
-
-    def given(name, default):
-        return framing.get(name, default) if getattr(arguments, name) is None else getattr(arguments, name)
-
-    start, n = given("azimuth", AZIMUTH), arguments.frames
-    width, height = arguments.size
-    cameras = orbit_cameras(
-        points,
-        [start + arguments.turn * k / n for k in range(n)],
-        elevation=given("elevation", ELEVATION),
-        fov=given("fov", FOV),
-        up=up if arguments.up in (None, "auto") else arguments.up,
-        aspect=width / height,
-        margin=given("margin", 0.05),
-        orthographic=arguments.ortho or framing.get("orthographic", False),
-    )
+    n, scene, framing = arguments.frames, loaded.scene, loaded.framing
+    angles = [arguments.turn * k / n for k in range(n)]
+    if isinstance(arguments.camera, tuple):
+        is_standing, framing = arguments.camera[0] is not None, arguments.camera[1]
+    else:
+        is_standing = arguments.eye is not None or (arguments.camera == "file" and framing is None)
+        framing = None if arguments.camera == "frame" else framing
+    if is_standing:
+        camera = camera_of(arguments, None, scene, framing, subject)
+        return turned_cameras(camera, angles, AXES[scene.up], _pivot(arguments, model, camera, scene))
+    settings = framing_settings(arguments, None, scene.up, framing)
+    start = settings.pop("azimuth")
+    cameras = Camera.orbit(subject, [start + angle for angle in angles], **settings)
     return [zoomed(camera, arguments.zoom) for camera in cameras]
+
+
+def _pivot(arguments, model, camera, scene):
+    """The point (3,) that a camera goes round: what it looks at. A model's own camera has a target in scene files
+    alone; other formats know a direction."""
+    entry = formats.find(arguments.input_format or Path(model).suffix)
+    if arguments.camera == "file" and not (entry is not None and entry.is_scene):
+        return middle_on_axis(camera, scene.bounds)
+    return pivot_of(camera, scene.bounds)
 
 
 class _Frames:
@@ -156,12 +157,12 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
     if scene.background is None and not (is_apart or animation_format(suffix).has_alpha):
         scene = replace(scene, background="white")
     options = make_options(arguments)
-    # A pixel of a GIF file is transparent or not: it can't hold a soft shadow.
+    # A pixel of a GIF file is transparent or not: a soft shadow would be a black spot, or a pattern of dots.
     is_hard = suffix == ".gif" and not is_apart and scene.background is None
     ground = None if is_hard else make_ground(arguments, loaded, options.threads)
-    points = framed_points(scene, ground)
-    points = np.concatenate([mesh.used_vertices for mesh in scene.meshes]) if points is scene else points
-    cameras = _cameras(arguments, points, scene.up, loaded.framing)
+    cameras = _cameras(arguments, targets[0].model, loaded, framed_points(scene, ground))
+    if is_hard and wants_ground(arguments, loaded):
+        messages.notice_once("a transparent GIF has no shadow on the ground; with --background, or as .webp, it has")
     keywords = {field.name: getattr(options, field.name) for field in fields(options)}
     with Renderer(bare(scene, ground), **keywords) as renderer, Bar(messages) as bar:
         frames = _Frames(

@@ -20,12 +20,8 @@ _NAMES = {field.name for field in fields(Options)} - {"size", "outputs"}
 
 
 def view_model(arguments, messages) -> tuple[list, int]:
-    """Serve a model's page until it is closed, with --once, or until the program is interrupted.
-
-    Parameters
-    ----------
-    arguments : those of the command, as `parse` returns them
-    messages : Messages
+    """Serve a model's page until it is closed, with --once, or until the program is interrupted; parameters are those
+    of `render_models`.
 
     Returns
     -------

@@ -201,7 +201,7 @@ def _compile(function, kinds, pipeline) -> Code:
         raise NotStandalone(str(reason)) from None
     except NumbaError as fault:  # where it is no fault of the runtime's absence, numba tells it to the caller
         raise NotStandalone("it allocates memory, or numba can't compile it") from fault
-    except Exception as fault:
+    except Exception as fault:  # numba's own faults are of any kind; without this way, it compiles with its own
         raise NotStandalone(f"numba {numba.__version__}: {type(fault).__name__}: {fault}") from fault
     finally:
         _counts.reset(token)

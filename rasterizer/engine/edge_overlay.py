@@ -8,6 +8,7 @@ The colour of a stroke is laid over the picture's linear colours, by the covered
 touched are decoded, mixed and encoded again, so that exposure and range leave the stroke's colour what it is.
 """
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,17 +69,20 @@ class EdgeOverlay:
     def coverage(self, camera: Camera) -> NDArray[np.float64]:
         """Return which share of each pixel strokes cover, (height, width)."""
         prepared, options, view = self._prepared, self._prepared.options, camera.view()
-        size = options.size[0] * FACTOR, options.size[1] * FACTOR
-        screen = screen_of(camera, view, options.size, FACTOR, prepared.geometry, prepared.bounds)
+        # The middle of a stroke that reaches into the picture may lie beside it, and is hidden there or not.
+        margin = math.ceil(0.5 * options.edge_width) + 1
+        width, height = (n + 2 * margin for n in options.size)
+        size = width * FACTOR, height * FACTOR
+        screen = screen_of(camera, view, options.size, FACTOR, prepared.geometry, prepared.bounds, margin)
         chosen = choose(self._edges, options.edges, screen, options.cull == "back")
         radius = 0.5 * options.edge_width
-        segments = project(self._edges.ends[chosen], screen, size, radius * FACTOR)
-        bits = np.zeros(options.size[::-1], np.uint64)
+        segments = project(self._edges.ends[chosen], screen, size)
+        bits = np.zeros((height, width), np.uint64)
         if len(segments):
             largest = float(max(np.abs(prepared.bounds).max(), np.abs(screen.eye).max()))
             slack = COORDINATE_ERROR * largest * skew_stretch(screen)
             projection = screen.scale_x, screen.scale_y, screen.center_x, screen.center_y
-            edge_view = EdgeView(*projection, screen.is_perspective, slack, float(FACTOR))
+            edge_view = EdgeView(*projection, screen.is_perspective, slack, float(FACTOR), screen.near)
             occluders = Occluders(
                 in_camera(prepared.geometry.positions, screen),
                 np.ascontiguousarray(prepared.geometry.vertex, np.uint32),
@@ -86,7 +90,7 @@ class EdgeOverlay:
             )
             flags = np.empty(STEPS * (sum(size) + 4 * FACTOR) + 4, np.uint8)
             draw_strokes(segments, occluders, edge_view, radius, flags, bits)
-        return np.bitwise_count(bits) / float(GRID * GRID)
+        return np.bitwise_count(bits[margin:-margin, margin:-margin]) / float(GRID * GRID)
 
     def _visible_triangles(self, view: View, screen: Screen, size: tuple[int, int]) -> NDArray[np.int32]:
         """Return which triangle each sample shows, (height, width), -1 where none is."""
@@ -126,14 +130,13 @@ def in_camera(positions: NDArray, screen: Screen) -> NDArray[np.float64]:
     return axes @ (positions - np.asarray(screen.eye)[:, None])
 
 
-def project(ends: NDArray, screen: Screen, size: tuple[int, int], margin: float) -> NDArray[np.float64]:
-    """Bring edges to the screen, and cut off what lies beyond the depths that are drawn, or beside the picture.
+def project(ends: NDArray, screen: Screen, size: tuple[int, int]) -> NDArray[np.float64]:
+    """Bring edges to the screen, and cut off what lies beyond the depths that are drawn, or beside the samples.
 
     Parameters
     ----------
     ends : (n, 2, 3), world space
-    size : (width, height) of the picture, samples
-    margin : how far beside the picture a stroke still reaches into it, samples
+    size : (width, height) of what is seen, samples: the picture, and beside it what strokes may reach from
 
     Returns
     -------
@@ -147,9 +150,11 @@ def project(ends: NDArray, screen: Screen, size: tuple[int, int], margin: float)
         starts, finishes = cut(starts, finishes, screen.far - starts[:, 2], screen.far - finishes[:, 2])
     starts, finishes = to_screen(starts, screen), to_screen(finishes, screen)
     for axis, most in enumerate(size):
-        starts, finishes = cut(starts, finishes, starts[:, axis] + margin, finishes[:, axis] + margin)
-        end = most + margin
-        starts, finishes = cut(starts, finishes, end - starts[:, axis], end - finishes[:, axis])
+        starts, finishes = cut(starts, finishes, starts[:, axis], finishes[:, axis])
+        starts, finishes = cut(starts, finishes, most - starts[:, axis], most - finishes[:, axis])
+    # Of an edge that is seen end-on, the nearer end is the one that is seen.
+    is_end_on = (starts[:, :2] == finishes[:, :2]).all(axis=1) & (finishes[:, 2] > starts[:, 2])
+    starts[is_end_on] = finishes[is_end_on]
     return np.concatenate([starts, finishes], axis=1)
 
 

@@ -46,6 +46,7 @@ class EdgeView(NamedTuple):
     is_perspective: bool
     slack: float  # how far a coordinate may be off, scene units
     factor: float  # samples a pixel along each axis
+    near: float  # scene units: what is nearer is cut off, and hides nothing
 
 
 @kernel
@@ -135,6 +136,8 @@ def relation_in_perspective(a, b, c, x, y, nearness, view):
     if not is_covering or not side * total > 0.0 or volume == 0.0:
         return OUTSIDE, is_before
     found = total / volume
+    if found * view.near > 1.0:
+        return OUTSIDE, False
     is_hiding = found - nearness > found * view.slack * length(normal) / abs(volume) + of_edge
     return HIDING if is_hiding else BEHIND, is_before
 
@@ -155,6 +158,8 @@ def relation_in_parallel(a, b, c, x, y, nearness, view):
         return OUTSIDE, is_before
     normal = cross(subtract(b, a), subtract(c, a))
     depth = (of_a * a[2] + of_b * b[2] + of_c * c[2]) / area
+    if depth < view.near:
+        return OUTSIDE, False
     is_hiding = -depth - nearness > view.slack * (1.0 + length(normal) / abs(normal[2]))
     return HIDING if is_hiding else BEHIND, is_before
 

@@ -2,24 +2,26 @@
 
 In: a `Scene` and the options of a picture. Out: a `Picture` of float64 arrays. It reads in working order:
 
-    surface ─ clip ─ snap ─ cover ─ visibility ─ shading ─ light ─ composite ─ resolve
+    surface ─ clip ─ snap ─ cover ─ visibility ─ shading ─ light ─ composite ─ resolve ─ edges
 
 Letters: n_face loaded triangles; n_piece triangles after clipping, a fan for each face that is cut.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import ANTIALIASES, COLOR_RANGES, CULLS, SAMPLES, SHADINGS, Antialias, ColorRange, Cull, Samples, Shading
+from ..choices import ANTIALIASES, COLOR_RANGES, CULLS, SAMPLES, SHADINGS, Antialias, ColorRange, Cull, EdgeKind, Samples, Shading
 from ..errors import SceneError
 from ..options import Options
 from ..scene.camera import Camera
-from ..scene.color import linear_rgb, srgb_from_linear
+from ..scene.color import ColorLike, linear_rgb, srgb_from_linear
 from ..scene.scene import Scene
 from .clip import choose_range, clip_to_view, furthest_depth, snap, to_eye
 from .cover import Window, doubled_area
+from .edges import cover_pixels, gather_faces, is_drawn, lay_over, list_edges, make_strokes
 from .light import Lighting, make_lighting
 from .materials import palette_of
 from .shade_once import SharedPoints
@@ -101,6 +103,9 @@ def render(
     exposure: float = 0.0,
     spectral: int | None = None,
     rounded: bool = True,
+    edges: EdgeKind | Sequence[EdgeKind] | None = None,
+    edge_color: ColorLike = "black",
+    edge_width: float = 1.0,
 ) -> Picture:
     """Render a scene slowly, and as exactly as float64 allows.
 
@@ -120,6 +125,7 @@ def render(
         in the fast way; False takes them from the polygons as they are, of which a sample at the very edge sees the
         nearest point, and leaves the rounding to what is covered. The difference of both pictures is what the rounding
         of vertices does to colours
+    edges, edge_color, edge_width : strokes over the picture, as in `Options`
 
     Returns
     -------
@@ -130,7 +136,10 @@ def render(
     SceneError : an option is not legal
     """
     _check_options(shading, samples, antialias, cull, color_range)
-    Options(exposure=exposure, spectral=spectral)  # refuses what isn't legal
+    # Refuses what isn't legal.
+    options = Options(
+        exposure=exposure, spectral=spectral, edges=edges, edge_color=edge_color, edge_width=edge_width, cull=cull
+    )
     limits = near, far
     look = look_at(
         scene, size, shading, cull=cull, limits=limits, exposure=exposure, spectral=spectral, is_rounded=rounded,
@@ -140,7 +149,12 @@ def render(
     centres = _draw(look, 1)
     fine = _draw(look, per_axis) if per_axis > 1 else centres
     color, alpha = resolve(fine.color, fine.alpha, per_axis, scene.background)
-    rgb = encode(color, color_range)
+    shown = in_range(color, color_range)
+    if options.edges:
+        share, ink = cover_edges(look, options), np.array(linear_rgb(options.edge_color))
+        shown, _ = lay_over(shown, alpha, share, ink)
+        color, alpha = lay_over(color, alpha, share, ink)
+    rgb = np.rint(255 * srgb_from_linear(shown)).astype(np.uint8)
     of_surface = describe_surface(scene, look.surface, centres.fragments, centres.normal, look.camera.view())
     return Picture(color, alpha, rgb, centres.depth, centres.face, centres.normal, centres.margin, of_surface)
 
@@ -249,8 +263,24 @@ def resolve(color: NDArray, alpha: NDArray, per_axis: int, background: object) -
     return color * opaque + np.array(linear_rgb(background)) * (1 - opaque), np.ones_like(alpha)
 
 
+def cover_edges(look: Look, options: Options) -> NDArray[np.float64]:
+    """Return which share of each pixel the edges cover that the options ask for, (h, w)."""
+    view, projection, is_culled = look.camera.view(), look.camera.projection(look.size), options.cull == "back"
+    depths = choose_range(to_eye(look.surface.corners, view)[..., 2], projection.is_perspective, *look.limits)
+    faces = gather_faces(look.scene, look.surface.corners, view, projection, depths, is_culled)
+    edges = [edge for mesh in look.scene.meshes for edge in list_edges(mesh)]
+    drawn = [edge for edge in edges if is_drawn(edge, options.edges, view, projection.is_perspective, is_culled)]
+    return cover_pixels(make_strokes(drawn, view, faces), faces, look.size, options.edge_width)
+
+
 def encode(color: NDArray, color_range: str, largest: float | None = None) -> NDArray[np.uint8]:
-    """Bring linear colours into 0..1 in the way asked for; return 8-bit sRGB, rounded to nearest.
+    """Bring linear colours into 0..1 in the way asked for; return 8-bit sRGB, rounded to nearest; parameters are those
+    of `in_range`."""
+    return np.rint(255 * srgb_from_linear(in_range(color, color_range, largest))).astype(np.uint8)
+
+
+def in_range(color: NDArray, color_range: str, largest: float | None = None) -> NDArray[np.float64]:
+    """Bring linear colours into 0..1 in the way asked for.
 
     largest : the largest value of the whole picture, for "global"; None = that of `color`
     """
@@ -258,4 +288,4 @@ def encode(color: NDArray, color_range: str, largest: float | None = None) -> ND
         color = color / max(color.max() if largest is None else largest, 1.0)
     elif color_range == "local":
         color = color / np.maximum(color.max(axis=-1, keepdims=True), 1.0)
-    return np.rint(255 * srgb_from_linear(np.clip(color, 0, 1))).astype(np.uint8)
+    return np.clip(color, 0, 1)

@@ -230,7 +230,8 @@ class Camera:
         Returns
         -------
         list of Camera, the nearest from which the picture holds the subject up to the margin from all sides, not just
-        those of `azimuths`. They turn about the middle of the subject's box
+        those of `azimuths`. They turn about the upright axis through the middle of the subject's box, and look at a
+        point of it
 
         Raises
         ------
@@ -243,6 +244,7 @@ class Camera:
         all_axes = [framing.orbit_axes(a, elevation, axis) for a in framing.checked_azimuths(azimuths)]
         cloud = framing.SweptCloud(subject, all_axes[0], AXES[axis])
         eye, target, height = lens.fit(cloud)
+        target = cloud.seen_of_axis(eye, target)
         places = [(cloud.to_world(eye, axes), cloud.to_world(target, axes), axes[1]) for axes in all_axes]
         return [cls(position=p, target=t, up=upward, fov=lens.fov, height=height) for p, t, upward in places]
 

@@ -281,6 +281,15 @@ class SweptCloud(Cloud):
                     best[k], points[k] = scores[where], heights[where] * self._pole + radii[where] * across[k]
         return points @ self._axes.T
 
+    def seen_of_axis(self, eye: Array, target: Array) -> Array:
+        """Return where the view from an eye meets the axis, (3,) along the camera's axes: the same point for all
+        cameras of an orbit. Along the axis, and where it lies behind the eye, it is the target that is given."""
+        pole = self._axes @ self._pole
+        if pole[1] == 0.0:
+            return target
+        met = eye[1] / pole[1] * pole
+        return met if met[2] > eye[2] else target
+
 
 def _point_sets(subject: Any) -> list[NDArray[Any]]:
     """Return the points to be framed as a list of (n, 3) arrays that are not empty."""

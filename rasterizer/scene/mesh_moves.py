@@ -10,8 +10,8 @@ from ..choices import AXES, Axis
 from ..errors import SceneError, shown
 from . import mesh_arrays
 from .arrays import VectorLike, plain_array
-from .framing import cos_sin
 from .material import Material
+from .turning import rotation
 from .validate import COORDINATE_LIMIT, choice, number, position3, unit3, vector3
 
 if TYPE_CHECKING:
@@ -83,15 +83,9 @@ class Movable:
         ------
         SceneError : a value that is not legal
         ModelError : vertices that leave the legal range
-
-        Source: Rodrigues 1840, J. Math. Pures Appl. 5, 380-440: R = cos θ·1 + sin θ·[a]× + (1 - cos θ)·a aᵀ.
         """
         direction = AXES[choice(axis, tuple(AXES), "the axis")] if isinstance(axis, str) else unit3(axis, "the axis")
-        cos, sin = cos_sin(number(angle, "the angle"))
-        x, y, z = direction
-        across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        rotation = cos * np.eye(3) + sin * across + (1.0 - cos) * np.outer(direction, direction)
-        return self.transformed(_about(rotation, about))
+        return self.transformed(_about(rotation(direction, number(angle, "the angle")), about))
 
     def scaled(self, factor: float | VectorLike, about: VectorLike = (0, 0, 0)) -> "Mesh":
         """Return a copy that is larger or smaller.

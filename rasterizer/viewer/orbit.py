@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..choices import AXES
 from ..scene.camera import Camera, View
 from ..scene.scene import Scene
+from ..scene.turning import pivot_of, rotation
 
 Array: TypeAlias = NDArray[np.float64]
 Size: TypeAlias = tuple[int, int]
@@ -52,17 +53,12 @@ class Orbit:
     def of(cls, camera: Camera, scene: Scene) -> "Orbit":
         """Make the orbit of a camera about what it looks at in a scene.
 
-        The target of a camera that was made of a calibration lies anywhere on its axis. It turns about the point of its
-        axis that is as far away as the scene's middle.
+        It turns about the point that `pivot_of` names.
         """
-        eye, right, up, forward = camera.view()
-        low, high = scene.bounds
-        extent = math.dist(low, high)
-        distance = math.dist(camera.position, camera.target)
-        if camera.intrinsics is not None:
-            distance = max(float(np.dot(0.5 * (low + high) - eye, forward)), NEAREST * extent)
-        axes = np.stack([right, up, forward])
-        return cls(camera, eye + distance * forward, axes, distance, np.array(AXES[scene.up]), extent)
+        eye, *axes = camera.view()
+        pivot = pivot_of(camera, scene.bounds, NEAREST)
+        distance, extent = math.dist(eye, pivot), math.dist(*scene.bounds)
+        return cls(camera, pivot, np.stack(axes), distance, np.array(AXES[scene.up]), extent)
 
     @property
     def camera(self) -> Camera:
@@ -84,8 +80,8 @@ class Orbit:
         side = np.cross(forward, self.pole)
         length = float(np.linalg.norm(side))
         side = side / length if length > _AT_POLE else self.axes[0]
-        axes = _rotated(self.axes, side, -math.radians(elevation))
-        return self._moved(axes=_orthonormal(_rotated(axes, self.pole, math.radians(azimuth))))
+        axes = self.axes @ rotation(side, -elevation).T
+        return self._moved(axes=_orthonormal(axes @ rotation(self.pole, azimuth).T))
 
     def panned(self, dx: float, dy: float, size: Size) -> "Orbit":
         """Return the orbit with the picture moved by pixels, to the right and downwards."""
@@ -147,15 +143,6 @@ class Orbit:
 
     def _moved(self, **changes: object) -> "Orbit":
         return replace(self, is_moved=True, **changes)  # type: ignore[arg-type]
-
-
-def _rotated(vectors: Array, axis: Array, angle: float) -> Array:
-    """Rotate vectors (n, 3) about a unit axis, in radians, counter-clockwise as seen from the axis's end.
-
-    Source: Rodrigues 1840, J. Math. Pures Appl. 5, 380-440.
-    """
-    along = np.outer(vectors @ axis, axis)
-    return along + math.cos(angle) * (vectors - along) + math.sin(angle) * np.cross(axis, vectors)
 
 
 def _orthonormal(axes: Array) -> Array:

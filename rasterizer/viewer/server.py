@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
-from ..errors import OutputError, RasterizerError, internal_error
+from ..errors import OutputError, RasterizerError, error_of
 from .events import MOST_BYTES
 from .session import Reply, Session
 
@@ -269,8 +269,8 @@ class _Handler(BaseHTTPRequestHandler):
             reply = self.server.session.answer(message)
         except RasterizerError as fault:
             raise _Refusal(HTTPStatus.BAD_REQUEST, str(fault)) from fault
-        except Exception as fault:  # whatever it is, the page and the terminal are told
-            error = internal_error(self.server.session.title, fault)
+        except Exception as fault:  # whatever it is, the page and the terminal are told, and the server goes on
+            error = error_of(self.server.session.title, fault)
             self.server.note(str(error))
             raise _Refusal(HTTPStatus.INTERNAL_SERVER_ERROR, str(error)) from fault
         self._send(HTTPStatus.OK, pack_reply(reply), "application/octet-stream")

@@ -7,7 +7,7 @@ from typing import Any
 import anywidget
 import traitlets
 
-from ..errors import RasterizerError, internal_error
+from ..errors import error_of
 from ..frame import Frame
 from ..scene.camera import Camera
 from ..scene.scene import Scene
@@ -68,8 +68,7 @@ class ViewerWidget(anywidget.AnyWidget):
         try:
             reply = self._session.answer(content.get("message"))
         except Exception as fault:  # noqa: BLE001  whatever it is, the cell says it
-            error = fault if isinstance(fault, RasterizerError) else internal_error(self._session.title, fault)
-            self.send({"view": view, "error": str(error)})
+            self.send({"view": view, "error": str(error_of(self._session.title, fault))})
             return
         status = {**reply.status, "type": reply.media_type}
         self.send({"view": view, "status": status}, [reply.content])

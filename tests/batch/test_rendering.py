@@ -12,6 +12,7 @@ from helpers.deadly import Deadly
 from helpers.raster import ROOT
 
 import rasterizer as rz
+from rasterizer.batch import draw_run
 
 CUBE, CONE, GEAR = (str(ROOT / "models" / name) for name in ("cube.obj", "cone.obj", "gear.stl"))
 SMALL = {"size": (24, 16)}
@@ -238,6 +239,38 @@ def test_an_executor_draws_the_same_bytes():
     assert {record.status for record in records} == {"drawn"}
     for name in os.listdir("out"):
         assert open(f"out/{name}", "rb").read() == open(f"threads/{name}", "rb").read()
+
+
+def test_too_little_memory_stops_one_picture_and_is_tried_again_for_the_next(monkeypatch):
+    load, faults = draw_run.load, [MemoryError("Unable to allocate 9 TiB"), MemoryError()]
+
+    def load_or_fail(*args, **settings):
+        if faults:
+            raise faults.pop(0)
+        return load(*args, **settings)
+
+    monkeypatch.setattr(draw_run, "load", load_or_fail)
+    with ThreadPoolExecutor(1) as executor:
+        records = draw(tasks_of((CUBE, CONE), ("front", "iso", "top")), executor)
+    assert [record.status for record in records] == ["failed", "failed", "drawn", "drawn", "drawn", "drawn"]
+    assert str(records[0].error) == f"not enough memory for {CUBE}: Unable to allocate 9 TiB"
+    assert str(records[1].error) == f"not enough memory for {CUBE}"
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
+def test_an_interrupt_ends_the_batch_and_leaves_nothing_half_written(monkeypatch, stop):
+    encode, n_drawn = draw_run.encode, []
+
+    def encode_or_stop(*args):
+        n_drawn.append(args)
+        if len(n_drawn) == 2:
+            raise stop
+        return encode(*args)
+
+    monkeypatch.setattr(draw_run, "encode", encode_or_stop)
+    with ThreadPoolExecutor(1) as executor, pytest.raises(stop):
+        draw(tasks_of((CUBE, CONE, GEAR), ("front",)), executor)
+    assert len(n_drawn) <= 3 and not hidden_files()
 
 
 def test_an_executor_that_is_shut_down_is_told():

@@ -13,6 +13,8 @@ from helpers.raster import ROOT
 import rasterizer as rz
 from rasterizer import choices
 from rasterizer.cli import arguments, defaults, help_texts, render_command
+from rasterizer.cli.arguments import make_command_parser
+from rasterizer.cli.commands import COMMANDS
 from rasterizer.options import Options
 from rasterizer.scene import light_presets, lights, material, mesh
 from rasterizer.scene.fields import Cells, Color, Vector, describe_fields
@@ -197,3 +199,38 @@ def test_a_kind_of_light_that_is_added_can_be_written_at_once(monkeypatch, capsy
         ("slab:1,2,3,size=3", "a slab light takes corner=..., extent=..., strength=..."),
     ):
         assert run(CUBE, "--light", text) == 2 and words in errors(capsys)
+
+
+# --- what `raster render` has, other commands that draw have, too ------------------------------------------------
+
+NO_ARRAYS = {"--array": "it writes pictures", "--scale": "of arrays"}
+ONE_PROCESS = {"--processes": "one model follows the other: `raster batch` draws in several"}
+SHOWN_ELSEWHERE = {"--preview": "a terminal is too small for what it makes"}
+LACKING = {
+    "batch": {"--preview": "its processes have no terminal"},
+    "turntable": NO_ARRAYS | ONE_PROCESS | SHOWN_ELSEWHERE | {"--view": "--azimuth says where it begins"},
+    "sheet": NO_ARRAYS | ONE_PROCESS | SHOWN_ELSEWHERE,
+    "demo": NO_ARRAYS | dict.fromkeys(("--processes", "--input-format", "--recursive"), "there is one model"),
+    "compare": NO_ARRAYS
+    | ONE_PROCESS
+    | SHOWN_ELSEWHERE
+    | dict.fromkeys(("--shading",), "--methods says it")
+    | dict.fromkeys(("--samples", "--antialias"), "methods are compared on one sample a pixel")
+    | {"--tolerance": "methods are compared as exact as they are"}
+    | dict.fromkeys(("--edges", "--edge-color", "--edge-width"), "it compares how surfaces are shaded")
+    | dict.fromkeys(("--ground", "--no-ground"), "it compares how surfaces are shaded"),
+    "view": NO_ARRAYS
+    | dict.fromkeys(("--output", "--size", "--skip-existing"), "its pictures are shown, and as large as the page")
+    | dict.fromkeys(("--processes", "--json", "--preview"), "there is one model, and a page")
+    | dict.fromkeys(("--ground", "--no-ground"), "what is turned by hand is seen from below, too"),
+}  # fmt: skip
+
+
+def flags_of(name):
+    actions = make_command_parser(COMMANDS[name])._actions
+    return {flag for action in actions for flag in action.option_strings if flag.startswith("--")}
+
+
+@pytest.mark.parametrize("name", LACKING)
+def test_a_command_that_draws_lacks_a_flag_of_render_only_for_a_reason(name):
+    assert flags_of("render") - flags_of(name) == set(LACKING[name])

@@ -165,3 +165,15 @@ def children_of(pid) -> list[int]:
     """The processes that a process has started."""
     with open(f"/proc/{pid}/task/{pid}/children") as stream:
         return [int(text) for text in stream.read().split()]
+
+
+@pytest.mark.parametrize("command", ["render", "batch"])
+def test_what_is_wrong_for_every_model_is_told_before_one_is_loaded(command, folder, capsys):
+    for argv, words in (
+        (["--scale", "1"], "--scale is that of depth in a PNG file"),
+        (["--array", "depth", "--scale", "-1", "-o", "{stem}.png"], "--scale must be a number above 0"),
+        (["--samples", "3"], "argument --samples"),
+        (["--exposure", "1e9"], "exposure"),
+    ):
+        assert main([command, "nope.obj", CUBE, *argv]) == 2
+        assert words in one_error(capsys) and not os.listdir(folder)

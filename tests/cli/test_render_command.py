@@ -13,7 +13,7 @@ from helpers.command import CUBE, GEAR, PLAIN, SMALL, errors, one_error, picture
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.cli import main
+from rasterizer.cli import main, render_command
 from rasterizer.frame import Frame
 from rasterizer.renderer import Renderer
 
@@ -340,6 +340,9 @@ def test_too_little_memory(capsys, monkeypatch):
 
     monkeypatch.setattr(Renderer, "render", fail)
     assert run(CUBE) == 2 and "not enough memory" in one_error(capsys)
+    monkeypatch.setattr(render_command, "draw_models", fail)  # outside of any model
+    assert run(CUBE) == 2
+    assert one_error(capsys) == "raster: error: not enough memory for command line: Unable to allocate 9 TiB\n"
 
 
 def test_a_fault_of_ours_in_one_model_is_one_line_and_the_next_model(monkeypatch, folder, capsys):

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from helpers.command import CUBE, GEAR, end_by_signal, one_error, start, start_w
 from helpers.raster import ROOT
 from PIL import Image
 
+import rasterizer as rz
 from rasterizer.cli import main, turntable_command
+from rasterizer.scene.turning import turned_cameras
 
 pytestmark = pytest.mark.usefixtures("folder")
 LIFE = ROOT / "models" / "still_life.obj"
@@ -96,6 +99,10 @@ def test_stdout_takes_a_gif(folder):
         (["--zoom", "0"], "--zoom must be above 0"),
         (["--view", "top"], "unrecognized arguments"),
         (["--fov", "200"], "fov must be between"),
+        (["--target", "1,2,3"], "--target needs --eye"),
+        (["--eye", "1,2,3", "--azimuth", "9"], "can't be used with --view, --azimuth or --elevation"),
+        (["--eye", "1,2,3", "--target", "1,2,3"], "position and target must differ"),
+        (["--camera", "file", "--fov", "9"], "--camera file can't be used with other flags of the camera but --zoom"),
     ],
 )
 def test_what_is_not_legal_is_told_before_anything_is_drawn(argv, words, capsys, folder):
@@ -123,3 +130,100 @@ def test_an_interrupt_leaves_nothing_half_written(folder):
 def test_a_scene_file_brings_its_own_look():
     assert run(ROOT / "models" / "room.json", "-o", "room.webp", "--frames", "2") == 0
     assert len(pictures("room.webp")) == 2
+
+
+# --- the same turntable as rz.turntable's ---------------------------------------------------------------------------
+
+PLAIN = ["--preset", "studio", "--shading", "gouraud", "--threads", "1"]
+ROUND = [
+    ([], {}),
+    (["--elevation", "-40", "--fov", "55", "--samples", "1"], {"elevation": -40, "fov": 55, "samples": 1}),
+    (["--elevation", "90", "--background", "red"], {"elevation": 90, "background": "red"}),
+    (
+        ["--eye", "9,7,5", "--target", "1,0,2", "--fov", "40"],
+        {"camera": rz.Camera.look_at((9, 7, 5), (1, 0, 2), "y", 40)},
+    ),
+    (
+        ["--camera", "camera.json", "--zoom", "2"],
+        {"camera": rz.Camera.orthographic((5, 9, 0), (0, 1, 0), (0, 0.6, 0.8), 6.0, 0.5, 90.0)},
+    ),
+]
+
+
+@pytest.mark.parametrize("model", [LIFE, ROOT / "models" / "gear.stl"])
+@pytest.mark.parametrize(("argv", "settings"), ROUND)
+def test_it_is_that_of_the_library_byte_for_byte(model, argv, settings, folder):
+    camera = {"position": [5, 9, 0], "target": [0, 1, 0], "up": [0, 0.6, 0.8], "height": 12.0, "near": 0.5, "far": 90.0}
+    (folder / "camera.json").write_text(json.dumps(camera))
+    if model.suffix == ".stl":
+        argv = [*argv, "--up", "y"] if "--camera" not in argv else argv
+    scene = rz.load(model, up="y" if "--up" in argv else None, background=settings.get("background"))
+    settings = {key: value for key, value in settings.items() if key != "background"}
+    assert run(model, *PLAIN, *argv, "-o", "x.png") == 0
+    drawn = rz.turntable(scene, (48, 36), 6, threads=1, **settings).frames
+    assert all(np.array_equal(a, b) for a, b in zip(pictures("x.png"), drawn, strict=True))
+
+
+def test_the_first_frame_is_that_of_the_camera_and_the_rest_keep_their_distance(capsys):
+    argv = ["--eye", "3,4,5", "--ortho", "--fov", "50", "-s", "48x36", "--threads", "1"]
+    assert main(["turntable", str(LIFE), *argv, "--frames", "4", "-o", "{frame}.png"]) == 0
+    assert main(["render", str(LIFE), *argv, "-o", "first.png"]) == 0
+    frames = [np.asarray(Image.open(f"{k}.png")) for k in range(4)]
+    assert np.array_equal(frames[0], np.asarray(Image.open("first.png")))
+    assert len({frame.tobytes() for frame in frames}) == 4
+
+
+def test_a_camera_that_knows_only_a_direction_goes_round_the_middle_of_the_model(folder):
+    """glTF cameras have no target; what they look at lies as far away as the model."""
+    scene = rz.Scene(rz.load(CUBE).meshes[0].translated((40, 0, 0)), camera=rz.Camera.look_at((40, 2, 5), (40, 2, 4)))
+
+    def pivot(format):
+        arguments = SimpleNamespace(camera="file", input_format=format)
+        return turntable_command._pivot(arguments, "x", scene.camera, scene)
+
+    assert pivot("glb") == pytest.approx(scene.bounds.mean(axis=0) * (1, 0, 1) + (0, 2, 0))
+    assert pivot("json").tolist() == [40, 2, 4]
+
+
+def test_a_camera_file_may_say_how_to_frame_the_model(folder):
+    (folder / "framing.json").write_text(json.dumps({"azimuth": 10, "elevation": 60, "margin": 0.2}))
+    assert run(LIFE, "--camera", "framing.json", "-o", "a.png") == 0
+    assert run(LIFE, "--azimuth", "10", "--elevation", "60", "--margin", "0.2", "-o", "b.png") == 0
+    assert open("a.png", "rb").read() == open("b.png", "rb").read()
+
+
+def test_a_model_without_a_camera_has_no_camera_of_the_file(capsys):
+    assert run(LIFE, "--camera", "file") == 2
+    assert "the model brings no camera" in one_error(capsys)
+
+
+@pytest.mark.parametrize("up", ["x", "y", "-z"])
+def test_turned_cameras_go_round_as_those_of_an_orbit_do(up):
+    box = [[0, 0, 0], [1, 2, 3]]
+    orbit = rz.Camera.orbit(box, [10, 55, 190, 370], up=up, elevation=30)
+    pole = rz.choices.AXES[up]
+    turned = turned_cameras(orbit[0], [0, 45, 180, 360], pole, np.array(orbit[0].target))
+    assert turned[0] is orbit[0]
+    for a, b in zip(turned, orbit, strict=True):
+        assert np.allclose(a.pose, b.pose, rtol=0, atol=1e-12)
+
+
+def test_a_camera_that_looks_down_the_axis_turns_its_picture():
+    camera = rz.Camera.look_at((0, 5, 0), (0, 0, 0), "y")
+    tops = [c.view().up for c in turned_cameras(camera, [0, 90, 180], (0, 1, 0), np.zeros(3))]
+    assert np.allclose(tops, [[0, 0, -1], [-1, 0, 0], [0, 0, 1]], rtol=0, atol=1e-12)
+
+
+def test_a_transparent_gif_has_no_soft_shadow_and_that_is_said_once(capsys):
+    assert run(GEAR, CUBE, "-o", "{stem}.gif") == 0
+    assert capsys.readouterr().err.count("no shadow on the ground") == 1
+    bare = ["gear.gif", "cube.gif"]
+    kept = [open(path, "rb").read() for path in bare]
+    for argv in (["--no-ground"], ["-q"]):
+        assert run(GEAR, CUBE, "-o", "{stem}.gif", *argv) == 0
+        assert not capsys.readouterr().err and [open(path, "rb").read() for path in bare] == kept
+    for name, argv in (("x.webp", []), ("x.gif", ["--background", "white"])):
+        assert run(CUBE, "-o", name, *argv) == 0
+        assert "no shadow" not in capsys.readouterr().err
+    white = pictures("x.gif")[0][..., :3].astype(int)
+    assert ((white > 130) & (white < 250)).all(axis=2).sum() > 100, "soft greys on the ground"

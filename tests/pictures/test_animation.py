@@ -72,6 +72,8 @@ def test_frames_and_arrays_make_an_animation_that_is_saved(folder):
         lambda: rz.Animation([np.zeros((2, 2, 4), np.uint8)]).save(3),
         lambda: rz.turntable(CUBE, n_frame=0),
         lambda: rz.turntable(CUBE, outputs="depth"),
+        lambda: rz.turntable(CUBE, camera="top"),
+        lambda: rz.turntable(CUBE, camera=rz.Camera.look_at((0, 0, 5)), fov=40),
     ],
 )
 def test_what_is_no_animation_is_told(make):

@@ -126,11 +126,11 @@ def test_visibility_is_that_of_rays():
         from rasterizer.engine.depth_range import screen_of
 
         screen = screen_of(camera, view, SIZE, FACTOR, prepared.geometry, prepared.bounds)
-        edges = project(found._edges.ends[choose(found._edges, ("wire",), screen, False)], screen, size, 0.0)
+        edges = project(found._edges.ends[choose(found._edges, ("wire",), screen, False)], screen, size)
         points = in_camera(prepared.geometry.positions, screen)
         occluders = Occluders(points, prepared.geometry.vertex, found._visible_triangles(view, screen, size))
         projection = screen.scale_x, screen.scale_y, screen.center_x, screen.center_y
-        edge_view = EdgeView(*projection, screen.is_perspective, 1e-6, float(FACTOR))
+        edge_view = EdgeView(*projection, screen.is_perspective, 1e-6, float(FACTOR), screen.near)
         n_wrong, n_hidden, n_point = 0, 0, 600
         corners = points[:, prepared.geometry.vertex.astype(int)].transpose(2, 1, 0)
         for _ in range(n_point):

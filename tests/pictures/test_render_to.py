@@ -56,6 +56,33 @@ def test_other_files_are_written_as_a_frame_saves_them(tmp_path):
             assert written == frame.save(tmp_path / name, array=array).read_bytes(), name
 
 
+def test_arrays_in_png_and_npz_files_are_those_of_a_frame(tmp_path):
+    with rz.Renderer(ring(), SIZE, outputs=("rgb", "depth", "normal")) as renderer:
+        frame = renderer.render()
+        for name, settings in (
+            ("mm.png", {"array": "depth"}),
+            ("cm.png", {"array": "depth", "scale": 0.01}),
+            ("normal.png", {"array": "normal"}),
+            ("all.npz", {}),
+            ("two.npz", {"array": ("depth", "rgb")}),
+        ):
+            renderer.render_to(tmp_path / name, **settings)
+            written = (tmp_path / name).read_bytes()
+            assert written == frame.save(tmp_path / name, **settings).read_bytes(), name
+        assert Image.open(tmp_path / "cm.png").text["scale"] == "0.01"
+        with pytest.raises(rz.OutputError, match="or more holds the deepest"):
+            renderer.render_to(tmp_path / "x.png", array="depth", scale=1e-6)
+
+
+@pytest.mark.parametrize("scale", [1.0, -1.0, "far", float("nan")])
+@pytest.mark.parametrize(("name", "array"), [("x.tif", None), ("x.npy", "rgb"), ("x.npy", "depth"), ("x.png", None)])
+def test_a_scale_is_that_of_depth_in_a_png_file(tmp_path, name, array, scale):
+    with rz.Renderer(ring(), SIZE, outputs=("rgb", "depth"), samples=1) as renderer:
+        with pytest.raises(rz.SceneError, match="scale is that of depth in a PNG file"):
+            renderer.render_to(tmp_path / name, array=array, scale=scale)
+    assert os.listdir(tmp_path) == []
+
+
 def test_another_camera_and_a_path_as_text(tmp_path):
     other = rz.Camera.perspective((0, 3, 3), fov=40)
     with rz.Renderer(ring(), SIZE, samples=1) as renderer:
