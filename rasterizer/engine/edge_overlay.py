@@ -113,7 +113,7 @@ class EdgeOverlay:
 
 def choose(edges: Edges, kinds: tuple[str, ...], screen: Screen, is_culled: bool) -> NDArray[np.bool_]:
     """Tell which edges are drawn, (n,)."""
-    is_front = edges.is_front(screen.eye, screen.forward, screen.is_perspective)
+    is_front, is_shown = edges.is_front(screen.eye, screen.forward, screen.is_perspective)
     chosen = np.zeros(len(edges.ends), bool)
     if "wire" in kinds:
         chosen[:] = True
@@ -121,7 +121,7 @@ def choose(edges: Edges, kinds: tuple[str, ...], screen: Screen, is_culled: bool
         chosen |= edges.is_crease
     if "silhouette" in kinds:
         chosen |= edges.is_open | (is_front[:, 0] != is_front[:, 1])
-    return chosen & is_front.any(axis=1) if is_culled else chosen
+    return chosen & is_shown.any(axis=1) if is_culled else chosen
 
 
 def in_camera(positions: NDArray, screen: Screen) -> NDArray[np.float64]:

@@ -21,13 +21,16 @@ class Edges(NamedTuple):
 
     ends: NDArray[np.float64]  # (n, 2, 3) world space
     normals: NDArray[np.float64]  # (n, 2, 3) unit or zero, wound alike; equal where one polygon is meant
+    turns: NDArray[np.float64]  # (n,) -1 where the second was turned for that, else 1
     is_open: NDArray[np.bool_]  # (n,) one polygon has the edge, or more than two have it
     is_crease: NDArray[np.bool_]  # (n,) open, or the polygons meet at more than the mesh's crease angle
 
-    def is_front(self, eye: NDArray, forward: NDArray, is_perspective: bool) -> NDArray[np.bool_]:
-        """Tell which polygons look to the viewer, (n, 2)."""
+    def is_front(self, eye: NDArray, forward: NDArray, is_perspective: bool) -> tuple[NDArray, NDArray]:
+        """Tell on which sides the surface looks to the viewer, wound alike, and which polygons do as they are wound;
+        (n, 2) bool each."""
         away = self.ends[:, :1] - eye if is_perspective else forward
-        return (self.normals * away).sum(axis=2) < 0.0
+        across = (self.normals * away).sum(axis=2)
+        return across < 0.0, np.stack([across[:, 0], self.turns * across[:, 1]], axis=1) < 0.0
 
 
 def join_edges(meshes) -> Edges:
@@ -71,7 +74,7 @@ def gather_edges(mesh: Mesh) -> Edges:
     is_open = count != 2
     has_planes = (sides != 0).any(axis=2).all(axis=1)
     is_bent = (sides[:, 0] * sides[:, 1]).sum(axis=1) < np.cos(np.radians(angle))
-    return Edges(ends, sides, is_open, is_open | (is_bent & has_planes))
+    return Edges(ends, sides, turn, is_open, is_open | (is_bent & has_planes))
 
 
 def _runs(*columns: NDArray) -> tuple[NDArray, NDArray]:

@@ -39,6 +39,7 @@ class Edge(NamedTuple):
 
     ends: NDArray[np.float64]  # (2, 3) world space
     normals: NDArray[np.float64]  # (n_polygon, 3) unit, wound as the first; 0 of one without area
+    turns: NDArray[np.float64]  # (n_polygon,) -1 where a normal was turned for that, else 1
     cos_crease: float
 
     @property
@@ -80,7 +81,7 @@ def list_edges(mesh: Mesh) -> list[Edge]:
     # A polygon that goes along an edge there and back does not have it: the edge is inside of it.
     for ends, at in sides.items():
         n_time = Counter(polygon for polygon, _ in at)
-        sides[ends] = sorted(dict((side for side in reversed(at) if n_time[side[0]] % 2)).items())
+        sides[ends] = sorted(dict(side for side in reversed(at) if n_time[side[0]] % 2).items())
     _fill_planes(normals, sides, points)
     angle = DEFAULT_CREASE_ANGLE if mesh.crease_angle is None else mesh.crease_angle
     found = []
@@ -88,8 +89,9 @@ def list_edges(mesh: Mesh) -> list[Edge]:
         if not at:
             continue
         # Of two polygons that are wound alike, one goes along the edge and the other comes back.
-        turned = [normals[polygon] * (-1.0 if k and is_up == at[0][1] else 1.0) for k, (polygon, is_up) in enumerate(at)]
-        found.append(Edge(points[list(ends)], np.array(turned), float(np.cos(np.radians(angle)))))
+        turns = np.array([-1.0 if k and is_up == at[0][1] else 1.0 for k, (_, is_up) in enumerate(at)])
+        turned = turns[:, None] * np.array([normals[polygon] for polygon, _ in at])
+        found.append(Edge(points[list(ends)], turned, turns, float(np.cos(np.radians(angle)))))
     return found
 
 
@@ -124,10 +126,12 @@ def _fill_planes(normals: dict[int, NDArray], sides: dict[tuple[int, int], list]
 
 
 def is_drawn(edge: Edge, kinds: tuple[str, ...], view: View, is_perspective: bool, is_culled: bool) -> bool:
-    """Tell whether an edge is one of those asked for. A polygon looks to the viewer if its normal does."""
+    """Tell whether an edge is one of those asked for, and has a polygon that isn't left out as it is wound. A polygon
+    looks to the viewer if its normal does."""
     away = edge.ends[0] - view.eye if is_perspective else view.forward
-    is_front = dot(edge.normals, away) < 0.0
-    if is_culled and not is_front.any():
+    across = dot(edge.normals, away)
+    is_front = across < 0.0
+    if is_culled and not (edge.turns * across < 0.0).any():
         return False
     is_outline = edge.is_open or is_front[0] != is_front[1]
     return "wire" in kinds or ("crease" in kinds and edge.is_crease) or ("silhouette" in kinds and bool(is_outline))
@@ -263,7 +267,7 @@ def lay_over(color: NDArray, alpha: NDArray, share: NDArray, ink: NDArray) -> tu
 def gather_faces(
     scene: Scene, corners: NDArray, view: View, projection: Projection, depths: Range, is_culled: bool
 ) -> Faces:
-    """Gather what may hide edges: faces (n, 3, 3), world space, but for those seen from behind where they are culled."""
+    """Gather what may hide edges: faces (n, 3, 3), world space, but for those left out because they look away."""
     corners = to_eye(corners, view)
     if is_culled:
         a, b, c = (corners[:, k] for k in range(3))
@@ -271,4 +275,6 @@ def gather_faces(
         # Right, up and forward are a left-handed frame: there, normals look the other way.
         corners = corners[(dot(normal, a) if projection.is_perspective else normal[:, 2]) > 0.0]
     bounds = np.stack([mesh.bounds for mesh in scene.meshes])
-    return Faces(corners, projection, depths, COORDINATE_ERROR * float(max(np.abs(bounds).max(), np.abs(view.eye).max())))
+    return Faces(
+        corners, projection, depths, COORDINATE_ERROR * float(max(np.abs(bounds).max(), np.abs(view.eye).max()))
+    )

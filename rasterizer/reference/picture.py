@@ -13,7 +13,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..choices import ANTIALIASES, COLOR_RANGES, CULLS, SAMPLES, SHADINGS, Antialias, ColorRange, Cull, EdgeKind, Samples, Shading
+from ..choices import (
+    ANTIALIASES,
+    COLOR_RANGES,
+    CULLS,
+    SAMPLES,
+    SHADINGS,
+    Antialias,
+    ColorRange,
+    Cull,
+    EdgeKind,
+    Samples,
+    Shading,
+)
 from ..errors import SceneError
 from ..options import Options
 from ..scene.camera import Camera

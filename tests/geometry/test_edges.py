@@ -24,7 +24,10 @@ def test_open_edges_and_those_of_three_faces_are_told():
     assert len(sheet.ends) == 4 and sheet.is_open.all() and sheet.is_crease.all()
     leaves = rz.Mesh([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], [(0, 1, 2), (0, 1, 3), (0, 1, 4)])
     edges = gather_edges(leaves)
-    assert len(edges.ends) == 7 and edges.is_open.all()
+    assert len(np.unique(edges.ends, axis=0)) == 7 and edges.is_open.all()
+    shared = (edges.ends[..., :2] == 0).all(axis=(1, 2))
+    assert shared.sum() == 2, "once for two of the faces, and once for the third"
+    assert len(np.unique(edges.normals[shared].reshape(-1, 3), axis=0)) == 3
 
 
 def test_faces_wound_against_each_other_meet_at_their_real_angle():

@@ -77,9 +77,9 @@ def test_arrays_in_png_and_npz_files_are_those_of_a_frame(tmp_path):
 @pytest.mark.parametrize("scale", [1.0, -1.0, "far", float("nan")])
 @pytest.mark.parametrize(("name", "array"), [("x.tif", None), ("x.npy", "rgb"), ("x.npy", "depth"), ("x.png", None)])
 def test_a_scale_is_that_of_depth_in_a_png_file(tmp_path, name, array, scale):
-    with rz.Renderer(ring(), SIZE, outputs=("rgb", "depth"), samples=1) as renderer:
-        with pytest.raises(rz.SceneError, match="scale is that of depth in a PNG file"):
-            renderer.render_to(tmp_path / name, array=array, scale=scale)
+    words, outputs = "scale is that of depth in a PNG file", ("rgb", "depth")
+    with rz.Renderer(ring(), SIZE, outputs=outputs, samples=1) as renderer, pytest.raises(rz.SceneError, match=words):
+        renderer.render_to(tmp_path / name, array=array, scale=scale)
     assert os.listdir(tmp_path) == []
 
 
