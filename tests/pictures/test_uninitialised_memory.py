@@ -107,6 +107,7 @@ def test_random_scenes(part):
     assert not faults, "\n".join([f"{len(faults)} differences", *faults[:10]])
 
 
+@pytest.mark.slow  # seconds each
 @pytest.mark.parametrize("look", LOOKS)
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_every_small_scene(shading, look):
