@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ..errors import ModelError, SceneError, shown
+from .other_formats import hint_for_suffix
 
 
 class Format(NamedTuple):
@@ -110,7 +111,7 @@ def format_of(name: str, wanted: str | None, *, is_scene: bool | None = None) ->
         return found
     if word.removeprefix("."):
         what = f"format '{word.lower().removeprefix('.')}'" + " of a scene file" * (is_scene is True)
-        raise ModelError(f"{name}: unknown {what}; readable are {legal}")
+        raise ModelError(f"{name}: unknown {what}; readable are {legal}{hint_for_suffix(word)}")
     if wanted is None and os.path.isdir(name):
         raise ModelError(f"{name}: a folder, not a model")
     raise ModelError(f"{name}: the format is unknown without a suffix; give format=, one of {legal}")
