@@ -19,7 +19,6 @@ from ..scene.scene import Scene
 from . import formats
 from .files import Folder, read_named
 from .model_file import Contents, MeshSettings, ModelFile, Part, Report, materials_of, several
-from .other_formats import hint_for_content
 from .weld import weld
 
 
@@ -61,6 +60,8 @@ def _read(entry, model) -> Contents:
         if not contents.parts:
             raise model.error(_why_no_faces(contents))
     except ModelError as fault:
+        from .other_formats import hint_for_content
+
         hint = hint_for_content(model.data, entry.name)
         if hint:
             raise ModelError(f"{fault}{hint}") from fault

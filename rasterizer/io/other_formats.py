@@ -1,7 +1,6 @@
 """What a file is that can't be read, or isn't what its name says: the hint that goes with the error.
 
-Only the first bytes are looked at, and only once a reader has failed. Neither numpy nor a reader is imported, as in
-`formats.py`.
+Only the first bytes are looked at, and only once a reader has failed.
 """
 
 import re
