@@ -91,7 +91,7 @@ class Animation:
         SceneError, OutputError : as `encode`, and where the file can't be written
         """
         if not isinstance(path, (str, os.PathLike)):
-            raise SceneError(f"an animation is saved to a path; given {shown(path)}")
+            raise SceneError(f"an animation is saved to a path, and encode() gives its bytes; given {shown(path)}")
         path = Path(path)
         write_whole(path, self.encode(path.suffix))
         return path

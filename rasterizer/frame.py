@@ -79,6 +79,10 @@ class Stats:
         return self.covered / self.samples
 
 
+class MissingArray(SceneError, AttributeError):
+    """A frame doesn't have what wasn't asked for; an AttributeError, so that `hasattr` and `getattr` can ask, too."""
+
+
 class Frame(FrameBuffers):
     """Hold a rendered picture.
 
@@ -166,13 +170,13 @@ class Frame(FrameBuffers):
             return getattr(self, name)
         if name in self._arrays:
             return self._arrays[name]
-        raise SceneError(f"this frame has no {name}: ask for it with outputs=({name!r}, ...)")
+        raise MissingArray(f"this frame has no {name}: ask for it with outputs=({name!r}, ...)")
 
     @property
     def rgba(self) -> NDArray[np.uint8]:
         """(height, width, 4) uint8: sRGB and alpha, not premultiplied."""
         if self._rgba is None:
-            raise SceneError("this frame has no picture: ask for it with outputs=('color', ...) or ('rgb', ...)")
+            raise MissingArray("this frame has no picture: ask for it with outputs=('color', ...) or ('rgb', ...)")
         return self._rgba
 
     @property
@@ -294,7 +298,7 @@ class Frame(FrameBuffers):
         SceneError : an array that is unknown, that the frame doesn't have, or that the format doesn't hold
         """
         if not isinstance(path, (str, os.PathLike)):
-            raise SceneError(f"a frame is saved to a path; given {shown(path)}")
+            raise SceneError(f"a frame is saved to a path, and frame.encode() gives its bytes; given {shown(path)}")
         if format is not None and not isinstance(format, str):
             raise SceneError(f"format must be text; given {shown(format)}")
         path = Path(path)

@@ -40,6 +40,24 @@ _SYNONYMS = {
     "workers": "threads",
 }
 
+# What is no option, but set elsewhere: the command line has flags of these names.
+_ELSEWHERE = {
+    "color": "a material has it: mesh.with_material(Material(diffuse=...))",
+    "colour": "a material has it: mesh.with_material(Material(diffuse=...))",
+    "crease_angle": "Mesh and load() have it",
+    "depth_cue": "Scene and load() have it",
+    "fov": "a camera has it: camera=Camera.framing(scene, fov=...)",
+    "ground": "GroundShadow(scene).under(frame, camera) lays it",
+    "margin": "a camera has it: camera=Camera.framing(scene, margin=...)",
+    "material": "a mesh has it: mesh.with_material(...)",
+    "preset": "lights=studio(), headlight() or tabletop()",
+    "shadow": "lights cast them: DirectionalLight(..., shadow=Shadow())",
+    "shadows": "lights cast them: DirectionalLight(..., shadow=Shadow())",
+    "subdivide": "a mesh has it: mesh.subdivide()",
+    "texture": "a material has it: Material(texture=...)",
+    "view": "azimuth and elevation say it",
+}
+
 
 def checked_keywords(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function raise OptionError where it is given a keyword that it doesn't have."""
@@ -77,5 +95,6 @@ def unknown_keyword(name: str, keyword: str, legal: tuple[str, ...]) -> OptionEr
 
     near = _SYNONYMS.get(keyword.lower())
     found = [near] if near in legal else get_close_matches(keyword.lower(), legal, n=1)
-    hint = f"did you mean {found[0]}? " if found else ""
+    where = None if near in legal else _ELSEWHERE.get(keyword.lower())
+    hint = f"{where}. " if where else f"did you mean {found[0]}? " if found else ""
     return OptionError(f"{name} has no option {keyword!r}: {hint}Options are {', '.join(legal)}")

@@ -1,6 +1,7 @@
 """What a caller may choose about a picture; every default stands here, once."""
 
 import math
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -134,12 +135,10 @@ class Options:
         object.__setattr__(self, "size", self._checked_size())
         object.__setattr__(self, "tolerance", _checked_tolerance(self.tolerance))
         object.__setattr__(self, "exposure", _checked_exposure(self.exposure))
-        if self.spectral is not None and not is_whole(self.spectral, LEAST_WAVES, MOST_WAVES):
-            raise SceneError(
-                f"spectral must be {LEAST_WAVES} to {MOST_WAVES} samples, or None; given {shown(self.spectral)}"
-            )
-        if self.threads is not None and not is_whole(self.threads, 1, MOST_THREADS):
-            raise SceneError(f"threads must be 1 to {MOST_THREADS}, or None; given {shown(self.threads)}")
+        object.__setattr__(
+            self, "spectral", _checked_count("spectral", self.spectral, LEAST_WAVES, MOST_WAVES, " samples")
+        )
+        object.__setattr__(self, "threads", _checked_count("threads", self.threads, 1, MOST_THREADS))
 
         from .scene.color import linear_rgb
 
@@ -177,8 +176,8 @@ class Options:
 
 
 def _check_choice(name: str, value: object, legal: tuple) -> None:
-    """Refuse a value that isn't one of the legal words or numbers."""
-    if not isinstance(value, (str, int, float)) or value not in legal:
+    """Refuse a value that isn't one of the legal words."""
+    if not isinstance(value, str) or value not in legal:
         raise SceneError(f"{name} must be one of {', '.join(map(str, legal))}; given {shown(value)}")
 
 
@@ -200,8 +199,20 @@ def _checked_samples(samples: object, outputs: tuple) -> int:
     """Return the samples a pixel; those of None depend on what is asked for."""
     if samples is None:
         return PICTURE_SAMPLES if {"color", "rgb"}.issuperset(outputs) else BUFFER_SAMPLES
-    _check_choice("samples", samples, SAMPLES)
-    return int(samples)  # type: ignore[call-overload]
+    try:
+        value = number(samples, "samples")
+    except SceneError:
+        value = 0.0
+    if value not in SAMPLES:
+        raise SceneError(f"samples must be one of {', '.join(map(str, SAMPLES))}; given {shown(samples)}")
+    return int(value)
+
+
+def _checked_count(name: str, value: object, low: int, high: int, unit: str = "") -> int | None:
+    """Return a whole number as an int, None as it is."""
+    if value is not None and not is_whole(value, low, high):
+        raise SceneError(f"{name} must be {low} to {high}{unit}, or None; given {shown(value)}")
+    return None if value is None else operator.index(value)  # type: ignore[arg-type]
 
 
 def _checked_edges(edges: object) -> tuple:

@@ -185,6 +185,11 @@ class Renderer:
         """What the last picture needed; before the first one, what the scene says of it."""
         return self._plan
 
+    def __repr__(self) -> str:
+        width, height = self.options.size
+        closed = ", closed" if self._is_closed else ""
+        return f"<Renderer {width}x{height} {self.options.shading}, {self.scene.n_face} faces{closed}>"
+
     def __enter__(self) -> "Renderer":
         return self
 

@@ -5,9 +5,7 @@ load ─ facts ─┬─ lines on stdout
 """
 
 import os
-import re
 import warnings
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -22,8 +20,6 @@ from .targets import STDIO, list_models
 
 _MANY = 12  # materials that are listed by name
 _FIRST = 14  # letters of the names of facts
-# Statements of OBJ files that draw something, and that are no polygons: Wavefront, appendix B1.
-_OBJ_STATEMENTS = {b"p": "points", b"l": "lines", b"curv": "curves", b"curv2": "curves", b"surf": "free-form surfaces"}
 
 
 def describe_models(arguments, messages) -> tuple[list, int]:
@@ -91,7 +87,7 @@ def _describe(model, arguments, messages) -> dict:
         "lights": [type(light).__name__ for light in scene.lights],
         "camera": scene.camera is not None,
         "files_read": list(dict.fromkeys(files_read)),
-        "not_drawn": _list_not_drawn(scene, entry.name, source),
+        "not_drawn": _list_not_drawn(scene, said),
         "warnings": list(dict.fromkeys(texts)),
         "seconds": round(perf_counter() - start, 4),
     }
@@ -146,19 +142,13 @@ def _texture(texture) -> dict:
     return {"name": texture.name, "size": [width, height], "alpha": texture.has_alpha}
 
 
-def _list_not_drawn(scene, format, source) -> list[str]:
-    """What a file holds and no picture shows; what its reader warns of is said elsewhere."""
-    found = []
-    if format == "obj":
-        data = source if isinstance(source, bytes) else Path(source).read_bytes()
-        counts = {}
-        for word in re.findall(rb"^[ \t]*(p|l|curv2?|surf)[ \t]", data, re.MULTILINE):
-            counts[_OBJ_STATEMENTS[word]] = counts.get(_OBJ_STATEMENTS[word], 0) + 1
-        found += [f"{n} statements of {what}" if n > 1 else f"a statement of {what}" for what, n in counts.items()]
+def _list_not_drawn(scene, said) -> list[str]:
+    """What a file holds and no picture shows, as its readers say; what they warn of is said elsewhere."""
+    found = [what for text in said for what in getattr(text, "left_out", ())]
     if any(mesh.colors is not None and mesh.colors.shape[1] == 4 and mesh.colors[:, 3].min() < 1.0
            for mesh in scene.meshes):  # fmt: skip
         found.append("the alpha of vertex colours")
-    return found
+    return list(dict.fromkeys(found))
 
 
 # --- what is printed ------------------------------------------------------------------------------------------------
@@ -181,7 +171,7 @@ def _text(facts) -> str:
         ("normals", facts["normals"]),
         ("materials", _materials(facts["materials"])),
         ("textures", ", ".join(_texture_words(each) for each in facts["textures"]) or "none"),
-        ("not drawn", ", ".join(facts["not_drawn"]) or "nothing is left out"),
+        ("not used", ", ".join(facts["not_drawn"]) or "nothing is left out"),
     ]
     lines += [("files read", ", ".join(facts["files_read"]))] if facts["files_read"] else []
     lines += [("camera", "one of the file")] if facts["camera"] else []

@@ -209,9 +209,15 @@ def source_of(model: str, input_format: str | None) -> str | bytes:
     return _read_stdin() if model == STDIO else _checked_path(model, input_format)
 
 
+class _Stdin(bytes):
+    """What came from stdin; messages call it by its name."""
+
+    name = "stdin"
+
+
 def _read_stdin() -> bytes:
     try:
-        return sys.stdin.buffer.read()
+        return _Stdin(sys.stdin.buffer.read())
     except OSError as fault:
         raise ModelError(f"stdin can't be read ({fault.strerror or fault})") from fault
 

@@ -2,12 +2,14 @@
 
     pixels, premultiplied ─ mean over the area of each half character ─ ▀ with the upper one's colour on the lower one's
 
-Where nothing is, the terminal's own background shows. NO_COLOR in the environment, and a terminal that is `dumb`, get
-letters of rising darkness instead, a pixel a character.
+Where nothing is, the terminal's own background shows. NO_COLOR in the environment, a terminal that is `dumb`, and one
+that isn't written to in UTF-8 get letters of rising darkness instead, a pixel a character.
 """
 
+import codecs
 import os
 import shutil
+import sys
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +38,17 @@ def preview(picture: NDArray[np.uint8], columns: int | None = None, rows: int | 
     scale = min(columns / n_column, 2 * rows / n_row)
     size = (max(round(n_row * scale / 2), 1) * 2, max(round(n_column * scale), 1))
     small = _shrunk(picture, size)
-    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not _is_utf8():
         return _letters(small)
     return _blocks(small)
+
+
+def _is_utf8() -> bool:
+    """Tell whether what is printed is to be UTF-8."""
+    try:
+        return codecs.lookup(getattr(sys.stdout, "encoding", None) or "utf-8").name == "utf-8"
+    except LookupError:
+        return False
 
 
 def _shrunk(picture, size) -> NDArray[np.float64]:

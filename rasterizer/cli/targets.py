@@ -193,7 +193,7 @@ def _fill(template, model, view, frame, arguments) -> str:
     path = Path(model)
     is_stdin = model == STDIO
     values = {
-        "stem": "stdin" if is_stdin else path.stem,
+        "stem": "stdin" if is_stdin else path.stem or "model",  # "." is no model, which is said when it is loaded
         "ext": arguments.input_format if is_stdin else path.suffix.lstrip("."),
         "view": view or ("eye" if arguments.eye else "view"),
     }
@@ -231,7 +231,8 @@ def check_picture(output, array) -> None:
     try:
         picture_format(suffix)
     except OutputError as error:
-        raise SceneError(f"{output}: {error}") from None
+        folder = "" if suffix else f"; a folder is written {os.path.join(output, '')}"
+        raise SceneError(f"{output}: {error}{folder}") from None
 
 
 def _list_reads(models, arguments) -> list[str]:
@@ -269,6 +270,22 @@ def _check_stdout(n_target) -> None:
         raise SceneError("stdout is a terminal; send it to a file or a program")
 
 
+def _way_out(a, b) -> str:
+    """What keeps two pictures apart: what differs between them, in their names; or folders."""
+    pairs = {
+        "stem": [Path(each.model).stem for each in (a, b)],
+        "view": [each.view for each in (a, b)],
+        "ext": [Path(each.model).suffix for each in (a, b)],
+    }
+    apart = [name for name, (one, other) in pairs.items() if one != other]
+    if apart:
+        words = "-".join(f"{{{name}}}" for name in dict.fromkeys(["stem", *apart]))
+        return f"give -o a template such as '{words}.png'"
+    if identity_of(a.model) == identity_of(b.model):
+        return "a model is drawn once"
+    return "--recursive with the folder above them keeps folders, else draw them one at a time"
+
+
 def _check_names(targets) -> None:
     """Refuse two pictures of one name, and folders that can't be made."""
     owners = {}
@@ -277,10 +294,7 @@ def _check_names(targets) -> None:
         other = owners.setdefault(identity_of(place) or place, target)
         if other is not target:
             which = " and ".join(f"{t.model} ({t.view})" if t.view else t.model for t in (other, target))
-            raise SceneError(
-                f"{which} would both be written to {target.output}; give -o a template such as "
-                "'{stem}-{view}.png' or '{stem}-{ext}.png'"
-            )
+            raise SceneError(f"{which} would both be written to {target.output}; {_way_out(other, target)}")
         folder = os.path.dirname(place)
         while not os.path.lexists(folder):
             folder = os.path.dirname(folder)

@@ -96,7 +96,8 @@ class Folder:
         if self.path is None:
             raise FileNotFoundError("no folder")
         name, refusal = name.replace("\\", "/"), None
-        for wanted in dict.fromkeys((name, name.rsplit("/", 1)[-1])):
+        plain = name[1:-1] if len(name) > 2 and name[0] == name[-1] == '"' else name  # some exporters write quotes
+        for wanted in dict.fromkeys((name, plain, plain.rsplit("/", 1)[-1])):
             for spell in (self.path.joinpath, self._whatever_capitals):
                 try:
                     path = self.check(spell(wanted))

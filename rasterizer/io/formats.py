@@ -109,8 +109,10 @@ def format_of(name: str, wanted: str | None, *, is_scene: bool | None = None) ->
     if found is not None and is_scene in (None, found.is_scene):
         return found
     if word.removeprefix("."):
+        from .other_formats import hint_for_suffix
+
         what = f"format '{word.lower().removeprefix('.')}'" + " of a scene file" * (is_scene is True)
-        raise ModelError(f"{name}: unknown {what}; readable are {legal}")
+        raise ModelError(f"{name}: unknown {what}; readable are {legal}{hint_for_suffix(word)}")
     if wanted is None and os.path.isdir(name):
         raise ModelError(f"{name}: a folder, not a model")
     raise ModelError(f"{name}: the format is unknown without a suffix; give format=, one of {legal}")

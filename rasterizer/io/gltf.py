@@ -14,10 +14,10 @@ import struct
 
 import numpy as np
 
-from ..errors import ModelError, SceneError
+from ..errors import ModelError, SceneError, warn_caller
 from ..scene.material import Material
 from .gltf_arrays import Buffers, item
-from .gltf_left_out import count_points_and_lines, list_left_out
+from .gltf_left_out import USED, count_points_and_lines, list_left_out
 from .gltf_material import Paint, Pictures, linear_values, read_paint, uv_from_gltf
 from .gltf_nodes import read_lights_and_camera, world_matrices
 from .model_file import WHITE, Contents, ModelFile, Part
@@ -44,18 +44,16 @@ def read_gltf(model: ModelFile) -> Contents:
 
     Warns
     -----
-    UserWarning : a texture is missing or can't be read
+    UserWarning : a texture is missing or can't be read; the file says that it needs an extension that isn't read
     """
     tree, tail = _read_tree(model)
     try:
-        for extension in _UNREADABLE:
-            if extension in tree.get("extensionsRequired", []):
-                raise model.error(f"compressed with {extension}, which can't be read")
+        _check_version_and_extensions(model, tree)
         lights, camera = read_lights_and_camera(model, tree)
         buffers = Buffers(model, tree, tail)
         shown = _shown_meshes(tree)
         _check_copies(model, tree, shown)
-        primitives = {number: item(tree, "meshes", number)["primitives"] for number, _ in shown}
+        primitives = {number: _primitives(tree, number) for number, _ in shown}
         listed = [primitive for each in primitives.values() for primitive in each]
         used = {primitive.get("material") for primitive in listed}
         pictures = Pictures(buffers)
@@ -71,6 +69,26 @@ def read_gltf(model: ModelFile) -> Contents:
         reason = f"{type(fault).__name__}: {' '.join(str(fault).split())[:200]}"
         raise model.error(f"not a readable {'GLB' if model.format == 'glb' else 'glTF'} file ({reason})") from fault
     return Contents([(part, matrix) for number, matrix in shown for part in parts[number]], lights, camera, *others)
+
+
+def _check_version_and_extensions(model, tree) -> None:
+    """Refuse what can't be read, and warn of what may look otherwise than it should."""
+    version = str(tree.get("asset", {}).get("version", "2.0"))
+    if version.partition(".")[0] != "2":
+        raise model.error(f"glTF of version {version[:20]}; 2.0 is read")
+    required = [str(name) for name in tree.get("extensionsRequired", [])]
+    for extension in _UNREADABLE:
+        if extension in required:
+            raise model.error(f"compressed with {extension}, which can't be read; export it without compression")
+    unknown = sorted({*required} - USED)
+    if unknown:
+        names = ", ".join(name[:80] for name in unknown[:5])
+        warn_caller(f"{model.name}: the file needs {names}, which is not read: it may look otherwise than it should")
+
+
+def _primitives(tree, number) -> list[dict]:
+    """Return the primitives of a mesh; those without positions show nothing."""
+    return [each for each in item(tree, "meshes", number)["primitives"] if "POSITION" in each["attributes"]]
 
 
 def _shown_meshes(tree) -> list[tuple[int, np.ndarray]]:
@@ -89,7 +107,7 @@ def _check_copies(model, tree, shown) -> None:
     accessors, wanted = {}, {}
     for number in {number for number, _ in shown}:
         wanted[number] = 0
-        for primitive in item(tree, "meshes", number)["primitives"]:
+        for primitive in _primitives(tree, number):
             source = primitive["indices"] if "indices" in primitive else primitive["attributes"]["POSITION"]
             accessors[source] = item(tree, "accessors", source)["count"]
             wanted[number] += accessors[source] // (3 if primitive.get("mode", _TRIANGLES) == _TRIANGLES else 1)
@@ -177,7 +195,7 @@ def _real(rows, number, buffers) -> np.ndarray:
 def _faces(corners, mode) -> np.ndarray:
     """Return the triangles (n, 3) of a list of corners, of a strip or of a fan."""
     if mode == _TRIANGLES:
-        return corners.reshape(-1, 3)
+        return corners[: len(corners) // 3 * 3].reshape(-1, 3)  # one or two corners more make no triangle
     if mode == _FAN:
         return np.stack([np.broadcast_to(corners[:1], max(len(corners) - 2, 0)), corners[1:-1], corners[2:]], axis=1)
     faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], axis=1)

@@ -3,9 +3,11 @@
     buffer      the binary chunk of a GLB file, a data: URI, or a file beside the model, of which byteLength bytes are
                 read
     bufferView  a range of a buffer
-    accessor    rows of numbers in a view, byteStride bytes from one to the next
+    accessor    rows of numbers in a view, byteStride bytes from one to the next; without a view they are 0. A sparse
+                one replaces some of them
 
-Arrays are views of the bytes that were read: however often accessors refer to a buffer, it is there once.
+Arrays are views of the bytes that were read: however often accessors refer to a buffer, it is there once. Rows that are
+not in a buffer could be any number of them, so together they are limited.
 Format: Khronos, glTF 2.0 Specification, 2021, 3.6.
 """
 
@@ -18,6 +20,7 @@ import numpy as np
 
 from .model_file import ModelFile
 
+MOST_MADE = 2**25  # numbers of accessors without a view, and of sparse ones: 128 MB of float32
 _BIN_CHUNK = 0x004E4942
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
@@ -36,6 +39,7 @@ class Buffers:
     def __init__(self, model: ModelFile, tree: dict, tail: bytes):
         self.model, self.tree, self.tail = model, tree, tail
         self._buffers, self._arrays = {}, {}
+        self._n_made = 0  # numbers in arrays that no buffer holds
 
     def uri(self, uri, most: int | None = None) -> bytes:
         """Return what a URI holds or names, up to `most` bytes.
@@ -94,29 +98,57 @@ class Buffers:
 
         Raises
         ------
-        ModelError : an accessor without data, or a sparse one
-        TypeError, LookupError, ValueError : what is none of glTF, or reaches beyond its buffer
+        TypeError, LookupError, ValueError : what is none of glTF, reaches beyond its buffer, or asks for too many rows
         """
         if number not in self._arrays:
             self._arrays[number] = self._read(number)
         return self._arrays[number]
 
     def _read(self, number) -> np.ndarray:
-        accessor = item(self.tree, "accessors", number)
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise self.model.error(f"accessor {number} is sparse or has no data, which can't be read")
-        dtype = np.dtype(_DTYPES[accessor["componentType"]])
-        width, count = _WIDTHS[accessor["type"]], whole(accessor, "count")
-        data, begin = self.view(accessor["bufferView"]), whole(accessor, "byteOffset", 0)
+        accessor, label = item(self.tree, "accessors", number), f"accessor {number}"
+        dtype = np.dtype(_DTYPES[_known(accessor, "componentType", _DTYPES)])
+        width, count = _WIDTHS[_known(accessor, "type", _WIDTHS)], whole(accessor, "count")
+        has_view = "bufferView" in accessor
+        rows = self._rows(accessor, dtype, (count, width), label) if has_view else None
+        if rows is not None and "sparse" not in accessor:
+            return rows
+        self._n_made += count * width
+        if count < 1 or self._n_made > MOST_MADE:
+            raise ValueError(f"{label}: {count} rows that no buffer holds; 1 is needed, {MOST_MADE} numbers are legal")
+        made = np.zeros((count, width), dtype) if rows is None else np.array(rows)
+        if "sparse" in accessor:
+            self._replace(made, accessor["sparse"], label)
+        return made
+
+    def _rows(self, table, dtype, shape, label) -> np.ndarray:
+        """Return the rows of a view that a table refers to, without a copy."""
+        count, width = shape
+        data, begin = self.view(table["bufferView"]), whole(table, "byteOffset", 0)
         row = width * dtype.itemsize
-        stride = whole(item(self.tree, "bufferViews", accessor["bufferView"]), "byteStride", row)
+        stride = whole(item(self.tree, "bufferViews", table["bufferView"]), "byteStride", row)
         if stride < 1:
             raise ValueError(f"byteStride must be above 0; given {stride}")
         end = begin + (count - 1) * stride + row
         if count < 1 or end > len(data):
-            raise ValueError(f"accessor {number} of {count} rows ends at byte {end} of {len(data)}")
+            raise ValueError(f"{label} of {count} rows ends at byte {end} of {len(data)}")
         # The buffer is as long as the last byte of the last row: checked above.
         return np.ndarray((count, width), dtype, data, begin, (stride, dtype.itemsize))
+
+    def _replace(self, rows, sparse, label) -> None:
+        """Put the rows of a sparse accessor where its indices say."""
+        count, indices, values = whole(sparse, "count"), sparse["indices"], sparse["values"]
+        dtype = np.dtype(_DTYPES[_known(indices, "componentType", _DTYPES)])
+        places = self._rows(indices, dtype, (count, 1), f"the indices of {label}")[:, 0]
+        if dtype.kind != "u" or places.max() >= len(rows):
+            raise ValueError(f"the indices of {label} must be whole numbers below {len(rows)}")
+        rows[places] = self._rows(values, rows.dtype, (count, rows.shape[1]), f"the values of {label}")
+
+
+def _known(table, key, legal):
+    """Return what a table has under a key; a ValueError that says what is legal where it is something else."""
+    if table[key] not in legal:
+        raise ValueError(f"{key} must be one of {', '.join(map(str, legal))}; given {str(table[key])[:40]}")
+    return table[key]
 
 
 def item(tree, key, number) -> dict:

@@ -3,7 +3,7 @@
 from .gltf_arrays import item
 
 POINTS, LINES, LINE_LOOP, LINE_STRIP = range(4)  # modes of primitives without triangles
-_USED = {
+USED = {
     "EXT_texture_webp", "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",
     "KHR_materials_pbrSpecularGlossiness", "KHR_materials_specular", "KHR_materials_unlit", "KHR_mesh_quantization",
     "KHR_texture_transform",
@@ -37,7 +37,7 @@ def list_left_out(tree: dict, primitives: list[dict], used: set) -> tuple[str, .
     if any(not source.get("doubleSided", False) for source in materials):
         found.append("doubleSided = false (backs are drawn unless they are culled)")
     extensions = {*tree.get("extensionsUsed", [])}.union(*(source.get("extensions", ()) for source in materials))
-    found += [f"the extension {name}" for name in sorted(map(str, extensions - _USED))]
+    found += [f"the extension {name}" for name in sorted(map(str, extensions - USED))]
     found += [what for what in ("animations", "skins") if tree.get(what)]
     return (*found, *(["morph targets"] if any("targets" in each for each in primitives) else []))
 

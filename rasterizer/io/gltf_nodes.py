@@ -56,9 +56,15 @@ def read_lights_and_camera(model: ModelFile, tree: dict) -> tuple[tuple | None, 
 
 
 def world_matrices(tree: dict) -> dict[int, np.ndarray]:
-    """Return world-from-node matrices (4, 4) float64 by the numbers of the nodes that the file's scene shows."""
-    scenes = tree.get("scenes", [])
-    roots = item(tree, "scenes", tree.get("scene", 0)).get("nodes", []) if scenes else []
+    """Return world-from-node matrices (4, 4) float64 by the numbers of the nodes that the file's scene shows.
+
+    A file without scenes shows all its nodes.
+    """
+    if tree.get("scenes"):
+        roots = item(tree, "scenes", tree.get("scene", 0)).get("nodes", [])
+    else:
+        children = {child for node in tree.get("nodes", []) for child in node.get("children", [])}
+        roots = [number for number in range(len(tree.get("nodes", []))) if number not in children]
     found, open_nodes = {}, [(number, np.eye(4)) for number in roots]
     while open_nodes:
         number, parent = open_nodes.pop()

@@ -99,6 +99,8 @@ def load(
         scene = Scene(_take_meshes(source, crease_angle, drop_bad_faces), **settings)
         return with_changes(scene, {}, weighting=weighting)
     name = name_of(source)
+    if format is None and isinstance(source, (str, os.PathLike)) and not (Path(name).suffix or os.path.exists(name)):
+        raise ModelError(f"{name}: no such file")
     entry = formats.format_of(name, format)
     if entry.is_scene:
         with one_file(name):

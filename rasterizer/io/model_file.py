@@ -3,7 +3,7 @@
 In: `ModelFile`, the bytes of a file with its name and format. Out: `Part`, a dict of the arguments of `Mesh`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,6 +40,24 @@ class Contents(NamedTuple):
     n_line: int = 0
     facts: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+
+
+class Report(str):
+    """A fact about a file, as `log` gets it, and what the file has that isn't used.
+
+    Parameters
+    ----------
+    text : the fact
+    left_out : texts, as in `Contents`
+    """
+
+    left_out: tuple[str, ...]
+
+    def __new__(cls, text: str, left_out: Iterable[str] = ()) -> "Report":
+        """Make a text that knows more."""
+        report = super().__new__(cls, text)
+        report.left_out = tuple(left_out)
+        return report
 
 
 class MeshSettings(NamedTuple):

@@ -18,7 +18,7 @@ from ..scene.mesh_arrays import fixed, has_any_area
 from ..scene.scene import Scene
 from . import formats
 from .files import Folder, read_named
-from .model_file import Contents, MeshSettings, ModelFile, Part, materials_of, several
+from .model_file import Contents, MeshSettings, ModelFile, Part, Report, materials_of, several
 from .weld import weld
 
 
@@ -45,17 +45,33 @@ def load_model(
     with one_file(name_of(source)):
         entry = formats.format_of(name_of(source), format, is_scene=False)
         model = _open(source, entry, log or keep_quiet)._replace(files=files)
-        contents = entry.read()(model)
-        contents = contents if isinstance(contents, Contents) else Contents(contents)
+        contents = _read(entry, model)
         own = {"up": entry.up, "lights": contents.lights, "camera": contents.camera}
         settings = {key: value for key, value in own.items() if value is not None} | (settings or {})
         scene = Scene(_make_meshes(model, contents, mesh_settings), **settings)
         return with_changes(scene, {}, weighting=mesh_settings.weighting)
 
 
+def _read(entry, model) -> Contents:
+    """Let the reader of a format read a file; where it finds nothing, the error says what the file looks like."""
+    try:
+        contents = entry.read()(model)
+        contents = contents if isinstance(contents, Contents) else Contents(contents)
+        if not contents.parts:
+            raise model.error(_why_no_faces(contents))
+    except ModelError as fault:
+        from .other_formats import hint_for_content
+
+        hint = hint_for_content(model.data, entry.name)
+        if hint:
+            raise ModelError(f"{fault}{hint}") from fault
+        raise
+    return contents
+
+
 def name_of(source) -> str:
     """Return what messages call a file."""
-    label = getattr(source, "name", "model") if hasattr(source, "read") else source
+    label = source if isinstance(source, (str, os.PathLike)) else getattr(source, "name", None)
     return os.fsdecode(label) if isinstance(label, (str, os.PathLike)) and label else "model"
 
 
@@ -78,7 +94,7 @@ def with_changes(scene: Scene, settings: dict, *, crease_angle=None, weighting=N
 def _open(source, entry, log) -> ModelFile:
     """Read all bytes of a file."""
     if isinstance(source, (bytes, bytearray, memoryview)):
-        name, folder, data = "model", None, bytes(source)
+        name, folder, data = name_of(source), None, bytes(source)
     elif hasattr(source, "read"):
         name, folder, data = _read_stream(source, entry)
     else:
@@ -126,8 +142,6 @@ def _read_path(path) -> bytes:
 def _make_meshes(model, contents, settings) -> list[Mesh]:
     """Check the parts of a file, and place them."""
     placed = [pair if isinstance(pair, tuple) else (pair, None) for pair in contents.parts]
-    if not placed:
-        raise model.error(_why_no_faces(contents))
     for part, _ in placed:
         if part["vertices"].shape[1:] != (3,) or part["faces"].shape[1:] != (3,):
             raise model.error(f"vertices of the shape {part['vertices'].shape}, (n, 3) is needed")
@@ -143,7 +157,7 @@ def _why_no_faces(contents) -> str:
         return f"nothing but lines: {several(contents.n_line, 'line')}, no faces"
     if contents.n_point:
         return f"a point cloud: {several(contents.n_point, 'point')}, no faces"
-    return "no faces"
+    return f"no faces; not used: {', '.join(contents.left_out)}" if contents.left_out else "no faces"
 
 
 def _prepare(model, part, settings) -> Part:
@@ -222,7 +236,7 @@ def _report(model, contents, parts, crease_angle):
     else:
         facts.append(f"{normals} used" if normals else "no file normals")
     unused = f"; not used: {', '.join(left_out)}" if left_out else ""
-    model.log(f"{model.name}: {', '.join([*facts, *contents.facts])}{unused}")
+    model.log(Report(f"{model.name}: {', '.join([*facts, *contents.facts])}{unused}", left_out))
 
 
 _ATTRIBUTES = {

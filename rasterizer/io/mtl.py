@@ -31,7 +31,8 @@ warned of, with file and line; a line that can't be read (no number, not finite,
              multiplies d
     map_d    another picture than that of map_Kd: its grey (8 bits / 255, not decoded) becomes the texture's alpha; the
              same picture: its own alpha
-    -clamp   on: "clamp", else "repeat"; the other options and maps are not applied: reported
+    -clamp   on: "clamp", else "repeat"; the other options are not applied: -s, -o, -t and -mm of map_Kd (w) where they
+             would change the picture, else reported, as other maps are
 
 A picture that is missing or unreadable is warned of, and the material keeps its plain colour. Names of files are
 relative to the MTL file; which of them are read is said in `files.py`. With illum 0 a texture needs light all the same.
@@ -65,6 +66,8 @@ _MAPS = ("map_", "bump", "disp", "decal", "refl", "norm")  # the first letters o
 _OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2} | dict.fromkeys(
     ("-blendu", "-blendv", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-bm", "-type"), 1
 )
+# Values of those options that would change what is drawn, with which they don't.
+_NEUTRAL = {"-s": [1.0, 1.0, 1.0], "-o": [0.0, 0.0, 0.0], "-t": [0.0, 0.0, 0.0], "-mm": [0.0, 1.0]}
 
 
 class Doubts:
@@ -136,7 +139,8 @@ def _blocks(library) -> list[tuple[str, dict, list]]:
             if number is not None:
                 values[key] = number, line_number
         elif key in ("map_kd", "map_d"):
-            values[key] = _map_line(library, line_number, key, rest)
+            values[key], ignored = _map_line(library, line_number, key, rest)
+            faults += [(line_number, fault) for fault in ignored]
         elif key.startswith(_MAPS):
             library.log(f"{library.name}: texture '{rest}' ({key}) of material '{name}' is not drawn by this version")
     if name is not None:
@@ -156,9 +160,9 @@ def _is_tr_opacity(library, blocks) -> bool:
     return any(b"meshlab" in comment.lower() for comment in comments) or (1.0 in alone and 0.0 not in alone)
 
 
-def _map_line(library, line_number, key, rest) -> tuple[str, str]:
-    """Return the name of the picture that a line gives, which may hold blanks, and how it is wrapped."""
-    words, wrap = rest.split(), "repeat"
+def _map_line(library, line_number, key, rest) -> tuple[tuple[str, str], list[str]]:
+    """Return the name of the picture that a line gives, which may hold blanks, how it is wrapped, and doubts."""
+    words, wrap, ignored = rest.split(), "repeat", []
     while len(words) > 1 and words[0].lower() in _OPTIONS:
         option = words.pop(0).lower()
         values = [words.pop(0)] if len(words) > 1 else []
@@ -166,11 +170,14 @@ def _map_line(library, line_number, key, rest) -> tuple[str, str]:
             values.append(words.pop(0))
         if option == "-clamp":
             wrap = "clamp" if values and values[0].lower() == "on" else "repeat"
+            continue
+        fault = f"the option '{option} {' '.join(values)}' of {key} is not applied"
+        neutral = _NEUTRAL.get(option, [])[: len(values)]
+        if neutral and all(map(_is_number, values)) and [*map(float, values)] != neutral:
+            ignored.append(fault)
         else:
-            library.log(
-                f"{library.name}:{line_number}: the option '{option} {' '.join(values)}' of {key} is not applied"
-            )
-    return " ".join(words), wrap
+            library.log(f"{library.name}:{line_number}: {fault}")
+    return (" ".join(words), wrap), ignored
 
 
 def _is_number(word) -> bool:

@@ -53,9 +53,9 @@ def read_obj(model: ModelFile) -> Contents:
 def _with_others(parts, lines) -> Contents:
     """Say what the file has beside faces that are drawn."""
     n_point, n_line = lines.count_words("p"), len(lines.lines_of("l")) + lines.n_short_face
-    if not parts and n_point + n_line == 0:
-        n_point = len(lines.lines_of("v"))
     curved = [keyword for keyword in ("curv", "curv2", "surf") if len(lines.lines_of(keyword))]
+    if not parts and n_point + n_line == 0 and not curved:
+        n_point = len(lines.lines_of("v"))
     left_out = (f"curved elements ({', '.join(curved)})",) if curved else ()
     if parts and not all("normals" in part for part in parts) and len(lines.lines_of("vn")):
         left_out += ("normals of meshes in which some faces have none",)

@@ -1,5 +1,6 @@
 """Read STL and OFF. What their headers promise is compared with the file before memory is spent."""
 
+import codecs
 import re
 
 import numpy as np
@@ -22,7 +23,11 @@ def read_stl(model: ModelFile) -> list[Part]:
     data, length = model.data, len(model.data)
     n_face = int.from_bytes(data[80:84], "little")
     expected = _STL_HEADER + _STL_FACE * n_face
-    is_text = data.lstrip()[:5].lower() == b"solid" and length != expected and b"\0" not in data[:4096]
+    is_text = (
+        data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid"
+        and length != expected
+        and b"\0" not in data[:4096]
+    )
     if is_text:
         return _read_ascii_stl(model)
     if length < _STL_HEADER:

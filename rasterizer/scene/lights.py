@@ -342,7 +342,7 @@ def checked_lights(lights: Any) -> tuple[Any, ...]:
     SceneError : no light, or one whose kind is unknown; the message lists those that are known. Or more lights than
         MOST_LIGHTS, or more that cast shadows than MOST_SHADOWED
     """
-    if type(lights) in LIGHT_KINDS.values():
+    if type(lights) in LIGHT_KINDS.values() or isinstance(lights, str):
         lights = (lights,)
     try:
         lights = tuple(lights)
@@ -350,7 +350,8 @@ def checked_lights(lights: Any) -> tuple[Any, ...]:
         lights = (lights,)
     for i, light in enumerate(lights):
         if type(light) not in LIGHT_KINDS.values():
-            raise SceneError(f"lights must be of {_legal_lights()}; given {shown(light)} at {i}")
+            ready = "; ready-made ones are made by studio(), headlight() and tabletop()" * isinstance(light, str)
+            raise SceneError(f"lights must be of {_legal_lights()}; given {shown(light)} at {i}{ready}")
     check_count(lights)
     return lights
 

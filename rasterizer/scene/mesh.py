@@ -222,7 +222,9 @@ class Mesh(Movable, mesh_arrays.KeepsArrays):
             return cls(source.vertices, source.faces, **_trimesh_extras(source))
         if isinstance(source, (tuple, list)) and len(source) == 2:
             return cls(source[0], source[1])
-        legal = "a Mesh, a trimesh.Trimesh or a pair (vertices, faces); files and trimesh scenes need load()"
+        if hasattr(source, "vertices") or getattr(source, "shape", ())[1:] == (3,):
+            raise ModelError(f"a mesh needs faces: points and lines alone are not drawn; given {shown(source)}")
+        legal = "a Mesh, a trimesh.Trimesh or a pair (vertices, faces); load() takes files and trimesh scenes, too"
         raise ModelError(f"a mesh must be {legal}; given {shown(source)}")
 
     @property

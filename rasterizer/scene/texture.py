@@ -110,7 +110,7 @@ class Texture(KeepsArrays):
         elif hasattr(image, "convert"):
             try:
                 _check_size(image, "the image", None)
-                image = _pixels_of(image)
+                image = _pixels_of(image, "the image")
             except ModelError as fault:
                 raise SceneError(str(fault)) from fault
             except PICTURE_FAULTS as fault:
@@ -213,7 +213,7 @@ def read_picture(
             with Image.open(source, formats=FORMATS) as picture:
                 _check_size(picture, name, budget)
                 with _silenced() if picture.format == "TIFF" else nullcontext():
-                    return _pixels_of(picture)
+                    return _pixels_of(picture, name)
     except (ModelError, SceneError):
         raise
     except UnidentifiedImageError as fault:
@@ -266,14 +266,18 @@ def _reason(fault: Exception) -> str:
     return shown(text)[1:-1] if text else type(fault).__name__
 
 
-def _pixels_of(picture: "Image.Image") -> NDArray[np.uint8]:
-    """The pixels of a PIL image, in 8 bits; palettes and rarer modes as RGBA."""
+def _pixels_of(picture: "Image.Image", name: str) -> NDArray[np.uint8]:
+    """The pixels of a PIL image, in 8 bits; palettes and rarer modes as RGBA. ModelError for numbers of 32 bits."""
     if picture.mode.startswith("I;16"):  # PIL would cut off what is above 255
         wide = np.asarray(picture)
         pixels = np.empty(wide.shape, np.uint8)
         for rows in _strips(*wide.shape):
             pixels[rows] = np.rint(wide[rows] / 257.0)
         return pixels
+    if picture.mode in ("I", "F"):  # what is black and what white isn't said; PIL would cut off what is above 255
+        raise ModelError(
+            f"{name}: can't be read as a picture: its texels are numbers of 32 bits; 8 and 16 bits are read"
+        )
     is_plain = picture.mode in ("L", "LA", "RGB", "RGBA") and "transparency" not in picture.info
     return np.asarray(picture if is_plain else picture.convert("RGBA"))
 

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from helpers.command import CUBE, GEAR, start
+from helpers.model_bytes import gltf_with
 from helpers.raster import ROOT
 
 import rasterizer as rz
@@ -53,10 +54,30 @@ def test_what_is_not_drawn_and_what_is_missing_is_told(folder, capsys):
     )
     assert main(["info", "odd ü.obj"]) == 0
     out = capsys.readouterr().out
-    assert "2 statements of lines, a statement of points" in out and "no definition of material 'none'" in out
+    assert "1 point, 2 lines" in out and "no definition of material 'none'" in out
     assert "no: 3 of 3 are open edges" in out
     (odd,) = records(capsys, "odd ü.obj")
     assert odd["path"] == "odd ü.obj" and len(odd["not_drawn"]) == 2 and odd["warnings"]
+
+
+def test_what_a_reader_leaves_out_is_told(folder, capsys):
+    """Whatever the format: what `-v` says of a file that isn't used, `info` says, too."""
+
+    def change(tree, primitive):
+        tree |= {"extensionsUsed": ["FOO_bar"], "animations": [{}], "skins": [{}]}
+        primitive |= {"targets": [{}]}
+
+    (folder / "rig.gltf").write_bytes(gltf_with(change))
+    (folder / "scan.ply").write_bytes(b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        b"property float z\nproperty float confidence\nelement face 1\nproperty list uchar int vertex_indices\n"
+        b"end_header\n0 0 0 1\n1 0 0 1\n0 1 0 1\n3 0 1 2\n")  # fmt: skip
+    rig, scan = records(capsys, "rig.gltf", "scan.ply")
+    assert {"the extension FOO_bar", "animations", "skins", "morph targets"} <= set(rig["not_drawn"])
+    assert scan["not_drawn"] == ["vertex properties confidence"]
+    assert main(["info", "-v", "rig.gltf"]) == 0
+    out, err = capsys.readouterr()
+    assert err.rstrip().endswith(f"not used: {', '.join(rig['not_drawn'])}")
+    assert f"not used      {', '.join(rig['not_drawn'])}\n" in out
 
 
 def test_one_that_fails_does_not_stop_the_rest(folder, capsys):
@@ -67,6 +88,11 @@ def test_one_that_fails_does_not_stop_the_rest(folder, capsys):
     assert main(["info", "nope.stl"]) == 3
     assert capsys.readouterr().err == "raster: error: nope.stl: no such file\n"
     assert main(["info"]) == 2 and main(["info", "-"]) == 2
+
+
+def test_what_comes_from_stdin_is_called_so(folder):
+    done = start("info", "-", "--input-format", "stl", cwd=folder, input=b"x")
+    assert done.returncode == 3 and done.stderr.startswith(b"raster: error: stdin: not an STL file")
 
 
 def test_stdin_and_what_is_imported(folder):

@@ -45,6 +45,18 @@ def test_colours_are_means_of_what_is_covered():
     assert np.allclose(numbers, noise[25:, :, :3].mean(axis=(0, 1)), atol=0.51)
 
 
+@pytest.mark.parametrize(("encoding", "blocks"), [("utf-8", True), ("UTF8", True), ("latin-1", False),
+                                                 ("ascii", False), ("cp437", False), ("nonsense", False)])  # fmt: skip
+def test_a_terminal_without_utf8_gets_letters(monkeypatch, encoding, blocks):
+    class Stream:
+        """A stdout that says what it is encoded in."""
+
+    Stream.encoding = encoding
+    monkeypatch.setattr("rasterizer.cli.preview.sys.stdout", Stream)
+    text = preview(np.full((20, 40, 4), 255, np.uint8), 20, 10)
+    assert ("▀" in text) == blocks and (blocks or text.isascii())
+
+
 def test_no_color_is_honoured(monkeypatch):
     picture = np.full((20, 40, 4), 255, np.uint8)
     for name, value in (("NO_COLOR", "1"), ("TERM", "dumb")):

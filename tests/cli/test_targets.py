@@ -36,6 +36,38 @@ def test_folders_of_outputs_are_made(folder):
     assert run("nope.obj", "-o", "never/x.png") == 3 and not os.path.exists("never")
 
 
+def test_a_folder_is_told_from_a_file_without_a_suffix(folder, capsys):
+    assert run(CUBE, GEAR, "-o", "thumbs") == 2
+    assert one_error(capsys).endswith(f"; a folder is written {os.path.join('thumbs', '')}\n")
+    assert run(".") == 3 and ".: is a folder; give the models in it" in one_error(capsys)
+
+
+@pytest.mark.parametrize(
+    ("argv", "way_out"),
+    [
+        (["x.obj", "b/x.obj", "-o", "out/"], "--recursive with the folder above them keeps folders"),
+        (["x.obj", "b/x.obj", "-o", "{stem}-{view}-{ext}.png"], "--recursive with the folder above them keeps folders"),
+        (["x.obj", "x.obj"], "a model is drawn once"),
+        (["x.obj", "y.obj", "-o", "out.png"], "template such as '{stem}.png'"),
+        (["x.obj", "x.stl", "-o", "{stem}.png"], "template such as '{stem}-{ext}.png'"),
+        (["x.obj", "-o", "out.png", "--view", "top,front"], "template such as '{stem}-{view}.png'"),
+        (["x.obj", "y.stl", "-o", "a.png", "--view", "top,front"], "template such as '{stem}-{view}.png'"),
+    ],
+)
+def test_the_way_out_of_one_name_for_two_pictures_leads_out(folder, capsys, argv, way_out):
+    os.makedirs("b")
+    for name in ("x.obj", "b/x.obj", "y.obj"):
+        shutil.copy(CUBE, name)
+    for name in ("x.stl", "y.stl"):
+        shutil.copy(GEAR, name)
+    assert run(*argv) == 2
+    text = one_error(capsys)
+    assert "would both be written to" in text and way_out in text
+    if "template" in text:
+        argv[argv.index("-o") + 1] = text.split("'")[-2]
+        assert run(*argv, "-q") == 0
+
+
 def test_a_folder_that_cannot_be_made_is_told_before_anything_is_drawn(folder, capsys):
     (folder / "file").write_text("x")
     assert run("nope.obj", "-o", "file/deep/x.png") == 4

@@ -145,7 +145,10 @@ def test_matrices_of_nodes_multiply_down_the_tree():
     assert sorted(found) == [0, 1]
     # the point (1, 1, 1): scaled (2, 3, 4), half a turn about z (-2, -3, 4), moved (-1, -3, 4), then the parent's
     np.testing.assert_allclose(found[1] @ (1, 1, 1, 1), (7 + 3, 8 - 1, 9 + 4, 1), atol=1e-14)
-    assert world_matrices({"nodes": nodes}) == {}
+    assert world_matrices({"nodes": nodes[:2], "scenes": [{}]}) == {}
+    assert sorted(world_matrices({"nodes": nodes})) == [0, 1, 2]  # without scenes: all, each below its parent
+    np.testing.assert_array_equal(world_matrices({"nodes": nodes})[1], found[1])
+    assert world_matrices({}) == {}
 
 
 def test_a_light_moves_with_its_parents():

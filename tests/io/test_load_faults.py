@@ -19,6 +19,9 @@ def test_faults_of_the_path(tmp_path):
         load(tmp_path / "folder.obj")
     with pytest.raises(ModelError, match="unknown format 'xyz'; readable are obj, stl, ply, off, glb, gltf, 3mf"):
         load(tmp_path / "model.xyz")
+    with pytest.raises(ModelError, match="model: no such file"):
+        load(tmp_path / "model")
+    (tmp_path / "model").write_text("v 0 0 0")
     with pytest.raises(ModelError, match="format is unknown without a suffix"):
         load(tmp_path / "model")
     with pytest.raises(ModelError, match="format is unknown without a suffix"):
@@ -87,11 +90,15 @@ def test_messages_name_the_file_once():
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
-        (lambda tree, _: tree["accessors"][1].pop("bufferView"), "accessor 1 is sparse or has no data"),
+        (lambda tree, _: tree["accessors"][1].pop("bufferView"), "every face has zero area"),
+        (lambda tree, _: tree["accessors"][1].pop("bufferView") and tree["accessors"][1].update(count=10**12), "legal"),
+        (lambda tree, _: tree["accessors"][1].update(type="VEC6"), "type must be one of SCALAR, .*; given VEC6"),
+        (lambda tree, _: tree["accessors"][1].update(sparse={"count": 1}), "not a readable"),
+        (lambda tree, _: tree["asset"].update(version="1.0"), "glTF of version 1.0; 2.0 is read"),
         (lambda tree, _: tree["accessors"][1].update(count=10**9), "not a readable"),
         (lambda tree, _: tree.update(extensionsRequired=["KHR_draco_mesh_compression"]), "KHR_draco"),
         (lambda tree, _: tree["nodes"][0].update(matrix=[0] * 16), "transform"),
-        (lambda _, primitive: primitive["attributes"].pop("POSITION"), "not a readable"),
+        (lambda _, primitive: primitive["attributes"].pop("POSITION"), "no faces"),
         (lambda tree, _: tree.update(meshes=3), "not a readable"),
         (lambda tree, _: tree.update(meshes=[]), "."),
         (lambda _, primitive: primitive.update(mode=3), "no faces|not a readable"),

@@ -1,6 +1,7 @@
 """Tests of textures in MTL files: which picture, how it is laid, and what is said where it can't be."""
 
 import warnings
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -26,10 +27,16 @@ def folder(tmp_path):
     return tmp_path
 
 
-def load_obj(folder, mtl, text=TEXTURED, **options):
-    """Load a model with a material file; a warning is an error."""
+def write_obj(folder, mtl, text=TEXTURED):
+    """Write a model with a material file, and return its path."""
     (folder / "m.mtl").write_text(mtl)
     (folder / "model.obj").write_text("mtllib m.mtl\n" + text)
+    return folder / "model.obj"
+
+
+def load_obj(folder, mtl, text=TEXTURED, **options):
+    """Load a model with a material file; a warning is an error."""
+    write_obj(folder, mtl, text)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return load(folder / "model.obj", **options)
@@ -106,21 +113,25 @@ def test_the_first_texel_is_the_upper_left_one(folder):
 
 
 @pytest.mark.parametrize(
-    ("line", "wrap", "n_fact"),
+    ("line", "wrap", "n_fact", "warned"),
     [
-        ("map_Kd -clamp on wood.png", "clamp", 0),
-        ("map_Kd -clamp off wood.png", "repeat", 0),
-        ("map_Kd -s 2 2 2 -o 0.5 -clamp on wood.png", "clamp", 2),
-        ("map_Kd -s 1 1 wood.png", "repeat", 1),
-        ("map_Kd -mm 0 1 -blendu on -bm 3 wood.png", "repeat", 3),
-        ("map_Kd -t 0 0 0 my  wood.png", "repeat", 1),
-        ("MAP_KD\twood.png", "repeat", 0),
+        ("map_Kd -clamp on wood.png", "clamp", 0, ()),
+        ("map_Kd -clamp off wood.png", "repeat", 0, ()),
+        ("map_Kd -s 2 2 2 -o 0.5 -clamp on wood.png", "clamp", 0, ("-o 0.5", "-s 2 2 2")),
+        ("map_Kd -s 1 1 wood.png", "repeat", 1, ()),
+        ("map_Kd -mm 0 1 -blendu on -bm 3 wood.png", "repeat", 3, ()),
+        ("map_Kd -t 0 0 0 my  wood.png", "repeat", 1, ()),
+        ("MAP_KD\twood.png", "repeat", 0, ()),
+        ("map_Kd -mm 0 0.5 wood.png", "repeat", 0, ("-mm 0 0.5",)),
     ],
 )
-def test_options(folder, line, wrap, n_fact):
+def test_options(folder, line, wrap, n_fact, warned):
     (folder / "my wood.png").write_bytes((folder / "wood.png").read_bytes())
     facts = []
-    texture = material_of(folder, line, log=facts.append).texture
+    with pytest.warns(UserWarning) if warned else nullcontext([]) as caught:
+        texture = load(write_obj(folder, "newmtl a\n" + line), log=facts.append).meshes[0].material.texture
+    texts = [str(each.message).partition(": ")[2] for each in caught]
+    assert texts == [f"the option '{option}' of map_kd is not applied" for option in warned]
     assert texture.wrap == (wrap, wrap)
     assert sum("is not applied" in fact for fact in facts) == n_fact
     assert all("m.mtl:2: the option '-" in fact for fact in facts[:n_fact])
@@ -128,11 +139,20 @@ def test_options(folder, line, wrap, n_fact):
 
 def test_a_picture_whose_name_is_a_number(folder):
     (folder / "7").write_bytes((folder / "wood.png").read_bytes())
-    assert material_of(folder, "map_Kd -s 1 2 7").texture is not None
+    assert material_of(folder, "map_Kd -s 1 1 7").texture is not None
 
 
 @pytest.mark.parametrize(
-    "name", ["tex/wood.png", "tex\\wood.png", "TEX/Wood.PNG", "C:\\art\\wood.png", "/home/ann/Wood.png"]
+    "name",
+    [
+        "tex/wood.png",
+        "tex\\wood.png",
+        '"wood.png"',
+        '"tex/wood.png"',
+        "TEX/Wood.PNG",
+        "C:\\art\\wood.png",
+        "/home/ann/Wood.png",
+    ],
 )
 def test_how_a_name_may_be_written(folder, name):
     (folder / "tex").mkdir()

@@ -1,11 +1,13 @@
 """`render` takes whatever `load` takes, and looks at it as it is told."""
 
+import inspect
 import io
 import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from helpers.raster import ROOT
 
 import rasterizer as rz
@@ -102,7 +104,8 @@ def test_pictures_have_four_samples_and_pictures_beside_buffers_one():
         ([], rz.ModelError, "at least one mesh; given an empty sequence"),
         ([1, 2, 3], rz.ModelError, "a mesh must be"),
         (["a.obj", "b.obj"], rz.ModelError, "a mesh must be"),
-        (np.zeros((4, 3)), rz.ModelError, "a mesh must be"),
+        (np.zeros((4, 3)), rz.ModelError, "a mesh needs faces: points and lines alone are not drawn"),
+        (trimesh.PointCloud(np.eye(3)), rz.ModelError, "a mesh needs faces: points and lines alone are not drawn"),
         (None, rz.ModelError, "a mesh must be"),
         ({}, rz.ModelError, "a mesh must be"),
     ],
@@ -124,6 +127,27 @@ def test_pillow_takes_a_frame_for_an_image():
     assert image.tobytes() == frame.rgba.tobytes() == frame.tobytes()
     assert np.shares_memory(np.asarray(frame), frame.rgba) and not np.shares_memory(np.array(frame), frame.rgba)
     assert np.asarray(frame, np.float32).dtype == np.float32
+
+
+def test_what_a_frame_does_not_have_can_be_asked_for():
+    frame = rz.render(MESH, 8, outputs=("rgb", "depth"))
+    assert hasattr(frame, "depth") and not hasattr(frame, "position") and getattr(frame, "normal", None) is None
+    assert dict(inspect.getmembers(frame))["width"] == 8
+    with pytest.raises(rz.SceneError, match="ask for it with outputs"):
+        frame.position  # noqa: B018
+    with pytest.raises(rz.SceneError, match=r"frame.encode\(\) gives its bytes"):
+        frame.save(io.BytesIO())
+
+
+def test_a_renderer_prints_in_a_line():
+    with rz.Renderer(MESH, (40, 30), shading="phong") as renderer:
+        assert repr(renderer) == "<Renderer 40x30 phong, 12 faces>"
+    assert repr(renderer) == "<Renderer 40x30 phong, 12 faces, closed>"
+
+
+def test_words_for_lights_say_what_makes_them():
+    with pytest.raises(rz.SceneError, match=r"given 'studio' at 0; ready-made ones are made by studio\(\)"):
+        rz.render(MESH, 8, lights="studio")
 
 
 def test_a_frame_without_a_picture_is_no_image():

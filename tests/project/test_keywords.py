@@ -43,6 +43,14 @@ def test_the_nearest_keyword_is_named(call, given, meant):
     assert (f"did you mean {meant}?" in text) if meant else ("did you mean" not in text)
 
 
+@pytest.mark.parametrize("given", ["shadows", "material", "preset", "fov", "margin", "view", "color", "ground"])
+def test_what_the_command_line_has_flags_for_is_said_where_it_is_set(given):
+    with pytest.raises(rz.OptionError) as caught:
+        rz.render("x.obj", **{given: 1})
+    text = str(caught.value)
+    assert "did you mean" not in text and text.partition(f"{given!r}: ")[2].partition(". Options are ")[1]
+
+
 def test_it_is_an_error_of_the_package_and_one_of_python():
     with pytest.raises(TypeError):
         rz.Material(colour="red")

@@ -99,6 +99,8 @@ IN_FUNCTIONS = {
     ("engine.view_plans", "engine.shadow_views"): "as engine.shadow_maps",
     ("engine.spectral_products", "scene.spectrum"): "its tables are for scenes with spectra",
     ("errors", "warnings"): "--help does without it",
+    ("io.formats", "io.other_formats"): "only a file that no reader takes needs it",
+    ("io.models", "io.other_formats"): "as io.formats",
     ("io.picture_formats", "PIL"): "heavy: a frame that is only read as arrays does without it",
     ("frame", "PIL"): "as io.picture_formats",
     ("frame", "io.tiff"): "only TIFF files need it",

@@ -130,6 +130,27 @@ def test_legal_words():
     assert Options(tolerance=0).tolerance == 0.0 and Options(threads=3).n_thread == 3
 
 
+WHOLE, FRACTIONS = ("size", "samples", "spectral", "threads"), ("tolerance", "exposure", "edge_width", "edge_color")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "make"),
+    [(name, 4, make) for name in WHOLE for make in (np.int64, np.uint8, np.array)]
+    + [(name, 0.5, make) for name in FRACTIONS for make in (np.float32, np.float64, np.array)],
+)
+def test_numpy_numbers_count_as_those_of_python(name, value, make):
+    """Whatever is given, the same is stored, so that options are equal and can be keys."""
+    given, plain = Options(**{name: make(value)}), Options(**{name: value})
+    assert given == plain and hash(given) == hash(plain)
+    assert type(getattr(given, name)) is type(getattr(plain, name))
+
+
+@pytest.mark.parametrize("samples", [True, np.True_, "4", 3, np.int64(3), 4.5, math.nan, [4], (1,), np.array([4, 4])])
+def test_other_numbers_of_samples_are_refused(samples):
+    with pytest.raises(SceneError, match="samples must be one of 1, 4, 9, 16; given"):
+        Options(samples=samples)
+
+
 def test_options_are_values():
     assert Options() == Options() and hash(Options()) == hash(Options())
     with pytest.raises(AttributeError):

@@ -62,6 +62,17 @@ def test_the_array_given_is_neither_changed_nor_shared():
             level[0, 0, 0] = 1.0
 
 
+@pytest.mark.parametrize("mode", ["I", "F"])
+def test_pictures_of_32_bits_are_refused(tmp_path, mode):
+    """What is black and what white in them isn't said; their numbers were cut off."""
+    picture = Image.new(mode, (2, 2), 1)
+    with pytest.raises(SceneError, match="numbers of 32 bits; 8 and 16 bits are read"):
+        Texture(picture)
+    picture.save(tmp_path / "t.tif")
+    with pytest.raises(ModelError, match=r"t\.tif: can't be read as a picture: its texels are numbers of 32 bits"):
+        Texture(tmp_path / "t.tif")
+
+
 @pytest.mark.parametrize("mode", ["L", "LA", "RGB", "RGBA", "P", "1", "CMYK", "I;16"])
 def test_pil_images_and_files(tmp_path, mode):
     grey = Image.fromarray(np.array([[0, 128, 255]], np.uint8))
