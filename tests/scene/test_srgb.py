@@ -33,7 +33,7 @@ def test_illegal_colours(bad):
         rz.srgb(bad)
 
 
-@pytest.mark.parametrize("field", ["diffuse", "ambient", "specular"])
+@pytest.mark.parametrize("field", ["diffuse", "ambient", "specular", "emissive"])
 @pytest.mark.parametrize("color", [(255, 128, 0), [255, 128, 0], np.array([255, 128, 0], np.uint8)])
 def test_whole_numbers_above_one_are_no_colour_of_a_surface(field, color):
     with pytest.raises(rz.SceneError, match=rf'the material\'s {field} must be linear, .*"#ff8000" or rz.srgb'):
