@@ -197,7 +197,7 @@ class Renderer:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _remake, (self.scene, _arguments_of(self.options))
+        return partial(Renderer, **_arguments_of(self.options)), (self.scene,)
 
     def close(self) -> None:
         """End the threads, when the picture that is being drawn is done; the Renderer draws no more."""
@@ -241,13 +241,9 @@ class Renderer:
             return self._render(camera, words)
 
     def render_to(
-        self,
-        path: str | os.PathLike[str],
-        camera: Camera | None = None,
-        *,
-        array: SavedArray | Sequence[SavedArray] | None = None,
-        scale: float | None = None,
-    ) -> Stats:
+        self, path: str | os.PathLike[str], camera: Camera | None = None, *,
+        array: SavedArray | Sequence[SavedArray] | None = None, scale: float | None = None,
+    ) -> Stats:  # fmt: skip
         """Render into a file; the same file as `render(camera).save(path, array=array, scale=scale)` writes.
 
         TIFF files, and .npy files of `color`, `rgb`, `rgba` or `alpha`, are written band by band while the picture is
@@ -378,7 +374,9 @@ class Renderer:
             counts = counts or counts_of_buffers
         arrays.update(buffers or {})
         bounds = prepared.bound_outputs(camera, outputs, view_plan, screen)
-        source = FrameSource(self.scene, camera, partial(_picker_of, self.scene, self.options))
+        # What a frame picks with draws the surfaces that it shows, and no colours.
+        shown_as = {"shading": self.options.shading, "cull": self.options.cull, "outputs": "face", "threads": 1}
+        source = FrameSource(self.scene, camera, partial(Renderer, self.scene, self.options.size, **shown_as))
         return Frame(rgba, arrays, self._stats(counts, view_plan, clock, bounds), self.options.size, source)
 
     def _stats(self, counts, view_plan, clock, bounds) -> Stats:
@@ -397,13 +395,3 @@ class Renderer:
 def _arguments_of(options: Options) -> dict:
     """The arguments of `Renderer` that options were made of."""
     return {field.name: getattr(options, field.name) for field in fields(options)}
-
-
-def _picker_of(scene, options) -> Renderer:
-    """Return the Renderer that a frame picks with: it draws the surfaces that the frame shows, and no colours."""
-    return Renderer(scene, options.size, shading=options.shading, cull=options.cull, outputs="face", threads=1)
-
-
-def _remake(scene, options) -> Renderer:
-    """What a pickled Renderer becomes."""
-    return Renderer(scene, **options)

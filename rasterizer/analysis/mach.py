@@ -119,6 +119,8 @@ def _buffers(picture: Any, scene: Scene) -> tuple[NDArray, NDArray]:
         raise SceneError("Mach bands are measured in pictures of one sample a pixel: averages hide them")
     try:
         color, face = np.asarray(picture.color), np.asarray(picture.face)
+    except SceneError:
+        raise  # of a Frame: what to ask for
     except AttributeError:
         raise SceneError(f"a picture with color and face is needed; given {type(picture).__name__}") from None
     if face.ndim != 2 or face.dtype.kind not in "iu" or color.shape != (*face.shape, 3) or color.dtype.kind != "f":

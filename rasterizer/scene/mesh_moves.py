@@ -10,8 +10,8 @@ from ..choices import AXES, Axis
 from ..errors import SceneError, shown
 from . import mesh_arrays
 from .arrays import VectorLike, plain_array
+from .framing import cos_sin
 from .material import Material
-from .turning import rotation
 from .validate import COORDINATE_LIMIT, choice, number, position3, unit3, vector3
 
 if TYPE_CHECKING:
@@ -142,3 +142,19 @@ def _checked_affine(matrix: ArrayLike) -> NDArray[np.float64]:
     if not is_fine or (result[3] != (0.0, 0.0, 0.0, 1.0)).any():
         raise SceneError(f"the matrix must be affine: (4, 4), finite, the last row (0, 0, 0, 1); given {shown(matrix)}")
     return result
+
+
+def rotation(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
+    """Return the matrix (3, 3) that turns vectors about a unit axis, counter-clockwise as seen from its tip.
+
+    Parameters
+    ----------
+    axis : (3,) unit vector
+    angle : degrees; at multiples of 90 the matrix is exact
+
+    Source: Rodrigues 1840, J. Math. Pures Appl. 5, 380-440: R = cos θ·1 + sin θ·[a]× + (1 - cos θ)·a aᵀ.
+    """
+    cos, sin = cos_sin(angle)
+    x, y, z = np.asarray(axis, np.float64)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return cos * np.eye(3) + sin * across + (1.0 - cos) * np.outer((x, y, z), (x, y, z))

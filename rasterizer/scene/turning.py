@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .camera import Camera
-from .framing import cos_sin
+from .mesh_moves import rotation
 
 
 def turned_cameras(
@@ -62,19 +62,3 @@ def middle_on_axis(camera: Camera, bounds: NDArray[np.float64], nearest: float =
     low, high = bounds
     distance = max(float(np.dot(0.5 * (low + high) - eye, forward)), nearest * math.dist(low, high))
     return eye + distance * forward
-
-
-def rotation(axis: ArrayLike, angle: float) -> NDArray[np.float64]:
-    """Return the matrix (3, 3) that turns vectors about a unit axis, counter-clockwise as seen from its tip.
-
-    Parameters
-    ----------
-    axis : (3,) unit vector
-    angle : degrees; at multiples of 90 the matrix is exact
-
-    Source: Rodrigues 1840, J. Math. Pures Appl. 5, 380-440: R = cos θ·1 + sin θ·[a]× + (1 - cos θ)·a aᵀ.
-    """
-    cos, sin = cos_sin(angle)
-    x, y, z = np.asarray(axis, np.float64)
-    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return cos * np.eye(3) + sin * across + (1.0 - cos) * np.outer((x, y, z), (x, y, z))

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from ..choices import AXES
 from ..scene.camera import Camera, View
+from ..scene.mesh_moves import rotation
 from ..scene.scene import Scene
-from ..scene.turning import pivot_of, rotation
+from ..scene.turning import pivot_of
 
 Array: TypeAlias = NDArray[np.float64]
 Size: TypeAlias = tuple[int, int]

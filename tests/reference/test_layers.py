@@ -50,7 +50,7 @@ def test_two_panes_in_both_orders_of_the_file(shading, is_perspective):
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(4))))
 def test_an_opaque_layer_ends_the_sum(order):
-    panes = [pane(RED, 0.5, 2.0), pane(GREEN, 0.2, 3.0), pane(BLUE, 1.0, 4.0), pane((9, 9, 9), 0.5, 5.0)]
+    panes = [pane(RED, 0.5, 2.0), pane(GREEN, 0.2, 3.0), pane(BLUE, 1.0, 4.0), pane((9.0, 9.0, 9.0), 0.5, 5.0)]
     picture = show([panes[k] for k in order])
     np.testing.assert_allclose(picture.color, np.broadcast_to((0.5, 0.1, 0.4), (8, 8, 3)), rtol=1e-14)
     assert (picture.alpha == 1).all()
