@@ -41,19 +41,19 @@ class Animation:
 
     def __init__(self, frames: Iterable[Frame | NDArray[np.uint8]], seconds: float = 3.0, loop: int = 0) -> None:
         try:
-            self.frames = [_picture_of(frame) for frame in frames]
+            self.frames: list[NDArray[np.uint8]] = [_picture_of(frame) for frame in frames]
         except TypeError:
             raise SceneError(f"an animation is made of a sequence of frames; given {shown(frames)}") from None
         sizes = sorted({frame.shape[1::-1] for frame in self.frames})
         if len(sizes) != 1:
             found = "none" if not sizes else " and ".join(f"{width}x{height}" for width, height in sizes[:3])
             raise SceneError(f"an animation needs frames of one size; given {found}")
-        self.seconds = number(seconds, "the seconds of an animation")
+        self.seconds: float = number(seconds, "the seconds of an animation")
         if not 1e-3 <= self.seconds <= 1e6:
             raise SceneError(f"the seconds of an animation must be within 0.001..1000000; given {shown(seconds)}")
         if not is_whole(loop, 0, _MOST_LOOPS):
             raise SceneError(f"loop must be within 0..{_MOST_LOOPS}, 0 = again and again; given {shown(loop)}")
-        self.loop = int(loop)
+        self.loop: int = int(loop)
 
     def __repr__(self) -> str:
         height, width = self.frames[0].shape[:2]

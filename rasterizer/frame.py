@@ -117,7 +117,7 @@ class Frame(FrameBuffers):
     def __init__(
         self,
         rgba: NDArray[np.uint8] | None,
-        arrays: dict[str, NDArray],
+        arrays: dict[str, NDArray[Any]],
         stats: Stats,
         size: tuple[int, int],
         source: "FrameSource | None" = None,

@@ -1,5 +1,7 @@
 """What a frame tells of the surfaces that it shows: its exact buffers by name, and all of one pixel."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,10 +13,10 @@ class FrameBuffers:
     """The exact buffers of a `Frame`, beside depth, face and normal; see there."""
 
     size: tuple[int, int]
-    _arrays: dict[str, NDArray]
+    _arrays: dict[str, NDArray[Any]]
     _source: FrameSource | None
 
-    def array(self, name: str) -> NDArray:
+    def array(self, name: str) -> NDArray[Any]:
         """Return an array by name; SceneError for one that the frame doesn't have."""
         raise NotImplementedError
 

@@ -94,7 +94,7 @@ class GroundShadow:
             points = min(max(FACES_DRAWN // max(scene.n_face, 1), LEAST_POINTS), MOST_POINTS)
         self._ground = _ground_under(scene, size)
         if self._ground is None:
-            self.opacity = np.zeros((4, 4), np.float32)
+            self.opacity: NDArray[np.float32] = np.zeros((4, 4), np.float32)
         else:
             self.opacity = np.float32(strength) * _draw_masks(scene, self._ground, points, threads)
 

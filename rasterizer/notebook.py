@@ -1,6 +1,6 @@
 """Scenes in a notebook: `view` shows one to be turned."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from .errors import SceneError
 from .io.loader import load
@@ -10,9 +10,33 @@ from .scene.scene import Scene
 from .viewer.session import Session
 
 if TYPE_CHECKING:
-    from .viewer.widget import ViewerWidget
+    from .frame import Frame
+    from .viewer.picking import Picked
 
 _SIZE = (800, 600)
+
+
+class SceneView(Protocol):
+    """A widget that shows a scene: what `view` returns. Packages of widgets have no types; this is what it adds."""
+
+    @property
+    def scene(self) -> Scene:
+        """The scene that is shown."""
+
+    @property
+    def camera(self) -> Camera:
+        """The camera as it stands now: `rz.render(widget.scene, camera=widget.camera)` draws what is seen."""
+
+    @property
+    def picked(self) -> "Picked | None":
+        """The point that was clicked last: its face, object, position and normal; None if there is none."""
+
+    @property
+    def frame(self) -> "Frame | None":
+        """The last picture at rest, with the buffers face, depth and normal; None before the first one."""
+
+    def close(self) -> None:
+        """Take the widget out of the notebook, and end the threads that draw."""
 
 
 def view(
@@ -22,7 +46,7 @@ def view(
     camera: Camera | None = None,
     shading: str = "phong",
     **options: Any,
-) -> "ViewerWidget":
+) -> SceneView:
     """Show a scene in a cell of a notebook: drag to turn it, click to pick a face.
 
     Parameters
@@ -35,7 +59,7 @@ def view(
 
     Returns
     -------
-    ViewerWidget, which a cell shows; its `camera`, `picked` and `frame` tell what is seen
+    SceneView, a widget that a cell shows; its `camera`, `picked` and `frame` tell what is seen
 
     Raises
     ------

@@ -22,7 +22,8 @@ class SharedObject:
     """
 
     def __init__(self, value: Any, key: str) -> None:
-        self.value, self.key = value, key
+        self.value: Any = value
+        self.key: str = key
         self.sent: Any = None  # what a crew keeps of it: its bytes, or its name on the machines it was sent to
 
 
@@ -37,7 +38,9 @@ class Unit:
     """
 
     def __init__(self, function: Callable[..., Any], argument: Any, shared: SharedObject | None = None) -> None:
-        self.function, self.argument, self.shared = function, argument, shared
+        self.function: Callable[..., Any] = function
+        self.argument: Any = argument
+        self.shared: SharedObject | None = shared
         self.note: Any = None  # the caller's own; it isn't sent
         self.n_lost = 0  # how often it had to be sent again because of others
 

@@ -20,7 +20,7 @@ textures averaged over pixels. It is stated by itself, as lengths next to edges,
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -94,7 +94,7 @@ class ErrorBounds(NamedTuple):
     shadows: tuple[ShadowBound, ...] = ()
     filters: tuple[FilterBound, ...] = ()
 
-    def as_json(self) -> dict:
+    def as_json(self) -> dict[str, Any]:
         """Return what was asked for as names and plain numbers; what is infinite as None."""
         asked = {name: value for name, value in self._asdict().items() if value is not None and value != ()}
         return {
