@@ -61,10 +61,15 @@ def lookup_step(factor, is_shaded_once) -> float:
 
 def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
     """Say which materials have texture coordinates that may stand in planes; `limits` are those of errors of
-    intensities, (n,), and of alpha; `step` what `lookup_step` returns."""
+    intensities, (n,); `step` what `lookup_step` returns.
+
+    Where a texture lets light through, that is of none: an error of alpha weights all that is behind, once for each
+    layer, so that no share of the tolerance is enough for any number of them.
+    """
     if plan.packed_textures is None:
         return None
-    limits = limits / max(plan.bound, 1.0)
+    has_alpha = [material.texture is not None and material.texture.has_alpha for material in plan.materials]
+    limits = np.where(has_alpha, 0.0, limits / max(plan.bound, 1.0))
     of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
     return TextureCoding(plan.packed_textures, of_materials, limits, step)
 

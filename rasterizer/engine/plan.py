@@ -153,9 +153,8 @@ def make_plan(scene, options: Options, albedo, clearances=None, colored=None, se
     tint = choose_tint(facts.tints)
     brightness = bound_brightness(scene, sources, albedo, clearances)
     of_materials = plan_materials(sources, brightness, options, facts, tint)
-    is_single = not of_materials.is_double.all()
     n_channel, most_level = 3 if of_materials.is_colored.any() else 1, brightness.bound + brightness.rounding
-    least = least_transmittance(options.tolerance, brightness.bound, is_single)
+    least = least_transmittance(brightness.bound)
     textures = list_textures(materials) if sources.is_textured else None
     return Plan(
         n_channel=n_channel,

@@ -259,9 +259,11 @@ def plan_of_view(plan: Plan, tolerance, surroundings: Surroundings) -> Plan:
 
 def roundings_of(plan: Plan, surroundings: Surroundings) -> NDArray[np.float64]:
     """What rounding may add to an intensity of each material in one view, (n_material,), in its type, and in the
-    float32 of the picture."""
+    float32 of the picture; and what layers that are left out may."""
     reflected = plan.reflected.amplified(compute_amplifications(plan.lights, surroundings.kept().clearances))
     written = WRITTEN * SINGLE * (plan.brightest_background + reflected.bounds)
+    if plan.opacity is not None and plan.opacity.least > 0.0:
+        written = written + 2.0 * plan.opacity.least * plan.bound  # of layers that are left out: pipeline/layers.py
     is_double = plan.of_materials.is_double
     errors = {
         u: frame_error(reflected, surroundings, u) for u in {DOUBLE if double else SINGLE for double in is_double}

@@ -48,9 +48,8 @@ from .visibility import (
 )
 
 # What is transmitted when no more is looked for: float32 shows no opacity from there to 1, and a colour is off by a
-# 2^-25th of the brightest; or a sixteenth of a level of the alpha byte.
+# 2^-25th of the brightest.
 INVISIBLE = 2.0**-26
-INVISIBLE_ALPHA = 2.0**-12
 
 
 class Opacity(NamedTuple):
@@ -82,15 +81,12 @@ class Translucent(NamedTuple):
     right: np.ndarray  # (n_strip,) int64
 
 
-def least_transmittance(tolerance, bound, is_single) -> float:
-    """Return what may still be transmitted where a sample is done.
+def least_transmittance(bound) -> float:
+    """Return what may still be transmitted where a sample is done; 0 where `bound`, the largest intensity, is infinite.
 
-    In float32 colours are off by at most half of the tolerance, of which lighting has the other half, and in float64 by
-    a 2^-25th of `bound`, the largest intensity; 0 if that is infinite.
+    The tolerance doesn't count: every layer before has used its own share of it.
     """
-    if not np.isfinite(bound):
-        return 0.0
-    return min(tolerance / (4.0 * max(bound, 1.0)), INVISIBLE_ALPHA) if is_single else INVISIBLE
+    return INVISIBLE if np.isfinite(bound) else 0.0
 
 
 def make_layer(room, extents, rows, radiance, texels) -> Layer:

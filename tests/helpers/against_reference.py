@@ -8,7 +8,6 @@ import numpy as np
 import rasterizer as rz
 from bench.margins import UNITS, clear_pixels, depth_resolution
 from rasterizer import reference
-from rasterizer.options import DEFAULT_TOLERANCE
 
 EXACT = 1e-6  # promised with tolerance 0, in linear intensity
 NORMAL = 2e-6  # normals are stored as float32
@@ -39,13 +38,13 @@ def compare_with_reference(scene, size, units=UNITS, limit=EXACT, **options) -> 
     largest box. Where surfaces let light through, the order of all of them must be clear.
     """
     frame = rz.render(scene, size, outputs=BUFFERS, **{"samples": 1} | options)
-    tolerance = options.pop("tolerance", DEFAULT_TOLERANCE)
-    options.pop("threads", None)
+    for name in ("tolerance", "threads"):
+        options.pop(name, None)
     expected = reference_picture(scene, size, **options)
     is_covered = expected.face >= 0
     assert ((frame.face >= 0) == is_covered).all(), f"{((frame.face >= 0) != is_covered).sum()} samples covered wrongly"
-    alpha, most = np.abs(frame.alpha - expected.alpha).max(), alpha_budget(scene, tolerance)
-    assert alpha <= most, f"alphas differ by {alpha:.3g} > {most:.3g}"
+    alpha = np.abs(frame.alpha - expected.alpha).max()
+    assert alpha <= EXACT, f"alphas differ by {alpha:.3g} > {EXACT:.3g}"
 
     is_clear = expected.margin > depth_resolution(scene, size, expected.depth, units)
     is_seen = is_covered & is_clear
@@ -68,21 +67,17 @@ def compare_with_reference(scene, size, units=UNITS, limit=EXACT, **options) -> 
     return Comparison(*largest, n_compared, n_ignored, int((color > limit).any(axis=-1).sum()))
 
 
-def alpha_budget(scene, tolerance) -> float:
-    """Return how far alphas may be off: that of a texture is looked up as its colours are, within the tolerance."""
-    is_exact = all(m.is_opaque or m.texture is None for mesh in scene.meshes for m in mesh.palette)
-    return EXACT if is_exact else max(EXACT, tolerance)
-
-
 def color_errors(scene, frame, expected) -> np.ndarray:
     """Return the differences of linear intensity (h, w, 3).
 
-    A straight colour is divided by its alpha, and what rounding did to it with it: where surfaces may be next to clear,
-    premultiplied colours are compared.
+    A straight colour is divided by its alpha, and what rounding did to it with it; and an alpha that is off moves it
+    the other way. So where surfaces let light through, premultiplied colours are compared, each by its own alpha.
     """
-    errors = np.abs(frame.color - expected.color)
-    is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
-    return errors if is_opaque else errors * expected.alpha[..., None]
+    if all(material.is_opaque for mesh in scene.meshes for material in mesh.palette):
+        return np.abs(frame.color - expected.color)
+    frames = ((np.float64(each.color), np.float64(each.alpha)[..., None]) for each in (frame, expected))
+    (color, alpha), (of_expected, alpha_of_expected) = frames
+    return np.abs(color * alpha - of_expected * alpha_of_expected)
 
 
 def assert_matches_reference(

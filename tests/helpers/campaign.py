@@ -25,7 +25,6 @@ from helpers.campaign_scenes import Case, make_case
 from helpers.campaign_steps import next_to_step
 from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
-from rasterizer.pipeline.layers import INVISIBLE_ALPHA
 
 OUTPUTS = ("color", "depth", "face", "normal")
 ROUNDED = 2.0**-23  # relative, of an intensity stored as float32: in the frame, and in its alpha
@@ -152,13 +151,9 @@ def check_surfaces(case, frame, exact, expected):
     n_wrong = ((frame.face >= 0) != (expected.face >= 0)).sum()
     if n_wrong:
         faults.append(f"{n_wrong} samples covered wrongly")
-    # Layers of which less is seen than this are left out, see pipeline/layers.py; and a texture's alpha is looked up
-    # within the tolerance, as its colours are.
-    hidden = 0.0 if is_opaque(case.scene) else min(case.options["tolerance"] / 4, INVISIBLE_ALPHA)
-    hidden += case.options["tolerance"] if has_clear_textures(case.scene) else 0.0
-    for name, one, most in (("", frame, 1e-6 + hidden), ("with tolerance 0, ", exact, 1e-6)):
+    for name, one in (("", frame), ("with tolerance 0, ", exact)):
         off = np.abs(one.alpha - expected.alpha)
-        is_off = off > most
+        is_off = off > 1e-6
         if is_off.any():
             is_off &= all_clear(case) & ~next_to_step(case, one.stats.steps)
         if is_off.any():
@@ -173,12 +168,6 @@ def check_surfaces(case, frame, exact, expected):
     if depth.max(initial=0.0) > 1e-6:
         faults.append(f"depths are off by {depth.max():.3g}")
     return faults, is_clear
-
-
-def has_clear_textures(scene) -> bool:
-    """Tell whether anything is seen through a texture."""
-    textures = (material.texture for mesh in scene.meshes for material in mesh.palette)
-    return any(texture is not None and texture.image[..., 3].min() < 1.0 for texture in textures)
 
 
 def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:
