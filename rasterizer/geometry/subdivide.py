@@ -147,8 +147,13 @@ def _cut_attribute(values: Any, mesh: Mesh, cuts: _Cuts, ends: NDArray, is_direc
     centers = _center_means(values, mesh, cuts, is_direction)
     if values.ndim == 2:
         return np.concatenate([values, mean(values[ends[:, 0]], values[ends[:, 1]]), centers])
-    of_faces = np.append(centers, np.zeros_like(centers, shape=(1, values.shape[2])), axis=0)[cuts.ring]
-    return _pick(np.concatenate([values, mean(values, values[:, _NEXT]), of_faces[:, None]], axis=1), cuts)
+    of_faces = _spread(centers, cuts)[:, None]
+    return _pick(np.concatenate([values, mean(values, values[:, _NEXT]), of_faces], axis=1), cuts)
+
+
+def _spread(of_rings: NDArray, cuts: _Cuts) -> NDArray:
+    """Return what each face has of its ring, (n_face, ...) of (n_ring, ...); 0 where it belongs to none."""
+    return np.append(of_rings, np.zeros_like(of_rings, shape=(1, *of_rings.shape[1:])), axis=0)[cuts.ring]
 
 
 def _center_means(values: NDArray, mesh: Mesh, cuts: _Cuts, is_direction: bool) -> NDArray[np.float64]:
@@ -199,14 +204,14 @@ def _unfold(finer: Mesh, mesh: Mesh, normals: NDArray, cuts: _Cuts) -> Mesh:
     points = vertices[mesh.faces]
     hidden = _leans(points, points[:, _NEXT], corners, corners[:, _NEXT])
     centers, of_centers = (
-        np.append(_center_means(values, mesh, cuts, is_direction), np.zeros((1, 3)), axis=0)[cuts.ring][:, None]
+        _spread(_center_means(values, mesh, cuts, is_direction), cuts)[:, None]
         for values, is_direction in ((vertices, False), (normals, True))
     )
     lengths = np.linalg.norm(of_centers, axis=2, keepdims=True)
     of_centers = of_centers / np.where(lengths > 0.0, lengths, 1.0)
     to_center = _leans(points, centers, corners, of_centers).any(axis=1) & (cuts.ring >= 0)
-    is_hidden_ring = np.append(np.bincount(cuts.ring[to_center], minlength=len(cuts.rings.start)) > 0, False)
-    table = np.concatenate([np.zeros_like(hidden), hidden, is_hidden_ring[cuts.ring][:, None]], axis=1)
+    is_hidden_ring = np.bincount(cuts.ring[to_center], minlength=len(cuts.rings.start)) > 0
+    table = np.concatenate([np.zeros_like(hidden), hidden, _spread(is_hidden_ring, cuts)[:, None]], axis=1)
     if not table.any():
         return finer
     is_taken = _pick(table, cuts)[..., None]
