@@ -1,5 +1,7 @@
 """What all tests share."""
 
+import time
+
 import pytest
 
 from rasterizer.cli import main
@@ -19,3 +21,16 @@ def folder(tmp_path, monkeypatch):
     """The current folder: an empty one of the test's own."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def pass_days(monkeypatch):
+    """A function that sets the clock on by a number of days, for those who ask for the date as zip files do."""
+    clock, day = time.time, time.localtime
+
+    def pass_days(count: int) -> None:
+        later = clock() + count * 86400.0
+        monkeypatch.setattr(time, "time", lambda: later)
+        monkeypatch.setattr(time, "localtime", lambda seconds=None: day(later if seconds is None else seconds))
+
+    return pass_days

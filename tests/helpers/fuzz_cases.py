@@ -345,7 +345,8 @@ def _npz(random):
             for name, array in files.items():
                 content = io.BytesIO()
                 np.save(content, array)
-                archive.writestr(f"{name}.npy", damaged(random, content.getvalue()))
+                entry = zipfile.ZipInfo(f"{name}.npy")  # of a fixed date
+                archive.writestr(entry, damaged(random, content.getvalue()))
         data = stream.getvalue()
     return "m.json", {"m.json": json.dumps(scene).encode(), "a.npz": data}
 

@@ -143,9 +143,8 @@ def threemf(text=THREEMF, name="3D/3dmodel.model", **others) -> bytes:
     """Return a 3MF file of one model part, and of other files by name."""
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("[Content_Types].xml", "<Types/>")
-        for path, content in {name: text, **others}.items():
-            archive.writestr(path, content)
+        for path, content in {"[Content_Types].xml": "<Types/>", name: text, **others}.items():
+            archive.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)  # of a fixed date
     return stream.getvalue()
 
 

@@ -10,7 +10,7 @@ from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.choices import BUFFERS
+from rasterizer.choices import ARRAY_SUFFIXES, BUFFERS
 from rasterizer.io.array_files import IN_PNG, encode_array_png, encode_arrays, encode_exr, encode_npz
 from rasterizer.io.png import encode_png
 
@@ -140,7 +140,17 @@ def test_an_npz_file_has_all_arrays_by_name(frame, tmp_path):
     frame.save(tmp_path / "two.npz", array=("depth", "mask"))
     with np.load(tmp_path / "two.npz") as found:
         assert list(found) == ["depth", "mask"]
-    assert encode_npz({"a": np.zeros(3)}) == encode_npz({"a": np.zeros(3)})
+
+
+@pytest.mark.parametrize("suffix", ["png", "jpg", "webp", "tiff", "gif", "bmp", *ARRAY_SUFFIXES])
+def test_files_are_the_same_on_every_day(frame, tmp_path, pass_days, suffix):
+    if suffix == "exr":
+        pytest.importorskip("OpenEXR", reason="the extra exr is not installed")
+    array = "depth" if suffix == "npy" else None
+    frame.save(tmp_path / f"a.{suffix}", array=array)
+    pass_days(100)
+    frame.save(tmp_path / f"b.{suffix}", array=array)
+    assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
 
 
 def test_an_exr_file_has_the_channels_that_others_expect(frame, tmp_path):
