@@ -11,7 +11,7 @@ from PIL import Image
 
 import rasterizer as rz
 from rasterizer.choices import ARRAY_SUFFIXES, BUFFERS
-from rasterizer.io.array_files import IN_PNG, encode_array_png, encode_arrays, encode_exr, encode_npz
+from rasterizer.io.array_files import IN_PNG, encode_array_png, encode_arrays, encode_exr
 from rasterizer.io.png import encode_png
 
 SIZE = (37, 23)
