@@ -187,6 +187,8 @@ def _kernel_lines(kernels):
     if kernels["folder"] is not None:
         state = _kernel_words(kernels) + ("" if kernels["count"] else "; raster warmup makes them")
         yield "kernels", f"{state}, in {kernels['folder']}"
+    else:
+        yield "kernels", "not kept"
     for shipped in kernels.get("shipped", ()):
         yield "kernels", f"{shipped['count']} that came with the package, in {shipped['folder']}"
     if kernels["others"]:

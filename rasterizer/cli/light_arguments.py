@@ -16,6 +16,7 @@ from ..scene.fields import Field, describe_fields
 from ..scene.lights import LIGHT_KINDS
 from ..scene.shadow import Shadow
 from . import values
+from .suggestions import did_you_mean
 
 
 def make_light(text: str, shadow: Shadow | None) -> Any:
@@ -38,7 +39,8 @@ def make_light(text: str, shadow: Shadow | None) -> Any:
     kind, _, rest = text.partition(":")
     if kind not in LIGHT_KINDS:
         legal = ", ".join(f"{word}:..." for word in LIGHT_KINDS)
-        raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}")
+        meant = did_you_mean(kind, LIGHT_KINDS)
+        raise SceneError(f"argument --light: a light is one of {legal}; given {text!r}{meant}")
     described = describe_fields(LIGHT_KINDS[kind])
     try:
         settings = _read_settings(kind, rest, described)
@@ -68,7 +70,8 @@ def _read_settings(kind: str, rest: str, described: dict[str, Field]) -> dict[st
         name, _, value = part.strip().partition("=")
         if name not in described or not value:
             legal = ", ".join(f"{name}=..." for name in described)
-            raise argparse.ArgumentTypeError(f"a {kind} light takes {legal}; given {part!r}")
+            meant = did_you_mean(name, described)
+            raise argparse.ArgumentTypeError(f"a {kind} light takes {legal}; given {part!r}{meant}")
         settings[name] = _read(name, value, described[name])
     return settings
 

@@ -7,6 +7,7 @@ from ..choices import DISTRIBUTIONS
 from ..errors import SceneError
 from ..scene.named_materials import fields_of
 from . import values
+from .suggestions import did_you_mean
 
 
 def _or_none(read):
@@ -60,7 +61,8 @@ def material(text) -> dict:
         key, sign, value = part.strip().partition("=")
         if key not in FIELDS or not sign or not value:
             legal = ", ".join(f"{name}=..." for name in FIELDS)
-            raise argparse.ArgumentTypeError(f"a material takes {legal}; given {part!r}")
+            meant = did_you_mean(key, FIELDS)
+            raise argparse.ArgumentTypeError(f"a material takes {legal}; given {part!r}{meant}")
         try:
             settings[key] = FIELDS[key](value)
         except argparse.ArgumentTypeError as fault:

@@ -142,7 +142,8 @@ def render_model(targets, arguments, settings, messages, output, loaded=None, ma
             if getattr(arguments, "preview", False):
                 print_text(preview(frame.rgba), target.output == STDIO)
             messages.detail(f"{target.model}: {target.output}, {frame!r}, {seconds:.2f} s in all")
-            messages.detail(f"{target.model}: {describe_bound(frame.stats)}")
+            for line in describe_bounds(frame.stats):
+                messages.detail(f"{target.model}: {line}")
             messages.detail(f"{target.model}: {'; '.join(repr(frame.stats.plan).splitlines())}")
             if arguments.json:
                 record = _record(target, frame, scene, seconds, loaded.warnings + doubts)
@@ -191,32 +192,26 @@ def _as_keywords(options) -> dict:
     return {field.name: getattr(options, field.name) for field in fields(options)}
 
 
-def describe_bound(stats) -> str:
-    """Say how far a picture may be off, and next to what it may be further off."""
-    steps = "".join(
-        f"; without bound next to a step: {cause} (within {near:.1g}, {unit})" for cause, near, unit in stats.steps
-    )
-    others = _describe_outputs(stats.error_bounds)
-    return f"errors are at most {stats.error_bound:.2g} in linear intensity{others}{steps}"
-
-
-def _describe_outputs(bounds) -> str:
-    """Say what is known of the other outputs, then what shadow maps and texture filters add to the colours' errors."""
-    words = [] if bounds.rgb is None else [f", {bounds.rgb} level{'' if bounds.rgb == 1 else 's'} of 8 bits"]
+def describe_bounds(stats) -> list[str]:
+    """Say how far a picture may be off, then what isn't counted, and next to what it may be further off."""
+    bounds, words = stats.error_bounds, [f"errors are at most {stats.error_bound:.2g} in linear intensity"]
+    if bounds.rgb is not None:
+        words.append(f"{bounds.rgb} level{'' if bounds.rgb == 1 else 's'} of 8 bits")
     if bounds.depth is not None:
         share = f" ({bounds.depth_share:.2g} of itself)" if math.isfinite(bounds.depth_share) else ""
-        words.append(f"; depth {bounds.depth:.2g} scene units{share}")
-    words += [] if bounds.normal is None else [f"; normal {bounds.normal:.2g} a component"]
-    words += [] if bounds.face is None else ["; face exact"]
-    words += [
-        f"; not counted: shadows of {light}s, within {near:.2g} scene units of their edges (a texel is {texel:.2g})"
+        words.append(f"{bounds.depth:.2g} scene units of depth{share}")
+    words += [] if bounds.normal is None else [f"{bounds.normal:.2g} a component of normals"]
+    words += [] if bounds.face is None else ["none of faces"]
+    shadows = [
+        f"not counted: shadows of {light}s, within {near:.2g} scene units of their edges (a texel is {texel:.2g})"
         for light, texel, near in bounds.shadows
     ]
-    words += [
-        f"; not counted: the {name} filter of textures, up to {most:.2g} from their average over a pixel"
+    filters = [
+        f"not counted: the {name} filter of textures, up to {most:.2g} from their average over a pixel"
         for name, most, _ in bounds.filters
     ]
-    return "".join(words)
+    steps = [f"no bound next to a step: {cause} (within {near:.1g}, {unit})" for cause, near, unit in stats.steps]
+    return [", ".join(words), *shadows, *filters, *steps]
 
 
 def _content(frame, output, options, arguments) -> bytes:

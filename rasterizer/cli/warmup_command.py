@@ -1,5 +1,10 @@
-"""`raster warmup`: compile what any picture may need, by drawing small ones of every kind."""
+"""`raster warmup`: compile what any picture may need, by drawing small ones of every kind.
 
+Which kernels that are is kept in the store, too: where all of them are there, nothing is drawn.
+"""
+
+import ast
+import hashlib
 import os
 from contextlib import contextmanager
 from dataclasses import replace
@@ -29,6 +34,7 @@ from .messages import compilation_shown
 _VERTICES = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0.5), (0, 0, 9)])
 _FACES = np.array([(0, 1, 2), (0, 2, 3), (2, 3, 4)])
 SIZE = 4  # pixels
+_LIST = "list-of-kernels"  # how it is called in the store
 _BUFFERS = tuple(BUFFERS)
 _SHADINGS = ("flat", "gouraud", "phong")
 
@@ -75,15 +81,39 @@ def _warm_up(messages, folder) -> None:
     if store.own is None:
         reasons = "; ".join(store.reasons) or "there is no folder for them"
         raise OutputError(f"compiled kernels can't be kept: {reasons}; RASTER_STORE names another folder")
+    missing = [] if has_all(store) else _fill(store, messages)
+    text = "ready" if missing else "were ready already"
+    messages.notice(f"kernels {text} after {perf_counter() - start:.1f} s, in {store.own}")
+
+
+def _fill(store, messages) -> list:
+    """Compile what the store lacks; return what that was."""
     with compilation_shown(messages):
-        missing = kernels.missing_in(store, list_all_needs())
+        needs = list_all_needs()
+        missing = kernels.missing_in(store, needs)
         kernels.compile_into(store, missing)
         failed = kernels.missing_in(store, dict.fromkeys(missing))
     if failed:
         names = ", ".join(sorted({function.__name__ for function, _ in failed}))
         raise OutputError(f"not all kernels could be compiled into {store.own}: {names} (-v says why)")
-    text = "ready" if missing else "were ready already"
-    messages.notice(f"kernels {text} after {perf_counter() - start:.1f} s, in {store.own}")
+    found = [(kernels.title_of(function), signature) for function, signature in needs if kernels.is_own(function)]
+    store.keep(_LIST, (hash_package(),), repr(found).encode())
+    return missing
+
+
+def has_all(store: Store) -> bool:
+    """Tell whether a store is known to have the kernels of all kinds of pictures: these sources have listed them, and
+    each is there."""
+    listed = next(store.find(_LIST, (hash_package(),)), None)
+    return listed is not None and all(any(store.find(*need)) for need in ast.literal_eval(listed.decode()))
+
+
+def hash_package() -> str:
+    """Return 16 digits that change with every source of the package."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).resolve().parents[1].rglob("*.py")):
+        digest.update(f"{path.name} {path.stat().st_size} ".encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
 
 
 def _store_in(folder):

@@ -1,5 +1,6 @@
 """Read 3MF: a zip file with a model in XML.
 
+    _rels/.rels          names the part to begin with, as a rule this one:
     3D/3dmodel.model     resources: objects, each a mesh or a list of components (other objects, placed)
                          build: objects, placed
     the part of a path   a component may name an object of another .model part of the file (production extension)
@@ -71,10 +72,7 @@ def read_3mf(model: ModelFile) -> Contents:
     try:
         with zipfile.ZipFile(BytesIO(model.data)) as archive:
             parts = _unpack(archive, len(model.data))
-            main = next((name for name in parts if name.lower().endswith("3dmodel.model")), None)
-            if main is None:
-                raise ValueError("there is no 3D/3dmodel.model in it")
-            left_out = set()
+            main, left_out = _find_start(archive, parts), set()
 
             def read(name):
                 return _read_member(archive, name)
@@ -89,7 +87,7 @@ def read_3mf(model: ModelFile) -> Contents:
         raise model.error(str(fault)) from fault
     except _FAULTS as fault:
         reason = " ".join(str(fault).split())[:200] or type(fault).__name__
-        raise model.error(f"not a readable 3MF file ({type(fault).__name__}: {reason})") from fault
+        raise model.error(f"not a readable 3MF file ({reason})") from fault
     others = sorted({f"'{word}' elements" for reader in readers.values() for word in reader.ignored})
     unit = readers[main].unit
     return Contents(placed, facts=(f"unit {unit}",), left_out=(*sorted(left_out), *others))
@@ -116,6 +114,47 @@ def _unpack(archive, length) -> dict[str, bytes]:
     return {member.filename: archive.read(member) for member in members}
 
 
+def _find_start(archive, parts) -> str:
+    """Return the name of the part to begin with: what the file's relationships say, or the usual name.
+
+    Format: ISO/IEC 29500-2, Open Packaging Conventions, 2021, 6.5.
+    """
+    targets = []
+
+    def take(tag, attributes):
+        if tag.rpartition("|")[2] == "Relationship" and attributes.get("Type", "").endswith("/3dmodel"):
+            targets.append(attributes.get("Target", "").lstrip("/"))
+
+    try:
+        _parse(_read_member(archive, "_rels/.rels"), take)
+    except LookupError:
+        pass  # it should be there; the model is found without it
+    names = {name.lower(): name for name in parts}
+    usual = [name for name in names if name.endswith("3dmodel.model")]
+    for name in (*(target.lower() for target in targets), *usual):
+        if name in names:
+            return names[name]
+    raise ValueError(f"there is no {targets[0][:80] if targets else '3D/3dmodel.model'} in it")
+
+
+def _parse(text, start, end=None) -> None:
+    """Read XML: call `start` with the name of each element and its attributes, and `end` with its name."""
+
+    def begin(tag, attributes):
+        try:
+            start(tag, attributes)
+        except KeyError as fault:
+            raise ValueError(f"a '{tag.rpartition('|')[2][:40]}' element has no {fault}") from fault
+
+    parser = expat.ParserCreate(namespace_separator="|")
+    parser.StartElementHandler, parser.EndElementHandler, parser.StartDoctypeDeclHandler = begin, end, _refuse
+    parser.Parse(text, True)
+
+
+def _refuse(*_):
+    raise ValueError("a document type is not legal in 3MF")
+
+
 class _Reader:
     """Read the objects, properties and build of one .model part."""
 
@@ -123,13 +162,7 @@ class _Reader:
         self.name, self.objects, self.build, self._open = name, {}, [], None
         self.properties, self.groups, self.unit, self.ignored = properties, [], "millimeter", set()
         self._numbers = {}  # of the groups that triangles name, in `groups`
-        parser = expat.ParserCreate(namespace_separator="|")
-        parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
-        parser.StartDoctypeDeclHandler = self._refuse
-        parser.Parse(text, True)
-
-    def _refuse(self, *_):
-        raise ValueError("a document type is not legal in 3MF")
+        _parse(text, self._start, self._end)
 
     def _start(self, tag, attributes):
         word = tag.rpartition("|")[2]
@@ -201,7 +234,12 @@ def _placed(readers, main) -> list[tuple[Part, np.ndarray]]:
     n_step = 0
     while waiting:
         item, matrix, depth = waiting.pop()
-        thing = readers[names[item.part.lower()]].objects[item.number]
+        reader = readers.get(names.get(item.part.lower(), ""))
+        if reader is None:
+            raise ValueError(f"there is no part '{item.part[:80]}' in it")
+        if item.number not in reader.objects:
+            raise ValueError(f"there is no object '{item.number[:40]}' in '{reader.name[:80]}'")
+        thing = reader.objects[item.number]
         n_step += 1
         n_copy += len(thing.corners) // 3 if (item.part, item.number) in parts else 0
         if depth > _DEEPEST or n_copy > MOST_COPIES or n_step > MOST_COPIES // 64:
@@ -211,7 +249,7 @@ def _placed(readers, main) -> list[tuple[Part, np.ndarray]]:
         if thing.corners:
             key = (item.part, item.number)
             if key not in parts:
-                parts[key] = _part(thing, readers[names[item.part.lower()]])
+                parts[key] = _part(thing, reader)
             placed.append((parts[key], matrix))
         waiting += [(each, matrix, depth + 1) for each in reversed(thing.components)]
     return placed

@@ -83,7 +83,10 @@ class PropertyGroups:
             return None
         if number not in self._made:
             word, attributes, rows = self._sources[number]
-            self._made[number] = getattr(self, f"_make_{word}")(attributes, rows, depth + 1)
+            try:
+                self._made[number] = getattr(self, f"_make_{word}")(attributes, rows, depth + 1)
+            except KeyError as fault:
+                raise ValueError(f"an element of the {word} '{number[:40]}', or itself, has no {fault}") from fault
         return self._made[number]
 
     def _make_basematerials(self, _, rows, _depth) -> Properties:
@@ -137,7 +140,7 @@ class PropertyGroups:
         """Return the picture of an m:texture2d; None, and a UserWarning, where it can't be read."""
         if number not in self._textures:
             try:
-                self._textures[number] = self._read_texture(self._pictures[number])
+                self._textures[number] = self._read_texture(number)
             except (
                 ModelError,
                 OSError,
@@ -148,17 +151,21 @@ class PropertyGroups:
                 zipfile.BadZipFile,
                 zlib.error,
             ) as fault:
-                reason = fault.args[0] if isinstance(fault, KeyError) else fault
-                what = f"{self._name}: the texture {number[:40]} can't be read ({reason})"
+                what = f"{self._name}: the texture {number[:40]} can't be read ({fault})"
                 warn_caller(f"{what}; its triangles are drawn white")
                 self._textures[number] = None
         return self._textures[number]
 
-    def _read_texture(self, source) -> Texture:
+    def _read_texture(self, number) -> Texture:
+        if number not in self._pictures:
+            raise ValueError(f"there is no texture2d '{number[:40]}'")
+        source = self._pictures[number]
+        if "path" not in source:
+            raise ValueError("it has no 'path'")
         name = source["path"].lstrip("/")
         pixels = read_picture(BytesIO(self._read(name)), f"texture '{name}'", self._budget)
         self._budget.take(pixels.shape[0] * pixels.shape[1], f"texture '{name}'")
-        wraps = tuple(_WRAPS[source.get(key, "wrap")] for key in ("tilestyleu", "tilestylev"))
+        wraps = tuple(_wrap(source.get(key, "wrap")) for key in ("tilestyleu", "tilestylev"))
         filtered = "nearest" if source.get("filter") == "nearest" else "trilinear"
         return Texture(pixels, filter=filtered, wrap=wraps, name=name)
 
@@ -238,6 +245,13 @@ def _encoded(linear) -> np.ndarray:
     srgb = np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)
     srgb[:, 3] = linear[:, 3]
     return np.rint(255.0 * np.clip(srgb, 0.0, 1.0)).astype(np.uint8)
+
+
+def _wrap(word) -> str:
+    """Return our word for what becomes of a texture beside itself."""
+    if word not in _WRAPS:
+        raise ValueError(f"a tile style must be one of {', '.join(_WRAPS)}; given {word[:40]!r}")
+    return _WRAPS[word]
 
 
 def _indices(text, n) -> np.ndarray:

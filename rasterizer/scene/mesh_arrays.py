@@ -171,14 +171,18 @@ def _check_range(corners: NDArray, counts: NDArray[np.int64], n_vertex: int) -> 
 
 
 def _as_real(values: Any, what: str) -> NDArray:
-    """Return an array of a real dtype (bool is none)."""
+    """Return an array of a real dtype (bool is none, and objects aren't)."""
+    if is_masked(values):
+        raise ModelError(f"{what} must be numbers, none of them masked; given {shown(values)}")
     try:
         array = plain_array(values)
         is_real = array.dtype.kind in "fiu"
     except (TypeError, ValueError):
         is_real = False
     if not is_real:
-        raise ModelError(f"{what} must be an array of numbers; given {shown(values)}")
+        # Of objects only the dtype, which may be cut off, tells that they aren't numbers.
+        objects = "objects: " if isinstance(values, np.ndarray) and values.dtype.hasobject else ""
+        raise ModelError(f"{what} must be an array of numbers; given {objects}{shown(values)}")
     return array
 
 

@@ -66,6 +66,7 @@ def test_problems_are_told_and_change_the_exit_code(monkeypatch, capsys):
     assert "raster: error: trimesh is not installed, and nothing can be drawn without it\n" in err
     done = start_doctor({"RASTER_STORE": "off"})
     assert done.returncode == 1 and b"kernels are not kept, so every run compiles: RASTER_STORE is off" in done.stderr
+    assert b"\nkernels     not kept\n" in done.stdout
 
 
 def test_an_extra_of_old_versions_of_python_is_not_missed(monkeypatch):

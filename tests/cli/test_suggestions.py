@@ -21,6 +21,10 @@ pytestmark = pytest.mark.usefixtures("folder")
         (["render", "x.obj", "--resolution", "80"], "--size"),
         (["render", "x.obj", "--reflection", "blin"], "blinn"),
         (["bench", "x.obj", "--shadings", "flat,fong"], "phong"),
+        (["render", CUBE, "--material", "diffus=0.5"], "diffuse"),
+        (["render", CUBE, "--material", "shine=9"], "shininess"),
+        (["render", CUBE, "--light", "pont:1,2,3"], "point"),
+        (["render", CUBE, "--light", "spot:1,2,3,fall=2"], "falloff"),
         (["--versoin"], "--version"),
     ],
 )

@@ -48,7 +48,27 @@ def test_a_store_to_be_shipped_is_made_in_a_folder(capsys, few):
     (own,) = folder.iterdir()
     assert own.name == f"{store.PREFIX}{fingerprint.hash_sources()}"
     names = sorted(path.name.rpartition("-")[0] for path in own.iterdir() if path.name != store.MARKER)
-    assert names == ["reflection.lambert"] * 2 and (own / store.MARKER).read_bytes() == store.MARK
+    assert names == ["list-of-kernels", *["reflection.lambert"] * 2] and (own / store.MARKER).read_bytes() == store.MARK
+
+
+def test_what_is_there_is_listed_and_not_looked_for_again(capsys, few, monkeypatch):
+    """Unless a kernel is gone, or a source of the package has changed, which may need others."""
+    asked, folder, made = [], few / "kernels", Store.into(few / "kernels")
+    monkeypatch.setattr(warmup_command, "list_all_needs", lambda: asked.append(True) or dict(FEW))
+
+    def warm_up():
+        asked.clear()
+        assert main(["warmup", "--into", str(folder)]) == 0
+        return bool(asked), "already" in errors(capsys)
+
+    assert not warmup_command.has_all(made)
+    assert warm_up() == (True, False) and warmup_command.has_all(made) and warm_up() == (False, True)
+    next(made.own.glob("reflection.lambert-*")).unlink()
+    assert not warmup_command.has_all(made) and warm_up() == (True, False) and warm_up() == (False, True)
+    next(made.own.glob("list-of-kernels-*")).write_bytes(b"damaged")
+    assert warm_up() == (True, True) and warm_up() == (False, True)
+    monkeypatch.setattr(warmup_command, "hash_package", lambda: "of other sources")
+    assert warm_up() == (True, True) and warm_up() == (False, True)
 
 
 def test_code_for_a_level_of_processors_is_found_where_they_reach_it(capsys, few):

@@ -15,7 +15,7 @@ from helpers.pinhole import SHADINGS, octasphere
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.cli.render_command import describe_bound
+from rasterizer.cli.render_command import describe_bounds
 from rasterizer.options import DEFAULT_TOLERANCE as DEFAULT
 
 SMALL = (24, 18)
@@ -388,8 +388,8 @@ def test_amplifying_lights_at_a_distance_do_not_need_float64():
 
 def test_the_bound_is_said_in_words():
     scene = rz.Scene([rz.Mesh(SQUARE, QUAD)], rz.DirectionalLight((0, 0, -1)), FRONT)
-    text = describe_bound(rz.render(scene, SMALL, tolerance=0, samples=1).stats)
-    assert text.startswith("errors are at most ") and "N·L = 0 (within 2e-12, cosine of an angle)" in text
+    first, step = describe_bounds(rz.render(scene, SMALL, tolerance=0, samples=1).stats)
+    assert first.startswith("errors are at most ") and "N·L = 0 (within 2e-12, cosine of an angle)" in step
 
 
 def test_a_renderer_states_the_bound_of_each_view():

@@ -147,7 +147,7 @@ OF_ITSELF = '<m:multiproperties id="7" pids="7"><m:multi pindices="0"/></m:multi
         (model(own='pid="9" pindex="99999999999999999999"'), "refers to property 9+ of"),
         (model('pid="2" p1="0"', groups='<m:colorgroup id="2"><m:color color="red"/></m:colorgroup>'), "given 'red'"),
         (model('pid="2" p1="0"', groups='<m:colorgroup id="2"/>'), "of a group of 0"),
-        (model('pid="2" p1="0"', groups='<m:colorgroup id="2"><m:color/></m:colorgroup>'), "KeyError: 'color'"),
+        (model('pid="2" p1="0"', groups='<m:colorgroup id="2"><m:color/></m:colorgroup>'), "has no 'color'"),
         (model('pid="7" p1="0"', groups=BASES + SHARES), "the shares of a composite must be numbers of at least 0"),
         (model('pid="7" p1="0"', groups=OF_ITSELF), None),
     ],
@@ -170,3 +170,55 @@ def test_a_thousand_groups_take_no_square_of_their_number():
     text = model(groups=groups).replace("</triangles>", f"{triangles}</triangles>")
     (mesh,) = load(threemf(text), format="3mf").meshes
     assert mesh.n_face == 20002 and mesh.face_colors[2:].tolist() == [[1, 0, 0]] * 20000
+
+
+def placed(build, extra="") -> str:
+    return model().replace('<item objectid="1"/>', build).replace("</resources>", f"{extra}</resources>")
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (placed('<item objectid="7"/>'), r"there is no object '7' in '3D/3dmodel\.model'"),
+        (placed("<item/>"), "a 'item' element has no 'objectid'"),
+        (placed('<item p:path="/3D/b.model" xmlns:p="p" objectid="1"/>'), "there is no part '3D/b.model' in it"),
+        (placed('<item objectid="2"/>', '<object id="2"><components><component objectid="3"/></components></object>'),
+         "there is no object '3' in"),
+        (model().replace('x="1"', ""), "a 'vertex' element has no 'x'"),
+        (model().replace('v2="1"', ""), "a 'triangle' element has no 'v2'"),
+        (placed('<item objectid="1" transform="1 2"/>'), "a transform must have 12 finite numbers; given '1 2'"),
+    ],
+)  # fmt: skip
+def test_what_is_missing_is_named(text, fault):
+    with pytest.raises(ModelError, match=rf"^model: not a readable 3MF file \({fault}"):
+        load(threemf(text), format="3mf")
+
+
+@pytest.mark.parametrize("what", ["", '<texture2d id="3"/>', '<texture2d id="3" path="a.png" tilestyleu="round"/>'])
+def test_a_broken_texture_is_named(what):
+    texture = f'{what}<m:texture2dgroup id="4" texid="3"><m:tex2coord u="0" v="0"/></m:texture2dgroup>'
+    text = model('pid="4" p1="0"', groups=texture)
+    fault = "there is no texture2d '3'|it has no 'path'|there is no 'a.png' in it"
+    with pytest.warns(UserWarning, match=f"the texture 3 can't be read \\(({fault})\\)"):
+        load(threemf(text), format="3mf")
+
+
+def relationships(target, kind="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel") -> str:
+    link = f'<Relationship Target="{target}" Id="r0" Type="{kind}"/>'
+    names = "http://schemas.openxmlformats.org/package/2006/relationships"
+    return f'<Relationships xmlns="{names}">{link}</Relationships>'
+
+
+def test_relationships_name_the_part_to_begin_with():
+    other = model().replace('name="q"', 'name="other"')
+    for name, target in (("3D/start.model", "/3D/start.model"), ("a/B.MODEL", "/a/b.model")):
+        data = threemf(**{name: other, "_rels/.rels": relationships(target)})
+        assert load(data, format="3mf").meshes[0].name == "other"
+    # What isn't a model's relationship, or names a part that isn't there, doesn't count where there is the usual one.
+    for links in (relationships("/3D/start.model", "thumbnail"), relationships("/none.model")):
+        data = threemf(model(), **{"3D/start.model": other, "_rels/.rels": links})
+        assert load(data, format="3mf").meshes[0].name == "q"
+    with pytest.raises(ModelError, match=r"there is no none\.model in it"):
+        load(threemf(model(), "3D/start.model", **{"_rels/.rels": relationships("/none.model")}), format="3mf")
+    with pytest.raises(ModelError, match="a document type is not legal"):
+        load(threemf(model(), **{"_rels/.rels": "<!DOCTYPE a><a/>"}), format="3mf")

@@ -48,7 +48,7 @@ RULES = (
 
 # Functions whose name begins with find_ and that search: for what may not be there. Others compute.
 FINDS = {
-    "find_doubts", "find_distrust", "find_hindrance", "find_entry_point", "find_rings",
+    "find_doubts", "find_distrust", "find_start", "find_hindrance", "find_entry_point", "find_rings",
     "find_shortest_normal", "find_colored",
     "find_alike", "find_materials", "find_crossing", "find_nearest", "find_topmost", "find_visible",
     "find_visible_in", "find_seen", "find_covered", "find_covered_samples", "find_fans", "find_loops",

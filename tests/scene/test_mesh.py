@@ -144,6 +144,8 @@ def test_uv_by_vertex_or_corner():
         ({"vertices": SQUARE + 1j}, "vertices must be an array of numbers"),
         ({"vertices": SQUARE > 0}, "vertices must be an array of numbers"),
         ({"vertices": [["a", "b", "c"]]}, "vertices must be an array of numbers"),
+        ({"vertices": SQUARE.astype(object)}, "vertices must be an array of numbers; given objects: "),
+        ({"vertices": np.ma.masked_equal(SQUARE, 0)}, "vertices must be numbers, none of them masked"),
         ({"faces": []}, "no faces"),
         ({"faces": np.empty((0, 3), dtype=int)}, "no faces"),
         ({"faces": None}, "faces must be"),
