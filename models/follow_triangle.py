@@ -24,7 +24,7 @@ from rasterizer.engine.view_plans import ViewPlans
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import Options
 from rasterizer.pipeline import setup as s
-from rasterizer.pipeline.bands import Band, gather_band
+from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.cull import first_sample
 from rasterizer.pipeline.encode import srgb_thresholds
 from rasterizer.pipeline.fill import Triangle, advance, start_edge
@@ -73,8 +73,8 @@ def go(scene) -> Way:
 
     vertices, n_outside = transform(geometry.positions, screen, SERIAL)
     drawn = Drawn.whole(geometry, vertices, render_pass)
-    parts, _, n_band_row = cull(drawn, render_pass, SERIAL)
-    band = Band(gather_band(parts, 0), 0, HEIGHT)
+    lists, n_band_row = cull(drawn, render_pass, SERIAL)
+    band = Band(lists.faces, 0, HEIGHT)
     kind, n_record = render_pass.workspace_kind(n_band_row), render_pass.most_records(len(band.faces))
     workspace = WorkspacePool().acquire(kind, n_record)
     visibility, records = workspace.visibility, workspace.records

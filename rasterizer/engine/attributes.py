@@ -114,7 +114,9 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
     runs = [(0, geometry.points.shape[1])] if runs is None else runs
-    pieces = [Group(group.material, *part) for group, run in intersect(groups, runs) for part in threads.divide([run])]
+    least = MIN_PART // max(1, len(plan.lights))  # points that are worth a thread of its own
+    found = intersect(groups, runs)
+    pieces = [Group(group.material, *part) for group, run in found for part in threads.divide([run], least)]
 
     def light_share(share):
         batch = make_batch(dtype)
@@ -123,7 +125,7 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
             for material, start, end in share:
                 light_points(points, start, end, screen, sign, lighting, material, batch, out)
 
-    threads.map(light_share, bundle(pieces))
+    threads.map(light_share, bundle(pieces, least))
     return intensities
 
 
@@ -140,14 +142,14 @@ def intersect(groups, runs) -> list[tuple[Group, tuple[int, int]]]:
     return found
 
 
-def bundle(pieces: list[Group]) -> list[list[Group]]:
-    """Put neighbouring pieces together, until a share is worth a thread of its own."""
+def bundle(pieces: list[Group], least: int) -> list[list[Group]]:
+    """Put neighbouring pieces together, until a share has `least` points."""
     shares: list[list[Group]] = []
     room = 0
     for piece in pieces:
         if room <= 0:
             shares.append([])
-            room = MIN_PART
+            room = least
         shares[-1].append(piece)
         room -= piece.end - piece.start
     return shares

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import SceneError
-from ..pipeline.bands import Band, BandLists, gather_band, sort_into_bands
+from ..pipeline.bands import Band, BandLists, join_lists, sort_into_bands
 from ..pipeline.clip import clip
 from ..pipeline.clusters import SeenClusters
 from ..pipeline.cull import Grid, find_visible
@@ -57,17 +57,17 @@ def draw(
     if n_outside:
         drawn = clip_outside(geometry, drawn, screen)
         clock.lap("clip")
-    parts, n_in_band, n_row = cull(drawn, render_pass, threads)
+    lists, n_row = cull(drawn, render_pass, threads)
     clock.lap("cull, bands")
     kind = render_pass.workspace_kind(n_row)
     if buffers is not None:
         kind = kind._replace(n_attribute=max(kind.n_attribute, buffers.n_attribute))
 
-    first, end = render_pass.drawn_rows
+    (first, end), starts, n_unit = render_pass.drawn_rows, lists.starts.tolist(), render_pass.most_records(1)
 
     def draw_band(k) -> BandCounts:
-        band = Band(gather_band(parts, k), max(k * n_row, first), min((k + 1) * n_row, end))
-        workspace = workspaces.acquire(kind, render_pass.most_records(len(band.faces)))
+        band = Band(lists.faces[starts[k] : starts[k + 1]], max(k * n_row, first), min((k + 1) * n_row, end))
+        workspace = workspaces.acquire(kind, n_unit * len(band.faces))
         if workspace.records.clipped_planes is not drawn.clipped_planes:
             workspace = workspace._replace(records=workspace.records._replace(clipped_planes=drawn.clipped_planes))
         deferred = make_deferred(len(band.faces), workspace.extents) if render_pass.opacity is not None else None
@@ -92,10 +92,10 @@ def draw(
         workspaces.release(kind, workspace)
         return BandCounts(n_covered, found.n_level, found.n_plane, found.n_exact)
 
-    bands = range(first // n_row, -(-end // n_row))
-    counts = threads.map(draw_band, [k for k in busiest_first(n_in_band, render_pass.is_filled) if k in bands])
+    order, bands = busiest_first(np.diff(lists.starts), render_pass.is_filled), range(first // n_row, -(-end // n_row))
+    counts = threads.map(draw_band, [k for k in order if k in bands])
     clock.lap("scan, shade, resolve")
-    return Counts.of(geometry, drawn, parts, render_pass, counts)
+    return Counts.of(geometry, drawn, lists, render_pass, counts)
 
 
 class Drawn(NamedTuple):
@@ -141,13 +141,12 @@ def checked(drawn: Drawn) -> Drawn:
     return drawn
 
 
-def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[list[BandLists], np.ndarray, int]:
+def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
     """Find the triangles that may touch a sample, sorted into bands.
 
     No band may have more triangles than there are record numbers: where one would, bands are made less high.
 
-    Returns the lists of each part of the triangles, how many triangles each band has, (n_band,) int64, and the number
-    of rows of samples in a band.
+    Returns the lists of the triangles, and the number of rows of samples in a band.
     """
     factor, (width, height) = render_pass.factor, render_pass.n_sample
     n_row = choose_band_rows(width, height, threads.n_thread, factor)
@@ -158,10 +157,9 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[list[BandLists], np.
         parts = find_visible(
             triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, clusters, sort_into_bands
         )
-        n_in_band = np.diff(sum(part.starts for part in parts))
-        most = int(n_in_band.max(initial=0))
+        most = int(np.diff(sum(part.starts for part in parts)).max(initial=0))
         if render_pass.most_records(most) <= MAX_RECORDS:
-            return parts, n_in_band, n_row
+            return join_lists(parts), n_row
         if n_row == factor:
             raise SceneError(
                 f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: "
@@ -213,10 +211,9 @@ class Counts(NamedTuple):
     ways: Ways
 
     @classmethod
-    def of(cls, geometry, drawn: Drawn, parts: list[BandLists], render_pass: Pass, counts) -> "Counts":
+    def of(cls, geometry, drawn: Drawn, lists: BandLists, render_pass: Pass, counts) -> "Counts":
         """Sum up the counts of the stages and bands."""
-        n_culled = drawn.n_culled + sum(part.n_culled for part in parts)
-        n_drawn = sum(part.n_visible for part in parts)
         width, height = render_pass.n_sample
         covered, *ways = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
-        return cls(geometry.n_loaded, drawn.n_clipped, n_culled, n_drawn, covered, width * height, Ways(*ways))
+        n_culled = drawn.n_culled + lists.n_culled
+        return cls(geometry.n_loaded, drawn.n_clipped, n_culled, lists.n_visible, covered, width * height, Ways(*ways))

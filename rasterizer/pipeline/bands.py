@@ -2,7 +2,7 @@
 
 In:  `Visible` of the cull stage: triangles, each with the first and the last band that it reaches.
 Out: `BandLists`: a list of triangles for every band. Every part of the range of faces has its own, which the thread
-     sorts that has found them: no thread waits for another one. `gather_band` puts those of a band together.
+     sorts that has found them: no thread waits for another one. `join_lists` puts those of a band together.
 
 A counting sort by band: the classic bucket-sorted edge table with bands instead of scanlines. A band is the unit of
 parallel work, and so small that its visibility buffer stays in the L2 cache. The order within a band is the order of
@@ -59,15 +59,23 @@ def sort_into_bands(visible) -> BandLists:
     return BandLists(faces, starts, len(visible.faces), visible.n_culled)
 
 
-def gather_band(parts, k) -> np.ndarray:
-    """Put the lists of band k together, (n,) uint32, ascending.
+def join_lists(parts) -> BandLists:
+    """Put the lists of all parts together: those of a band one after the other, its triangles ascending.
+
+    It is done once, before the bands are drawn: numpy gives the GIL away for a copy, and threads that copied between
+    bands would wait for it.
 
     Parameters
     ----------
     parts : list of BandLists, one for each part of the range of faces, in order
     """
-    lists = [part.faces[part.starts[k] : part.starts[k + 1]] for part in parts]
-    return lists[0] if len(lists) == 1 else np.concatenate(lists)
+    if len(parts) == 1:
+        return parts[0]
+    starts, cuts = sum(part.starts for part in parts), [part.starts.tolist() for part in parts]
+    lists = [part.faces[cut[k] : cut[k + 1]]
+             for k in range(len(starts) - 1) for part, cut in zip(parts, cuts, strict=True)]  # fmt: skip
+    n_visible, n_culled = sum(part.n_visible for part in parts), sum(part.n_culled for part in parts)
+    return BandLists(np.concatenate(lists), starts, n_visible, n_culled)
 
 
 @kernel

@@ -9,9 +9,9 @@ import threading
 import weakref
 from queue import SimpleQueue
 
-# A part of a stage is worth a thread of its own from here on: waking a thread costs about as much as this many
-# vertices.
-MIN_PART = 16_384
+# A part of a stage is worth a thread of its own from here on. To wake a thread, and to be woken when it is done, takes
+# about as long as a light takes for this many vertices.
+MIN_PART = 32_768
 PARTS_PER_THREAD = 4  # more parts than threads, so that a delayed thread does not hold up the stage
 
 

@@ -39,7 +39,7 @@ DEPTH_BITS = 38
 DEPTH_MARGIN = 2.0**23  # room for the rounding of planes at both ends of the depth range; see setup.py
 DEPTH_SPAN = 2.0**DEPTH_BITS - 2 * DEPTH_MARGIN
 
-LEAST_PART = 4 * MIN_PART  # vertices that are worth a thread of its own: one takes a quarter of what a light takes
+LEAST_PART = 2 * MIN_PART  # vertices that are worth a thread of its own: one takes half of what a light takes
 
 
 class Screen(NamedTuple):

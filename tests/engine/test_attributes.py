@@ -3,7 +3,6 @@
 import numpy as np
 
 from rasterizer.engine.attributes import Group, bundle, intersect
-from rasterizer.pipeline.threads import MIN_PART
 
 
 def test_groups_and_runs_meet_where_both_have_points():
@@ -20,11 +19,11 @@ def test_groups_and_runs_meet_where_both_have_points():
 
 
 def test_shares_keep_the_order_and_are_worth_a_thread():
-    sizes = np.random.default_rng(2).integers(1, 2 * MIN_PART, 100).tolist()
+    sizes = np.random.default_rng(2).integers(1, 2000, 100).tolist()
     ends = np.cumsum(sizes).tolist()
     pieces = [Group(0, end - size, end) for size, end in zip(sizes, ends, strict=True)]
-    shares = bundle(pieces)
+    shares = bundle(pieces, 1000)
     assert [piece for share in shares for piece in share] == pieces
-    assert all(sum(p.end - p.start for p in share) >= MIN_PART for share in shares[:-1])
-    assert all(sum(p.end - p.start for p in share[:-1]) < MIN_PART for share in shares)
-    assert bundle([]) == []
+    assert all(sum(p.end - p.start for p in share) >= 1000 for share in shares[:-1])
+    assert all(sum(p.end - p.start for p in share[:-1]) < 1000 for share in shares)
+    assert bundle([], 1000) == []

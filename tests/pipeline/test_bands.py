@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rasterizer.pipeline.bands import gather_band, scatter, sort_into_bands
+from rasterizer.pipeline.bands import join_lists, scatter, sort_into_bands
 from rasterizer.pipeline.cull import Visible
 from rasterizer.pipeline.threads import Workers
 
@@ -18,7 +18,9 @@ def random_parts(rng, n_part, n_face, n_band, most):
         histogram = np.zeros(n_band, np.int64)
         for a, b in zip(first, last, strict=True):
             histogram[a : b + 1] += 1
-        parts.append(Visible(faces.astype(np.uint32), first.astype(np.uint16), last.astype(np.uint16), histogram, 0))
+        parts.append(
+            Visible(faces.astype(np.uint32), first.astype(np.uint16), last.astype(np.uint16), histogram, len(parts))
+        )
     return parts
 
 
@@ -41,11 +43,14 @@ def expected(parts, n_band):
 def test_sorts_as_plain_lists_do(n_face, n_band, most, n_part):
     parts = random_parts(np.random.default_rng(n_face + n_part), n_part, n_face, n_band, most)
     lists = [sort_into_bands(part) for part in parts]
-    assert [gather_band(lists, k).tolist() for k in range(n_band)] == expected(parts, n_band)
+    joined = join_lists(lists)
+    bands = [joined.faces[start:end] for start, end in zip(joined.starts[:-1], joined.starts[1:], strict=True)]
+    assert [band.tolist() for band in bands] == expected(parts, n_band)
+    assert joined.n_visible == sum(len(part.faces) for part in parts) and joined.starts[-1] == len(joined.faces)
+    assert joined.n_culled == sum(part.n_culled for part in parts)
     for part, found in zip(parts, lists, strict=True):
         assert found.starts[0] == 0 and found.starts[-1] == len(found.faces) and len(found.starts) == n_band + 1
         assert found.n_visible == len(part.faces)
-    bands = [gather_band(lists, k) for k in range(n_band)]
     assert all((np.diff(band.astype(np.int64)) > 0).all() for band in bands), "in the order of the faces"
     assert all(band.dtype == np.uint32 and band.flags.c_contiguous for band in bands)
 

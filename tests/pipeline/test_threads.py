@@ -96,7 +96,7 @@ def test_a_second_run_gives_the_same_bytes():
 
 def test_many_vertices_are_divided_among_threads():
     """Enough vertices and faces that every stage has parts to divide."""
-    vertices, faces = octasphere(6)
+    vertices, faces = octasphere(7)
     assert len(vertices) > MIN_PART
     mesh = rz.Mesh(vertices, faces)
     for lights in (GREY, COLORED):
