@@ -170,10 +170,10 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
 
 def choose_band_rows(width, height, n_thread, factor) -> int:
     """Choose the height of a band in rows of samples, a multiple of `factor`: its visibility buffer fits the L2 cache,
-    and there are several bands for each thread."""
+    and there are two bands for each thread at least: each costs its thread some time in Python, where others wait."""
     n_row = max(8, BAND_ENTRIES // width)
     if n_thread > 1:
-        n_row = min(n_row, max(16, -(-height // (4 * n_thread))))
+        n_row = min(n_row, max(16, -(-height // (2 * n_thread))))
     return max(1, min(n_row, height) // factor) * factor
 
 
