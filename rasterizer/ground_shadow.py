@@ -14,6 +14,7 @@ the picture as Porter & Duff's "over" says (1984, "Compositing Digital Images").
 """
 
 import math
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from .choices import BUFFERS
 from .errors import SceneError, shown
 from .frame import Frame
+from .options import Options
 from .renderer import Renderer
 from .scene.camera import Camera
 from .scene.color import ColorLike, linear_from_srgb, linear_rgb, srgb_from_linear
@@ -37,6 +39,7 @@ RESOLVED = 2.0**-40  # of its distance from the origin: a scene that is smaller 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 MOST_POINTS, LEAST_POINTS = 128, 16  # of the light, as many as there is time for
 FACES_DRAWN = 2**22  # triangles times points of the light: some 0.2 s
+MOST_SHARES = 4  # renderers that draw masks side by side: each prepares the scene
 
 
 class _Ground(NamedTuple):
@@ -267,14 +270,34 @@ def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> N
     """Draw what each of n points of the light sees, and return which share of the light each texel doesn't get."""
     rows, columns = ground.shape
     is_opaque = all(material.is_opaque for mesh in scene.meshes for material in mesh.palette)
-    output = "depth" if is_opaque else "rgb"  # whichever tells what is covered, at the least cost
+    output = "mask" if is_opaque else "rgb"  # whichever tells what is covered, at the least cost
     casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
-    total = np.zeros((rows, columns), np.float32)
-    with Renderer(casters, (columns, rows), shading="flat", outputs=output, samples=1, threads=threads) as renderer:
-        for x, y in _light_points(ground, n):
-            frame = renderer.render(_camera_at(ground, x, y))
-            total += np.isfinite(frame.depth) if is_opaque else frame.alpha
-    return total / np.float32(n)
+    points, n_thread = _light_points(ground, n).tolist(), Options(threads=threads).n_thread
+    # A mask of a small scene takes no longer on one thread than on all: then each thread has a renderer of its own.
+    n_share = min(n_thread, MOST_SHARES, n) if scene.n_face * MOST_POINTS <= FACES_DRAWN else 1
+
+    def draw_share(k: int) -> NDArray[np.uint32]:
+        covered = np.zeros(ground.shape, np.uint32)  # whole numbers: their sum is the same in any order
+        for x, y in points[k::n_share]:
+            frame = renderers[k].render(_camera_at(ground, x, y))
+            covered += frame.mask if is_opaque else frame.rgba[..., 3]
+        return covered
+
+    def make_renderer() -> Renderer:
+        n_own = n_thread // n_share
+        return Renderer(casters, (columns, rows), shading="flat", outputs=output, samples=1, threads=n_own)
+
+    with ExitStack() as stack:
+        renderers = [stack.enter_context(make_renderer()) for _ in range(n_share)]
+        if n_share == 1:
+            covered = draw_share(0)
+        else:
+            from concurrent.futures import ThreadPoolExecutor
+
+            renderers[0].render(_camera_at(ground, *points[0]))  # before the others: it compiles what isn't there yet
+            with ThreadPoolExecutor(n_share) as pool:
+                covered = sum(pool.map(draw_share, range(n_share)), np.uint32(0))
+    return covered.astype(np.float32) / np.float32(n if is_opaque else 255 * n)
 
 
 def _texel_planes(ground: _Ground, camera: Camera, size: tuple[int, int]) -> NDArray[np.float64] | None:

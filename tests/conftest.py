@@ -6,6 +6,7 @@ import pytest
 
 from rasterizer.cli import main
 from rasterizer.compiler.kernels import STORE
+from rasterizer.engine import draw
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -14,6 +15,14 @@ def compiled_kernels():
     stderr. Where nothing is kept, as with RASTER_STORE=off, each kernel is compiled when it is met."""
     if STORE.is_kept:
         assert main(["warmup", "--quiet"]) == 0
+
+
+@pytest.fixture(scope="session", autouse=True)
+def threads_for_small_pictures():
+    """Draw pictures on as many threads as they ask for, however small they are: most of the tests' are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(draw, "LEAST_TIME", 0)
+        yield
 
 
 @pytest.fixture

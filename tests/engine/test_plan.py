@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import rasterizer as rz
 from rasterizer.engine.coding import make_coding, scale_depths
 from rasterizer.engine.depth_range import NEAREST, depths_of_boxes, fit_depth_range
-from rasterizer.engine.draw import BAND_ENTRIES, choose_band_rows
+from rasterizer.engine.draw import BAND_ENTRIES, LEAST_TIME, choose_band_rows, is_worth_threads
 from rasterizer.engine.error_bounds import Surroundings
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.view_plans import plan_of_view
@@ -439,15 +439,32 @@ def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread,
     assert rows % factor == 0 and factor <= rows <= height
     assert rows * width <= max(BAND_ENTRIES, 8 * width)
     if n_thread > 1:
-        assert rows <= max(16, -(-height // (4 * n_thread)))
+        assert rows <= max(16, -(-height // (2 * n_thread)))
 
 
 def test_bands_of_usual_pictures():
     assert choose_band_rows(640, 480, 1, 1) == 204
-    assert choose_band_rows(640, 480, 2, 1) == 60
+    assert choose_band_rows(640, 480, 2, 1) == 120
     assert choose_band_rows(16384, 16384, 1, 1) == 8
     assert choose_band_rows(16384, 4, 8, 4) == 4
     assert choose_band_rows(MOST_PIXELS, MOST_PIXELS, 64, 4) == 8
+
+
+def test_small_pictures_are_drawn_on_one_thread(monkeypatch):
+    """Where waking others would take longer: of few triangles and samples; with the same bytes."""
+    from rasterizer.engine import draw
+
+    monkeypatch.setattr(draw, "LEAST_TIME", LEAST_TIME)  # as it is in the package
+    assert not is_worth_threads(12, 128 * 128) and not is_worth_threads(5000, 128 * 128)
+    assert is_worth_threads(12, 512 * 512) and is_worth_threads(20_000, 64 * 64)
+    scene = rz.Scene([rz.Mesh([(-1, -1, -3), (1, -1, -4), (0, 1, -2)], [[0, 1, 2]])], GREY_LIGHTS)
+    found, chosen = [], []
+    choose = draw.choose_band_rows
+    monkeypatch.setattr(draw, "choose_band_rows", lambda *given: chosen.append(given[2]) or choose(*given))
+    for least in (LEAST_TIME, 0):
+        monkeypatch.setattr(draw, "LEAST_TIME", least)
+        found.append(rz.render(scene, 64, threads=3, samples=1).rgba.tobytes())
+    assert chosen == [1, 3] and found[0] == found[1]
 
 
 def test_too_many_polygons_for_a_band_make_it_lower(monkeypatch):

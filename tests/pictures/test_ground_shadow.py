@@ -188,6 +188,19 @@ def test_what_is_not_legal_is_told(settings, message):
 
 
 def test_the_same_bytes_on_any_number_of_threads():
+    """Also of the sum over glass, whose masks are shares; and where there are fewer points than threads."""
+    glass = rz.Scene(replace(soup(8), material=rz.Material(opacity=0.3)))
+    for scene in (rz.Scene(soup(7)), glass):
+        for points in (1, 12):
+            first = GroundShadow(scene, size=64, points=points, threads=1).opacity
+            assert 0.0 < first.max() <= np.float32(0.6)
+            for threads in (2, 3, 7):
+                assert np.array_equal(first, GroundShadow(scene, size=64, points=points, threads=threads).opacity)
+
+
+def test_large_scenes_are_prepared_once(monkeypatch):
+    """By one renderer with all threads: the same bytes."""
     scene = rz.Scene(soup(7))
-    first = GroundShadow(scene, size=64, points=12, threads=1).opacity
+    first = GroundShadow(scene, size=64, points=12, threads=2).opacity
+    monkeypatch.setattr(ground_shadow, "FACES_DRAWN", scene.n_face)
     assert np.array_equal(first, GroundShadow(scene, size=64, points=12, threads=2).opacity)

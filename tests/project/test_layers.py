@@ -71,6 +71,7 @@ IN_FUNCTIONS = {
     ("cli.doctor_command", "analysis.timing"): "as compiler",
     ("cli.results", "tqdm"): "optional: the extra progress",
     ("cli.suggestions", "difflib"): "only a word that isn't there needs it",
+    ("ground_shadow", "concurrent.futures"): "heavy: only a soft shadow on several threads needs it",
     ("io.animation", "PIL"): "heavy: only moving pictures need it",
     ("io.animation", "av"): "optional: the extra video",
     ("io.animation", "io.gif"): "as PIL",
