@@ -34,11 +34,12 @@ HOOKS = {
     "rasterizer.compiler.kernels": {"load": "kernels"},
     "numba.core.dispatcher": {"_DispatcherBase._compile_for_args": "kernels"},
     "rasterizer.renderer": {"Renderer.__init__": "prepare", "Renderer.render": "draw"},
+    "rasterizer.ground_shadow": {"_draw_masks": "ground"},
     "rasterizer.frame": {"Frame.encode": "encode"},
     "rasterizer.io.files": {"write_whole": "write"},
 }
-STAGES = ("python", *PACKAGES.values(), "command line", "read", "normals", "kernels", "prepare", "draw", "encode",
-          "write", "exit")  # fmt: skip
+STAGES = ("python", *PACKAGES.values(), "command line", "read", "normals", "kernels", "prepare", "draw", "ground",
+          "encode", "write", "exit")  # fmt: skip
 
 
 class Clock:

@@ -39,7 +39,8 @@ RESOLVED = 2.0**-40  # of its distance from the origin: a scene that is smaller 
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 MOST_POINTS, LEAST_POINTS = 128, 16  # of the light, as many as there is time for
 FACES_DRAWN = 2**22  # triangles times points of the light: some 0.2 s
-MOST_SHARES = 4  # renderers that draw masks side by side: each prepares the scene
+# Renderers that draw masks side by side, and triangles of a scene that they do so for: each prepares the scene.
+MOST_SHARES, MOST_SHARED = 4, 2**17
 
 
 class _Ground(NamedTuple):
@@ -273,8 +274,8 @@ def _draw_masks(scene: Scene, ground: _Ground, n: int, threads: int | None) -> N
     output = "mask" if is_opaque else "rgb"  # whichever tells what is covered, at the least cost
     casters = replace(scene, lights=(AmbientLight(1.0),), camera=None, background=None, depth_cue=None)
     points, n_thread = _light_points(ground, n).tolist(), Options(threads=threads).n_thread
-    # A mask of a small scene takes no longer on one thread than on all: then each thread has a renderer of its own.
-    n_share = min(n_thread, MOST_SHARES, n) if scene.n_face * MOST_POINTS <= FACES_DRAWN else 1
+    # Masks of a small scene take less time side by side than one after the other on all threads.
+    n_share = min(n_thread, MOST_SHARES, n) if scene.n_face <= MOST_SHARED else 1
 
     def draw_share(k: int) -> NDArray[np.uint32]:
         covered = np.zeros(ground.shape, np.uint32)  # whole numbers: their sum is the same in any order

@@ -202,5 +202,5 @@ def test_large_scenes_are_prepared_once(monkeypatch):
     """By one renderer with all threads: the same bytes."""
     scene = rz.Scene(soup(7))
     first = GroundShadow(scene, size=64, points=12, threads=2).opacity
-    monkeypatch.setattr(ground_shadow, "FACES_DRAWN", scene.n_face)
+    monkeypatch.setattr(ground_shadow, "MOST_SHARED", scene.n_face - 1)
     assert np.array_equal(first, GroundShadow(scene, size=64, points=12, threads=2).opacity)
