@@ -8,11 +8,16 @@ from .speed_error import Row, told
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.transforms import Bbox
 
 _PALER = 0.45  # of a method's colour towards white, for each subdivision
 _MARKERS = {1: "v", 4: "o", 9: "D", 16: "s"}
 _SIZE = (9.0, 6.0)  # inches
 _LEAST_ERROR = 1e-9  # what is exact has a place on a logarithmic axis
+# Where a label may stand beside its point, points (1/72 inch) to the right and up, the best place first; pixels that a
+# point takes to each side.
+_OFFSETS = ((6, 5), (-6, -13), (6, -13), (-6, 5), (6, 17), (-6, -25), (6, -25), (-6, 17), (6, 29), (-6, -37))
+_REACH = 5
 
 
 def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
@@ -41,7 +46,9 @@ def plot(rows: Sequence[Row], title: str, suffix: str) -> bytes:
     axes.margins(0.08)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(loc="best", fontsize=9)
+    legend = axes.legend(loc="best", fontsize=9)
+    figure.draw_without_rendering()  # settles where everything lies
+    _label_front(axes, rows, legend.get_window_extent())
     return figure_bytes(figure, suffix, dpi=120)
 
 
@@ -54,7 +61,7 @@ def _draw_rows(axes: "Axes", rows: Sequence[Row]) -> None:
         for row in rows:
             if row.method.name == name:
                 axes.scatter(
-                    row.ms, max(row.error.rms, _LEAST_ERROR), color="none" if row.method.tolerance == 0.0 else color,
+                    *_place_of(row), color="none" if row.method.tolerance == 0.0 else color,
                     edgecolor=color, marker=_MARKERS[row.method.samples], s=34 if row.is_beaten else 64,
                     alpha=0.55 if row.is_beaten else 1.0, zorder=2 if row.is_beaten else 4,
                 )  # fmt: skip
@@ -66,19 +73,33 @@ def _draw_rows(axes: "Axes", rows: Sequence[Row]) -> None:
 
 
 def _draw_front(axes: "Axes", front: Sequence[Row]) -> None:
-    """Draw the front as steps: what can be had for a time. Its rows have labels, but where one lies next to another."""
-    front = sorted(front, key=lambda row: row.ms)
-    axes.step([row.ms for row in front], [max(row.error.rms, _LEAST_ERROR) for row in front], where="post",
-              color="black", linewidth=1.0, zorder=3, label="front: nothing is quicker and nearer")  # fmt: skip
-    last = None
-    for row in front:
+    """Draw the front as steps: what can be had for a time."""
+    times, errors = zip(*sorted(_place_of(row) for row in front), strict=True)
+    axes.step(times, errors, where="post", color="black", linewidth=1.0, zorder=3,
+              label="front: nothing is quicker and nearer")  # fmt: skip
+
+
+def _label_front(axes: "Axes", rows: Sequence[Row], legend: "Bbox") -> None:
+    """Name the rows of the front, the quickest first, where there is room: within the plot, and over nothing else."""
+    from matplotlib.transforms import Bbox
+
+    plot, taken = axes.get_window_extent(), [legend]
+    taken += [Bbox.from_bounds(x - _REACH, y - _REACH, 2 * _REACH, 2 * _REACH)
+              for x, y in axes.transData.transform([_place_of(row) for row in rows])]  # fmt: skip
+    for row in sorted((row for row in rows if not row.is_beaten), key=lambda row: row.ms):
         name = f"{row.method.name}, {row.method.samples}×, {told(row.method.tolerance)}"
-        is_next = last is not None and row.ms < 1.15 * last.ms and row.error.rms > 0.85 * last.error.rms
-        if not is_next:
-            is_near = last is not None and row.ms < 1.6 * last.ms and row.error.rms > 0.85 * last.error.rms
-            axes.annotate(name, (row.ms, max(row.error.rms, _LEAST_ERROR)), xytext=(-6, -13) if is_near else (6, 5),
-                          textcoords="offset points", ha="right" if is_near else "left", fontsize=8)  # fmt: skip
-            last = row
+        for right, up in _OFFSETS:
+            text = axes.annotate(name, _place_of(row), xytext=(right, up), textcoords="offset points",
+                                 ha="left" if right > 0 else "right", fontsize=8)  # fmt: skip
+            box = text.get_window_extent()
+            if plot.x0 <= box.x0 and box.x1 <= plot.x1 and not box.count_overlaps(taken):
+                taken.append(box)
+                break
+            text.remove()
+
+
+def _place_of(row: Row) -> tuple[float, float]:
+    return row.ms, max(row.error.rms, _LEAST_ERROR)
 
 
 def _paler(color: str, share: float) -> str:

@@ -56,6 +56,7 @@ IN_FUNCTIONS = {
     ("analysis.plotting", "matplotlib"): "optional: only plots need it",
     ("analysis.plotting", "matplotlib.ticker"): "as matplotlib",
     ("analysis.speed_error_plot", "matplotlib.figure"): "as matplotlib",
+    ("analysis.speed_error_plot", "matplotlib.transforms"): "as matplotlib",
     ("cli", "_thread"): "main must be able to end in one line before anything else is imported",
     ("cli", "gc"): "as _thread",
     ("cli", "signal"): "as _thread",
