@@ -24,22 +24,25 @@ def random_rows(seed) -> list[Row]:
             for method, a, b, beaten in zip(methods, ms.tolist(), rms.tolist(), is_beaten, strict=True)]  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", range(25))
-def test_labels_lie_within_the_plot_and_over_nothing_else(seed, monkeypatch):
-    drawn, rows = [], random_rows(seed)
+def test_labels_lie_within_the_plot_and_over_nothing_else(monkeypatch):
+    drawn, n_front, n_label = [], 0, 0
     monkeypatch.setattr(speed_error_plot, "figure_bytes", lambda figure, suffix, dpi: drawn.append(figure) or b"")
-    speed_error_plot.plot(rows, "title", ".png")
-    (figure,) = drawn
+    for seed in range(25):
+        rows = random_rows(seed)
+        speed_error_plot.plot(rows, "title", ".png")
+        n_front += sum(not row.is_beaten for row in rows)
+        n_label += check_labels(drawn.pop(), rows)
+    assert n_label > 0.8 * n_front, f"{n_label} labels of {n_front} rows"
+
+
+def check_labels(figure, rows) -> int:
+    """Check where the labels of a plot lie; return how many there are."""
     (axes,) = figure.axes
     figure.draw_without_rendering()
     plot, boxes = axes.get_window_extent(), [text.get_window_extent() for text in axes.texts]
-    assert axes.texts[0].get_text() == str_of(min((row for row in rows if not row.is_beaten), key=lambda row: row.ms))
     points = axes.transData.transform([(row.ms, max(row.error.rms, 1e-9)) for row in rows])
     for k, box in enumerate(boxes):
         assert plot.x0 <= box.x0 and box.x1 <= plot.x1, axes.texts[k].get_text()
         assert not box.count_overlaps([*boxes[:k], axes.get_legend().get_window_extent()]), axes.texts[k].get_text()
         assert not any(box.contains(*point) for point in points), axes.texts[k].get_text()
-
-
-def str_of(row) -> str:
-    return f"{row.method.name}, {row.method.samples}×, 1/4096"
+    return len(boxes)
