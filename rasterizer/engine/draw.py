@@ -28,8 +28,7 @@ from .plan_summary import Ways
 from .transparency import Memory, Task, draw_transparent_band
 
 BAND_ENTRIES = 2**17  # a band's visibility buffer is about 1 MB: half of a usual L2 cache
-# What the stages from scan on take, roughly: nanoseconds of a triangle that may be hidden, and of a sample.
-FACE_TIME, SAMPLE_TIME = 40, 4
+FACE_TIME = 40  # nanoseconds of a triangle, roughly, from scan on: every other one is hidden
 LEAST_TIME = 400_000  # of the bands of a picture that are drawn on several threads: four times what waking one takes
 MOST_FACES = 2**31 - 1  # records hold the numbers of triangles in 32 bits
 NO_SOURCES = np.empty(0, np.uint32)  # of triangles none of which was clipped
@@ -153,7 +152,8 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
     """
     factor, (width, height) = render_pass.factor, render_pass.n_sample
     n_face = drawn.drawables.triangles.vertex_idx.shape[1]
-    n_row = choose_band_rows(width, height, threads.n_thread if is_worth_threads(n_face, width * height) else 1, factor)
+    is_long = n_face * FACE_TIME + width * height * render_pass.sample_time > LEAST_TIME
+    n_row = choose_band_rows(width, height, threads.n_thread if is_long else 1, factor)
     while True:
         triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
         grid = Grid(width, height, n_row)
@@ -179,11 +179,6 @@ def choose_band_rows(width, height, n_thread, factor) -> int:
     if n_thread > 1:
         n_row = min(n_row, max(16, -(-height // (2 * n_thread))))
     return max(1, min(n_row, height) // factor) * factor
-
-
-def is_worth_threads(n_face, n_sample) -> bool:
-    """Tell whether the bands of a picture take longer than it takes to wake a thread for some of them."""
-    return n_face * FACE_TIME + n_sample * SAMPLE_TIME > LEAST_TIME
 
 
 def busiest_first(n_in_band, is_filled) -> list[int]:

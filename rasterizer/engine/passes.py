@@ -73,6 +73,7 @@ class Pass:
     is_filled: bool = False  # bands without triangles are finished, too
     rows: tuple[int, int] | None = None  # (first, end) of the samples that are drawn; None = all
 
+    sample_time: ClassVar[int] = 4  # nanoseconds of a sample, roughly, beside its triangles
     n_channel: ClassVar[int] = 0  # of the intensities
     dtype: ClassVar[np.dtype] = np.dtype(np.float32)
     textures: ClassVar[Textures | None] = None
@@ -150,6 +151,11 @@ class ColorPass(Pass):
     def dtype(self) -> np.dtype:
         """Of the intensities."""
         return self.plan.dtype
+
+    @property
+    def sample_time(self) -> int:
+        """As that of `Pass`, with shading."""
+        return Pass.sample_time + self.plan.sample_time
 
     @property
     def textures(self) -> Textures | None:

@@ -88,6 +88,12 @@ class Plan(NamedTuple):
         functions = [light_table.entry_of(light).function(light) for light in self.reflected_lights]
         return self.has_shadows or any(function.needs_position for function in functions)
 
+    @property
+    def sample_time(self) -> int:
+        """Nanoseconds that it takes to shade a sample, roughly, where a quarter of all samples show something."""
+        of_light = (2 + 4 * self.has_shadows) * self.is_lit_per_sample
+        return of_light * len(self.lights) + 12 * (self.textures is not None) + 8 * (self.opacity is not None)
+
 
 class Sources(NamedTuple):
     """Where the light of a scene comes from, and what it falls on."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import rasterizer as rz
 from rasterizer.engine.coding import make_coding, scale_depths
 from rasterizer.engine.depth_range import NEAREST, depths_of_boxes, fit_depth_range
-from rasterizer.engine.draw import BAND_ENTRIES, LEAST_TIME, choose_band_rows, is_worth_threads
+from rasterizer.engine.draw import BAND_ENTRIES, LEAST_TIME, choose_band_rows
 from rasterizer.engine.error_bounds import Surroundings
 from rasterizer.engine.plan import make_plan
 from rasterizer.engine.view_plans import plan_of_view
@@ -451,20 +451,26 @@ def test_bands_of_usual_pictures():
 
 
 def test_small_pictures_are_drawn_on_one_thread(monkeypatch):
-    """Where waking others would take longer: of few triangles and samples; with the same bytes."""
+    """Where waking others would take longer: of few triangles and samples that are cheap; with the same bytes."""
     from rasterizer.engine import draw
 
-    monkeypatch.setattr(draw, "LEAST_TIME", LEAST_TIME)  # as it is in the package
-    assert not is_worth_threads(12, 128 * 128) and not is_worth_threads(5000, 128 * 128)
-    assert is_worth_threads(12, 512 * 512) and is_worth_threads(20_000, 64 * 64)
-    scene = rz.Scene([rz.Mesh([(-1, -1, -3), (1, -1, -4), (0, 1, -2)], [[0, 1, 2]])], GREY_LIGHTS)
-    found, chosen = [], []
-    choose = draw.choose_band_rows
+    mesh, chosen, choose = rz.Mesh([(-1, -1, -3), (1, -1, -4), (0, 1, -2)], [[0, 1, 2]]), [], draw.choose_band_rows
     monkeypatch.setattr(draw, "choose_band_rows", lambda *given: chosen.append(given[2]) or choose(*given))
-    for least in (LEAST_TIME, 0):
-        monkeypatch.setattr(draw, "LEAST_TIME", least)
-        found.append(rz.render(scene, 64, threads=3, samples=1).rgba.tobytes())
-    assert chosen == [1, 3] and found[0] == found[1]
+    many = [rz.PointLight((k, 3, 5), 0.02) for k in range(64)]
+    for lights, options, n_thread in (
+        (GREY_LIGHTS, {"size": 128}, 1), (GREY_LIGHTS, {"size": 128, "shading": "phong"}, 1),
+        (GREY_LIGHTS, {"size": 512}, 3), (GREY_LIGHTS, {"size": 192, "samples": 4}, 3),
+        (many, {"size": 128, "shading": "phong"}, 3), (many, {"size": 128}, 1),
+        (GREY_LIGHTS, {"size": 512, "outputs": "depth"}, 3), (GREY_LIGHTS, {"size": 200, "outputs": "depth"}, 1),
+    ):  # fmt: skip
+        found = []
+        for least in (LEAST_TIME, 0):  # as it is in the package, and always on all threads
+            chosen.clear()
+            monkeypatch.setattr(draw, "LEAST_TIME", least)
+            frame = rz.render(rz.Scene([mesh], lights), threads=3, **{"samples": 1} | options)
+            assert set(chosen) == {n_thread if least else 3}, options
+            found.append(frame.array("depth" if "outputs" in options else "rgba").tobytes())
+        assert found[0] == found[1], options
 
 
 def test_too_many_polygons_for_a_band_make_it_lower(monkeypatch):
