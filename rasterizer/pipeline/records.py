@@ -183,33 +183,29 @@ def units_of(n_number):
 def write_planes(planes, target, k, first, n, block):
     """Copy the planes of n attributes from number `first` on to a group of a record."""
     source = s.PLANE_ATTRIBUTE + index(first) * s.NEXT_PLANE + k
-    for part in range(index(3)):
-        row = target + part * index(PLANE_GROUP)
-        for attribute in range(index(n)):
-            planes[row + attribute] = np.float32(block.reals[source + attribute * s.NEXT_PLANE + part * s.NEXT])
-        fill_group(planes, row, n)
-
-
-@helper
-def fill_group(planes, row, n):
-    """Put 0 where a group has fewer than four planes. All four are evaluated, and what was left there, an integer say,
-    may be a denormal: then each sample takes fifty times as long on some processors."""
-    for attribute in range(index(n), index(PLANE_GROUP)):
-        planes[row + attribute] = np.float32(0)
+    for attribute in range(index(n)):
+        for part in range(index(3)):
+            value = block.reals[source + attribute * s.NEXT_PLANE + part * s.NEXT]
+            planes[target + attribute + part * index(PLANE_GROUP)] = np.float32(value)
 
 
 @helper
 def write_value_group(planes, target, k, first, n, block):
-    """Write the planes of n attributes from number `first` on, and the range of each over the vertices."""
+    """Write the planes of n attributes, three at most, from number `first` on, and the range of each over the vertices.
+
+    All four planes of a group are evaluated. Where the fourth of a group that isn't a record's first lies, another
+    record may have begun before: integers, which are denormals as float32, and take some processors fifty times as long
+    to multiply. So the fourth is 0.
+    """
     write_planes(planes, target, k, first, n, block)
+    fourth, zero = target + index(PLANE_GROUP - 1), np.float32(0)
+    planes[fourth], planes[fourth + index(PLANE_GROUP)], planes[fourth + index(2 * PLANE_GROUP)] = zero, zero, zero
     source = s.ATTRIBUTE + index(first) * s.NEXT_PLANE + k
     for attribute in range(index(n)):
         row = source + attribute * s.NEXT_PLANE
         a0, a1, a2 = block.reals[row], block.reals[row + s.NEXT], block.reals[row + s.NEXT + s.NEXT]
         planes[target + index(3 * PLANE_GROUP) + attribute] = np.float32(min(a0, a1, a2))
         planes[target + index(4 * PLANE_GROUP) + attribute] = np.float32(max(a0, a1, a2))
-    fill_group(planes, target + index(3 * PLANE_GROUP), n)
-    fill_group(planes, target + index(4 * PLANE_GROUP), n)
 
 
 @helper

@@ -129,7 +129,7 @@ def test_the_bound_of_each_output_is_told(capsys, tmp_path):
     out, err = capsys.readouterr()
     found = json.loads(out)["error_bounds"]
     assert set(found) == {"depth", "depth_share"} and 5e-8 < found["depth_share"] < 7e-8
-    assert f"depth {found['depth']:.2g} scene units ({found['depth_share']:.2g} of itself)" in err
+    assert f"{found['depth']:.2g} scene units of depth ({found['depth_share']:.2g} of itself)" in err
     assert run("lit.json", "-o", "a.png", "--json", "-v") == 0
     out, err = capsys.readouterr()
     (shadow,) = json.loads(out)["error_bounds"]["shadows"]

@@ -54,7 +54,7 @@ def test_every_kernel_of_the_package_needs_nothing_of_numba():
     """So it runs where numba is not loaded. Looks at all that `raster warmup` has put into the store."""
     if kernels.STORE.own is None:
         pytest.skip("there is no store")
-    paths = sorted(kernels.STORE.own.glob(f"*{store.SUFFIX}"))
+    paths = sorted(path for path in kernels.STORE.own.glob(f"*{store.SUFFIX}") if not path.name.startswith("list-of-"))
     assert len(paths) > 40, f"only {len(paths)} kernels are stored <= 40"
     for path in paths:
         code = Code.of_bytes(split_file(path.read_bytes())[1])

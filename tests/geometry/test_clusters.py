@@ -108,7 +108,7 @@ def test_squares_that_overflow_leave_a_cone_without_use():
 
 
 def test_threads_and_the_compiler_do_not_change_a_bit():
-    positions, faces = mesh_of(700 * c.CLUSTER + 11)
+    positions, faces = mesh_of(1400 * c.CLUSTER + 11)
     serial = c.make_clusters(positions, faces, SERIAL)
     workers = Workers(3)
     assert len(workers.ranges(faces.shape[1])) > 1

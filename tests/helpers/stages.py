@@ -26,7 +26,7 @@ from rasterizer.pipeline.gradients import (
     NormalCoding,
 )
 from rasterizer.pipeline.interpolate import ScannedBand
-from rasterizer.pipeline.records import most_units
+from rasterizer.pipeline.records import UNIT, most_units
 from rasterizer.pipeline.scan import ScanCounts, scan
 from rasterizer.pipeline.threads import Workers
 from rasterizer.pipeline.transform import Vertices, make_screen
@@ -124,8 +124,8 @@ def scan_alone(
     ----------
     attributes : float32, or float64 where all materials of the coding are, or one of each
     material : (n,) of each triangle
-    options : deferred, where transparent triangles go; y_start, of the band; room for records, units, and what they are
-        filled with before
+    options : deferred, where transparent triangles go; y_start, of the band; room for records, units; fill, what is
+        there before, a number, or one for each place of a unit
 
     Returns
     -------
@@ -138,8 +138,9 @@ def scan_alone(
     dtype = np.dtype(np.float64 if coding.reads_double.all() else np.float32)
     kind = WorkspaceKind(size[0], size[1], n_channel or n_attribute, n_attribute, dtype, False, False)
     workspace = make_workspace(kind, options.get("room", n * most_units(coding)))
-    for array in (workspace.records.integers, workspace.records.int_planes):
-        array.fill(options.get("fill", 0))
+    fill = options.get("fill", 0)
+    workspace.records.integers.fill(np.max(fill))
+    workspace.records.int_planes.reshape(-1, UNIT)[...] = fill
     y_start = options.get("y_start", 0)
     band = Band(np.arange(n, dtype=np.uint32), y_start, y_start + size[1])
     drawables = drawables_of(triangles, z, tuple(array[None] for array in sides), is_inverted, material)

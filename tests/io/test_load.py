@@ -274,7 +274,7 @@ def test_3mf_places_objects_by_components_and_build():
         ("<model", "its XML: "),
         ('<!DOCTYPE model [<!ENTITY a "aaaa">]><model>&a;</model>', "document type is not legal"),
         (THREEMF.replace('<component objectid="1"/>', '<component objectid="2"/>'), "nested more than 100 deep"),
-        (THREEMF.replace('objectid="1"', 'objectid="7"'), "KeyError"),
+        (THREEMF.replace('objectid="1"', 'objectid="7"'), "there is no object '7'"),
         (THREEMF.replace('v1="0"', 'v1="9"'), "refers to vertex 9"),
         (THREEMF.replace('x="0"', 'x="zero"'), "could not convert"),
         (THREEMF.replace("1 0 10 0", "1 0 nan 0"), "12 finite numbers"),
