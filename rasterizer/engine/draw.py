@@ -161,9 +161,10 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
         parts = find_visible(
             triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, clusters, sort_into_bands
         )
-        most = int(np.diff(sum(part.starts for part in parts)).max(initial=0))
+        lists = join_lists(parts)
+        most = int(np.diff(lists.starts).max(initial=0))
         if render_pass.most_records(most) <= MAX_RECORDS:
-            return join_lists(parts), n_row
+            return lists, n_row
         if n_row == factor:
             raise SceneError(
                 f"{most} polygons meet one row of pixels; legal are {MAX_RECORDS // render_pass.most_records(1)}: "
