@@ -201,7 +201,7 @@ def describe_bounds(stats) -> list[str]:
         share = f" ({bounds.depth_share:.2g} of itself)" if math.isfinite(bounds.depth_share) else ""
         words.append(f"{bounds.depth:.2g} scene units of depth{share}")
     words += [] if bounds.normal is None else [f"{bounds.normal:.2g} a component of normals"]
-    words += [] if bounds.face is None else ["none of faces"]
+    words += [] if bounds.face is None else ["faces exact"]
     shadows = [
         f"not counted: shadows of {light}s, within {near:.2g} scene units of their edges (a texel is {texel:.2g})"
         for light, texel, near in bounds.shadows

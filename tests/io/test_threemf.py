@@ -194,13 +194,22 @@ def test_what_is_missing_is_named(text, fault):
         load(threemf(text), format="3mf")
 
 
-@pytest.mark.parametrize("what", ["", '<texture2d id="3"/>', '<texture2d id="3" path="a.png" tilestyleu="round"/>'])
-def test_a_broken_texture_is_named(what):
+@pytest.mark.parametrize(
+    ("what", "fault"),
+    [
+        ("", "there is no texture2d '3'"),
+        ('<texture2d id="3"/>', "it has no 'path'"),
+        ('<texture2d id="3" path="b.png"/>', "there is no 'b.png' in it"),
+        ('<texture2d id="3" path="a.png" tilestyleu="round"/>', "a tile style must be one of .*; given 'round'"),
+    ],
+)
+def test_a_broken_texture_is_named(what, fault):
     texture = f'{what}<m:texture2dgroup id="4" texid="3"><m:tex2coord u="0" v="0"/></m:texture2dgroup>'
     text = model('pid="4" p1="0"', groups=texture)
-    fault = "there is no texture2d '3'|it has no 'path'|there is no 'a.png' in it"
-    with pytest.warns(UserWarning, match=f"the texture 3 can't be read \\(({fault})\\)"):
-        load(threemf(text), format="3mf")
+    picture = io.BytesIO()
+    Image.new("RGB", (2, 2)).save(picture, "PNG")
+    with pytest.warns(UserWarning, match=f"the texture 3 can't be read \\({fault}\\)"):
+        load(threemf(text, **{"a.png": picture.getvalue()}), format="3mf")
 
 
 def relationships(target, kind="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel") -> str:
