@@ -7,8 +7,6 @@ from rasterizer.analysis import speed_error_plot
 from rasterizer.analysis.ground_truth import Errors
 from rasterizer.analysis.speed_error import Method, Row
 
-pytest.importorskip("matplotlib")
-
 
 def random_rows(seed) -> list[Row]:
     """Rows as a study finds them: some of the front lie close together, some are exact."""
@@ -25,6 +23,7 @@ def random_rows(seed) -> list[Row]:
 
 
 def test_labels_lie_within_the_plot_and_over_nothing_else(monkeypatch):
+    pytest.importorskip("matplotlib", reason="the extra bench is not installed")
     drawn, n_front, n_label = [], 0, 0
     monkeypatch.setattr(speed_error_plot, "figure_bytes", lambda figure, suffix, dpi: drawn.append(figure) or b"")
     for seed in range(25):

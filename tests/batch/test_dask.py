@@ -10,8 +10,6 @@ import rasterizer as rz
 from rasterizer.batch.executors import DaskCrew
 from rasterizer.cli import main
 
-distributed = pytest.importorskip("dask.distributed", reason="dask is not installed: it is the extra distributed")
-
 MODELS = [str(ROOT / "models" / name) for name in ("cube.obj", "cone.obj", "gear.stl", "torus.glb")]
 SMALL = {"size": (32, 24), "shading": "phong"}
 
@@ -21,6 +19,7 @@ pytestmark = [pytest.mark.usefixtures("folder"), pytest.mark.slow]
 @pytest.fixture(scope="module")
 def cluster():
     """Two worker processes; another one is started where one of them dies."""
+    distributed = pytest.importorskip("dask.distributed", reason="the extra distributed is not installed")
     made = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
     with made, distributed.Client(made) as client:
         client.wait_for_workers(2)
