@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import signal
 import time
 
 import pytest
@@ -23,6 +24,17 @@ def threads_for_small_pictures():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(draw, "LEAST_TIME", 0)
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def interrupts():
+    """Let the processes that tests start be interrupted. A shell that starts the tests in the background has SIGINT
+    ignored, and what they start would inherit that."""
+    before = signal.getsignal(signal.SIGINT)
+    if before == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture
