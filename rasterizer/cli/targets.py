@@ -44,6 +44,7 @@ def plan_targets(arguments, check_output=None) -> list[list[Target]]:
         for stdout or stdin
     OutputError : a folder that can't be made, an output that would replace one of the models, or another file that was
         asked for
+    ModelError : such a model, of a format that no model has
     """
     models = list_models(arguments)
     views = arguments.views or [None]
@@ -62,7 +63,7 @@ def plan_targets(arguments, check_output=None) -> list[list[Target]]:
         _check_stdout(len(targets))
     else:
         _check_names(targets)
-        _check_reads(targets, _list_reads(models, arguments))
+        _check_reads(targets, models, arguments)
     return plan
 
 
@@ -127,7 +128,7 @@ def plan_sheet(arguments) -> list[list[Target]]:
         _check_stdout(1)
     else:
         _check_names(plan[0][:1])
-        _check_reads(plan[0][:1], _list_reads(models, arguments))
+        _check_reads(plan[0][:1], models, arguments)
     return plan
 
 
@@ -242,13 +243,15 @@ def _list_reads(models, arguments) -> list[str]:
     return [model for model in models if model != STDIO] + others
 
 
-def _check_reads(targets, paths) -> None:
+def _check_reads(targets, models, arguments) -> None:
     """Refuse outputs that are models, or other files that are named for reading, by whatever name or link."""
-    read = {identity_of(path): path for path in paths}
+    read = {identity_of(path): path for path in _list_reads(models, arguments)}
     read.pop(None, None)
     for target in targets:
         identity = identity_of(target.output)
         if identity in read:
+            if read[identity] in models:  # a picture in the place of a model: that no model is read from it says more
+                formats.format_of(read[identity], arguments.input_format)
             what = f"can't write {target.output}: it is {read[identity]}, which is read"
             raise OutputError(f"{what}; give another name with -o")
 
