@@ -70,6 +70,7 @@ class Row(NamedTuple):
     of_method, of_sampling : rms, linear intensity: the parts of the error that the method and the sampling make
     rounding, bound : largest difference from tolerance 0, and what the frame says that it may be; linear intensity
     is_beaten : whether another row is quicker and nearer to the ground truth
+    has_steps : whether the bound leaves samples next to a step out, an edge of a shadow for one (`Stats.steps`)
     """
 
     method: Method
@@ -82,6 +83,12 @@ class Row(NamedTuple):
     rounding: float
     bound: float
     is_beaten: bool = False
+    has_steps: bool = False
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether a sample next to a step is further off than the bound of the others."""
+        return self.has_steps and self.rounding > self.bound
 
 
 class Study(NamedTuple):
@@ -273,7 +280,8 @@ def _time_group(
 
 def _make_row(method: Method, ms: float, stats: Stats, compared: _Compared) -> Row:
     n_pixel = max(stats.covered / method.samples, 1.0)
-    return Row(method, ms, 1e6 * ms / stats.faces, 1e6 * ms / n_pixel, *compared, stats.error_bound)
+    row = Row(method, ms, 1e6 * ms / stats.faces, 1e6 * ms / n_pixel, *compared, stats.error_bound)
+    return row._replace(has_steps=bool(stats.steps))
 
 
 def sort_by_front(rows: Sequence[Row]) -> list[Row]:

@@ -106,6 +106,7 @@ _LEGEND = (
     "values\nmore than a level off; of method, of sampling: what makes the rms; rounding: against tolerance 0, and its "
     "bound"
 )
+_BEYOND = "*: next to a step, where no bound holds: the edge of a shadow, for one; raster render -v names them"
 
 
 def _title(target, scene, arguments, machine) -> str:
@@ -119,21 +120,22 @@ def _title(target, scene, arguments, machine) -> str:
 def _table(found: Study) -> list[str]:
     """The rows as lines; those of the front have numbers, the others say which of them beats them."""
     front = [row for row in found.rows if not row.is_beaten]
-    lines = [COLUMNS]
+    lines, is_any_beyond = [COLUMNS], any(row.is_beyond for row in found.rows)
     for row in found.rows:
         method, error = row.method, row.error
         mark = str(front.index(row) + 1) if not row.is_beaten else f"<{_winner(row, front)}"
         lines.append((
             mark, method.name, str(method.samples), told(method.tolerance), f"{row.ms:.2f}", _figure(row.ns_triangle),
             _figure(row.ns_pixel), f"{error.rms:.2e}", f"{error.max:.2f}", f"{100 * error.over_one:.1f}%",
-            f"{error.delta_e:.3f}", f"{row.of_method:.1e}", f"{row.of_sampling:.1e}", f"{row.rounding:.1e}",
-            f"{row.bound:.1e}", "" if error.flip is None else f"{error.flip:.4f}",
+            f"{error.delta_e:.3f}", f"{row.of_method:.1e}", f"{row.of_sampling:.1e}",
+            f"{row.rounding:.1e}" + ("*" if row.is_beyond else " " * is_any_beyond), f"{row.bound:.1e}",
+            "" if error.flip is None else f"{error.flip:.4f}",
         ))  # fmt: skip
     n_column = len(COLUMNS) - (found.rows[0].error.flip is None)
     texts = _aligned([line[:n_column] for line in lines], n_left=2)
     n_front = len(front) + 1
     beaten = ["", "both slower and further off than the row whose number stands after <:", *texts[n_front:]]
-    return texts[:n_front] + (beaten if len(texts) > n_front else [])
+    return texts[:n_front] + (beaten if len(texts) > n_front else []) + [_BEYOND] * is_any_beyond
 
 
 def _winner(row, front) -> int:

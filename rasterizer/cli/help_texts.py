@@ -77,7 +77,8 @@ the last line says what to choose.
                      linear intensity where white is 1, over the pixels that either covers
   over 1, ΔE         share of 8-bit values more than a level off; mean colour difference (CIEDE2000)
   method, sampling   what makes that error: where light is evaluated, and how many samples see it (rms)
-  rounding, bound    largest difference from tolerance 0, and what the frame says that it may be
+  rounding, bound    largest difference from tolerance 0, and what the frame says that it may be; *: next to a step,
+                     an edge of a shadow for one, where no bound holds
 """
 
 

@@ -8,8 +8,9 @@ import pytest
 from helpers.raster import ROOT
 from PIL import Image
 
-from rasterizer.analysis.speed_error import printed
-from rasterizer.cli import main
+from rasterizer.analysis.ground_truth import Errors
+from rasterizer.analysis.speed_error import Method, Row, Study, printed
+from rasterizer.cli import bench_command, main
 
 BALL, CUBE, GLOBE = (str(ROOT / "models" / name) for name in ("sphere.obj", "cube.obj", "globe.obj"))
 FEW = ["-s", "48x36", "--seconds", "2", "--threads", "1", "--samples", "1,4", "--tolerances", "0,1/4096"]
@@ -54,6 +55,21 @@ def test_the_record_holds_all_rows(capsys):
         assert row["shading"] in ("gouraud", "phong") and row["samples"] in (1, 4) and row["error"]["flip"] is None
     assert [row["is_beaten"] for row in rows] == sorted(row["is_beaten"] for row in rows)
     assert record["machine"]["cores"] >= 1 and record["advice"].startswith("Choose ")
+
+
+def test_what_is_beyond_a_bound_next_to_a_step_is_marked():
+    """Without a step it would be a fault: no mark excuses that."""
+    errors = Errors(0.1, 0.1, 0, 0.0, 0.0, 0.0, 0.0, 1)
+    rows = [
+        Row(Method("phong", 0, 4, 0.1), ms, 1.0, 1.0, errors, 0.0, 0.0, rounding, 1e-3, ms > 1, has_steps)
+        for ms, rounding, has_steps in ((1.0, 2e-3, True), (2.0, 1e-4, True), (3.0, 3e-3, False))
+    ]
+    lines = bench_command._table(Study(rows, [], ""))
+    assert [line.count("*") for line in lines] == [0, 1, 0, 0, 0, 0, 1]
+    assert "2.0e-03*  1.0e-03" in lines[1] and "1.0e-04   1.0e-03" in lines[4]
+    assert lines[-1].startswith("*: next to a step")
+    lines = bench_command._table(Study([rows[2]._replace(is_beaten=False)], [], ""))
+    assert "3.0e-03  1.0e-03" in lines[1] and not any("*" in line for line in lines)
 
 
 def test_what_else_a_scene_has(capsys):
