@@ -59,15 +59,17 @@ def measure_model(model, args):
     """Yield a row for each method, and for each value of what else a scene has."""
     scene = make_scene(model)
     options, axes_seconds = {"threads": args.threads}, OF_AXES * args.seconds if model in WITH_AXES else 0.0
+    truth = None
     if model not in ONLY_AXES:
         methods = list_methods(("flat", "gouraud", "phong"), (0, 1, 2), (1, 4, 16), (1 / 4096,))
         found = study(scene, args.size, methods, args.seconds - axes_seconds, lambda *_: None, **options)
+        truth = found.truth
         for row in found.rows:
             yield {"what": "method", "value": str(row.method), "triangles": scene.n_face * 4**row.method.subdivisions,
                    **row.method._asdict(), "ms": row.ms, **errors_of(row.error), "of_method": row.of_method,
                    "of_sampling": row.of_sampling, "is_beaten": row.is_beaten}  # fmt: skip
     if axes_seconds:
-        for row in measure_axes(scene, args.size, axes_seconds, lambda *_: None, **options):
+        for row in measure_axes(scene, args.size, axes_seconds, lambda *_: None, truth, **options):
             yield {"what": row.axis, "value": row.value, "ms": row.ms, "ratio": row.ratio,
                    **(errors_of(row.error) if row.error else {}), "against": row.against}  # fmt: skip
 

@@ -5,7 +5,7 @@ thing isn't saved at.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any, NamedTuple, get_args
@@ -82,7 +82,13 @@ def list_axes(scene: Scene, options: dict) -> list[Axis]:
 
 
 def measure_axes(
-    scene: Scene, size: tuple[int, int], seconds: float, progress: Callable[[int, int, str], None], **options: Any
+    scene: Scene,
+    size: tuple[int, int],
+    seconds: float,
+    progress: Callable[[int, int, str], None],
+    truth: Light | None = None,
+    limit: float = math.inf,
+    **options: Any,
 ) -> list[AxisRow]:
     """Measure every value of every axis, by Phong's shading with 4 samples a pixel and the default tolerance.
 
@@ -94,20 +100,28 @@ def measure_axes(
     size : (width, height) in pixels
     seconds : time in which calls take turns, and rays are followed, of all axes together
     progress : is called with the number of axes done, that of all, and the name of the one that is begun
+    truth : the ground truth, where `study` has drawn it; None = it is drawn
+    limit : seconds, but for compiling kernels and preparing scenes, after which no further axis is begun
     options : further options of `rasterizer.render`
     """
     options = options | {"shading": "phong", "samples": 4}
     axes, rows = list_axes(scene, options), list[AxisRow]()
+    truth = draw_ground_truth(scene, size, **options) if truth is None else truth
     rays = None
     if any(axis.is_of_shadows for axis in axes):
         progress(0, len(axes), "shadows by rays")
         seconds *= 0.5
+        limit -= seconds
         settings = {name: options[name] for name in ("cull", "exposure", "spectral") if name in options}
         rays = draw_by_rays(scene, size, options["samples"], seconds, **settings)
     for done, axis in enumerate(axes):
+        if limit <= 0.0:
+            break
         progress(done, len(axes), axis.name)
-        truth = _truth_of(axis, scene, size, options, rays)
-        rows += _measure_axis(axis, _Look(scene, size, options), seconds / len(axes), truth)
+        expected = _truth_of(axis, size, options, rays, truth)
+        found, spent = _measure_axis(axis, _Look(scene, size, options), seconds / len(axes), expected)
+        rows += found
+        limit -= spent
     return rows
 
 
@@ -127,9 +141,12 @@ class _Truth(NamedTuple):
     is_known: NDArray[np.bool_] | None = None  # (height, width); None = everywhere
 
 
-def _measure_axis(axis: Axis, look: _Look, seconds: float, truth: _Truth | None) -> Iterator[AxisRow]:
-    """Yield a row for each value; they take turns with the scene as it is."""
-    scene, size, options = look
+def _measure_axis(
+    axis: Axis, look: _Look, seconds: float, truth: _Truth | None
+) -> tuple[list[AxisRow], float]:  # fmt: skip
+    """Return a row for each value, and the seconds that their pictures took; they take turns with the scene as it
+    is."""
+    (scene, size, options), rows = look, list[AxisRow]()
     with ExitStack() as stack:
         calls = {}
         for variant in (Variant("", scene, {}), *axis.variants):
@@ -144,11 +161,13 @@ def _measure_axis(axis: Axis, look: _Look, seconds: float, truth: _Truth | None)
             error = measure_errors(found if truth.is_known is None else only(found, truth.is_known), truth.light)
         ratio = float(np.median(turns[variant.value] / turns[""]))
         against = "" if truth is None else truth.against
-        yield AxisRow(axis.name, variant.value, ratio * float(np.median(turns[""])), ratio, error, against)
+        rows.append(AxisRow(axis.name, variant.value, ratio * float(np.median(turns[""])), ratio, error, against))
+    n_draw = len(turns[""]) + 2  # one compiles, one is compared
+    return rows, n_draw * sum(float(np.median(times)) for times in turns.values()) / 1000.0
 
 
 def _truth_of(
-    axis: Axis, scene: Scene, size: tuple[int, int], options: dict, rays: RayTruth | None
+    axis: Axis, size: tuple[int, int], options: dict, rays: RayTruth | None, truth: Light
 ) -> _Truth | None:  # fmt: skip
     """What an axis' pictures are compared with."""
     if axis.is_of_shadows and rays is not None:
@@ -156,7 +175,7 @@ def _truth_of(
     if axis.finest is not None:
         settings = options | axis.finest.options | {"tolerance": 0.0}
         return _Truth(draw_light(axis.finest.scene, size, **settings), axis.against)
-    return _Truth(draw_ground_truth(scene, size, **options), axis.against) if axis.against else None
+    return _Truth(truth, axis.against) if axis.against else None
 
 
 def _changed_lights(scene: Scene, change: Callable[[Lamp], Lamp]) -> Scene:

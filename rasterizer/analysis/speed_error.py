@@ -97,6 +97,8 @@ class Study(NamedTuple):
     rows: list[Row]  # the front first, from the quickest on; then the others, by their errors
     left_out: list[Method]  # for want of time or memory
     advice: str
+    truth: Light  # the ground truth
+    seconds: float  # it took, but for compiling kernels
 
 
 Progress = Callable[[int, int, str], None]
@@ -170,7 +172,7 @@ def study(
         anchor_ms = anchor_ms or ms  # that of the first group counts
         rows += [_make_row(method, anchor_ms * ratios[method][0], ratios[method][1], drawn[method]) for method in group]
     rows = sort_by_front(rows)
-    return Study(rows, left_out, advise(rows))
+    return Study(rows, left_out, advise(rows), truths.truth, perf_counter() - start)
 
 
 def compile_kernels(scene: Scene, methods: Iterable[Method], options: dict) -> None:
@@ -231,7 +233,7 @@ class _Truths:
 
     def __init__(self, work: _Work, with_flip: bool) -> None:
         self._work, self._with_flip = work, with_flip
-        self._truth = draw_ground_truth(work.scene, work.size, **work.options)
+        self.truth = draw_ground_truth(work.scene, work.size, **work.options)
         self._of_samples: dict[int, tuple[Light, float]] = {}
         self._exact: tuple[Method, Light] | None = None
 
@@ -240,14 +242,14 @@ class _Truths:
         found = self._work.draw(finer, method)
         same_samples, of_sampling = self._phong(method.samples)
         rounding = float(np.abs(found.color - self._without_tolerance(method, finer).color).max())
-        error = measure_errors(found, self._truth, self._with_flip)
+        error = measure_errors(found, self.truth, self._with_flip)
         return _Compared(error, rms_error(found, same_samples), of_sampling, rounding)
 
     def _phong(self, samples: int) -> tuple[Light, float]:
         """Phong's picture with tolerance 0, and how far it is from the ground truth."""
         if samples not in self._of_samples:
             light = self._work.draw(self._work.scene, Method("phong", 0, samples, 0.0))
-            self._of_samples[samples] = light, rms_error(light, self._truth)
+            self._of_samples[samples] = light, rms_error(light, self.truth)
         return self._of_samples[samples]
 
     def _without_tolerance(self, method: Method, finer: Scene) -> Light:

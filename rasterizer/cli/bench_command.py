@@ -12,7 +12,7 @@ from time import perf_counter
 
 from ..analysis.flip import check_flip
 from ..analysis.plotting import FORMATS, check_plotting
-from ..analysis.scene_axes import measure_axes
+from ..analysis.scene_axes import list_axes, measure_axes
 from ..analysis.speed_error import Study, list_methods, printed, study, told
 from ..analysis.speed_error_plot import plot
 from ..analysis.timing import describe_machine
@@ -64,13 +64,13 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
         messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
     for target in targets:
         scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
-        found, axes = _measure(scene, arguments, messages)
+        found, axes, axes_left_out = _measure(scene, arguments, messages)
         title = _title(target, scene, arguments, machine)
         if target.output is not None:
             output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         if arguments.json:
-            print_record(_record(target, arguments, scene, seconds, machine, warned, found, axes), False)
+            print_record(_record(target, arguments, scene, seconds, machine, warned, found, axes, axes_left_out), False)
         elif arguments.level > QUIET:
             print_text(
                 "\n".join([title, _LEGEND, "", *_table(found), "", *_axis_table(axes), found.advice]) + "\n", False
@@ -78,7 +78,7 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
 
 
 def _measure(scene, arguments, messages):
-    """Return the Study of a scene, and the rows of what else it has."""
+    """Return the Study of a scene, the rows of what else it has, and of what of that there was no time."""
     options = {name: getattr(arguments, name) for name in _OPTIONS if name != "size"}
     methods = list_methods(arguments.shadings, arguments.subdivisions, arguments.list_of_samples, arguments.tolerances)
     with Bar(messages) as bar:
@@ -88,15 +88,21 @@ def _measure(scene, arguments, messages):
 
         seconds = (1.0 - _OF_AXES * arguments.has_axes) * arguments.seconds
         found = study(scene, arguments.size, methods, seconds, show, arguments.with_flip, **options)
-        axes = []
+        axes, axes_left_out = [], []
         if arguments.has_axes:
-            axes = measure_axes(scene, arguments.size, _OF_AXES * arguments.seconds, show, **options)
+            seconds = _OF_AXES * arguments.seconds
+            limit = max(arguments.seconds - found.seconds, seconds)
+            axes = measure_axes(scene, arguments.size, seconds, show, found.truth, limit, **options)
+            measured = {row.axis for row in axes}
+            axes_left_out = [axis.name for axis in list_axes(scene, options) if axis.name not in measured]
     if found.left_out:
         names = ", ".join(dict.fromkeys(method.name for method in found.left_out))
         messages.notice(
             f"{len(found.left_out)} methods are left out for want of time or memory ({names}); see --seconds"
         )
-    return found, axes
+    if axes_left_out:
+        messages.notice(f"left out for want of time: {', '.join(axes_left_out)}; see --seconds")
+    return found, axes, axes_left_out
 
 
 # --- what is printed ----------------------------------------------------------------------------------------
@@ -178,7 +184,7 @@ def _figure(value) -> str:
     return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
 
 
-def _record(target, arguments, scene, seconds, machine, warned, found, axes) -> dict:
+def _record(target, arguments, scene, seconds, machine, warned, found, axes, axes_left_out) -> dict:
     """What --json says of a model."""
     return {
         "path": target.model,
@@ -194,6 +200,7 @@ def _record(target, arguments, scene, seconds, machine, warned, found, axes) -> 
         ],
         "axes": [row._asdict() | {"error": row.error and row.error._asdict()} for row in axes],
         "left_out": [str(method) for method in found.left_out],
+        "axes_left_out": axes_left_out,
         "advice": found.advice,
         "warnings": warned,
     }

@@ -39,3 +39,12 @@ def test_shadows_are_compared_with_rays():
     found = {row.value: row for row in rows if row.axis == "shadow map"}
     assert all(row.against == "rays, in 100 % of the picture" for row in found.values())
     assert found["4096²"].error.rms <= 1e-6 < max(row.error.rms for row in rows if row.axis == "shadow filter")
+
+
+def test_what_there_is_no_time_for_is_not_begun():
+    """The limit counts pictures, and rays: with hardly any time one thing is measured, and without any nothing is."""
+    scene = rz.load("models/cube.obj")
+    rows = {limit: measure_axes(scene, (24, 18), 0.0, lambda *_: None, None, limit, threads=1)
+            for limit in (0.0, 1e-9, 9.0)}  # fmt: skip
+    axes = {limit: list(dict.fromkeys(row.axis for row in found)) for limit, found in rows.items()}
+    assert axes == {0.0: [], 1e-9: ["antialias"], 9.0: ["antialias", "reflection"]}

@@ -43,6 +43,7 @@ def test_table_and_advice(folder, capsys):
 def test_the_record_holds_all_rows(capsys):
     assert run(BALL, "--json", "--shadings", "gouraud,phong", "--subdivisions", "0", "--no-axes") == 0
     record = json.loads(capsys.readouterr().out)
+    assert record["axes_left_out"] == []
     assert (record["path"], record["size"], record["faces"]) == (BALL, [48, 36], 5120)
     rows = record["rows"]
     assert len(rows) == 2 * 2 * 2 and record["axes"] == [] and record["left_out"] == []
@@ -64,17 +65,18 @@ def test_what_is_beyond_a_bound_next_to_a_step_is_marked():
         Row(Method("phong", 0, 4, 0.1), ms, 1.0, 1.0, errors, 0.0, 0.0, rounding, 1e-3, ms > 1, has_steps)
         for ms, rounding, has_steps in ((1.0, 2e-3, True), (2.0, 1e-4, True), (3.0, 3e-3, False))
     ]
-    lines = bench_command._table(Study(rows, [], ""))
+    lines = bench_command._table(Study(rows, [], "", None, 0.0))
     assert [line.count("*") for line in lines] == [0, 1, 0, 0, 0, 0, 1]
     assert "2.0e-03*  1.0e-03" in lines[1] and "1.0e-04   1.0e-03" in lines[4]
     assert lines[-1].startswith("*: next to a step")
-    lines = bench_command._table(Study([rows[2]._replace(is_beaten=False)], [], ""))
+    lines = bench_command._table(Study([rows[2]._replace(is_beaten=False)], [], "", None, 0.0))
     assert "3.0e-03  1.0e-03" in lines[1] and not any("*" in line for line in lines)
 
 
 def test_what_else_a_scene_has(capsys):
     lights = ["--light", "directional:-1,-2,-1,shadow=64", "--light", "area:1,3,2,edge_u=1/0/0,edge_v=0/0/1"]
-    assert run(GLOBE, *lights, "--json", "--shadings", "phong", "--samples", "1", "--subdivisions", "0") == 0
+    flags = ["--json", "--shadings", "phong", "--samples", "1", "--subdivisions", "0", "--seconds", "12"]
+    assert run(GLOBE, *lights, *flags) == 0
     axes = json.loads(capsys.readouterr().out)["axes"]
     names = list(dict.fromkeys(row["axis"] for row in axes))
     assert names == ["shadow map", "shadow filter", "area light", "texture filter", "antialias", "reflection"]
