@@ -18,7 +18,6 @@ from .environment import ENVIRONMENT
 from .messages import print_record, print_text
 
 _NEEDED = ("numpy", "numba", "llvmlite", "pillow", "trimesh")
-_FIRST = 12  # letters of the names of facts
 _MB = 1e6
 _LEAST_FREE = 200e6  # bytes of a disk: all kernels take less than a third
 
@@ -179,7 +178,8 @@ def _text(facts) -> str:
     ]
     if "cleared" in facts:
         lines.append(("cleared", _kernel_words(facts["cleared"])))
-    return "".join(f"{name:<{_FIRST}}{' '.join(value.split())}\n" for name, value in lines)
+    width = 2 + max(len(name) for name, _ in lines)
+    return "".join(f"{name:<{width}}{' '.join(value.split())}\n" for name, value in lines)
 
 
 def _kernel_lines(kernels):
@@ -199,7 +199,7 @@ def _kernel_lines(kernels):
 
 
 def _kernel_words(facts) -> str:
-    return f"{facts['count']} kernels, {facts['bytes'] / _MB:.1f} MB"
+    return f"{facts['count']} kernel{'' if facts['count'] == 1 else 's'}, {facts['bytes'] / _MB:.1f} MB"
 
 
 def _extra_words(packages) -> str:
