@@ -65,11 +65,11 @@ def test_problems_are_told_and_change_the_exit_code(monkeypatch, capsys):
     monkeypatch.setattr(doctor_command, "_version_of", lambda name: None if name == "trimesh" else version_of(name))
     assert main(["doctor"]) == 1
     out, err = capsys.readouterr()
-    assert "trimesh     MISSING" in out
+    assert re.search(r"\ntrimesh +MISSING\n", out)
     assert "raster: error: trimesh is not installed, and nothing can be drawn without it\n" in err
     done = start_doctor({"RASTER_STORE": "off"})
     assert done.returncode == 1 and b"kernels are not kept, so every run compiles: RASTER_STORE is off" in done.stderr
-    assert b"\nkernels     not kept\n" in done.stdout
+    assert re.search(rb"\nkernels +not kept\n", done.stdout)
 
 
 def test_an_extra_of_old_versions_of_python_is_not_missed(monkeypatch):
