@@ -95,8 +95,11 @@ def test_the_tests_of_the_source_archive_can_be_collected(source, tmp_path):
     hidden = dict.fromkeys(modules_of_extras())
     code = f"import sys, pytest; sys.modules.update({hidden}); sys.exit(pytest.main(sys.argv[1:]))"
     told = run([sys.executable, "-c", code, "--collect-only", "-q", "-p", "no:cacheprovider"], unpacked)
-    files = set(re.findall(r"^(tests/[\w/]+\.py):", told, re.MULTILINE))
-    assert files == {path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py")}
+    counts = dict(re.findall(r"^(tests/[\w/]+\.py): (\d+)$", told, re.MULTILINE))
+    assert counts.keys() == {path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py")}
+    for page in ("README.md", "tests/README.md"):
+        (said,) = re.findall(r"some ([\d ]+)(?: tests|$)", (ROOT / page).read_text(encoding="utf-8"), re.MULTILINE)
+        assert float(said.replace(" ", "")) == pytest.approx(sum(map(int, counts.values())), rel=0.1), page
 
 
 @pytest.fixture(scope="module")
