@@ -13,28 +13,29 @@ from .defaults import AZIMUTH, ELEVATION, FOV, VIEWS
 from .light_arguments import make_light
 
 
-def make_shadow(arguments) -> Shadow | None:
-    """Make the shadow of lights that don't say themselves; None without --shadows."""
+def make_shadow(arguments) -> Shadow:
+    """Make the shadow of lights that cast one and don't say its size and filter themselves."""
+    return Shadow(**shadow_fields(arguments))
+
+
+def shadow_fields(arguments) -> dict[str, int]:
+    """Return the fields of Shadow that flags give."""
     given = {"size": arguments.shadow_size, "filter": arguments.shadow_filter}
-    given = {name: value for name, value in given.items() if value is not None}
-    if not arguments.shadows:
-        for name in given:
-            raise SceneError(f"--shadow-{name} needs --shadows")
-        return None
-    return Shadow(**given)
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def make_lights(arguments) -> tuple | None:
     """Make the lights: those of a preset and those given, with shadows if asked for; None where neither is, so that a
     file's own, or else the studio's, are used."""
     shadow = make_shadow(arguments)
-    given = tuple(make_light(text, shadow) for text in arguments.lights)
+    given = tuple(make_light(text, arguments.shadows, shadow) for text in arguments.lights)
     if arguments.preset is None:
         return given or None
     lights = light_presets.PRESETS[arguments.preset]()
-    if not takes_shadows(arguments) or shadow is not None:
-        lights = without_shadows(lights)
-    return cast_shadows(lights, shadow) + given
+    if arguments.shadows:
+        return cast_shadows(without_shadows(lights), shadow) + given
+    lights = lights if takes_shadows(arguments) else without_shadows(lights)
+    return with_shadow_fields(lights, shadow_fields(arguments)) + given
 
 
 def takes_shadows(arguments) -> bool:
@@ -48,13 +49,23 @@ def without_shadows(lights) -> tuple:
     return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)
 
 
+def with_shadow_fields(lights, fields) -> tuple:
+    """Return lights whose shadows, where they cast any, have other fields."""
+
+    def changed(light):
+        shadow = getattr(light, "shadow", None)
+        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
+
+    return tuple(map(changed, lights))
+
+
 def cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:
     """Let lights cast shadows.
 
     Parameters
     ----------
     of_scene : sequence of lights; a shadow that one has stays what it is
-    shadow : Shadow; None = nothing changes
+    shadow : Shadow
     unshadowed : places in the sequence of lights that shall cast none
 
     Returns
@@ -63,7 +74,7 @@ def cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:
     """
 
     def with_shadow(place, light):
-        if shadow is None or place in unshadowed or getattr(light, "shadow", True) is not None:
+        if place in unshadowed or getattr(light, "shadow", True) is not None:
             return light
         return replace(light, shadow=shadow)
 

@@ -19,14 +19,14 @@ from . import values
 from .suggestions import did_you_mean
 
 
-def make_light(text: str, shadow: Shadow | None) -> Any:
+def make_light(text: str, casts: bool, shadow: Shadow) -> Any:
     """Make a light of what follows --light.
 
     Parameters
     ----------
     text : KIND:VALUE,NAME=VALUE,...; the first value is that of the class' first field
-    shadow : that of a light which doesn't speak of shadows, and of one that says shadow=yes; None = the former casts
-        none, the latter the default one
+    casts : whether a light that doesn't speak of shadows casts one
+    shadow : that of such a light, and of one that says shadow=yes
 
     Returns
     -------
@@ -52,7 +52,7 @@ def make_light(text: str, shadow: Shadow | None) -> Any:
                 f"argument --light: a {kind} light needs {name}={_FORMS.get(field.holds, 'VALUE')}; given {text!r}"
             )
     if "shadow" in described:
-        settings["shadow"] = _chosen_shadow(settings.get("shadow", shadow is not None), shadow)
+        settings["shadow"] = _chosen_shadow(settings.get("shadow", casts), shadow)
     return LIGHT_KINDS[kind](**settings)
 
 
@@ -84,11 +84,11 @@ def _read(name: str, text: str, field: Field) -> Any:
         raise argparse.ArgumentTypeError(f"{name}: {fault}") from None
 
 
-def _chosen_shadow(own: bool | tuple[int, int], shadow: Shadow | None) -> Shadow | None:
+def _chosen_shadow(own: bool | tuple[int, int], shadow: Shadow) -> Shadow | None:
     """Return the shadow of a light that says yes, no or (size, filter)."""
     if isinstance(own, tuple):
         return Shadow(*own)
-    return (shadow or Shadow()) if own else None
+    return shadow if own else None
 
 
 def _vector(text: str) -> tuple[float, ...]:

@@ -24,7 +24,15 @@ from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.scene import Scene
 from ..scene.shadow import Shadow
 from ..scene.texture import Texture
-from .cameras_lights import cast_shadows, make_lights, make_shadow, takes_shadows, without_shadows
+from .cameras_lights import (
+    cast_shadows,
+    make_lights,
+    make_shadow,
+    shadow_fields,
+    takes_shadows,
+    with_shadow_fields,
+    without_shadows,
+)
 from .default_look import wants_tabletop, with_neutral_grey
 from .defaults import UNSAID
 from .messages import Bar
@@ -42,6 +50,7 @@ class Settings(NamedTuple):
     load: dict  # arguments of `load`, None where the file rules
     material: dict  # fields of Material to replace
     shadow: Shadow | None  # of all lights but those that say otherwise
+    shadow_fields: dict  # fields of Shadow to replace, of lights that cast one
     is_transparent: bool  # whether a background is taken away
     scene: dict  # other fields of Scene to replace
     subdivide: int
@@ -81,7 +90,8 @@ def make_settings(arguments) -> Settings:
             "allow_outside": arguments.allow_outside,
         },
         material=_make_material(arguments),
-        shadow=make_shadow(arguments),
+        shadow=make_shadow(arguments) if arguments.shadows else None,
+        shadow_fields={} if arguments.shadows else shadow_fields(arguments),
         is_transparent=background == "transparent",
         scene={} if arguments.depth_cue == UNSAID else {"depth_cue": _make_cue(arguments.depth_cue)},
         subdivide=arguments.subdivide,
@@ -149,6 +159,7 @@ def load_scene(model, arguments, settings, messages, files_read=None) -> Loaded:
             read = _read(model, arguments.input_format, settings, messages, files_read)
         read, is_on_tabletop = _put_on_tabletop(read, model, arguments.input_format, settings)
         scene = _changed(read, model, settings)
+        _check_shadows(scene, settings)
     texts = list(dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, UserWarning)))
     for text in texts:
         messages.warn(text)
@@ -237,13 +248,23 @@ def _checked_path(model, input_format) -> str:
 def _changed(read, model, settings) -> Scene:
     """Change a scene's materials, lights, meshes and background."""
     changes = dict(settings.scene)
-    if settings.load["lights"] is None and settings.shadow is not None:
-        changes["lights"] = cast_shadows(read.scene.lights, settings.shadow, read.unshadowed)
+    if settings.load["lights"] is None:
+        if settings.shadow is not None:
+            changes["lights"] = cast_shadows(read.scene.lights, settings.shadow, read.unshadowed)
+        elif settings.shadow_fields:
+            changes["lights"] = with_shadow_fields(read.scene.lights, settings.shadow_fields)
     if settings.is_transparent:
         changes["background"] = None
     if settings.material or settings.subdivide:
         changes["meshes"] = tuple(_changed_mesh(mesh, model, settings) for mesh in read.scene.meshes)
     return replace(read.scene, **changes) if changes else read.scene
+
+
+def _check_shadows(scene, settings) -> None:
+    """Refuse fields of shadows where there is none."""
+    if not any(getattr(light, "shadow", None) for light in scene.lights):
+        for name in settings.shadow_fields:
+            raise SceneError(f"--shadow-{name} needs a light that casts a shadow; with --shadows all do")
 
 
 def _changed_mesh(mesh, model, settings):

@@ -117,8 +117,8 @@ def _add_lights(group, preset) -> None:
         help="add a light",
     )
     add("--shadows", action="store_true", help="all lights but ambient ones cast shadows, unless one says shadow=no")
-    add("--shadow-size", type=int, metavar="N", help="texels along the side of their maps, 16 to 8192 (default 1024)")
-    add("--shadow-filter", type=int, metavar="N", help="texels that soften their edges, odd, 1 (hard, default) to 9")
+    add("--shadow-size", type=int, metavar="N", help="texels along the side of shadow maps, 16 to 8192 (default 1024)")
+    add("--shadow-filter", type=int, metavar="N", help="texels that soften the edges of shadows, odd, 1 (hard) to 9")
 
 
 def _add_range(group) -> None:

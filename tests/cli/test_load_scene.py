@@ -188,11 +188,32 @@ def test_lights_of_a_file_cast_shadows_but_those_that_do_not(folder):
     assert shadows == [None, SHADOW, SHADOW, None, rz.Shadow(32)]
 
 
+def test_shadows_have_the_size_and_the_filter_of_the_flags(folder):
+    """Without --shadows, those that lights cast anyway: the tabletop's key light, a preset's, a file's, and one that
+    says shadow=yes. One that says the size itself keeps it."""
+
+    def shadows_of(*argv):
+        return [light.shadow for light in loaded(*argv).scene.lights if getattr(light, "shadow", None)]
+
+    flags = ["--shadow-size", "64", "--shadow-filter", "3"]
+    assert shadows_of(CUBE) == [rz.Shadow(1024, 5)]
+    for look in ([], ["--preset", "tabletop"], ["--light", "point:1,2,3,shadow=yes"]):
+        assert shadows_of(CUBE, *look, *flags) == [rz.Shadow(64, 3)]
+    assert shadows_of(CUBE, "--shadow-size", "64") == [rz.Shadow(64, 5)]
+    assert shadows_of(CUBE, "--light", "point:1,2,3,shadow=32/1", *flags) == [rz.Shadow(32, 1)]
+    point = {"kind": "point", "position": [0, 1, 9]}
+    name = write(folder, {"meshes": [{"file": "cube.obj"}], "lights": [point, point | {"shadow": {"filter": 7}}]})
+    assert shadows_of(name) == [rz.Shadow(1024, 7)] and shadows_of(name, "--shadow-size", "64") == [rz.Shadow(64, 7)]
+    assert loaded(name, "--shadow-size", "64").scene.lights[0].shadow is None
+
+
 @pytest.mark.parametrize(
     ("argv", "words"),
     [
-        (["--shadow-size", "64"], "--shadow-size needs --shadows"),
-        (["--shadow-filter", "3"], "--shadow-filter needs --shadows"),
+        (["--preset", "studio", "--shadow-size", "64"], "--shadow-size needs a light that casts a shadow; with --"),
+        (["--shading", "gouraud", "--shadow-filter", "3"], "--shadow-filter needs a light that casts a shadow"),
+        (["--light", "point:1,2,3", "--shadow-size", "64"], "--shadow-size needs a light"),
+        (["--shadow-size", "8"], "size must be a whole number within 16..8192"),
         (["--shadows", "--shadow-size", "8"], "size must be a whole number within 16..8192"),
         (["--shadows", "--shadow-filter", "2"], "filter must be an odd number within 1..9"),
         (["--light", "point:1,2,3,shadow=maybe"], "shadow: yes, no, SIZE or SIZE/FILTER"),
