@@ -27,7 +27,7 @@ class Contents(NamedTuple):
     ----------
     parts : list of Part, or of pairs of a part and the matrix (4, 4) of its place
     lights : of rasterizer.scene.lights; None = the file has none
-    camera : Camera or None
+    camera : Camera or None; its target is any point ahead of it
     n_point, n_line : points and lines that the file has as elements of their own; they aren't drawn
     facts : texts, what the file says about itself, as "unit millimeter"
     left_out : texts, what else the file has and isn't used, as "normal textures"

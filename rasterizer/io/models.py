@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import ModelError, SceneError, one_file, warn_caller
+from ..scene.camera import Camera
 from ..scene.mesh import Mesh
 from ..scene.mesh_arrays import fixed, has_any_area
 from ..scene.scene import Scene
@@ -49,7 +50,24 @@ def load_model(
         own = {"up": entry.up, "lights": contents.lights, "camera": contents.camera}
         settings = {key: value for key, value in own.items() if value is not None} | (settings or {})
         scene = Scene(_make_meshes(model, contents, mesh_settings), **settings)
+        if contents.camera is not None and scene.camera is contents.camera:
+            scene = replace(scene, camera=_aimed(contents.camera, scene.bounds))
         return with_changes(scene, {}, weighting=mesh_settings.weighting)
+
+
+def _aimed(camera: Camera, bounds) -> Camera:
+    """Return a camera whose target is as far ahead as the middle of a box (2, 3), world space. A file says where its
+    camera looks, but not how far; whoever turns a camera turns it about its target.
+
+    Behind the eye, or nearer than 2^-20 of the eye's own coordinates, the middle counts for nothing: so the direction,
+    which is computed from both points, keeps 32 bits.
+    """
+    eye, target = np.array(camera.position), np.array(camera.target)
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    distance = float((bounds.mean(axis=0) - eye) @ ahead)
+    if not distance > 2.0**-20 * float(np.abs(eye).max()):
+        return camera
+    return replace(camera, target=tuple((eye + distance * ahead).tolist()))
 
 
 def _read(entry, model) -> Contents:

@@ -110,6 +110,21 @@ def test_an_orthographic_camera_turned_and_scaled():
     assert camera.view().eye.tolist() == [5, 0, 0]
 
 
+def test_a_camera_looks_as_far_as_the_middle_of_the_scene():
+    """A file gives no target; what turns a camera turns it about that. The box lies about (0, 0, 0)."""
+    for place, turn, target in (
+        ([0, 1, 8], [0, 0, 0, 1], [0, 1, 0]),
+        ([6, 0, 0], [0, QUARTER, 0, QUARTER], [0, 0, 0]),  # looks along -x
+        ([0.25, 0, 1000], [0, 0, 0, 1], [0.25, 0, 0]),
+    ):
+        node = {"camera": 0, "translation": place, "rotation": turn}
+        camera = load(with_nodes(node, cameras=[PERSPECTIVE]), format="gltf").camera
+        np.testing.assert_allclose(camera.target, target, rtol=0, atol=1e-12 * max(place))
+    for place in ([0, 0, -3], [2.0**40, 0, 1]):  # the box is behind the eye; too near for so large a coordinate
+        camera = load(with_nodes({"camera": 0, "translation": place}, cameras=[PERSPECTIVE]), format="gltf").camera
+        assert camera.view().forward.tolist() == [0, 0, -1] and camera.target[2] < place[2]
+
+
 def test_the_first_camera_counts_and_the_callers_own_wins():
     other = {"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}
     data = with_nodes({"camera": 1, "translation": [0, 0, 5]}, {"camera": 0}, cameras=[PERSPECTIVE, other])

@@ -2,6 +2,8 @@
 
 import re
 import threading
+from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,16 +28,25 @@ def program():
         yield program
 
 
+@contextmanager
+def serving(session):
+    """A server of a session inside a `with` block."""
+    server = Server(session)
+    thread = threading.Thread(target=server.serve)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join(10)
+
+
 @pytest.fixture
 def server():
     scene = rz.load(str(ROOT / "models" / "teapot.obj"))
-    server = Server(Session(scene, title="teapot.obj", threads=1))
-    thread = threading.Thread(target=server.serve)
-    thread.start()
-    yield server
-    server.shutdown()
-    server.server_close()
-    thread.join(10)
+    with serving(Session(scene, title="teapot.obj", threads=1)) as server:
+        yield server
 
 
 @pytest.fixture
@@ -125,6 +136,27 @@ def test_a_drag_turns_by_the_way_of_the_pointer(page, server):
     do_drag(page)
     wait_for_picture(page, before)
     assert start - azimuth() == pytest.approx(180 * 90 / height, abs=180 * 5 / height)  # CLICK is lost
+
+
+@pytest.mark.parametrize("size", [(480, 420), (1000, 700), (360, 640), (300, 300)])
+@pytest.mark.parametrize("name", ["teapot", "a name of some length " * 8])
+def test_a_click_leaves_the_picture_as_large_as_it_is(program, size, name):
+    """However much is told of the point that is picked."""
+    (mesh,) = rz.load(str(ROOT / "models" / "teapot.obj")).meshes
+    session = Session(rz.Scene([replace(mesh, name=name)]), threads=1)
+    with serving(session) as server, page_in(program, size) as page:
+        page.goto(server.url)
+        wait_for_rest(page)
+        before, box = session.frame, page.locator("canvas").bounding_box()
+        page.mouse.click(*middle(page))
+        page.wait_for_selector(".raster-mark:not([hidden])")
+        page.wait_for_timeout(100)
+        wait_for_rest(page)
+        assert session.picked.name == name and name[:20] in page.locator(".raster-status").text_content()
+        assert page.locator("canvas").bounding_box() == box and session.frame is before
+        for numbers in ("", "1 face, 9×9, 1.0 ms", "1,310,720 faces, 1920×1080, 1/8 size, 12345.6 ms"):
+            page.locator(".raster-numbers").evaluate("(element, text) => { element.textContent = text }", numbers)
+            assert page.locator("canvas").bounding_box() == box, "nor with what else is told"
 
 
 def test_a_click_tells_what_is_seen_and_marks_it(page, server):
