@@ -38,7 +38,7 @@ def _is_same(value: Any, default: Any) -> bool:
 def _text(value: Any) -> str:
     """Six digits of each number, one number of a grey, and the beginning of anything else."""
     if isinstance(value, float):
-        return f"{value:g}"
+        return f"{value + 0.0:g}"  # no -0
     if type(value) is tuple and value and all(isinstance(each, float) for each in value):
-        return f"({', '.join(f'{each:g}' for each in value)})"
+        return f"({', '.join(f'{each + 0.0:g}' for each in value)})"
     return shown(value)

@@ -242,3 +242,8 @@ def test_rotations_of_a_few_digits_are_taken():
     R = np.round([[0.8660254, -0.5, 0], [0.5, 0.8660254, 0], [0, 0, 1]], 4)
     back = Camera.from_opencv(np.diag([500, 500, 1]), R, [0, 0, 1], (640, 480)).to_opencv((640, 480))[1]
     assert back == pytest.approx(R, abs=1e-4) and back @ back.T == pytest.approx(np.eye(3), abs=1e-14)
+
+
+def test_no_zero_is_printed_with_a_sign():
+    camera = Camera.from_opencv(np.eye(3), np.eye(3), [0, 0, 0], (10, 10))
+    assert "up=(0, -1, 0)" in repr(camera) and "-0" not in repr(Camera.perspective((-0.0, 1, 5), fov=40))
