@@ -1,6 +1,7 @@
 """Check the exact buffers: depth against rational numbers, faces, normals, the clean-up; the same bytes from the
 entries of any pass."""
 
+from fractions import Fraction
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,8 +21,17 @@ from helpers.stages import (
 
 from rasterizer.engine.output_buffers import BUFFER_TABLE
 from rasterizer.pipeline.bands import Band
-from rasterizer.pipeline.buffers import VisibleSurfaces, clear_band, write_depth
+from rasterizer.pipeline.buffers import (
+    LONG_RUN,
+    VisibleSurfaces,
+    clear_band,
+    fill_depths,
+    line_of_run,
+    put_run_of_depths,
+    write_depth,
+)
 from rasterizer.pipeline.gradients import NEEDS_CORNERS
+from rasterizer.pipeline.interpolate import ExactTriangle, corner_weights, mean_depth
 from rasterizer.pipeline.transform import compute_z
 from rasterizer.pipeline.visibility import CLEAR, IS_EXACT, NO_END, NO_START
 
@@ -142,6 +152,62 @@ def test_small_triangles_tell_their_depths_by_their_entries(is_perspective):
     write_depth(surfaces._replace(drawables=lost), Band(np.arange(2000, dtype=np.uint32), 0, SIZE[1]), out)
     share = np.isnan(out[entries_of(workspace, SIZE) < CLEAR]).mean()
     assert 0 < share < 0.02, f"{share:.2%} of the depths are interpolated"
+
+
+def edge_functions(corner, edges, x, y) -> tuple[int, int, int]:
+    """Of a sample, and of a triangle that begins at a corner, with two edges that leave it."""
+    (dx1, dy1), (dx2, dy2) = edges
+    ux, uy = 256 * x + 128 - corner[0], 256 * y + 128 - corner[1]
+    e1, e2 = ux * dy2 - uy * dx2, uy * dx1 - ux * dy1
+    return dx1 * dy2 - dx2 * dy1 - e1 - e2, e1, e2
+
+
+def exact_depth(triangle, depths, is_perspective, x, y) -> Fraction:
+    """Interpolate without any rounding."""
+    edges = (triangle.dx1, triangle.dy1), (triangle.dx2, triangle.dy2)
+    e, corners = edge_functions((triangle.x0, triangle.y0), edges, x, y), triangle.inv_w if is_perspective else depths
+    value = sum(each * Fraction(corner) for each, corner in zip(e, corners, strict=True)) / sum(e)
+    return 1 / value if is_perspective else value
+
+
+def random_run(rng, is_perspective):
+    """A large triangle, and a run of samples of a row in it: (triangle, depths, x, y, length)."""
+    size, length = 256 * int(2.0 ** rng.uniform(5, 20)), 0
+    while length < LONG_RUN:
+        corner, *edges = [tuple(pair) for pair in rng.integers(-size, size, (3, 2)).tolist()]
+        p = rng.dirichlet((1, 1, 1))[1:]
+        x, y = (int(corner[k] + p[0] * edges[0][k] + p[1] * edges[1][k]) // 256 for k in range(2))
+        inside = [len({each > 0 for each in edge_functions(corner, edges, x + k, y)}) == 1 for k in range(256)]
+        length = inside.index(False) if False in inside else 256
+    depths = 10.0 ** rng.uniform(-3, 6) * 10.0 ** -rng.uniform(0, rng.choice([0.1, 3.0, 9.0]), 3)
+    inv_w = tuple((1.0 / depths).tolist()) if is_perspective else (1.0, 1.0, 1.0)
+    sums, area = (min(inv_w), max(inv_w)), float(sum(edge_functions(corner, edges, x, y)))
+    triangle = ExactTriangle(False, *corner, *edges[0], *edges[1], inv_w, None, None, None, sums, area)
+    return triangle, tuple(depths.tolist()), x, y, length
+
+
+@pytest.mark.parametrize("is_perspective", [True, False])
+def test_a_run_of_depths_is_that_of_exact_interpolation(is_perspective):
+    """The line is off by what is said, at most, from the real depth and from exact interpolation; what is written is
+    the same either way."""
+    rng, n_line, worst = np.random.default_rng(5), 0, 0.0
+    for _ in range(300):
+        triangle, depths, x, y, length = random_run(rng, is_perspective)
+        found, expected = np.empty(length, np.float32), np.empty(length, np.float32)
+        put_run_of_depths(triangle, depths, is_perspective, x, y, found)
+        fill_depths(triangle, depths, is_perspective, x, y, expected)
+        assert np.array_equal(found, expected)
+        first, step, slack = line_of_run(triangle, depths, is_perspective, x, y)
+        n_line += slack < np.inf
+        for k in {0, length // 2, length - 1} if slack < np.inf else ():
+            value = first + float(k) * step
+            depth = 1.0 / value if is_perspective else value
+            room = depth * slack if is_perspective else slack
+            exact = exact_depth(triangle, depths, is_perspective, x + k, y)
+            computed = mean_depth(triangle, depths, corner_weights(triangle, x + k, y), is_perspective)
+            worst = max(worst, abs(float((Fraction(depth) - exact) / Fraction(room))))
+            assert abs(Fraction(depth) - exact) + abs(Fraction(computed) - exact) <= Fraction(room)
+    assert n_line > 200 and 0.01 < worst < 20 / 32, f"{n_line} lines, {worst:.3f} of what is said"
 
 
 def test_one_depth_comes_back_as_it_went():
