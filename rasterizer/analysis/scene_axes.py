@@ -21,7 +21,7 @@ from ..scene.lights import Light as Lamp
 from ..scene.material import Material
 from ..scene.mesh import Mesh
 from ..scene.scene import Scene
-from ..scene.shadow import Shadow
+from ..scene.shadow import Shadow, with_shadow_fields
 from ..scene.texture import Texture
 from .ground_truth import Errors, Light, draw_ground_truth, draw_light, measure_errors
 from .ray_truth import RayTruth, draw_by_rays, only
@@ -184,12 +184,7 @@ def _changed_lights(scene: Scene, change: Callable[[Lamp], Lamp]) -> Scene:
 
 def _with_shadow(scene: Scene, **fields: int) -> Scene:
     """A scene whose shadows have other fields."""
-
-    def change(light: Any) -> Lamp:
-        shadow = getattr(light, "shadow", None)
-        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
-
-    return _changed_lights(scene, change)
+    return replace(scene, lights=with_shadow_fields(scene.lights, **fields))
 
 
 def _shadows(scene: Scene) -> list[Shadow]:

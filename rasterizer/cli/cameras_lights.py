@@ -8,7 +8,7 @@ import numpy as np
 from ..errors import SceneError
 from ..scene import light_presets
 from ..scene.camera import Camera
-from ..scene.shadow import Shadow
+from ..scene.shadow import Shadow, with_shadow_fields
 from .defaults import AZIMUTH, ELEVATION, FOV, VIEWS
 from .light_arguments import make_light
 
@@ -35,7 +35,7 @@ def make_lights(arguments) -> tuple | None:
     if arguments.shadows:
         return cast_shadows(without_shadows(lights), shadow) + given
     lights = lights if takes_shadows(arguments) else without_shadows(lights)
-    return with_shadow_fields(lights, shadow_fields(arguments)) + given
+    return with_shadow_fields(lights, **shadow_fields(arguments)) + given
 
 
 def takes_shadows(arguments) -> bool:
@@ -47,16 +47,6 @@ def takes_shadows(arguments) -> bool:
 def without_shadows(lights) -> tuple:
     """Return lights that cast no shadows."""
     return tuple(replace(light, shadow=None) if hasattr(light, "shadow") else light for light in lights)
-
-
-def with_shadow_fields(lights, fields) -> tuple:
-    """Return lights whose shadows, where they cast any, have other fields."""
-
-    def changed(light):
-        shadow = getattr(light, "shadow", None)
-        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
-
-    return tuple(map(changed, lights))
 
 
 def cast_shadows(of_scene, shadow, unshadowed=()) -> tuple:

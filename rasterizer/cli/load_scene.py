@@ -22,17 +22,9 @@ from ..scene.depth_cue import DepthCue
 from ..scene.light_presets import studio, tabletop
 from ..scene.material import REFLECTION_MODELS, Material
 from ..scene.scene import Scene
-from ..scene.shadow import Shadow
+from ..scene.shadow import Shadow, with_shadow_fields
 from ..scene.texture import Texture
-from .cameras_lights import (
-    cast_shadows,
-    make_lights,
-    make_shadow,
-    shadow_fields,
-    takes_shadows,
-    with_shadow_fields,
-    without_shadows,
-)
+from .cameras_lights import cast_shadows, make_lights, make_shadow, shadow_fields, takes_shadows, without_shadows
 from .default_look import wants_tabletop, with_neutral_grey
 from .defaults import UNSAID
 from .messages import Bar
@@ -252,7 +244,7 @@ def _changed(read, model, settings) -> Scene:
         if settings.shadow is not None:
             changes["lights"] = cast_shadows(read.scene.lights, settings.shadow, read.unshadowed)
         elif settings.shadow_fields:
-            changes["lights"] = with_shadow_fields(read.scene.lights, settings.shadow_fields)
+            changes["lights"] = with_shadow_fields(read.scene.lights, **settings.shadow_fields)
     if settings.is_transparent:
         changes["background"] = None
     if settings.material or settings.subdivide:

@@ -1,6 +1,7 @@
 """How a light casts shadows: the size and the filter of its shadow maps."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..errors import SceneError, shown
@@ -64,3 +65,13 @@ def checked_shadow(shadow: Any, whose: str) -> Shadow | None:
     if not isinstance(shadow, Shadow):
         raise SceneError(f"{whose} shadow must be a Shadow, True, False or None; given {shown(shadow)}")
     return shadow
+
+
+def with_shadow_fields(lights: Iterable[Any], **fields: int) -> tuple:
+    """Return lights whose shadows, where they cast any, have other fields."""
+
+    def changed(light: Any) -> Any:
+        shadow = getattr(light, "shadow", None)
+        return light if shadow is None else replace(light, shadow=replace(shadow, **fields))
+
+    return tuple(map(changed, lights))
