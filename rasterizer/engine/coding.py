@@ -16,7 +16,9 @@ from ..pipeline.gradients import (
     LevelCoding,
     NormalCoding,
 )
+from ..pipeline.texture_packing import ALWAYS
 from ..pipeline.texture_planes import TextureCoding
+from ..pipeline.textures import FILTER_NEAREST, Textures
 from ..pipeline.transform import DEPTH_MARGIN
 from .plan import Plan
 
@@ -71,7 +73,20 @@ def code_textures(plan: Plan, limits, step) -> TextureCoding | None:
     has_alpha = [material.texture is not None and material.texture.has_alpha for material in plan.materials]
     limits = np.where(has_alpha, 0.0, limits / max(plan.bound, 1.0))
     of_materials = np.where(plan.of_materials.is_looked_up, plan.textures.of_materials, -1)
-    return TextureCoding(plan.packed_textures, of_materials, limits, step)
+    is_good = of_materials >= 0
+    packed, textures = plan.packed_textures, of_materials[is_good]
+    is_blended = packed.filters[textures] != FILTER_NEAREST  # next to a texel's edge, nothing but exact will do
+    is_good[is_good] = is_blended & (packed.errors[textures, int(ALWAYS)] <= limits[is_good])
+    return TextureCoding(packed, of_materials, limits, is_good, step)
+
+
+def sampled_in_double(textures: Textures, coding: Coding) -> Textures | None:
+    """The textures without those that exact records look up in float32, too; None where there are no others."""
+    looked_up = getattr(coding, "textures", None)
+    if looked_up is None:
+        return textures
+    of_materials = np.where(looked_up.is_exact_looked_up, -1, textures.of_materials)
+    return textures._replace(of_materials=of_materials) if (of_materials >= 0).any() else None
 
 
 def make_buffer_coding(screen, n_attribute) -> BufferCoding:

@@ -46,6 +46,7 @@ from ..pipeline.texturing import Texturing
 from ..pipeline.transform import Screen
 from ..pipeline.workspace import Workspace, WorkspaceKind, make_picture
 from .attributes import NONE, Attributes
+from .coding import sampled_in_double
 from .output_buffers import BUFFER_TABLE
 from .plan import Plan
 
@@ -162,6 +163,11 @@ class ColorPass(Pass):
         """None where the scene has none."""
         return self.plan.textures
 
+    @cached_property
+    def sampled(self) -> Textures | None:
+        """The textures that are looked up in float64, between scan and shade; None where there are none."""
+        return self.textures and sampled_in_double(self.textures, self.coding)
+
     @property
     def opacity(self) -> Opacity | None:
         """None where all is opaque."""
@@ -239,8 +245,8 @@ class ColorPass(Pass):
 
     def evaluate(self, workspace: Workspace, band: ScannedBand, face_table: FaceTable, radiance: np.ndarray) -> None:
         """Look textures up, and light what `light_points` fills, at every sample or point of a band."""
-        if band.counts.needs & NEEDS_TEXTURE and band.counts.n_exact > 0:
-            sample_textures(band.uncoded(), self.textures, workspace.double_batch, workspace.texels)
+        if band.counts.needs & NEEDS_TEXTURE and band.counts.n_exact > 0 and self.sampled is not None:
+            sample_textures(band.uncoded(), self.sampled, workspace.double_batch, workspace.texels)
 
     def finish(self, workspace, band, counts, translucent, drawn):
         """Average the samples of each pixel, and write the picture's rows, or hand them to the sink."""

@@ -34,6 +34,7 @@ from .interpolate import (
     exact_triangle,
     mean_depth,
     mean_vector,
+    needs_decoding,
     row_extent,
     run_end,
     weight_steps,
@@ -86,7 +87,7 @@ def write_depth(surfaces, band, out):
             start, end = row * visibility.pitch + first, min(first + BATCH_SIZE, right)
             entries = visibility.entries[index(start) : index(start + end - first)]
             here = out[index(y), index(first) : index(end)]
-            if not has_planes(entries):
+            if not needs_decoding(entries):
                 put_runs_of_depths(entries, surfaces, first, y, here)
                 continue
             if surfaces.is_perspective:
@@ -113,25 +114,14 @@ def find_largest(faces, drawables):
 
 
 @helper
-def has_planes(entries):
-    """Tell whether any entry shows a triangle without an exact record."""
-    union = False
-    for k in range(index(len(entries))):
-        union |= (entries[k] < CLEAR) & (not is_exact(entries[k]))
-    return union
-
-
-@helper
 def put_runs_of_depths(entries, surfaces, x, y, out):
-    """Interpolate the depths of exact records, run by run; inf where nothing is. The first sample is at (x, y)."""
+    """Interpolate the depths of exact records, run by run; the first sample is at (x, y)."""
     start = index(0)
     while start < index(len(entries)):
         end = run_end(entries, start)
         if entries[start] < CLEAR:
             triangle, depths = triangle_of(entries[start], surfaces)
             put_run_of_depths(triangle, depths, surfaces.is_perspective, x + np.int64(start), y, out[start:end])
-        else:
-            out[start:end] = np.inf
         start = end
 
 

@@ -23,7 +23,7 @@ from .records import ATTRIBUTE, CLIPPED_IDX, DEPTH, EDGES, INV_W, Records
 from .scan import ScanCounts
 from .screen_points import ScreenPoints, subpixel_at
 from .transform import HALF, SUBPIXEL
-from .visibility import IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
+from .visibility import CLEAR, IS_EXACT, IS_ID, LEVEL_BITS, LEVEL_MASK, VisibilityBuffer, is_exact, strip_of
 
 
 class ScannedBand(NamedTuple):
@@ -77,6 +77,24 @@ def has_exact(entries):
     for k in range(index(len(entries))):
         union |= entries[k] & (entries[k] >> LEVEL_BITS)  # IS_ID is bit LEVEL_BITS, IS_EXACT bit 0
     return (union & IS_EXACT) != 0
+
+
+@helper
+def has_planes(entries):
+    """Tell whether any entry holds the number of a record that isn't exact."""
+    union = np.int64(0)
+    for k in range(index(len(entries))):
+        union |= ~entries[k] & (entries[k] >> LEVEL_BITS)
+    return (union & IS_EXACT) != 0
+
+
+@helper
+def needs_decoding(entries):
+    """Tell whether any entry shows a triangle without an exact record: a level, or planes."""
+    union = False
+    for k in range(index(len(entries))):
+        union |= (entries[k] < CLEAR) & (not is_exact(entries[k]))
+    return union
 
 
 @helper

@@ -24,6 +24,7 @@ from .interpolate import (
     corner_vectors,
     exact_triangle,
     has_exact,
+    has_planes,
     inverse_sum,
     mean,
     mean_vector,
@@ -171,7 +172,8 @@ def gather_fragments(entries, band, first, material, texturing, screen, is_doubl
     Samples that show nothing get anything.
     """
     has_albedo = band.coding.needs[material] & NEEDS_ALBEDO != 0
-    gather_planes(entries, band, first, material, texturing, screen.is_perspective, batch)
+    if band.counts.n_exact == 0 or has_planes(entries):
+        gather_planes(entries, band, first, material, texturing, screen.is_perspective, batch)
     if band.counts.n_exact > 0 and has_exact(entries):
         interpolate_fragments(entries, band, first, has_albedo, screen.is_perspective, is_double, batch)
 

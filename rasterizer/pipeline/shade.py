@@ -30,6 +30,7 @@ from .interpolate import (
     has_exact,
     inverse_sum,
     mean,
+    needs_decoding,
     next_exact_run,
     row_extent,
 )
@@ -58,10 +59,10 @@ def shade_interpolated(band, tint, batch, out_radiance):
         for first in range(left, right, BATCH_SIZE):
             start, n = index(j * visibility.pitch + first), index(min(right - first, BATCH_SIZE))
             entries = visibility.entries[start : start + n]
-            decode_batch(entries, band, (first, y), tint, batch, out_radiance, start)
+            if band.counts.n_exact == 0 or needs_decoding(entries):
+                decode_batch(entries, band, (first, y), tint, batch, out_radiance, start)
             if band.counts.n_exact > 0 and has_exact(entries):
-                out = out_radiance[:, start : start + n]
-                interpolate_intensities(entries, records, (first, y), band.coding.needs, tint, out)
+                interpolate_intensities(entries, records, (first, y), band.coding.needs, tint, out_radiance, start)
 
 
 def choose_decoding(entries, band, first, tint, batch, out_radiance, start):
@@ -201,28 +202,49 @@ def merge_colors(entries, band, level_step, tint, batch, out):
 
 
 @helper
-def interpolate_intensities(entries, records, first, needs, tint, out):
-    """Put in the intensities of exact records; `first` is the sample (x, y) of the first entry."""
-    last_record, n_channel = index(len(records.integers) - 1), out.shape[0]
-    start, end = next_exact_run(entries, index(0))
-    while start < end:
+def interpolate_intensities(entries, records, first, needs, tint, out_radiance, start):
+    """Put in the intensities of exact records; `first` is the sample (x, y) of the first entry, `start` its number in
+    the band."""
+    last_record, n_channel = index(len(records.integers) - 1), out_radiance.shape[0]
+    k, end = next_exact_run(entries, index(0))
+    while k < end:
         # Where levels stand in entries, a record's number is a matter of arithmetic: whatever it is, nothing else is
         # read.
-        record = min(record_of(entries[start]), last_record)
-        triangle = exact_triangle(records, record)
-        is_colored = bool(needs[material_of(entries[start], records)] & NEEDS_COLORS)
-        red = corner_values(records.reals, record, index(ATTRIBUTE))
-        green = corner_values(records.reals, record, index(ATTRIBUTE + 3)) if is_colored else red
-        blue = corner_values(records.reals, record, index(ATTRIBUTE + 6)) if is_colored else red
-        for k in range(start, end):
-            q = corner_weights(triangle, first[0] + np.int64(k), first[1])
-            p = scale(q, inverse_sum(q))
-            out[0, k] = mean(red, p)
-            if n_channel > 1:
-                out[1, k], out[2, k] = mean(green, p), mean(blue, p)
-                if not is_colored:
-                    out[0, k], out[1, k], out[2, k] = out[0, k] * tint[0], out[1, k] * tint[1], out[2, k] * tint[2]
-        start, end = next_exact_run(entries, end)
+        record = min(record_of(entries[k]), last_record)
+        is_colored = bool(needs[material_of(entries[k], records)] & NEEDS_COLORS)
+        where, out = (first[0] + np.int64(k), first[1]), out_radiance[0, start + k : start + end]
+        if n_channel == 1:
+            interpolate_one(records, record, where, out)
+        else:
+            others = out_radiance[1, start + k : start + end], out_radiance[2, start + k : start + end]
+            interpolate_three(records, record, where, is_colored, tint, (out, *others))
+        k, end = next_exact_run(entries, end)
+
+
+@helper
+def interpolate_one(records, record, first, out):
+    """Fill the intensities of a run of samples of one exact record, of one channel."""
+    triangle, of_corners = exact_triangle(records, record), corner_values(records.reals, record, index(ATTRIBUTE))
+    for k in range(index(len(out))):
+        q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+        out[k] = mean(of_corners, scale(q, inverse_sum(q)))
+
+
+@helper
+def interpolate_three(records, record, first, is_colored, tint, out):
+    """Fill the intensities of a run of samples of one exact record, three channels; what has one is multiplied by the
+    tint."""
+    triangle, (of_red, of_green, of_blue) = exact_triangle(records, record), out
+    red = corner_values(records.reals, record, index(ATTRIBUTE))
+    green = corner_values(records.reals, record, index(ATTRIBUTE + 3)) if is_colored else red
+    blue = corner_values(records.reals, record, index(ATTRIBUTE + 6)) if is_colored else red
+    for k in range(index(len(of_red))):
+        q = corner_weights(triangle, first[0] + np.int64(k), first[1])
+        p = scale(q, inverse_sum(q))
+        of_red[k], of_green[k], of_blue[k] = mean(red, p), mean(green, p), mean(blue, p)
+    if not is_colored:
+        for k in range(index(len(of_red))):
+            of_red[k], of_green[k], of_blue[k] = of_red[k] * tint[0], of_green[k] * tint[1], of_blue[k] * tint[2]
 
 
 @helper

@@ -1,8 +1,9 @@
-"""Textures in float32: what the texture of a batch's samples shows, side by side. For samples whose texture coordinates
-come from planes, of triangles for which `texture_error` (texture_packing.py) is small enough; texture_sampling.py does
-the others.
+"""Textures in float32: what the texture of a batch's samples shows, side by side. For samples for which `texture_error`
+(texture_packing.py) is small enough; texture_sampling.py does the others. Their texture coordinates come from planes, or
+are exact.
 
-In:  a batch of samples of one texture, with the planes of their texture coordinates (lookup_batch.py has the letters).
+In:  a batch of samples of one texture, with the planes of their texture coordinates (lookup_batch.py has the letters),
+     or with s, t and the mip level, which texturing.py has filled.
 Out: red, green, blue and alpha, linear, a row each.
 
 A quotient s' = S/D errs relative to the extent of its triangle alone. It is turned into a fixed-point number, 2^32 of
@@ -66,14 +67,42 @@ def sample_batch(batch, n, texture, out, start, stride):
     whether any sample is to be looked up exactly: those where the row IS_DOUBTFUL isn't 0. Only with the filter
     "nearest", next to the border of two texels
     """
-    n = (n + PLANE_GROUP - 1) // PLANE_GROUP * PLANE_GROUP  # texels are read for so many
+    compute_texcoords(batch, n, texture)
+    return read_texels(batch, n, texture, out, start, stride)
+
+
+@helper
+def compute_texcoords(batch, n, texture):
+    """Turn the planes of n samples into texture coordinates and mip levels."""
+    n = padded(n)
     divide_planes(batch, n)
     wrap_texcoords(batch, n, texture)
+    if texture.filter == FILTER_TRILINEAR:
+        fill_mip_levels(batch, n, texture)
+
+
+@helper
+def clear_texcoords(batch, n):
+    """Let n samples show the picture's corner: those of which nothing is known read texels that there are."""
+    for k in range(index(padded(n))):
+        batch[S + k] = batch[T + k] = batch[MIP_LEVEL + k] = np.float32(0)
+
+
+@helper
+def padded(n):
+    """Return for how many samples texels are read."""
+    return (n + PLANE_GROUP - 1) // PLANE_GROUP * PLANE_GROUP
+
+
+@helper
+def read_texels(batch, n, texture, out, start, stride):
+    """Read the texels of n samples whose texture coordinates and mip levels are known; see `sample_batch`."""
+    n = padded(n)
     if texture.filter == FILTER_NEAREST:
         is_doubtful = locate_nearest_texels(batch, n, texture)
         fetch_texels(texture.texels, batch, (TEXEL,), index(n), out, start, stride, texture.step)
         return is_doubtful
-    if texture.filter == FILTER_TRILINEAR and fill_mip_levels(batch, n, texture):
+    if texture.filter == FILTER_TRILINEAR and fill_shares(batch, n):
         locate_texels(batch, n, texture)
         blend_mip_levels(texture.texels, batch, MIP_LEVEL_ROWS, index(n), out, start, stride, texture.step)
     else:
@@ -166,14 +195,11 @@ def clamped_offset(x):
 
 @helper
 def fill_mip_levels(batch, n, texture):
-    """Fill the mip levels, and the shares of the coarser of the two that are mixed; tell whether any isn't 0.
+    """Fill the mip levels.
 
     Source: see texture_sampling.py. With s' = S/D, ds/dx = (S_x - s'·D_x)/D.
-
-    Levels are kept below the coarsest by 2^-20, so that there is a coarser one.
     """
-    coarsest = max(np.float32(texture.coarsest) - np.float32(2.0**-20), np.float32(0))
-    one, half = np.float32(1), np.float32(0.5)
+    coarsest = coarsest_level(texture)
     for k in range(index(n)):
         s, t, w = batch[S_OFFSET + k], batch[T_OFFSET + k], batch[W + k]
         d_x, d_y = batch[INV_W_DX + k], batch[INV_W_DY + k]
@@ -181,11 +207,29 @@ def fill_mip_levels(batch, n, texture):
         down_s, down_t = batch[S_DY + k] - s * d_y, batch[T_DY + k] - t * d_y
         across, down = across_s * across_s + across_t * across_t, down_s * down_s + down_t * down_t
         square = w * w * (across if across > down else down)
-        square = square if square > one else one  # also for what is no number
-        square = square if square < SQUARE_LIMIT else SQUARE_LIMIT
-        level = half * log2_coarse(square)
-        level = level if level > 0 else np.float32(0)
-        batch[MIP_LEVEL + k] = level if level < coarsest else coarsest
+        batch[MIP_LEVEL + k] = mip_level(square, coarsest)
+
+
+@helper
+def coarsest_level(texture):
+    """Return the largest mip level: below the coarsest by 2^-20, so that there is a coarser one."""
+    return max(np.float32(texture.coarsest) - np.float32(2.0**-20), np.float32(0))
+
+
+@helper
+def mip_level(square, coarsest):
+    """Return the mip level where the longer side of a sample covers so many texels, squared; all float32."""
+    one = np.float32(1)
+    square = square if square > one else one  # also for what is no number
+    square = square if square < SQUARE_LIMIT else SQUARE_LIMIT
+    level = np.float32(0.5) * log2_coarse(square)
+    level = level if level > 0 else np.float32(0)
+    return level if level < coarsest else coarsest
+
+
+@helper
+def fill_shares(batch, n):
+    """Fill the shares of the coarser of the two mip levels that are mixed; tell whether any level isn't 0."""
     union = ZERO
     for k in range(index(n)):
         union = np.int32(union | bits_of(batch[MIP_LEVEL + k]))

@@ -34,6 +34,8 @@ class TextureCoding(NamedTuple):
     packed: PackedTextures
     of_materials: np.ndarray  # (n_material,) int64: the texture of each, -1 for none
     limits: np.ndarray  # (n_material,) float64: error that is accepted in a texture's colours
+    # (n_material,) bool: where coordinates are exact, the look-up in float32 is good enough: also for exact records
+    is_exact_looked_up: np.ndarray
     step: float = 1.0  # how many samples it is to the next point that is looked up, with its rounding
 
 

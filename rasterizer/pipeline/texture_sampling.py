@@ -2,7 +2,8 @@
 a scene has any.
 
 In:  the band's visibility entries and its exact records (records.py), two attributes of which are texture coordinates.
-Out: `texels`, red, green, blue and alpha of the texture, a plane each; anything where the visible surface has none.
+Out: `texels`, red, green, blue and alpha of the texture, a plane each; anything where the visible surface has none, and
+     where texturing.py looks exact texture coordinates up in float32.
 
     u, v   texture coordinates, any number; v points up      s, t   the same within the picture, 0..1; t points down
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import scale
+from . import fragments as f
 from .fragments import BATCH_SIZE
 from .interpolate import (
     corner_values,
@@ -33,8 +35,9 @@ from .textures import FILTER_NEAREST, FILTER_TRILINEAR, WRAP_CLAMP, WRAP_MIRROR,
 from .visibility import record_of, stretch_of, strip_of
 
 # Quantities of a batch, in place of those of lighting (fragments.py): texture coordinates, the same within the picture,
-# 1 / Σ q, and the mip level, whole or between two.
+# 1 / Σ q, the mip level, whole or between two, and the weights of the three corners, whose sum is 1.
 TEXCOORD_U, TEXCOORD_V, TEXCOORD_S, TEXCOORD_T, INVERSE_SUM, MIP_LEVEL = (index(BATCH_SIZE * k) for k in range(6))
+BARYCENTRIC = index(BATCH_SIZE * 6)
 LIGHT_COLUMNS = 6  # attributes of a textured surface in front of the texture coordinates
 
 
@@ -110,38 +113,67 @@ def sample_run(records, record, first, textures, texture, batch, out):
 @helper
 def fill_texcoords(records, record, first, n, wraps, batch):
     """Fill texture coordinates, as they are and within the picture, and 1 / Σ q."""
-    triangle, (us, vs) = exact_triangle(records, record), corner_texcoords(records, record)
+    fill_barycentric(records, record, first, n, batch)
+    us, vs = corner_texcoords(records, record)
+    for k in range(n):
+        p = barycentric_at(batch, k)
+        u, v = mean(us, p), mean(vs, p)
+        batch[TEXCOORD_U + k], batch[TEXCOORD_V + k] = u, v
+        batch[TEXCOORD_S + k] = wrap_texcoord(u, wraps[0])
+        batch[TEXCOORD_T + k] = wrap_texcoord(1.0 - v, wraps[1])
+
+
+@helper
+def fill_barycentric(records, record, first, n, batch):
+    """Fill the weights of an exact record's corners, in perspective and with the sum 1, and 1 / Σ q.
+
+    Apart from what is weighted: so each loop becomes vector instructions.
+    """
+    triangle = exact_triangle(records, record)
     for k in range(n):
         q = sample_weights(triangle, first, k)
         inverse = inverse_sum(q)
-        p = scale(q, inverse)
-        u, v = mean(us, p), mean(vs, p)
-        batch[INVERSE_SUM + k], batch[TEXCOORD_U + k], batch[TEXCOORD_V + k] = inverse, u, v
-        batch[TEXCOORD_S + k] = wrap_texcoord(u, wraps[0])
-        batch[TEXCOORD_T + k] = wrap_texcoord(1.0 - v, wraps[1])
+        batch[INVERSE_SUM + k] = inverse
+        batch[BARYCENTRIC + k], batch[BARYCENTRIC + f.NEXT + k], batch[BARYCENTRIC + f.NEXT + f.NEXT + k] = scale(
+            q, inverse
+        )
+
+
+@helper
+def barycentric_at(batch, k):
+    """Return the weights of the corners at sample k, after `fill_barycentric`."""
+    return batch[BARYCENTRIC + k], batch[BARYCENTRIC + f.NEXT + k], batch[BARYCENTRIC + f.NEXT + f.NEXT + k]
 
 
 @helper
 def fill_mip_levels(records, record, n, size, coarsest, step, batch):
     """Fill the mip levels: 0 is the texture itself, what lies between whole numbers is a mixture of two levels.
 
-    `size` is the first texel, the width and the height of level 0; `coarsest` the last level; `step` how many samples
-    it is to the next point that is looked up.
+    The parameters are those of `fill_squares`; `coarsest` is the last level.
+    """
+    fill_squares(records, record, n, (size[1], size[2]), step, batch)
+    for k in range(n):
+        # Within 0..coarsest for any square, also for one that is no number: a comparison with that is false.
+        square = batch[MIP_LEVEL + k]
+        batch[MIP_LEVEL + k] = min(0.5 * np.log2(square), coarsest) if square > 1.0 else 0.0
+
+
+@helper
+def fill_squares(records, record, n, size, step, batch):
+    """Fill in the place of mip levels the square of how many texels the longer side of a sample covers.
+
+    `size` is the width and the height of level 0, `step` how many samples it is to the next point that is looked up.
     """
     steps_x, steps_y = weight_steps(exact_triangle(records, record))
     us, vs = corner_texcoords(records, record)
     d_x, u_x, v_x = step_sums(steps_x, us, vs)
     d_y, u_y, v_y = step_sums(steps_y, us, vs)
-    width, height = step * float(size[1]), step * float(size[2])
+    width, height = step * float(size[0]), step * float(size[1])
     for k in range(n):
         u, v, inverse = batch[TEXCOORD_U + k], batch[TEXCOORD_V + k], batch[INVERSE_SUM + k]
         across_u, across_v = (u_x - u * d_x) * inverse * width, (v_x - v * d_x) * inverse * height
         down_u, down_v = (u_y - u * d_y) * inverse * width, (v_y - v * d_y) * inverse * height
         batch[MIP_LEVEL + k] = max(across_u * across_u + across_v * across_v, down_u * down_u + down_v * down_v)
-    for k in range(n):
-        # Within 0..coarsest for any square, also for one that is no number: a comparison with that is false.
-        square = batch[MIP_LEVEL + k]
-        batch[MIP_LEVEL + k] = min(0.5 * np.log2(square), coarsest) if square > 1.0 else 0.0
 
 
 @helper

@@ -10,24 +10,15 @@ Out: `radiance` of the samples that show a textured surface. shade.py has filled
 import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
-from ..geometry.vectors import scale
 from . import fragments as f
 from .fragments import BATCH_SIZE
 from .gradients import NEEDS_TEXTURE, LevelCoding
-from .interpolate import (
-    corner_values,
-    exact_triangle,
-    has_exact,
-    inverse_sum,
-    mean,
-    next_exact_run,
-    row_extent,
-    sample_weights,
-)
+from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
-from .screen_points import evaluate_values_here, samples_from
+from .screen_points import evaluate_values_here, samples_from, skip_to
 from .shade import fill_weights
-from .texturing import evaluate_texcoords, fill_texels
+from .texture_sampling import barycentric_at, fill_barycentric
+from .texturing import evaluate_texcoords, fill_texels, keep_exact
 from .visibility import CLEAR, IS_ID, record_of, stretch_of, strip_of
 
 REST, WHOLE = f.NORMAL, f.VIEW_DIR  # where planes' intensities stand in a batch
@@ -60,8 +51,7 @@ def shade_textured(band, texturing, batch, out_radiance):
                 where = samples_from(band.points, (first, y), start, index(n))
                 shade_planes(entries, band, where, material, texturing, start, batch, out_radiance)
                 if has_exact(entries):
-                    texels = texturing.texels[:, start : start + index(n)]
-                    shade_exact(entries, band, where, texels, out_radiance[:, start : start + index(n)])
+                    shade_exact(entries, band.records, where, texturing, start, out_radiance)
             first += n
 
 
@@ -105,10 +95,20 @@ def leave_textured(entries, band, first, material, texturing, start, batch, out_
 
 @helper
 def evaluate_textured(entries, band, first, material, texturing, start, batch, out_radiance):
-    """See `shade_planes`."""
+    """See `shade_planes`. Of exact records, texels are looked up or kept for `shade_exact`."""
+    shows_planes = has_planes(entries)
+    if shows_planes:
+        evaluate_texcoords(entries, band, first, material, BEHIND_VALUES, texturing, batch)
+    if fill_texels(entries, band, first, material, texturing, start, batch, f.TEXEL):
+        keep_exact(entries, texturing.texels, start, batch, f.TEXEL)
+    if shows_planes:
+        mix_values(entries, band, first, start, batch, out_radiance)
+
+
+@helper
+def mix_values(entries, band, first, start, batch, out_radiance):
+    """Evaluate the planes of intensities, and mix them by the texels that the batch holds."""
     records, n = band.records, index(len(entries))
-    evaluate_texcoords(entries, band, first, material, BEHIND_VALUES, texturing, batch)
-    fill_texels(entries, band, first, material, texturing, start, batch, f.TEXEL)
     fill_weights(entries, band.coding.depths, batch)
     evaluate_values_here(entries, plane_group(records, VALUES), first, batch, REST, f.NEXT, f.WEIGHT)
     group = plane_group(records, BEHIND_VALUES + PLAIN_GROUP)
@@ -121,20 +121,24 @@ def evaluate_textured(entries, band, first, material, texturing, start, batch, o
 
 
 @helper
-def shade_exact(entries, band, first, texels, out):
-    """Fill the intensities of exact records; `first` says where they lie (screen_points.py)."""
-    records = band.records
-    start, end = next_exact_run(entries, index(0))
-    while start < end:
-        record = record_of(entries[start])
-        triangle = exact_triangle(records, record)
-        for k in range(start, end):
-            q = sample_weights(triangle, first, k)
-            p = scale(q, inverse_sum(q))
-            for channel in range(index(3)):
-                column = index(ATTRIBUTE) + index(3) * channel
-                of_rest = corner_values(records.reals, record, column)
-                of_whole = corner_values(records.reals, record, column + index(9))
+def shade_exact(entries, records, first, texturing, start, out_radiance):
+    """Fill the intensities of exact records; `first` says where the samples lie (screen_points.py), `start` is the
+    index of the first in the band.
+
+    Channel by channel over weights that are known: so each loop becomes vector instructions.
+    """
+    batch, (k, end) = texturing.double_batch, next_exact_run(entries, index(0))
+    while k < end:
+        record, n = record_of(entries[k]), end - k
+        fill_barycentric(records, record, skip_to(first, k), n, batch)
+        for channel in range(index(3)):
+            column = index(ATTRIBUTE) + index(3) * channel
+            of_rest = corner_values(records.reals, record, column)
+            of_whole = corner_values(records.reals, record, column + index(9))
+            texels = texturing.texels[channel, start + k : start + end]
+            out = out_radiance[channel, start + k : start + end]
+            for i in range(n):
+                p = barycentric_at(batch, i)
                 rest, whole = mean(of_rest, p), mean(of_whole, p)
-                out[channel, k] = rest + (whole - rest) * texels[channel, k]
-        start, end = next_exact_run(entries, end)
+                out[i] = rest + (whole - rest) * texels[i]
+        k, end = next_exact_run(entries, end)

@@ -4,7 +4,8 @@ coordinates have come.
 In:  the entries of samples that show one material, in records of planes or exact ones.
 Out: four quantities of a batch of fragments: red, green, blue and alpha.
 
-Planes are looked up in float32 (texture_lookup.py), exact records in float64 (texture_sampling.py).
+Planes are looked up in float32 (texture_lookup.py). So are exact records, such as those of large triangles, where exact
+texture coordinates make that good enough (`TextureCoding.is_exact_looked_up`); else in float64 (texture_sampling.py).
 """
 
 from typing import NamedTuple
@@ -16,14 +17,15 @@ from ..compiler.widths import PLANE_GROUP
 from . import fragments as f
 from .fragments import BATCH_SIZE
 from .gradients import NEEDS_BEHIND
-from .interpolate import has_exact, next_exact_run
-from .lookup_batch import IS_DOUBTFUL, S_DX, S_PLANE
+from .interpolate import has_exact, has_planes, next_exact_run
+from .lookup_batch import IS_DOUBTFUL, MIP_LEVEL, S_DX, S_PLANE, S, T, from_bits
 from .power import is_single
-from .records import plane_group
+from .records import material_of, plane_group
 from .screen_points import evaluate_planes_here, evaluate_slopes_here, skip_to, step_of
-from .texture_lookup import sample_batch
+from .texture_lookup import clear_texcoords, coarsest_level, compute_texcoords, mip_level, read_texels
 from .texture_packing import packed_texture
-from .texture_sampling import sample_run
+from .texture_sampling import MIP_LEVEL as DOUBLE_MIP_LEVEL
+from .texture_sampling import TEXCOORD_S, TEXCOORD_T, fill_squares, fill_texcoords, sample_run
 from .textures import FILTER_TRILINEAR, Textures
 from .visibility import IS_ID, is_exact, record_of
 
@@ -49,13 +51,18 @@ def fill_texels(entries, band, first, material, texturing, start, batch, quantit
     first : where they lie (screen_points.py)
     start : index of the first entry's sample in the band
     quantity : the first of the four, such as TEXEL
+
+    Returns
+    -------
+    whether exact records of the material were looked up, too, which `sample_textures` has left out then
     """
-    look_up_planes(entries, band, first, material, texturing, start, batch, quantity)
-    if has_exact(entries):
+    with_exact = look_up_planes(entries, band, first, material, texturing, start, batch, quantity)
+    if not with_exact and has_exact(entries):
         put_in_exact(entries, texturing.texels, start, batch, quantity)
     if band.coding.needs[material] & NEEDS_BEHIND:
         for k in range(index(len(entries))):
             texturing.texels[3, start + k] = batch[quantity + f.NEXT + f.NEXT + f.NEXT + k]
+    return with_exact
 
 
 @helper
@@ -66,6 +73,18 @@ def put_in_exact(entries, texels, start, batch, quantity):
         for channel in range(index(4)):
             for k in range(first, end):
                 batch[quantity + channel * f.NEXT + k] = batch.dtype.type(texels[channel, start + k])
+        first, end = next_exact_run(entries, end)
+
+
+@helper
+def keep_exact(entries, texels, start, batch, quantity):
+    """Keep what textures show at the samples of exact records, where `put_in_exact` finds it."""
+    first, end = next_exact_run(entries, index(0))
+    while first < end:
+        for channel in range(index(4)):
+            source, kept = quantity + channel * f.NEXT, texels[channel, start + first : start + end]
+            for k in range(end - first):
+                kept[k] = float(batch[source + first + k])
         first, end = next_exact_run(entries, end)
 
 
@@ -120,28 +139,71 @@ def choose_look_up(entries, band, first, material, texturing, start, batch, quan
 
 @choice(choose_look_up)
 def look_up_planes(entries, band, first, material, texturing, start, batch, quantity):
-    """Fill the quantities of samples whose texture coordinates stand in planes."""
+    """Fill the quantities of samples whose texture coordinates stand in planes, or are exact and looked up as these;
+    tell whether the latter are."""
     if batch.dtype == np.float32 and band.coding.textures is not None:
-        look_up(entries, band, first, material, texturing, start, batch, quantity)
+        return look_up(entries, band, first, material, texturing, start, batch, quantity)
+    return False
 
 
 @helper
 def look_up_nothing(entries, band, first, material, texturing, start, batch, quantity):
     """Do nothing."""
+    return False
 
 
 @helper
 def look_up(entries, band, first, material, texturing, start, batch, quantity):
     """See `look_up_planes`."""
-    coding, rows = band.coding.textures, texturing.lookup_batch
+    coding, rows, n = band.coding.textures, texturing.lookup_batch, len(entries)
     if coding.of_materials[material] < 0:  # computed in float64: all of its records are exact
-        return
-    texture = index(coding.of_materials[material])
+        return False
+    texture, with_exact = index(coding.of_materials[material]), coding.is_exact_looked_up[material]
     packed = packed_texture(coding.packed, texture)
-    if packed.filter == FILTER_TRILINEAR:
-        lengthen_slopes(rows, len(entries), step_of(first))
-    if sample_batch(rows, len(entries), packed, batch, quantity, f.NEXT):
+    if has_planes(entries):
+        if packed.filter == FILTER_TRILINEAR:
+            lengthen_slopes(rows, n, step_of(first))
+        compute_texcoords(rows, n, packed)
+    elif with_exact:
+        clear_texcoords(rows, n)
+    else:
+        return False
+    if with_exact and has_exact(entries):
+        put_in_exact_texcoords(entries, band.records, first, material, packed, texturing.double_batch, rows)
+    if read_texels(rows, n, packed, batch, quantity, f.NEXT):
         look_up_doubtful(entries, band, first, texture, texturing, start, batch, quantity)
+    return with_exact
+
+
+@helper
+def put_in_exact_texcoords(entries, records, first, material, texture, double_batch, rows):
+    """Put in texture coordinates and mip levels of a material's exact records, as they are looked up in float32.
+
+    A coordinate within the picture is a fraction of 2^32: what it loses, and what the mip level does, is what those of
+    planes lose beside their own errors (texture_packing.py).
+    """
+    coarsest, size = coarsest_level(texture), (texture.width, texture.height)
+    start, end = next_exact_run(entries, index(0))
+    while start < end:
+        if material_of(entries[start], records) != material:
+            start, end = next_exact_run(entries, end)
+            continue
+        n, record, where = end - start, record_of(entries[start]), skip_to(first, start)
+        fill_texcoords(records, record, where, n, texture.wraps, double_batch)
+        for k in range(n):
+            rows[S + start + k] = from_bits(fixed_point(double_batch[TEXCOORD_S + k]))
+            rows[T + start + k] = from_bits(fixed_point(double_batch[TEXCOORD_T + k]))
+        if texture.filter == FILTER_TRILINEAR:
+            fill_squares(records, record, n, size, step_of(where), double_batch)
+            for k in range(n):
+                rows[MIP_LEVEL + start + k] = mip_level(np.float32(double_batch[DOUBLE_MIP_LEVEL + k]), coarsest)
+        start, end = next_exact_run(entries, end)
+
+
+@helper
+def fixed_point(x):
+    """Return a number within 0..1 as a whole number, 2^32 for 1; but 1 itself is the largest below."""
+    return np.int32(np.int64(min(x * 2.0**32, 2.0**32 - 1.0)))
 
 
 @helper

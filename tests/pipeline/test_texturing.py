@@ -1,0 +1,82 @@
+"""Textures of exact records: looked up in float32 where that is good enough, else in float64."""
+
+import numpy as np
+import pytest
+
+import rasterizer as rz
+from rasterizer.pipeline.texturing import fixed_point
+
+SIZE = (120, 90)
+RNG = np.random.default_rng(3)
+NOISE = RNG.random((48, 80, 3)).astype(np.float32)
+
+
+def wall(texture, repeats=7.0, **material) -> rz.Scene:
+    """A rectangle that goes far beyond the picture: its texture coordinates are too coarse in float32 planes."""
+    vertices = [[-300, -300, -40], [300, -300, -2], [300, 300, -30], [-300, 300, -68]]
+    uv = np.array([[-1.5, -1], [repeats, -1], [repeats, repeats], [-1.5, repeats]]) * 9
+    look = rz.Material(texture=texture, specular=0.0, **material)
+    lights = [rz.AmbientLight(0.5), rz.DirectionalLight((0.1, 0.2, -1), 0.5)]
+    return rz.Scene([rz.Mesh(vertices, [[0, 1, 2, 3]], uv=uv, material=look)], lights, rz.Camera.perspective((0, 0, 5)))
+
+
+def drawn(scene, **options):
+    return rz.render(scene, SIZE, **{"samples": 1, "threads": 1, "shading": "phong"} | options)
+
+
+@pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
+@pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror"])
+@pytest.mark.parametrize("filter", ["bilinear", "trilinear"])
+def test_large_textured_triangles_are_looked_up_in_float32_within_their_bound(filter, wrap, shading):
+    scene = wall(rz.Texture(NOISE, filter=filter, wrap=wrap))
+    found, exact = drawn(scene, shading=shading), drawn(scene, shading=shading, tolerance=0.0)
+    error = np.abs(found.color - exact.color).max()
+    assert "0 by planes" in str(found.stats.plan) and exact.color.max() > 0.3
+    assert 2e-6 < error <= found.stats.error_bound, "some of it is looked up in float32"
+
+
+def test_edges_of_texels_and_alpha_stay_exact():
+    """Next to a texel's edge the nearest one may be another; an error of alpha weights all that is behind."""
+    clear = rz.Texture(np.concatenate([NOISE, NOISE[..., :1]], axis=2))
+    for scene in (wall(rz.Texture(NOISE, filter="nearest")), wall(clear)):
+        for shading in ("gouraud", "phong"):
+            found, exact = drawn(scene, shading=shading), drawn(scene, shading=shading, tolerance=0.0)
+            assert np.abs(found.color - exact.color).max() < 1e-6
+
+
+@pytest.mark.parametrize("shading", ["gouraud", "phong"])
+def test_the_bytes_are_those_of_any_band_and_any_neighbour(shading):
+    """A sample's look-up doesn't depend on where its batch begins, or on what else the picture shows."""
+    scene = wall(rz.Texture(NOISE, filter="trilinear"))
+    alone = drawn(scene, shading=shading)
+    assert np.array_equal(alone.color, drawn(scene, shading=shading, threads=3).color)
+    card = rz.Mesh([[-0.1, -1, 1], [0.4, -1, 1], [0.2, 1, 1]], [[0, 1, 2]])
+    beside = drawn(
+        rz.Scene([*scene.meshes, card], scene.lights, scene.camera), shading=shading, outputs=("color", "face")
+    )
+    is_wall = beside.face < 2
+    assert 0.5 < is_wall.mean() < 1.0 and np.array_equal(alone.color[is_wall], beside.color[is_wall])
+
+
+def test_a_fraction_of_a_picture_is_rounded_down_and_stays_below_1():
+    x = np.concatenate(
+        [np.random.default_rng(1).random(1000), [0.0, 2.0**-33, 1.0 - 2.0**-33, np.nextafter(1, 0), 1.0]]
+    )
+    bits = np.array([np.int64(fixed_point(each)) % 2**32 for each in x.tolist()])
+    assert ((bits <= x * 2.0**32) & (bits > x * 2.0**32 - 1.0) | (x == 1.0) & (bits == 2**32 - 1)).all()
+
+
+def test_samples_of_a_material_in_float64_keep_their_own_texels():
+    """They lie among those of one in float32, in one batch of a row: a toon's texels were once overwritten there."""
+    scene = wall(rz.Texture(NOISE, filter="bilinear"))
+    toon = rz.Material(texture=rz.Texture(NOISE[::-1], filter="bilinear"), reflection="toon", specular=0.0)
+    uv = np.eye(3)[:, :2] * 90
+    bars = ([[x, -300, 1], [x + 0.2, -300, 1], [x + 0.1, 300, 1]] for x in (-0.7, -0.3, 0.1, 0.5))
+    cards = [rz.Mesh(bar, [[0, 1, 2]], uv=uv, material=toon) for bar in bars]
+    scene = rz.Scene([*scene.meshes, *cards], scene.lights, scene.camera)
+    for shading in ("gouraud", "phong"):
+        found = drawn(scene, shading=shading, outputs=("color", "material"))
+        exact = drawn(scene, shading=shading, tolerance=0.0)
+        error = np.abs(found.color - exact.color).max(axis=2)
+        assert (found.material == 1).mean() > 0.05 and error.max() <= found.stats.error_bound
+        assert shading == "gouraud" or error[found.material == 1].max() < 1e-6, "float64, as with tolerance 0"
