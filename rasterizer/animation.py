@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .choices import AXES
-from .errors import SceneError, shown
+from .errors import SceneError, counted, shown
 from .frame import Frame
 from .io.animation import Timing, encode_animation
 from .io.files import write_whole
@@ -57,7 +57,7 @@ class Animation:
 
     def __repr__(self) -> str:
         height, width = self.frames[0].shape[:2]
-        return f"<Animation {width}x{height}, {len(self.frames)} frames, {self.seconds:g} s>"
+        return f"<Animation {width}x{height}, {counted(len(self.frames), 'frame')}, {self.seconds:g} s>"
 
     def __len__(self) -> int:
         return len(self.frames)

@@ -105,6 +105,12 @@ def shown(value: object) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
+def counted(n: int, noun: str) -> str:
+    """Return a number with what is counted, as "1 face", "2 faces"."""
+    plural = {"mesh": "meshes", "vertex": "vertices"}.get(noun, f"{noun}s")
+    return f"{n} {noun if n == 1 else plural}"
+
+
 def _short_repr() -> reprlib.Repr:
     """Make what writes the beginning of a value: enough for a message."""
     short = reprlib.Repr()

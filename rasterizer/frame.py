@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from .choices import ARRAY_SUFFIXES, BUFFERS, SAVED_ARRAYS, SavedArray
-from .errors import OutputError, SceneError, shown
+from .errors import OutputError, SceneError, counted, shown
 from .frame_buffers import FrameBuffers
 from .io.files import write_whole
 from .io.picture_formats import encoded, on_white, picture_format
@@ -137,7 +137,7 @@ class Frame(FrameBuffers):
         names = [name for name in ("rgb", *self._arrays) if name != "alpha" and self.has(name)]
         total = sum(self.stats.milliseconds.values())
         return (
-            f"<Frame {' '.join([f'{width}x{height}', '+'.join(names)]).strip()}, {self.stats.faces} faces, "
+            f"<Frame {' '.join([f'{width}x{height}', '+'.join(names)]).strip()}, {counted(self.stats.faces, 'face')}, "
             f"{100 * self.stats.coverage:.1f} % covered, {total:.1f} ms>"
         )
 

@@ -17,7 +17,7 @@ from .engine.memory import check_memory, checked_out
 from .engine.passes import RowSink
 from .engine.plan_summary import PlanSummary, summarize
 from .engine.prepared_scene import PreparedScene
-from .errors import SceneError, shown
+from .errors import SceneError, counted, shown
 from .frame import Frame, Stats
 from .io.any_scene import check_one_view, framed_from, scene_of
 from .io.loader import FileLike
@@ -188,7 +188,7 @@ class Renderer:
     def __repr__(self) -> str:
         width, height = self.options.size
         closed = ", closed" if self._is_closed else ""
-        return f"<Renderer {width}x{height} {self.options.shading}, {self.scene.n_face} faces{closed}>"
+        return f"<Renderer {width}x{height} {self.options.shading}, {counted(self.scene.n_face, 'face')}{closed}>"
 
     def __enter__(self) -> "Renderer":
         return self

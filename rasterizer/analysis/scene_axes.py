@@ -74,6 +74,14 @@ class AxisRow(NamedTuple):
     against: str
 
 
+class AxisStudy(NamedTuple):
+    """What `measure_axes` returns: a row for each value of each axis, and the names of axes that there was no time
+    for."""
+
+    rows: list[AxisRow]
+    left_out: list[str]
+
+
 def list_axes(scene: Scene, options: dict) -> list[Axis]:
     """List what can be changed in a scene; options are those of `rasterizer.render`."""
     return [axis for axis in (_shadow_size(scene), _shadow_filter(scene), _area(scene), _texture(scene),
@@ -89,7 +97,7 @@ def measure_axes(
     truth: Light | None = None,
     limit: float = math.inf,
     **options: Any,
-) -> list[AxisRow]:
+) -> AxisStudy:
     """Measure every value of every axis, by Phong's shading with 4 samples a pixel and the default tolerance.
 
     Shadows are compared with rays, in tiles of the picture: as many as half of the time allows.
@@ -116,13 +124,13 @@ def measure_axes(
         rays = draw_by_rays(scene, size, options["samples"], seconds, **settings)
     for done, axis in enumerate(axes):
         if limit <= 0.0:
-            break
+            return AxisStudy(rows, [each.name for each in axes[done:]])
         progress(done, len(axes), axis.name)
         expected = _truth_of(axis, size, options, rays, truth)
         found, spent = _measure_axis(axis, _Look(scene, size, options), seconds / len(axes), expected)
         rows += found
         limit -= spent
-    return rows
+    return AxisStudy(rows, [])
 
 
 class _Look(NamedTuple):

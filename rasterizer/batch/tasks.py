@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args
 
 from ..choices import SAVED_ARRAYS, VIEWS, SavedArray
-from ..errors import SceneError, shown
+from ..errors import SceneError, counted, shown
 from ..frame import Stats
 from ..io.picture_formats import picture_format
 from ..options import Options
@@ -158,8 +158,7 @@ class RenderSummary:
     seconds: float = 0.0
 
     def __str__(self) -> str:
-        pictures = "1 picture" if self.drawn == 1 else f"{self.drawn} pictures"
-        parts = [f"{pictures} drawn"]
+        parts = [f"{counted(self.drawn, 'picture')} drawn"]
         parts += [f"{self.skipped} skipped"] if self.skipped else []
         parts += [f"{self.failed} failed"] if self.failed else []
         rate = f" ({self.drawn / self.seconds:.3g} a second)" if self.drawn and self.seconds > 0 else ""

@@ -12,11 +12,11 @@ from time import perf_counter
 
 from ..analysis.flip import check_flip
 from ..analysis.plotting import FORMATS, check_plotting
-from ..analysis.scene_axes import list_axes, measure_axes
+from ..analysis.scene_axes import AxisStudy, measure_axes
 from ..analysis.speed_error import Study, list_methods, printed, study, told
 from ..analysis.speed_error_plot import plot
 from ..analysis.timing import describe_machine
-from ..errors import SceneError
+from ..errors import SceneError, counted
 from ..options import Options
 from .cameras_lights import camera_of
 from .load_scene import load_scene, with_options
@@ -64,21 +64,21 @@ def _bench_model(targets, arguments, settings, messages, output) -> None:
         messages.warn(f"the load average is {machine['load']}: other work is running, so trust ratios only")
     for target in targets:
         scene = replace(loaded, camera=camera_of(arguments, target.view, loaded, framing))
-        found, axes, axes_left_out = _measure(scene, arguments, messages)
+        found, axes = _measure(scene, arguments, messages)
         title = _title(target, scene, arguments, machine)
         if target.output is not None:
             output.write(plot(found.rows, title, Path(target.output).suffix.lower()), target.output)
         seconds, start = perf_counter() - start, perf_counter()
         if arguments.json:
-            print_record(_record(target, arguments, scene, seconds, machine, warned, found, axes, axes_left_out), False)
+            print_record(_record(target, arguments, scene, seconds, machine, warned, found, axes), False)
         elif arguments.level > QUIET:
             print_text(
-                "\n".join([title, _LEGEND, "", *_table(found), "", *_axis_table(axes), found.advice]) + "\n", False
+                "\n".join([title, _LEGEND, "", *_table(found), "", *_axis_table(axes.rows), found.advice]) + "\n", False
             )
 
 
 def _measure(scene, arguments, messages):
-    """Return the Study of a scene, the rows of what else it has, and of what of that there was no time."""
+    """Return the Study of a scene, and the AxisStudy of what else it has."""
     options = {name: getattr(arguments, name) for name in _OPTIONS if name != "size"}
     methods = list_methods(arguments.shadings, arguments.subdivisions, arguments.list_of_samples, arguments.tolerances)
     with Bar(messages) as bar:
@@ -88,21 +88,19 @@ def _measure(scene, arguments, messages):
 
         seconds = (1.0 - _OF_AXES * arguments.has_axes) * arguments.seconds
         found = study(scene, arguments.size, methods, seconds, show, arguments.with_flip, **options)
-        axes, axes_left_out = [], []
+        axes = AxisStudy([], [])
         if arguments.has_axes:
             seconds = _OF_AXES * arguments.seconds
             limit = max(arguments.seconds - found.seconds, seconds)
             axes = measure_axes(scene, arguments.size, seconds, show, found.truth, limit, **options)
-            measured = {row.axis for row in axes}
-            axes_left_out = [axis.name for axis in list_axes(scene, options) if axis.name not in measured]
     if found.left_out:
         names = ", ".join(dict.fromkeys(method.name for method in found.left_out))
         messages.notice(
             f"{len(found.left_out)} methods are left out for want of time or memory ({names}); see --seconds"
         )
-    if axes_left_out:
-        messages.notice(f"left out for want of time: {', '.join(axes_left_out)}; see --seconds")
-    return found, axes, axes_left_out
+    if axes.left_out:
+        messages.notice(f"left out for want of time: {', '.join(axes.left_out)}; see --seconds")
+    return found, axes
 
 
 # --- what is printed ----------------------------------------------------------------------------------------
@@ -120,7 +118,7 @@ def _title(target, scene, arguments, machine) -> str:
     n_thread = arguments.threads or machine["cores"]
     threads = f"{n_thread} thread" + ("s" if n_thread > 1 else "")
     view = f", {target.view}" if target.view else ""
-    return f"{target.model}{view}: {scene.n_face} triangles, {width}x{height}, {threads} on {machine['cpu']}"
+    return f"{target.model}{view}: {counted(scene.n_face, 'triangle')}, {width}x{height}, {threads} on {machine['cpu']}"
 
 
 def _table(found: Study) -> list[str]:
@@ -184,7 +182,7 @@ def _figure(value) -> str:
     return f"{value:.3g}" if value < 1000.0 else f"{value:.0f}"
 
 
-def _record(target, arguments, scene, seconds, machine, warned, found, axes, axes_left_out) -> dict:
+def _record(target, arguments, scene, seconds, machine, warned, found, axes) -> dict:
     """What --json says of a model."""
     return {
         "path": target.model,
@@ -198,9 +196,9 @@ def _record(target, arguments, scene, seconds, machine, warned, found, axes, axe
             {**row.method._asdict(), **row._asdict(), "method": str(row.method), "error": row.error._asdict()}
             for row in found.rows
         ],
-        "axes": [row._asdict() | {"error": row.error and row.error._asdict()} for row in axes],
+        "axes": [row._asdict() | {"error": row.error and row.error._asdict()} for row in axes.rows],
         "left_out": [str(method) for method in found.left_out],
-        "axes_left_out": axes_left_out,
+        "axes_left_out": axes.left_out,
         "advice": found.advice,
         "warnings": warned,
     }

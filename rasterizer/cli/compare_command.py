@@ -19,7 +19,7 @@ from ..analysis.mach import mach_bands
 from ..analysis.speed_error import subdivided, subdivision_words
 from ..analysis.timing import take_turns
 from ..choices import ARRAY_SUFFIXES
-from ..errors import SceneError
+from ..errors import SceneError, counted
 from ..frame import Frame
 from ..options import Options
 from ..renderer import Renderer
@@ -111,7 +111,7 @@ def _compare_model(targets, arguments, settings, messages, output) -> None:
         image, scale = _lay_out(drawn, against, figures, scene.background)
         output.write(encode_picture(_framed(image), target.output), target.output)
         seconds, start = perf_counter() - start, perf_counter()
-        messages.detail(f"{target.model}: {target.output}, {scene.n_face} faces, {seconds:.2f} s in all")
+        messages.detail(f"{target.model}: {target.output}, {counted(scene.n_face, 'face')}, {seconds:.2f} s in all")
         if arguments.json:
             record = _record(target, arguments.size, scene, seconds, of_model + doubts)
             record |= {"against": against, "scale": scale, "methods": {m: f._asdict() for m, f in figures.items()}}

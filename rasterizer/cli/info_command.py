@@ -11,6 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from ..analysis.mesh_topology import compute_topology, guess_up
+from ..errors import counted
 from ..io import formats
 from ..io.loader import load
 from .failures import Failures
@@ -181,8 +182,8 @@ def _text(facts) -> str:
 
 
 def _faces(facts) -> str:
-    words = [f"{facts['faces']} triangle" + "s" * (facts["faces"] > 1)]
-    words += [f"of {facts['polygons']} polygons"] if facts["polygons"] != facts["faces"] else []
+    words = [counted(facts["faces"], "triangle")]
+    words += ["of " + counted(facts["polygons"], "polygon")] if facts["polygons"] != facts["faces"] else []
     n_mesh = len(facts["meshes"])
     return " ".join(words) + (f", in {n_mesh} meshes" if n_mesh > 1 else "")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 
 from ..choices import AXES
-from ..errors import SceneError
+from ..errors import SceneError, counted
 from ..io import formats
 from ..io.animation import Timing, animation_format, encode_animation
 from ..options import Options
@@ -185,7 +185,8 @@ def _turn_model(targets, arguments, settings, messages, output) -> None:
             bar.end()
             output.results.tell(targets[0].output, options.size, len(content), perf_counter() - start)
     seconds = perf_counter() - start
-    messages.detail(f"{targets[0].model}: {targets[-1].output}, {len(cameras)} frames, {seconds:.2f} s in all")
+    n_frame = counted(len(cameras), "frame")
+    messages.detail(f"{targets[0].model}: {targets[-1].output}, {n_frame}, {seconds:.2f} s in all")
     if arguments.json:
         record = {
             "path": targets[0].model,

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import counted
 from ..pipeline.gradients import IN_ENTRIES, IN_PLANES
 from .plan import Plan
 from .uniforms import batch_functions_of
@@ -46,7 +47,7 @@ class MaterialNeeds(NamedTuple):
 
     def __repr__(self) -> str:
         why = f" because of {', '.join(self.reasons)}" if self.reasons else ""
-        return f"{_count(self.channels, 'channel')}, {self.dtype}{why}; {self.way}; {_count(self.lights, 'light')}"
+        return f"{counted(self.channels, 'channel')}, {self.dtype}{why}; {self.way}; {counted(self.lights, 'light')}"
 
 
 class PlanSummary(NamedTuple):
@@ -95,7 +96,7 @@ class PlanSummary(NamedTuple):
             f"largest intensity: {self.bound:.4g}",
         ]
         if self.left_out:
-            lines.append(f"left out: {_count(self.left_out, 'light')} that no surface shows")
+            lines.append(f"left out: {counted(self.left_out, 'light')} that no surface shows")
         if self.ways is not None:
             counts = ", ".join(f"{count} by {name}" for name, count in zip(_WAY_NAMES, self.ways, strict=True))
             lines.append(f"triangles in their bands: {counts}")
@@ -169,11 +170,6 @@ def name_way(way: int, is_lit_per_sample: bool) -> str:
     if way == IN_PLANES:
         return "planes of the normals" if is_lit_per_sample else "planes of the intensities"
     return "exact records"
-
-
-def _count(n: int, noun: str) -> str:
-    """A number and what is counted, in the plural but for one."""
-    return f"{n} {noun}{'s' * (n != 1)}"
 
 
 def _names(functions) -> tuple[str, ...]:

@@ -94,11 +94,6 @@ class ModelFile(NamedTuple):
         return ModelError(f"{place}: {fault}")
 
 
-def several(n: int, what: str) -> str:
-    """Return a number with what is counted, as "1 line", "2 lines"."""
-    return f"{n} {what}" + "s" * (n != 1)
-
-
 def text_of(data: bytes) -> str:
     """Decode UTF-8, or Latin-1 where it is none: numbers and keywords are ASCII, only names differ."""
     try:

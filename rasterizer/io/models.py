@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import ModelError, SceneError, one_file, warn_caller
+from ..errors import ModelError, SceneError, counted, one_file, warn_caller
 from ..scene.camera import Camera
 from ..scene.mesh import Mesh
 from ..scene.mesh_arrays import fixed, has_any_area
 from ..scene.scene import Scene
 from . import formats
 from .files import Folder, read_named
-from .model_file import Contents, MeshSettings, ModelFile, Part, Report, materials_of, several
+from .model_file import Contents, MeshSettings, ModelFile, Part, Report, materials_of
 from .weld import weld
 
 
@@ -172,9 +172,9 @@ def _make_meshes(model, contents, settings) -> list[Mesh]:
 def _why_no_faces(contents) -> str:
     """Say what a file without faces has in their place."""
     if contents.n_line:
-        return f"nothing but lines: {several(contents.n_line, 'line')}, no faces"
+        return f"nothing but lines: {counted(contents.n_line, 'line')}, no faces"
     if contents.n_point:
-        return f"a point cloud: {several(contents.n_point, 'point')}, no faces"
+        return f"a point cloud: {counted(contents.n_point, 'point')}, no faces"
     return f"no faces; not used: {', '.join(contents.left_out)}" if contents.left_out else "no faces"
 
 
@@ -242,9 +242,9 @@ def _mend_normals(model, part: Part) -> Part:
 def _report(model, contents, parts, crease_angle):
     """Say in one line what the file had, what is used of it, and what is not."""
     has = {key for part in parts for key in part}
-    facts = [f"{sum(len(part['faces']) for part in parts)} faces", *_counts(contents, parts)]
+    facts = [counted(sum(len(part["faces"]) for part in parts), "face"), *_counts(contents, parts)]
     facts += [what for key, what in _ATTRIBUTES.items() if key in has]
-    left_out = [several(n, what) for n, what in ((contents.n_point, "point"), (contents.n_line, "line")) if n]
+    left_out = [counted(n, what) for n, what in ((contents.n_point, "point"), (contents.n_line, "line")) if n]
     if "uv" in has and not any(material.needs_uv for part in parts for material in materials_of(part)):
         left_out.append("texture coordinates")
     left_out += contents.left_out
@@ -271,6 +271,6 @@ def _counts(contents, parts) -> list[str]:
     n_material = len({material.name for material in materials} - {""})
     n_texture = len({id(material.texture) for material in materials} - {id(None)})
     counts = (n_material, "material"), (n_texture, "texture"), (len(contents.lights or ()), "light")
-    facts = [f"{len(parts)} meshes"] if len(parts) > 1 else []
-    facts += [several(n, what) for n, what in counts if n]
+    facts = [counted(len(parts), "mesh")] if len(parts) > 1 else []
+    facts += [counted(n, what) for n, what in counts if n]
     return facts + (["a camera"] if contents.camera is not None else [])

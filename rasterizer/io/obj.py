@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..errors import warn_caller
+from ..errors import counted, warn_caller
 from ..scene.arrays import distinct
 from ..scene.material import Material
 from ..scene.mesh_arrays import has_area
@@ -211,8 +211,8 @@ def _with_materials(model, part: Part, palette, name) -> Part:
                 palette.insert(-1, replace(palette[number], texture=None))  # the last one is the unnamed, -1
                 numbers[is_bare] = len(palette) - 2
                 warn_caller(
-                    f"{model.name}: {int(is_bare.sum())} faces of mesh '{name}' with the material "
-                    f"'{palette[number].name}' have no texture coordinates; they are drawn without its texture"
+                    f"{model.name}: {counted(int(is_bare.sum()), 'face')} of mesh '{name}' without texture "
+                    f"coordinates, with the material '{palette[number].name}': drawn without its texture"
                 )
     used, first, inverse = np.unique(numbers, return_index=True, return_inverse=True)
     order = np.argsort(first)

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import counted
 from ..scene.material import Material
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces
 from .ply_rows import Bytes, List, Text, read_header
@@ -220,7 +221,7 @@ def _face_attributes(model, table, element, cut, counts) -> dict:
         if not is_there.all():
             n = int((wedge.counts != 2 * counts).sum())
             model.log(
-                f"{model.name}: {n} faces have not two texture coordinates for each corner; they are drawn with 0, 0"
+                f"{model.name}: {counted(n, 'face')} without two texture coordinates for each corner: drawn with 0, 0"
             )
         # The place of a corner in the list of corners, counted within its face.
         at = cut.corners - (np.cumsum(counts) - counts)[cut.polygons][:, None]

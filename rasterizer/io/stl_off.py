@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 
+from ..errors import counted
 from ..scene.material import Material
 from .model_file import WHITE, Contents, ModelFile, Part, bytes_of, check_indices, cut_faces, text_of
 from .text_numbers import numbers_in
@@ -37,10 +38,10 @@ def read_stl(model: ModelFile) -> list[Part]:
         )
     n_found, rest = divmod(length - _STL_HEADER, _STL_FACE)
     if length < expected and rest:
-        raise model.error(f"binary STL of {n_face} faces must have {expected} bytes, the file has {length}")
+        raise model.error(f"binary STL of {counted(n_face, 'face')} must have {expected} bytes, the file has {length}")
     if length != expected:
         n_face = n_found if rest == 0 else n_face
-        model.log(f"{model.name}: binary STL of another length than its header says; {n_face} faces are read")
+        model.log(f"{model.name}: binary STL of another length than its header says; read: {counted(n_face, 'face')}")
     if n_face == 0:
         return []
     rows = np.frombuffer(data, _STL_ROW, n_face, _STL_HEADER)

@@ -1,5 +1,5 @@
 """Textures in float32: what the texture of a batch's samples shows, side by side. For samples for which `texture_error`
-(texture_packing.py) is small enough; texture_sampling.py does the others. Their texture coordinates come from planes, or
+(texture_packing.py) is small enough; texture_sampling.py does the others. Their texture coordinates come from planes or
 are exact.
 
 In:  a batch of samples of one texture, with the planes of their texture coordinates (lookup_batch.py has the letters),

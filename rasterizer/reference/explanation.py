@@ -7,6 +7,7 @@ in it. So a layer's colour is the sum of its shares, and a sample's colour the s
 
 from dataclasses import dataclass
 
+from ..errors import counted
 from ..scene.material import Material
 
 Vector = tuple[float, float, float]
@@ -139,7 +140,7 @@ class Explanation:
     def __str__(self) -> str:
         n = len(self.samples)
         width, height = self.size
-        lines = [f"pixel ({self.x}, {self.y}) of {width} x {height}, {self.shading} shading, {_count(n, 'sample')}"]
+        lines = [f"pixel ({self.x}, {self.y}) of {width} x {height}, {self.shading} shading, {counted(n, 'sample')}"]
         if self.way is not None:
             lines.append(f"drawn by: {self.way}")
         for sample in self.samples:
@@ -158,7 +159,7 @@ def _describe_sample(sample: Sample) -> list[str]:
     where = f"sample at {sample.x:g}, {sample.y:g} px"
     if not sample.layers:
         return [f"{where}: nothing is seen here but the background"]
-    n_layer = _count(len(sample.layers), "layer")
+    n_layer = counted(len(sample.layers), "layer")
     lines = [f"{where}: {n_layer}, alpha {sample.alpha:.6g}, premultiplied {_numbers(sample.color)}"]
     for number, layer in enumerate(sample.layers, 1):
         lines += [f"  {line}" for line in _describe_layer(number, layer)]
@@ -213,8 +214,3 @@ def _shown(value: object) -> str:
 def _numbers(values: tuple[float, ...]) -> str:
     """Return numbers in brackets, six digits each."""
     return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
-
-
-def _count(n: int, what: str) -> str:
-    """Return a number of things."""
-    return f"{n} {what}" if n == 1 else f"{n} {what}s"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..choices import WEIGHTINGS, Weighting
-from ..errors import ModelError, SceneError, shown
+from ..errors import ModelError, SceneError, counted, shown
 from ..keywords import checked_fields
 from . import mesh_arrays
 from .material import Material
@@ -203,7 +203,7 @@ class Mesh(Movable, mesh_arrays.KeepsArrays):
         name = f"{self.name!r}, " if self.name else ""
         extras = ("normals", "colors", "uv", "face_colors", "polygons", "smoothing", "face_material")
         given = "".join(f", {key}" for key in extras if getattr(self, key) is not None)
-        return f"Mesh({name}{self.n_vertex} vertices, {self.n_face} faces{given})"
+        return f"Mesh({name}{counted(self.n_vertex, 'vertex')}, {counted(self.n_face, 'face')}{given})"
 
     @classmethod
     def from_any(cls, source: "MeshLike") -> "Mesh":

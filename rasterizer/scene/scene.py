@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..choices import AXES, Axis
-from ..errors import SceneError, shown
+from ..errors import SceneError, counted, shown
 from ..keywords import checked_fields
 from .camera import Camera
 from .color import RGB, ColorLike, surface_rgb
@@ -84,7 +84,8 @@ class Scene:
     def __repr__(self) -> str:
         kinds = ", ".join(type(light).__name__ for light in self.lights) or "none"
         camera = "framed" if self.camera is None else "given"
-        return f"Scene({len(self.meshes)} meshes, {self.n_face} faces, lights: {kinds}, camera: {camera})"
+        size = f"{counted(len(self.meshes), 'mesh')}, {counted(self.n_face, 'face')}"
+        return f"Scene({size}, lights: {kinds}, camera: {camera})"
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Scene":

@@ -237,7 +237,7 @@ def test_no_coordinates_at_all(folder):
 
 def test_faces_without_coordinates_are_drawn_plain(folder):
     text = POINTS + "o box\nusemtl b\nf 1 2 3\nusemtl a\nf 1/1 2/2 3/3\nf 1/1 3/3 4\nusemtl b\nf 2 3 4\n"
-    with pytest.raises(UserWarning, match="1 faces of mesh 'box' with the material 'a' have no texture coordinates"):
+    with pytest.raises(UserWarning, match="1 face of mesh 'box' without texture coordinates, with the material 'a'"):
         load_obj(folder, "newmtl a\nKd 0.5\nmap_Kd wood.png\nnewmtl b\n", text)
     with pytest.warns(UserWarning):
         (mesh,) = load(folder / "model.obj").meshes
@@ -250,7 +250,7 @@ def test_faces_without_coordinates_are_drawn_plain(folder):
 def test_facts_count_textures(folder):
     facts = []
     material_of(folder, "map_Kd wood.png", log=facts.append)
-    assert "1 faces, 1 material, 1 texture, no file normals" in facts[-1]
+    assert "1 face, 1 material, 1 texture, no file normals" in facts[-1]
 
 
 # --- what exporters write, and what they mean -----------------------------------------------------------------

@@ -76,7 +76,7 @@ def test_texture_coordinates_for_each_corner_of_a_face():
     facts = []
     rows = "3 0 1 2 6 0 0 1 0 1 0.5 0\n4 0 3 4 5 0 0\n"
     assert not only(text(elements, points() + rows), log=facts.append).uv[1:].any()
-    assert any("1 faces have not two texture coordinates" in fact for fact in facts)
+    assert any("1 face without two texture coordinates" in fact for fact in facts)
 
 
 def test_triangle_strips():
@@ -200,7 +200,7 @@ def test_what_is_not_used_is_said():
     )
     only(text(elements, points("0.5") + "3 0 1 2 7\n1\n2\n9\n"), log=facts.append)
     assert facts == [
-        "model: 1 faces, no file normals; not used: 2 lines, vertex properties confidence, face properties flags, "
+        "model: 1 face, no file normals; not used: 2 lines, vertex properties confidence, face properties flags, "
         "elements 'camera'"
     ]
 

@@ -32,7 +32,7 @@ def test_stored_forms():
     assert (mesh.n_vertex, mesh.n_face, mesh.name, mesh.material) == (3, 1, "", Material())
     for field in ("normals", "colors", "uv", "face_colors", "polygons", "smoothing", "crease_angle"):
         assert getattr(mesh, field) is None
-    assert repr(mesh) == "Mesh(3 vertices, 1 faces)"
+    assert repr(mesh) == "Mesh(3 vertices, 1 face)"
     assert repr(Mesh(SQUARE, [(0, 1, 2, 3)], name="s")) == "Mesh('s', 4 vertices, 2 faces, polygons)"
 
 

@@ -27,7 +27,7 @@ def test_defaults():
     scene = Scene(MESH)
     assert scene.meshes == (MESH,) and scene.lights == studio()
     assert scene.camera is None and scene.background is None and scene.up == "y"
-    assert repr(scene).startswith("Scene(1 meshes, 2 faces, lights: AmbientLight, ")
+    assert repr(scene).startswith("Scene(1 mesh, 2 faces, lights: AmbientLight, ")
 
 
 @pytest.mark.parametrize(
