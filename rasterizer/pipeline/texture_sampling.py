@@ -16,8 +16,7 @@ import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
 from ..geometry.vectors import scale
-from . import fragments as f
-from .fragments import BATCH_SIZE
+from .fragments import BATCH_SIZE, get_vector, set_vector
 from .interpolate import (
     corner_values,
     exact_triangle,
@@ -116,7 +115,7 @@ def fill_texcoords(records, record, first, n, wraps, batch):
     fill_barycentric(records, record, first, n, batch)
     us, vs = corner_texcoords(records, record)
     for k in range(n):
-        p = barycentric_at(batch, k)
+        p = get_vector(batch, BARYCENTRIC, k)
         u, v = mean(us, p), mean(vs, p)
         batch[TEXCOORD_U + k], batch[TEXCOORD_V + k] = u, v
         batch[TEXCOORD_S + k] = wrap_texcoord(u, wraps[0])
@@ -134,15 +133,7 @@ def fill_barycentric(records, record, first, n, batch):
         q = sample_weights(triangle, first, k)
         inverse = inverse_sum(q)
         batch[INVERSE_SUM + k] = inverse
-        batch[BARYCENTRIC + k], batch[BARYCENTRIC + f.NEXT + k], batch[BARYCENTRIC + f.NEXT + f.NEXT + k] = scale(
-            q, inverse
-        )
-
-
-@helper
-def barycentric_at(batch, k):
-    """Return the weights of the corners at sample k, after `fill_barycentric`."""
-    return batch[BARYCENTRIC + k], batch[BARYCENTRIC + f.NEXT + k], batch[BARYCENTRIC + f.NEXT + f.NEXT + k]
+        set_vector(batch, BARYCENTRIC, k, scale(q, inverse))
 
 
 @helper

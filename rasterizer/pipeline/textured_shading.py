@@ -11,13 +11,13 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
 from . import fragments as f
-from .fragments import BATCH_SIZE
+from .fragments import BATCH_SIZE, get_vector
 from .gradients import NEEDS_TEXTURE, LevelCoding
 from .interpolate import corner_values, has_exact, has_planes, mean, next_exact_run, row_extent
 from .records import ATTRIBUTE, BEHIND_VALUES, PLAIN_GROUP, VALUES, material_of, plane_group
 from .screen_points import evaluate_values_here, samples_from, skip_to
 from .shade import fill_weights
-from .texture_sampling import barycentric_at, fill_barycentric
+from .texture_sampling import BARYCENTRIC, fill_barycentric
 from .texturing import evaluate_texcoords, fill_texels, keep_exact
 from .visibility import CLEAR, IS_ID, record_of, stretch_of, strip_of
 
@@ -138,7 +138,7 @@ def shade_exact(entries, records, first, texturing, start, out_radiance):
             texels = texturing.texels[channel, start + k : start + end]
             out = out_radiance[channel, start + k : start + end]
             for i in range(n):
-                p = barycentric_at(batch, i)
+                p = get_vector(batch, BARYCENTRIC, i)
                 rest, whole = mean(of_rest, p), mean(of_whole, p)
                 out[i] = rest + (whole - rest) * texels[i]
         k, end = next_exact_run(entries, end)
