@@ -69,7 +69,7 @@ def measure_model(model, args):
                    **row.method._asdict(), "ms": row.ms, **errors_of(row.error), "of_method": row.of_method,
                    "of_sampling": row.of_sampling, "is_beaten": row.is_beaten}  # fmt: skip
     if axes_seconds:
-        for row in measure_axes(scene, args.size, axes_seconds, lambda *_: None, truth, **options):
+        for row in measure_axes(scene, args.size, axes_seconds, lambda *_: None, truth, **options).rows:
             yield {"what": row.axis, "value": row.value, "ms": row.ms, "ratio": row.ratio,
                    **(errors_of(row.error) if row.error else {}), "against": row.against}  # fmt: skip
 
