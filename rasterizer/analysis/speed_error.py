@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..errors import counted
 from ..frame import Stats
 from ..renderer import Renderer
 from ..scene.sample import SIZE, sample_scene
@@ -45,7 +46,7 @@ class Method(NamedTuple):
     tolerance: float
 
     def __str__(self) -> str:
-        return f"{self.name}, {count(self.samples, 'sample')}, tolerance {told(self.tolerance)}"
+        return f"{self.name}, {counted(self.samples, 'sample')}, tolerance {told(self.tolerance)}"
 
     @property
     def name(self) -> str:
@@ -374,7 +375,7 @@ def _other_samples(rows: Sequence[Row], chosen: Row, samples: int) -> str:
     other = _choose(_alike(rows, samples))
     time, error = other.ms / chosen.ms, other.error.rms / max(chosen.error.rms, 1e-300)
     words = f"{_figure(time)} times the time for {_figure(error)} times the error"
-    return f" {count(samples, 'sample').capitalize()}: {words} ({other.method.name})."
+    return f" {counted(samples, 'sample').capitalize()}: {words} ({other.method.name})."
 
 
 def told(tolerance: float) -> str:
@@ -382,11 +383,6 @@ def told(tolerance: float) -> str:
     fraction = Fraction(tolerance).limit_denominator(10**6)
     is_inverse = fraction.numerator == 1 and fraction.denominator > 1 and float(fraction) == tolerance
     return str(fraction) if is_inverse else f"{tolerance:g}"
-
-
-def count(number: int, what: str) -> str:
-    """A number of things: 1 sample, 4 samples."""
-    return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def _figure(value: float) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from ..errors import counted
 from .plotting import COLORS, check_plotting, figure_bytes, make_logarithmic
 from .speed_error import Row, told
 
@@ -67,7 +68,7 @@ def _draw_rows(axes: "Axes", rows: Sequence[Row]) -> None:
                 )  # fmt: skip
     for samples in sorted({row.method.samples for row in rows}):
         axes.scatter([], [], color="black", marker=_MARKERS[samples],
-                     label=f"{samples} sample{'s' if samples > 1 else ''} a pixel")  # fmt: skip
+                     label=f"{counted(samples, 'sample')} a pixel")  # fmt: skip
     if any(row.method.tolerance == 0.0 for row in rows):
         axes.scatter([], [], color="none", edgecolor="black", marker="o", label="tolerance 0")
 

@@ -116,7 +116,7 @@ _BEYOND = "*: next to a step, where no bound holds: the edge of a shadow, for on
 def _title(target, scene, arguments, machine) -> str:
     width, height = arguments.size
     n_thread = arguments.threads or machine["cores"]
-    threads = f"{n_thread} thread" + ("s" if n_thread > 1 else "")
+    threads = counted(n_thread, "thread")
     view = f", {target.view}" if target.view else ""
     return f"{target.model}{view}: {counted(scene.n_face, 'triangle')}, {width}x{height}, {threads} on {machine['cpu']}"
 

@@ -185,7 +185,7 @@ def _faces(facts) -> str:
     words = [counted(facts["faces"], "triangle")]
     words += ["of " + counted(facts["polygons"], "polygon")] if facts["polygons"] != facts["faces"] else []
     n_mesh = len(facts["meshes"])
-    return " ".join(words) + (f", in {n_mesh} meshes" if n_mesh > 1 else "")
+    return " ".join(words) + (f", in {counted(n_mesh, 'mesh')}" if n_mesh > 1 else "")
 
 
 def _watertight(facts) -> str:

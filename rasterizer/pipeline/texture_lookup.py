@@ -52,28 +52,14 @@ SQUARE_LIMIT = np.float32(2.0**60)
 
 
 @helper
-def sample_batch(batch, n, texture, out, start, stride):
-    """Look a texture up at n <= BATCH_SIZE samples.
+def compute_texcoords(batch, n, texture):
+    """Turn the planes of n <= BATCH_SIZE samples into texture coordinates and mip levels.
 
     Parameters
     ----------
     batch : LOOKUP_SHAPE float32, with the planes of the samples, up to the next multiple of four; they are lost
     texture : PackedTexture
-    out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
-        up to the next multiple of four may be written, too
-
-    Returns
-    -------
-    whether any sample is to be looked up exactly: those where the row IS_DOUBTFUL isn't 0. Only with the filter
-    "nearest", next to the border of two texels
     """
-    compute_texcoords(batch, n, texture)
-    return read_texels(batch, n, texture, out, start, stride)
-
-
-@helper
-def compute_texcoords(batch, n, texture):
-    """Turn the planes of n samples into texture coordinates and mip levels."""
     n = padded(n)
     divide_planes(batch, n)
     wrap_texcoords(batch, n, texture)
@@ -96,7 +82,18 @@ def padded(n):
 
 @helper
 def read_texels(batch, n, texture, out, start, stride):
-    """Read the texels of n samples whose texture coordinates and mip levels are known; see `sample_batch`."""
+    """Read the texels of n samples whose texture coordinates and mip levels are known, see `compute_texcoords`.
+
+    Parameters
+    ----------
+    out : float32, of any shape; counted through from `start` on, a row a channel, `stride` apart, both uint64. Samples
+        up to the next multiple of four may be written, too
+
+    Returns
+    -------
+    whether any sample is to be looked up exactly: those where the row IS_DOUBTFUL isn't 0. Only with the filter
+    "nearest", next to the border of two texels
+    """
     n = padded(n)
     if texture.filter == FILTER_NEAREST:
         is_doubtful = locate_nearest_texels(batch, n, texture)

@@ -51,7 +51,7 @@ def packed_texture(textures, texture):
 
 @helper
 def texture_error(textures, texture, s_error, t_error, level_error):
-    """Bound how far a channel of what `texture_lookup.sample_batch` finds is from exact, linear intensity.
+    """Bound how far a channel of what `texture_lookup.read_texels` finds is from exact, linear intensity.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from rasterizer.pipeline import texture_packing as packing
 from rasterizer.pipeline import texture_sampling as exact
 from rasterizer.pipeline.fragments import BATCH_SIZE
 from rasterizer.pipeline.texel_positions import NEAREST_ERROR
-from rasterizer.pipeline.texture_lookup import fill_mip_levels, sample_batch
+from rasterizer.pipeline.texture_lookup import compute_texcoords, fill_mip_levels, read_texels
 from rasterizer.pipeline.texture_planes import texcoord_error, texcoord_references
 from rasterizer.scene.material import Material
 from rasterizer.scene.texture import Texture
@@ -25,7 +25,9 @@ SIZES = ((16, 16), (1, 1), (1, 7), (9, 1), (5, 3), (37, 64), (300, 200), (2, 2))
 @kernel
 def look_up(batch, n, packed, texture, out):
     """Look a texture up in float32."""
-    return sample_batch(batch, n, packing.packed_texture(packed, index(texture)), out, index(0), index(BATCH_SIZE))
+    one = packing.packed_texture(packed, index(texture))
+    compute_texcoords(batch, n, one)
+    return read_texels(batch, n, one, out, index(0), index(BATCH_SIZE))
 
 
 @kernel
