@@ -10,12 +10,30 @@ from rasterizer.compiler.kernels import STORE
 from rasterizer.engine import draw
 
 
-@pytest.fixture(scope="session", autouse=True)
-def compiled_kernels():
-    """Compile all kernels before the first test, so that no test pays for it, or finds the notice about it on
-    stderr. Where nothing is kept, as with RASTER_STORE=off, each kernel is compiled when it is met."""
-    if STORE.is_kept:
-        assert main(["warmup", "--quiet"]) == 0
+def pytest_addoption(parser):
+    """Let kernels be compiled one by one, where a few tests need a few of them."""
+    parser.addoption("--lazily", action="store_true", help="compile each kernel when a test needs it, not all ahead")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_sessionstart(session):
+    """Compile all kernels before the workers are started, so that no test pays for it, or finds the notice about it
+    on stderr. Where nothing is kept, as with RASTER_STORE=off, each kernel is compiled when it is met."""
+    config = session.config
+    if hasattr(config, "workerinput") or config.option.collectonly or config.option.lazily or not STORE.is_kept:
+        return
+    with config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled():
+        assert main(["warmup"]) == 0
+
+
+@pytest.fixture
+def alone(tmp_path_factory):
+    """Keep tests that count, stop or kill processes, or wait for a given time, from running beside each other."""
+    import fcntl
+
+    with open(tmp_path_factory.getbasetemp().parent / "alone", "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)
