@@ -27,6 +27,9 @@ from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
 
 OUTPUTS = ("color", "depth", "face", "normal")
+LABELS, MEANS = ("mask", "object", "material"), ("uv", "barycentric", "position", "position_camera")
+EDGES = ("wire", "crease", "silhouette", ("crease", "silhouette"))
+BLACK = {"material": rz.Material(ambient=0, diffuse=0, specular=0), "materials": None}
 ROUNDED = 2.0**-23  # relative, of an intensity stored as float32: in the frame, and in its alpha
 
 
@@ -68,6 +71,7 @@ def find_faults(case: Case) -> Outcome:
     found, is_clear = check_surfaces(case, frame, exact, expected)
     if found:
         return Outcome(faults + found, dtype, np.inf, 0, 0)
+    faults += check_buffers(case, frame, expected, is_clear) + check_edges(case)
     ratios = output_ratios(case, frame, expected, is_clear, lambda: all_clear(case))
     faults += [f"{name}: the error is {ratio:.3g} times its bound" for name, ratio in ratios.items() if ratio > 1.0]
     outcome = check_colors(case, frame, exact, expected, is_clear, dtype)
@@ -110,7 +114,7 @@ def has_spectra(case) -> bool:
     colors = [light.color for light in case.scene.lights]
     for mesh in case.scene.meshes:
         for material in mesh.palette:
-            colors += [material.ambient, material.diffuse, material.specular, material.emissive]
+            colors += [material.ambient, material.diffuse, material.specular, material.emissive, material.fresnel]
     return case.options["spectral"] is not None or any(hasattr(color, "wavelengths") for color in colors)
 
 
@@ -168,6 +172,54 @@ def check_surfaces(case, frame, exact, expected):
     if depth.max(initial=0.0) > 1e-6:
         faults.append(f"depths are off by {depth.max():.3g}")
     return faults, is_clear
+
+
+def check_buffers(case, frame, expected, is_clear) -> list:
+    """Every fourth scene's other buffers: labels to the last bit, what is interpolated as float32 rounds it.
+
+    The weights are quotients of whole numbers times 1/w, which is a line in z: off by 2^-50 of the largest 1/w for
+    each, so by 2^-50·(far/near) of itself. Far/near is below 2^20 where it is clear which surface is in front.
+    """
+    if case.options["samples"] > 1 or case.index % 4:
+        return []
+    with_all, _ = draw(case, outputs=(*OUTPUTS, *LABELS, *MEANS, "normal_camera"))
+    is_seen, faults = is_clear & (expected.face >= 0), []
+    for name in OUTPUTS:
+        if getattr(with_all, name).tobytes() != getattr(frame, name).tobytes():
+            faults.append(f"{name} is another one beside other buffers")
+    for name in (*LABELS, *MEANS, "normal_camera"):
+        found, wanted = with_all.array(name)[is_seen], getattr(expected.surface, name)[is_seen]
+        if (np.isnan(found) != np.isnan(wanted)).any():
+            faults.append(f"{name} is NaN elsewhere")
+        found, wanted = np.nan_to_num(found.astype(float)), np.nan_to_num(wanted.astype(float))
+        most = 2.0**-24 * np.abs(wanted) + 2.0**-30 * np.abs(wanted).max(initial=0.0)
+        most = 0.0 if name in LABELS else 2.0**-22 if name == "normal_camera" else most
+        error = np.abs(found - wanted)
+        if (error > most).any():
+            faults.append(f"{name} is off by {error.max():.3g} in {(error > most).sum()} values")
+    return faults
+
+
+def check_edges(case) -> list:
+    """Every fourth scene's edges, white on black: as much of the picture is covered as the reference says.
+
+    The fast way decides every half sample along an edge, so strokes may end elsewhere by a quarter of a pixel. Left
+    out are skew, of which the reference's edges know nothing, planes that cut edges off, and units far from 1.
+    """
+    camera, size = case.scene.camera, case.size
+    if case.index % 4 != 1 or camera.skew or camera.near or not 1e-5 < float(case.words.split("unit ")[1]) < 1e5:
+        return []
+    number = case.index // 4
+    settings = {"shading": case.options["shading"], "cull": case.options["cull"], "edge_color": "white"}
+    settings |= {"edges": EDGES[number % 4], "edge_width": (0.5, 1.0, 2.0, 4.0)[number // 4 % 4], "samples": 1}
+    meshes = [replace(mesh, **BLACK, face_material=None) for mesh in case.scene.meshes]
+    scene = replace(case.scene, meshes=meshes, lights=(), background=None, depth_cue=None)
+    frame = rz.render(scene, size, outputs="color", threads=1, **settings)
+    with np.errstate(all="ignore"):
+        expected = reference.render(scene, size, **settings)
+    shares = [each.color[..., 1] * each.alpha for each in (frame, expected)]
+    off, most = np.abs(shares[0] - shares[1]).sum(), 1.0 + 0.01 * shares[1].sum()
+    return [f"edges {settings['edges']} differ by {off:.3g} > {most:.3g} pixels"] if off > most else []
 
 
 def check_colors(case, frame, exact, expected, is_clear, dtype) -> Outcome:

@@ -5,6 +5,7 @@
 Everything is drawn in units of about the size of the model, and brought to the scene's unit (10^-30..10^30) at the end.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from helpers.campaign_looks import Dice, Lens, make_lights, make_materials
 from helpers.pinhole import octasphere, torus, unit
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.scene.lights import MOST_LIGHTS
+from rasterizer.scene.named_materials import NAMED_MATERIALS
 
 
 class Case(NamedTuple):
@@ -39,6 +41,7 @@ def make_case(seed: int, index: int) -> Case:
     lights = as_many_as_legal(make_lights(dice, np.concatenate(points), lens))
     background = tuple(dice.rng.random(3)) if dice.chance(0.2) else None
     options = make_options(dice)
+    meshes, options = by_number(index, meshes, options)
     options["antialias"] = "shade-once" if options["samples"] > 1 and index % 2 else "supersample"
     cue = None
     if dice.wild(0.1):
@@ -48,6 +51,18 @@ def make_case(seed: int, index: int) -> Case:
     dice.words.append(f"unit {dice.scale:.0e}")
     scene = rz.Scene(meshes, lights, scaled_camera(lens.options, dice.scale), background, depth_cue=cue)
     return Case(seed, index, " ".join(dice.words), scene, dice.size, options)
+
+
+def by_number(index, meshes, options):
+    """What is too rare to be left to the dice: materials by their names, F0 as a spectrum, sixteen samples."""
+    one, turn = len(meshes[0].palette) == 1 and meshes[0].material.texture is None, index // 16
+    if one and index % 16 == 9:
+        name = list(NAMED_MATERIALS)[turn % len(NAMED_MATERIALS)]
+        meshes = [replace(meshes[0], material=rz.Material.named(name)), *meshes[1:]]
+    if one and index % 16 == 13:
+        tinted = replace(meshes[0].material, fresnel=rz.Spectrum((400, 550, 700), (0.2, 0.9, 0.1 + 0.05 * (turn % 9))))
+        meshes = [replace(meshes[0], material=tinted), *meshes[1:]]
+    return meshes, options | ({"samples": 16} if index % 64 == 7 else {})
 
 
 def as_many_as_legal(lights) -> list:

@@ -41,14 +41,22 @@ def broken_mesh(rng):
     return vertices * 10.0 ** rng.integers(-6, 7), faces
 
 
-@pytest.mark.parametrize("weighting", WEIGHTINGS)
-@pytest.mark.parametrize("seed", range(4))
-def test_both_ways_agree_on_broken_meshes(seed, weighting):
+def check_broken_meshes(seed, n):
+    """Compare the two ways on so many meshes."""
     rng = np.random.default_rng(seed)
-    for _ in range(60):
+    for k in range(n):
         vertices, faces = broken_mesh(rng)
         smoothing = rng.integers(0, 3, len(faces)) if rng.random() < 0.25 else None
-        check(vertices, faces, rng.choice([*ANGLES, rng.uniform(0, 180)]), weighting, smoothing)
+        check(vertices, faces, rng.choice([*ANGLES, rng.uniform(0, 180)]), WEIGHTINGS[k % 3], smoothing)
+
+
+def test_both_ways_agree_on_broken_meshes():
+    check_broken_meshes(0, 120)
+
+
+@pytest.mark.nightly
+def test_both_ways_agree_on_many_broken_meshes():
+    check_broken_meshes(1, 3000)
 
 
 def bumpy_sheet(rng, n=9, height=0.4):
@@ -62,10 +70,9 @@ def bumpy_sheet(rng, n=9, height=0.4):
     return vertices, rng.permutation(np.concatenate([faces, faces[:3]]))
 
 
-@pytest.mark.parametrize("weighting", WEIGHTINGS)
-@pytest.mark.parametrize("angle", ANGLES)
-def test_both_ways_agree_on_sheets_with_reversed_faces(angle, weighting):
-    check(*bumpy_sheet(np.random.default_rng(7)), angle, weighting)
+def test_both_ways_agree_on_sheets_with_reversed_faces():
+    for k, angle in enumerate((*ANGLES, 30, 60)):
+        check(*bumpy_sheet(np.random.default_rng(7)), angle, WEIGHTINGS[k % 3])
 
 
 def fan(n, height):
@@ -76,10 +83,9 @@ def fan(n, height):
     return np.vstack([[[0.0, 0, height]], rim]), np.stack([0 * i, 1 + i, 1 + (i + 1) % n], axis=1)
 
 
-@pytest.mark.parametrize("angle", [0, 5, 60, 180])
-@pytest.mark.parametrize(("n", "height"), [(3, 1.0), (64, 2.0), (1000, 0.1), (5000, 3.0)])
-def test_both_ways_agree_on_huge_fans(n, height, angle):
-    check(*fan(n, height), angle)
+def test_both_ways_agree_on_huge_fans():
+    for n, height, angle in ((3, 1.0, 180), (64, 2.0, 5), (64, 2.0, 60), (1000, 0.1, 180), (1000, 3.0, 0)):
+        check(*fan(n, height), angle)
 
 
 def edge_of(n_face, is_reversed):
@@ -90,17 +96,16 @@ def edge_of(n_face, is_reversed):
     return np.vstack([[[0.0, 0, 0], [0, 0, 1]], tips]), np.column_stack([ends, 2 + np.arange(n_face)])
 
 
-@pytest.mark.parametrize("n_face", [2, 3, 4, 7, 63, 64, 65, 200])
-@pytest.mark.parametrize("angle", [0, 30, 90, 180])
-def test_both_ways_agree_about_edges_of_many_faces(n_face, angle):
+def test_both_ways_agree_about_edges_of_many_faces():
     """Up to 64 faces all pairs are tried; more are no part of a surface. What contradicts itself takes the first
     link."""
-    is_reversed = np.random.default_rng(n_face).random(n_face) < 0.4
-    check(*edge_of(n_face, is_reversed), angle)
+    for n_face in (2, 3, 4, 7, 63, 64, 65, 66):
+        is_reversed = np.random.default_rng(n_face).random(n_face) < 0.4
+        for angle in (0, 30, 90, 180):
+            check(*edge_of(n_face, is_reversed), angle)
 
 
-@pytest.mark.parametrize("n_side", [6, 9, 12])
-@pytest.mark.parametrize("rounding", [np.float64, np.float32, lambda a: np.round(a, 6)])
+@pytest.mark.parametrize("n_side, rounding", [(6, np.float64), (9, np.float32), (12, lambda a: np.round(a, 6))])
 def test_both_ways_treat_faces_that_meet_at_the_crease_angle_alike(n_side, rounding):
     around = 2 * np.pi * np.arange(n_side) / n_side
     rim = np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
@@ -138,11 +143,15 @@ def own_loops(faces, polygon, points):
     return [tuple(row[k:] + row[:k] for row in loop) for loop, k in zip(found, begin, strict=True)]
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_both_ways_find_the_same_convex_polygons(seed):
+def test_both_ways_find_the_same_convex_polygons():
     """Convex, bent, concave and crossing polygons, some turned round, some torn apart, some with triangles out of
     order."""
-    rng = np.random.default_rng(seed)
+    for seed in range(4):
+        check_polygons(np.random.default_rng(seed))
+
+
+def check_polygons(rng):
+    """Compare what the two ways make of sixty polygons."""
     points, corners, counts = [], [], []
     for _ in range(60):
         k = int(rng.integers(3, 9))

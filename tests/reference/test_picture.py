@@ -84,13 +84,13 @@ far_ints = st.integers(-(2**28), 2**28)
 coordinates = st.one_of(near_ints, half_pixels, half_pixels, far_ints)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.tuples(*[st.tuples(coordinates, coordinates)] * 3))
 def test_coverage_is_that_of_fractions(triangle):
     check_coverage(triangle)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.tuples(half_pixels, half_pixels), st.tuples(far_ints, far_ints), st.integers(-2, 2), st.integers(-2, 2))
 def test_coverage_of_slivers(start, end, dx, dy):
     check_coverage((start, end, (min(max(end[0] + dx, -(2**28)), 2**28), min(max(end[1] + dy, -(2**28)), 2**28))))
@@ -114,7 +114,7 @@ def test_coverage_refuses_what_would_overflow():
         coverage([(0, 0), (2**28 + 1, 0), (0, 5)], 4, 4)
 
 
-@pytest.mark.parametrize("snap", [1, 64, 128])
+@pytest.mark.parametrize("snap", [1, 128])
 def test_tiling_covers_every_sample_once(snap):
     rng = np.random.default_rng(snap)
     n = 9  # a grid of quads that reaches beyond the 24 x 24 px picture, its inner vertices shaken
@@ -136,7 +136,7 @@ def test_fan_round_a_sample_covers_it_once():
     assert (count == 1).all()
 
 
-@pytest.mark.parametrize("model", [octasphere(0), octasphere(3), torus(24, 12)], ids=["octahedron", "sphere", "torus"])
+@pytest.mark.parametrize("model", [octasphere(2), torus(24, 12)], ids=["sphere", "torus"])
 def test_closed_mesh_covers_once_in_front_once_behind(model):
     vertices, faces = model
     rotation = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
@@ -266,16 +266,11 @@ def check_floor(triangle, near, size=(80, 60), face=((0, 1, 2),)):
     return picture
 
 
-@pytest.mark.parametrize("winding", [(0, 1, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)])
 @pytest.mark.parametrize("near", [0.05, 1.5])
-def test_floor_with_one_vertex_behind(winding, near):
-    check_floor([(0.3, -1, 3.0), (-5.2, -1, -9.1), (6.1, -1, -8.3)], near, face=[winding])
-
-
-@pytest.mark.parametrize("winding", [(0, 1, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)])
-@pytest.mark.parametrize("near", [0.05, 1.5])
-def test_floor_with_two_vertices_behind(winding, near):
-    check_floor([(-4.3, -1, 3.1), (4.1, -1, 2.7), (0.4, -1, -9.3)], near, face=[winding])
+def test_floors_with_vertices_behind(near):
+    for winding in ((0, 1, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)):
+        check_floor([(0.3, -1, 3.0), (-5.2, -1, -9.1), (6.1, -1, -8.3)], near, face=[winding])
+        check_floor([(-4.3, -1, 3.1), (4.1, -1, 2.7), (0.4, -1, -9.3)], near, face=[winding])
 
 
 def test_clipped_colors_are_those_of_the_whole_triangle():
@@ -355,18 +350,10 @@ def test_cameras_so_far_away_that_coordinates_overflow_are_refused():
 # ── options ─────────────────────────────────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize(
-    "option",
-    [
-        {"shading": "toon"},
-        {"samples": 2},
-        {"cull": "front"},
-        {"color_range": "tone"},
-        {"size": (0, 4)},
-        {"near": 0.0},
-        {"near": 3.0, "far": 2.0},
-    ],
-)
-def test_illegal_options_are_refused(option):
-    with pytest.raises(SceneError):
-        draw(layer((4, 4), 2.0), QUAD, **({"size": (4, 4)} | option))
+def test_illegal_options_are_refused():
+    for option in (
+        {"shading": "toon"}, {"samples": 2}, {"cull": "front"}, {"color_range": "tone"}, {"size": (0, 4)},
+        {"near": 0.0}, {"near": 3.0, "far": 2.0},
+    ):  # fmt: skip
+        with pytest.raises(SceneError):
+            draw(layer((4, 4), 2.0), QUAD, **({"size": (4, 4)} | option))
