@@ -1,9 +1,11 @@
-"""Check where compiled kernels are kept: where the environment asks for, nowhere that others can write to, and nothing
-that isn't ours is removed."""
+"""Where compiled kernels are kept: where the environment asks for, nowhere that others can write to, and nothing that
+isn't ours is removed."""
 
+import importlib.util
 import os
+import shutil
 import time
-from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,11 +19,6 @@ IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 posix = pytest.mark.skipif(os.name != "posix", reason="owners and modes are looked at on POSIX alone")
 
 
-def only_file(folder) -> Path:
-    (path,) = folder.glob(f"*{store.SUFFIX}")
-    return path
-
-
 # ---------------------------------------------------------------- what the environment asks for
 
 
@@ -31,68 +28,88 @@ def environment(tmp_path, monkeypatch):
     for name in [name for name in os.environ if name.startswith(("NUMBA_", "RASTER_"))]:
         monkeypatch.delenv(name)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "caches"))
-    monkeypatch.setattr(store, "SHIPPED", tmp_path / "shipped")
     monkeypatch.chdir(tmp_path)
     tmp_path.chmod(0o700)
     return monkeypatch
 
 
-def test_the_store_is_below_the_users_caches(environment, tmp_path):
-    found = Store.of_process(True)
+@pytest.fixture
+def installed(environment, tmp_path):
+    """The module as a package in a folder of the test's has it: kernels that were shipped are beside it."""
+    place = tmp_path / "package" / "compiler" / "store.py"
+    place.parent.mkdir(parents=True)
+    shutil.copy(store.__file__, place)
+    spec = importlib.util.spec_from_file_location("rasterizer.compiler.store_elsewhere", place)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    assert tmp_path / "package" / "kernels" == module.SHIPPED
+    return module
+
+
+def without_a_name(monkeypatch):
+    """Let the system know nothing of the user, as in a container that runs under any number."""
+    import pwd
+
+    def nobody(_number):
+        raise KeyError("no entry")
+
+    monkeypatch.setattr(pwd, "getpwuid", nobody)
+
+
+def test_the_store_is_below_the_users_caches(installed, tmp_path):
+    found = installed.Store.of_process(True)
     assert found.own.parent == tmp_path / "caches" / "rasterizer" and found.folders == (found.own,)
-    assert found.is_used and found.is_kept and found.reasons == ()
+    assert found.is_used and found.is_kept and found.reasons == () and found.processors
 
 
-@pytest.mark.parametrize("given, expected", [
-    ({"RASTER_STORE": "a"}, "a"),
-    ({"NUMBA_CACHE_DIR": "b"}, "b"),
-    ({"RASTER_STORE": "a", "NUMBA_CACHE_DIR": "b"}, "a"),
-    ({"RASTER_STORE": "", "NUMBA_CACHE_DIR": "b"}, "b"),
-    ({"RASTER_STORE": "", "NUMBA_CACHE_DIR": ""}, "caches/rasterizer"),
-])  # fmt: skip
-def test_a_folder_that_is_asked_for_is_the_only_one(environment, tmp_path, given, expected):
-    for name, value in given.items():
-        environment.setenv(name, str(tmp_path / value) if value else "")
-    shipped = Store.into(tmp_path / "shipped").own
-    found = Store.of_process(True)
-    assert found.own.parent == tmp_path / expected
-    assert found.folders == ((shipped, found.own) if expected.startswith("caches") else (found.own,))
+def test_a_folder_that_is_asked_for_is_the_only_one(installed, environment, tmp_path):
+    shipped = installed.Store.into(installed.SHIPPED).own
+    for own, numbas, expected in (
+        ("a", None, "a"),
+        (None, "b", "b"),
+        ("a", "b", "a"),
+        ("", "b", "b"),
+        ("", "", "caches/rasterizer"),
+    ):
+        for name, value in (("RASTER_STORE", own), ("NUMBA_CACHE_DIR", numbas)):
+            environment.delenv(name, raising=False)
+            if value is not None:
+                environment.setenv(name, str(tmp_path / value) if value else "")
+        found = installed.Store.of_process(True)
+        assert found.own.parent == tmp_path / expected, f"RASTER_STORE={own}, NUMBA_CACHE_DIR={numbas}: {found.own}"
+        assert found.folders == ((shipped, found.own) if expected.startswith("caches") else (found.own,))
 
 
-@pytest.mark.parametrize("given, reason", [
-    ({"RASTER_STORE": "off"}, "RASTER_STORE is off"),
-    ({"NUMBA_BOUNDSCHECK": "1"}, "NUMBA_BOUNDSCHECK is set: kernels raise errors"),
-])  # fmt: skip
-def test_where_numba_calls_the_kernels_nothing_is_kept(environment, tmp_path, given, reason):
-    for name, value in given.items():
-        environment.setenv(name, value)
-    found = Store.of_process(True)
-    assert (found.folders, found.own, found.is_used) == ((), None, False) and found.reasons[0].startswith(reason)
+def test_where_numba_calls_the_kernels_nothing_is_kept(environment, tmp_path):
+    for name, value, reason in (
+        ("RASTER_STORE", "off", "RASTER_STORE is off"),
+        ("NUMBA_BOUNDSCHECK", "1", "NUMBA_BOUNDSCHECK is set: kernels raise errors"),
+    ):
+        with environment.context() as patch:
+            patch.setenv(name, value)
+            found = Store.of_process(True)
+        assert (found.folders, found.own, found.is_used) == ((), None, False) and found.reasons[0].startswith(reason)
     assert list(tmp_path.iterdir()) == []
-    assert Store.of_process(False).reasons == ("the JIT is switched off",)
+    assert Store.of_process(False) == Store(reasons=("the JIT is switched off",))
 
 
-def test_a_store_that_was_shipped_for_other_sources_is_not_looked_into(environment, tmp_path):
-    other = tmp_path / "shipped" / NAME
-    other.mkdir(parents=True)
-    found = Store.of_process(True)
-    assert other not in found.folders and found.folders == (found.own,)
-
-
-@posix
-def test_a_shipped_store_that_others_can_write_to_is_not_looked_into(environment, tmp_path):
-    shipped = Store.into(tmp_path / "shipped").own
-    shipped.chmod(0o777)
-    found = Store.of_process(True)
-    assert found.folders == (found.own,) and f"others can write to {shipped}" in found.reasons[0]
-
-
-def test_a_shipped_store_is_used_where_nothing_can_be_written(environment, tmp_path):
-    shipped = Store.into(tmp_path / "shipped").own
-    (tmp_path / "caches").write_text("a file")
-    environment.setattr(store, "home_folders", lambda: [tmp_path / "caches"])
-    found = Store.of_process(True)
-    assert found.folders == (shipped,) and found.own is None and found.is_used and len(found.reasons) == 1
+def test_a_store_that_was_shipped_is_used_where_it_is_ours(installed, environment, tmp_path):
+    """Not that of other sources, nor one that others can write to; it will do alone, where nothing can be written."""
+    (installed.SHIPPED / NAME).mkdir(parents=True)
+    found = installed.Store.of_process(True)
+    assert found.folders == (found.own,), "shipped for other sources"
+    shipped = installed.Store.into(installed.SHIPPED).own
+    assert installed.Store.of_process(True).folders == (shipped, found.own)
+    if os.name == "posix":
+        shipped.chmod(0o777)
+        found = installed.Store.of_process(True)
+        assert found.folders == (found.own,) and f"others can write to {shipped}" in found.reasons[0]
+        shipped.chmod(0o755)
+        (tmp_path / "file").write_text("a file")
+        without_a_name(environment)
+        environment.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+        found = installed.Store.of_process(True)
+        assert found.folders == (shipped,) and found.own is None and found.is_used and len(found.reasons) == 1
 
 
 def test_using_a_store_keeps_it_young_and_sweeps_old_ones(environment, tmp_path):
@@ -100,7 +117,20 @@ def test_using_a_store_keeps_it_young_and_sweeps_old_ones(environment, tmp_path)
     os.utime(own, (0, 0))
     old = make_old(own.parent / f"{store.PREFIX}00000000000000aa", f"a{store.SUFFIX}")
     assert Store.of_process(True).own == own
-    assert time.time() - own.stat().st_mtime < 3600 and not old.exists()
+    age = time.time() - own.stat().st_mtime
+    assert age < 3600 and not old.exists(), f"used a moment ago, and still {age:.0f} s old > 3600"
+
+
+def test_a_store_to_be_shipped_says_why_it_can_not_be_made(environment, tmp_path):
+    (tmp_path / "file").write_text("precious")
+    with pytest.raises(OSError):
+        Store.into(tmp_path / "file" / "below")
+    if os.name == "posix":
+        place = tmp_path / "open"
+        place.mkdir()
+        place.chmod(0o777)
+        with pytest.raises(PermissionError, match=f"others can write to {place}"):
+            Store.into(place)
 
 
 # ---------------------------------------------------------------- what may be loaded
@@ -115,36 +145,45 @@ def test_a_new_folder_is_closed_to_others_and_found_again(tmp_path):
 
 
 @posix
-@pytest.mark.parametrize("level", ["the folder", "the one above", "two above"])
-@pytest.mark.parametrize("mode", [0o777, 0o707, 0o1777, 0o775])
-def test_what_others_can_write_to_is_refused(tmp_path, monkeypatch, level, mode):
+def test_what_others_can_write_to_is_refused(tmp_path, monkeypatch):
     """A sticky folder will do above the folder, where nobody can move what isn't his; a group is others, unless one's
-    own."""
+    own: of the user's name, with no other member."""
+    import grp
+    import pwd
+
+    groups = {"another": ("users", []), "with others": ("me", ["me", "you"]), "own": ("me", []), "named": ("me", ["me"])}
+    monkeypatch.setattr(pwd, "getpwuid", lambda _number: SimpleNamespace(pw_name="me", pw_dir=str(tmp_path)))
     folder = tmp_path / "outer" / "inner" / NAME
     folder.mkdir(parents=True)
-    place = {"the folder": folder, "the one above": folder.parent, "two above": folder.parent.parent}[level]
-    place.chmod(mode)
-    for is_private in (False, True):
-        monkeypatch.setattr(store, "_is_private_group", lambda _number, is_private=is_private: is_private)
-        found, reasons = store.choose_folder([folder.parent], NAME)
-        is_safe = (mode == 0o1777 and level != "the folder") or (mode == 0o775 and is_private)
-        assert found == (folder if is_safe else None)
-        assert is_safe or (len(reasons) == 1 and f"others can write to {place}" in reasons[0]), reasons
+    for place in (folder, folder.parent, folder.parent.parent):
+        for mode in (0o777, 0o707, 0o1777, 0o775):
+            place.chmod(mode)
+            for kind, (name, members) in groups.items():
+                group = SimpleNamespace(gr_name=name, gr_mem=members)
+                monkeypatch.setattr(grp, "getgrgid", lambda _number, group=group: group)
+                found, reasons = store.choose_folder([folder.parent], NAME)
+                is_safe = (mode == 0o1777 and place != folder) or (mode == 0o775 and kind in ("own", "named"))
+                case = f"{place} with {mode:o}, a group of kind {kind}"
+                assert found == (folder if is_safe else None), case
+                assert is_safe or (len(reasons) == 1 and f"others can write to {place}" in reasons[0]), (case, reasons)
+        place.chmod(0o700)
 
 
 @posix
 @pytest.mark.skipif(not IS_ROOT, reason="only root can give files away")
-@pytest.mark.parametrize("level", ["the folder", "the one above", "the file"])
-def test_what_belongs_to_somebody_else_is_refused(tmp_path, level):
+def test_what_belongs_to_somebody_else_is_refused(tmp_path):
     folder = tmp_path / "outer" / NAME
     folder.mkdir(parents=True)
     store.write_code(folder, TITLE, KEY, CODE)
-    os.chown({"the folder": folder, "the one above": folder.parent, "the file": only_file(folder)}[level], 12345, 12345)
-    if level == "the file":
-        assert store.read_code(folder, TITLE, KEY) is None
-        return
-    found, reasons = store.choose_folder([folder.parent], NAME)
-    assert found is None and "belongs to another user" in reasons[0]
+    (file,) = folder.glob(f"*{store.SUFFIX}")
+    os.chown(file, 12345, 12345)
+    assert store.read_code(folder, TITLE, KEY) is None
+    for place in (folder, folder.parent):
+        os.chown(place, 12345, 12345)
+        found, reasons = store.choose_folder([folder.parent], NAME)
+        assert found is None and "belongs to another user" in reasons[0], place
+        os.chown(place, os.geteuid(), 0)
+    assert store.choose_folder([folder.parent], NAME)[0] == folder
 
 
 @posix
@@ -182,33 +221,32 @@ def test_strange_names_of_folders_are_no_fault(tmp_path):
     assert (tmp_path / "file").read_text() == "precious"
 
 
-@pytest.mark.parametrize("home", [None, "", "~", "relative", ".", "/nowhere/at/all"])
-@pytest.mark.parametrize("cache", [None, "", "relative", "./here", "~/.cache"])
-def test_only_absolute_homes_count(monkeypatch, tmp_path, home, cache):
+def test_only_absolute_homes_count(monkeypatch, tmp_path):
     """Else a folder would be made, and code loaded, where the program happens to be started."""
     monkeypatch.chdir(tmp_path)
-    for name, value in (("HOME", home), ("XDG_CACHE_HOME", cache)):
-        monkeypatch.delenv(name, raising=False)
-        if value is not None:
-            monkeypatch.setenv(name, value)
-    assert all(folder.is_absolute() and tmp_path not in folder.parents for folder in store.home_folders())
+    for home in (None, "", "~", "relative", ".", "/nowhere/at/all"):
+        for cache in (None, "", "relative", "./here", "~/.cache"):
+            for name, value in (("HOME", home), ("XDG_CACHE_HOME", cache)):
+                monkeypatch.delenv(name, raising=False)
+                if value is not None:
+                    monkeypatch.setenv(name, value)
+            for folder in store.home_folders():
+                is_absolute = folder.is_absolute() and tmp_path not in folder.parents
+                assert is_absolute, f"HOME={home}, XDG_CACHE_HOME={cache}: {folder}"
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert store.home_folders()[0] == tmp_path / "home" / ".cache"
 
 
 @posix
 def test_a_user_without_a_home_or_a_name_makes_no_folder(tmp_path, monkeypatch):
-    """As in a container that runs under any number."""
-    import pwd
-
-    def nobody(_number):
-        raise KeyError("no entry")
-
-    monkeypatch.setattr(pwd, "getpwuid", nobody)
+    without_a_name(monkeypatch)
     monkeypatch.chdir(tmp_path)
     for name in ("HOME", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
     assert store.home_folders() == []
-    assert not store._is_private_group(0)
     assert not list(tmp_path.iterdir())
+    tmp_path.chmod(0o770)  # no group is his own
+    assert "others can write" in store.find_distrust(tmp_path)
 
 
 # ---------------------------------------------------------------- what is removed
@@ -227,39 +265,25 @@ def make_old(folder, *names, marker=store.MARK):
 
 
 def test_only_folders_of_ours_are_removed(tmp_path):
-    kernel = f"scan.scan-0{store.SUFFIX}"
-    ours = make_old(tmp_path / f"{store.PREFIX}00000000000000aa", kernel, f"x{store.HALF_WRITTEN}")
-    elsewhere = make_old(tmp_path / "elsewhere", kernel)
-    kept = [
-        make_old(tmp_path / "kernels-0123456789abcdef", kernel),
-        make_old(tmp_path / "kernels-of-my-thesis", "thesis.tex"),
-        make_old(tmp_path / f"{store.PREFIX}00000000000000ab", kernel, marker=None),
-        make_old(tmp_path / f"{store.PREFIX}00000000000000ac", kernel, marker=b"mine"),
-        make_old(tmp_path / f"{store.PREFIX}00000000000000AD", kernel),
-        make_old(tmp_path / f"{store.PREFIX}00000000000000a", kernel),
-        make_old(tmp_path / f"{store.PREFIX}00000000000000aee", kernel),
-        make_old(tmp_path / f"{store.PREFIX}zzzzzzzzzzzzzzzz", kernel),
-        elsewhere,
-    ]
-    young = tmp_path / f"{store.PREFIX}00000000000000af"
-    make_old(young, kernel)
-    os.utime(young)
-    link = tmp_path / f"{store.PREFIX}00000000000000b0"
-    link.symlink_to(elsewhere)
-    file = tmp_path / f"{store.PREFIX}00000000000000b1"
-    file.write_text("a file")
-    os.utime(file, (0, 0))
-    mixed = make_old(tmp_path / f"{store.PREFIX}00000000000000b2", kernel, "thesis.tex")
-    store.remove_old(tmp_path / NAME)
+    kernel, prefix = f"scan.scan-0{store.SUFFIX}", f"{store.PREFIX}00000000000000"
+    ours = make_old(tmp_path / f"{prefix}aa", kernel, f"x{store.HALF_WRITTEN}")
+    others = [make_old(tmp_path / name, kernel) for name in (
+        "elsewhere", "kernels-0123456789abcdef", f"{prefix}AD", f"{prefix}a", f"{prefix}aee", f"{store.PREFIX}{'z' * 16}",
+    )]  # fmt: skip
+    others.append(make_old(tmp_path / f"{prefix}ab", kernel, marker=None))
+    others.append(make_old(tmp_path / f"{prefix}ac", kernel, marker=b"mine"))
+    in_use = make_old(tmp_path / NAME, kernel)
+    young = make_old(tmp_path / f"{prefix}af", kernel)
+    os.utime(young, (time.time() - 20 * 24 * 3600,) * 2)
+    thesis = make_old(tmp_path / "kernels-of-my-thesis", "thesis.tex")
+    mixed = make_old(tmp_path / f"{prefix}b2", kernel, "thesis.tex")
+    (tmp_path / f"{prefix}b0").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / f"{prefix}b1").write_text("a file")
+    os.utime(tmp_path / f"{prefix}b1", (0, 0))
+    store.remove_old(in_use)
     assert not ours.exists()
-    assert all(
-        len(list(folder.iterdir())) >= 1 and (folder / kernel).exists() for folder in [*kept[2:], kept[0], young]
-    )
-    assert (kept[1] / "thesis.tex").exists() and link.is_symlink() and file.read_text() == "a file"
-    assert (mixed / "thesis.tex").read_text() == "something"
-
-
-def test_the_folder_in_use_is_never_removed(tmp_path):
-    folder = make_old(tmp_path / NAME, f"a{store.SUFFIX}")
-    store.remove_old(folder)
-    assert (folder / f"a{store.SUFFIX}").exists()
+    for folder in (*others, in_use, young):
+        assert (folder / kernel).exists(), f"{folder.name} is removed"
+    for folder in (thesis, mixed):
+        assert (folder / "thesis.tex").read_text() == "something", folder.name
+    assert (tmp_path / f"{prefix}b0").is_symlink() and (tmp_path / f"{prefix}b1").read_text() == "a file"
