@@ -13,7 +13,7 @@ MESH = rz.load(ROOT / "models" / "cube.obj").meshes[0]
 PICTURES = 60
 
 
-@pytest.mark.slow  # many pictures, so that a leak stands out from noise
+@pytest.mark.nightly  # many pictures, so that a leak stands out from noise
 def test_pictures_of_all_kinds_leave_nothing_behind():
     """5 MB over 10 000 pictures are 500 bytes a picture; what leaks at all leaks an array of some kilobytes.
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rasterizer import frame as frame_module
 from rasterizer.errors import OutputError, SceneError
 from rasterizer.frame import Frame, Stats
 from rasterizer.io.files import write_whole
@@ -63,20 +62,19 @@ def test_a_notebook_shows_the_picture():
     assert np.array_equal(np.asarray(shown), make_frame().rgba)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".PNG", ".webp", ".tif", ".tga"])
-def test_saved_pictures_are_the_same(tmp_path, suffix):
-    frame, path = make_frame(), tmp_path / f"picture{suffix}"
-    assert frame.save(str(path), **({"lossless": True, "exact": True} if suffix == ".webp" else {})) == path
-    assert np.array_equal(np.asarray(Image.open(path)), frame.rgba)
+def test_saved_pictures_are_the_same(tmp_path):
+    frame = make_frame()
+    for suffix in (".png", ".PNG", ".webp", ".tif", ".tga"):
+        path = tmp_path / f"picture{suffix}"
+        assert frame.save(str(path), **({"lossless": True, "exact": True} if suffix == ".webp" else {})) == path
+        assert np.array_equal(np.asarray(Image.open(path)), frame.rgba), suffix
 
 
-@pytest.mark.parametrize("suffix", [".jpg", ".ppm", ".eps"])
-def test_transparency_is_laid_on_white_where_a_format_has_none(tmp_path, suffix):
-    frame, path = make_frame(alpha=0), tmp_path / f"picture{suffix}"
-    frame.save(path)
-    if suffix not in (".eps", ".ppm"):
-        assert np.asarray(Image.open(path)).min() >= 250
-    assert path.stat().st_size
+def test_transparency_is_laid_on_white_where_a_format_has_none(tmp_path):
+    for suffix in (".jpg", ".ppm", ".eps"):
+        path = make_frame(alpha=0).save(tmp_path / f"picture{suffix}")
+        assert path.stat().st_size, suffix
+        assert suffix == ".eps" or np.asarray(Image.open(path)).min() >= 250, f"{suffix} is not white"
 
 
 def noisy_frame(n_thread, alpha=None) -> Frame:
@@ -88,12 +86,12 @@ def noisy_frame(n_thread, alpha=None) -> Frame:
     return Frame(rgba, {}, replace(STATS, threads=n_thread), (500, 400))
 
 
-@pytest.mark.parametrize(("alpha", "mode"), [(None, "RGBA"), (255, "RGB"), (254, "RGBA")])
-def test_a_png_file_is_the_same_for_any_number_of_threads(alpha, mode):
-    files = [noisy_frame(n_thread, alpha).encode("png") for n_thread in (1, 2, 5)]
-    image = Image.open(io.BytesIO(files[0]))
-    assert files[0] == files[1] == files[2] and image.mode == mode
-    assert np.array_equal(np.asarray(image.convert("RGBA")), noisy_frame(1, alpha).rgba)
+def test_a_png_file_is_the_same_for_any_number_of_threads():
+    for alpha, mode in ((None, "RGBA"), (255, "RGB"), (254, "RGBA")):
+        files = [noisy_frame(n_thread, alpha).encode("png") for n_thread in (1, 2, 5)]
+        image = Image.open(io.BytesIO(files[0]))
+        assert files[0] == files[1] == files[2] and image.mode == mode, alpha
+        assert np.array_equal(np.asarray(image.convert("RGBA")), noisy_frame(1, alpha).rgba), alpha
 
 
 def test_options_of_a_png_file_are_passed_to_pillow():
@@ -103,26 +101,24 @@ def test_options_of_a_png_file_are_passed_to_pillow():
     assert np.array_equal(np.asarray(Image.open(io.BytesIO(small))), frame.rgba)
 
 
-def test_a_png_file_is_written_without_pillow(tmp_path):
-    """Importing it takes as long as to encode a picture."""
+def run_program(code, folder):
+    """What a program says on stdout, in a process of its own; nothing on stderr."""
+    done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
+    assert done.stderr == "", done.stderr
+    return done.stdout.strip()
+
+
+def test_a_png_file_is_written_without_pillow_and_while_the_interpreter_ends(tmp_path):
+    """Importing it takes as long as to encode a picture. At the end no thread can be started any more."""
     code = (
-        "import sys, numpy; from rasterizer.frame import Frame, Stats\n"
+        "import atexit, sys, numpy; from rasterizer.frame import Frame, Stats\n"
         "Frame(numpy.zeros((2, 3, 4), 'u1'), {}, Stats(*[1] * 8), (3, 2)).save('x.png')\n"
-        "print(sorted({'PIL', 'numba'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-    assert (done.stdout.strip(), done.stderr) == ("[]", "") and Image.open(tmp_path / "x.png").size == (3, 2)
-
-
-def test_a_picture_can_be_saved_while_the_interpreter_ends(tmp_path):
-    """When no thread can be started any more."""
-    code = (
-        "import atexit, numpy; from rasterizer.frame import Frame, Stats\n"
+        "print(sorted({'PIL', 'numba'} & set(sys.modules)))\n"
         "frame = Frame(numpy.zeros((600, 600, 4), 'u1'), {}, Stats(*[2] * 8), (600, 600))\n"
-        "atexit.register(frame.save, 'x.png')"
+        "atexit.register(frame.save, 'y.png')"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
-    assert done.stderr == "" and Image.open(tmp_path / "x.png").size == (600, 600)
+    assert run_program(code, tmp_path) == "[]"
+    assert [Image.open(tmp_path / name).size for name in ("x.png", "y.png")] == [(3, 2), (600, 600)]
 
 
 def test_format_overrides_the_suffix(tmp_path):
@@ -146,17 +142,13 @@ def test_arrays_are_saved_by_name(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["a.npy", "d.npy"]
 
 
-@pytest.mark.parametrize(("name", "reason"), [("x.foo", "'foo' is unknown"), ("x", "without a suffix")])
-def test_unknown_formats(tmp_path, name, reason):
-    with pytest.raises(OutputError, match=f"{reason}.*legal are npy, png"):
-        make_frame().save(tmp_path / name)
-    assert not os.listdir(tmp_path)
-
-
-@pytest.mark.parametrize("suffix", [".xbm", ".blp", ".grib"])
-def test_formats_that_cannot_hold_the_picture(tmp_path, suffix):
-    with pytest.raises(OutputError, match="can't write a"):
-        make_frame().save(tmp_path / f"x{suffix}")
+def test_formats_that_are_unknown_or_cannot_hold_the_picture(tmp_path):
+    for name, reason in (
+        ("x.foo", "'foo' is unknown.*legal are npy, png"), ("x", "without a suffix.*legal are npy, png"),
+        ("x.xbm", "can't write a"), ("x.blp", "can't write a"), ("x.grib", "can't write a"),
+    ):  # fmt: skip
+        with pytest.raises(OutputError, match=reason):
+            make_frame().save(tmp_path / name)
     assert not os.listdir(tmp_path)
 
 
@@ -187,7 +179,7 @@ def test_nobody_sees_half_a_file(tmp_path, monkeypatch, stop):
     def fail(*_):
         raise stop
 
-    monkeypatch.setattr(frame_module.os, "replace", fail)
+    monkeypatch.setattr(os, "replace", fail)  # the system's, as when a disk is full
     with pytest.raises(OutputError if isinstance(stop, OSError) else type(stop)):
         write_whole(path, b"after")
     assert path.read_bytes() == b"before" and os.listdir(tmp_path) == ["x.png"]

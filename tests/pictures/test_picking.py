@@ -65,13 +65,14 @@ def test_another_camera_picks_another_surface(scene):
         renderer.pick(0, 0)
 
 
-@pytest.mark.parametrize("given", [(-1, 0), (40, 0), (0, 30), (0.5, 1), ("1", 2), (None, 0), (True, 0), (np.nan, 0)])
-def test_a_pixel_that_is_not_there_is_refused(scene, given):
+def test_a_pixel_that_is_not_there_is_refused(scene):
     frame = rz.render(scene, SIZE, outputs="rgb")
-    with pytest.raises(rz.SceneError, match="a pixel is a column of 0 to 39 and a row of 0 to 29; given"):
-        frame.pick(*given)
-    with rz.Renderer(scene, SIZE) as renderer, pytest.raises(rz.SceneError, match="a pixel is a column"):
-        renderer.pick(*given)
+    with rz.Renderer(scene, SIZE) as renderer:
+        for given in ((-1, 0), (40, 0), (0, 30), (0.5, 1), ("1", 2), (None, 0), (True, 0), (np.nan, 0)):
+            with pytest.raises(rz.SceneError, match="a pixel is a column of 0 to 39 and a row of 0 to 29; given"):
+                frame.pick(*given)
+            with pytest.raises(rz.SceneError, match="a pixel is a column"):
+                renderer.pick(*given)
     assert frame.pick(np.int64(20), np.uint8(15)) == frame.pick(20, 15) is not None
 
 

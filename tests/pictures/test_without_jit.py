@@ -16,41 +16,46 @@ from helpers.small_scenes import SHADINGS, SIZE, draw, drawn
 COLOR = 1e-6  # of float32 colours: machine code may add in another order
 
 
-@pytest.fixture(scope="module")
-def plain_pictures():
-    """All small scenes, drawn by a process that compiles nothing."""
+def draw_plainly(names):
+    """Small scenes, drawn by a process that compiles nothing."""
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
-    command = [sys.executable, "-W", "error", "-m", "helpers.small_scenes"]
+    command = [sys.executable, "-W", "error", "-m", "helpers.small_scenes", *names]
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, check=False)
     assert done.returncode == 0 and not done.stderr, done.stderr.decode()[-2000:]
     return np.load(io.BytesIO(done.stdout))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("name", drawn())
-def test_a_picture_without_the_jit_is_the_compiled_one(plain_pictures, name, shading):
+def check_scenes(names):
     """Coverage, face and depth to the bit."""
-    fault = f"{name}/{shading}/fault"
-    assert fault not in plain_pictures, str(plain_pictures[fault])
-    expected = draw(name, shading)
-    found = {buffer: plain_pictures[f"{name}/{shading}/{buffer}"] for buffer in expected}
-    assert (expected["face"] >= 0).sum() > 50, "the scene shows too little"
-    assert np.ptp(expected["color"][expected["face"] >= 0]) > 0.05, "the scene is all alike"
-    for buffer in ("face", "depth"):
-        assert found[buffer].tobytes() == expected[buffer].tobytes(), (
-            f"{buffer} differs in {differing(found, expected, buffer)} px"
-        )
-    for buffer in ("alpha", "color", "normal"):
-        worst = np.abs(found[buffer] - expected[buffer]).max()
-        assert worst <= COLOR, f"{buffer}: {worst:.3g} > {COLOR:.3g}"
-    levels = np.abs(found["rgb"].astype(int) - expected["rgb"])
-    assert levels.max() <= 1, f"{levels.max()} levels of 8 bits > 1"
+    pictures = draw_plainly(names)
+    for name in names:
+        for shading in SHADINGS:
+            which, fault = f"{name}, {shading}", f"{name}/{shading}/fault"
+            assert fault not in pictures, f"{which}: {pictures[fault]}"
+            expected = draw(name, shading)
+            found = {buffer: pictures[f"{name}/{shading}/{buffer}"] for buffer in expected}
+            assert (expected["face"] >= 0).sum() > 50, f"{which}: the scene shows too little"
+            assert np.ptp(expected["color"][expected["face"] >= 0]) > 0.05, f"{which}: the scene is all alike"
+            for buffer in ("face", "depth"):
+                n_off = int((found[buffer] != expected[buffer]).sum())
+                assert n_off == 0, f"{which}: {buffer} differs in {n_off} px"
+            for buffer in ("alpha", "color", "normal"):
+                worst = np.abs(found[buffer] - expected[buffer]).max()
+                assert worst <= COLOR, f"{which}: {buffer} {worst:.3g} > {COLOR:.3g}"
+            levels = np.abs(found["rgb"].astype(int) - expected["rgb"]).max()
+            assert levels <= 1, f"{which}: {levels} levels of 8 bits > 1"
 
 
-def differing(found, expected, buffer) -> int:
-    """Pixels in which a buffer differs."""
-    return int((found[buffer] != expected[buffer]).sum())
+HANDFUL = ("many lights", "transparent and textured", "shadows", "reflection, cook-torrance, with W")
+
+
+def test_a_few_pictures_without_the_jit_are_the_compiled_ones():
+    check_scenes(HANDFUL)
+
+
+@pytest.mark.nightly
+def test_every_picture_without_the_jit_is_the_compiled_one():
+    check_scenes(list(drawn()))
 
 
 def test_the_example_of_the_manual_runs(tmp_path):
