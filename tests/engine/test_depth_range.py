@@ -1,31 +1,143 @@
-"""Depths at the ends of what float64 holds: drawn right, or refused."""
+"""Depths: fitted to the scene, clipped where a camera says so, and right, or refused, at the ends of float64."""
+
+from itertools import cycle
 
 import numpy as np
 import pytest
+from helpers.against_reference import EXACT, compare_with_reference
+from helpers.pinhole import SHADINGS
+from helpers.stages import screen_of
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.engine.depth_range import LEAST_EXTENT
+from rasterizer.engine.depth_range import LEAST_EXTENT, NEAREST, depths_of_boxes, fit_depth_range
+from rasterizer.options import DEFAULT_TOLERANCE
+from rasterizer.pipeline.transform import DEPTH_BITS, DEPTH_MARGIN
 
-CORNERS = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], float)
-FACES = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 LIGHTS = (rz.AmbientLight(0.1), rz.DirectionalLight((-0.4, -0.5, -0.8), 0.8))
+BOUNDS = np.array([[[-1.0, -1, -1], [1, 1, 1]], [[2.0, 0, 0], [3, 1, 1]]])
 
 
-def draw(scale, **options):
-    scene = rz.Scene([rz.Mesh(scale * CORNERS, FACES, crease_angle=0)], LIGHTS)
-    return rz.render(scene, (64, 48), outputs=("color", "face"), tolerance=0, **{"samples": 1} | options)
+def fitted(camera, bounds=BOUNDS):
+    """Near, far and the clip distance that a camera gets."""
+    (near, far), clip = fit_depth_range(camera, depths_of_boxes(camera.view(), bounds))
+    return near, far, clip
 
 
-@pytest.mark.parametrize("samples", [1, 16])
-@pytest.mark.parametrize("power", [-479, -300, -100, 100, 300, 330])
-def test_the_unit_of_a_scene_changes_nothing(power, samples):
+def test_the_range_fits_what_lies_before_the_camera():
+    for name, camera, least, most in (
+        ("before it", rz.Camera.perspective((0, 0, 5)), 4, 6),
+        ("about it", rz.Camera.perspective((0, 0, 0), (0, 0, -1)), NEAREST, 1),
+        ("before it, straight", rz.Camera.orthographic((0, 0, 5)), 4, 6),
+        ("about it, straight", rz.Camera.orthographic((0, 0, 0.5)), 0, 1.5),
+        ("behind it, straight", rz.Camera.orthographic((0, 0, -5), (0, 0, -9)), 0, 0),
+    ):
+        near, far, clip = fitted(camera)
+        assert (near, far) == (pytest.approx(least, rel=1e-5), pytest.approx(most, rel=1e-5)), name
+        assert near <= least and far >= most and clip == np.inf, f"{name}: no room for rounding"
+    near, far, _ = fitted(rz.Camera.perspective((0, 0, -5), (0, 0, -9)))
+    assert 0 < near <= far < np.inf, "a camera that sees nothing gets a range all the same"
+
+
+@pytest.mark.parametrize("make", [rz.Camera.perspective, rz.Camera.orthographic])
+def test_near_and_far_that_are_given_count(make):
+    assert fitted(make((0, 0, 5), near=0.25, far=7.5)) == (0.25, 7.5, 7.5)
+    near, far, clip = fitted(make((0, 0, 5), near=0.25))
+    assert near == 0.25 and far == pytest.approx(6, rel=1e-5) and clip == np.inf
+    near, far, clip = fitted(make((0, 0, 5), far=5.5))
+    assert near == pytest.approx(4, rel=1e-5) and (far, clip) == (5.5, 5.5)
+    assert fitted(make((0, 0, 5), near=50.0)) == (50.0, 50.0, np.inf)
+
+
+positions = st.tuples(*[st.floats(-20, 20)] * 3)
+
+
+@settings(max_examples=50, deadline=None)
+@given(positions, positions, st.booleans(), st.floats(-6, 6))
+def test_depths_in_the_range_fit_the_entries(eye, target, is_perspective, exponent):
+    """Every vertex beyond the near plane gets a z within the bits for it, at any scale, with some room."""
+    assume(np.linalg.norm(np.subtract(eye, target)) >= 1e-3)
+    scale = 10.0**exponent
+    eye, target = (tuple(scale * c for c in place) for place in (eye, target))
+    lens = {"fov": 45} if is_perspective else {"height": scale}
+    camera = rz.Camera(position=eye, target=target, **lens)
+    view = camera.view()
+    (near, far), _ = fit_depth_range(camera, depths_of_boxes(view, BOUNDS * scale))
+    screen = screen_of(view, camera.projection((64, 48)), (near, far))
+    corners = (BOUNDS * scale).reshape(-1, 3)
+    depth = (corners - view.eye) @ view.forward
+    depth = depth[depth >= near]
+    assert (depth <= far).all() and (near > 0 if is_perspective else near >= 0)
+    z = screen.z_offset + screen.z_scale * (1 / depth if is_perspective else depth)
+    assert (z >= DEPTH_MARGIN - 64).all() and (z <= 2.0**DEPTH_BITS - DEPTH_MARGIN + 64).all()
+
+
+def test_scenes_without_depth_are_drawn():
+    """All depths equal: the range is a point, and must not divide by zero."""
+    corners = [(-1, -1, 0), (1, -1, 0), (0, 1, 0)]
+    for camera in (rz.Camera.perspective((0, 0, 3)), rz.Camera.orthographic((0, 0, 3), height=2.5)):
+        frame = rz.render(rz.Scene([rz.Mesh(corners, [[0, 1, 2]])], LIGHTS, camera), (40, 30), outputs="depth")
+        is_seen = np.isfinite(frame.depth)
+        assert is_seen.sum() > 100 and np.abs(frame.depth[is_seen] - 3).max() < 1e-6
+
+
+NEARS = (None, 0.25, 1e-3, 1e-9, 1e-11, 1e-16, 1e-30, 1e-300, 5e-324)
+FARS = (None, 6.0, 1e10, 1e30, 1e300)
+PLANES = [*zip(NEARS, cycle(FARS)), *zip(NEARS[::-1], cycle(FARS[1:]))]
+
+
+@pytest.mark.parametrize("make", [rz.Camera.perspective, rz.Camera.orthographic])
+def test_near_and_far_planes_only_clip(make):
+    """A square lies a little before another one: however far the planes are from both, it hides it, and nothing is
+    off."""
+    square = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+    vertices, colors = np.concatenate([square - (0, 0, 1e-3), square]), np.repeat([[1.0, 0, 0], [0, 1, 0]], 4, axis=0)
+    faces = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]  # that before is the second one
+    planes = PLANES + [(-1e30, 1e30)] * (make is rz.Camera.orthographic)
+    for k, (near, far) in enumerate(planes):
+        order, tolerance = (1, -1)[k % 2], (0, DEFAULT_TOLERANCE)[k // 2 % 2]
+        camera = make((0, 0, 5), near=near, far=far)
+        scene = rz.Scene([rz.Mesh(vertices, faces[::order], colors=colors)], [rz.AmbientLight(1.0)], camera)
+        frame = rz.render(scene, (32, 24), shading="phong", tolerance=tolerance, samples=1, outputs=("color", "depth"))
+        is_seen, case = frame.alpha > 0, f"near {near}, far {far}, tolerance {tolerance:.2g}"
+        assert is_seen.sum() > 100 and np.abs(frame.depth[is_seen] - 5).max() < 1e-5, case
+        assert frame.color[is_seen][:, 0].max() <= DEFAULT_TOLERANCE, f"{case}: the other one is seen"
+
+
+def test_a_camera_inside_a_mesh_may_have_any_near_plane():
+    """Next to the camera faces are cut, or are not: all colours and depths are finite, and those of the reference."""
+    rng = np.random.default_rng(5)
+    vertices = rng.uniform(-1, 1, (36, 3))
+    mesh = rz.Mesh(vertices, np.arange(36).reshape(-1, 3), colors=rng.uniform(0, 1, (36, 3)), crease_angle=0)
+    for near, shading in zip(NEARS[1:], cycle(SHADINGS)):
+        camera = rz.Camera.perspective((0, 0, 0), (0.3, 0.2, -1), fov=80, near=near)
+        verdict = compare_with_reference(rz.Scene([mesh], LIGHTS, camera), (32, 24), shading=shading, tolerance=0)
+        assert max(verdict.color, verdict.depth) <= EXACT, f"near {near}: {verdict}"
+        assert verdict.n_compared > 100
+
+
+# ---------------------------------------------------------------- units
+
+
+def draw_scaled(scale):
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], float)
+    faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    scene = rz.Scene([rz.Mesh(scale * corners, faces, crease_angle=0)], LIGHTS)
+    return rz.render(scene, (64, 48), outputs=("color", "face"), tolerance=0, samples=1)
+
+
+def test_the_unit_of_a_scene_changes_nothing():
     """A power of two is exact: the same picture, but for lights, whose rounding differs with the way they are taken."""
-    usual, scaled = draw(1.0, samples=samples), draw(2.0**power, samples=samples)
-    assert (usual.face == scaled.face).all() and (usual.alpha == scaled.alpha).all()
-    assert np.abs(usual.color - scaled.color).max() <= 1e-6
+    usual = draw_scaled(1.0)
+    for power in (-479, -300, -100, 100, 300, 330):
+        scaled = draw_scaled(2.0**power)
+        assert (usual.face == scaled.face).all() and (usual.alpha == scaled.alpha).all(), f"2^{power}"
+        error = np.abs(usual.color - scaled.color).max()
+        assert error <= 1e-6, f"2^{power}: {error:.3g} > 1e-6"
 
 
-@pytest.mark.parametrize("scale", [0.5 * LEAST_EXTENT, 1e-160, 1e-310, 5e-324])
-def test_what_is_too_small_for_float64_is_refused(scale):
-    with pytest.raises(rz.SceneError, match="scale the scene"):
-        draw(scale)
+def test_what_is_too_small_for_float64_is_refused():
+    for scale in (0.5 * LEAST_EXTENT, 1e-310, 5e-324):
+        with pytest.raises(rz.SceneError, match="large; it must be at least .*: scale the scene"):
+            draw_scaled(scale)

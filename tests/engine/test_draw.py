@@ -1,0 +1,63 @@
+"""Bands: high enough to be worth a thread, low enough for a cache, and for the numbers of records."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers.stages import SERIAL, drawables_of
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import rasterizer as rz
+from rasterizer.engine.draw import BAND_ENTRIES, Drawn, busiest_first, choose_band_rows, cull
+from rasterizer.options import MOST_PIXELS
+from rasterizer.pipeline.face_planes import NO_PLANES
+from rasterizer.pipeline.visibility import MAX_RECORDS
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, MOST_PIXELS), st.integers(1, MOST_PIXELS), st.integers(1, 64), st.sampled_from([1, 2, 3, 4]))
+def test_bands_are_whole_pixels_high_and_fit_the_cache(columns, lines, n_thread, factor):
+    width, height = max(1, columns // factor) * factor, max(1, lines // factor) * factor
+    rows = choose_band_rows(width, height, n_thread, factor)
+    assert rows % factor == 0 and factor <= rows <= height
+    assert rows * width <= max(BAND_ENTRIES, 8 * width)
+    if n_thread > 1:
+        assert rows <= max(16, -(-height // (2 * n_thread)))
+
+
+def test_bands_of_usual_pictures():
+    for given_, rows in (
+        ((640, 480, 1, 1), 204), ((640, 480, 2, 1), 120), ((16384, 16384, 1, 1), 8), ((16384, 4, 8, 4), 4),
+        ((MOST_PIXELS, MOST_PIXELS, 64, 4), 8),
+    ):  # fmt: skip
+        assert choose_band_rows(*given_) == rows, f"{given_}: {choose_band_rows(*given_)} != {rows}"
+
+
+def test_busy_bands_come_first_and_empty_ones_where_they_are_filled():
+    n_in_band = np.array([0, 3, 9, 3, 0])
+    assert busiest_first(n_in_band, True) == [2, 1, 3, 0, 4] and busiest_first(n_in_band, False) == [2, 1, 3]
+
+
+def test_too_many_triangles_for_a_band_make_it_lower():
+    """Record numbers are limited: bands are halved until they suffice; one row of pixels must do."""
+    rng, (width, height), n, factor = np.random.default_rng(3), (64, 48), 900, 2
+    corners = rng.uniform(0, (width - 8, height - 8), (n, 1, 2)) + np.array([(0, 0), (6, 0), (0, 6)])
+    drawables = drawables_of(np.rint(256 * corners), np.full((n, 3), 2.0**30), np.zeros((1, n, 3, 1), np.float32))
+    drawn = Drawn(drawables, np.empty(0), None, NO_PLANES, 0, 0, None)
+
+    def bands_of(limit):
+        as_pass = SimpleNamespace(
+            n_sample=(width, height), factor=factor, sample_time=4, is_culled=False,
+            most_records=lambda n_triangle: n_triangle * (MAX_RECORDS // limit),
+        )  # fmt: skip
+        lists, n_row = cull(drawn, as_pass, SERIAL)
+        return n_row, np.diff(lists.starts)
+
+    whole, n_in_band = bands_of(n)
+    assert whole == height and n_in_band.tolist() == [n]
+    n_row, n_in_band = bands_of(300)
+    assert n_row < height and n_row % factor == 0 and n_in_band.max() <= 300, f"{n_row} rows: {n_in_band.max()} > 300"
+    assert bands_of(2 * n_in_band.max())[0] >= n_row, "lower than they need be"
+    with pytest.raises(rz.SceneError, match="polygons meet one row of pixels; legal are 20: draw a larger picture"):
+        bands_of(20)
