@@ -125,7 +125,7 @@ def scan_alone(
     attributes : float32, or float64 where all materials of the coding are, or one of each
     material : (n,) of each triangle
     options : deferred, where transparent triangles go; y_start, of the band; room for records, units; fill, what is
-        there before, a number, or one for each place of a unit
+        there before, a number, or one for each place of a unit; run, in place of `scan`
 
     Returns
     -------
@@ -144,7 +144,7 @@ def scan_alone(
     y_start = options.get("y_start", 0)
     band = Band(np.arange(n, dtype=np.uint32), y_start, y_start + size[1])
     drawables = drawables_of(triangles, z, tuple(array[None] for array in sides), is_inverted, material)
-    counts = scan(
+    counts = options.get("run", scan)(
         band, drawables, coding, workspace.block, workspace.visibility, workspace.records, options.get("deferred")
     )
     return workspace, ScanCounts(*counts)

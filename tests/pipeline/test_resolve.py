@@ -1,8 +1,11 @@
 """Check how intensities become pixels: the box filter, backgrounds, ranges, and the clean-up."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from helpers.bands import encoding, fill, levels, run
+from helpers.pairs import pairs
 
 from rasterizer.pipeline.encode import RANGE_GLOBAL, RANGE_LOCAL, encode_picture
 from rasterizer.pipeline.fragments import BATCH_SIZE
@@ -40,43 +43,47 @@ def mean_colors(covered, radiance, factor, tint):
 
 TINT = (1.0, 0.5, 0.2)
 SHAPE = (19, BATCH_SIZE + 37)  # pixels; more than a batch, in groups of rows that aren't full
+CHOICES = pairs(
+    factor=(1, 2, 3, 4),
+    n_channel=(1, 3),
+    background=(None, (0.2, 0.5, 0.05)),
+    dtype=(np.float32, np.float64),
+)
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("background", [None, (0.2, 0.5, 0.05)])
-@pytest.mark.parametrize("n_channel", [1, 3])
-@pytest.mark.parametrize("factor", [1, 2, 3, 4])
+@pytest.mark.parametrize("factor, n_channel, background, dtype", CHOICES)
 def test_pixels_are_means_of_their_covered_samples(factor, n_channel, background, dtype):
     covered, radiance = random_band(factor, n_channel, (SHAPE[0] * factor, SHAPE[1] * factor), factor)
     picture, rgba, _, n_covered = run(covered, radiance, encoding(background=background, tint=TINT), factor, dtype)
     color, alpha = mean_colors(covered, radiance, factor, TINT)
     assert n_covered == covered.sum()
     if background is not None:
-        color, alpha = (
-            color * alpha[..., None] + np.array(background) * (1 - alpha[..., None]),
-            np.ones_like(alpha),
-        )
+        color = color * alpha[..., None] + np.array(background) * (1 - alpha[..., None])
+        alpha = np.ones_like(alpha)
     off = np.abs(picture.color - color).max()
     assert off <= (2 + factor**2) * 2.0**-24 * 1.2 * 2, f"{off} > rounding of float32"
-    assert np.abs(picture.alpha - alpha).max() <= 2.0**-24
+    off = np.abs(picture.alpha - alpha).max()
+    assert off <= 2.0**-24, f"alpha is off by {off} > 2^-24"
     assert (rgba[..., :3] == levels(picture.color)).all()
     assert (rgba[..., 3] == np.floor(255 * picture.alpha.astype(float) + 0.5)).all()
-    if background is None:
-        assert not picture.color[:8].any() and not rgba[:8].any()
-    else:
-        assert (rgba[:8, :, :3] == levels(np.array(background, np.float32))).all()
+    blank = 0 if background is None else levels(np.array(background, np.float32))
+    assert (rgba[:8, :, :3] == blank).all(), "rows in which nothing is drawn"
 
 
-@pytest.mark.parametrize("factor", [1, 2])
-@pytest.mark.parametrize("n_channel", [1, 3])
-@pytest.mark.parametrize("background", [None, (0.2, 0.2, 0.2), (0.2, 0.5, 0.05)])
-def test_bytes_alone_are_the_same_as_with_colors(background, n_channel, factor):
-    covered, radiance = random_band(5, n_channel, (38, 2 * BATCH_SIZE + 90), factor)
-    is_grey = n_channel == 1 and (background is None or len(set(background)) == 1)
-    how = encoding(background=background, is_grey=is_grey)
-    _, both, _, n_both = run(covered, radiance, how, factor)
-    _, alone, _, n_alone = run(covered, radiance, how, factor, with_color=False)
-    assert (both == alone).all() and n_both == n_alone == covered.sum()
+def test_bytes_alone_are_the_same_as_with_colors_and_both_leave_the_band_clear():
+    for factor, n_channel in product((1, 2, 3), (1, 3)):
+        covered, radiance = random_band(5, n_channel, (18 * factor, (2 * BATCH_SIZE + 45) * factor), factor)
+        for background in (None, (0.2, 0.2, 0.2), (0.2, 0.5, 0.05)):
+            is_grey = n_channel == 1 and (background is None or len(set(background)) == 1)
+            how, case = encoding(background=background, is_grey=is_grey), f"{factor=} {n_channel=} {background=}"
+            found = [run(covered, radiance, how, factor, with_color=with_color) for with_color in (True, False)]
+            (_, both, _, n_both), (_, alone, _, n_alone) = found
+            assert (both == alone).all(), f"{case}: {(both != alone).sum()} bytes differ"
+            assert n_both == n_alone == covered.sum(), f"{case}: {n_both}, {n_alone}"
+            for _, _, workspace, _ in found:
+                visibility = workspace.visibility
+                assert (visibility.entries == CLEAR).all(), f"{case}: entries are left"
+                assert (visibility.left == 1 << 30).all() and (visibility.right == -1).all(), f"{case}: extents"
 
 
 def test_every_pixel_of_the_band_is_written():
@@ -101,35 +108,26 @@ def test_a_grey_picture_has_three_equal_channels():
     assert (grey[..., 0] == grey[..., 1]).all() and (grey[..., 0] == grey[..., 2]).all() and np.ptp(grey[..., 0]) == 255
 
 
-@pytest.mark.parametrize("factor", [1, 2])
-def test_policies_bring_colors_into_range(factor):
+def test_policies_bring_colors_into_range():
     """Local: by the pixel's largest component. Global: by one scale. Linear colours stay as they are."""
-    covered, radiance = random_band(7, 3, (20 * factor, 90 * factor), factor)
-    radiance = radiance * 3
-    clamped = run(covered, radiance, encoding(), factor)[0]
-    local, local_bytes, _, _ = run(covered, radiance, encoding(RANGE_LOCAL), factor)
-    assert (local.color == clamped.color).all() and clamped.color.max() > 3
-    color = clamped.color.astype(float)
-    expected = 255 * srgb_from_linear(color / np.maximum(color.max(axis=2, keepdims=True), 1))
-    # A scale in float32 may move a value by a rounding error across the border between two levels.
-    off = np.abs(local_bytes[..., :3] - expected).max()
-    assert off <= 0.5 + 255 * 2 * 2.0**-23, f"{off} levels > 0.5"
-    scale = 1 / color.max()
-    how = encoding(RANGE_GLOBAL, scale=float(scale))
-    global_bytes = run(covered, radiance, how, factor)[1]
-    off = np.abs(global_bytes[..., :3] - 255 * srgb_from_linear(color * scale)).max()
-    assert off <= 0.5 + 255 * 2 * 2.0**-23, f"{off} levels > 0.5"
-    again = np.zeros_like(clamped.rgba)
-    encode_picture(clamped.color, clamped.alpha, how, again)
-    assert (again.view(np.uint8).reshape(global_bytes.shape) == global_bytes).all()
-
-
-@pytest.mark.parametrize("factor", [1, 2, 3])
-def test_the_z_buffer_is_clean_after_it(factor):
-    covered, radiance = random_band(8, 1, (18 * factor, 61 * factor), factor)
-    workspace = run(covered, radiance, encoding(), factor)[2]
-    assert (workspace.visibility.entries == CLEAR).all()
-    assert (workspace.visibility.left == 1 << 30).all() and (workspace.visibility.right == -1).all()
+    for factor in (1, 2):
+        covered, radiance = random_band(7, 3, (20 * factor, 90 * factor), factor)
+        radiance = radiance * 3
+        clamped = run(covered, radiance, encoding(), factor)[0]
+        local, local_bytes, _, _ = run(covered, radiance, encoding(RANGE_LOCAL), factor)
+        assert (local.color == clamped.color).all() and clamped.color.max() > 3
+        color = clamped.color.astype(float)
+        scale = 1 / color.max()
+        how = encoding(RANGE_GLOBAL, scale=float(scale))
+        global_bytes = run(covered, radiance, how, factor)[1]
+        of_local = color / np.maximum(color.max(axis=2, keepdims=True), 1)
+        # A scale in float32 may move a value by a rounding error across the border between two levels.
+        for name, found, linear in (("local", local_bytes, of_local), ("global", global_bytes, color * scale)):
+            off = np.abs(found[..., :3] - 255 * srgb_from_linear(linear)).max()
+            assert off <= 0.5 + 255 * 2 * 2.0**-23, f"{name}, {factor=}: {off} levels > 0.5"
+        again = np.zeros_like(clamped.rgba)
+        encode_picture(clamped.color, clamped.alpha, how, again)
+        assert (again.view(np.uint8).reshape(global_bytes.shape) == global_bytes).all()
 
 
 def test_what_lanes_wrote_behind_a_row_is_cleaned():
