@@ -252,28 +252,9 @@ def _lines(random):
     """An OBJ file of random lines."""
     keys = ("v", "v", "v", "vn", "vt", "f", "f", "f", "f", "s", "g", "o", "usemtl", "mtllib", "l", "p", "#", "\\")
     words = [
-        "1",
-        "2",
-        "3",
-        "4",
-        "-1",
-        "1/1",
-        "1//1",
-        "2/2/1",
-        "3/",
-        "/",
-        "0",
-        "5",
-        "a",
-        "b",
-        "a.mtl",
-        "0.5",
-        "1e3",
-        "nan",
-        "-2",
-        "off",
-        "\\",
-    ]
+        "1", "2", "3", "4", "-1", "1/1", "1//1", "2/2/1", "3/", "/", "0", "5", "a", "b", "a.mtl", "0.5", "1e3", "nan",
+        "-2", "off", "\\",
+    ]  # fmt: skip
     lines = ["v 0 0 0", "v 1 0 0", "v 0 1 0", "v 0 0 1", "vt 0 0", "vt 1 1", "vn 0 0 1"]
     for _ in range(random.integers(1, 20)):
         lines.append(" ".join([random.choice(keys), *random.choice(words, int(random.integers(0, 6)))]))

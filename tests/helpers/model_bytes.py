@@ -4,6 +4,7 @@ import base64
 import json
 import struct
 import zipfile
+from functools import cache
 from io import BytesIO
 
 import trimesh
@@ -43,9 +44,14 @@ def embedded_gltf(scene) -> dict:
     return tree
 
 
-def gltf_with(change) -> bytes:
+@cache
+def _box_tree() -> str:
+    return json.dumps(embedded_gltf(trimesh.Scene(box())))
+
+
+def gltf_with(change=lambda tree, primitive: None) -> bytes:
     """Return a glTF box whose tree has been changed."""
-    tree = embedded_gltf(trimesh.Scene(box()))
+    tree = json.loads(_box_tree())
     change(tree, tree["meshes"][0]["primitives"][0])
     return json.dumps(tree).encode()
 
