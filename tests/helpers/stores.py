@@ -1,6 +1,7 @@
 """Kernels that tests compile for themselves, and processes with a store of their own."""
 
 import ctypes
+import importlib.util
 import os
 import subprocess
 import sys
@@ -9,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from helpers.raster import ROOT
-from rasterizer.compiler import internals
+from rasterizer.compiler import internals, kernels
 from rasterizer.compiler.machine_code import LoadedCode
 from rasterizer.compiler.signatures import Table, signature_of
 from rasterizer.compiler.store import FORMAT
@@ -54,6 +55,18 @@ class EntryPoint:
 
     def __call__(self, *arguments):
         return self._call(arguments, self._table.address)
+
+
+def kernels_with(monkeypatch, **variables):
+    """Return the module of decorators once more, as a process in which these variables are set has it: with a store of
+    its own. Kernels that it decorates are no others' kernels."""
+    with monkeypatch.context() as patch:  # no longer: numba reads its settings again whenever it compiles
+        for name, value in variables.items():
+            patch.setenv(name, str(value))
+        spec = importlib.util.spec_from_file_location("rasterizer.compiler.kernels_again", kernels.__file__)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+    return module
 
 
 def environment_with(**variables) -> dict:
