@@ -60,7 +60,15 @@ def test_lists_are_sorted_in_whatever_order_they_are():
     rng, lists = np.random.default_rng(3), [np.array([3, 2, 1])]
     for n in (0, 1, 2, 3, 24, 65, 1000):
         up = np.arange(n)
-        lists += [up, up[::-1], rng.permutation(n), rng.integers(0, 5, n), np.zeros(n, int), np.roll(up, n // 2), up ^ 1]
+        lists += [
+            up,
+            up[::-1],
+            rng.permutation(n),
+            rng.integers(0, 5, n),
+            np.zeros(n, int),
+            np.roll(up, n // 2),
+            up ^ 1,
+        ]
         lists += [rng.integers(-(2**62), 2**62, n)]
     starts = np.append(0, np.cumsum([len(each) for each in lists]))
     entries, unused = np.concatenate(lists).astype(np.int64), np.zeros(1, np.int64)
