@@ -107,8 +107,8 @@ def test_the_longest_pictures_are_covered_exactly(size):
 
 
 def test_soup_drawn_at_once_shows_the_lowest_face_of_those_that_cover():
-    """Equal depth everywhere: the z-buffer must not change what is covered, whatever the bands' height, which the number
-    of threads decides."""
+    """Equal depth everywhere: the z-buffer must not change what is covered, whatever the bands' height. The number
+    of threads decides that."""
     rng, size = np.random.default_rng(3), (37, 290)
     triangles = rng.integers(-2000, 12000, (80, 3, 2)) * (1, 10)
     masks = np.array([coverage(t, *size) for t in triangles])

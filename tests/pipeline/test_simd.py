@@ -1,22 +1,19 @@
 """Compare the vector loops with plain Python, wrap-around and rounding included, and so what stands in for them."""
 
-import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rasterizer.compiler.kernels import kernel
-from rasterizer.pipeline.simd import (
-    LANES,
-    PLANE_GROUP,
-    PlaneGroup,
-    evaluate_planes,
-    evaluate_planes_at,
-    evaluate_values,
-    evaluate_values_at,
-    merge_box,
+from rasterizer.pipeline.screen_points import (
+    ScreenPoints,
+    evaluate_planes_here,
+    evaluate_slopes_here,
+    evaluate_values_here,
+    evaluate_with_slopes,
 )
+from rasterizer.pipeline.simd import LANES, PLANE_GROUP, PlaneGroup, merge_box
 
 PITCH, ROWS = 21, 6
 
@@ -25,10 +22,6 @@ PITCH, ROWS = 21, 6
 def merge(entries, start, pitch, n_row, plane, edges, depth_mask):
     """Call merge_box from a kernel, as the scan stage does."""
     merge_box(entries, start, pitch, n_row, plane, edges, depth_mask)
-
-
-# As vector instructions, in Python with the JIT switched off, and where numba's version is unknown.
-MERGES = merge, np.errstate(over="ignore")(merge_box.py_func), numba.njit(merge_box.py_func)
 
 
 def merge_plainly(entries, start, pitch, n_row, word, edges, depth_mask):
@@ -44,15 +37,20 @@ def merge_plainly(entries, start, pitch, n_row, word, edges, depth_mask):
     return entries
 
 
+def as_plain(function, **warnings):
+    """A kernel as it is with the JIT switched off."""
+    return np.errstate(**warnings)(getattr(function, "py_func", function))
+
+
 def signed(value, bits):
     """The lowest bits of an integer, in two's complement."""
     return (value + (1 << bits - 1)) % (1 << bits) - (1 << bits - 1)
 
 
 def assert_same(entries, start, n_row, word, edges, depth_mask):
-    """Merge in all ways; return how many entries changed."""
+    """Merge by vectors, and as with the JIT switched off; return how many entries changed."""
     expected = merge_plainly(entries, start, PITCH, n_row, word, edges, depth_mask)
-    for way in MERGES:
+    for way in (merge, as_plain(merge, over="ignore")):
         array = np.array(entries, np.int64)
         way(
             array, np.uint64(start), np.uint64(PITCH), n_row, tuple(np.uint64(w % 2**64) for w in word),
@@ -71,9 +69,9 @@ edge = st.one_of(
 masks = st.sampled_from([-1, -(1 << 25), -(1 << 24), -(1 << 62), 0])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data(), st.integers(0, 8), st.integers(0, ROWS), masks, st.booleans())
-def test_any_bits_give_what_plain_python_gives(data, start, n_row, mask, is_open):
+def test_boxes_of_any_bits_are_merged_as_plain_python_does(data, start, n_row, mask, is_open):
     rng = np.random.default_rng(data.draw(st.integers(0, 2**32)))
     entries = rng.integers(-(2**63), 2**63 - 1, PITCH * ROWS).tolist()
     word = data.draw(st.tuples(whole, whole, whole))
@@ -95,156 +93,123 @@ def test_steps_run_through_the_wrap_around():
     assert n_changed == [LANES * ROWS, LANES * ROWS, 5 * ROWS, 3 * 7]
 
 
-@pytest.mark.parametrize("level", [0, 1, 2**25 - 1])
-def test_at_equal_depth_the_earlier_entry_stays(level):
-    """Payloads differ, depths are equal: nothing is written; one step nearer: everything."""
+def test_the_nearer_entry_stays_at_equal_depth_the_earlier_and_a_sample_on_an_edge_is_inside():
     mask = -(1 << 25)
-    entries = [(7 << 25) + level] * (PITCH * ROWS)
-    assert assert_same(entries, 0, ROWS, ((7 << 25), 0, 0), [0] * 9, mask) == 0
-    assert assert_same(entries, 0, ROWS, ((7 << 25) - 1, 0, 0), [0] * 9, mask) == LANES * ROWS
-
-
-def test_a_sample_on_an_edge_is_inside_and_nothing_else_is_touched():
+    for level in (0, 1, 2**25 - 1):  # payloads differ, depths are equal: nothing is written
+        entries = [(7 << 25) + level] * (PITCH * ROWS)
+        assert assert_same(entries, 0, ROWS, ((7 << 25), 0, 0), [0] * 9, mask) == 0
+        assert assert_same(entries, 0, ROWS, ((7 << 25) - 1, 0, 0), [0] * 9, mask) == LANES * ROWS
     entries = list(range(10**6, 10**6 + PITCH * ROWS))
     for e in range(3):
         for value, expected in ((0, LANES * ROWS), (-1, 0)):
             edges = [5, 0, 0] * 3
             edges[3 * e] = value
-            assert assert_same(entries, 4, ROWS, (1, 0, 0), edges, -1) == expected
-    assert assert_same(entries, 4, 0, (1, 0, 0), [0] * 9, -1) == 0
+            assert assert_same(entries, 4, ROWS, (1, 0, 0), edges, -1) == expected, f"edge {e} is {value}"
+
+
+# ---------------------------------------------------------------- planes
+
+PLANES, VALUES, SLOPES, BOTH = range(4)
 
 
 @kernel
-def evaluate(entries, group, x, y, out, start, stride):
-    """Call evaluate_planes from a kernel, as the shade stage does."""
-    evaluate_planes(entries, group, x, y, out, start, stride)
+def evaluate(form, entries, group, first, out, places, behind):
+    """Evaluate planes in one of the ways in which the shade stage does, from a kernel."""
+    start, stride, weights, behind_start = places
+    if form == PLANES:
+        evaluate_planes_here(entries, group, first, out, start, stride)
+    elif form == VALUES:
+        evaluate_values_here(entries, group, first, out, start, stride, weights)
+    elif form == SLOPES:
+        evaluate_slopes_here(entries, group, first, out, start, stride)
+    else:
+        evaluate_with_slopes(entries, group, first, out, start, stride, behind, behind_start)
 
 
-EVALUATIONS = (
-    evaluate,
-    np.errstate(over="ignore")(evaluate_planes.py_func),
-    numba.njit(evaluate_planes.py_func),
-)
+WAYS = {"vectors": evaluate, "plain": as_plain(evaluate, over="ignore", invalid="ignore")}
+ID_BIT, N_RECORD, UNIT_SHIFT = 24, 40, 4
+RECORD_MASK = (1 << 24) - 2  # as in the pipeline: bit 0 says whether a record is exact
+START, STRIDE, START_BEHIND, WEIGHTS = 5, 160, 3, 5 + 10 * 160
+PLACES = tuple(np.uint64(place) for place in (START, STRIDE, WEIGHTS, START_BEHIND))
 
 
-@kernel
-def evaluate_within(entries, group, x, y, out, start, stride, weights):
-    """Call evaluate_values from a kernel, as the shade stage does."""
-    evaluate_values(entries, group, x, y, out, start, stride, weights)
-
-
-WITHIN = (
-    evaluate_within,
-    np.errstate(over="ignore", invalid="ignore")(evaluate_values.py_func),
-    numba.njit(evaluate_values.py_func),
-)
-WAYS, ID_BIT = ["vectors", "plain", "compiled"], 24
-
-
-def evaluate_plainly(entries, group, x, y, out, start, stride, weights=None):
-    """The same loop with numpy's float32, which rounds after every operation; within ranges where there are weights.
-
-    x and y are the first sample, or arrays of points in 1/256 of a sample.
-    """
-    xs = 256 * (x + np.arange(len(entries))) if np.ndim(x) == 0 else x
-    ys = np.broadcast_to(256 * y, len(entries)) if np.ndim(y) == 0 else y
-    numbers, column, shift = group.numbers, int(group.column), int(group.shift)
-    out, whole, real = out.copy(), numbers.view(np.int32), np.float32
-    for k in range(len(entries)):
-        record = int(entries[k]) & int(group.record_mask)
-        if not int(entries[k]) >> ID_BIT & 1:
-            record = 0
-        record <<= shift
-        across = real(int(xs[k]) / 256 - int(whole[record + 1]))
-        down = real(int(ys[k]) / 256 - int(whole[record + 2]))
-        for i in range(PLANE_GROUP):
-            value, dx, dy = (numbers[record + column + part * PLANE_GROUP + i] for part in range(3))
-            value = value + across * dx + down * dy
-            if weights is not None:
-                least, greatest = (numbers[record + column + part * PLANE_GROUP + i] for part in (3, 4))
-                value = value * out[weights + k]
-                value = value if value > least else least
-                value = value if value < greatest else greatest
-            out[start + i * stride + k] = value
-    return out
-
-
-def plane_group(numbers, record_mask, shift, column):
+def group_of(numbers, column):
     """A PlaneGroup with the types that kernels take."""
-    return PlaneGroup(numbers, np.int64(record_mask), np.uint64(shift), np.uint64(column))
-
-
-N_RECORD, UNIT_SHIFT, RECORD_MASK = 40, 4, (1 << 24) - 2  # as in the pipeline: bit 0 says whether a record is exact
+    return PlaneGroup(numbers, np.int64(RECORD_MASK), np.uint64(UNIT_SHIFT - 1), np.uint64(column))
 
 
 def random_records(rng, n_unit):
-    """Records of `n_unit` units of 16 numbers each, with anchors, as float32."""
-    numbers = rng.normal(size=N_RECORD * n_unit << UNIT_SHIFT).astype(np.float32)
-    heads = numbers.view(np.int32).reshape(N_RECORD * n_unit, -1)[:, 1:3]
-    heads[:] = rng.integers(-(2**20), 2**20, heads.shape)
-    return numbers
+    """Records of `n_unit` units of 16 numbers each, (N_RECORD * n_unit, 16) float32: anchors, planes and ranges."""
+    numbers = rng.normal(size=(N_RECORD, 16 * n_unit)).astype(np.float32)
+    for column in range(16, 16 * n_unit - 19, 4):
+        limits = np.sort(rng.normal(size=(N_RECORD, 2, 4)) * 2.0**20, axis=1)
+        limits[::3, 1] = limits[::3, 0]  # a constant
+        numbers[:, column : column + 8] = limits.reshape(N_RECORD, 8)
+    numbers = numbers.reshape(-1, 16)
+    numbers.view(np.int32)[:, 1:3] = rng.integers(-(2**20), 2**20, (len(numbers), 2))
+    return numbers.ravel()
 
 
-def random_entries(rng, n, n_unit, has_others):
-    """Entries that hold indices of records, some of exact ones; with others that hold intensities, and clear ones."""
+def random_entries(rng, n, n_unit):
+    """Entries that hold indices of records, some of exact ones, others that hold intensities, and clear ones."""
     record = n_unit * rng.integers(0, N_RECORD - 1, n) << 1 | rng.integers(0, 2, n)
     entries = rng.integers(0, 2**38, n) << 25 | 1 << ID_BIT | record
-    if has_others:
-        levels = rng.integers(0, 2**38, n) << 25 | rng.integers(0, 1 << ID_BIT, n)
-        entries = np.where(rng.random(n) < 0.3, levels, entries)
-        entries[rng.random(n) < 0.1] = ((1 << 38) - 1) << 25
+    levels = rng.integers(0, 2**38, n) << 25 | rng.integers(0, 1 << ID_BIT, n)
+    entries = np.where(rng.random(n) < 0.3, levels, entries)
+    entries[rng.random(n) < 0.1] = ((1 << 38) - 1) << 25
     return entries.astype(np.int64)
 
 
-def assert_written(out, expected, start, stride, n):
-    """Refuse other bits than expected, and what is written beyond the next multiple of a group."""
-    stop = -(-n // PLANE_GROUP) * PLANE_GROUP
-    untouched = np.ones(len(out), bool)
-    for i in range(PLANE_GROUP):
-        row = slice(start + i * stride, start + i * stride + n)
-        assert out[row].tobytes() == expected[row].tobytes()
-        untouched[start + i * stride : start + i * stride + stop] = False
-    assert out[untouched].tobytes() == expected[untouched].tobytes(), "wrote beyond the next multiple of a group"
+def evaluate_plainly(entries, group, column, first, n_row, weights=None):
+    """The rows (4 or 10, n) float32 that a group at `column` gives: numpy rounds after each operation.
+
+    Of entries without a record's index, the values of record 0.
+    """
+    numbers, whole, k = group.numbers, group.numbers.view(np.int32), np.arange(len(entries))
+    record = np.where(entries >> ID_BIT & 1, entries & RECORD_MASK, 0) << (UNIT_SHIFT - 1)
+    xs, ys = (first.x[k], first.y[k]) if isinstance(first, ScreenPoints) else (256 * (first[0] + k), 256 * first[1])
+    across, down = (
+        np.float32(place / 256 - whole[record + 1 + axis]) for axis, place in enumerate((np.int64(xs), np.int64(ys)))
+    )
+    part = numbers[(record + column)[:, None] + np.arange(5 * PLANE_GROUP)].reshape(-1, 5, PLANE_GROUP)
+    rows = ((part[:, 0] + across[:, None] * part[:, 1]) + down[:, None] * part[:, 2]).T
+    if weights is not None:
+        rows = rows * weights[k]
+        rows = np.where(rows > part[:, 3].T, rows, part[:, 3].T)
+        rows = np.where(rows < part[:, 4].T, rows, part[:, 4].T)
+    return np.concatenate([rows, part[:, 1, :3].T, part[:, 2, :3].T])[:n_row]
 
 
-@pytest.mark.parametrize("way", EVALUATIONS, ids=WAYS)
-@pytest.mark.parametrize("column, n_unit", [(4, 1), (4, 2), (16, 3)])
-@pytest.mark.parametrize("has_others", [False, True])
-@pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
-def test_planes_are_those_of_plain_python(n, has_others, column, n_unit, way):
-    """Also of entries that hold intensities, or nothing: these read record 0, whatever their bits say."""
-    rng = np.random.default_rng(n)
-    group = plane_group(random_records(rng, n_unit), RECORD_MASK, UNIT_SHIFT - 1, column)
-    entries = random_entries(rng, 128, n_unit, has_others)[:n]
-    out, stride = np.full(4 * 160 + 8, 7, np.float32), 160
-    expected = evaluate_plainly(entries, group, 1900, 33, out, 5, stride)
-    way(entries, group, np.int64(1900), np.int64(33), out, np.uint64(5), np.uint64(stride))
-    assert_written(out, expected, 5, stride, n)
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("form", [PLANES, VALUES, SLOPES, BOTH], ids=["planes", "values", "slopes", "both"])
+def test_planes_are_those_of_plain_python(form, way):
+    """In a row and of lists of points, which may lie half-way between samples; also of entries that hold intensities,
+    or nothing. Nothing is written beyond the next multiple of four."""
+    for case, n in enumerate((0, 1, 3, 4, 5, 64, 127)):
+        rng = np.random.default_rng(n)
+        points = ScreenPoints(*(128 * rng.integers(0, 2**19, (2, 128))).astype(np.int32), 2.0)
+        column, n_unit = ((4, 3), (16, 3))[case % 2] if form != BOTH else (4, 3)
+        group, entries = group_of(random_records(rng, n_unit), column), random_entries(rng, 128, n_unit)[:n]
+        weights = np.float32(rng.uniform(0.5, 2.0**20, 128))
+        for first in ((np.int64(1900), np.int64(33)), points):
+            out, behind = np.full((2, WEIGHTS + 128), 7, np.float32)
+            out[WEIGHTS:] = weights
+            before = out.copy(), behind.copy()
+            WAYS[way](form, entries, group, first, out, PLACES, behind)
+            written = [(out, START, column, (4, 4, 10, 4)[form])]
+            written += [(behind, START_BEHIND, column + 12, 10)] if form == BOTH else []
+            for array, start, plane, n_row in written:
+                expected = evaluate_plainly(entries, group, plane, first, n_row, weights if form == VALUES else None)
+                for row in range(n_row):
+                    left = start + row * STRIDE
+                    found = array[left : left + n]
+                    same = found.view(np.int32) == np.ascontiguousarray(expected[row]).view(np.int32)
+                    assert same.all(), f"{n} samples, row {row}: {found[~same][:4]} != {expected[row][~same][:4]}"
+                    array[left : left + -(-n // 4) * 4] = 7
+            assert (out == before[0]).all() and (behind == before[1]).all(), f"{n} samples: wrote beyond them"
 
 
-@pytest.mark.parametrize("way", WITHIN, ids=WAYS)
-@pytest.mark.parametrize("column, n_unit", [(4, 2), (16, 3)])
-@pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 127])
-def test_values_within_their_ranges_are_those_of_plain_python(n, column, n_unit, way):
-    """Also of entries that hold intensities, or nothing: these read record 0, whatever their bits say."""
-    rng = np.random.default_rng(n)
-    numbers = random_records(rng, n_unit)
-    records = numbers.reshape(N_RECORD, -1)
-    least = column + 3 * PLANE_GROUP
-    limits = np.sort(rng.normal(size=(N_RECORD, 2, PLANE_GROUP)) * 2.0**20, axis=1)
-    limits[::3, 1] = limits[::3, 0]  # a constant
-    records[:, least : least + 2 * PLANE_GROUP] = limits.reshape(N_RECORD, -1)
-    group = plane_group(numbers, RECORD_MASK, UNIT_SHIFT - 1, column)
-    entries = random_entries(rng, 128, n_unit, True)[:n]
-    out, stride, weights = np.full(6 * 160 + 8, 7, np.float32), 160, 5 + 5 * 160
-    out[weights : weights + 128] = rng.uniform(0.5, 2.0**20, 128)
-    expected = evaluate_plainly(entries, group, 1900, 33, out, 5, stride, weights)
-    assert n < 64 or len(np.unique(expected[5 : 5 + n])) > 10
-    way(entries, group, np.int64(1900), np.int64(33), out, np.uint64(5), np.uint64(stride), np.uint64(weights))
-    assert_written(out, expected, 5, stride, n)
-
-
-@pytest.mark.parametrize("way", WITHIN, ids=WAYS)
+@pytest.mark.parametrize("way", WAYS)
 def test_values_that_are_no_numbers_become_the_least_and_constants_stay_constant(way):
     """NaN and infinite planes and weights leave no range: what is compared with NaN is false."""
     numbers = np.zeros(32, np.float32)
@@ -253,70 +218,8 @@ def test_values_that_are_no_numbers_become_the_least_and_constants_stay_constant
     entries = np.full(8, 1 << ID_BIT, np.int64)
     out = np.zeros(40, np.float32)
     out[32:40] = (1, np.inf, np.nan, 0, 1e-38, 2, 3, 1)
-    way(
-        entries, plane_group(numbers, RECORD_MASK, UNIT_SHIFT - 1, 4), np.int64(0), np.int64(0), out, np.uint64(0),
-        np.uint64(8), np.uint64(32),
-    )  # fmt: skip
+    places = tuple(np.uint64(place) for place in (0, 8, 32, 0))
+    WAYS[way](VALUES, entries, group_of(numbers, 4), (np.int64(0), np.int64(0)), out, places, out.copy())
     found = out[:32].reshape(4, 8)
     assert (found[0] == 0.25).all() and (found[2] == 0.25).all() and (found[3] == 0.5).all()
     assert found[1].tolist() == [0.75, 0.75, 0.25, 0.25, 0.75, 0.75, 0.75, 0.75]
-
-
-@kernel
-def evaluate_at(entries, group, xs, ys, out, start, stride):
-    """Call evaluate_planes_at from a kernel, as the shade stage does."""
-    evaluate_planes_at(entries, group, xs, ys, out, start, stride)
-
-
-@kernel
-def evaluate_within_at(entries, group, xs, ys, out, start, stride, weights):
-    """Call evaluate_values_at from a kernel, as the shade stage does."""
-    evaluate_values_at(entries, group, xs, ys, out, start, stride, weights)
-
-
-def random_points(rng, n):
-    """Places of n points: samples and what lies half-way between them."""
-    return tuple((128 * rng.integers(0, 2**19, n)).astype(np.int32) for _ in range(2))
-
-
-@pytest.mark.parametrize(
-    "way",
-    [evaluate_at, np.errstate(over="ignore")(evaluate_planes_at.py_func), numba.njit(evaluate_planes_at.py_func)],
-    ids=WAYS,
-)
-@pytest.mark.parametrize("column, n_unit", [(4, 1), (16, 3)])
-@pytest.mark.parametrize("n", [0, 1, 5, 64, 127])
-def test_planes_at_points_are_those_of_plain_python(n, column, n_unit, way):
-    """Wherever points lie, also half-way between samples: how far from the anchor is exact in float32."""
-    rng = np.random.default_rng(n)
-    group = plane_group(random_records(rng, n_unit), RECORD_MASK, UNIT_SHIFT - 1, column)
-    entries, (xs, ys) = random_entries(rng, 128, n_unit, True)[:n], random_points(rng, 128)
-    out, stride = np.full(4 * 160 + 8, 7, np.float32), 160
-    expected = evaluate_plainly(entries, group, xs, ys, out, 5, stride)
-    way(entries, group, xs, ys, out, np.uint64(5), np.uint64(stride))
-    assert_written(out, expected, 5, stride, n)
-
-
-@pytest.mark.parametrize(
-    "way",
-    [
-        evaluate_within_at,
-        np.errstate(over="ignore", invalid="ignore")(evaluate_values_at.py_func),
-        numba.njit(evaluate_values_at.py_func),
-    ],
-    ids=WAYS,
-)
-@pytest.mark.parametrize("n", [0, 1, 5, 64, 127])
-def test_values_at_points_stay_within_their_ranges(n, way):
-    rng = np.random.default_rng(n)
-    numbers = random_records(rng, 2)
-    records = numbers.reshape(N_RECORD, -1)
-    limits = np.sort(rng.normal(size=(N_RECORD, 2, PLANE_GROUP)) * 2.0**20, axis=1)
-    records[:, 4 + 3 * PLANE_GROUP : 4 + 5 * PLANE_GROUP] = limits.reshape(N_RECORD, -1)
-    group = plane_group(numbers, RECORD_MASK, UNIT_SHIFT - 1, 4)
-    entries, (xs, ys) = random_entries(rng, 128, 2, True)[:n], random_points(rng, 128)
-    out, stride, weights = np.full(6 * 160 + 8, 7, np.float32), 160, 5 + 5 * 160
-    out[weights : weights + 128] = rng.uniform(0.5, 2.0**20, 128)
-    expected = evaluate_plainly(entries, group, xs, ys, out, 5, stride, weights)
-    way(entries, group, xs, ys, out, np.uint64(5), np.uint64(stride), np.uint64(weights))
-    assert_written(out, expected, 5, stride, n)

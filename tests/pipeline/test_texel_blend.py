@@ -1,7 +1,6 @@
 """Compare the loops that read texels with plain Python: what is spelled out for the compiler, and what stands in for
 it."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -10,32 +9,22 @@ from rasterizer.pipeline import texel_blend
 from rasterizer.pipeline.fragments import BATCH_SIZE
 
 STEP, STRIDE, START = np.float32(3.0 / 65535.0), 300, 5
+FETCH, BLEND, MIX = range(3)
 
 
 @kernel
-def fetch(texels, batch, rows, n, out, start, stride, step):
-    """Call fetch_texels from a kernel."""
-    texel_blend.fetch_texels(texels, batch, rows, n, out, start, stride, step)
+def read(form, texels, batch, rows, n, out, start, stride, step):
+    """Call one of the three loops from a kernel."""
+    if form == FETCH:
+        texel_blend.fetch_texels(texels, batch, (rows[0],), n, out, start, stride, step)
+    elif form == BLEND:
+        texel_blend.blend_texels(texels, batch, (rows[0], rows[1], rows[2], rows[3]), n, out, start, stride, step)
+    else:
+        texel_blend.blend_mip_levels(texels, batch, rows, n, out, start, stride, step)
 
 
-@kernel
-def blend(texels, batch, rows, n, out, start, stride, step):
-    """Call blend_texels from a kernel."""
-    texel_blend.blend_texels(texels, batch, rows, n, out, start, stride, step)
-
-
-@kernel
-def mix(texels, batch, rows, n, out, start, stride, step):
-    """Call blend_mip_levels from a kernel."""
-    texel_blend.blend_mip_levels(texels, batch, rows, n, out, start, stride, step)
-
-
-PLAIN = (texel_blend.fetch_texels, texel_blend.blend_texels, texel_blend.blend_mip_levels)
-WAYS = {
-    "vectors": (fetch, blend, mix),
-    "plain": tuple(function.py_func for function in PLAIN),
-    "compiled": tuple(numba.njit(function.py_func) for function in PLAIN),
-}
+WAYS = {"vectors": read, "plain": np.errstate(over="ignore")(getattr(read, "py_func", read))}
+ROWS = tuple(np.uint64(k * BATCH_SIZE) for k in range(9))
 
 
 def weights_of(rng, n):
@@ -76,43 +65,37 @@ def finished(values, factor):
     return values * (np.float32(factor) * steps) + np.float32(2.0**15) * steps
 
 
-@pytest.mark.parametrize("n", [0, 1, 3, 4, 5, 64, 255])
 @pytest.mark.parametrize("way", WAYS)
-def test_texels_are_read_and_blended_as_plain_python_does(way, n):
-    rng = np.random.default_rng(n)
-    texels = rng.integers(-(2**15), 2**15, (500, 4)).astype(np.int16)
-    texels[rng.integers(500, size=100)] = rng.choice([-(2**15), 2**15 - 1], (100, 4))
-    batch, weights = a_batch(rng, 500)
-    whole = batch.view(np.int32).reshape(12, -1)
-    rows = [np.uint64(k * BATCH_SIZE) for k in range(9)]
-    finer = mean_plainly(texels.astype(int), whole[:2], weights[0])
-    coarser = mean_plainly(texels.astype(int), whole[4:6], weights[1])
-    share = batch.reshape(12, -1)[8]
-    expected = (
-        finished(np.float32(texels[whole[0]]).T, 1.0),
-        finished(finer, -(2.0**-15)),
-        finished(finer + share * (coarser - finer), -(2.0**-15)),
-    )
-    for function, n_row, colors in zip(WAYS[way], (1, 4, 9), expected, strict=True):
-        out = np.full(4 * STRIDE + START, 7, np.float32)
-        given = batch.copy()
-        with np.errstate(over="ignore"):
-            function(
-                texels.ravel(), given, tuple(rows[:n_row]), np.uint64(n), out, np.uint64(START), np.uint64(STRIDE), STEP
-            )
-        stop, untouched = -(-n // 4) * 4, np.ones(len(out), bool)
-        for channel in range(4):
-            first = START + channel * STRIDE
-            assert out[first : first + n].tobytes() == colors[channel, :n].tobytes()
-            untouched[first : first + stop] = False
-        assert (out[untouched] == 7).all(), "wrote beyond the next multiple of four"
-        assert given.tobytes() == batch.tobytes()
+def test_texels_are_read_and_blended_as_plain_python_does(way):
+    """Nothing is written beyond the next multiple of four."""
+    for n in (0, 1, 3, 4, 5, 64, 255):
+        rng = np.random.default_rng(n)
+        texels = rng.integers(-(2**15), 2**15, (500, 4)).astype(np.int16)
+        texels[rng.integers(500, size=100)] = rng.choice([-(2**15), 2**15 - 1], (100, 4))
+        batch, weights = a_batch(rng, 500)
+        whole = batch.view(np.int32).reshape(12, -1)
+        finer = mean_plainly(texels.astype(int), whole[:2], weights[0])
+        coarser = mean_plainly(texels.astype(int), whole[4:6], weights[1])
+        share = batch.reshape(12, -1)[8]
+        expected = {
+            FETCH: finished(np.float32(texels[whole[0]]).T, 1.0),
+            BLEND: finished(finer, -(2.0**-15)),
+            MIX: finished(finer + share * (coarser - finer), -(2.0**-15)),
+        }
+        for form, colors in expected.items():
+            out, given = np.full(4 * STRIDE + START, 7, np.float32), batch.copy()
+            WAYS[way](form, texels.ravel(), given, ROWS, np.uint64(n), out, np.uint64(START), np.uint64(STRIDE), STEP)
+            for channel in range(4):
+                first = START + channel * STRIDE
+                same = out[first : first + n].tobytes() == colors[channel, :n].tobytes()
+                assert same, f"loop {form}, {n} samples, channel {channel}"
+                out[first : first + -(-n // 4) * 4] = 7
+            assert (out == 7).all(), f"loop {form}, {n} samples: wrote beyond the next multiple of four"
+            assert given.tobytes() == batch.tobytes(), f"loop {form}, {n} samples: wrote into the batch"
 
 
-@pytest.mark.parametrize("power", range(-40, 20))
-def test_the_ends_of_the_range_are_exact(power):
+def test_the_ends_of_the_range_are_exact():
     """The least value is 0 and the largest one 2^k, of texels and of means."""
-    step = np.float32(2.0**power / 65535.0)
     texels = np.repeat(np.array([[-(2**15)], [2**15 - 1]], np.int16), 4, axis=1)
     texels = np.repeat(texels, 2, axis=0)  # each with itself as neighbour
     batch = np.zeros(9 * BATCH_SIZE, np.float32)
@@ -120,8 +103,9 @@ def test_the_ends_of_the_range_are_exact(power):
     whole[[0, 1, 4, 5], :2] = [0, 2]
     whole[[2, 6]], whole[[3, 7]] = packed(np.array(-9000), np.array(-1)), packed(np.array(-23000), np.array(-767))
     batch.reshape(9, -1)[8] = np.float32(0.3)
-    for function, n_row in ((fetch, 1), (blend, 4), (mix, 9)):
-        out, rows = np.zeros((4, 4), np.float32), tuple(np.uint64(k * BATCH_SIZE) for k in range(n_row))
-        function(texels.ravel(), batch, rows, np.uint64(2), out, np.uint64(0), np.uint64(4), step)
-        assert out[:, 0].tolist() == [0.0] * 4
-        assert out[:, 1].tolist() == [2.0**power] * 3 + [1.0]
+    for power in range(-40, 20):
+        for form in (FETCH, BLEND, MIX):
+            out, step = np.zeros((4, 4), np.float32), np.float32(2.0**power / 65535.0)
+            read(form, texels.ravel(), batch, ROWS, np.uint64(2), out.reshape(-1), np.uint64(0), np.uint64(4), step)
+            assert out[:, 0].tolist() == [0.0] * 4, f"2^{power}, loop {form}"
+            assert out[:, 1].tolist() == [2.0**power] * 3 + [1.0], f"2^{power}, loop {form}"
