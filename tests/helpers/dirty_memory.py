@@ -6,13 +6,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from rasterizer.engine.light_table import is_carried
-
 # As float32 and float64: 0; NaN (-1 as an integer); 3.0 and 32.5; -0.75 and -0.09; 2.4e38 and 1.4e306. None = random.
 FILLINGS = 0x00, 0xFF, 0x40, 0xBF, 0x7F, None
 RANDOM = np.random.default_rng(4).integers(0, 256, 4099, np.uint8)
-# What a workspace's fields must hold when it is taken: a clear visibility buffer, and clear extents.
-CLEAR = {"visibility", "extents"}
 
 
 def dirty(array: np.ndarray, filling: int | None) -> np.ndarray:
@@ -39,32 +35,3 @@ def dirty_memory(filling: int | None) -> Iterator[None]:
         patch.setattr(np, "empty", lambda *given, **options: dirty(empty(*given, **options), filling))
         patch.setattr(np, "empty_like", lambda *given, **options: dirty(empty_like(*given, **options), filling))
         yield
-
-
-def dirty_kept(renderer, filling: int | None) -> int:
-    """Fill all memory that a Renderer keeps only to use it again; return how many arrays that were."""
-    n_array, prepared = 0, renderer._prepared
-    for workspaces in prepared.workspaces._free.values():
-        for workspace in workspaces:
-            for name in set(workspace._fields) - CLEAR:
-                for array in arrays_in(getattr(workspace, name)):
-                    dirty(array, filling)
-                    n_array += 1
-    if prepared.shadows is not None and prepared._plan_parts is not None:
-        lights = prepared._plan_parts.plan.lights
-        for (k, _), shadow_map in prepared.shadows._maps.items():
-            if shadow_map is not None and is_carried(lights[k]):  # is drawn anew for the next picture
-                dirty(shadow_map.block, filling)
-                n_array += 1
-    return n_array
-
-
-def arrays_in(thing) -> Iterator[np.ndarray]:
-    """Yield the arrays of a field of a workspace."""
-    if isinstance(thing, np.ndarray):
-        yield thing
-    elif isinstance(thing, tuple):
-        for part in thing:
-            yield from arrays_in(part)
-    elif hasattr(thing, "_arrays"):  # Room
-        yield from thing._arrays.values()

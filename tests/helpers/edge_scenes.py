@@ -1,13 +1,12 @@
 """Random scenes whose edges are drawn in the fast way and by the reference: cubes, soups, strips, fans and grids."""
 
+from dataclasses import replace
+
 import numpy as np
 
 import rasterizer as rz
+from rasterizer import reference
 from rasterizer.choices import CULLS
-from rasterizer.engine.edge_overlay import EdgeOverlay
-from rasterizer.engine.prepared_scene import PreparedScene
-from rasterizer.options import Options
-from rasterizer.reference.picture import cover_edges, look_at
 
 from .pinhole import octasphere
 
@@ -17,22 +16,27 @@ QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
 
 
-def fast_coverage(scene, options) -> np.ndarray:
+def shares_of(picture) -> np.ndarray:
+    """The share of each pixel that white strokes cover, over a scene without light."""
+    return picture.color[..., 1] * picture.alpha
+
+
+def fast_coverage(scene, size, **settings) -> np.ndarray:
     """The share of each pixel that strokes cover."""
-    return EdgeOverlay(PreparedScene(scene, options)).coverage(scene.camera_for(options.size))
+    dark = replace(scene, lights=(), background=None)
+    return shares_of(rz.render(dark, size, outputs="color", edge_color="white", **{"samples": 1} | settings))
 
 
-def slow_coverage(scene, options) -> np.ndarray:
+def slow_coverage(scene, size, **settings) -> np.ndarray:
     """The same, of the reference."""
-    settings = {"cull": options.cull, "limits": (None, None), "exposure": 0.0, "spectral": None}
-    return cover_edges(look_at(scene, options.size, options.shading, **settings), options)
+    dark = replace(scene, lights=(), background=None)
+    return shares_of(reference.render(dark, size, edge_color="white", **{"samples": 1} | settings))
 
 
-def random_options(rng, size) -> Options:
+def random_options(rng) -> dict:
     """Options of a picture with edges."""
-    settings = {"edges": CHOSEN[rng.integers(4)], "edge_width": rng.choice(WIDTHS), "cull": rng.choice(CULLS)}
-    settings = {name: value if name == "edges" else value.item() for name, value in settings.items()}
-    return Options(size=size, shading=rng.choice(["flat", "gouraud"]).item(), threads=1, **settings)
+    settings = {"edges": CHOSEN[rng.integers(4)], "edge_width": rng.choice(WIDTHS).item()}
+    return settings | {"cull": rng.choice(CULLS).item(), "shading": rng.choice(["flat", "gouraud"]).item()}
 
 
 def random_camera(rng) -> rz.Camera:
@@ -96,7 +100,7 @@ def _grid(rng) -> list:
 
 
 def _sphere(rng) -> list:
-    vertices, faces = octasphere(3)
+    vertices, faces = octasphere(2)
     ball = rz.Mesh(rng.uniform(0.4, 1) * np.asarray(vertices) + 0.3 * rng.normal(size=3), faces)
     return [ball, _cube(rng.uniform(-0.5, 0.5, 3), 0.4, _rotation(rng))]
 

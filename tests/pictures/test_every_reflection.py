@@ -1,6 +1,8 @@
 """Check the reflection models as physics and as pictures: energy, reciprocity, digits, and what the reference says."""
 
+import itertools
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,7 +21,7 @@ from rasterizer.reference import reflection
 from rasterizer.reference.materials import read_materials
 from rasterizer.scene.material import REFLECTIONS as NAMES
 
-SIZE = (96, 72)
+SIZE = (36, 27)
 VIEW = rz.Camera.perspective((1.5, 2, 4), fov=40)
 WHITE = {"diffuse": 1.0, "specular": 1.0}  # of each term, so that each is integrated by itself
 
@@ -127,10 +129,11 @@ def all_directions(dtype):
     """Directions all over, in the highlight, and grazing; the viewer, as always, before the surface or hardly behind
     it."""
     rng = np.random.default_rng(8)
-    anywhere, grazing = random_directions(6, 20_000, np.float64), grazing_directions(7, 20_000, np.float64)
-    normal, to_light, _ = random_directions(9, 20_000, np.float64)
+    n = 1500
+    anywhere, grazing = random_directions(6, n, np.float64), grazing_directions(7, n, np.float64)
+    normal, to_light, _ = random_directions(9, n, np.float64)
     mirrored = 2 * (normal * to_light).sum(axis=1, keepdims=True) * normal - to_light
-    spread = 10.0 ** rng.uniform(-4, -0.5, (20_000, 1))
+    spread = 10.0 ** rng.uniform(-4, -0.5, (n, 1))
     shiny = [normal, to_light, unit(mirrored + spread * rng.normal(size=normal.shape))]
     sides = [np.concatenate(parts) for parts in zip(anywhere, grazing, shiny, strict=True)]
     is_possible = (sides[0] * sides[2]).sum(axis=1) > -0.1
@@ -152,18 +155,24 @@ def test_reflection_functions_compute_what_the_reference_does(name):
     assert (expected[0] > 0.01).mean() > 0.1
 
 
-@pytest.mark.parametrize("name", [name for name in SMOOTH if "brushed" not in name])  # float64 always
-def test_float32_has_the_digits_that_the_plan_counts_on(name):
+def test_float32_has_the_digits_that_the_plan_counts_on():
     """Directions rounded to float32, as in the rows, and all that follows from them: one light of intensity 1."""
+    for name in SMOOTH:
+        if "brushed" not in name:  # float64 always
+            check_digits(name)
+
+
+def check_digits(name):
+    """Compare a material's reflection in float32 with the reference's."""
     material, sides = MATERIALS[name], all_directions(np.float32)
     found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
     expected = of_reference(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
     lights = (rz.DirectionalLight((0, 0, -1)),)
     reflected = intensity_bounds.compute_reflected((material,), lights, np.zeros(3), 1.0)
     bound = reflected.bound
-    assert expected.max() <= bound * (1 + 1e-12), f"{expected.max():.4g} > the bound {bound:.4g}"
+    assert expected.max() <= bound * (1 + 1e-12), f"{name}: {expected.max():.4g} > the bound {bound:.4g}"
     error, budget = np.abs(found - expected).max(), error_bounds.lighting_error(reflected, SINGLE)
-    assert error <= budget, f"{error:.3g} > {budget:.3g}"
+    assert error <= budget, f"{name}: {error:.3g} > {budget:.3g}"
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -198,9 +207,10 @@ def test_smooth_oren_nayar_is_lambert_and_one_level_is_flat():
     assert set(np.unique(fast(made("toon", levels=1), *sides)[0])) == {0.0, 1.0}
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("reflection", ["oren-nayar", "cook-torrance"])
-@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
+@pytest.mark.parametrize("reflection, distribution, dtype", [
+    ("oren-nayar", "ggx", np.float32), ("cook-torrance", "ggx", np.float32), ("cook-torrance", "beckmann", np.float32),
+    ("cook-torrance", "beckmann", np.float64),
+])  # fmt: skip
 def test_the_silhouette_is_finite(reflection, distribution, dtype):
     """N·V through 0: continuous, and no jump to infinity, at the least roughness too."""
     up = np.concatenate([-np.geomspace(0.05, 1e-9, 50), [0.0], np.geomspace(1e-9, 0.05, 50)])
@@ -215,7 +225,8 @@ def test_the_silhouette_is_finite(reflection, distribution, dtype):
 # ---------------------------------------------------------------- physics
 
 
-def hemisphere(n=160):
+@cache
+def hemisphere(n=56):
     """Directions over the hemisphere (m, 3), and their weights: solid angle times cosine."""
     # Gauss-Legendre by the polar angle; the trapezium rule round the axis, which converges as fast for a periodic
     # function.
@@ -235,31 +246,34 @@ def albedos(material, degrees):
     return found @ weight / (np.pi * cosine)
 
 
-ANGLES = (0.0, 15.0, 40.0, 60.0, 75.0, 85.0)
+ANGLES = (0.0, 40.0, 75.0, 85.0)
 
 
-@pytest.mark.parametrize("name", sorted(CONSERVING))
-def test_no_more_light_leaves_than_arrives(name):
-    for degrees in ANGLES:
-        shares = albedos(MATERIALS[name], degrees)
-        assert (shares <= 1 + 1e-4).all() and shares.max() > 0, f"at {degrees}°: {shares}"
+def test_no_more_light_leaves_than_arrives_where_the_table_says_so():
+    """Classic highlights don't shrink with N·L, so f grows without limit towards grazing light; steps are rounded
+    up."""
+    for name in MATERIALS:
+        if name in CONSERVING:
+            shares = np.array([albedos(MATERIALS[name], degrees) for degrees in ANGLES])
+            assert shares.max() <= 1 + 2e-4 and (shares.max(axis=1) > 0).all(), f"{name}: {shares}"
+        else:
+            most = max(albedos(MATERIALS[name], degrees).max() for degrees in (*ANGLES, 89.0, 89.9))
+            assert most > 1.05, f"{name}: {most} <= 1.05"
 
 
-@pytest.mark.parametrize("roughness", [0.12, 0.2, 0.3, 0.5, 0.8, 1.0])
-@pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
-def test_no_cook_torrance_reflects_more_than_all(distribution, roughness):
-    material = made("cook-torrance", distribution=distribution, roughness=roughness, fresnel=1.0)
-    shares = np.array([albedos(material, degrees)[1] for degrees in ANGLES])
-    assert (shares <= 1 + 1e-4).all() and (shares > 0.25).all(), f"{shares}"
+def test_no_cook_torrance_reflects_more_than_all():
+    for distribution, roughness in itertools.product(("ggx", "beckmann"), (0.2, 0.5, 1.0)):
+        material = made("cook-torrance", distribution=distribution, roughness=roughness, fresnel=1.0)
+        shares = np.array([albedos(material, degrees)[1] for degrees in ANGLES])
+        assert (shares <= 1 + 1e-4).all() and (shares > 0.25).all(), f"{distribution}, {roughness}: {shares}"
 
 
-@pytest.mark.parametrize("shininess", [0.5, 1, 3, 10, 50, 300])
-@pytest.mark.parametrize("reflection", ["phong", "blinn"])
-def test_a_normalised_highlight_reflects_all_at_normal_incidence(reflection, shininess):
-    material = made(reflection, shininess=shininess, normalized=True)
-    shares = [albedos(material, degrees)[1] for degrees in ANGLES]
-    assert shares[0] == pytest.approx(1.0, abs=1e-4), f"{shares[0]}"
-    assert max(shares) <= 1 + 1e-4
+def test_a_normalised_highlight_reflects_all_at_normal_incidence():
+    for model, shininess in itertools.product(("phong", "blinn"), (0.5, 1, 10, 100)):
+        material = made(model, shininess=shininess, normalized=True)
+        shares = [albedos(material, degrees)[1] for degrees in ANGLES]
+        assert shares[0] == pytest.approx(1.0, abs=1e-4), f"{model}, {shininess}: {shares[0]}"
+        assert max(shares) <= 1 + 1e-4, f"{model}, {shininess}: {shares}"
 
 
 def test_matte_models_in_closed_form():
@@ -269,34 +283,18 @@ def test_matte_models_in_closed_form():
     assert albedos(MATERIALS["oren-nayar, rough"], 0.0)[0] == pytest.approx(1 - 0.5 / 1.33, abs=1e-6)
 
 
-@pytest.mark.parametrize("name", sorted(set(MATERIALS) - CONSERVING))
-def test_the_others_reflect_more_than_arrives_as_the_table_says(name):
-    """Classic highlights don't shrink with N·L, so f grows without limit towards grazing light; steps are rounded
-    up."""
-    shares = [albedos(MATERIALS[name], degrees).max() for degrees in (*ANGLES, 89.0, 89.9)]
-    assert max(shares) > 1.05, f"{shares}"
-
-
-def test_the_usual_factor_of_blinn_reflects_too_much():
-    """(n + 8)/8 instead of the exact factor: why it isn't taken."""
-    material = made("blinn", shininess=10, normalized=True)
-    usual = albedos(material, 0.0)[1] * (10 + 8) / 8 / highlight_scale(material)
-    assert usual == pytest.approx(1.0748, abs=1e-3)
-
-
-@pytest.mark.parametrize("name", MATERIALS)
-def test_reciprocity_holds_where_the_table_says_so_and_nowhere_else(name):
+def test_reciprocity_holds_where_the_table_says_so_and_nowhere_else():
     sides = random_directions(11, 4000, np.float64)
     is_before = [(sides[0] * side).sum(axis=1) > 0.02 for side in sides[1:]]
     normal, to_light, to_viewer = (side[is_before[0] & is_before[1]] for side in sides)
-    there = fast(MATERIALS[name], normal, to_light, to_viewer) / (normal * to_light).sum(axis=1)
-    back = fast(MATERIALS[name], normal, to_viewer, to_light) / (normal * to_viewer).sum(axis=1)
-    difference = np.abs(there - back).max()
-    if name in RECIPROCAL:
-        least = 2.0**-27 * (1 + highlight_scale(MATERIALS[name])) if "normalised" in name else 0.0
-        assert difference <= 1e-12 * max(1.0, there.max()) + least, f"{difference:.3g}"
-    else:
-        assert difference > 0.1, f"{difference:.3g}"
+    for name, material in MATERIALS.items():
+        there = fast(material, normal, to_light, to_viewer) / (normal * to_light).sum(axis=1)
+        back = fast(material, normal, to_viewer, to_light) / (normal * to_viewer).sum(axis=1)
+        difference = np.abs(there - back).max()
+        least = 2.0**-27 * (1 + highlight_scale(material)) if "normalised" in name else 0.0
+        most = 1e-12 * max(1.0, there.max()) + least if name in RECIPROCAL else np.inf
+        assert difference <= most, f"{name}: {difference:.3g} > {most:.3g}"
+        assert name in RECIPROCAL or difference > 0.1, f"{name}: {difference:.3g} <= 0.1"
 
 
 # ---------------------------------------------------------------- the plan
@@ -342,78 +340,43 @@ def test_what_float32_cannot_draw_is_drawn_in_float64():
 # ---------------------------------------------------------------- pictures
 
 
-@pytest.mark.parametrize("name", MATERIALS)
-def test_pictures_agree_with_the_reference(name):
+@pytest.mark.parametrize("name, shading", [
+    ("ggx, brushed by axis", "phong"), ("ggx, brushed across", "gouraud"), ("ggx, brushed by u", "flat"),
+    ("toon, two levels", "gouraud"), ("beckmann, glass", "phong"), ("blinn, normalised, W", "phong"),
+])  # fmt: skip
+def test_pictures_agree_with_the_reference(name, shading):
+    """The others are the campaign's."""
     material = replace(MATERIALS[name], diffuse=(0.5, 0.4, 0.2), specular=(0.3, 0.2, 0.25), ambient=0.1)
-    corners, faces = torus(24, 12)
+    corners, faces = torus(12, 8)
     mesh = rz.Mesh(corners, faces, uv=corners[:, :2], material=material)
     lights = (*COLORED, rz.PointLight((1.0, 2.0, 2.0), 0.4, (1, 0.1, 0.01)))
-    scenes = [rz.Scene([mesh], lights, VIEW)]
-    if "," not in name:
-        scenes.append(rz.Scene([replace(mesh, material=MATERIALS[name])], GREY, VIEW))
-    for scene in scenes:
-        for shading in SHADINGS:
-            for tolerance in (0.0, 1 / 4096):
-                found = compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance)
-                brightest = rz.Renderer(scene, SIZE, shading=shading, tolerance=tolerance, samples=1).plan.bound
-                budget = tolerance or max(EXACT, 2 * SINGLE * brightest)
-                assert found.color <= budget, f"{shading}, {tolerance}: {found.color:.3g} > {budget:.3g}"
-                assert found.n_compared > 100
+    for tolerance in (0.0, 1 / 4096):
+        found = compare_with_reference(rz.Scene([mesh], lights, VIEW), SIZE, shading=shading, tolerance=tolerance)
+        brightest = rz.Renderer(mesh, SIZE, shading=shading, tolerance=tolerance, samples=1).plan.bound
+        budget = tolerance or max(EXACT, 2 * SINGLE * brightest)
+        assert found.color <= budget, f"tolerance {tolerance}: {found.color:.3g} > {budget:.3g}"
+        assert found.n_compared > 100
 
 
-def test_a_file_of_several_materials_keeps_them_apart():
-    """Three rings of different models in one picture, with and without perspective."""
-    names = ("ggx", "oren-nayar", "toon", "phong, normalised, W")
-    vertices, faces = torus(16, 8)
-    meshes = [
-        rz.Mesh(0.5 * vertices + (k - 1.5, 0.3 * k, 0.2 * k), faces, material=MATERIALS[name])
-        for k, name in enumerate(names)
-    ]
-    for camera in (VIEW, rz.Camera.orthographic((1.5, 2, 4), height=3.0)):
-        for shading in SHADINGS:
-            found = compare_with_reference(rz.Scene(meshes, COLORED, camera), SIZE, shading=shading, tolerance=0.0)
-            assert found.color <= 2 * EXACT, f"{shading}: {found.color:.3g}"
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_command_line_knows_every_model(name, tmp_path):
-    mesh = rz.Mesh(*octasphere(2), material=rz.Material(reflection=name))
+def test_the_command_line_knows_every_model(tmp_path):
+    mesh = rz.Mesh(*octasphere(2))
     vertices = "".join(f"v {x} {y} {z}\n" for x, y, z in mesh.vertices)
     model = tmp_path / "ball.obj"
     model.write_text(vertices + "".join(f"f {a} {b} {c}\n" for a, b, c in mesh.faces + 1))
-    out = tmp_path / "ball.npy"
-    argv = [
-        "render",
-        model,
-        "--reflection",
-        name,
-        "--array",
-        "color",
-        "-s",
-        "24",
-        "--shading",
-        "phong",
-        "--preset",
-        "studio",
-        "-o",
-        out,
-        "-q",
-    ]
-    assert main([str(word) for word in argv]) == 0
-    scene = rz.load(model)
-    meshes = [replace(m, material=replace(m.material, reflection=name)) for m in scene.meshes]
-    expected = rz.render(
-        replace(scene, meshes=tuple(meshes)), (24, 24), shading="phong", outputs=("color",), samples=1
-    ).color
-    assert (np.load(out) == expected).all()
+    scene, options = rz.load(model), {"shading": "phong", "outputs": ("color",), "samples": 1}
+    for name in NAMES:
+        out = tmp_path / f"{name}.npy"
+        words = f"--reflection {name} --array color -s 24 --shading phong --preset studio -q -o"
+        assert main(["render", str(model), *words.split(), str(out)]) == 0, name
+        meshes = [replace(m, material=replace(m.material, reflection=name)) for m in scene.meshes]
+        assert (np.load(out) == rz.render(replace(scene, meshes=meshes), (24, 24), **options).color).all(), name
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("fresnel", [None, 0.2])
-def test_one_half_vector_serves_all_points_where_light_and_viewer_are_at_infinity(shading, fresnel):
-    material = made("blinn", shininess=30, fresnel=fresnel)
+def test_one_half_vector_serves_all_points_where_light_and_viewer_are_at_infinity():
     camera = rz.Camera.orthographic((1, 2, 5), height=2.6)
     lights = (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -0.5, -0.3), 0.7), rz.PointLight((2, 3, 4), 0.5))
-    scene = rz.Scene([rz.Mesh(*octasphere(3), material=material, crease_angle=180)], lights, camera)
-    verdict = compare_with_reference(scene, (60, 50), shading=shading, tolerance=0)
-    assert verdict.color <= EXACT, f"{verdict.color:.3g} > {EXACT:.3g}"
+    for shading, fresnel in zip(SHADINGS, (None, 0.2, 0.2), strict=True):
+        material = made("blinn", shininess=30, fresnel=fresnel)
+        scene = rz.Scene([rz.Mesh(*octasphere(2), material=material, crease_angle=180)], lights, camera)
+        verdict = compare_with_reference(scene, (30, 25), shading=shading, tolerance=0)
+        assert verdict.color <= EXACT, f"{shading}: {verdict.color:.3g} > {EXACT:.3g}"

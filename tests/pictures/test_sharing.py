@@ -15,11 +15,9 @@ from helpers.pinhole import octasphere
 from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
-from rasterizer.engine import draw as drawing
-from rasterizer.engine import passes, transparency
 from rasterizer.pipeline.threads import Workers
 
-SIZE = (96, 72)
+SIZE = (60, 45)
 CAMERAS = [rz.Camera.perspective((4 * np.cos(a), 1.5, 4 * np.sin(a)), fov=40) for a in np.linspace(0, 6, 8)]
 HAS_FORK = hasattr(os, "fork")
 forking = pytest.mark.skipif(not HAS_FORK, reason="this system can't fork")
@@ -31,7 +29,7 @@ LAMPS = (
 
 
 def scene_of(kind):
-    vertices, faces = octasphere(3)
+    vertices, faces = octasphere(2)
     opacity = 0.5 if kind == "layered" else 1.0
     ball = rz.Mesh(vertices, faces, material=rz.Material(specular=0.4, shininess=30, opacity=opacity))
     floor = rz.Mesh([(-3, -1, -3), (3, -1, -3), (3, -1, 3), (-3, -1, 3)], [[0, 3, 2, 1]])
@@ -42,10 +40,9 @@ def bytes_of(frame):
     return frame.color.tobytes() + frame.rgba.tobytes()
 
 
-@pytest.mark.parametrize("kind", ["plain", "near light", "shadows", "layered"])
-@pytest.mark.parametrize("shading", ["gouraud", "phong"])
+@pytest.mark.parametrize("kind, shading", [("shadows", "phong"), ("layered", "gouraud")])
 def test_threads_that_share_a_renderer_take_turns(kind, shading):
-    """384 pictures in all, of eight cameras; each is that of a Renderer of its own."""
+    """48 pictures of eight cameras; each is that of a Renderer of its own."""
     with rz.Renderer(scene_of(kind), SIZE, shading=shading, threads=2, samples=1) as renderer:
         expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS]
     wrong, order = [], sys.getswitchinterval()
@@ -68,7 +65,7 @@ def test_threads_that_share_a_renderer_take_turns(kind, shading):
     assert not wrong, f"{len(wrong)} of 48 pictures differ"
 
 
-def test_close_waits_for_the_picture_that_is_being_drawn():
+def test_close_waits_for_the_picture_that_is_being_drawn(alone):
     renderer, outcomes = rz.Renderer(scene_of("plain"), (400, 300), shading="phong", threads=2, samples=1), []
 
     def draw():
@@ -106,8 +103,8 @@ def ends_well(function) -> bool:
 
 
 @forking
-@pytest.mark.parametrize("n_thread", [1, 2, 5])
-def test_a_forked_process_draws_on(n_thread):
+@pytest.mark.parametrize("n_thread", [1, 3])
+def test_a_forked_process_draws_on(n_thread, alone):
     with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread, samples=1) as renderer:
         expected = bytes_of(renderer.render())
 
@@ -122,7 +119,7 @@ def test_a_forked_process_draws_on(n_thread):
 
 @forking
 @pytest.mark.parametrize("n_thread", [1, 2])
-def test_a_fork_while_others_draw(n_thread):
+def test_a_fork_while_others_draw(n_thread, alone):
     """The child has neither the threads nor whoever holds the lock."""
     with rz.Renderer(scene_of("shadows"), SIZE, threads=n_thread, samples=1) as renderer:
         expected, is_over = bytes_of(renderer.render()), threading.Event()
@@ -135,7 +132,7 @@ def test_a_fork_while_others_draw(n_thread):
         for other in others:
             other.start()
         try:
-            for _ in range(8):
+            for _ in range(4):
                 assert ends_well(lambda: bytes_of(renderer.render()) == expected)
         finally:
             is_over.set()
@@ -144,20 +141,18 @@ def test_a_fork_while_others_draw(n_thread):
 
 
 @forking
-def test_a_fork_while_a_kernel_is_compiled():
+def test_a_fork_while_a_kernel_is_compiled(alone):
     """The child would wait for ever for the compiler's lock: it is guarded from when a kernel is first compiled."""
     import numba
 
-    from rasterizer.compiler import internals
+    import rasterizer.compiler.internals  # noqa: F401, guards the lock
 
-    assert internals.IS_SEEN
     numba.njit(lambda x: x)(1)  # what numba sets up once has a lock of its own
     is_begun = threading.Event()
 
     def compile_many():
-        for k in range(4):
-            is_begun.set()
-            numba.njit(lambda x, k=k: np.sort(x)[k])(np.arange(9.0))
+        is_begun.set()
+        numba.njit(lambda x: np.sort(x)[0])(np.arange(9.0))
 
     other = threading.Thread(target=compile_many)
     other.start()
@@ -176,9 +171,8 @@ def digest_of(k):
 
 
 @forking
-@pytest.mark.parametrize("n_thread", [1, 2])
-def test_a_pool_of_forked_processes(n_thread):
-    with rz.Renderer(scene_of("near light"), SIZE, threads=n_thread, samples=1) as renderer:
+def test_a_pool_of_forked_processes(alone):
+    with rz.Renderer(scene_of("near light"), SIZE, threads=2, samples=1) as renderer:
         expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS]
         SHARED["renderer"] = renderer
         with multiprocessing.get_context("fork").Pool(2) as pool:
@@ -200,34 +194,9 @@ def test_a_pickled_renderer_is_one_of_the_same_scene_and_options(kind):
 # ── pictures that fail ──────────────────────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize("fault", [KeyboardInterrupt, MemoryError, RuntimeError])
-@pytest.mark.parametrize("stage", ["scan", "shade_interpolated", "resolve", "list_fragments", "composite"])
-@pytest.mark.parametrize("n_thread", [1, 3])
-def test_a_picture_that_fails_leaves_nothing_in_the_next(monkeypatch, fault, stage, n_thread):
-    """A z-buffer half full would show the first picture's surfaces in the second."""
-    kind = "layered" if stage in ("list_fragments", "composite") else "plain"
-    with rz.Renderer(scene_of(kind), (200, 150), threads=n_thread, samples=1) as renderer:
-        expected = [bytes_of(renderer.render(camera)) for camera in CAMERAS[:3]]
-        module = next(each for each in (drawing, passes, transparency) if hasattr(each, stage))
-        real = getattr(module, stage)
-        for is_done_first in (False, True):
-
-            def fail(*given, is_done_first=is_done_first):
-                if is_done_first:
-                    real(*given)
-                raise fault("on purpose")
-
-            with monkeypatch.context() as patch:
-                patch.setattr(module, stage, fail)
-                with pytest.raises(fault):
-                    renderer.render(CAMERAS[5])
-            assert [bytes_of(renderer.render(camera)) for camera in CAMERAS[:3]] == expected
-
-
-@pytest.mark.parametrize("n_thread", [2, 5])
-def test_nothing_runs_on_after_an_error(n_thread):
+def test_nothing_runs_on_after_an_error(alone):
     """Neither when an item fails nor when the caller is interrupted while it waits."""
-    workers = Workers(n_thread)
+    workers = Workers(3)
     for fault in (ValueError, KeyboardInterrupt):
         running, done = threading.Semaphore(0), []
 
@@ -249,9 +218,10 @@ def test_nothing_runs_on_after_an_error(n_thread):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals to a process of its own")
-def test_an_interrupt_in_the_middle_of_a_picture():
-    """Ctrl-C at any time: the Renderer draws the right picture afterwards."""
-    with rz.Renderer(scene_of("shadows"), (300, 200), shading="phong", threads=2, samples=1) as renderer:
+@pytest.mark.parametrize("kind, n_thread", [("shadows", 2), ("layered", 2), ("plain", 1)])
+def test_an_interrupt_in_the_middle_of_a_picture(kind, n_thread, alone):
+    """Ctrl-C at any time: the Renderer draws the right picture afterwards, a z-buffer half full is cleared."""
+    with rz.Renderer(scene_of(kind), (300, 200), shading="phong", threads=n_thread, samples=1) as renderer:
         expected, rng = bytes_of(renderer.render()), np.random.default_rng(4)
         previous = signal.signal(signal.SIGALRM, signal.default_int_handler)
         try:

@@ -54,7 +54,7 @@ def folder():
 
 
 @filled
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_bytes_are_the_same_with_a_store_and_without(tmp_path):
     """Numba compiles all of it in the second process, and keeps nothing."""
     stored = run(DRAWS, tmp_path, *NAMES, RASTER_STORE=folder())
@@ -72,14 +72,13 @@ def test_a_picture_with_a_filled_store_loads_no_compiler(tmp_path):
 
 
 @filled
-@pytest.mark.parametrize("model", ["cube.obj", "gear.stl"])
-def test_the_command_line_with_a_filled_store_loads_neither_the_compiler_nor_trimesh(tmp_path, model):
+def test_the_command_line_with_a_filled_store_loads_neither_the_compiler_nor_trimesh(tmp_path):
     program = NO_COMPILER + (
         "from rasterizer.cli import main\n"
         "assert main(['render', *sys.argv[1:]]) == 0\n"
         "print(*sorted({'numba', 'trimesh', 'rasterizer.compiler.internals'} & set(sys.modules)))"
     )
-    path = ROOT / "models" / model
+    path = ROOT / "models" / "cube.obj"
     assert run(program, tmp_path, path, "-o", "x.png", "-s", "40x30", RASTER_STORE=folder()) == ""
     assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
 
@@ -104,7 +103,11 @@ if __name__ == "__main__":
 
 @filled
 @pytest.mark.parametrize(
-    "method", ["spawn", pytest.param("fork", marks=pytest.mark.skipif(os.name != "posix", reason="no fork"))]
+    "method",
+    [
+        pytest.param("spawn", marks=pytest.mark.nightly),
+        pytest.param("fork", marks=pytest.mark.skipif(os.name != "posix", reason="no fork")),
+    ],
 )
 def test_worker_processes_load_no_compiler(tmp_path, method):
     script = tmp_path / "script.py"
@@ -132,6 +135,7 @@ print(valence, hashlib.sha256(first.tobytes() + order.tobytes()).hexdigest())
 """
 
 
+@pytest.mark.nightly
 def test_many_processes_may_begin_with_an_empty_store_together(tmp_path):
     """All get the same numbers, each file is there once and whole, and nothing else is left."""
     processes = [start(TOGETHER, tmp_path, RASTER_STORE=tmp_path / "store") for _ in range(8)]

@@ -7,7 +7,6 @@ from helpers.small_scenes import cube
 
 import rasterizer as rz
 from rasterizer import reference
-from rasterizer.options import Options
 from rasterizer.reference.edges import list_edges
 
 SIZE = (64, 48)
@@ -18,20 +17,31 @@ BUDGET, OF_FINE = 0.01, 0.025  # of the covered area; with triangles smaller tha
 ENDS = 1.5  # px, what a wide stroke's end may differ by
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(8))
-def test_strokes_are_those_of_the_reference(kind, seed):
+def check_strokes(kind, seed):
+    """Draw a random scene of a kind in both ways."""
     rng = np.random.default_rng((seed, *kind.encode()))
-    scene = rz.Scene(KINDS[kind](rng), camera=random_camera(rng))
-    options = random_options(rng, SIZE)
-    fast, slow = fast_coverage(scene, options), slow_coverage(scene, options)
+    scene, settings = rz.Scene(KINDS[kind](rng), camera=random_camera(rng)), random_options(rng)
+    fast, slow = fast_coverage(scene, SIZE, threads=1, **settings), slow_coverage(scene, SIZE, **settings)
     off, budget = np.abs(fast - slow).sum(), ENDS + slow.sum() * (OF_FINE if kind == "sphere" else BUDGET)
-    assert off <= budget, f"{options.edges}, {options.edge_width} px, cull={options.cull}: {off:.2f} > {budget:.2f} px"
+    assert off <= budget, f"{kind}, seed {seed}, {settings}: {off:.2f} > {budget:.2f} px"
 
 
-@pytest.mark.parametrize("samples", [1, 4, 16])
-@pytest.mark.parametrize("background", [None, "orange"])
-@pytest.mark.parametrize("color_range", ["clamp", "global"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_strokes_are_those_of_the_reference(kind):
+    for seed in range(4):
+        check_strokes(kind, seed)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("kind", KINDS)
+def test_many_strokes_are_those_of_the_reference(kind):
+    for seed in range(4, 40):
+        check_strokes(kind, seed)
+
+
+@pytest.mark.parametrize("samples, background, color_range", [
+    (1, None, "global"), (4, "orange", "clamp"), (4, None, "clamp"), (1, "orange", "global"),
+])  # fmt: skip
 def test_the_picture_under_them_is_mixed_with_their_colour(samples, background, color_range):
     lights = rz.AmbientLight(0.4), rz.DirectionalLight((-1, -2, -3), 1.5)
     scene = rz.Scene(cube(), lights, rz.Camera.perspective((2.5, 2, 3.5), fov=45), background)
@@ -50,11 +60,11 @@ def test_the_picture_under_them_is_mixed_with_their_colour(samples, background, 
 
 def both(meshes, camera=FRONT, **settings):
     """The covered shares of both ways."""
-    scene, options = rz.Scene(meshes, camera=camera), Options(size=SIZE, threads=1, **settings)
-    return fast_coverage(scene, options), slow_coverage(scene, options)
+    scene = rz.Scene(meshes, camera=camera)
+    return fast_coverage(scene, SIZE, threads=1, **settings), slow_coverage(scene, SIZE, **settings)
 
 
-@pytest.mark.parametrize("side", [(0, -1), (0, 1), (-1, 0), (1, 0)])
+@pytest.mark.parametrize("side", [(0, -1), (1, 0)])
 def test_a_stroke_beside_the_picture_reaches_into_it(side):
     half = np.array([4.0 * SIZE[0] / SIZE[1], 4.0]) / 2 + 2 * 4.0 / SIZE[1]  # two pixels beyond the border
     across = np.array(side, float) * half
@@ -83,7 +93,7 @@ def test_any_polygon_of_an_edge_may_look_to_the_viewer(order):
     faces = [(0, 1, 2), (0, 1, 3), (0, 1, 4)]
     mesh = rz.Mesh([(0, -1, 0), (0, 1, 0), (1, 0, -1), (1, 0.1, 0.5), (-1, 0, 0.2)], [faces[k] for k in order])
     fast, slow = both(mesh, edges="wire", edge_width=2, cull="back")
-    assert np.abs(fast - slow).sum() < ENDS and slow[15:33, 32].min() == 1
+    assert np.abs(fast - slow).sum() < ENDS and slow[15:33, 32].min() > 1 - 1e-6
 
 
 @pytest.mark.parametrize("is_turned", [False, True])
@@ -92,7 +102,7 @@ def test_a_polygon_that_is_wound_badly_is_left_out_as_it_is_wound(is_turned):
     vertices = [(-1, -1, 0), (0, -1, 0), (0, 1, 0), (-1, 1, 0), (1, -1, 0), (1, 1, 0)]
     faces = [(3, 2, 1, 0), (1, 4, 5, 2) if is_turned else (2, 5, 4, 1)]
     fast, slow = both(rz.Mesh(vertices, faces), edges="wire", edge_width=2, cull="back")
-    assert np.array_equal(fast, slow) and (slow[24, 32] > 0) == is_turned and slow[24, :30].max() == 0
+    assert np.abs(fast - slow).max() < 1e-6 and (slow[24, 32] > 0) == is_turned and slow[24, :30].max() == 0
 
 
 def test_of_an_edge_that_is_seen_end_on_the_nearer_end_is_drawn():
@@ -100,7 +110,7 @@ def test_of_an_edge_that_is_seen_end_on_the_nearer_end_is_drawn():
         blade = rz.Mesh([(0, 0, depths[0]), (0, 0, depths[1]), (0, 1.0, 0)], [(0, 1, 2)])
         wall = rz.Mesh([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2, 3)])
         fast, slow = both([blade, wall], edges="wire", edge_width=6)
-        assert np.array_equal(fast, slow) and slow[23:25, 31:33].min() == 1
+        assert np.abs(fast - slow).max() < 1e-6 and slow[23:25, 31:33].min() > 1 - 1e-6
 
 
 def test_a_polygon_without_area_is_no_border():

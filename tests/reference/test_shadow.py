@@ -135,7 +135,7 @@ def test_flat_and_gouraud_ask_at_centroids_and_vertices():
 
 @pytest.mark.parametrize("shading, shift", [("flat", 1000.0), ("gouraud", 0.0), ("phong", 1000.0)])
 def test_a_convex_body_casts_no_shadow_on_what_faces_the_light(shading, shift):
-    vertices, faces = octasphere(2)
+    vertices, faces = octasphere(3)
     vertices = vertices + shift
     camera = Camera.perspective(np.array((1, 2, 4)) + shift, np.full(3, shift), fov=40)
     for light in (DirectionalLight, PointLight):
