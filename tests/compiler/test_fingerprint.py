@@ -1,7 +1,9 @@
 """What decides which machine code is made: versions, settings, sources and processor, told without the compiler."""
 
 import configparser
+import importlib.util
 import inspect
+import os
 import re
 import shutil
 import sys
@@ -10,80 +12,68 @@ import llvmlite
 import llvmlite.binding as llvm
 import numba
 import numba.core.config
-import pytest
 from helpers.raster import ROOT
 from helpers.stores import run
 
 from rasterizer.compiler import fingerprint
 from rasterizer.compiler.fingerprint import PROCESSOR_LEVELS
 
-FOLDER = "from rasterizer.compiler.kernels import STORE; print(STORE.own.name)"
-
 # ---------------------------------------------------------------- versions
 
 
-def requirement(package) -> str:
+def test_the_versions_that_may_be_installed_are_those_that_were_seen():
+    """Numba 0.61 brings llvmlite 0.44, and 0.68 brings 0.50."""
     setup = configparser.ConfigParser()
     setup.read(ROOT / "setup.cfg")
-    (line,) = re.findall(rf"^{package}.*$", setup["options"]["install_requires"], re.MULTILINE)
-    return line
-
-
-def test_the_versions_that_may_be_installed_are_those_that_were_seen():
+    required = setup["options"]["install_requires"].split("\n")
     (first, last) = fingerprint.SEEN
-    assert requirement("numba") == f"numba>={first[0]}.{first[1]},<{last[0]}.{last[1] + 1}"
-    assert fingerprint.is_seen(numba.__version__)
-
-
-def test_llvmlite_is_declared_with_the_versions_that_come_with_numba():
-    """Numba 0.61 brings llvmlite 0.44, and 0.68 brings 0.50."""
-    assert requirement("llvmlite") == "llvmlite>=0.44,<0.51"
+    assert f"numba>={first[0]}.{first[1]},<{last[0]}.{last[1] + 1}" in required
+    assert "llvmlite>=0.44,<0.51" in required
     major, minor, *_ = map(int, re.findall(r"\d+", llvmlite.__version__))
-    assert major == 0 and 44 <= minor <= 50
+    assert fingerprint.is_seen(numba.__version__) and major == 0 and 44 <= minor <= 50
 
 
-@pytest.mark.parametrize("version", ["0.61.0", "0.61.2", "0.65.0rc1", "0.68.1", "0.68.9+4.gabc"])
-def test_versions_that_were_seen(version):
-    assert fingerprint.is_seen(version)
+def test_versions_are_seen_or_not():
+    for version in ("0.61.0", "0.61.2", "0.65.0rc1", "0.68.1", "0.68.9+4.gabc"):
+        assert fingerprint.is_seen(version), version
+    for version in ("0.60.9", "0.69.0", "0.69.0dev0", "0.100.0", "1.61.0", "1.0", "0+unknown", ""):
+        assert not fingerprint.is_seen(version), version
 
 
-@pytest.mark.parametrize("version", ["0.60.9", "0.69.0", "0.69.0dev0", "0.100.0", "1.61.0", "1.0", "0+unknown", ""])
-def test_versions_that_were_not_seen(version):
-    assert not fingerprint.is_seen(version)
-
-
-def test_the_version_of_numba_is_known_without_importing_it(tmp_path):
+def test_the_version_of_numba_is_known_without_importing_it(tmp_path, monkeypatch):
     told = run(
         "import sys; from rasterizer.compiler.fingerprint import numba_version; print(numba_version())\n"
         "assert 'numba' not in sys.modules and 'importlib.metadata' not in sys.modules",
         tmp_path,
     )
     assert told == numba.__version__ == fingerprint.numba_version()
-
-
-def test_without_numba_there_is_no_version(monkeypatch):
     monkeypatch.delitem(sys.modules, "numba")
-    monkeypatch.setattr(fingerprint.importlib.util, "find_spec", lambda _name: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _name: None)  # as where it isn't installed
     assert fingerprint.numba_version() == ""
 
 
-# ---------------------------------------------------------------- settings
+# ---------------------------------------------------------------- settings and sources
 
 
-@pytest.mark.parametrize("name", set(fingerprint.CODE_SETTINGS) - {"CPU_NAME", "CPU_FEATURES"})
-def test_every_setting_that_changes_code_changes_what_describes_the_compiler(name, monkeypatch):
-    monkeypatch.delenv(f"NUMBA_{name}", raising=False)
-    before = fingerprint.describe_compiler()
-    monkeypatch.setenv(f"NUMBA_{name}", "something else")
-    assert fingerprint.describe_compiler() != before
-
-
-def test_settings_in_a_file_change_what_describes_the_compiler(tmp_path, monkeypatch):
-    """Numba reads it where the program is started."""
+def test_every_setting_that_changes_code_has_kernels_of_its_own(monkeypatch, tmp_path):
+    """In the environment, or in a file that numba reads where the program is started."""
     monkeypatch.chdir(tmp_path)
-    before = fingerprint.describe_compiler()
+    names = [name for name in fingerprint.CODE_SETTINGS if name not in ("CPU_NAME", "CPU_FEATURES")]
+    for name in fingerprint.CODE_SETTINGS:
+        monkeypatch.delenv(f"NUMBA_{name}", raising=False)
+    found = {"none": fingerprint.hash_sources()}
+    for name in names:
+        with monkeypatch.context() as patch:
+            patch.setenv(f"NUMBA_{name}", "something else")
+            found[name] = fingerprint.hash_sources()
+    for name in ("NUMBA_NUM_THREADS", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):  # the last two are in a kernel's key
+        with monkeypatch.context() as patch:
+            patch.setenv(name, "1")
+            assert fingerprint.hash_sources() == found["none"], name
     (tmp_path / ".numba_config.yaml").write_text("opt: 0\n")
-    assert fingerprint.describe_compiler() != before
+    found["a file"] = fingerprint.hash_sources()
+    alike = [name for name, digits in found.items() if list(found.values()).count(digits) > 1]
+    assert not alike, f"{alike} have the same kernels"
 
 
 def test_most_settings_are_known_to_this_version():
@@ -100,33 +90,27 @@ def test_a_setting_of_0_is_none(monkeypatch):
         assert fingerprint.setting("DISABLE_JIT") == expected
 
 
-def test_settings_that_change_code_have_kernels_of_their_own(tmp_path):
-    settings = [{}, {"NUMBA_OPT": 0}, {"NUMBA_LOOP_VECTORIZE": 0}, {"NUMBA_DEBUGINFO": 1}, {"NUMBA_ENABLE_AVX": 0}]
-    names = [run(FOLDER, tmp_path, RASTER_STORE=tmp_path / "kernels", **given) for given in settings]
-    assert len(set(names)) == len(names), names
-    assert run(FOLDER, tmp_path, RASTER_STORE=tmp_path / "kernels", NUMBA_NUM_THREADS=1) == names[0]
-
-
-# ---------------------------------------------------------------- sources
-
-
-def test_the_folder_depends_on_the_sources_of_kernels_and_on_nothing_else(tmp_path):
+def test_the_folder_depends_on_every_source_of_kernels_and_on_nothing_else(tmp_path):
     """A helper that changed in any file must not meet kernels that were compiled with the old one."""
-    package = tmp_path / "copy" / "rasterizer"
+    package = tmp_path / "rasterizer"
     shutil.copytree(ROOT / "rasterizer", package, ignore=shutil.ignore_patterns("__pycache__", "kernels"))
-
-    def name():
-        return run(FOLDER, tmp_path, RASTER_STORE=tmp_path / "store", PYTHONPATH=package.parent)
-
-    first = name()
-    assert first == run(FOLDER, tmp_path, RASTER_STORE=tmp_path / "store")
-    (package / "options.py").open("a").write("\n# no kernel here\n")
-    assert name() == first
-    for changed in ("pipeline/simd.py", "pipeline/fragments.py", "geometry/creases.py", "compiler/kernels.py"):
-        (package / changed).open("a").write("\n# changed\n")
-        second = name()
-        assert second != first, changed
-        first = second
+    spec = importlib.util.spec_from_file_location("rasterizer.compiler.other", package / "compiler" / "fingerprint.py")
+    copy = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(copy)
+    known = copy.hash_sources()
+    assert known == fingerprint.hash_sources()
+    decorates = re.compile(r"^@(?:\w+\.)?(?:kernel|helper|choice|spelled_out)\b", re.MULTILINE)
+    own = {package / "compiler" / name for name in ("kernels.py", "internals.py", "signatures.py", "entry_points.py")}
+    n_source = 0
+    for path in sorted(package.rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        has_kernels = path in own or decorates.search(text) is not None
+        if has_kernels or path.name in ("options.py", "renderer.py", "store.py"):
+            path.write_text(f"{text}\n# changed\n", encoding="utf-8")
+            found, known = known, copy.hash_sources()
+            assert (found != known) == has_kernels, path.relative_to(package)
+            n_source += has_kernels
+    assert n_source > 40, f"only {n_source} files with kernels were found <= 40"
 
 
 # ---------------------------------------------------------------- processors
@@ -143,13 +127,13 @@ def test_levels_hold_what_the_compiler_takes_them_for():
 
 def processor_with(monkeypatch, features, **settings):
     """Let this machine's processor have some features."""
-    for name in ("CPU_NAME", "CPU_FEATURES"):
-        monkeypatch.delenv(f"NUMBA_{name}", raising=False)
+    for name in [name for name in os.environ if name.startswith("NUMBA_CPU_")]:
+        monkeypatch.delenv(name)
     for name, value in settings.items():
         monkeypatch.setenv(f"NUMBA_{name}", value)
     map_of_features = llvm.FeatureMap(dict.fromkeys(features, True))
-    monkeypatch.setattr(fingerprint.llvm, "get_host_cpu_features", lambda: map_of_features)
-    monkeypatch.setattr(fingerprint.llvm, "get_host_cpu_name", lambda: "toy")
+    monkeypatch.setattr(llvm, "get_host_cpu_features", lambda: map_of_features)  # the processor, as LLVM tells of it
+    monkeypatch.setattr(llvm, "get_host_cpu_name", lambda: "toy")
     return list(fingerprint.usable_processors())
 
 
@@ -157,28 +141,22 @@ def test_code_for_a_level_is_used_where_the_processor_can_do_all_of_it(monkeypat
     for level, features in PROCESSOR_LEVELS.items():
         reached = list(PROCESSOR_LEVELS)[list(PROCESSOR_LEVELS).index(level) :]
         assert processor_with(monkeypatch, features)[1:] == reached
-        assert level not in processor_with(monkeypatch, features[:-1]), f"without {features[-1]}"
+        for feature in features:
+            others = [each for each in features if each != feature]
+            assert level not in processor_with(monkeypatch, others), f"{level} without {feature}"
     (only,) = processor_with(monkeypatch, ())
     assert only == "toy "
 
 
-def test_a_processor_that_is_asked_for_is_the_only_one(monkeypatch):
+def test_a_processor_or_features_that_are_asked_for_are_the_only_ones(monkeypatch):
+    """Code with other features is not taken for that of a level: it would be shipped to those that can't run it."""
     every, level = PROCESSOR_LEVELS["x86-64-v4"], "x86-64-v3"
     features = fingerprint.features_of(level)
     assert processor_with(monkeypatch, every, CPU_NAME=level, CPU_FEATURES=features) == [level]
     assert processor_with(monkeypatch, every, CPU_NAME="generic", CPU_FEATURES="") == ["generic "]
-
-
-def test_code_with_other_features_is_not_taken_for_that_of_a_level(monkeypatch):
-    """It would be shipped to processors that can't run it."""
-    every, level = PROCESSOR_LEVELS["x86-64-v4"], "x86-64-v3"
     for features in ("+avx512f", "", fingerprint.features_of("x86-64-v4")):
         assert processor_with(monkeypatch, every, CPU_NAME=level, CPU_FEATURES=features) == [f"{level} {features}"]
     (only,) = processor_with(monkeypatch, every, CPU_NAME=level)
     assert only.startswith(f"{level} +") and "avx512f" in only  # this machine's are taken where none are asked for
-
-
-def test_features_that_are_asked_for_tell_this_processor_from_others(monkeypatch):
-    every = PROCESSOR_LEVELS["x86-64-v4"]
     assert processor_with(monkeypatch, every, CPU_FEATURES="+sse3")[0] == "toy +sse3"
     assert processor_with(monkeypatch, every)[0] == "toy " + ",".join(f"+{name}" for name in sorted(every))

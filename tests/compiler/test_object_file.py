@@ -40,7 +40,7 @@ def test_names_are_those_of_the_source():
 @linux
 def test_a_file_that_is_cut_off_anywhere_is_refused():
     content = object_file()
-    for n_byte in range(len(content)):
+    for n_byte in [*range(200), *range(200, len(content), 7), len(content) - 1]:
         with pytest.raises(ValueError, match="no (whole )?object file"):
             read_names(content[:n_byte])
 
@@ -50,7 +50,7 @@ def test_changed_bytes_are_read_or_refused():
     """Nothing but a ValueError: and what is read is never more than there is."""
     content, rng = object_file(), np.random.default_rng(4)
     n_refused = 0
-    for _ in range(3000):
+    for _ in range(1000):
         changed = bytearray(content)
         for place in rng.integers(0, len(content), rng.integers(1, 4)):
             changed[place] = rng.integers(256)
@@ -59,15 +59,13 @@ def test_changed_bytes_are_read_or_refused():
             assert sum(map(len, defined | needed)) < 50 * len(content)
         except ValueError:
             n_refused += 1
-    assert n_refused > 100, f"only {n_refused} of 3000 changed files were refused"
+    assert n_refused > 30, f"only {n_refused} of 1000 changed files were refused"
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"hello\n" * 99, bytes(999), b"\x7fELF", b"\x7fELF\x01" + bytes(99), b"BC\xc0\xde"]
-)
-def test_what_is_no_object_file_is_refused(content):
-    with pytest.raises(ValueError, match="no (whole )?object file"):
-        read_names(content)
+def test_what_is_no_object_file_is_refused():
+    for content in (b"", b"hello\n" * 99, bytes(999), b"\x7fELF", b"\x7fELF\x01" + bytes(99), b"BC\xc0\xde"):
+        with pytest.raises(ValueError, match="no (whole )?object file"):
+            read_names(content)
 
 
 def test_files_of_other_systems_are_not_looked_into(monkeypatch):

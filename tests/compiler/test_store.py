@@ -1,5 +1,5 @@
-"""The files of compiled kernels: nothing that is damaged is read, nothing half-written is used, and each code is found for
-what it was made for alone."""
+"""The files of compiled kernels: nothing that is damaged is read, nothing half-written is used, and each code is found
+for what it was made for alone."""
 
 import errno
 import hashlib
@@ -139,7 +139,12 @@ def is_done_without(folder, caplog, code) -> None:
 
 def test_a_disk_that_is_full_or_fails_is_done_without_and_told(tmp_path, monkeypatch, caplog):
     caplog.set_level("INFO", "rasterizer")
-    for call, code in (("open", errno.EROFS), ("open", errno.EDQUOT), ("replace", errno.ENOSPC), ("replace", errno.EIO)):
+    for call, code in (
+        ("open", errno.EROFS),
+        ("open", errno.EDQUOT),
+        ("replace", errno.ENOSPC),
+        ("replace", errno.EIO),
+    ):
 
         def fail(*_given, code=code, **_options):
             raise OSError(code, os.strerror(code))

@@ -151,7 +151,12 @@ def test_what_others_can_write_to_is_refused(tmp_path, monkeypatch):
     import grp
     import pwd
 
-    groups = {"another": ("users", []), "with others": ("me", ["me", "you"]), "own": ("me", []), "named": ("me", ["me"])}
+    groups = {
+        "another": ("users", []),
+        "with others": ("me", ["me", "you"]),
+        "own": ("me", []),
+        "named": ("me", ["me"]),
+    }
     monkeypatch.setattr(pwd, "getpwuid", lambda _number: SimpleNamespace(pw_name="me", pw_dir=str(tmp_path)))
     folder = tmp_path / "outer" / "inner" / NAME
     folder.mkdir(parents=True)
@@ -268,7 +273,8 @@ def test_only_folders_of_ours_are_removed(tmp_path):
     kernel, prefix = f"scan.scan-0{store.SUFFIX}", f"{store.PREFIX}00000000000000"
     ours = make_old(tmp_path / f"{prefix}aa", kernel, f"x{store.HALF_WRITTEN}")
     others = [make_old(tmp_path / name, kernel) for name in (
-        "elsewhere", "kernels-0123456789abcdef", f"{prefix}AD", f"{prefix}a", f"{prefix}aee", f"{store.PREFIX}{'z' * 16}",
+        "elsewhere", "kernels-0123456789abcdef", f"{prefix}AD", f"{prefix}a", f"{prefix}aee",
+        f"{store.PREFIX}{'z' * 16}",
     )]  # fmt: skip
     others.append(make_old(tmp_path / f"{prefix}ab", kernel, marker=None))
     others.append(make_old(tmp_path / f"{prefix}ac", kernel, marker=b"mine"))
