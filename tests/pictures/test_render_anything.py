@@ -79,13 +79,13 @@ def test_angles_and_up_come_before_the_camera_of_a_scene():
     assert bytes_of(scene, SIZE, up="z") == bytes_of(framed, SIZE, up="z")
 
 
-@pytest.mark.parametrize("angle", ["azimuth", "elevation"])
-def test_a_camera_and_an_angle_are_refused(angle):
+def test_a_camera_and_an_angle_are_refused():
     camera = rz.Camera.perspective((3, 4, 5))
-    with pytest.raises(rz.SceneError, match=f"given camera, {angle}"):
-        rz.render(MESH, 8, camera=camera, **{angle: 3})
-    with rz.Renderer(MESH, 8) as renderer, pytest.raises(rz.SceneError, match=f"given camera, {angle}"):
-        renderer.render(camera, **{angle: 3})
+    for angle in ("azimuth", "elevation"):
+        with pytest.raises(rz.SceneError, match=f"given camera, {angle}"):
+            rz.render(MESH, 8, camera=camera, **{angle: 3})
+        with rz.Renderer(MESH, 8) as renderer, pytest.raises(rz.SceneError, match=f"given camera, {angle}"):
+            renderer.render(camera, **{angle: 3})
 
 
 def test_pictures_have_four_samples_and_pictures_beside_buffers_one():
@@ -96,9 +96,8 @@ def test_pictures_have_four_samples_and_pictures_beside_buffers_one():
         assert renderer.render().rgba.tobytes() == picture.rgba.tobytes()
 
 
-@pytest.mark.parametrize(
-    ("source", "error", "words"),
-    [
+def test_what_is_no_model(folder):
+    for source, error, words in (
         ("none.obj", rz.ModelError, "none.obj: no such file"),
         (b"v 0 0 0", rz.RasterizerError, "format"),
         ([], rz.ModelError, "at least one mesh; given an empty sequence"),
@@ -108,11 +107,9 @@ def test_pictures_have_four_samples_and_pictures_beside_buffers_one():
         (trimesh.PointCloud(np.eye(3)), rz.ModelError, "a mesh needs faces: points and lines alone are not drawn"),
         (None, rz.ModelError, "a mesh must be"),
         ({}, rz.ModelError, "a mesh must be"),
-    ],
-)
-def test_what_is_no_model(source, error, words, folder):
-    with pytest.raises(error, match=words):
-        rz.render(source, 8)
+    ):
+        with pytest.raises(error, match=words):
+            rz.render(source, 8)
 
 
 # --- the frame ------------------------------------------------------------------------------------------------------
