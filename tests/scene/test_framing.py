@@ -1,4 +1,4 @@
-"""Framing: the smallest centred view from every side, of anything, at any scale."""
+"""Framing and turntables: the smallest centred view from every side, of anything, at any scale."""
 
 import math
 from dataclasses import replace
@@ -6,15 +6,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.pairs import pairs
 from helpers.pixels import AXIS, project
+from helpers.refusals import assert_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import rasterizer as rz
 from rasterizer.errors import SceneError
 from rasterizer.scene.camera import Camera
 
 _coordinate = st.floats(-10.0, 10.0).map(lambda x: round(x, 4))
 _points = st.lists(st.tuples(_coordinate, _coordinate, _coordinate), min_size=1, max_size=12).map(np.array)
+CUBE = [[-1, -1, -1], [1, 1, 1]]
+LENSES = False, True
+CLOUD = np.random.default_rng(5).normal(size=(60, 3)) * (3.0, 1.0, 0.4) + (5.0, -2.0, 7.0)
 
 
 def margins(camera, points, size):
@@ -24,77 +30,58 @@ def margins(camera, points, size):
     return pixels.min(axis=0) / size, 1.0 - pixels.max(axis=0) / size
 
 
-def assert_framed(camera, points, size, margin=0.05, tight=1e-6, centered=1e-3):
+def assert_framed(camera, points, size=(640, 480), tight=1e-6, centered=1e-9, what=""):
     """Check that the points keep the margin, reach it in one direction, and are centred."""
     low, high = margins(camera, points, size)
-    assert min(low.min(), high.min()) == pytest.approx(margin, abs=tight), (low, high)
-    assert np.abs(low - high).max() <= centered
+    assert abs(min(low.min(), high.min()) - 0.05) <= tight, f"{what}: margins {low}, {high}"
+    off = np.abs(low - high).max()
+    assert off <= centered, f"{what}: off the middle by {off:.3g} > {centered:.3g}"
 
 
-@pytest.mark.parametrize(
-    ("up", "azimuth", "towards"),
-    [
-        ("y", 0, "z"),
-        ("y", 90, "x"),
-        ("y", 180, "-z"),
-        ("y", -90, "-x"),
-        ("z", 0, "-y"),
-        ("z", 90, "x"),
-        ("-y", 0, "-z"),
-        ("-y", 90, "x"),
-        ("-z", 0, "y"),
-        ("-z", 90, "x"),
-        ("x", 0, "z"),
-        ("x", 90, "-y"),
-        ("-x", 90, "y"),
-    ],
-)
-def test_azimuth(up, azimuth, towards):
-    view = Camera.framing([[-1, -1, -1], [1, 1, 1]], azimuth=azimuth, elevation=0, up=up).view()
-    assert tuple(-view.forward) == AXIS[towards]
-    assert tuple(view.up) == AXIS[up]
+def test_azimuth_turns_about_the_up_axis():
+    sides = {
+        "y": {0: "z", 90: "x", 180: "-z", -90: "-x"}, "z": {0: "-y", 90: "x"}, "-y": {0: "-z", 90: "x"},
+        "-z": {0: "y", 90: "x"}, "x": {0: "z", 90: "-y"}, "-x": {90: "y"},
+    }  # fmt: skip
+    for up, towards in sides.items():
+        for azimuth, side in towards.items():
+            view = Camera.framing(CUBE, azimuth=azimuth, elevation=0, up=up).view()
+            assert tuple(-view.forward) == AXIS[side] and tuple(view.up) == AXIS[up], f"{up}, {azimuth}: {view}"
 
 
-@pytest.mark.parametrize("up", AXIS)
-def test_elevation_rises_towards_up(up):
-    for elevation in (-90, -30, 0, 30, 90):
-        view = Camera.framing([[-1, -1, -1], [1, 1, 1]], elevation=elevation, up=up).view()
-        assert -view.forward @ AXIS[up] == pytest.approx(math.sin(math.radians(elevation)), abs=1e-12)
-        assert view.up @ AXIS[up] == pytest.approx(math.cos(math.radians(elevation)), abs=1e-12)
+def test_elevation_rises_towards_up():
+    for up in AXIS:
+        for elevation in (-90, -30, 0, 30, 90):
+            view = Camera.framing(CUBE, elevation=elevation, up=up).view()
+            found, angle = (-view.forward @ AXIS[up], view.up @ AXIS[up]), math.radians(elevation)
+            assert found == pytest.approx((math.sin(angle), math.cos(angle)), abs=1e-12), f"{up}, {elevation}"
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
-@pytest.mark.parametrize("size", [(640, 480), (300, 900), (1000, 100), (1, 1)])
-@pytest.mark.parametrize("elevation", [-90, -20, 0, 25, 90])
-def test_framing_is_tight_and_centred(orthographic, size, elevation):
+def test_framing_is_tight_and_centred():
     points = np.random.default_rng(7).normal(size=(500, 3)) * (1.0, 2.0, 0.3)
-    aspect = size[0] / size[1]
-    camera = Camera.framing(points, elevation=elevation, orthographic=orthographic, aspect=aspect)
-    assert_framed(camera, points, size, centered=1e-9)
+    sizes, elevations = ((640, 480), (300, 900), (1000, 100), (1, 1)), (-90, -20, 0, 25, 90)
+    for case in pairs(orthographic=LENSES, size=sizes, elevation=elevations):
+        orthographic, size, elevation = case
+        aspect = size[0] / size[1]
+        camera = Camera.framing(points, elevation=elevation, orthographic=orthographic, aspect=aspect)
+        assert_framed(camera, points, size, what=case)
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize("offset", [0.0, 1e6])
-@pytest.mark.parametrize("orthographic", [False, True])
-def test_framing_at_any_scale_and_offset(scale, offset, orthographic):
-    points = np.random.default_rng(3).uniform(-1, 1, (200, 3)) * scale + offset
-    camera = Camera.framing(points, orthographic=orthographic)
-    # the eye's own coordinates are rounded: what that is in shares of the subject
-    rounding = 8 * np.spacing(offset + scale) / scale
-    assert_framed(camera, points, (640, 480), tight=1e-6 + rounding, centered=1e-3 + rounding)
+def test_framing_at_any_scale_and_offset():
+    for case in pairs(scale=(1e-6, 1.0, 1e6), offset=(0.0, 1e6), orthographic=LENSES):
+        scale, offset, orthographic = case
+        points = np.random.default_rng(3).uniform(-1, 1, (200, 3)) * scale + offset
+        camera = Camera.framing(points, orthographic=orthographic)
+        # the eye's own coordinates are rounded: what that is in shares of the subject
+        rounding = 8 * np.spacing(offset + scale) / scale
+        assert_framed(camera, points, tight=1e-6 + rounding, centered=1e-3 + rounding, what=case)
 
 
 @given(
-    _points,
-    st.floats(-360, 360),
-    st.floats(-90, 90),
-    st.floats(1, 120),
-    st.floats(0.1, 10),
-    st.floats(0, 0.45),
-    st.sampled_from(sorted(AXIS)),
-    st.booleans(),
-)
-@settings(max_examples=200, deadline=None)
+    _points, st.floats(-360, 360), st.floats(-90, 90), st.floats(1, 120), st.floats(0.1, 10), st.floats(0, 0.45),
+    st.sampled_from(sorted(AXIS)), st.booleans(),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
 def test_framing_anything(points, azimuth, elevation, fov, aspect, margin, up, orthographic):
     mesh = SimpleNamespace(vertices=points)  # two bare points would be bounds
     camera = Camera.framing(mesh, azimuth, elevation, fov, up, margin, orthographic, aspect)
@@ -115,92 +102,120 @@ def test_framing_anything(points, azimuth, elevation, fov, aspect, margin, up, o
         assert min(low) == pytest.approx(margin, abs=1e-6)
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
-@pytest.mark.parametrize("point", [(0, 0, 0), (1e6, -1e6, 3), (1e-6, 0, 0), (1e12, 0, 0)])
-def test_framing_a_single_point_puts_it_in_the_middle(orthographic, point):
-    camera = Camera.framing(np.array([point]), orthographic=orthographic)
-    pixels, depth = project(camera, [point], (640, 480))
-    assert depth[0] > 0.0
-    assert pixels[0] == pytest.approx((320, 240), abs=0.5)
+def test_framing_a_single_point_puts_it_in_the_middle():
+    for point in ((0, 0, 0), (1e6, -1e6, 3), (1e-6, 0, 0), (1e12, 0, 0)):
+        for orthographic in LENSES:
+            pixels, depth = project(Camera.framing(np.array([point]), orthographic=orthographic), [point], (640, 480))
+            assert depth[0] > 0.0 and pixels[0] == pytest.approx((320, 240), abs=0.5), (point, orthographic)
+    for camera in Camera.orbit([[1.0, 2.0, 3.0]], 3):
+        pixels, _ = project(camera, np.array([[1.0, 2.0, 3.0]]), (640, 480))
+        assert pixels[0] == pytest.approx((320, 240), abs=1e-6)
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
-def test_framing_flat_meshes_and_lines(orthographic):
+def test_framing_flat_meshes_lines_and_needles():
     square = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]) + 5.0
-    for azimuth, elevation in ((0, 0), (90, 0), (0, 90), (35, 25)):  # head on, edge on twice, slanting
-        camera = Camera.framing(square, azimuth, elevation, orthographic=orthographic)
-        assert_framed(camera, square, (640, 480), centered=1e-9)
-    line = np.array([(0, 0, -1), (0, 0, 1)])[[0, 1, 1]]
-    camera = Camera.framing(line, 0, 0, orthographic=orthographic)  # the line is seen as a point
-    pixels, depth = project(camera, line, (640, 480))
-    assert (depth > 0.0).all() and pixels == pytest.approx(np.array([(320, 240)] * 3))
-
-
-def test_framing_a_needle_keeps_a_distance():
+    for orthographic in LENSES:
+        for azimuth, elevation in ((0, 0), (90, 0), (0, 90), (35, 25)):  # head on, edge on twice, slanting
+            camera = Camera.framing(square, azimuth, elevation, orthographic=orthographic)
+            assert_framed(camera, square, what=(azimuth, elevation, orthographic))
+        line = np.array([(0, 0, -1), (0, 0, 1)])[[0, 1, 1]]
+        camera = Camera.framing(line, 0, 0, orthographic=orthographic)  # the line is seen as a point
+        pixels, depth = project(camera, line, (640, 480))
+        assert (depth > 0.0).all() and pixels == pytest.approx(np.array([(320, 240)] * 3))
     needle = np.array([(0, 0, 10), (0.1, 0, 0), (-0.1, 0, 0), (0, 0.1, 0), (0, -0.1, 0)])
-    camera = Camera.framing(needle, 0, 0, fov=90)
+    camera = Camera.framing(needle, 0, 0, fov=90)  # keeps a distance
     low, high = margins(camera, needle, (640, 480))
     assert low == pytest.approx(high) and min(low) > 0.05
     assert project(camera, needle, (640, 480))[1].min() == pytest.approx(0.1, rel=0.01)
 
 
 def test_framing_is_smallest():
-    """Any step nearer pushes a vertex over the margin."""
-    points = np.random.default_rng(5).normal(size=(100, 3))
-    camera = Camera.framing(points)
-    forward = camera.view().forward
-    nearer = replace(camera, position=np.array(camera.position) + 1e-3 * forward)
-    low, high = margins(nearer, points, (640, 480))
-    assert min(low.min(), high.min()) < 0.05 - 1e-5
+    """Any step nearer pushes a vertex over the margin; many points go by chunks."""
+    for n in (100, 100_000):
+        points = np.random.default_rng(5).normal(size=(n, 3))
+        camera = Camera.framing(points)
+        assert_framed(camera, points)
+        nearer = replace(camera, position=np.array(camera.position) + 1e-3 * camera.view().forward)
+        low, high = margins(nearer, points, (640, 480))
+        assert min(low.min(), high.min()) < 0.05 - 1e-5
 
 
 def test_framing_takes_bounds_meshes_and_scenes():
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)], dtype=np.float32)
     expected = Camera.framing(corners)
-    assert_framed(expected, corners, (640, 480))
+    assert_framed(expected, corners, centered=1e-3)
     assert Camera.framing([[0, 0, 0], [1, 2, 3]]).position == pytest.approx(expected.position)
     assert Camera.framing(SimpleNamespace(vertices=corners)).position == expected.position
     halves = [SimpleNamespace(used_vertices=half) for half in (corners[:3], corners[3:])]
     assert Camera.framing(SimpleNamespace(meshes=halves)).position == pytest.approx(expected.position)
     two = SimpleNamespace(vertices=corners[[0, 7]])  # two vertices of a mesh are no bounds
-    assert_framed(Camera.framing(two, azimuth=-60), corners[[0, 7]], (640, 480))
+    assert_framed(Camera.framing(two, azimuth=-60), corners[[0, 7]], centered=1e-3)
+    mesh = rz.Mesh(CLOUD[:3], [[0, 1, 2]])
+    scene = rz.Scene(mesh, up="z")  # its up axis counts
+    assert Camera.framing(scene) == Camera.framing(mesh, up="z") != Camera.framing(mesh)
+    assert Camera.framing(scene, up="y") == Camera.framing(mesh)
+    assert Camera.orbit(scene, 2) == Camera.orbit(mesh, 2, up="z")
 
 
-def test_framing_many_points_goes_by_chunks():
-    points = np.random.default_rng(1).normal(size=(100_000, 3))
-    assert_framed(Camera.framing(points), points, (640, 480), centered=1e-9)
+def test_framing_takes_the_shape_of_a_size():
+    assert Camera.framing(CLOUD, size=(300, 200)) == Camera.framing(CLOUD, aspect=1.5)
+    assert Camera.framing(CLOUD, size=64) == Camera.framing(CLOUD, aspect=1.0)
+    assert Camera.framing(CLOUD) == Camera.framing(CLOUD, size=rz.Options().size)
+    with pytest.raises(SceneError, match=r"size or its aspect; given 64 and 1\.0"):
+        Camera.framing(CLOUD, size=64, aspect=1.0)
+    sizes = [(size, "size must be") for size in (0, (4, 0), "64", (1, 2, 3))]
+    assert_refused(lambda size: Camera.framing(CLOUD, size=size), sizes, SceneError)
 
 
-@pytest.mark.parametrize("wrong", [np.zeros((0, 3)), [[1, 2]], "cube", None, [["a", "b", "c"]], np.zeros(3), 5])
-def test_framing_needs_points(wrong):
-    with pytest.raises(SceneError, match="what is framed"):
-        Camera.framing(wrong)
+def test_what_cannot_be_framed_is_refused():
+    wrong = [np.zeros((0, 3)), [[1, 2]], "cube", None, [["a", "b", "c"]], np.zeros(3), 5]
+    assert_refused(Camera.framing, [(each, "what is framed") for each in wrong], SceneError)
+    for where, bad in zip((0, 3, 40_000, 49_999), (math.nan, math.inf, -math.inf, math.nan), strict=True):
+        points = np.random.default_rng(1).normal(size=(50_000, 3))
+        points[where, 1] = bad
+        with np.errstate(invalid="ignore"), pytest.raises(SceneError, match="finite"):
+            Camera.framing(points)
+    options = [
+        ("azimuth", math.nan), ("elevation", 91), ("fov", 0), ("fov", 180), ("up", "w"), ("up", (0, 1, 0)),
+        ("margin", 0.5), ("margin", -0.1), ("aspect", 0), ("aspect", math.inf),
+    ]  # fmt: skip
+    cases = [({name: value}, name) for name, value in options]
+    assert_refused(lambda given: Camera.framing(CUBE, **given), cases, SceneError)
 
 
-@pytest.mark.parametrize("where", [0, 3, 40_000, 49_999])
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_framing_refuses_points_that_are_not_finite(where, bad):
-    points = np.random.default_rng(1).normal(size=(50_000, 3))
-    points[where, 1] = bad
-    with np.errstate(invalid="ignore"), pytest.raises(SceneError, match="finite"):
-        Camera.framing(points)
+# --- turntables: one distance, one target, and a view that holds the subject from every side, just so ---------------
 
 
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"azimuth": math.nan},
-        {"elevation": 91},
-        {"fov": 0},
-        {"fov": 180},
-        {"up": "w"},
-        {"up": (0, 1, 0)},
-        {"margin": 0.5},
-        {"margin": -0.1},
-        {"aspect": 0},
-        {"aspect": math.inf},
-    ],
-)
-def test_framing_refuses_illegal_options(options):
-    with pytest.raises(SceneError, match=next(iter(options))):
-        Camera.framing([[0, 0, 0], [1, 1, 1]], **options)
+def test_every_camera_of_an_orbit_holds_the_subject_and_some_just_so():
+    for case in pairs(up=tuple(AXIS), orthographic=LENSES, elevation=(-90, -20, 0, 25, 60, 90)):
+        up, orthographic, elevation = case
+        angles, size = np.arange(0, 360, 6.0), (300, 200)
+        cameras = Camera.orbit(CLOUD, angles, elevation, up=up, margin=0.1, orthographic=orthographic, size=size)
+        low = min(min(map(np.min, margins(camera, CLOUD, size))) for camera in cameras)
+        assert 0.1 - 1e-9 <= low < 0.1 + 8e-3, f"{case}: a margin of {low}, not 0.1"
+
+
+def test_distance_target_and_height_are_the_same_for_all():
+    for orthographic in LENSES:
+        cameras = Camera.orbit(CLOUD, 24, orthographic=orthographic, aspect=1.5)
+        targets = np.array([camera.target for camera in cameras])
+        distances = [math.dist(camera.position, camera.target) for camera in cameras]
+        heights = np.array([camera.position for camera in cameras])[:, 1]
+        assert np.ptp(distances) < 1e-12 * max(distances) and np.ptp(heights) < 1e-12 * np.abs(heights).max()
+        middle = 0.5 * (CLOUD.min(axis=0) + CLOUD.max(axis=0))
+        around = np.hypot(targets[:, 0] - middle[0], targets[:, 2] - middle[2])
+        assert around.max() < 1e-12 and np.ptp(targets[:, 1]) < 1e-12, "one point of the axis"
+        assert len({camera.height for camera in cameras}) == 1
+
+
+def test_a_number_spreads_the_cameras_from_the_default_side_on():
+    cameras = Camera.orbit(CLOUD, 4)
+    assert cameras == Camera.orbit(CLOUD, [35, 125, 215, 305])
+    first = np.array(Camera.framing(CLOUD).view().forward)
+    assert np.abs(cameras[0].view().forward - first).max() < 1e-12
+    assert len(Camera.orbit(CLOUD)) == 36
+    offset = np.array([1e9, -2e9, 5e8])  # costs no digits
+    for a, b in zip(Camera.orbit(CLOUD, 3), Camera.orbit(CLOUD + offset, 3), strict=True):
+        assert np.abs(np.array(b.position) - offset - a.position).max() < 1e-5
+    wrong = [0, -1, [], "36", None, 10**9, [float("nan")], ["a"], 2.5, True]
+    assert_refused(lambda each: Camera.orbit(CLOUD, each), [(each, "azimuth") for each in wrong], SceneError)

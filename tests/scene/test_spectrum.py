@@ -6,8 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from helpers.refusals import assert_refused
 
 from rasterizer.errors import SceneError
 from rasterizer.scene.cie_tables import D65, MATCHING, WAVELENGTHS
@@ -25,7 +24,7 @@ from rasterizer.scene.spectrum import (
     xyz_weights,
 )
 
-EVERY_N = (3, 4, 5, 8, 16, 31, 80, 81, 82, 150, 401)
+EVERY_N = pytest.mark.parametrize("n", [3, 4, 16, 80, 81, 82, 401])
 
 
 def chromaticity(spectrum):
@@ -83,7 +82,7 @@ def test_matrix_is_that_of_srgb():
 # --- neutrality and sampling --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n", EVERY_N)
+@EVERY_N
 def test_greys_are_neutral_at_any_n(n):
     assert rgb_weights(n).sum(axis=0) == pytest.approx([1, 1, 1], abs=1e-14)
     for value in (0.0, 0.18, 1.0, 3.7):
@@ -93,7 +92,7 @@ def test_greys_are_neutral_at_any_n(n):
         assert np.array_equal(samples_of((value, value, value), n), surface)
 
 
-@pytest.mark.parametrize("n", EVERY_N)
+@EVERY_N
 def test_white_has_luminance_1_and_few_samples_keep_its_chromaticity(n):
     xyz = xyz_weights(n).sum(axis=0)
     assert xyz[1] == pytest.approx(1.0, abs=1e-14)
@@ -109,19 +108,17 @@ def test_sampling_is_even_and_81_is_the_table():
     assert np.array_equal(samples_of(Spectrum((380, 780), (0, 4)), 5), [0, 1, 2, 3, 4])
 
 
-@pytest.mark.parametrize(("n", "budget"), [(21, 6e-3), (41, 1e-3), (81, 5e-4), (161, 1e-4)])
-def test_smooth_spectra_converge(n, budget):
+def test_smooth_spectra_converge_and_curves_of_few_samples_need_no_more():
     def wave(wavelengths):
         return 0.5 + 0.4 * np.sin((wavelengths - 380) / 60)
 
-    error = np.abs(rgb_of(wave(sampling(n))) - rgb_of(wave(sampling(401)))).max()
-    assert error < budget, f"{error:.2g} > {budget:g}"
-
-
-@pytest.mark.parametrize("n", [3, 10, 33, 81])
-def test_curves_that_are_linear_between_samples_need_no_more_of_them(n):
-    values = np.random.default_rng(n).random(n)
-    assert rgb_of(values) == pytest.approx(rgb_of(np.interp(WAVELENGTHS, sampling(n), values)), abs=1e-13)
+    for n, budget in ((21, 6e-3), (41, 1e-3), (81, 5e-4), (161, 1e-4)):
+        error = np.abs(rgb_of(wave(sampling(n))) - rgb_of(wave(sampling(401)))).max()
+        assert error < budget, f"{n} samples: {error:.2g} > {budget:g}"
+    for n in (3, 10, 33, 81):  # linear between them
+        values = np.random.default_rng(n).random(n)
+        error = np.abs(rgb_of(values) - rgb_of(np.interp(WAVELENGTHS, sampling(n), values))).max()
+        assert error < 1e-13, f"{n} samples: {error:.2g} > 1e-13"
 
 
 def test_rgb_is_linear_in_the_samples_and_takes_many():
@@ -134,15 +131,10 @@ def test_rgb_is_linear_in_the_samples_and_takes_many():
 # --- what colours come out ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("wavelength", "signs"),
-    [(450, (1, -1, 1)), (480, (-1, 1, 1)), (520, (-1, 1, -1)), (580, (1, 1, -1)), (650, (1, -1, -1))],
-)
-def test_pure_colours_lie_outside_the_gamut(wavelength, signs):
-    assert tuple(np.sign(line(wavelength))) == signs
-
-
-def test_pure_colours_have_the_chromaticity_of_the_tables():
+def test_pure_colours_lie_outside_the_gamut_and_have_the_chromaticity_of_the_tables():
+    outside = {450: (1, -1, 1), 480: (-1, 1, 1), 520: (-1, 1, -1), 580: (1, 1, -1), 650: (1, -1, -1)}
+    for wavelength, signs in outside.items():
+        assert tuple(np.sign(line(wavelength))) == signs, wavelength
     for wavelength in (450, 520, 600):
         xyz = MATCHING[WAVELENGTHS == wavelength][0]
         assert chromaticity(line(wavelength)) == pytest.approx(xyz[:2] / xyz.sum(), abs=1e-12)
@@ -178,7 +170,7 @@ def test_lamps_are_scaled_to_white_whatever_their_unit():
 # --- RGB colours as spectra ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n", EVERY_N)
+@EVERY_N
 def test_rgb_comes_back_at_any_n(n):
     for rgb in [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.2, 0.7, 3.0), (-0.1, 0.5, 0.2)]:
         assert rgb_of(samples_of(rgb, n)) == pytest.approx(rgb, abs=1e-12)
@@ -186,13 +178,12 @@ def test_rgb_comes_back_at_any_n(n):
     assert samples_of((0.2, 0.7, 3.0), n) == pytest.approx(rgb_basis(n) @ (0.2, 0.7, 3.0), abs=1e-12)
 
 
-@pytest.mark.parametrize("n", [5, 81, 150])
-def test_no_other_curve_of_the_same_rgb_varies_less(n):
-    weights, basis = rgb_weights(n), rgb_basis(n)
-    # changes that no eye can see: rows of the weights' null space
-    unseen = np.linalg.svd(weights.T)[2][3:]
-    differences = np.diff(basis, axis=0)
-    assert np.abs(np.diff(unseen, axis=1) @ differences).max() < 1e-12
+def test_no_other_curve_of_the_same_rgb_varies_less():
+    for n in (5, 81, 150):
+        # changes that no eye can see: rows of the weights' null space
+        unseen = np.linalg.svd(rgb_weights(n).T)[2][3:]
+        change = np.abs(np.diff(unseen, axis=1) @ np.diff(rgb_basis(n), axis=0)).max()
+        assert change < 1e-12, f"{n} samples: {change:.2g} > 1e-12"
 
 
 def test_basis_curves_stay_near_0_to_1():
@@ -205,12 +196,9 @@ def test_basis_curves_stay_near_0_to_1():
     assert red[WAVELENGTHS == 620] > 0.8 and green[WAVELENGTHS == 540] > 0.8 and blue[WAVELENGTHS == 440] > 0.8
 
 
-@given(st.tuples(*[st.floats(0.0, 4.0)] * 3))
-def test_of_rgb_comes_back(rgb):
-    assert Spectrum.of_rgb(rgb) == pytest.approx(rgb, abs=1e-12)
-
-
 def test_of_rgb_reads_every_way_to_write_a_colour():
+    for rgb in np.random.default_rng(3).uniform(0, 4, (9, 3)):
+        assert Spectrum.of_rgb(rgb) == pytest.approx(rgb, abs=1e-12)
     assert Spectrum.of_rgb("orange") == pytest.approx(linear_rgb("orange"), abs=1e-12)
     assert (Spectrum.of_rgb(0.5).values == 0.5).all()
     seen = Spectrum.of_rgb(line(520))
@@ -232,13 +220,6 @@ def test_a_spectrum_is_its_linear_rgb():
     assert linear_rgb(spectrum) is spectrum
     assert DirectionalLight((0, 0, -1), spectrum).color is spectrum
     assert Material(diffuse=spectrum).ambient is spectrum
-
-
-def test_negative_components_pass_only_as_a_spectrum():
-    outside = line(520)
-    assert min(outside) < 0.0 and linear_rgb(outside) is outside
-    with pytest.raises(SceneError, match="must not be negative"):
-        linear_rgb(tuple(outside))
 
 
 def test_values_between_and_beyond_samples():
@@ -273,11 +254,11 @@ def test_equality_is_that_of_the_samples():
     assert a != tuple(a) and tuple(a) != a and not tuple(a) == a
 
 
-@pytest.mark.parametrize("spectrum", [Spectrum([400, 500], [1, 2]), Spectrum.of_rgb("lime"), Spectrum.blackbody(3000)])
-def test_copies_and_pickles(spectrum):
-    for twin in (copy.copy(spectrum), copy.deepcopy(spectrum), pickle.loads(pickle.dumps(spectrum))):
-        assert type(twin) is Spectrum and twin == spectrum and tuple(twin) == tuple(spectrum)
-        assert not twin.values.flags.writeable
+def test_copies_and_pickles():
+    for spectrum in (Spectrum([400, 500], [1, 2]), Spectrum.of_rgb("lime"), Spectrum.blackbody(3000)):
+        for twin in (copy.copy(spectrum), copy.deepcopy(spectrum), pickle.loads(pickle.dumps(spectrum))):
+            assert type(twin) is Spectrum and twin == spectrum and tuple(twin) == tuple(spectrum)
+            assert not twin.values.flags.writeable
 
 
 def test_scaled():
@@ -295,49 +276,31 @@ def test_repr_says_what_it_is():
     assert repr(Spectrum([400, 500.5], [0.5, 0.5])) == "Spectrum(400..500.5 nm, 2 samples, RGB 0.5, 0.5, 0.5)"
 
 
-@pytest.mark.parametrize(
-    ("wavelengths", "values", "message"),
-    [
-        ([400, 500], [1, 2, 3], "as many samples of values as wavelengths; given 3 for 2"),
-        ([400, 400], [1, 2], "must increase; given"),
-        ([500, 400], [1, 2], "must increase; given"),
-        ([0.4, 0.5], [1, 2], "in nm and reach into 380..780; given 0.4..0.5"),
-        ([800, 900], [1, 2], "reach into 380..780; given 800..900"),
-        ([400, 500, 600], [1, -0.5, 2], "at least 0; given -0.5 at 500 nm"),
-        ([400, math.nan], [1, 2], "wavelengths must be finite numbers"),
-        ([400, 500], [1, math.inf], "values must be finite numbers"),
-        ([400, 500], ["1", "2"], "values must be finite numbers"),
-        ([400, 500], [True, False], "values must be finite numbers"),
-        ([400, 500], [1j, 2], "values must be finite numbers"),
-        ([400, 500], [[1, 2], 3], "values must be finite numbers"),
-        ([400, 500], [[1, 2]], "values must be a row of numbers"),
-        ([], [], "wavelengths must be a row of numbers"),
-        (400, 1, "wavelengths must be a row of numbers; given 400"),
-        (None, [1], "wavelengths must be finite numbers; given None"),
-    ],
-)
-def test_illegal_samples_are_refused(wavelengths, values, message):
-    with pytest.raises(SceneError, match=message):
-        Spectrum(wavelengths, values)
-
-
-@pytest.mark.parametrize("wrong", [-1, math.nan, "grey", None, [1], True])
-def test_illegal_greys_are_refused(wrong):
-    with pytest.raises(SceneError, match="spectrum"):
-        Spectrum.flat(wrong)
-
-
-@pytest.mark.parametrize("wrong", [0, 99.9, -5000, math.inf, "hot", None])
-def test_illegal_temperatures_are_refused(wrong):
-    with pytest.raises(SceneError, match="black body's temperature must be"):
-        Spectrum.blackbody(wrong)
-
-
-def test_illegal_lamps_are_refused():
-    with pytest.raises(SceneError, match="the lamp's power must be finite"):
-        Spectrum.of_power([400, 500], [1, math.nan])
-    with pytest.raises(SceneError, match="power of a spectrum must be at least 0; given -1 at 500 nm"):
-        Spectrum.of_power([400, 500], [1, -1])
-    for dark in ([0, 0, 0], [0, 1, 0]):  # nothing, and a line between two of the wavelengths that are seen
-        with pytest.raises(SceneError, match="lamp's power must be above 0 at some of 380, 385"):
-            Spectrum.of_power([501, 502, 503], dark)
+def test_what_is_no_spectrum_is_refused():
+    two, finite = [400, 500], "values must be finite numbers"
+    cases = [
+        ((two, [1, 2, 3]), "as many samples of values as wavelengths; given 3 for 2"),
+        (([400, 400], [1, 2]), "must increase; given"),
+        (([500, 400], [1, 2]), "must increase; given"),
+        (([0.4, 0.5], [1, 2]), r"in nm and reach into 380\.\.780; given 0\.4\.\.0\.5"),
+        (([800, 900], [1, 2]), r"reach into 380\.\.780; given 800\.\.900"),
+        (([400, 500, 600], [1, -0.5, 2]), r"at least 0; given -0\.5 at 500 nm"),
+        (([400, math.nan], [1, 2]), "wavelengths must be finite numbers"),
+        *(((two, values), finite) for values in ([1, math.inf], ["1", "2"], [True, False], [1j, 2], [[1, 2], 3])),
+        ((two, [[1, 2]]), "values must be a row of numbers"),
+        (([], []), "wavelengths must be a row of numbers"),
+        ((400, 1), "wavelengths must be a row of numbers; given 400"),
+        ((None, [1]), "wavelengths must be finite numbers; given None"),
+    ]
+    assert_refused(lambda given: Spectrum(*given), cases, SceneError)
+    greys, hot = [-1, math.nan, "grey", None, [1], True], [0, 99.9, -5000, math.inf, "hot", None]
+    assert_refused(Spectrum.flat, [(each, "spectrum") for each in greys], SceneError)
+    assert_refused(Spectrum.blackbody, [(each, "black body's temperature must be") for each in hot], SceneError)
+    dark = "lamp's power must be above 0 at some of 380, 385"
+    cases = [
+        ((two, [1, math.nan]), "the lamp's power must be finite"),
+        ((two, [1, -1]), "power of a spectrum must be at least 0; given -1 at 500 nm"),
+        (([501, 502, 503], [0, 0, 0]), dark),
+        (([501, 502, 503], [0, 1, 0]), dark),  # a line between two of the wavelengths that are seen
+    ]
+    assert_refused(lambda given: Spectrum.of_power(*given), cases, SceneError)
