@@ -1,6 +1,7 @@
 """Check what the engine's table says of each kind of light: beams, clearances, amplification, slopes, coefficients."""
 
 from dataclasses import replace
+from itertools import cycle, product
 
 import numpy as np
 import pytest
@@ -65,17 +66,54 @@ def test_a_clearance_is_that_of_the_nearest_point_and_lasts_in_every_view():
         assert entry.lasting_clearance(carried, distance_to) == (np.inf if kind == "directional" else 0.0)
 
 
-@pytest.mark.parametrize("attenuation", [(0, 0, 1), (0, 1, 0), (0.3, 0, 0.2), (0.9, 0.5, 0), (1, 0.1, 0), (2, 0, 0)])
-@pytest.mark.parametrize("clearance", [0.0, 0.05, 1.0, 3.0])
-def test_no_light_amplifies_more_than_the_table_says(attenuation, clearance):
-    constant, linear, quadratic = attenuation
-    d = clearance + np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 2000)])
-    with np.errstate(divide="ignore"):
-        largest = (1 / (constant + linear * d + quadratic * d * d)).max()
-    free = rz.PointLight((0, 0, 0), attenuation=attenuation, amplify=True)
-    assert entry_of(free).amplification(free, clearance) == pytest.approx(max(largest, 1.0), rel=1e-12)
-    kept = replace(free, amplify=False)
-    assert entry_of(kept).amplification(kept, clearance) == 1.0
+ATTENUATIONS = [
+    (1, 0, 0),
+    (0, 0, 1),
+    (0, 1, 0),
+    (0.3, 0, 0.2),
+    (0.5, 0.3, 0.4),
+    (0.9, 0.5, 0),
+    (1, 0.1, 0),
+    (2, 0.1, 3),
+]
+
+
+def test_no_light_amplifies_more_than_the_table_says():
+    for attenuation in ATTENUATIONS:
+        constant, linear, quadratic = attenuation
+        for clearance in (0.0, 0.05, 1.0, 3.0):
+            d = clearance + np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 2000)])
+            with np.errstate(divide="ignore"):
+                largest = (1 / (constant + linear * d + quadratic * d * d)).max()
+            free = rz.PointLight((0, 0, 0), attenuation=attenuation, amplify=True)
+            found = entry_of(free).amplification(free, clearance)
+            assert found == pytest.approx(max(largest, 1.0), rel=1e-12), f"{attenuation}, from {clearance}: {found}"
+            kept = replace(free, amplify=False)
+            assert entry_of(kept).amplification(kept, clearance) == 1.0
+
+
+def test_an_error_of_the_distance_moves_no_light_further_than_its_sway():
+    """slope·s/d + |ds/dd| by differences, at every distance from the clearance on."""
+
+    def strength(light, d):
+        kc, kl, kq = light.attenuation
+        s = 1 / (kc + kl * d + kq * d * d)
+        s = s if light.amplify else np.minimum(s, 1.0)
+        return s if light.range is None else s * np.maximum(1 - (d / light.range) ** 4, 0.0)
+
+    slopes, clearances = cycle((1.0, 2.0, 25.0)), (0.01, 0.3, 1.0, 2.5)
+    for attenuation, is_amplified, reach in product(ATTENUATIONS, (False, True), (None, 3.0)):
+        light = rz.PointLight((0, 0, 0), 1.0, attenuation, amplify=is_amplified, range=reach)
+        entry = entry_of(light)
+        for clearance, slope in zip(clearances, slopes, strict=False):
+            d = clearance * np.geomspace(1.0, 1e4, 10_001)
+            change = np.abs(strength(light, d * (1 + 1e-7)) - strength(light, d)) / (1e-7 * d)
+            worst = (slope * strength(light, d) / d + change).max()
+            bound = entry.sway(light, np.array([clearance]), np.array([slope]))[0]
+            bound *= entry.amplification(light, clearance)
+            case = f"{attenuation}, range {reach}, from {clearance}, slope {slope}"
+            assert worst <= bound * (1 + 1e-5), f"{case}: {worst:.4g} > {bound:.4g}"
+            assert worst > 0.2 * bound or clearance > 2.0, f"{case}: {worst:.4g} is far below {bound:.4g}"
 
 
 def test_only_sharp_cones_have_steps():
@@ -89,15 +127,20 @@ def test_only_sharp_cones_have_steps():
 
 def test_the_strength_is_no_steeper_than_the_table_says():
     """A spot light's strength along a circle about it, by differences."""
-    for inner, outer, exponent, falloff in ((5, 30, 0, 1), (10, 60, 3, 1), (0, 90, 0.5, 2), (20, 40, 12, 0.7)):
+    for inner, outer, exponent, falloff in (
+        (5, 30, 0, 1), (5, 8, 0, 1), (10, 60, 3, 1), (10, 60, 30, 1), (0, 90, 0.5, 2), (0, 90, 2, 2), (0, 40, 300, 1),
+        (20, 40, 12, 0.7),
+    ):  # fmt: skip
         light = rz.SpotLight((0, 0, 0), (0, 0, -1), 1.0, inner, outer, exponent, falloff=falloff)
-        angles = np.radians(np.linspace(0, 95, 40_001))
+        angles = np.radians(np.linspace(0, 95, 20_001))
         points = np.stack([np.sin(angles), 0 * angles, -np.cos(angles)], axis=1)
         white = rz.Material(diffuse=1, specular=0, ambient=0)
         strength = rz.illuminate(points, -points, white, light, toward_viewer=(0, 0, 1))[:, 0]
-        slope, bound = np.abs(np.diff(strength)).max() / (angles[1] - angles[0]), entry_of(light).steepness(light)
-        assert slope <= bound, f"{slope:.4g} > {bound:.4g}, cones {inner} and {outer}, {exponent}, {falloff}"
-        assert slope > 0.02 * bound
+        slope, case = np.abs(np.diff(strength)).max() / (angles[1] - angles[0]), (inner, outer, exponent, falloff)
+        steepness, of_cone = entry_of(light).steepness(light), entry_of(light).cone_slope(light)
+        assert 0.02 * steepness < slope <= steepness, f"cone {case}: {slope:.4g} > {steepness:.4g}, or far below"
+        if falloff >= 1 <= exponent or exponent == 0:
+            assert 0.3 * of_cone < slope <= of_cone, f"cone {case}: {slope:.4g} > {of_cone:.4g}, or far below"
 
 
 def test_a_huge_exponent_is_written_as_a_number_of_the_type():

@@ -1,4 +1,7 @@
-"""Check that bounds are found for each material by itself: the scene's is the largest, and none depends on another."""
+"""Check that bounds are found for each material by itself: the scene's is the largest, and none depends on another.
+And what they are made of: where the lit points lie, tables of highlights."""
+
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -6,15 +9,19 @@ from helpers.pinhole import octasphere, unit
 
 import rasterizer as rz
 from rasterizer.engine import error_bounds, intensity_bounds
-from rasterizer.engine.error_bounds import Surroundings
+from rasterizer.engine.coding import scale_depths
+from rasterizer.engine.depth_range import fit_screen
+from rasterizer.engine.error_bounds import LEAST_SHARE, Surroundings, frame_error, straight_rounding
 from rasterizer.engine.float64_reasons import reasons_of
+from rasterizer.engine.highlight_tables import LEAST_SUMS, HighlightTables
 from rasterizer.engine.light_table import entry_of
 from rasterizer.engine.lit_points import LitPoints, eye_distances
 from rasterizer.engine.plan import make_plan
+from rasterizer.engine.reflection_table import entry_of as entry_of_material
 from rasterizer.engine.rounding import DOUBLE, SINGLE
-from rasterizer.engine.view_plans import error_bounds_of, plan_of_view, roundings_of
 from rasterizer.geometry.points import gather_geometry
 from rasterizer.options import DEFAULT_TOLERANCE
+from rasterizer.pipeline.transform import compute_z
 
 MATERIALS = (
     rz.Material(shininess=30),
@@ -64,8 +71,7 @@ def row_of(surroundings, k):
     )
 
 
-@pytest.mark.parametrize("u", [SINGLE, DOUBLE])
-@pytest.mark.parametrize("is_lit_per_sample", [False, True])
+@pytest.mark.parametrize("u, is_lit_per_sample", [(SINGLE, True), (DOUBLE, False)])
 def test_every_bound_of_a_material_is_that_of_a_scene_of_it_alone(u, is_lit_per_sample):
     together, surroundings = reflected_of(MATERIALS), around(len(MATERIALS), is_lit_per_sample)
 
@@ -90,20 +96,6 @@ def test_every_bound_of_a_material_is_that_of_a_scene_of_it_alone(u, is_lit_per_
     assert together.bound == together.bounds.max() and together.turn_slope == together.turn_slopes.max()
 
 
-def test_a_frames_rounding_and_bound_are_those_of_its_materials():
-    meshes = meshes_of()
-    scene = rz.Scene(meshes, LIGHTS, rz.Camera.perspective((6, 3, 15), (6, 0, 0)))
-    options = rz.Options(shading="phong", tolerance=0.05)
-    plan = make_plan(scene, options, np.empty((0, 3)))
-    surroundings = around(len(MATERIALS))
-    plan = plan_of_view(plan, 0.05, surroundings)
-    rounding, bound = roundings_of(plan, surroundings), error_bounds_of(plan, 0.05)
-    assert rounding.shape == bound.shape == (len(MATERIALS),)
-    assert (rounding < bound).all()
-    frame = rz.render(scene, (60, 40), shading="phong", tolerance=0.05, samples=1)
-    assert frame.stats.error_bound > 0.0
-
-
 def test_reasons_are_those_of_a_material_and_its_lights():
     shadowed, near = rz.DirectionalLight((0, 0, -1), shadow=True), rz.PointLight((0, 0, 1e30), range=1e30)
     texture = rz.Texture(np.ones((2, 2, 3)))
@@ -118,7 +110,7 @@ def test_reasons_are_those_of_a_material_and_its_lights():
         ((rz.Material(reflection="toon"), (), DEFAULT_TOLERANCE, 1e-5, 1.0), ("toon levels",)),
     ]
     for arguments, reasons in cases:
-        assert reasons_of(*arguments) == reasons, arguments
+        assert reasons_of(*arguments) == reasons, f"{arguments}: {reasons_of(*arguments)} != {reasons}"
     toon, plain = rz.Material(reflection="toon"), rz.Material()
     assert make_plan(rz.Scene(meshes_of((plain, toon)), LIGHTS[:1]), rz.Options(), np.empty((0, 3))).reasons == (
         "toon levels",
@@ -134,7 +126,7 @@ def test_no_lit_point_goes_below_what_is_said_of_its_material(is_flat, is_lit_pe
     rng = np.random.default_rng(8)
     meshes = meshes_of()
     geometry = gather_geometry(rz.Scene(meshes, LIGHTS), is_flat)
-    for _ in range(12):
+    for _ in range(6):
         eye = (6, 0, 0) + 10.0 ** rng.uniform(0.5, 1.5) * unit(rng.normal(size=3))
         camera = rz.Camera.perspective(eye, (6, 0, 0))
         is_perspective = bool(rng.random() < 0.7)
@@ -149,8 +141,8 @@ def test_no_lit_point_goes_below_what_is_said_of_its_material(is_flat, is_lit_pe
         near = np.array([np.inf, *(np.linalg.norm(entry_of(l).beam(l, view).origin - eye) for l in lights[1:])])
         assert eye_distances(lights, view) == pytest.approx(near, rel=1e-9)
         for k, mesh in enumerate(meshes):
-            corners = mesh.vertices[mesh.faces[rng.integers(0, mesh.n_face, 400)]]
-            weights = rng.dirichlet((0.5, 0.5, 0.5), 400)[:, :, None] if is_lit_per_sample else np.eye(3)[0][:, None]
+            corners = mesh.vertices[mesh.faces[rng.integers(0, mesh.n_face, 200)]]
+            weights = rng.dirichlet((0.5, 0.5, 0.5), 200)[:, :, None] if is_lit_per_sample else np.eye(3)[0][:, None]
             points = corners.mean(axis=1) if is_flat else (weights * corners).sum(axis=1)
             to_eye = unit(eye - points) if is_perspective else np.broadcast_to(-view.forward, points.shape)
             for i, light in enumerate(lights):
@@ -185,48 +177,69 @@ def test_a_lamp_at_one_ball_leaves_the_others_in_peace():
     assert error[0] > 30 * error[1]
 
 
-# ---------------------------------------------------------------- how far errors of positions move a light's strength
+# ---------------------------------------------------------------- tables of highlights
 
 
-@pytest.mark.parametrize("is_amplified", [False, True])
-@pytest.mark.parametrize("attenuation", [(1, 0, 0), (0.3, 0, 0), (0, 0, 1), (0.5, 0.3, 0.4), (0, 1, 0), (2, 0.1, 3)])
-def test_an_error_of_the_distance_moves_no_light_further_than_its_sway(attenuation, is_amplified):
-    """slope·s/d + |ds/dd| by differences, at every distance from the clearance on."""
-    for reach in (None, 3.0):
-        light = rz.PointLight((0, 0, 0), 1.0, attenuation, amplify=is_amplified, range=reach)
-        entry = entry_of(light)
-        for clearance in (0.01, 0.3, 1.0, 2.5):
-            for slope in (1.0, 2.0, 25.0):
-                d = clearance * np.geomspace(1.0, 1e4, 40_001)
-
-                def strength(d, light=light, reach=reach):
-                    kc, kl, kq = light.attenuation
-                    s = 1 / (kc + kl * d + kq * d * d)
-                    s = s if light.amplify else np.minimum(s, 1.0)
-                    return s if reach is None else s * np.maximum(1 - (d / reach) ** 4, 0.0)
-
-                step = 1e-7 * d
-                change = np.abs(strength(d + step) - strength(d)) / step
-                worst = (slope * strength(d) / d + change).max()
-                bound = entry.sway(light, np.array([clearance]), np.array([slope]))[0]
-                bound *= entry.amplification(light, clearance)
-                assert worst <= bound * (1 + 1e-5), f"range {reach}, from {clearance}, {slope}: {worst} > {bound}"
-                assert worst > 0.2 * bound or clearance > 2.0
+def test_tables_hold_what_the_entries_say_rounded_to_the_safe_side():
+    materials = [*MATERIALS, rz.Material(reflection="blinn", shininess=0.5), rz.Material(reflection="toon")]
+    rng, tables = np.random.default_rng(1), HighlightTables(materials)
+    for u in (SINGLE, DOUBLE):
+        sums = rng.choice(LEAST_SUMS, (len(materials), 40))
+        found = tables.look_up(u, sums)
+        for m, material in enumerate(materials):
+            expected = entry_of_material(material).highlight_bounds(material, u, sums[m])
+            is_dull = max(material.specular) == 0
+            for name, values, wanted in zip(found._fields, found, expected, strict=True):
+                assert np.array_equal(values[m], np.zeros(40) if is_dull else wanted), f"{name} of {material}"
+    between = rng.uniform(0, 2, (len(materials), 100))
+    found, rounded = (tables.look_up(SINGLE, sums) for sums in (between, np.floor(8 * between) / 8))
+    for name, values, wanted in zip(found._fields, found, rounded, strict=True):
+        assert np.array_equal(values, wanted), f"{name} between two places of the table"
 
 
-def test_a_turn_moves_a_spot_light_no_further_than_its_cone_says():
-    """The strength along a circle about the light, by differences."""
-    for inner, outer, exponent, falloff in (
-        (5, 8, 0, 1),
-        (25, 30, 0, 1),
-        (10, 60, 30, 1),
-        (0, 90, 2, 2),
-        (0, 40, 300, 1),
-    ):
-        light = rz.SpotLight((0, 0, 0), (0, 0, -1), 1.0, inner, outer, exponent, falloff=falloff)
-        angles = np.radians(np.linspace(0, 95, 40_001))
-        points = np.stack([np.sin(angles), 0 * angles, -np.cos(angles)], axis=1)
-        white = rz.Material(diffuse=1, specular=0, ambient=0)
-        strength = rz.illuminate(points, -points, white, light, toward_viewer=(0, 0, 1))[:, 0]
-        slope, bound = np.abs(np.diff(strength)).max() / (angles[1] - angles[0]), entry_of(light).cone_slope(light)
-        assert 0.3 * bound < slope <= bound, f"{slope:.4g}, {bound:.4g}: cones {inner} and {outer}, {exponent}"
+# ---------------------------------------------------------------- depths without perspective
+
+
+def test_depths_of_means_err_by_no_more_than_is_said():
+    """Corners anywhere in the range of depths, weights that are whole numbers: as `mean_depth` computes them."""
+    rng, worst = np.random.default_rng(8), 0.0
+    for _ in range(300):
+        eye = rng.normal(size=3) * 10.0 ** rng.uniform(-3, 3)
+        camera = rz.Camera.orthographic(eye, eye + rng.normal(size=3), height=2.0)
+        view = camera.view()
+        spread = 10.0 ** rng.uniform(-2, 4)
+        points = view.eye + rng.normal(size=(3, 3)) * spread + view.forward * 4 * spread
+        furthest = float(np.linalg.norm(points - view.eye, axis=1).max())
+        depths = (points - view.eye) @ view.forward
+        if depths.min() <= 0.0:
+            continue
+        nearest = float(depths.min()) * rng.choice([1.0, 2.0**-20])
+        screen = fit_screen(view, camera.projection((64, 48)), (nearest, furthest), np.inf, None, (64, 48))
+        line = scale_depths(screen)
+        found = [line.depth_offset + line.depth_scale * float(compute_z(float(depth), screen)) for depth in depths]
+        straight = view.eye.tolist(), view.forward.tolist()
+        weights = rng.integers(1, 2**40, 3)
+        q = weights.astype(float)
+        mean = (q[0] * found[0] + q[1] * found[1] + q[2] * found[2]) / (q[0] + q[1] + q[2])
+        exact = [
+            sum((Fraction(p) - Fraction(e)) * Fraction(f) for p, e, f in zip(point, *straight, strict=True))
+            for point in points.tolist()
+        ]
+        true = sum(int(w) * d for w, d in zip(weights, exact, strict=True)) / int(weights.sum())
+        worst = max(worst, float(abs(Fraction(mean) - true)) / straight_rounding(furthest))
+    assert 0.001 < worst <= 1.0, f"{worst:.3g} of the bound > 1"
+
+
+def test_a_lamp_next_to_the_eye_feels_it():
+    """A lamp 2^-19 of the range of depths from the eye: the shift turns its light by as much as it is near."""
+    lamp, furthest = rz.PointLight((0, 0, 0), 1.0), 1.0
+    material = rz.Material(diffuse=1.0, specular=0.0)
+    reflected = intensity_bounds.compute_reflected((material,), (lamp,), np.zeros(3), 1.0)
+    clearance = 2.0 * LEAST_SHARE * furthest
+    around = Surroundings(furthest, np.full((1, 1), clearance), 1.0, True, eye_distances=np.array([clearance]))
+    before, after = (
+        float(frame_error(reflected, around._replace(depth_shift=shift).rounded(), DOUBLE)[0])
+        for shift in (0.0, straight_rounding(furthest))
+    )
+    assert after - before >= 0.9 * straight_rounding(furthest) / clearance, f"{before:.3g}, {after:.3g}"
+    assert around._replace(depth_shift=1e-9).key() != around.key()

@@ -1,5 +1,7 @@
 """Check the illumination equation at points: closed forms, the judge, the renderer's own values, and the border."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from helpers.pinhole import octasphere
@@ -50,27 +52,24 @@ def test_closed_forms():
     assert colored == pytest.approx((0.9, 0.3, 0.1), abs=1e-16), "digits beyond float32 are lost"
 
 
-@pytest.mark.parametrize("incidence", [0.0, 30.0, 60.0, 75.0])
-@pytest.mark.parametrize("name", ["phong", "blinn", "cook-torrance"])
-def test_where_the_highlight_is_brightest(name, incidence):
+def test_where_the_highlight_is_brightest():
     """Phong's and Blinn's peaks lie in the mirror direction; Cook-Torrance's moves beyond it, the further the more
     light grazes.
 
     Torrance & Sparrow 1967, J. Opt. Soc. Am. 57(9), 1105-1114: "off-specular peaks in the directional distribution".
     """
-    material = rz.Material(diffuse=0, ambient=0, specular=1, shininess=60, reflection=name, roughness=0.2)
-    a, view = np.radians(incidence), np.radians(np.linspace(0, 89.9, 1800))
+    view = np.radians(np.linspace(0, 89.9, 1800))
     viewers = np.stack([np.sin(view), 0 * view, np.cos(view)], axis=1)
-    sun = rz.DirectionalLight((np.sin(a), 0, -np.cos(a)))
-    # An eye in the origin sees a point at -V from the direction V.
-    found = rz.illuminate(-viewers, UP, material, sun, (0, 0, 0))[:, 0]
-    peak = np.degrees(view[found.argmax()])
-    if name != "cook-torrance":
-        assert abs(peak - incidence) <= 0.05, f"peak at {peak:.2f}°"
-    elif incidence == 0:
-        assert peak < 0.1
-    else:
-        assert peak - incidence > {30.0: 1.0, 60.0: 5.0, 75.0: 10.0}[incidence], f"peak at {peak:.2f}°"
+    beyond = {0.0: (-0.1, 0.1), 30.0: (1.0, 5.0), 60.0: (5.0, 20.0), 75.0: (10.0, 20.0)}
+    for name, incidence in product(("phong", "blinn", "cook-torrance"), beyond):
+        material = rz.Material(diffuse=0, ambient=0, specular=1, shininess=60, reflection=name, roughness=0.2)
+        a = np.radians(incidence)
+        sun = rz.DirectionalLight((np.sin(a), 0, -np.cos(a)))
+        # An eye in the origin sees a point at -V from the direction V.
+        found = rz.illuminate(-viewers, UP, material, sun, (0, 0, 0))[:, 0]
+        off = np.degrees(view[found.argmax()]) - incidence
+        least, most = beyond[incidence] if name == "cook-torrance" else (-0.05, 0.05)
+        assert least <= off <= most, f"{name}, light at {incidence}°: the peak lies {off:.2f}° beyond the mirror"
 
 
 def judged(points, normals, material, camera, spectral=None):
@@ -84,24 +83,24 @@ def judged(points, normals, material, camera, spectral=None):
     return sum(reference_light.light_points(points, normals, np.zeros(len(points), int), lighting))
 
 
-@pytest.mark.parametrize("spectral", [None, 40])
 @pytest.mark.parametrize(
     "name", ["phong", "blinn", "lambert", "oren-nayar", "cook-torrance", "toon", "colored", "brushed"]
 )
-def test_it_agrees_with_the_judge(name, spectral):
+def test_it_agrees_with_the_judge(name):
     others = {
         "colored": rz.Material(specular=0.5, reflection="blinn", normalized=True, fresnel=(0.9, 0.5, 0.2)),
         "brushed": rz.Material(specular=0.2, reflection="cook-torrance", roughness=(0.2, 0.6), tangent=(1, 2, 3)),
     }
     material = others.get(name) or rz.Material(diffuse=(0.5, 0.3, 0.1), specular=0.4, reflection=name)
-    points, normals = np.random.default_rng(3).normal(size=(2, 700, 3))
+    points, normals = np.random.default_rng(3).normal(size=(2, 300, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    for camera in (rz.Camera.perspective((1, 2, 5)), rz.Camera.orthographic((1, 2, 5))):
+    for make, spectral in ((rz.Camera.perspective, None), (rz.Camera.orthographic, 40), (rz.Camera.orthographic, None)):
+        camera = make((1, 2, 5))
         found = rz.illuminate(points, normals, material, LIGHTS, camera, spectral=spectral)
         expected = judged(points, normals, material, camera, spectral)
-        error = np.abs(found - expected).max()
+        error, most = np.abs(found - expected).max(), 3e-8 * max(1, expected.max())
         # Squared exponents leave out what is below 2^-28, of each light.
-        assert error < 3e-8 * max(1, expected.max()), f"{error:.3g}"
+        assert error < most, f"{make.__name__}, {spectral} samples: {error:.3g} > {most:.3g}"
         assert np.isfinite(found).all() and found.max() > 0.1
 
 
@@ -139,30 +138,30 @@ def test_shapes_viewers_and_sides():
     )
 
 
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"points": (0, 0)}, "points must be"),
-        ({"points": (0, 0, np.nan)}, "points must be"),
-        ({"points": "origin"}, "points must be"),
-        ({"normals": (0, 0, 0)}, "normals must have a length"),
-        ({"points": np.zeros((2, 3)), "normals": np.ones((3, 3))}, "must fit each other"),
-        ({"material": "goldd"}, "a named material is one of"),
-        ({"material": 3}, "must be a Material"),
-        ({"material": rz.Material(texture=np.eye(2))}, "no texture"),
-        ({"material": rz.Material(reflection="cook-torrance", roughness=(0.1, 0.2))}, "needs tangents"),
-        ({"lights": [3]}, "lights must be"),
-        ({"lights": 3}, "lights must be"),
-        ({"lights": rz.studio()}, "must be a Camera"),
-        ({"viewer": None}, "give either viewer"),
-        ({"toward_viewer": UP}, "give either viewer"),
-        ({"viewer": (0, 0)}, "the viewer must be three"),
-        ({"viewer": None, "toward_viewer": (0, 0, 0)}, "toward_viewer must have a length"),
-        ({"spectral": 2}, "spectral must be"),
-        ({"exposure": 100}, "exposure must be"),
-    ],
-)
-def test_faults_are_named_at_the_border(wrong, words):
-    given = {"points": (0, 0, 0), "normals": UP, "material": SHINY, "lights": LIGHTS, "viewer": (0, 0, 5)} | wrong
-    with pytest.raises(SceneError, match=words):
-        rz.illuminate(**given)
+FAULTS = [
+    ({"points": (0, 0)}, "points must be"),
+    ({"points": (0, 0, np.nan)}, "points must be"),
+    ({"points": "origin"}, "points must be"),
+    ({"normals": (0, 0, 0)}, "normals must have a length"),
+    ({"points": np.zeros((2, 3)), "normals": np.ones((3, 3))}, "must fit each other"),
+    ({"material": "goldd"}, "a named material is one of"),
+    ({"material": 3}, "must be a Material"),
+    ({"material": rz.Material(texture=np.eye(2))}, "no texture"),
+    ({"material": rz.Material(reflection="cook-torrance", roughness=(0.1, 0.2))}, "needs tangents"),
+    ({"lights": [3]}, "lights must be"),
+    ({"lights": 3}, "lights must be"),
+    ({"lights": rz.studio()}, "must be a Camera"),
+    ({"viewer": None}, "give either viewer"),
+    ({"toward_viewer": UP}, "give either viewer"),
+    ({"viewer": (0, 0)}, "the viewer must be three"),
+    ({"viewer": None, "toward_viewer": (0, 0, 0)}, "toward_viewer must have a length"),
+    ({"spectral": 2}, "spectral must be"),
+    ({"exposure": 100}, "exposure must be"),
+]
+
+
+def test_faults_are_named_at_the_border():
+    for wrong, words in FAULTS:
+        given = {"points": (0, 0, 0), "normals": UP, "material": SHINY, "lights": LIGHTS, "viewer": (0, 0, 5)} | wrong
+        with pytest.raises(SceneError, match=words):
+            rz.illuminate(**given)

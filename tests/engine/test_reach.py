@@ -8,7 +8,6 @@ from helpers.lit_points import light_points_of
 from helpers.pinhole import SHADINGS, octasphere, unit
 
 import rasterizer as rz
-from rasterizer.engine.plan import make_plan
 from rasterizer.engine.reach import NormalCones, is_black, lights_reaching
 
 VIEW = rz.Camera.perspective((1.0, 2.0, 6.0), (0, 0, 0)).view()
@@ -52,21 +51,20 @@ def points_in(rng, box, n=24):
     return np.concatenate([corners, rng.uniform(box[0], box[1], (n, 3))])
 
 
-@pytest.mark.parametrize("tolerance", [0.0, 1e30], ids=["float64", "float32"])
 @pytest.mark.parametrize("kind", ["range", "cone"])
-def test_what_is_left_out_adds_exactly_nothing(kind, tolerance):
-    """Boxes whose nearest corner is from 10^-8 to 1 beyond the edge, or on this side of it."""
+def test_what_is_left_out_adds_exactly_nothing(kind):
+    """Boxes whose nearest corner is from 10^-8 to 1 beyond the edge, or on this side of it; in float64 and float32."""
     rng, n_out, n_in = np.random.default_rng(5), 0, 0
-    for _ in range(60):
+    for k in range(40):
         light = random_light(rng, kind)
         boxes = boxes_at_the_edge(rng, light, 40)
         reaches = lights_reaching((light,), VIEW, boxes)[:, 0]
-        points = np.concatenate([points_in(rng, box) for box in boxes])
+        points = np.concatenate([points_in(rng, box, 8) for box in boxes])
         normals = unit(np.array(light.position) - points + 1e-3 * rng.normal(size=points.shape))
-        found = light_points_of(WHITE, light, points, normals, VIEW, tolerance).reshape(len(boxes), -1)
+        found = light_points_of(WHITE, light, points, normals, VIEW, (0.0, 1e30)[k % 2]).reshape(len(boxes), -1)
         assert (found[~reaches] == 0.0).all(), f"{light}: {found[~reaches].max():.3g} > 0"
         n_out, n_in = n_out + int((~reaches).sum()), n_in + int((found[reaches] > 0.0).any(axis=1).sum())
-    assert n_out > 300 and n_in > 300, f"{n_out} left out, {n_in} lit"
+    assert n_out > 200 and n_in > 200, f"{n_out} left out, {n_in} lit"
 
 
 def test_the_edge_is_known_to_a_millionth():
@@ -124,7 +122,7 @@ def assert_same_bytes(scene, other, **options):
 
 
 def test_pictures_without_lights_that_do_not_reach_are_the_same():
-    """Two balls, and lights that end before them or shine past them."""
+    """Two balls, and lights that end before them, shine past them, or are black."""
     rng = np.random.default_rng(11)
     vertices, faces = octasphere(2)
     meshes = [
@@ -132,25 +130,16 @@ def test_pictures_without_lights_that_do_not_reach_are_the_same():
     ]
     boxes, camera = np.stack([mesh.bounds for mesh in meshes]), rz.Camera.perspective((1, 2, 6), (0, 0, 0))
     sun, n_out = rz.DirectionalLight((0.2, -0.5, -1), (0.5, 0.4, 0.3)), 0
-    for _ in range(6):
-        near = [rz.PointLight(3 * unit(rng.normal(size=3)), 0.7, range=float(rng.uniform(0.5, 3))) for _ in range(6)]
-        near += [rz.SpotLight(3 * unit(rng.normal(size=3)), rng.normal(size=3), 0.7, 10, 25) for _ in range(6)]
-        lights = (sun, *near)
+    for tolerance in (0.0, 1 / 4096):
+        near = [rz.PointLight(3 * unit(rng.normal(size=3)), 0.7, range=float(rng.uniform(0.5, 3))) for _ in range(9)]
+        near += [rz.SpotLight(3 * unit(rng.normal(size=3)), rng.normal(size=3), 0.7, 10, 25) for _ in range(9)]
+        black = (rz.PointLight((1, 1, 2), 0), rz.DirectionalLight((0, 1, 0), 0, shadow=True))
+        lights = (*black, sun, *near, *black)
         reaches = lights_reaching(lights, camera.view(), boxes, beside=0.05).any(axis=0)
         kept = tuple(light for light, is_kept in zip(lights, reaches, strict=True) if is_kept)
         n_out += len(lights) - len(kept)
-        assert_same_bytes(rz.Scene(meshes, lights, camera), rz.Scene(meshes, kept, camera), tolerance=0.0)
-    assert n_out > 12, f"{n_out} lights were left out"
-
-
-def test_black_lights_cost_nothing():
-    mesh = rz.Mesh(*octasphere(2), crease_angle=180)
-    lights = (rz.AmbientLight(0.1), rz.DirectionalLight((0, -0.4, -1), 0.7))
-    black = (rz.PointLight((1, 1, 2), 0), rz.DirectionalLight((0, 1, 0), 0, shadow=True))
-    bare, full = rz.Scene([mesh], lights), rz.Scene([mesh], (*black, *lights, *black))
-    assert len(make_plan(full, rz.Options(), np.empty((0, 3))).lights) == 1
-    for tolerance in (0.0, 1 / 4096):
-        assert_same_bytes(bare, full, tolerance=tolerance)
+        assert_same_bytes(rz.Scene(meshes, lights, camera), rz.Scene(meshes, kept, camera), tolerance=tolerance)
+    assert n_out > 16, f"{n_out} lights were left out"
 
 
 def test_lights_behind_what_is_seen_from_one_side():

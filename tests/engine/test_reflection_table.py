@@ -1,9 +1,13 @@
 """Check what the engine's table says of each reflection model against the models themselves."""
 
+from itertools import cycle, product
+
 import numpy as np
 import pytest
+from helpers.pinhole import unit
 
 import rasterizer as rz
+from rasterizer.engine.mirror_bounds import bound_lobe
 from rasterizer.engine.reflection_table import (
     LAMBERT,
     REFLECTION_TABLE,
@@ -38,10 +42,6 @@ HIGHLIGHTS = {
 UP = (0.0, 0.0, 1.0)
 
 
-def unit(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
 def highlights(material, normals, to_light):
     """The highlights (n,) at points with these normals, seen from above."""
     found = rz.illuminate(np.zeros_like(normals), normals, material, rz.DirectionalLight(-to_light), toward_viewer=UP)
@@ -70,48 +70,94 @@ def test_every_model_has_an_entry():
         assert has_highlight(material) == (word not in ("lambert", "oren-nayar"))
 
 
-@pytest.mark.parametrize("name", HIGHLIGHTS)
-def test_no_highlight_is_brighter_than_the_table_says(name):
-    material = HIGHLIGHTS[name]
-    bound = entry_of(material).brightest_highlight(material)
-    largest = max(highlights(material, *random_sides(seed, 4000)[::-1]).max() for seed in range(12))
-    assert largest <= bound, f"{largest:.4g} > {bound:.4g}"
-    assert largest > 0.001 * bound, f"{largest:.4g} is far below the bound, {bound:.4g}"
-
-
-@pytest.mark.parametrize("name", HIGHLIGHTS)
-def test_no_highlight_changes_faster_with_the_normal_than_the_table_says(name):
-    """Relative to the largest value, by differences over a small angle."""
-    material, angle, steepest = HIGHLIGHTS[name], 1e-6, 0.0
-    entry = entry_of(material)
-    for seed in range(12):
-        to_light, normals = random_sides(seed, 4000)
+def steepest_of(material, seeds=6):
+    """The largest change of the light of a material for each radian that the normal turns, by differences."""
+    found, angle = 0.0, 1e-6
+    for seed in range(seeds):
+        to_light, normals = random_sides(seed, 3000)
         across = unit(np.cross(normals, np.random.default_rng(seed).normal(size=normals.shape)))
         pair = [highlights(material, unit(normals + sign * angle / 2 * across), to_light) for sign in (-1, 1)]
-        steepest = max(steepest, np.abs(pair[1] - pair[0]).max() / angle)
-    bound = entry.turn_slope(material) * entry.brightest_highlight(material)
-    assert steepest <= bound * (1 + 1e-4), f"{steepest:.4g} > {bound:.4g}"
-    assert steepest > 0.001 * bound, f"{steepest:.4g} is far below the bound, {bound:.4g}"
+        found = max(found, np.abs(pair[1] - pair[0]).max() / angle)
+    return found
 
 
-@pytest.mark.parametrize("roughness", [0.1, 0.5, 1.0])
-def test_the_diffuse_term_of_rough_surfaces_changes_no_faster_than_the_table_says(roughness):
-    material = rz.Material(reflection="oren-nayar", diffuse=1, ambient=0, specular=0, roughness=roughness)
-    bound, steepest, angle = 1 + entry_of(material).diffuse_slope(material), 0.0, 1e-6
-    for seed in range(12):
-        to_light, normals = random_sides(seed, 4000)
-        across = unit(np.cross(normals, np.random.default_rng(seed).normal(size=normals.shape)))
-        pair = [highlights(material, unit(normals + sign * angle / 2 * across), to_light) for sign in (-1, 1)]
-        steepest = max(steepest, np.abs(pair[1] - pair[0]).max() / angle)
-    assert 0.5 < steepest <= bound, f"{steepest:.4g} > {bound:.4g}"
+def test_no_highlight_is_brighter_or_steeper_than_the_table_says():
+    for name, material in HIGHLIGHTS.items():
+        entry = entry_of(material)
+        bound, found = (
+            entry.brightest_highlight(material),
+            max(highlights(material, *random_sides(seed, 3000)[::-1]).max() for seed in range(6)),
+        )
+        assert 0.001 * bound < found <= bound, f"{name}: {found:.4g} > {bound:.4g}, or far below"
+        slope, steepest = entry.turn_slope(material) * bound, steepest_of(material)
+        assert 0.001 * slope < steepest <= slope * (1 + 1e-4), f"{name}: {steepest:.4g} > {slope:.4g}, or far below"
+    for roughness in (0.1, 0.5, 1.0):
+        material = rz.Material(reflection="oren-nayar", diffuse=1, ambient=0, specular=0, roughness=roughness)
+        slope, steepest = 1 + entry_of(material).diffuse_slope(material), steepest_of(material)
+        assert 0.5 < steepest <= slope, f"rough by {roughness}: {steepest:.4g} > {slope:.4g}"
 
 
-@pytest.mark.parametrize("exponent", [1, 1.5, 2, 5, 10, 100, 1e4, 1e6])
-def test_the_slope_of_a_power_is_bounded(exponent):
+def lobe_at(material, least_sum, normals_about):
+    """Peak, and slopes by the normal and by the light, of a highlight with |L + V| = least_sum, at random normals."""
+
+    def light_at(angle, aside=0.0):
+        return unit(np.array([np.sin(angle), aside, np.cos(angle)]))
+
+    between, step = 2 * np.arccos(max(least_sum, 1e-3) / 2), 1e-6
+    tilt, azimuth = normals_about
+    across = np.stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)], axis=1)
+    s, c = np.sin(between / 2), np.cos(between / 2)
+    normals = across @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])  # about the half vector
+    normals = normals[(normals[:, 2] > 1e-3) & (normals @ light_at(between) > 1e-3)]
+
+    def slope(one, other):
+        return (highlights(material, *other) - highlights(material, *one)) / (2 * step)
+
+    to_light, a = light_at(between), unit(np.cross(normals, (0.3, 0.5, 0.8)))
+    turned = [
+        slope(*((unit(normals + k * step * way), to_light) for k in (-1, 1))) for way in (a, np.cross(normals, a))
+    ]
+    moved = [slope(*((normals, light_at(between + k * step)) for k in (-1, 1)))]
+    moved.append(slope(*((normals, light_at(between, k * step)) for k in (-1, 1))))
+    return [f.max(initial=0.0) for f in (highlights(material, normals, to_light), np.hypot(*turned), np.hypot(*moved))]
+
+
+def test_the_lobes_of_mirrors_are_no_larger_or_steeper_than_their_bounds():
+    """Where |L + V| is known to be no less than something."""
+    rng, n = np.random.default_rng(3), 4000
+    cases = product(("ggx", "beckmann"), (0.0, 0.01, 0.3, 1.0, 1.6, 2.0))
+    for (distribution, least_sum), roughness in zip(cases, cycle((0.06, 0.15, 0.3, 0.6, 1.0))):
+        material = made("cook-torrance", roughness=roughness, distribution=distribution, fresnel=1.0)
+        about = np.minimum(abs(roughness * rng.normal(size=n) * rng.choice([0.3, 1, 2], n)), 1.5), 7 * rng.random(n)
+        found = np.max([lobe_at(material, s, about) for s in np.linspace(least_sum, 2, 4)], axis=0)
+        bounds = bound_lobe(distribution, roughness, np.array([least_sum]))
+        for name, worst in zip(("peak", "normal_slope", "light_slope"), found, strict=True):
+            bound, case = getattr(bounds, name)[0], f"{name}, {distribution}, {roughness}, |L + V| from {least_sum}"
+            assert 0.05 * bound < worst <= bound * (1 + 1e-5), f"{case}: {worst:.4g} > {bound:.4g}, or far below"
+
+
+def test_bounds_of_lobes_fall_with_the_least_sum_and_are_below_the_brightest_highlight():
+    sums = np.linspace(0, 2, 41)
+    for distribution, roughness in product(("ggx", "beckmann"), (0.001, 0.05, 0.3, 0.7, 1.0)):
+        material, case = (
+            made("cook-torrance", roughness=roughness, distribution=distribution),
+            (distribution, roughness),
+        )
+        bounds = bound_lobe(distribution, roughness, sums)
+        for name, values in zip(bounds._fields, bounds, strict=True):
+            assert np.isfinite(values).all() and (np.diff(values) <= 1e-12 * values[:-1]).all(), f"{name}, {case}"
+        assert (entry_of(material).highlight_bounds(material, SINGLE, sums).peaks <= 1.0).all(), case
+        assert bounds.peak[0] <= 1.001 * entry_of(material).brightest_highlight(material), case
+        if 0.05 < roughness < 1.0:  # N = H is brightest where light and viewer are one: 1/(4 α²)
+            assert bounds.peak[-1] == pytest.approx(1 / (4 * roughness**2), rel=0.08), case
+
+
+def test_the_slope_of_a_power_is_bounded():
     distance = np.sqrt(2) * np.concatenate([np.linspace(0, 1, 4001), np.geomspace(1e-5, 1, 4001)])
     h = 1 - distance**2 / 2
-    slope = (exponent * np.maximum(h, 0) ** (exponent - 1) * distance).max()
-    assert slope <= power_slope(exponent) <= 2.2 * slope, f"{slope:.4g}, the bound {power_slope(exponent):.4g}"
+    for exponent in (1, 1.5, 2, 5, 10, 100, 1e4, 1e6):
+        slope, bound = (exponent * np.maximum(h, 0) ** (exponent - 1) * distance).max(), power_slope(exponent)
+        assert slope <= bound <= 2.2 * slope, f"h^{exponent}: {slope:.4g} > {bound:.4g}, or far below"
 
 
 def test_rounding_grows_with_the_exponent_and_never_exceeds_the_highlight():
@@ -139,7 +185,8 @@ def test_models_say_why_they_need_float64():
         made("oren-nayar"): "",
     }
     for material, reason in cases.items():
-        assert entry_of(material).reason_for_float64(material) == reason
+        found = entry_of(material).reason_for_float64(material)
+        assert found == reason, f"{material}: {found!r} != {reason!r}"
 
 
 def test_fresnel_as_the_pipeline_takes_it():

@@ -1,8 +1,9 @@
 """Check spectral colour and exposure in whole pictures: products wavelength by wavelength, the same in all methods and
 models."""
 
+from itertools import cycle, product
+
 import numpy as np
-import pytest
 from helpers.pinhole import SHADINGS, octasphere, unit
 
 import rasterizer as rz
@@ -11,7 +12,7 @@ from rasterizer.options import Options
 from rasterizer.scene.cie_tables import D65, MATCHING, WAVELENGTHS
 from rasterizer.scene.spectrum import Spectrum
 
-SIZE = (40, 30)
+SIZE = (20, 15)
 SHEET = np.array([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], float)
 CAMERA = rz.Camera.orthographic((0, 0, 5), (0, 0, 0), height=10)
 DIRECTION = (0.3, -0.4, -1)
@@ -22,11 +23,13 @@ LAMP = Spectrum.blackbody(2856)
 LASER = Spectrum((510, 515, 520, 525, 530), (0, 2, 6, 2, 0))  # no display shows it: its red is negative
 
 
+def draw(mesh, lights, shading="phong", background=None, **options):
+    scene = rz.Scene([mesh], lights, CAMERA, background)
+    return rz.render(scene, SIZE, shading=shading, **{"samples": 1, "tolerance": 0} | options)
+
+
 def show(material, lights, shading="phong", **options):
-    scene = rz.Scene(
-        [rz.Mesh(SHEET, [[0, 1, 2, 3]], material=material)], lights, CAMERA, options.pop("background", None)
-    )
-    return rz.render(scene, SIZE, shading=shading, **({"samples": 1} | {"tolerance": 0} | options))
+    return draw(rz.Mesh(SHEET, [[0, 1, 2, 3]], material=material), lights, shading, **options)
 
 
 def seen(values):
@@ -46,152 +49,125 @@ def at(color):
     return color.at(WAVELENGTHS) if isinstance(color, Spectrum) else np.full(len(WAVELENGTHS), float(color))
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("n", [None, 3, 16, 81, 401])
-@pytest.mark.parametrize("grey", [0.05, 0.5, 1.0])
-def test_a_flat_reflectance_under_white_is_neutral(grey, n, shading):
+def test_a_flat_reflectance_under_white_is_neutral():
     light = (rz.DirectionalLight((0, 0, -1), 1.0), rz.AmbientLight(0.25))
-    frame = show(rz.Material(diffuse=Spectrum.flat(grey), specular=0), light, shading, spectral=n)
-    expected = np.float32(grey * 1.25)
-    assert (
-        np.abs(frame.color - expected).max() <= 4e-7 * expected
-    )  # what float32 can hold; the products are exact to 1e-12
-    assert np.ptp(frame.rgb, axis=-1).max() == 0
+    for n, shading, grey in zip((None, 3, 16, 81, 401), cycle(SHADINGS), cycle((0.5, 0.05, 1.0))):
+        frame = show(rz.Material(diffuse=Spectrum.flat(grey), specular=0), light, shading, spectral=n)
+        off = np.abs(frame.color / np.float32(grey * 1.25) - 1).max()  # the products are exact to 1e-12
+        assert off <= 4e-7, f"{n} samples, {shading}, {grey}: {off:.3g} > 4e-7"
+        assert np.ptp(frame.rgb, axis=-1).max() == 0
+        materials = [rz.Material(diffuse=Spectrum.flat(0.5), specular=0.2)]
+        lights, ambient = [rz.DirectionalLight((0, 0, -1))], [rz.AmbientLight(0.3)]
+        if n is not None:
+            found = multiply_spectra(materials, lights, ambient, Options(spectral=n))
+            for values, expected in zip(found, (0.0, 0.15, 0.5, 0.2, 0.0), strict=True):
+                assert np.abs(values - expected).max() < 1e-12, f"{n} samples: {values} != {expected}"
 
 
-def test_products_are_neutral_to_the_last_digits():
-    scene = (
-        [rz.Material(diffuse=Spectrum.flat(0.5), specular=0.2)],
-        [rz.DirectionalLight((0, 0, -1))],
-        [rz.AmbientLight(0.3)],
-    )
-    for n in (None, 3, 7, 81, 400):
-        products = multiply_spectra(*scene, Options(spectral=n))
-        assert np.abs(products.diffuse - 0.5).max() < 1e-12 and np.abs(products.specular - 0.2).max() < 1e-12
-        assert np.abs(products.ambient - 0.15).max() < 1e-12 and not products.emissive.any()
-
-
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("reflectance", [GREENISH, REDDISH, 0.6])
-@pytest.mark.parametrize("lamp", [LAMP, GREENISH, LASER, 0.8])
-def test_the_product_of_two_spectra_is_summed_over_the_wavelengths(lamp, reflectance, shading):
-    material = rz.Material(diffuse=reflectance, ambient=REDDISH, specular=0, emissive=GREENISH.scaled(0.1))
-    frame = show(material, (rz.DirectionalLight(DIRECTION, lamp), rz.AmbientLight(LAMP.scaled(0.2))), shading)
-    expected = seen(at(reflectance) * at(lamp)) * COSINE + seen(at(REDDISH) * at(LAMP) * 0.2) + seen(at(GREENISH) * 0.1)
-    assert np.abs(frame.color - expected).max() < 2e-6
-
-
-def test_channels_alone_would_give_another_colour():
-    """So the test before could not be passed without spectra."""
+def test_the_product_of_two_spectra_is_summed_over_the_wavelengths():
+    for (lamp, reflectance), shading in zip(
+        product((LAMP, GREENISH, LASER, 0.8), (GREENISH, REDDISH, 0.6)), cycle((*SHADINGS, "phong"))
+    ):
+        material = rz.Material(diffuse=reflectance, ambient=REDDISH, specular=0, emissive=GREENISH.scaled(0.1))
+        frame = show(material, (rz.DirectionalLight(DIRECTION, lamp), rz.AmbientLight(LAMP.scaled(0.2))), shading)
+        expected = seen(at(reflectance) * at(lamp)) * COSINE + seen(at(REDDISH) * at(LAMP) * 0.2)
+        error = np.abs(frame.color - expected - seen(at(GREENISH) * 0.1)).max()
+        assert error < 2e-6, f"{lamp} on {reflectance}, {shading}: {error:.3g} > 2e-6"
+    # Channels alone would give another colour.
     assert np.abs(seen(at(GREENISH) * at(LASER)) - np.array(GREENISH) * np.array(LASER)).max() > 0.05
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_rgb_colours_under_white_light_stay_what_they_are(shading):
+def test_rgb_colours_under_white_light_stay_what_they_are():
     """The spectrum of an RGB colour has that RGB; of two colours the product is another matter."""
     vertices, faces = octasphere(2)
     material = rz.Material(diffuse=(0.7, 0.3, 0.2), ambient=(0.2, 0.5, 0.6), specular=0.3, emissive=(0.1, 0, 0.05))
     lights = (rz.AmbientLight(0.2), rz.DirectionalLight(DIRECTION, 0.6), rz.PointLight((2, 2, 3), 0.4, "1/(d+1)"))
-    scene = rz.Scene([rz.Mesh(vertices * 3, faces, material=material)], lights, CAMERA)
-    plain = rz.render(scene, SIZE, shading=shading, tolerance=0, samples=1)
-    for n in (16, 81, 200):
-        spectral = rz.render(scene, SIZE, shading=shading, tolerance=0, spectral=n, samples=1)
-        assert np.abs(spectral.color - plain.color).max() < 2e-6
-    assert np.ptp(plain.color) > 0.3
+    mesh = rz.Mesh(vertices * 3, faces, material=material)
+    for n, shading in zip((16, 81, 200), SHADINGS, strict=True):
+        plain, spectral = (draw(mesh, lights, shading, spectral=each) for each in (None, n))
+        error = np.abs(spectral.color - plain.color).max()
+        assert error < 2e-6 and np.ptp(plain.color) > 0.3, f"{n} samples, {shading}: {error:.3g} > 2e-6"
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("tolerance", [0, 1 / 4096])
-def test_negative_components_stay_in_colours_and_end_in_bytes(shading, tolerance):
-    frame = show(
-        rz.Material(diffuse=1.0, specular=0), (rz.DirectionalLight((0, 0, -1), LASER),), shading, tolerance=tolerance
-    )
-    expected = np.array(LASER)
-    assert expected.min() < -0.05 and np.abs(frame.color - expected).max() < max(tolerance, 2e-6)
-    assert (frame.rgb[..., expected < 0] == 0).all() and (frame.rgb.max(axis=-1) > 0).all()
-
-
-@pytest.mark.parametrize("policy", ["clamp", "global", "local"])
-@pytest.mark.parametrize("samples", [1, 4])
-def test_negative_components_in_every_policy(policy, samples):
-    frame = show(rz.Material(diffuse=1.0, specular=0), (rz.DirectionalLight((0, 0, -1), LASER.scaled(9)),),
-                 color_range=policy, samples=samples)  # fmt: skip
+def test_negative_components_stay_in_colours_and_end_in_bytes():
+    for shading, tolerance in product(SHADINGS, (0, 1 / 4096)):
+        light = rz.DirectionalLight((0, 0, -1), LASER)
+        frame = show(rz.Material(diffuse=1.0, specular=0), light, shading, tolerance=tolerance)
+        expected, case = np.array(LASER), f"{shading}, {tolerance:.2g}"
+        assert expected.min() < -0.05 and np.abs(frame.color - expected).max() < max(tolerance, 2e-6), case
+        assert (frame.rgb[..., expected < 0] == 0).all() and (frame.rgb.max(axis=-1) > 0).all(), case
     color = np.array(LASER) * 9
-    assert np.abs(frame.color - color).max() < 2e-5 and color.max() > 1
-    assert (frame.rgb[..., 0] == 0).all() and (frame.rgb[..., 1] == 255).all()
+    for policy, samples in (("clamp", 1), ("global", 4), ("local", 1), ("local", 4), ("clamp", 4), ("global", 1)):
+        light = rz.DirectionalLight((0, 0, -1), LASER.scaled(9))
+        frame = show(rz.Material(diffuse=1.0, specular=0), light, color_range=policy, samples=samples)
+        assert np.abs(frame.color - color).max() < 2e-5 and color.max() > 1, f"{policy}, {samples}"
+        assert (frame.rgb[..., 0] == 0).all() and (frame.rgb[..., 1] == 255).all(), f"{policy}, {samples}"
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_highlights_under_a_coloured_lamp(shading):
+def test_highlights_under_a_coloured_lamp():
     """With grey coefficients the picture is the lamp's RGB times that under white light of 1."""
-    vertices, faces = octasphere(3)
-    model = rz.Mesh(vertices * 3, faces, material=rz.Material(diffuse=0.5, specular=0.4))
-
-    def draw(color, **options):
-        lights = (rz.AmbientLight(0.3), rz.DirectionalLight(DIRECTION, color))
-        return rz.render(
-            rz.Scene([model], lights, CAMERA), SIZE, shading=shading, tolerance=0, **{"samples": 1} | options
-        ).color
-
-    dark, white = draw(0.0), draw(1.0)
-    assert np.abs(draw(LAMP) - (dark + (white - dark) * np.array(LAMP))).max() < 3e-6 and white.max() > 0.8
+    mesh = rz.Mesh(octasphere(2)[0] * 3, octasphere(2)[1], material=rz.Material(diffuse=0.5, specular=0.4))
+    for shading in SHADINGS:
+        dark, white, lit = (
+            draw(mesh, (rz.AmbientLight(0.3), rz.DirectionalLight(DIRECTION, color)), shading).color
+            for color in (0.0, 1.0, LAMP)
+        )
+        error = np.abs(lit - (dark + (white - dark) * np.array(LAMP))).max()
+        assert error < 3e-6 and white.max() > 0.7, f"{shading}: {error:.3g} > 3e-6"
 
 
 # ── exposure ────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def lit_scene(background=None, **material):
+def exposed(shading, background=None, tolerance=0, **options):
+    """A picture of a ball; `options` are those of the picture, and the material's opacity."""
     vertices, faces = octasphere(2)
     lights = (rz.AmbientLight(0.1), rz.DirectionalLight(DIRECTION, (0.5, 0.4, 0.3)), rz.PointLight((2, 3, 4), 0.3))
-    made = rz.Material(diffuse=(0.6, 0.5, 0.4), specular=0.2, emissive=0.02, **material)
-    return rz.Scene([rz.Mesh(vertices * 3, faces, material=made)], lights, CAMERA, background)
+    look = {"opacity": options.pop("opacity", 1.0)}
+    material = rz.Material(diffuse=(0.6, 0.5, 0.4), specular=0.2, emissive=0.02, **look)
+    mesh = rz.Mesh(vertices * 3, faces, material=material)
+    return draw(mesh, lights, shading, background, tolerance=tolerance, **options)
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("stops", [-3, -1, 1, 4])
-@pytest.mark.parametrize("material", [{}, {"opacity": 0.5}])
-def test_exposure_multiplies_by_powers_of_2_exactly(stops, shading, material):
+def test_exposure_multiplies_by_powers_of_2_exactly():
     """Every operation after a product with a power of 2 is exact: the same digits."""
-    scene = lit_scene(**material)
-    plain = rz.render(scene, SIZE, shading=shading, tolerance=0, samples=1)
-    frame = rz.render(scene, SIZE, shading=shading, tolerance=0, exposure=stops, samples=1)
-    assert plain.color.max() > 0.01
-    assert np.array_equal(frame.color, plain.color * np.float32(2.0**stops)) and np.array_equal(
-        frame.alpha, plain.alpha
-    )
+    for shading, opacity in product(SHADINGS, (1.0, 0.5)):
+        plain = exposed(shading, opacity=opacity)
+        assert plain.color.max() > 0.01
+        for stops in (-3, 4):
+            frame, case = exposed(shading, opacity=opacity, exposure=stops), f"{shading}, {opacity}, {stops} stops"
+            assert np.array_equal(frame.color, plain.color * np.float32(2.0**stops)), case
+            assert np.array_equal(frame.alpha, plain.alpha), case
 
 
-@pytest.mark.parametrize("stops", [-2, 0.5, 2])
-def test_the_background_is_not_exposed(stops):
-    for material in ({}, {"opacity": 0.5}):
-        behind = (0.3, 0.4, 0.2)
-        bare = rz.render(lit_scene(**material), SIZE, tolerance=0, exposure=stops, samples=1)
-        frame = rz.render(lit_scene(behind, **material), SIZE, tolerance=0, exposure=stops, samples=1)
+def test_the_background_is_not_exposed():
+    behind = (0.3, 0.4, 0.2)
+    for stops, opacity in ((-2, 1.0), (0.5, 0.5), (2, 1.0), (2, 0.5)):
+        options = {"opacity": opacity, "exposure": stops}
+        bare, frame = exposed("gouraud", **options), exposed("gouraud", behind, **options)
         expected = bare.color * bare.alpha[..., None] + behind * (1 - bare.alpha[..., None])
-        assert (bare.alpha == 0).any() and np.abs(frame.color - expected).max() < 1e-6 * 2**stops + 1e-6
+        error = np.abs(frame.color - expected).max()
+        assert (bare.alpha == 0).any() and error < 1e-6 * (2**stops + 1), f"{stops} stops, {opacity}: {error:.3g}"
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_exposure_and_spectra_together(shading):
+def test_exposure_and_spectra_together():
     material = rz.Material(diffuse=GREENISH, specular=0.0, emissive=REDDISH.scaled(0.1))
     lights = (rz.DirectionalLight(DIRECTION, LAMP), rz.AmbientLight(0.1))
-    plain = show(material, lights, shading, background=(0.5, 0.5, 0.5))
-    assert plain.color.max() > 0.05
-    for stops in (-4, 1, 3):
-        frame = show(material, lights, shading, exposure=stops, background=(0.5, 0.5, 0.5))
-        assert np.array_equal(frame.color, plain.color * np.float32(2.0**stops))
-    half = show(material, lights, shading, exposure=0.5)
-    assert np.abs(half.color - plain.color * 2**0.5).max() < 1e-6
+    for shading in SHADINGS:
+        plain = show(material, lights, shading, background=(0.5, 0.5, 0.5))
+        assert plain.color.max() > 0.05
+        for stops in (-4, 0.5, 3):
+            frame = show(material, lights, shading, exposure=stops, background=(0.5, 0.5, 0.5))
+            error = np.abs(frame.color - plain.color * np.float32(2.0**stops)).max()
+            assert error <= (1e-6 if stops == 0.5 else 0), f"{shading}, {stops} stops: {error:.3g}"
 
 
 def test_exposure_of_pictures_within_the_tolerance():
     """The tolerance is one of the exposed picture."""
-    for shading in SHADINGS:
-        for stops in (-6, 3):
-            exact = rz.render(lit_scene(), SIZE, shading=shading, tolerance=0, exposure=stops, samples=1)
-            frame = rz.render(lit_scene(), SIZE, shading=shading, exposure=stops, samples=1)
-            assert exact.color.max() > 0.1 * 2.0**stops
-            assert np.abs(frame.color - exact.color).max() <= 1 / 4096
+    for shading, stops in zip(SHADINGS * 2, (-6, 3, 3, 3, -6, -6), strict=True):
+        exact, frame = (exposed(shading, exposure=stops, tolerance=tolerance) for tolerance in (0, 1 / 4096))
+        error = np.abs(frame.color - exact.color).max()
+        assert exact.color.max() > 0.1 * 2.0**stops and error <= 1 / 4096, f"{shading}, {stops} stops: {error:.3g}"
 
 
 def test_scenes_without_spectra_multiply_none():
