@@ -366,62 +366,6 @@ def test_averaged_normals_hide_the_teeth_of_a_saw_and_creases_show_them():
         assert np.abs(teeth - expected[columns]).max() <= DEFAULT
 
 
-EDGED = {"cube.obj": (35, 25), "cylinder.obj": (35, 25), "cone.obj": (20, -25)}  # azimuth and elevation
-LIT_FROM = unit(np.array([0.7, 0.35, 0.6]))
-
-
-def steps_across_faces(name, angle, shading):
-    """Jumps of intensity between neighbouring pixels.
-
-    Returns (steps across the solid's edges, what the faces' own normals ask for there, steps on its walls,
-    but for the rim where a round wall turns away within a few pixels).
-    """
-    azimuth, elevation = EDGED[name]
-    mesh = replace(load(name, crease_angle=angle).meshes[0], material=DULL)
-    lights = (rz.AmbientLight(0.1), rz.DirectionalLight(-LIT_FROM, 0.9))
-    camera = rz.Camera.framing(mesh, azimuth=azimuth, elevation=elevation)
-    frame = rz.render(rz.Scene([mesh], lights, camera), (320, 240), shading=shading, outputs=("color", "face"))
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    normals = unit(np.cross(b - a, c - a))[frame.face]
-    asked = 0.7 * (0.1 + 0.9 * np.maximum(normals @ LIT_FROM, 0))
-    is_broad = normals @ camera.view().forward < -0.35
-    on_edge, wanted, elsewhere = [], [], []
-    for turned in (lambda v: v, lambda v: v.swapaxes(0, 1)):
-        both = (turned(frame.face)[1:] >= 0) & (turned(frame.face)[:-1] >= 0)
-        cosine = np.sum(turned(normals)[1:] * turned(normals)[:-1], axis=-1)
-        step = np.abs(np.diff(turned(frame.color[..., 1]), axis=0))
-        is_edge = both & (cosine < np.cos(np.radians(80)))
-        on_edge.append(step[is_edge])
-        wanted.append(np.abs(np.diff(turned(asked), axis=0))[is_edge])
-        elsewhere.append(step[both & ~is_edge & turned(is_broad)[1:] & turned(is_broad)[:-1]])
-    return tuple(np.concatenate(steps) for steps in (on_edge, wanted, elsewhere))
-
-
-@pytest.mark.parametrize("name, shading", [("cube.obj", "phong"), ("cylinder.obj", "gouraud"), ("cone.obj", "phong")])
-def test_intensity_jumps_across_creases_and_nowhere_else(name, shading):
-    """At 30 degrees walls of 64 facets are smooth and right angles are edges; at 180 all is averaged."""
-    on_edge, wanted, elsewhere = steps_across_faces(name, 30, shading)
-    assert len(on_edge) > 50 and wanted.max() > 0.15
-    error = np.abs(on_edge - wanted).max()
-    assert error < 0.06, f"steps across edges are off by {error:.3f} > 0.06"
-    assert elsewhere.max() < 0.04, f"{elsewhere.max():.3f} within a smooth wall > 0.04"
-    on_edge, _, elsewhere = steps_across_faces(name, 180, shading)
-    most = max(on_edge.max(), elsewhere.max())
-    assert most < wanted.max() / 3, f"averaged over everything, still {most:.3f} > {wanted.max() / 3:.3f}"
-
-
-def test_facets_of_a_round_wall_show_only_without_smoothing():
-    """A row of pixels across the wall, half of it lit: one value a facet, or as many values as pixels."""
-    camera = rz.Camera.orthographic((0, 1, 9), (0, 1, 0), height=2.4)
-    light = rz.DirectionalLight((-1, 0, -0.2), 1.0)  # along the rows, so that no two facets are lit alike
-    for angle, least, most in ((0, 14, 20), (30, 100, 200)):
-        mesh = replace(load("cylinder.obj", crease_angle=angle).meshes[0], material=DULL)
-        scene = rz.Scene([mesh], [light], camera)
-        row = rz.render(scene, (320, 240), tolerance=0, samples=1).color[120, :, 1]
-        n_value = len(np.unique(row.round(6)))
-        assert least <= n_value <= most, f"{angle} degrees: {n_value} values, not {least} to {most}"
-
-
 def test_triangles_that_reach_far_out_of_the_picture_keep_their_depth():
     """A floor on which the eye stands, clipped next to it, slabs above and below it, some way off, and a speck before
     the eye, so that depth has a long way to go: the floor is hundreds of thousands of pixels high."""

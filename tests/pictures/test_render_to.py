@@ -188,16 +188,3 @@ def test_arrays_that_do_not_fit():
 def test_an_array_takes_a_picture_only():
     with pytest.raises(rz.SceneError, match="out takes a picture"):
         rz.render(ring(), SIZE, outputs="depth", out=ROOM)
-
-
-# --- memory -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.nightly
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="figures of Linux")
-def test_many_small_pictures_hold_no_more_memory_than_few():
-    """A new scene and Renderer for each, as a program does that draws thumbnails; 10 000 of them in bench/scale.py."""
-    code = "import sys; sys.path[:0] = sys.argv[1:]\nfrom bench import scale\nprint(*scale.draw_many(1500, 6))"
-    done = subprocess.run([sys.executable, "-c", code, str(ROOT)], capture_output=True, text=True, check=True)
-    held = [float(word) for word in done.stdout.split()]  # MiB after each sixth of them
-    assert len(held) == 6 and held[-1] - held[1] < 2, f"memory grew: {held} MiB"

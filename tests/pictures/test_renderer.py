@@ -1,12 +1,10 @@
 """Check a Renderer over many pictures: the same bytes as fresh ones, no memory, no side effects."""
 
 import hashlib
-import itertools
 import os
 import subprocess
 import sys
 import threading
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -184,24 +182,6 @@ def test_a_caller_may_write_into_a_frame():
             getattr(first, name)[...] = 7
         assert digest(renderer.render(camera)) == expected
         assert (first.color == 7).all() and (first.depth == 7).all()
-
-
-@pytest.mark.nightly  # test_flat_memory does the same with fewer pictures
-def test_memory_stays_flat():
-    """Pictures that all differ, if little, with lights that move along: what Python holds must not grow."""
-    cameras, held = [*walk(30)], []
-    tracemalloc.start()
-    renderers = [rz.Renderer(scene_of(CARRIED), SIZE, shading=s, outputs=ALL, threads=1) for s in ("gouraud", "phong")]
-    for k in range(7):
-        for renderer, camera in itertools.product(renderers, cameras):
-            renderer.render(replace(camera, position=tuple(c + 1e-7 * k for c in camera.position)))
-        # Python keeps small blocks for later, as many as it likes; arrays and tables are larger.
-        held.append(sum(trace.size for trace in tracemalloc.take_snapshot().traces if trace.size >= 256))
-    tracemalloc.stop()
-    for renderer in renderers:
-        renderer.close()
-    growth = held[-1] - held[1]
-    assert growth < 20_000, f"{growth} bytes more after 300 more pictures > 20000: {held}"
 
 
 # ---------------------------------------------------------------- threads and processes
