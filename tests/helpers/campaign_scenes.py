@@ -38,7 +38,10 @@ def make_case(seed: int, index: int) -> Case:
         mesh, vertices = make_mesh(dice, lens)
         meshes.append(mesh)
         points.append(vertices)
-    lights = as_many_as_legal(make_lights(dice, np.concatenate(points), lens))
+    lights = make_lights(dice, np.concatenate(points), lens)
+    if index % 4 == 2 and not any(getattr(light, "shadow", None) for light in lights):
+        lights.append(lamp_by_number(index // 4, lens, dice.scale))
+    lights = as_many_as_legal(lights)
     background = tuple(dice.rng.random(3)) if dice.chance(0.2) else None
     options = make_options(dice)
     meshes, options = by_number(index, meshes, options)
@@ -63,6 +66,23 @@ def by_number(index, meshes, options):
         tinted = replace(meshes[0].material, fresnel=rz.Spectrum((400, 550, 700), (0.2, 0.9, 0.1 + 0.05 * (turn % 9))))
         meshes = [replace(meshes[0], material=tinted), *meshes[1:]]
     return meshes, options | ({"samples": 16} if index % 64 == 7 else {})
+
+
+def lamp_by_number(turn, lens, scale):
+    """A lamp beside the eye that shines on the model, weakened by all that weakens lamps; some move with the camera."""
+    place, way = lens.reach * np.array([0.5, 0.6, 0.1]), np.array([-0.4, -0.45, -1.0])
+    options = {"color": (0.5, 0.35, 0.2) if turn % 3 else 0.4, "attached": ("camera", "world")[turn // 2 % 2]}
+    options |= {"attenuation": (0.6, 0.3 / (lens.reach * scale), 0.2 / (lens.reach * scale) ** 2)}
+    options |= {"range": 4 * lens.reach * scale if turn % 5 else None, "amplify": turn % 7 == 3}
+    if options["attached"] == "world":
+        eye, *axes = lens.camera.view()[:4]
+        place, way = (vector @ np.array([axes[0], axes[1], -axes[2]]) for vector in (place, way))
+        place = eye + place
+    if turn % 3 == 0:
+        u, v = lens.reach * scale * np.array([[0.5, 0.1, 0.0], [0.0, 0.4, 0.2]])
+        return rz.AreaLight(place * scale, u, v, resolution=(2, 3), **options)
+    cone = {"inner": 2.0 + turn % 20, "outer": 30.0 + turn % 40, "exponent": (0.0, 1.5)[turn % 2]}
+    return rz.SpotLight(place * scale, way, **cone, falloff=(0.6, 2.0, 1.0, 3.5)[turn % 4], **options)
 
 
 def as_many_as_legal(lights) -> list:
