@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from helpers.small_scenes import MODELS, cube
 
 import rasterizer as rz
@@ -36,17 +35,12 @@ def test_faces_wound_against_each_other_meet_at_their_real_angle():
     assert len(flat.ends) == 5 and flat.is_crease.sum() == 4  # the diagonal is none
 
 
-@pytest.mark.parametrize(
-    ("angle", "expected"), [(None, True), (59.0, True), (61.0, False), (0.0, True), (180.0, False)]
-)
-def test_the_meshs_crease_angle_decides(angle, expected):
-    mesh = replace(
-        rz.Mesh([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-0.5, -np.sqrt(0.75), 0)], [(0, 1, 2), (1, 0, 3)]),
-        crease_angle=angle,
-    )
-    edges = gather_edges(mesh)
-    inner = ~edges.is_open
-    assert inner.sum() == 1 and edges.is_crease[inner][0] == expected
+def test_the_meshs_crease_angle_decides():
+    vertices = [(0, 0, 0), (0, 0, 1), (1, 0, 0), (-0.5, -np.sqrt(0.75), 0)]
+    for angle, expected in ((None, True), (59.0, True), (61.0, False), (0.0, True), (180.0, False)):
+        edges = gather_edges(replace(rz.Mesh(vertices, [(0, 1, 2), (1, 0, 3)]), crease_angle=angle))
+        inner = ~edges.is_open
+        assert inner.sum() == 1 and edges.is_crease[inner][0] == expected, f"{angle} degrees"
 
 
 def test_degenerate_faces_make_no_creases_of_their_own():

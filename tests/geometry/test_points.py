@@ -1,6 +1,7 @@
 """Check what is made of meshes before they are drawn: points, normals, colours, the distance to a light."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import rasterizer as rz
 from rasterizer import reference
 from rasterizer.geometry.mesh_points import flat_part, polygon_centroids, smooth_part
 from rasterizer.geometry.points import gather_geometry
-from rasterizer.geometry.surfaces import compute_clearance, flag_inverted
+from rasterizer.geometry.surfaces import compute_clearance, compute_point_clearance, flag_inverted
 
 CUBE = np.array([[x, y, z] for x in (0.0, 1) for y in (0.0, 1) for z in (0.0, 1)])
 QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -127,29 +128,26 @@ def test_numbers_of_polygons_may_have_gaps():
     assert np.isfinite(part.points).all() and np.abs(np.linalg.norm(part.normals, axis=1) - 1).max() < 1e-15
 
 
-@pytest.mark.parametrize("has_polygons", [False, True])
-def test_colors_of_corners_are_kept(has_polygons):
+def test_colors_of_corners_are_kept():
     vertices, faces = octasphere(1)
-    polygons = np.arange(len(faces)) // 2 if has_polygons else None
-    own = np.random.default_rng(3).random((len(faces), 3, 4))
-    part = smooth_part(rz.Mesh(vertices, faces, colors=own, polygons=polygons))
-    assert (part.albedo[part.corner] == own[..., :3]).all() and (corner_places(part) == vertices[faces]).all()
-    shared = np.random.default_rng(4).random((len(vertices), 3))
-    meshes = [rz.Mesh(vertices, faces, colors=c, polygons=polygons) for c in (shared, shared[faces])]
-    flat, same = (flat_part(mesh).albedo for mesh in meshes)
-    assert (flat == same).all()
+    own, shared = np.random.default_rng(3).random((len(faces), 3, 4)), np.random.default_rng(4).random(vertices.shape)
+    for polygons in (None, np.arange(len(faces)) // 2):
+        part = smooth_part(rz.Mesh(vertices, faces, colors=own, polygons=polygons))
+        assert (part.albedo[part.corner] == own[..., :3]).all() and (corner_places(part) == vertices[faces]).all()
+        meshes = [rz.Mesh(vertices, faces, colors=c, polygons=polygons) for c in (shared, shared[faces])]
+        flat, same = (flat_part(mesh).albedo for mesh in meshes)
+        assert (flat == same).all()
     assert np.abs(flat_part(rz.Mesh(vertices, faces, colors=own)).albedo - own[..., :3].mean(axis=1)).max() < 1e-15
 
 
-@pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
-def test_colors_of_corners_are_those_of_the_reference(shading):
+def test_colors_of_corners_are_those_of_the_reference():
     vertices = [(-1, -1, 0), (1, -1, 0), (1, 1, 0.3), (-1, 1, 0), (0, 1.6, 0.2)]
     colors = np.random.default_rng(1).random((3, 3, 3))
-    mesh = rz.Mesh(vertices, [(0, 1, 2), (0, 2, 3), (3, 2, 4)], colors=colors, polygons=[0, 0, 1])
-    scene = rz.Scene(mesh)
-    drawn = rz.render(scene, size=(40, 30), shading=shading, tolerance=0.0, samples=1).color
-    error = np.abs(drawn - reference.render(scene, (40, 30), shading=shading).color).max()
-    assert error < 1e-6, f"{error:.2g} > 1e-6"
+    scene = rz.Scene(rz.Mesh(vertices, [(0, 1, 2), (0, 2, 3), (3, 2, 4)], colors=colors, polygons=[0, 0, 1]))
+    for shading in ("flat", "gouraud", "phong"):
+        drawn = rz.render(scene, size=(40, 30), shading=shading, tolerance=0.0, samples=1).color
+        error = np.abs(drawn - reference.render(scene, (40, 30), shading=shading).color).max()
+        assert error < 1e-6, f"{shading}: {error:.2g} > 1e-6"
 
 
 def test_colors_of_polygons_are_means():
@@ -223,14 +221,13 @@ def test_faces_whose_normals_contradict_their_winding_are_flagged():
 
 def distance_to_triangles(point, corners, rng):
     """The least distance from many points of triangles (n, 3, 3): not less than the true one."""
-    shares = np.concatenate([rng.dirichlet((0.5, 0.5, 0.5), 2000), np.eye(3)])
+    shares = np.concatenate([rng.dirichlet((0.5, 0.5, 0.5), 1000), np.eye(3)])
     return np.linalg.norm(np.einsum("sc,ncx->nsx", shares, corners) - point, axis=2).min()
 
 
-@pytest.mark.parametrize("scale, offset", [(1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 1e4)])
-def test_clearance_is_never_more_than_the_distance(scale, offset):
+def test_clearance_is_never_more_than_the_distance():
     rng = np.random.default_rng(4)
-    for n in (1, 5, 40):
+    for (scale, offset), n in product(((1.0, 0.0), (1e-3, 0.0), (1e3, 0.0), (1.0, 1e4)), (1, 5, 40)):
         corners = offset + scale * (rng.normal(size=(n, 1, 3)) + 0.3 * rng.normal(size=(n, 3, 3)))
         positions = np.ascontiguousarray(corners.reshape(-1, 3).T)
         vertex = np.ascontiguousarray(np.arange(3 * n, dtype=np.uint32).reshape(n, 3).T)
@@ -238,10 +235,13 @@ def test_clearance_is_never_more_than_the_distance(scale, offset):
             point = offset + scale * reach * rng.normal(size=3)
             least = distance_to_triangles(point, corners, rng)
             found = compute_clearance(positions, vertex, *point)
-            assert 0 <= found <= least + 1e-12 * (scale + offset), f"{found} > {least}"
             # The samples lie close to each other: no point of a side is further than a thirtieth of it from one.
             side = max(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(), 1e-30)
-            assert found >= least - side / 8 - 1e-12 * offset
+            low, high = least - side / 8 - 1e-12 * offset, least + 1e-12 * (scale + offset)
+            assert max(low, 0) <= found <= high, f"{n} triangles, scale {scale}: {found} is not in {low}..{high}"
+            of_points = compute_point_clearance(positions, *point)
+            nearest = np.linalg.norm(positions.T - point, axis=1).min()
+            assert of_points == pytest.approx(nearest, rel=1e-9), f"{n} triangles: {of_points} != {nearest}"
 
 
 def test_clearance_of_a_light_in_the_surface_is_nothing():

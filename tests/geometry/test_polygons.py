@@ -1,6 +1,7 @@
 """Polygons: cut as they are, whatever their shape, unit and place, and whichever corner comes first."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -76,75 +77,78 @@ def as_places(points, triangles):
     return sorted(tuple(sorted(map(tuple, corners))) for corners in points[triangles].tolist())
 
 
-@pytest.mark.parametrize("name", SHAPES)
-def test_a_polygon_is_covered_once(name):
+def test_a_polygon_is_covered_once():
     """The triangles' areas sum up to the polygon's, none against it: so none overlap, and none lie outside."""
     rng = np.random.default_rng(1)
-    worst = 0.0
-    for case in range(60):
+    for name, case in product(SHAPES, range(15)):
         unit = 10.0 ** rng.integers(-30, 31)
         axes = np.eye(3) if case % 3 == 0 else random_axes(rng)
         place = axes @ rng.normal(size=3) * unit * rng.choice([0, 1, 1e6])
         points = in_space(SHAPES[name], axes, unit, place)
         points = np.roll(points, rng.integers(len(points)), axis=0)[:: rng.choice([-1, 1])]
         cut = cut_one(points)
-        assert len(cut.crossing) == 0, f"case {case} is said to cross itself"
+        assert len(cut.crossing) == 0, f"{name}, case {case}, is said to cross itself"
         expected = shoelace(points)
         direction = expected / np.linalg.norm(expected)
         parts = areas(points, cut.corners) @ direction
         # Coordinates of 10^6 units are known to 10^-10.
         slack = 1e-13 * np.linalg.norm(expected) + 1e-15 * np.abs(points).max() * np.ptp(points, axis=0).max() * 40
-        worst = max(worst, float(np.abs(np.abs(parts).sum() - np.linalg.norm(expected)) / slack))
-    assert worst <= 1.0, f"{name}: area off by {worst:.3g} times what rounding explains"
+        off = float(np.abs(np.abs(parts).sum() - np.linalg.norm(expected)) / slack)
+        assert off <= 1.0, f"{name}, case {case}: area off by {off:.3g} > 1 times what rounding explains"
 
 
-@pytest.mark.parametrize(("shape", "area"), [(ELL, 28.0), (KEYHOLE, 12.0), (np.array(star(5)) * 4, None)])
-def test_the_picture_shows_the_polygon(shape, area):
+def test_the_picture_shows_the_polygon():
     """Counted in pixels, flat and interpolated."""
-    points = in_space(shape)
-    area = np.linalg.norm(shoelace(points)) if area is None else area
-    low, high = points.min(axis=0), points.max(axis=0)
-    middle, size = (low + high) / 2, (high - low).max()
-    camera = rz.Camera.orthographic(tuple(middle + (0, 0, 5)), tuple(middle), (0, 1, 0), float(size))
-    for shading in ("flat", "gouraud", "phong"):
+    for shape, shading in ((ELL, "flat"), (KEYHOLE, "gouraud"), (np.array(star(5)) * 4, "phong")):
+        points = in_space(shape)
+        area = np.linalg.norm(shoelace(points))
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, size = (low + high) / 2, (high - low).max()
+        camera = rz.Camera.orthographic(tuple(middle + (0, 0, 5)), tuple(middle), (0, 1, 0), float(size))
         scene = rz.Scene(rz.Mesh(points, [range(len(points))]), camera=camera)
-        frame = rz.render(scene, 400, shading=shading, outputs=("face",))
+        frame = rz.render(scene, 200, shading=shading, outputs=("face",))
         drawn = (frame.face >= 0).mean() * size**2
-        assert abs(drawn - area) < 0.01 * area, f"{shading}: {drawn:.2f} of an area of {area:.2f} is drawn"
+        assert abs(drawn - area) < 0.02 * area, f"{shading}: {drawn:.2f} of an area of {area:.2f} is drawn"
 
 
-@pytest.mark.parametrize("name", SHAPES)
-def test_the_triangles_do_not_depend_on_the_first_corner_nor_the_direction(name):
+def test_the_triangles_do_not_depend_on_the_first_corner_nor_the_direction():
     rng = np.random.default_rng(2)
-    for axes in (np.eye(3), random_axes(rng), random_axes(rng)):
-        points = in_space(SHAPES[name], axes)
+    for (name, shape), is_turned in product(SHAPES.items(), (False, True)):
+        points = in_space(shape, random_axes(rng) if is_turned else np.eye(3))
         expected = as_places(points, cut_one(points).corners)
-        for first in range(len(points)):
-            for step in (1, -1):
-                other = np.roll(points, first, axis=0)[::step]
-                assert as_places(other, cut_one(other).corners) == expected, f"first corner {first}, direction {step}"
+        for first, step in product(range(0, len(points), 1 + len(points) // 15), (1, -1)):
+            other = np.roll(points, first, axis=0)[::step]
+            found = as_places(other, cut_one(other).corners)
+            assert found == expected, f"{name}, first corner {first}, direction {step}"
 
 
-def test_random_polygons_are_covered_once_or_are_said_to_cross_themselves():
+def check_random_polygons(seed, n):
     """Corners on a small grid: straight lines, repeated corners, spikes, touching and crossing edges of all kinds."""
-    rng = np.random.default_rng(3)
-    n_crossing = 0
-    for _ in range(3000):
+    rng, n_crossing = np.random.default_rng(seed), 0
+    for _ in range(n):
         k = int(rng.integers(4, 9))
         points = in_space(rng.integers(0, rng.integers(2, 7), (k, 2)))
         cut = cut_one(points)
         parts = areas(points, cut.corners)[:, 2]
         total = shoelace(points)[2]
-        assert abs(parts.sum() - total) < 1e-12
         is_covered_once = abs(np.abs(parts).sum() - abs(total)) < 1e-12
+        assert abs(parts.sum() - total) < 1e-12, f"{points[:, :2].tolist()}: {parts.tolist()} of {total}"
         assert is_covered_once or len(cut.crossing) == 1, f"{points[:, :2].tolist()}: {parts.tolist()} of {total}"
         n_crossing += len(cut.crossing)
-    assert 300 < n_crossing < 2700
+    assert 0.1 * n < n_crossing < 0.9 * n
 
 
-@pytest.mark.parametrize("shape", [[(0, 0), (1, 1), (1, 0), (0, 1)], star(5)[::2][[0, 2, 4, 1, 3]]])
-def test_a_polygon_that_crosses_itself_is_warned_of(shape, tmp_path):
-    points = in_space(shape)
+def test_random_polygons_are_covered_once_or_are_said_to_cross_themselves():
+    check_random_polygons(3, 800)
+
+
+@pytest.mark.nightly
+def test_many_random_polygons_are_covered_once_or_are_said_to_cross_themselves():
+    check_random_polygons(4, 20_000)
+
+
+def test_a_polygon_that_crosses_itself_is_warned_of(tmp_path):
+    points = in_space(star(5)[::2][[0, 2, 4, 1, 3]])
     k = len(points)
     with pytest.warns(UserWarning, match="face 1 crosses itself"):
         rz.Mesh(np.r_[points, [(9, 9, 9)]], [(0, 1, k), range(k)])
@@ -221,39 +225,26 @@ def test_rings_are_found_again():
     assert len(find_rings(dart.faces, dart.polygons, dart.vertices).start) == 0
 
 
-def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path, monkeypatch):
+def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path):
     """Ears take quadratic time; convex polygons don't, and have no limit."""
     points = in_space(star(15000))
     with pytest.raises(
         rz.ModelError, match=r"^face 1 is concave and has 30000 corners .* 536870912 at most, not 900000000; divide"
     ):
         rz.Mesh(points, [[0, 1, 2], range(30000)])
-    lines = [f"v {x} {y} {z}" for x, y, z in points.tolist()]
-    (tmp_path / "star.obj").write_text(
-        "\n".join(["v 0 0 0", *lines, "f 1 2 3", "f " + " ".join(map(str, range(2, 30002)))])
-    )
-    with pytest.raises(rz.ModelError, match=r"star\.obj:30003: the face is concave and has 30000 corners"):
-        rz.load(tmp_path / "star.obj")
-    loop = "30000 " + " ".join(map(str, range(30000)))
+    lines = [f"{x} {y} {z}" for x, y, z in points.tolist()]
+    face = "f " + " ".join(map(str, range(2, 30002)))
+    (tmp_path / "star.obj").write_text("\n".join(["v 0 0 0", *(f"v {line}" for line in lines), "f 1 2 3", face]))
     axes = "".join(f"property float {axis}\n" for axis in "xyz")
-    head = f"ply\nformat ascii 1.0\nelement vertex 30000\n{axes}element face 1\n"
-    bodies = {
-        "ply": head
-        + "property list int int vertex_indices\nend_header\n"
-        + "\n".join(line[2:] for line in lines)
-        + f"\n{loop}\n",
-        "off": "OFF\n30000 1 0\n" + "\n".join(line[2:] for line in lines) + f"\n{loop}\n",
-    }
-    for format, text in bodies.items():
-        (tmp_path / f"star.{format}").write_text(text)
-        with pytest.raises(rz.ModelError, match=rf"star\.{format}.*is concave and has 30000 corners"):
-            rz.load(tmp_path / f"star.{format}")
+    head = f"ply\nformat ascii 1.0\nelement vertex 30000\n{axes}element face 1\nproperty list int int vertex_indices\n"
+    loop = "30000 " + " ".join(map(str, range(30000)))
+    (tmp_path / "star.ply").write_text("\n".join([head + "end_header", *lines, loop]) + "\n")
+    for name, place in (("star.obj", r"star\.obj:30003: the face"), ("star.ply", r"star\.ply.*")):
+        with pytest.raises(rz.ModelError, match=place + " is concave and has 30000 corners"):
+            rz.load(tmp_path / name)
     assert rz.Mesh(in_space(star(15000, inner=1.0)), [range(30000)]).n_face == 29998
-    monkeypatch.setattr("rasterizer.scene.triangulation.MOST_STEPS", 4 * 14 * 14)
-    flock = np.tile(np.arange(14), (5, 1))
-    assert rz.Mesh(in_space(star(7)), flock[:4]).n_face == 48
-    with pytest.raises(rz.ModelError, match="face 0 is concave and has 14 corners, and 4 more are to be cut"):
-        rz.Mesh(in_space(star(7)), flock)
+    with pytest.raises(rz.ModelError, match="face 0 is concave and has 12000 corners, and 3 more are to be cut"):
+        rz.Mesh(in_space(star(6000)), np.tile(np.arange(12000), (4, 1)))
 
 
 def test_convex_polygons_take_memory_that_grows_with_their_corners():

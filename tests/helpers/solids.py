@@ -32,14 +32,6 @@ def cone(n, height):
     return vertices, np.column_stack([0 * i, 1 + i, 1 + (i + 1) % n])
 
 
-def fin(*angles, leaves=None):
-    """Faces at the given degrees round the edge 0-1 (z axis); leaves[k]: whether face k runs from 0 to 1."""
-    radians = np.radians(angles)
-    tips = np.column_stack([np.cos(radians), np.sin(radians), np.full(len(angles), 0.5)])
-    faces = [(0, 1, 2 + k) if leaves is None or leaves[k] else (1, 0, 2 + k) for k in range(len(angles))]
-    return np.vstack([[[0, 0, 0], [0, 0, 1]], tips]), np.array(faces)
-
-
 def sphere(n):
     """Sphere of 4 n (n - 1) faces with two open poles."""
     u, v = np.meshgrid(2 * np.pi * np.arange(2 * n) / (2 * n), np.linspace(0.1, np.pi - 0.1, n))
