@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -23,6 +23,7 @@ def make_frame(levels, color=None, alpha=255) -> Frame:
 
 
 @given(PICTURES, PICTURES)
+@settings(max_examples=30, deadline=None)
 def test_levels_against_a_plain_computation(a, b):
     steps = [abs(int(x) - int(y)) for x, y in zip(a.ravel(), b.ravel(), strict=True)]
     result = rz.compare(a, b)
@@ -32,8 +33,8 @@ def test_levels_against_a_plain_computation(a, b):
     assert result == rz.compare(b, a) == rz.compare(make_frame(a), make_frame(b))
 
 
-@given(PICTURES)
-def test_a_picture_equals_itself(a):
+def test_a_picture_equals_itself():
+    a = np.random.default_rng(1).integers(0, 256, (3, 5, 3), np.uint8)
     result = rz.compare(a, a.copy())
     assert result == rz.Comparison(max=0.0, rms=0.0, psnr=math.inf, levels=0, over_one=0, coverage=0)
     assert str(result) == "equal"
@@ -64,9 +65,8 @@ def test_alpha_is_compared_as_coverage():
     assert "1 pixels covered otherwise" in text and "\n" not in text
 
 
-@pytest.mark.parametrize(
-    ("a", "b", "message"),
-    [
+def test_what_is_no_picture():
+    for a, b, message in (
         (np.zeros((2, 2, 3)), np.zeros((2, 3, 3)), "2x2 with 3 channels and 3x2"),
         (np.zeros((2, 2, 3)), np.zeros((2, 2)), "one size"),
         (np.zeros((2, 2, 2)), np.zeros((2, 2, 2)), "float64 of the shape"),
@@ -76,8 +76,6 @@ def test_alpha_is_compared_as_coverage():
         ("a.png", "b.png", "given str"),
         (None, None, "given NoneType"),
         (Frame(None, {}, STATS, (1, 1)), np.zeros((1, 1)), "no picture"),
-    ],
-)
-def test_what_is_no_picture(a, b, message):
-    with pytest.raises(rz.SceneError, match=message):
-        rz.compare(a, b)
+    ):
+        with pytest.raises(rz.SceneError, match=message):
+            rz.compare(a, b)

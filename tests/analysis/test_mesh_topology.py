@@ -37,7 +37,7 @@ def test_vertices_that_formats_repeat_are_one():
     assert compute_topology(points, faces) == compute_topology(TETRAHEDRON, OUTWARDS)
 
 
-@pytest.mark.parametrize("name", ["gear.stl", "knot.ply", "teapot.obj", "cube.obj", "table.obj"])
+@pytest.mark.parametrize("name", ["gear.stl", "teapot.obj", "table.obj"])
 def test_trimesh_finds_the_same(name):
     scene = rz.load(ROOT / "models" / name)
     points = np.concatenate([mesh.vertices for mesh in scene.meshes])

@@ -12,31 +12,27 @@ from rasterizer.reference import explaining
 SIZE = (40, 30)
 CAMERA = rz.Camera.perspective((0, 0, 4), fov=40)
 LIGHT = rz.DirectionalLight((0.2, -0.3, -1))
-MIDDLE, CORNER = (20, 15), (0, 0)
+MIDDLE = (20, 15)
 
 
 def ball(**material):
     return rz.Scene([rz.Mesh(*octasphere(3), crease_angle=180, material=rz.Material(**material))], [LIGHT], CAMERA)
 
 
-@pytest.mark.parametrize(
-    "options, ways",
-    [
-        ({"shading": "flat"}, {"packed entry"}),
-        ({"shading": "gouraud", "tolerance": 0.01}, {"packed entry"}),
-        ({"shading": "phong"}, {"plane record"}),
-        ({"shading": "phong", "tolerance": 0}, {"exact record"}),
-        ({"shading": "flat", "samples": 9}, {"packed entry"}),
-    ],
-)
-def test_the_way_of_a_pixel_is_told(options, ways):
-    found = rz.explain(ball(), *MIDDLE, SIZE, **{"samples": 1} | options)
-    assert set(found.way.split(" and ")) == ways, found.way
-    assert f"drawn by: {found.way}" in str(found)
-    # The picture's own counts know the way, too.
-    counts = rz.render(ball(), SIZE, **{"samples": 1} | options).stats.plan.ways
-    used = {"packed entry": counts.entries, "plane record": counts.planes, "exact record": counts.exact}
-    assert all(used[way] > 0 for way in ways)
+def test_the_way_of_a_pixel_is_told():
+    for options, way in (
+        ({"shading": "flat"}, "packed entry"),
+        ({"shading": "gouraud", "tolerance": 0.01}, "packed entry"),
+        ({"shading": "phong"}, "plane record"),
+        ({"shading": "phong", "tolerance": 0}, "exact record"),
+        ({"shading": "flat", "samples": 4}, "packed entry"),
+    ):
+        found = rz.explain(ball(), *MIDDLE, SIZE, **{"samples": 1} | options)
+        assert found.way == way and f"drawn by: {way}" in str(found), f"{options}: {found.way}"
+        # The picture's own counts know the way, too.
+        counts = rz.render(ball(), SIZE, **{"samples": 1} | options).stats.plan.ways
+        used = {"packed entry": counts.entries, "plane record": counts.planes, "exact record": counts.exact}
+        assert used[way] > 0, options
 
 
 def test_all_else_is_what_the_reference_says():
@@ -45,10 +41,6 @@ def test_all_else_is_what_the_reference_says():
     expected = explaining.explain(scene, 18, 13, rz.Options(size=SIZE, **options))
     assert replace(found, way=None) == expected and expected.way is None
     assert found.way == "plane record"
-
-
-def test_a_pixel_that_shows_nothing_has_no_way():
-    assert rz.explain(ball(), *CORNER, SIZE, samples=1).way is None
 
 
 def test_a_camera_of_its_own_and_the_value_of_the_picture():
@@ -60,7 +52,8 @@ def test_a_camera_of_its_own_and_the_value_of_the_picture():
         assert error <= frame.stats.error_bound + 1e-7, f"{error:.3g} > {frame.stats.error_bound:.3g}"
 
 
-@pytest.mark.parametrize("x, y", [(-1, 0), (40, 0), (0, 30), (1.5, 0), ("a", 0)])
-def test_a_pixel_outside_is_refused(x, y):
-    with pytest.raises(rz.SceneError, match="within 0..(39|29)"):
-        rz.explain(ball(), x, y, SIZE, samples=1)
+def test_a_pixel_outside_is_refused_and_one_that_shows_nothing_has_no_way():
+    assert rz.explain(ball(), 0, 0, SIZE, samples=1).way is None
+    for x, y in ((-1, 0), (40, 0), (0, 30), (1.5, 0), ("a", 0)):
+        with pytest.raises(rz.SceneError, match="within 0..(39|29)"):
+            rz.explain(ball(), x, y, SIZE, samples=1)

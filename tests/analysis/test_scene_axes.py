@@ -1,5 +1,7 @@
 """What else a scene has: values that can be drawn, and truths finer than all of them."""
 
+import pytest
+
 import rasterizer as rz
 from rasterizer.analysis.scene_axes import list_axes, measure_axes
 from rasterizer.engine.shadow_maps import MOST_NUMBERS
@@ -29,6 +31,7 @@ def test_a_lamp_alone_is_compared_with_the_largest_maps():
     assert [variant.value for variant in axes["shadow map"].variants] == ["256²", "512²", "1024²", "2048²", "4096²"]
 
 
+@pytest.mark.nightly
 def test_shadows_are_compared_with_rays():
     """On a picture that is wholly known the finest map's shadow is that of rays; a filter's is another one."""
     floor = rz.Mesh([[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]], [[0, 1, 2, 3]])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rasterizer.analysis import speed_error_plot
 from rasterizer.analysis.ground_truth import Errors
 from rasterizer.analysis.speed_error import Method, Row
+from rasterizer.analysis.speed_error_plot import plot
 
 
 def random_rows(seed) -> list[Row]:
@@ -22,13 +22,16 @@ def random_rows(seed) -> list[Row]:
             for method, a, b, beaten in zip(methods, ms.tolist(), rms.tolist(), is_beaten, strict=True)]  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_labels_lie_within_the_plot_and_over_nothing_else(monkeypatch):
     pytest.importorskip("matplotlib", reason="the extra bench is not installed")
+    from matplotlib.figure import Figure
+
     drawn, n_front, n_label = [], 0, 0
-    monkeypatch.setattr(speed_error_plot, "figure_bytes", lambda figure, suffix, dpi: drawn.append(figure) or b"")
+    monkeypatch.setattr(Figure, "savefig", lambda figure, *_, **__: drawn.append(figure))  # of matplotlib
     for seed in range(25):
         rows = random_rows(seed)
-        speed_error_plot.plot(rows, "title", ".png")
+        plot(rows, "title", ".png")
         n_front += sum(not row.is_beaten for row in rows)
         n_label += check_labels(drawn.pop(), rows)
     assert n_label > 0.8 * n_front, f"{n_label} labels of {n_front} rows"

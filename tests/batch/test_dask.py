@@ -13,15 +13,19 @@ from rasterizer.cli import main
 MODELS = [str(ROOT / "models" / name) for name in ("cube.obj", "cone.obj", "gear.stl", "torus.glb")]
 SMALL = {"size": (32, 24), "shading": "phong"}
 
-pytestmark = [pytest.mark.usefixtures("folder"), pytest.mark.slow]
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 @pytest.fixture(scope="module")
-def cluster():
+def dask():
+    return pytest.importorskip("dask.distributed", reason="the extra distributed is not installed")
+
+
+@pytest.fixture(scope="module")
+def cluster(dask):
     """Two worker processes; another one is started where one of them dies."""
-    distributed = pytest.importorskip("dask.distributed", reason="the extra distributed is not installed")
-    made = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
-    with made, distributed.Client(made) as client:
+    made = dask.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+    with made, dask.Client(made) as client:
         client.wait_for_workers(2)
         yield client
 
@@ -36,43 +40,52 @@ def files_in(folder) -> dict[str, bytes]:
     return {name: open(f"{folder}/{name}", "rb").read() for name in os.listdir(folder)}
 
 
-def kill_worker(client, address=None):
-    """Kill the process of a worker as the system does that has no memory left."""
-    for worker in client.cluster.workers.values():
-        if address is None or worker.worker_address == address:
-            os.kill(worker.pid, signal.SIGKILL)
-            return
-    raise AssertionError(f"no worker at {address}")
+def assert_same_bytes(client, sources, views):
+    """Draw as the library alone does, and by Dask."""
+    with_dask = list(rz.render_many(tasks_of(sources, "far", views), client))
+    assert {record.status for record in with_dask} == {"drawn"}, [record.error for record in with_dask]
+    local = list(rz.render_many(tasks_of(sources, "local", views), n_process=1))
+    assert len(local) == len(with_dask) and files_in("local") == files_in("far")
 
 
+def test_a_thread_of_dask_draws_the_same_bytes(dask):
+    with dask.Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
+        assert_same_bytes(client, [MODELS[0], rz.load(MODELS[1])], ("front", "iso"))
+        crew = DaskCrew(client)
+        assert crew.n_slot == 2 and DaskCrew(client, 3).n_slot == 6
+        crew.close()
+        assert client.status == "running"
+
+
+@pytest.mark.nightly
 def test_the_bytes_are_those_of_local_processes(cluster):
-    sources = [*MODELS, rz.load(MODELS[0]), rz.load(MODELS[2]).meshes[0]]
-    local = list(rz.render_many(tasks_of(sources, "local", ("front", "iso")), n_process=1))
-    far = list(rz.render_many(tasks_of(sources, "far", ("front", "iso")), cluster))
-    assert {record.status for record in (*local, *far)} == {"drawn"}, [record.error for record in far]
-    assert files_in("local") == files_in("far") and len(files_in("far")) == 12
+    assert_same_bytes(cluster, [*MODELS, rz.load(MODELS[0]), rz.load(MODELS[2]).meshes[0]], ("front", "iso"))
     by_address = rz.render_many(tasks_of(MODELS[:1], "address", ("front",)), cluster.scheduler.address)
     assert [record.status for record in by_address] == ["drawn"]
     assert files_in("address")["0-front.png"] == files_in("far")["0-front.png"]
 
 
-def test_a_worker_that_is_killed_half_way_loses_nothing(cluster):
+@pytest.mark.nightly
+def test_a_worker_that_is_killed_half_way_loses_nothing(cluster, alone):
     """The worker that has the scattered model is the one that dies: it must be sent anew."""
     views = [(angle, 20) for angle in range(0, 360, 9)]
     scene = rz.load(MODELS[2])
     local = list(rz.render_many(tasks_of([scene], "local", views), n_process=1))
     batch = rz.render_many(tasks_of([scene], "far", views), cluster)
     records = [next(batch)]
-    (addresses,) = cluster.who_has(next(iter(batch._objects.values())).sent).values()
-    kill_worker(cluster, addresses[0])
+    (key,) = (key for keys in cluster.has_what().values() for key in keys if str(key).startswith("Scene"))
+    (address,) = cluster.who_has([key])[key]
+    (pid,) = (worker.pid for worker in cluster.cluster.workers.values() if worker.worker_address == address)
+    os.kill(pid, signal.SIGKILL)  # as the system does that has no memory left
     records += list(batch)
     assert [record.error for record in records] == [None] * len(local)
     assert files_in("local") == files_in("far") and len(files_in("far")) == 40
+    cluster.wait_for_workers(2)
 
 
+@pytest.mark.nightly
 def test_a_model_goes_to_each_worker_once(cluster, monkeypatch):
-    sent = []
-    scatter = cluster.scatter
+    sent, scatter = [], cluster.scatter
     monkeypatch.setattr(cluster, "scatter", lambda value, **settings: sent.append(value) or scatter(value, **settings))
     scene = rz.load(MODELS[0])
     views = [(angle, 20) for angle in range(0, 360, 15)]
@@ -80,15 +93,7 @@ def test_a_model_goes_to_each_worker_once(cluster, monkeypatch):
     assert sent == [scene]
 
 
-def test_a_model_that_workers_do_not_see_is_sent(cluster, monkeypatch):
-    """What a worker finds at the path is not the file that is here: another time of change."""
-    monkeypatch.setattr("rasterizer.batch.rendering.identify", lambda path: (1, 2))
-    list(rz.render_many(tasks_of(MODELS[:2], "local", ("front", "iso")), n_process=1))
-    records = list(rz.render_many(tasks_of(MODELS[:2], "far", ("front", "iso")), cluster))
-    assert [record.error for record in records] == [None] * 4
-    assert files_in("local") == files_in("far")
-
-
+@pytest.mark.nightly
 def test_one_bad_model_does_not_stop_the_rest(cluster, folder):
     (folder / "bad.obj").write_text("v 1 2\n")
     tasks = [*tasks_of(["bad.obj", "nope.obj", MODELS[0]], "far", ("front",))]
@@ -97,6 +102,7 @@ def test_one_bad_model_does_not_stop_the_rest(cluster, folder):
     assert by_index[2].status == "drawn"
 
 
+@pytest.mark.nightly
 def test_the_command_line_draws_there(cluster, capsys):
     flags = ["-s", "32x24", "--view", "iso", "--view", "top", "-q"]
     assert main(["batch", *MODELS[:2], "-o", "far/", "--scheduler", cluster.scheduler.address, *flags]) == 0
@@ -106,14 +112,7 @@ def test_the_command_line_draws_there(cluster, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_the_crew_has_work_for_each_thread(cluster):
-    cluster.wait_for_workers(2)  # another test has killed one
-    crew = DaskCrew(cluster)
-    assert crew.n_slot == 4 and DaskCrew(cluster, 3).n_slot == 6
-    crew.close()
-    assert cluster.status == "running"
-
-
+@pytest.mark.nightly
 def test_tiles_are_drawn_there(cluster):
     for output, source in (("a.tif", MODELS[2]), ("b.tif", rz.load(MODELS[2]))):
         task = rz.RenderTask(source, output, "iso", options=SMALL | {"color_range": "global", "exposure": 2.0})

@@ -3,13 +3,14 @@
 import io
 import os
 import pickle
+import subprocess
 import sys
 import time
 
 import pytest
 from helpers.deadly import Deadly
+from helpers.stores import environment_with
 
-from rasterizer.batch import processes
 from rasterizer.batch.crew import Died, Done, Failed, SharedObject, Unit, work_through
 from rasterizer.batch.processes import LocalProcesses
 from rasterizer.batch.worker import MOST_SHARED, pack_answer, read_message, serve, write_message
@@ -33,11 +34,29 @@ class OddError(Exception):
         super().__init__(f"{one} {two}")
 
 
-@pytest.fixture
+class Counted:
+    """A number that leaves a line in a file each time that it is unpickled."""
+
+    def __init__(self, value, path):
+        self.value, self.path = value, str(path)
+
+    def __reduce__(self):
+        return unpickle_counted, (self.value, self.path)
+
+
+def unpickle_counted(value, path):
+    with open(path, "a") as file:
+        file.write(f"{value}\n")
+    return value
+
+
+@pytest.fixture(scope="module")
 def crew():
+    """One process, for all tests that leave one behind."""
     made = LocalProcesses(1)
     yield made
     made.close()
+    assert made.n_running == 0
 
 
 def ask(crew, *units):
@@ -49,21 +68,14 @@ def ask(crew, *units):
     return found
 
 
-def test_units_share_what_a_process_keeps(crew):
-    shared = [SharedObject(10 * k, str(k)) for k in range(MOST_SHARED + 1)]
+def test_units_share_what_a_process_keeps_and_it_is_sent_once(crew, tmp_path):
+    shared = [SharedObject(Counted(10 * k, tmp_path / "sent"), str(k)) for k in range(MOST_SHARED + 1)]
     outcomes = ask(crew, *(Unit(add, 1, each) for each in (shared[0], shared[0], *shared, shared[0])))
-    assert [outcome.value[:2] for outcome in outcomes] == [(1, 1), (1, 2), (1, 3), (11, 4), (21, 5), (1, 6)]
-    assert len({outcome.value[2] for outcome in outcomes}) == 1
-
-
-def test_what_a_process_has_is_not_sent_again(crew, monkeypatch):
-    sizes = []
-    write = processes.write_message
-    monkeypatch.setattr(processes, "write_message", lambda stream, text: sizes.append(len(text)) or write(stream, text))
-    shared = SharedObject(1, "one")
-    shared.sent = pickle.dumps(1) + bytes(10**6)  # pickle stops before the zeros
-    ask(crew, Unit(add, 1, shared), Unit(add, 1, shared))
-    assert max(sizes) > 10**6 and sizes[-1] < 10**3
+    sums, numbers, processes = zip(*(outcome.value for outcome in outcomes), strict=True)
+    assert sums == (1, 1, 1, 11, 21, 1) and len(set(processes)) == 1
+    assert numbers == tuple(range(numbers[0], numbers[0] + 6)), "what a process keeps stays"
+    sent = (tmp_path / "sent").read_text().split()
+    assert sent == ["0", "10", "20", "0"], "only what it had to forget is sent again"
 
 
 def test_errors_come_back_and_the_process_goes_on(crew):
@@ -77,18 +89,29 @@ def test_a_process_that_dies_is_replaced(crew):
     assert died == Died("ended with exit code 9") and first.value[2] != second.value[2]
 
 
-def test_the_first_unit_is_alone_where_no_kernel_is_stored(monkeypatch):
-    monkeypatch.setattr(processes, "has_kernels", lambda: False)
-    crew = LocalProcesses(3)
-    assert crew.n_slot == 1 or not processes.STORE.is_kept
-    ask(crew, Unit(add, 1))
-    assert crew.n_slot == 3
-    crew.close()
-    assert crew.n_running == 0
+def test_the_first_unit_is_alone_where_no_kernel_is_stored(tmp_path):
+    """In a process whose store is empty; what is worked on is a method of text, which needs no kernel."""
+    program = """
+from rasterizer.batch.crew import Unit
+from rasterizer.batch.processes import LocalProcesses
+from rasterizer.compiler.kernels import STORE
+crew = LocalProcesses(3)
+assert STORE.is_kept and not crew.is_warm
+n_slot = crew.n_slot
+crew.submit(Unit("{} {} {}".format, 1))
+print(n_slot, crew.wait()[1].value, crew.n_slot)
+crew.close()
+"""
+    environment = environment_with(RASTER_STORE=tmp_path / "store")
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.stdout == "1 1 None {} 3\n", done.stderr
 
 
-def test_processes_that_can_not_be_started_are_told(monkeypatch):
-    monkeypatch.setattr(processes, "_PROGRAM", "import sys; sys.exit(5)")
+@pytest.mark.skipif(os.name != "posix", reason="a program that is a script")
+def test_processes_that_can_not_be_started_are_told(monkeypatch, tmp_path):
+    (tmp_path / "python").write_text("#!/bin/sh\nexit 5\n")
+    (tmp_path / "python").chmod(0o700)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))  # a Python that is broken, and none
     crew = LocalProcesses(1)
     with pytest.raises(RasterizerError, match="can't be started: the first one ended with exit code 5"):
         ask(crew, Unit(add, 1))
@@ -102,14 +125,16 @@ def wait_long(argument, _shared, _kept):
     time.sleep(argument)
 
 
-def test_closing_ends_what_is_running():
-    crew = LocalProcesses(2)
-    ask(crew, Unit(add, 1))
+@pytest.mark.skipif(os.name != "posix", reason="processes are looked for by a signal of POSIX")
+def test_closing_ends_what_is_running(alone):
+    crew = LocalProcesses(1)
+    (done,) = ask(crew, Unit(add, 1))
     crew.submit(Unit(wait_long, 60))
-    running = [worker._process for worker in crew._workers]
     start = time.monotonic()
     crew.close()
-    assert all(process.poll() is not None for process in running) and time.monotonic() - start < 15
+    with pytest.raises(ProcessLookupError):
+        os.kill(done.value[2], 0)
+    assert time.monotonic() - start < 15, "it waits for what was begun"
 
 
 def test_messages_are_whole_or_none():

@@ -2,17 +2,19 @@
 
 import os
 import signal
+import sys
 import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers.deadly import Deadly
+from helpers.odd_format import odd_format
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.batch import draw_run
 
 CUBE, CONE, GEAR = (str(ROOT / "models" / name) for name in ("cube.obj", "cone.obj", "gear.stl"))
 SMALL = {"size": (24, 16)}
@@ -33,6 +35,15 @@ def draw(tasks, executor=None, **settings):
 
 def hidden_files(folder="."):
     return [name for _, _, names in os.walk(folder) for name in names if name.startswith(".raster-")]
+
+
+def children() -> set[int]:
+    """The processes that this one has started, whichever of its threads did."""
+    tasks = f"/proc/{os.getpid()}/task"
+    return {int(pid) for task in os.listdir(tasks) for pid in open(f"{tasks}/{task}/children").read().split()}
+
+
+needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="processes are found in /proc")
 
 
 def test_each_file_holds_what_one_render_writes():
@@ -101,45 +112,42 @@ def test_one_that_fails_does_not_stop_the_others():
     assert str(batch.summary).startswith(f"4 pictures drawn, {len(bad)} failed in ")
 
 
-def test_a_process_that_dies_takes_nothing_else_with_it_and_its_task_is_named():
+def test_a_process_that_dies_takes_nothing_else_with_it_and_its_task_is_named(folder):
+    """One that dies twice is named; one that died once is drawn by another process."""
     deadly = rz.RenderTask(CUBE, "deadly.png", load={"lights": Deadly()}, options=SMALL)
-    records = draw([*tasks_of(), deadly, *tasks_of(folder="later")], n_process=2)
-    assert [record.status for record in records] == ["drawn"] * 4 + ["failed"] + ["drawn"] * 4
+    once = rz.RenderTask(CUBE, "once.png", load={"lights": Deadly(str(folder / "m"))}, options=SMALL)
+    records = draw([*tasks_of(), deadly, once, *tasks_of(folder="later")])
+    assert [record.status for record in records] == ["drawn"] * 4 + ["failed"] + ["drawn"] * 5
     assert "cube.obj: the process that drew it ended with exit code 9, twice" in str(records[4].error)
-
-
-def test_a_task_whose_process_died_once_is_drawn_by_another_one(folder):
-    tasks = [*tasks_of(), rz.RenderTask(CUBE, "once.png", load={"lights": Deadly(str(folder / "m"))}, options=SMALL)]
-    assert [record.status for record in draw(tasks)] == ["drawn"] * 5
     assert (folder / "m").exists() and (folder / "once.png").stat().st_size > 0
 
 
-def test_a_process_that_is_killed_half_way_loses_nothing():
-    batch, n = rz.render_many(tasks_of(views=("front", "iso", "top", "left", "right")), n_process=2), 0
-    for record in batch:
-        assert record.status == "drawn"
-        n += 1
-        if n == 1:
-            os.kill(batch._crew._workers[0]._process.pid, signal.SIGKILL)
-    assert n == 10 == len(os.listdir("out"))
+@needs_proc
+def test_a_process_that_is_killed_half_way_loses_nothing(alone):
+    before, batch = children(), rz.render_many(tasks_of(views=("front", "iso", "top", "left", "right")), n_process=2)
+    statuses = [next(batch).status]
+    os.kill(min(children() - before), signal.SIGKILL)
+    statuses += [record.status for record in batch]
+    assert statuses == ["drawn"] * 10 and len(os.listdir("out")) == 10
 
 
-def test_what_is_there_is_skipped():
-    assert {record.status for record in draw(tasks_of())} == {"drawn"}
-    os.unlink("out/cube.obj-iso.png")
-    open("out/cone.obj-front.png", "w").close()  # empty: no picture
-    records = draw(tasks_of(), existing="skip")
-    assert [record.status for record in records] == ["skipped", "drawn", "drawn", "skipped"]
-
-
-def test_what_is_newer_than_its_model_is_skipped(folder):
+def test_what_is_there_or_newer_than_its_model_is_skipped(folder):
     (folder / "own.obj").write_bytes(open(CUBE, "rb").read())
-    tasks = list(tasks_of(("own.obj",)))
-    draw(tasks)
-    assert {record.status for record in draw(tasks, existing="skip-newer")} == {"skipped"}
+    tasks = list(tasks_of(("own.obj", CONE)))
+
+    def statuses(**settings):
+        with ThreadPoolExecutor(1) as executor:
+            return [record.status for record in draw(tasks, executor, **settings)]
+
+    assert statuses() == ["drawn"] * 4
+    os.unlink("out/own.obj-iso.png")
+    open("out/cone.obj-front.png", "w").close()  # empty: no picture
+    assert statuses(existing="skip") == ["skipped", "drawn", "drawn", "skipped"]
+    assert statuses(existing="skip-newer") == ["skipped"] * 4
     later = time.time() + 10
     os.utime("own.obj", (later, later))
-    assert {record.status for record in draw(tasks, existing="skip-newer")} == {"drawn"}
+    assert statuses(existing="skip-newer") == ["drawn", "drawn", "skipped", "skipped"]
+    assert statuses(existing="skip") == ["skipped"] * 4 and statuses(existing="replace") == ["drawn"] * 4
 
 
 def test_no_file_is_written_twice_nor_over_a_model(folder):
@@ -151,7 +159,8 @@ def test_no_file_is_written_twice_nor_over_a_model(folder):
         rz.RenderTask("own.png", "./own.png", load={"format": "obj"}, options=SMALL),
         rz.RenderTask("own.obj", "own.obj/below.png", options=SMALL),
     ]
-    records = draw(tasks)
+    with ThreadPoolExecutor(1) as executor:
+        records = draw(tasks, executor)
     assert "task 0 of the batch writes it, too" in str(records[1].error)
     assert "can't write ./own.png: it is the model, which is read" in str(records[2].error)
     assert "can't write own.obj/below.png" in str(records[3].error)
@@ -159,8 +168,9 @@ def test_no_file_is_written_twice_nor_over_a_model(folder):
     assert not hidden_files()
 
 
-def test_tasks_are_taken_as_they_are_needed():
-    taken = []
+@needs_proc
+def test_tasks_are_taken_as_they_are_needed_and_processes_end_with_the_batch(alone):
+    before, taken = children(), []
 
     def endless():
         for k in range(10**9):
@@ -170,107 +180,102 @@ def test_tasks_are_taken_as_they_are_needed():
     with rz.render_many(endless(), n_process=1) as batch:
         for _ in range(3):
             next(batch)
-        processes = [worker._process for worker in batch._crew._workers]
+        assert len(children() - before) == 1
     assert len(taken) <= 40, f"{len(taken)} tasks were taken for 3 pictures"
-    assert processes and all(process.poll() is not None for process in processes)
-    assert not hidden_files()
+    assert not children() - before and not hidden_files()
 
-
-def test_a_generator_that_raises_ends_the_processes():
     def broken():
         yield from tasks_of()
         raise KeyError("mine")
 
-    batch = rz.render_many(broken(), n_process=1)
     with pytest.raises(KeyError, match="mine"):
-        list(batch)
-    assert batch._crew.n_running == 0 and not batch._crew._workers
-
-
-def test_a_broken_model_is_read_once_for_all_its_views(folder):
-    (folder / "bad.obj").write_text("v 1 2\nf 1 2 3\n")
-    records = draw(tasks_of(("bad.obj",), ("front", "top", "iso")))
-    assert len({str(record.error) for record in records}) == 1 and "bad.obj:1" in str(records[0].error)
-
-
-def test_warnings_of_a_model_are_in_its_records(folder):
-    (folder / "own.obj").write_text("mtllib missing.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nf 1 2 3\n")
-    (record,) = draw([rz.RenderTask("own.obj", "own.png", options=SMALL)])
-    assert record.status == "drawn" and "missing.mtl" in record.warnings[0]
-    assert record.as_dict()["warnings"] == list(record.warnings) and record.as_dict()["error"] is None
-
-
-def test_names_may_have_any_letters(folder):
-    name = "größe 'x' \N{SNOWMAN}.obj"
-    (folder / name).write_bytes(open(CUBE, "rb").read())
-    (record,) = draw([rz.RenderTask(folder / name, folder / "ü b" / "\N{SNOWMAN}.png", options=SMALL)])
-    assert record.status == "drawn" and (folder / "ü b" / "\N{SNOWMAN}.png").exists()
-
-
-def test_nothing_is_nothing():
+        list(rz.render_many(broken(), n_process=1))
+    assert not children() - before, "a generator that raises ends them, too"
     batch = rz.render_many([])
     assert list(batch) == [] and batch.summary.exit_code == 0 and str(batch.summary).startswith("0 pictures drawn")
-    assert not batch._crew._workers
+    assert not children() - before, "nothing is nothing"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ((5,), "an iterable"),
-        (([], 5), "executor must be"),
-        (([], "host:1"), "tcp://"),
-    ],
-)
-def test_arguments_that_are_not_legal(arguments, words):
-    with pytest.raises(rz.SceneError, match=words):
-        rz.render_many(*arguments)
-    with pytest.raises(rz.SceneError, match="n_process"):
-        rz.render_many([], n_process=0)
-    with pytest.raises(rz.SceneError, match="replace"):
-        rz.render_many([], existing="keep")
-    with pytest.raises(rz.SceneError, match="number 1 is 'x'"):
-        list(rz.render_many([next(tasks_of()), "x"], n_process=1))
-
-
-def test_an_executor_draws_the_same_bytes():
-    draw(tasks_of())
-    with ThreadPoolExecutor(2) as executor:
-        records = draw(tasks_of(folder="threads"), executor, n_process=None)
-    assert {record.status for record in records} == {"drawn"}
-    for name in os.listdir("out"):
-        assert open(f"out/{name}", "rb").read() == open(f"threads/{name}", "rb").read()
-
-
-def test_too_little_memory_stops_one_picture_and_is_tried_again_for_the_next(monkeypatch):
-    load, faults = draw_run.load, [MemoryError("Unable to allocate 9 TiB"), MemoryError()]
-
-    def load_or_fail(*args, **settings):
-        if faults:
-            raise faults.pop(0)
-        return load(*args, **settings)
-
-    monkeypatch.setattr(draw_run, "load", load_or_fail)
+def test_models_with_faults_warnings_and_odd_names(folder):
+    (folder / "bad.obj").write_text("v 1 2\nf 1 2 3\n")
+    (folder / "own.obj").write_text("mtllib missing.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nf 1 2 3\n")
+    name = "größe 'x' \N{SNOWMAN}.obj"
+    (folder / name).write_bytes(open(CUBE, "rb").read())
+    odd = rz.RenderTask(folder / name, folder / "ü b" / "\N{SNOWMAN}.png", options=SMALL)
+    tasks = [*tasks_of(("bad.obj",), ("front", "top", "iso")), rz.RenderTask("own.obj", "own.png", options=SMALL), odd]
     with ThreadPoolExecutor(1) as executor:
-        records = draw(tasks_of((CUBE, CONE), ("front", "iso", "top")), executor)
+        *broken, warned, odd = draw(tasks, executor)
+    assert len({str(record.error) for record in broken}) == 1 and "bad.obj:1" in str(broken[0].error)
+    assert warned.status == "drawn" and "missing.mtl" in warned.warnings[0]
+    assert warned.as_dict()["warnings"] == list(warned.warnings) and warned.as_dict()["error"] is None
+    assert odd.status == "drawn" and (folder / "ü b" / "\N{SNOWMAN}.png").exists()
+
+
+def test_arguments_that_are_not_legal():
+    for arguments, settings, words in (
+        ((5,), {}, "an iterable"),
+        (([], 5), {}, "executor must be"),
+        (([], "host:1"), {}, "tcp://"),
+        (([],), {"n_process": 0}, "n_process"),
+        (([],), {"n_process": 1025}, "n_process"),
+        (([],), {"existing": "keep"}, "replace"),
+    ):
+        with pytest.raises(rz.SceneError, match=words):
+            rz.render_many(*arguments, **settings)
+    with pytest.raises(rz.SceneError, match="number 1 is 'x'"), ThreadPoolExecutor(1) as executor:
+        list(rz.render_many([next(tasks_of()), "x"], executor))
+
+
+FAULTS = []
+
+
+def note_or_fail(_text):
+    """What is told of a file that is loaded; it raises what is to be raised next."""
+    if FAULTS:
+        raise FAULTS.pop(0)
+
+
+def test_too_little_memory_stops_one_picture_and_is_tried_again_for_the_next():
+    FAULTS[:] = MemoryError("Unable to allocate 9 TiB"), MemoryError()
+    tasks = [replace(task, load={"log": note_or_fail}) for task in tasks_of((CUBE, CONE), ("front", "iso", "top"))]
+    with ThreadPoolExecutor(1) as executor:
+        records = draw(tasks, executor)
     assert [record.status for record in records] == ["failed", "failed", "drawn", "drawn", "drawn", "drawn"]
     assert str(records[0].error) == f"not enough memory for {CUBE}: Unable to allocate 9 TiB"
     assert str(records[1].error) == f"not enough memory for {CUBE}"
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt, SystemExit])
-def test_an_interrupt_ends_the_batch_and_leaves_nothing_half_written(monkeypatch, stop):
-    encode, n_drawn = draw_run.encode, []
+def test_an_interrupt_ends_the_batch_and_leaves_nothing_half_written(folder, stop):
+    (folder / "a.odd").write_bytes(open(CUBE, "rb").read())
+    tasks = tasks_of((CONE, "a.odd", GEAR), ("front",))
+    with odd_format(stop()), ThreadPoolExecutor(1) as executor, pytest.raises(stop):
+        draw(tasks, executor)
+    assert os.listdir("out") == ["cone.obj-front.png"] and not hidden_files()
 
-    def encode_or_stop(*args):
-        n_drawn.append(args)
-        if len(n_drawn) == 2:
-            raise stop
-        return encode(*args)
 
-    monkeypatch.setattr(draw_run, "encode", encode_or_stop)
-    with ThreadPoolExecutor(1) as executor, pytest.raises(stop):
-        draw(tasks_of((CUBE, CONE, GEAR), ("front",)), executor)
-    assert len(n_drawn) <= 3 and not hidden_files()
+class Elsewhere(ThreadPoolExecutor):
+    """Draws where a model's file is another one: of a later time."""
+
+    def submit(self, *what):
+        changed = os.stat("own.obj").st_mtime_ns + 10**9
+        os.utime("own.obj", ns=(changed, changed))
+        return super().submit(*what)
+
+
+def test_a_model_that_others_do_not_see_is_sent_to_them(folder):
+    (folder / "own.obj").write_text("mtllib missing.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nf 1 2 3\n")
+    (folder / "bad.obj").write_text("v 1 2\n")
+    tasks = tasks_of(("own.obj", "bad.obj"), ("front", "iso"))
+    with Elsewhere(1) as executor:
+        records = draw(tasks, executor)
+    assert [record.status for record in records] == ["drawn"] * 2 + ["failed"] * 2
+    assert all("missing.mtl" in record.warnings[0] for record in records[:2])
+    assert "bad.obj:1" in str(records[2].error)
+    with ThreadPoolExecutor(1) as executor:
+        draw(tasks_of(("own.obj",), folder="seen"), executor)
+    for name in os.listdir("seen"):
+        assert open(f"out/{name}", "rb").read() == open(f"seen/{name}", "rb").read()
 
 
 def test_an_executor_that_is_shut_down_is_told():
@@ -280,7 +285,7 @@ def test_an_executor_that_is_shut_down_is_told():
         draw(tasks_of(), executor)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_pool_that_breaks_is_told(folder):
     """Starts a pool of multiprocessing, whose process imports the package anew."""
     from multiprocessing import get_context
@@ -292,11 +297,19 @@ def test_a_pool_that_breaks_is_told(folder):
             draw([deadly], executor)
 
 
-def test_a_batch_may_be_drawn_beside_another_one():
+def test_a_batch_may_be_drawn_beside_another_one_by_any_executor():
+    """Local processes and a pool of threads, at one time; the bytes are the same."""
     found = []
-    threads = [threading.Thread(target=lambda k=k: found.extend(draw(tasks_of(folder=f"t{k}")))) for k in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+
+    def draw_both(executor, folder):
+        found.extend(draw(tasks_of(folder=folder), executor, n_process=None if executor else 1))
+
+    with ThreadPoolExecutor(2) as executor:
+        runs = [threading.Thread(target=draw_both, args=each) for each in ((None, "processes"), (executor, "threads"))]
+        for run in runs:
+            run.start()
+        for run in runs:
+            run.join()
     assert [record.status for record in found] == ["drawn"] * 8
+    for name in os.listdir("processes"):
+        assert open(f"processes/{name}", "rb").read() == open(f"threads/{name}", "rb").read(), name

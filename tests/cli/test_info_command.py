@@ -1,12 +1,13 @@
 """`raster info`: what is said of models, as lines and as JSON; nothing is drawn, and nothing heavy is imported."""
 
+import io
 import json
-import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, GEAR, start
+from helpers.command import CUBE, GEAR, assert_refused
 from helpers.model_bytes import gltf_with
 from helpers.raster import ROOT
 
@@ -44,7 +45,7 @@ def test_lines_say_what_json_says(capsys):
     gear, cube = out.split("\n\n")
     assert err == "" and gear.splitlines()[0] == GEAR and cube.splitlines()[0] == CUBE
     for words in ("2304 triangles", "watertight    yes", "bodies        1", "up            z"):
-        assert words in gear
+        assert words in gear, words
     assert "12 triangles of 6 polygons" in cube
 
 
@@ -85,27 +86,20 @@ def test_one_that_fails_does_not_stop_the_rest(folder, capsys):
     found = records(capsys, "nope.stl", CUBE, "empty.obj", code=1)
     assert found[0] == {"path": "nope.stl", "error": "nope.stl: no such file"}
     assert found[1]["faces"] == 12 and found[2]["error"] == "empty.obj: the file is empty"
-    assert main(["info", "nope.stl"]) == 3
-    assert capsys.readouterr().err == "raster: error: nope.stl: no such file\n"
-    assert main(["info"]) == 2 and main(["info", "-"]) == 2
+    assert_refused(capsys, [(["nope.stl"], "raster: error: nope.stl: no such file\n")], "info", code=3)
+    assert_refused(capsys, [([], "MODEL"), (["-"], "--input-format")], "info")
 
 
-def test_what_comes_from_stdin_is_called_so(folder):
-    done = start("info", "-", "--input-format", "stl", cwd=folder, input=b"x")
-    assert done.returncode == 3 and done.stderr.startswith(b"raster: error: stdin: not an STL file")
+def test_a_model_comes_from_stdin_and_is_called_so(capsys, monkeypatch):
+    def give(content):
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(content)))
 
-
-def test_stdin_and_what_is_imported(folder):
-    data = (MODELS / "gear.stl").read_bytes()
-    done = start("info", "-", "--input-format", "stl", "--json", cwd=folder, input=data)
-    assert done.returncode == 0 and json.loads(done.stdout)["bytes"] == len(data)
-    code = (
-        f"import sys; from rasterizer.cli import main; assert main(['info', {CUBE!r}]) == 0\n"
-        "heavy = {'numba', 'llvmlite', 'trimesh', 'PIL', 'scipy'} & set(sys.modules)\n"
-        "print(sorted(heavy), file=sys.stderr)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
-    assert done.stderr == "[]\n"
+    give(b"x")
+    words = "raster: error: stdin: not an STL file"
+    assert_refused(capsys, [(["-", "--input-format", "stl"], words)], "info", code=3)
+    give(Path(GEAR).read_bytes())
+    (gear,) = records(capsys, "-", "--input-format", "stl")
+    assert gear["bytes"] == Path(GEAR).stat().st_size and gear["faces"] == 2304
 
 
 def test_a_material_under_a_spectrum_can_be_said(folder, capsys):

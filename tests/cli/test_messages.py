@@ -1,16 +1,18 @@
 """What is said while kernels are compiled: a bar on a terminal, a line for each elsewhere, nothing with --quiet."""
 
+import json
+import logging
 import os
 import re
+import subprocess
 import sys
+import warnings
 
 import pytest
 from helpers.command import errors
 from helpers.stores import LIGHT, TINY, environment_with
 
-from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Messages, compilation_shown
-from rasterizer.compiler import kernels
-from rasterizer.compiler.store import Store
+from rasterizer.cli.messages import BAR_WIDTH, NORMAL, QUIET, VERBOSE, Messages, compilation_shown, print_record
 
 COMPILES = f"""
 from rasterizer.cli.messages import Messages, compilation_shown
@@ -22,7 +24,6 @@ with compilation_shown(Messages(LEVEL)):
 def on_terminal(program, cwd, **variables) -> str:
     """Run a program with a terminal for its stderr; return what the terminal got."""
     import pty
-    import subprocess
 
     master, terminal = pty.openpty()
     command = [sys.executable, "-c", program]
@@ -42,9 +43,11 @@ def on_terminal(program, cwd, **variables) -> str:
     return told.decode()
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(os.name != "posix", reason="there are no pseudo-terminals")
 @pytest.mark.parametrize("level", [QUIET, NORMAL, VERBOSE])
 def test_on_a_terminal_a_bar_is_shown_and_taken_away(tmp_path, level):
+    """By a program that compiles two kernels from nothing, and finds them when it is run again."""
     told = on_terminal(COMPILES.replace("LEVEL", str(level)), tmp_path, RASTER_STORE=tmp_path / "store")
     if level == NORMAL:
         *bars, end = told.split("\x1b[K")
@@ -55,22 +58,6 @@ def test_on_a_terminal_a_bar_is_shown_and_taken_away(tmp_path, level):
         assert told.count("compiling kernels for the first time") == (2 if level == VERBOSE else 0)
         assert "\x1b" not in told and (told == "" or level == VERBOSE)
     assert on_terminal(COMPILES.replace("LEVEL", str(level)), tmp_path, RASTER_STORE=tmp_path / "store") == ""
-
-
-def notices(show):
-    for n_done, name in enumerate(("scan", "resolve", "clip")):
-        show(name, n_done, 3)
-
-
-def test_without_a_terminal_each_kernel_is_a_line(capsys):
-    with compilation_shown(Messages()) as progress:
-        notices(progress.show)
-    lines = errors(capsys).splitlines()
-    assert lines == [
-        f"raster: compiling kernels for the first time: {name}, {n_done} of 3 done"
-        for n_done, name in enumerate(("scan", "resolve", "clip"))
-    ]
-    assert progress.n_shown == 3
 
 
 class Terminal:
@@ -89,53 +76,88 @@ class Terminal:
         pass
 
 
-def test_the_bar_grows(monkeypatch):
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
+def show_three(level=NORMAL) -> int:
+    """Show three kernels that are compiled; return how many were shown."""
+    with compilation_shown(Messages(level)) as progress:
+        for n_done, name in enumerate(("scan", "resolve", "clip")):
+            progress.show(name, n_done, 3)
+    return progress.n_shown
+
+
+def test_the_bar_grows_on_a_terminal_and_is_taken_away(monkeypatch):
+    for level in (NORMAL, QUIET):
+        monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+        assert show_three(level) == 3
+        filled = [len(bar) for bar in re.findall(r"\[(#*)\.*\]", terminal.told)]
+        assert filled == ([0, BAR_WIDTH // 3, 2 * BAR_WIDTH // 3] if level == NORMAL else [])
+        assert "\n" not in terminal.told and terminal.told.endswith("\r\x1b[K" if level == NORMAL else "")
+    monkeypatch.setattr(sys, "stderr", None)  # as in a process that was started without one
+    assert show_three() == 3
+
+
+def test_without_a_terminal_each_kernel_is_a_line_of_the_first_twenty_parts(capsys):
+    assert show_three() == 3
+    assert errors(capsys).splitlines() == [
+        f"raster: compiling kernels for the first time: {name}, {n_done} of 3 done"
+        for n_done, name in enumerate(("scan", "resolve", "clip"))
+    ]
     with compilation_shown(Messages()) as progress:
-        notices(progress.show)
-    filled = [len(bar) for bar in re.findall(r"\[(#*)\.*\]", terminal.told)]
-    assert filled == [0, BAR_WIDTH // 3, 2 * BAR_WIDTH // 3]
-    assert "\n" not in terminal.told and terminal.told.endswith("\r\x1b[K")
-
-
-@pytest.mark.parametrize("is_terminal", [True, False])
-def test_quiet_says_nothing(capsys, monkeypatch, is_terminal):
-    terminal = Terminal()
-    if is_terminal:
-        monkeypatch.setattr(sys, "stderr", terminal)
-    with compilation_shown(Messages(QUIET)) as progress:
-        notices(progress.show)
-    assert terminal.told == "" and capsys.readouterr() == ("", "")
-
-
-def test_nothing_is_said_where_nothing_is_compiled_or_there_is_no_stderr(capsys, monkeypatch):
+        for n_done in range(200):
+            progress.show("scan", n_done, 200)
+    lines = errors(capsys).splitlines()
+    assert len(lines) == 20 and lines[1].endswith("scan, 10 of 200 done")
+    assert show_three(QUIET) == 3
     with compilation_shown(Messages()):
         pass
     assert errors(capsys) == ""
-    monkeypatch.setattr(sys, "stderr", None)
-    with compilation_shown(Messages()) as progress:
-        notices(progress.show)
 
 
-def test_that_every_run_compiles_is_said_once_where_nothing_is_kept(capsys, monkeypatch):
-    monkeypatch.setattr(kernels, "STORE", Store(is_used=True, reasons=("/home: it can't be written",)))
-    with compilation_shown(Messages()) as progress:
-        notices(progress.show)
-    first, *rest = errors(capsys).splitlines()
-    assert "takes some seconds in every run" in first and "RASTER_STORE names one" in first and len(rest) == 3
-    with compilation_shown(Messages(VERBOSE)):
-        pass
-    assert errors(capsys) == "raster: the store of kernels: /home: it can't be written\n"
+def test_that_every_run_compiles_is_said_once_where_nothing_is_kept(tmp_path):
+    """In a process of its own: where the store is, is known when the program begins."""
+    code = """
+from rasterizer.cli.messages import Messages, compilation_shown
+with compilation_shown(Messages()) as progress:
+    for n_done in range(3): progress.show("scan", n_done, 3)
+with compilation_shown(Messages(1)): pass
+"""
+    (tmp_path / "file").write_text("")
+    environment = environment_with(RASTER_STORE=tmp_path / "file" / "below")
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    first, *lines, reason = done.stderr.splitlines()
+    assert "takes some seconds in every run" in first and "RASTER_STORE names one" in first and len(lines) == 3
+    assert reason.startswith("raster: the store of kernels: ")
 
 
-def test_what_the_package_logs_is_a_detail_inside_the_block_alone(capsys):
-    import logging
-
+def test_what_the_package_logs_and_libraries_warn_of_is_a_detail_inside_the_block_alone(capsys):
     log = logging.getLogger("rasterizer")
     before = log.level, list(log.handlers)
     for level in (NORMAL, VERBOSE):
-        with compilation_shown(Messages(level)):
+        with compilation_shown(Messages(level)), Messages(level).shown_warnings():
             log.info("kernel x is damaged")
-        assert errors(capsys) == ("raster: kernel x is damaged\n" if level == VERBOSE else "")
+            warnings.warn("an old\nname", DeprecationWarning, stacklevel=1)
+        told = "raster: kernel x is damaged\nraster: DeprecationWarning: an old name\n"
+        assert errors(capsys) == (told if level == VERBOSE else "")
     assert (log.level, log.handlers) == before
+
+
+def test_each_kind_of_message_is_said_from_its_level_on(capsys):
+    said = {}
+    for level in (QUIET, NORMAL, VERBOSE):
+        messages = Messages(level)
+        for tell in (messages.error, messages.warn, messages.notice, messages.notice_once, messages.notice_once,
+                     messages.detail):  # fmt: skip
+            tell(f"one {tell.__name__}")
+        said[level] = [line.removeprefix("raster: ") for line in errors(capsys).splitlines()]
+    normal = ["error: one error", "warning: one warn", "one notice", "one notice_once"]
+    assert said == {QUIET: normal[:1], NORMAL: normal, VERBOSE: [*normal, "one detail"]}
+
+
+def test_json_is_json_also_where_a_number_is_not_finite(capsys):
+    print_record({"a": float("inf"), "b": [1.0, float("nan")], "c": {"d": float("-inf")}, "e": 1}, False)
+
+    def refuse(word):
+        raise AssertionError(word)
+
+    record = json.loads(capsys.readouterr().out, parse_constant=refuse)
+    assert record["a"] is None and record["a_reason"].startswith("infinite") and record["b"] == [1.0, None]
+    assert record["c"]["d"] is None and record["e"] == 1

@@ -1,10 +1,12 @@
 """A picture in a terminal: its colours, its shape, what is transparent, and terminals without colours."""
 
 import re
+import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, errors, one_error, run, start
+from helpers.command import CUBE, assert_refused, run
 
 from rasterizer.cli import main
 from rasterizer.cli.preview import preview
@@ -25,14 +27,15 @@ def test_two_pixels_make_a_character():
     assert preview(np.zeros((4, 4, 4), np.uint8), 4, 2) == "\n\n"
 
 
-@pytest.mark.parametrize(("width", "height"), [(640, 480), (480, 640), (3, 2), (7, 1001), (1001, 7), (1, 1)])
-def test_it_fits_into_the_terminal_and_keeps_its_shape(width, height):
-    lines = preview(np.full((height, width, 4), 255, np.uint8), 60, 20).splitlines()
-    n_column = lines[0].count("▀")
-    assert 1 <= n_column <= 60 and 1 <= len(lines) <= 20 and all(line.count("▀") == n_column for line in lines)
-    assert n_column == 60 or len(lines) == 20 or min(width, height) == 1
-    if min(width, height) > 100:
-        assert n_column / (2 * len(lines)) == pytest.approx(width / height, rel=0.05)
+def test_it_fits_into_the_terminal_and_keeps_its_shape():
+    for width, height in ((640, 480), (480, 640), (3, 2), (7, 1001), (1001, 7), (1, 1)):
+        lines = preview(np.full((height, width, 4), 255, np.uint8), 60, 20).splitlines()
+        n_column, size = lines[0].count("▀"), f"{width}x{height}"
+        assert 1 <= n_column <= 60 and 1 <= len(lines) <= 20, size
+        assert all(line.count("▀") == n_column for line in lines), size
+        assert n_column == 60 or len(lines) == 20 or min(width, height) == 1, size
+        if min(width, height) > 100:
+            assert n_column / (2 * len(lines)) == pytest.approx(width / height, rel=0.05)
 
 
 def test_colours_are_means_of_what_is_covered():
@@ -45,25 +48,16 @@ def test_colours_are_means_of_what_is_covered():
     assert np.allclose(numbers, noise[25:, :, :3].mean(axis=(0, 1)), atol=0.51)
 
 
-@pytest.mark.parametrize(("encoding", "blocks"), [("utf-8", True), ("UTF8", True), ("latin-1", False),
-                                                 ("ascii", False), ("cp437", False), ("nonsense", False)])  # fmt: skip
-def test_a_terminal_without_utf8_gets_letters(monkeypatch, encoding, blocks):
-    class Stream:
-        """A stdout that says what it is encoded in."""
-
-    Stream.encoding = encoding
-    monkeypatch.setattr("rasterizer.cli.preview.sys.stdout", Stream)
-    text = preview(np.full((20, 40, 4), 255, np.uint8), 20, 10)
-    assert ("▀" in text) == blocks and (blocks or text.isascii())
-
-
-def test_no_color_is_honoured(monkeypatch):
+def test_terminals_without_colours_or_utf8_get_letters(monkeypatch):
     picture = np.full((20, 40, 4), 255, np.uint8)
     for name, value in (("NO_COLOR", "1"), ("TERM", "dumb")):
         with monkeypatch.context() as patch:
             patch.setenv(name, value)
-            text = preview(picture, 40, 10)
-            assert "\x1b" not in text and text == ("@" * 40 + "\n") * 10
+            assert preview(picture, 40, 10) == ("@" * 40 + "\n") * 10, name
+    for encoding, has_blocks in (("UTF8", True), ("latin-1", False), ("cp437", False), ("nonsense", False)):
+        monkeypatch.setattr(sys, "stdout", SimpleNamespace(encoding=encoding))  # what it is written to
+        text = preview(picture, 20, 10)
+        assert ("▀" in text) == has_blocks and (has_blocks or text.isascii()), encoding
 
 
 def test_the_command_shows_it_and_writes_only_what_is_asked_for(folder, capsys, monkeypatch):
@@ -75,10 +69,10 @@ def test_the_command_shows_it_and_writes_only_what_is_asked_for(folder, capsys, 
     assert capsys.readouterr().out == out
     assert main(["demo", "--preview", "-s", "30x20", "--json"]) == 0
     assert '"output": null' in capsys.readouterr().out
-    assert run(CUBE, "--preview", "--array", "depth") == 2 and "an array is asked for" in one_error(capsys)
-    assert errors(capsys) == ""
+    assert_refused(capsys, [([CUBE, "--preview", "--array", "depth"], "an array is asked for")], "render")
 
 
-def test_beside_a_picture_on_stdout_it_goes_to_stderr(folder):
-    done = start("render", CUBE, "-s", "24x16", "--preview", "-o", "-", cwd=folder)
-    assert done.stdout.startswith(b"\x89PNG") and "▀".encode() in done.stderr
+def test_beside_a_picture_on_stdout_it_goes_to_stderr(capfdbinary):
+    assert run(CUBE, "--preview", "-o", "-") == 0
+    out, err = capfdbinary.readouterr()
+    assert out.startswith(b"\x89PNG") and "▀".encode() in err

@@ -40,16 +40,14 @@ def test_a_bar_stands_below_the_lines(terminal, capsys):
     assert "picture" in err and "raster: [6/9] gear-left.png" in err and "raster: error: nope.obj: no such file" in err
 
 
-@pytest.mark.parametrize("flags", [["-q"], ["--json"]])
-def test_nothing_is_said_where_it_is_not_wanted(terminal, flags, capsys):
-    assert run(CUBE, *flags) == 0 and lines(capsys) == []
+def test_nothing_is_said_where_it_is_not_wanted(capsys, monkeypatch):
+    assert run(CUBE) == 0 and capsys.readouterr().err == "", "stderr is no terminal"
+    monkeypatch.setattr(type(sys.stderr), "isatty", lambda _: True)
+    for flags in (["-q"], ["--json"]):
+        assert run(CUBE, *flags) == 0 and lines(capsys) == [], flags
 
 
-def test_nothing_is_said_where_stderr_is_no_terminal(capsys):
-    assert run(CUBE) == 0 and capsys.readouterr().err == ""
-
-
-@pytest.mark.parametrize(("command", "name"), [("sheet", "cube-sheet.png"), ("turntable", "cube-turntable.gif")])
-def test_sheets_and_turntables_have_a_line_too(terminal, command, name, capsys):
-    assert main([command, CUBE, *SMALL, *(["--frames", "2"] if command == "turntable" else [])]) == 0
-    assert f"raster: {name}, " in capsys.readouterr().err
+def test_sheets_and_turntables_have_a_line_too(terminal, capsys):
+    for argv, name in ((["sheet", CUBE], "cube-sheet.png"), (["turntable", CUBE, "--frames", "2"], "turntable.gif")):
+        assert main([*argv, *SMALL]) == 0
+        assert f"{name}, " in capsys.readouterr().err

@@ -2,18 +2,19 @@
 
 import json
 import os
+import shutil
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, GEAR, one_error, picture, start
+from helpers.command import CUBE, GEAR, assert_refused, picture
 from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer.analysis.contact_sheet import GAP, label_width
-from rasterizer.cli import main, sheet_command
+from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
-SMALL = ["-s", "40x30", "--threads", "1"]
+SMALL = ["-s", "40x30", "--threads", "1", "--preset", "studio"]
 ROOM = ROOT / "models" / "room.json"
 
 
@@ -21,38 +22,45 @@ def run(*argv):
     return main(["sheet", *SMALL, *map(str, argv)])
 
 
-def cells(name, columns, rows):
-    """The pictures on a sheet without labels, row by row."""
-    whole = picture(name)
-    assert whole.shape[:2] == (rows * (30 + GAP) + GAP, columns * (40 + GAP) + GAP)
-    corners = [(GAP + r * (30 + GAP), GAP + c * (40 + GAP)) for r in range(rows) for c in range(columns)]
-    return [whole[y : y + 30, x : x + 40] for y, x in corners]
-
-
-def drawn(model, view):
+def drawn(model, view=None, *argv):
     """The same picture by `raster render`."""
-    assert main(["render", *SMALL, str(model), "-o", "one.png", *(["--view", view] if view else [])]) == 0
+    assert main(["render", *SMALL, str(model), "-o", "one.png", *(["--view", view] if view else []), *argv]) == 0
     return picture("one.png")
 
 
-def test_one_model_is_seen_from_six_sides():
-    assert run(CUBE, "--no-labels") == 0
-    found = cells("cube-sheet.png", 3, 2)
-    for cell, view in zip(found, ("iso", "front", "right", "back", "left", "top"), strict=True):
-        assert (cell == drawn(CUBE, view)).all(), view
+def test_every_picture_stands_in_its_cell_above_its_label():
+    six = ("iso", "front", "right", "back", "left", "top")
+    shutil.copy(CUBE, "x.obj")
+    shutil.copy(GEAR, "x.stl")
+    wide = ["-s", "90x30"]
+    for argv, cells, columns, labels in (
+        ([CUBE], [drawn(CUBE, view) for view in six], 3, six),
+        ([CUBE, "--view", "top", "-o", "sheet.png"], [drawn(CUBE, "top")], 1, ["cube"]),
+        ([CUBE, GEAR, "--rows", "1"], [drawn(CUBE), drawn(GEAR)], 2, ["cube", "gear"]),
+        ([CUBE, GEAR, "--columns", "1", "--no-labels"], [drawn(CUBE), drawn(GEAR)], 1, None),
+        ([CUBE, GEAR, "--view", "front,top,iso", *wide],
+         [drawn(model, view, *wide) for model in (CUBE, GEAR) for view in ("front", "top", "iso")], 3,
+         [f"{name} {view}" for name in ("cube", "gear") for view in ("front", "top", "iso")]),
+        (["x.obj", "x.stl", *wide], [drawn(CUBE, None, *wide), drawn(GEAR, None, *wide)], 2, ["x.obj", "x.stl"]),
+        ([ROOM, CUBE, "--columns", "2"], [drawn(ROOM), drawn(CUBE)], 2, ["room", "cube"]),
+    ):  # fmt: skip
+        assert run(*argv) == 0, argv
+        (name,) = (name for name in os.listdir() if name.endswith("sheet.png"))
+        expected = np.asarray(rz.sheet(cells, columns, labels=labels))
+        found = picture(name)
+        assert found.shape == expected.shape and (found == expected).all(), argv
+        os.unlink(name)
 
 
-def test_many_models_have_a_cell_or_a_row_each():
-    assert run(CUBE, GEAR, "--no-labels", "--rows", "1") == 0
-    assert all((a == drawn(m, None)).all() for a, m in zip(cells("sheet.png", 2, 1), (CUBE, GEAR), strict=True))
-    assert run(CUBE, GEAR, "--no-labels", "--view", "front,top,iso", "-o", "x.png") == 0
-    found = cells("x.png", 3, 2)
-    assert (found[1] == drawn(CUBE, "top")).all() and (found[3] == drawn(GEAR, "front")).all()
-
-
-def test_a_scene_file_has_its_own_camera_but_the_sheet_s_size():
-    assert run(ROOM, CUBE, "--no-labels", "--columns", "2") == 0
-    assert (cells("sheet.png", 2, 1)[0] == drawn(ROOM, None)).all()
+def test_a_long_name_is_cut_in_its_middle_and_paper_has_a_colour():
+    name = "a_very_long_name_of_a_part_with_its_number_at_the_end_0047"
+    shutil.copy(CUBE, f"{name}.obj")
+    assert run(f"{name}.obj", "--view", "top", "--background", "white", "--gap", "6", "-o", "x.png") == 0
+    cuts = [f"{name[: (n + 1) // 2]}...{name[len(name) - n // 2 :]}" for n in range(2, len(name) - 1)]
+    label = max((cut for cut in cuts if label_width(cut) <= 40 + 6), key=len)
+    cell = drawn(CUBE, "top", "--background", "white")
+    expected = np.asarray(rz.sheet([cell], gap=6, background="white", labels=[label]))
+    assert np.array_equal(picture("x.png"), expected) and expected.shape[2] == 3
 
 
 def test_a_model_that_fails_leaves_its_cell_empty(capsys):
@@ -60,49 +68,30 @@ def test_a_model_that_fails_leaves_its_cell_empty(capsys):
     out, err = capsys.readouterr()
     error, record = map(json.loads, out.splitlines())
     assert error["path"] == "nope.obj" and record["models"][0]["path"] == CUBE and err.count("\n") == 1
-    empty, cube = cells("sheet.png", 2, 1)
-    assert not empty.any() and cube.any()
+    whole = picture("sheet.png")
+    assert not whole[:, : GAP + 40].any() and whole[:, GAP + 40 :].any()
+    assert run("nope.obj", CUBE, "-s", "90x30", "--columns", "2", "-o", "x.png") == 1
+    labels = np.asarray(rz.sheet([np.zeros((30, 90, 4), np.uint8)] * 2, 2, labels=["nope: failed", "cube"]))
+    assert np.array_equal(picture("x.png")[30 + GAP :], labels[30 + GAP :])
     os.unlink("sheet.png")
     assert run("nope.obj", "none.stl") == 3 and not os.path.exists("sheet.png")
 
 
-def test_labels_name_what_differs_and_fit():
-    name = sheet_command._short_names
-    assert name(["a/x.obj", "b/y.stl", "-"]) == ["x", "y", "stdin"]
-    assert name(["a/x.obj", "a/x.stl", "y.off"]) == ["a/x.obj", "a/x.stl", "y"]
-    for label in ("short", "a_very_long_name_of_a_part_with_its_number_at_the_end_0047", "ü" * 60):
-        cut = sheet_command._fitted(label, 90)
-        assert label_width(cut) <= 90 and (cut == label or "..." in cut) and cut[0] == label[0] and cut[-1] == label[-1]
-    assert sheet_command._fitted("anything", 1) == ""
-
-
-def test_labels_make_room_and_paper_has_a_colour():
-    assert run(CUBE, GEAR, "--background", "white") == 0
-    whole = picture("sheet.png")
-    assert whole.shape[2] == 3 and (whole[0, 0] == 255).all() and whole.shape[0] > 30 + 2 * GAP
-    assert (np.asarray(whole[30 + GAP :]) < 200).any(), "text below"
-
-
-def test_the_output_replaces_no_model_and_goes_to_stdout(folder, capsys):
+def test_the_output_replaces_no_model_and_goes_to_stdout(capfdbinary):
     rz.Scene(rz.load(CUBE).meshes).save("own.json")
     os.rename("own.json", "own.png")
-    assert main(["sheet", "own.png", "--input-format", "json", "-o", "own.png"]) == 4
-    assert "which is read" in one_error(capsys)
-    done = start("sheet", CUBE, *SMALL, "-o", "-", cwd=folder)
-    assert done.returncode == 0 and done.stdout.startswith(b"\x89PNG")
+    assert run("own.png", "--input-format", "json", "-o", "own.png") == 4
+    assert b"which is read" in capfdbinary.readouterr().err
+    assert run(CUBE, "-o", "-") == 0
+    assert capfdbinary.readouterr().out.startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("argv", "words"),
-    [
-        (["--columns", "0"], "--columns must be at least 1; given 0"),
-        (["--columns", "2", "--rows", "2"], "one of them says the other"),
-        (["--gap", "-1"], "--gap must be at least 0"),
-        (["-o", "x.foo"], "no format to write"),
-        (["--view", "front,side"], "given 'front,side'"),
-        (["--zoom", "-1"], "--zoom must be above 0"),
-    ],
-)
-def test_what_is_not_legal_is_told_before_anything_is_drawn(argv, words, capsys, folder):
-    assert main(["sheet", CUBE, *argv]) == 2
-    assert words in one_error(capsys) and not os.listdir(folder)
+def test_what_is_not_legal_is_told_before_anything_is_drawn(capsys):
+    assert_refused(capsys, [([CUBE, *argv.split()], words) for argv, words in (
+        ("--columns 0", "--columns must be at least 1; given 0"),
+        ("--columns 2 --rows 2", "one of them says the other"),
+        ("--gap -1", "--gap must be at least 0"),
+        ("-o x.foo", "no format to write"),
+        ("--view front,side", "given 'front,side'"),
+        ("--zoom -1", "--zoom must be above 0"),
+    )], "sheet")  # fmt: skip

@@ -1,41 +1,25 @@
 """`raster view`: the address on stdout, one line a message on stderr, and the ends that it has."""
 
+import io
 import json
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
 import sys
+import threading
+import time
 import urllib.request
+import webbrowser
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
-from helpers.command import CUBE, GEAR, one_error
+from helpers.command import CUBE, GEAR, assert_refused, one_error
 from helpers.raster import ROOT
 
 from rasterizer.cli import main
-
-
-@contextmanager
-def viewing(*argv, **options):
-    """The program itself, with its address; it must have ended when the block ends."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rasterizer", "view", *argv],
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
-    )
-    try:
-        yield process, process.stdout.readline().strip()
-        process.wait(20)
-    finally:
-        if process.poll() is None:
-            process.kill()
-            process.communicate()
 
 
 def hold(url) -> socket.socket:
@@ -55,66 +39,90 @@ def status_of(url) -> dict:
         return json.loads(answer.read().partition(b"\n")[0])
 
 
-def test_the_address_is_the_only_line_on_stdout_and_once_ends_with_the_page():
-    with viewing(CUBE, "--once") as (process, url):
-        page = hold(url)
+@contextmanager
+def viewing(capsys, *argv):
+    """The command on a thread of its own, with its address; it must have ended well when the block ends."""
+    codes = []
+    thread = threading.Thread(target=lambda: codes.append(main(["view", "--once", *argv])))
+    thread.start()
+    out, deadline = "", time.monotonic() + 20
+    while not out and thread.is_alive() and time.monotonic() < deadline:
+        time.sleep(0.02)
+        out = capsys.readouterr().out
+    yield thread, out.strip()
+    thread.join(20)
+    assert not thread.is_alive() and codes == [0]
+
+
+def test_once_ends_when_the_last_page_is_closed_and_not_while_one_is_loaded_again(capsys, alone):
+    """A page that was closed is given two seconds to come back."""
+    with viewing(capsys, CUBE) as (thread, url):
+        first, second = hold(url), hold(url)
         assert status_of(url)["switches"]["shading"] == "phong"
-        page.close()
-    out, err = process.communicate()
-    assert process.returncode == 0 and out == "", err
-    assert err.count("\n") == 1 and err.startswith("raster: ") and "cube.obj" in err
+        first.close()
+        time.sleep(1.2)
+        second.close()
+        again = hold(url)
+        time.sleep(1.3)
+        assert thread.is_alive(), "it has ended two seconds after the first page, and another one is open"
+        time.sleep(0.9)
+        assert thread.is_alive(), "it has ended although the page was loaded again"
+        again.close()
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", ""), "the address is the only line on stdout"
+
+
+def test_a_model_comes_from_stdin_and_what_may_be_a_mistake_is_told(capsys, monkeypatch):
+    told = []
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(Path(CUBE).read_bytes())))
+    monkeypatch.setattr(sys, "stderr", stderr := io.StringIO())
+    monkeypatch.setattr(webbrowser, "open", lambda url: told.append(url))  # a machine without a browser
+    argv = ["-", "--input-format", "obj", "--open", "--eye", "5,5,5", "--target", "9,9,9"]
+    with viewing(capsys, *argv) as (_, url):
+        hold(url).close()
+    doubt, notice, browser = stderr.getvalue().splitlines()
+    assert doubt.startswith("raster: warning: -: the picture is empty") and told == [url]
+    assert notice.startswith(
+        "raster: - is shown at this address, to this machine alone; close the page or press Ctrl-C"
+    )
+    assert browser.startswith("raster: warning: no browser could be opened")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_an_interrupt_ends_it_with_its_exit_code_and_tells_the_page():
-    with viewing(GEAR, "-q", "--shading", "flat", "--azimuth", "10", "--ortho") as (process, url):
-        told = status_of(url)
-        page = hold(url)
+def test_an_interrupt_ends_it_with_its_exit_code_and_tells_the_page(alone):
+    """The program itself."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rasterizer", "view", GEAR, "-q", "--shading", "flat", "--azimuth", "10", "--ortho"],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        url = process.stdout.readline().strip()
+        told, page = status_of(url), hold(url)
         process.send_signal(signal.SIGINT)
         assert page.recv(1) == b""
         page.close()
-    out, err = process.communicate()
+        out, err = process.communicate(timeout=20)
+    finally:
+        process.kill()
     assert (process.returncode, out, err) == (130, "", "raster: error: interrupted\n")
     assert told["switches"] == {"shading": "flat", "lights": "own", "projection": "orthographic"}
 
 
-def test_a_model_comes_from_stdin_and_a_browser_that_is_missing_is_no_error(folder):
-    shutil.copy(CUBE, "cube.obj")
-    with open("cube.obj", "rb") as stream:
-        program = "import webbrowser; webbrowser.open = lambda _: False; from rasterizer.cli import main; main({!r})"
-        argv = ["view", "-", "--input-format", "obj", "--open", "--once"]
-        process = subprocess.Popen(
-            [sys.executable, "-c", program.format(argv)],
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
-            stdin=stream,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-    url = process.stdout.readline().strip()
-    hold(url).close()
-    _, err = process.communicate(timeout=20)
-    assert "no browser could be opened" in err
-
-
-@pytest.mark.parametrize(
-    ("argv", "code", "text"),
-    [
-        ([CUBE, GEAR], 2, "2 models"),
-        ([CUBE, "--view", "top", "--view", "front"], 2, "2 views"),
-        ([CUBE, "--port", "65536"], 2, "0..65535"),
-        ([CUBE, "--port", "-1"], 2, "-1"),
-        ([CUBE, "--port", "http"], 2, "'http'"),
-        (["missing.obj"], 3, "missing.obj"),
-        ([], 2, "MODEL"),
-        ([CUBE, "--threads", "0"], 2, "threads"),
-        ([CUBE, "--zoom", "0"], 2, "--zoom"),
-    ],
-    ids=str,
-)
-def test_what_can_not_be_shown_is_told_before_there_is_an_address(argv, code, text, folder, capsys):
-    assert main(["view", *argv]) == code
-    assert text in one_error(capsys)
+def test_what_can_not_be_shown_is_told_before_there_is_an_address(folder, capsys):
+    assert_refused(capsys, [(argv, words) for argv, words in (
+        ([CUBE, GEAR], "2 models"),
+        ([CUBE, "--view", "top", "--view", "front"], "2 views"),
+        ([CUBE, "--port", "65536"], "0..65535"),
+        ([CUBE, "--port", "-1"], "-1"),
+        ([CUBE, "--port", "http"], "'http'"),
+        ([], "MODEL"),
+        ([CUBE, "--threads", "0"], "threads"),
+        ([CUBE, "--zoom", "0"], "--zoom"),
+    )], "view")  # fmt: skip
+    assert_refused(capsys, [(["missing.obj"], "missing.obj")], "view", code=3)
 
 
 def test_a_port_that_is_taken_is_an_output_that_can_not_be_written(capsys):
@@ -124,9 +132,3 @@ def test_a_port_that_is_taken_is_an_output_that_can_not_be_written(capsys):
         port = other.getsockname()[1]
         assert main(["view", CUBE, "--port", str(port)]) == 4
     assert f"port {port}" in one_error(capsys)
-
-
-def test_a_view_that_shows_nothing_is_told():
-    with viewing(CUBE, "--once", "--eye", "5,5,5", "--target", "9,9,9") as (process, url):
-        hold(url).close()
-    assert "the picture is empty" in process.communicate()[1]

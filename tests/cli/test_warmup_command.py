@@ -1,5 +1,6 @@
 """`raster warmup`: all kernels into a store, the user's own or one that can be shipped."""
 
+import ast
 import importlib
 import os
 import pkgutil
@@ -7,25 +8,17 @@ import re
 
 import pytest
 from helpers.campaign_scenes import make_case
-from helpers.command import errors, one_error
+from helpers.command import assert_refused, errors, one_error, start
 from helpers.mixed_scenes import mixed
 from helpers.small_scenes import SHADINGS, SIZE
 
 import rasterizer as rz
-from rasterizer.cli import main, warmup_command
-from rasterizer.compiler import fingerprint, kernels, store
+from rasterizer.cli import main
+from rasterizer.cli.warmup_command import has_all, hash_package, list_all_needs
+from rasterizer.compiler import kernels
 from rasterizer.compiler.store import Store
-from rasterizer.pipeline.reflection import lambert
 
-FEW = {(lambert, ("batch function", name)): True for name in ("float32", "float64")}
-
-
-@pytest.fixture
-def few(monkeypatch, tmp_path):
-    """All that there is to compile: two batch functions."""
-    tmp_path.chmod(0o700)
-    monkeypatch.setattr(warmup_command, "list_all_needs", lambda: dict(FEW))
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_kernels_that_are_there_are_not_compiled_again(capsys):
@@ -33,105 +26,87 @@ def test_kernels_that_are_there_are_not_compiled_again(capsys):
     assert re.match(r"raster: kernels were ready already after [\d.]+ s, in ", errors(capsys))
 
 
-def test_no_folder_is_an_error_that_says_why_and_what_to_do(capsys, monkeypatch):
-    monkeypatch.setattr(kernels, "STORE", Store(is_used=True, reasons=("/home: it can't be written",)))
-    assert main(["warmup"]) == 4
-    error = one_error(capsys)
-    assert "/home: it can't be written" in error and "RASTER_STORE names another folder" in error
+def test_what_a_store_lists_must_be_there_and_be_listed_by_these_sources(folder, capsys):
+    folder.chmod(0o700)
+    made, need = Store.into(folder / "kernels"), ("kernel.scan", ("float32",))
 
+    def list_needs(sources):
+        made.keep("list-of-kernels", (sources,), repr([need]).encode())
 
-def test_a_store_to_be_shipped_is_made_in_a_folder(capsys, few):
-    folder = few / "made" / "kernels"
-    for text in ("ready", "were ready already"):
-        assert main(["warmup", "--into", str(folder)]) == 0
-        assert f"raster: kernels {text} after" in errors(capsys)
-    (own,) = folder.iterdir()
-    assert own.name == f"{store.PREFIX}{fingerprint.hash_sources()}"
-    names = sorted(path.name.rpartition("-")[0] for path in own.iterdir() if path.name != store.MARKER)
-    assert names == ["list-of-kernels", *["reflection.lambert"] * 2] and (own / store.MARKER).read_bytes() == store.MARK
-
-
-def test_what_is_there_is_listed_and_not_looked_for_again(capsys, few, monkeypatch):
-    """Unless a kernel is gone, or a source of the package has changed, which may need others."""
-    asked, folder, made = [], few / "kernels", Store.into(few / "kernels")
-    monkeypatch.setattr(warmup_command, "list_all_needs", lambda: asked.append(True) or dict(FEW))
-
-    def warm_up():
-        asked.clear()
-        assert main(["warmup", "--into", str(folder)]) == 0
-        return bool(asked), "already" in errors(capsys)
-
-    assert not warmup_command.has_all(made)
-    assert warm_up() == (True, False) and warmup_command.has_all(made) and warm_up() == (False, True)
-    next(made.own.glob("reflection.lambert-*")).unlink()
-    assert not warmup_command.has_all(made) and warm_up() == (True, False) and warm_up() == (False, True)
-    next(made.own.glob("list-of-kernels-*")).write_bytes(b"damaged")
-    assert warm_up() == (True, True) and warm_up() == (False, True)
-    monkeypatch.setattr(warmup_command, "hash_package", lambda: "of other sources")
-    assert warm_up() == (True, True) and warm_up() == (False, True)
-
-
-def test_code_for_a_level_of_processors_is_found_where_they_reach_it(capsys, few):
-    before = dict(os.environ)
-    assert main(["warmup", "--into", str(few / "kernels"), "--cpu", "x86-64-v2", "-q"]) == 0
-    assert dict(os.environ) == before, "the environment is given back"
-    made = Store.into(few / "kernels")
-    reached = "x86-64-v2" in fingerprint.usable_processors()
-    assert kernels.missing_in(made, FEW) == ([] if reached else list(FEW))
-    assert kernels.missing_in(made._replace(processors=(fingerprint.host_processor(),)), FEW) == list(FEW)
-    assert kernels.missing_in(made._replace(processors=("x86-64-v2",)), FEW) == []
-
-
-def test_the_environment_is_given_back_after_an_error(few, monkeypatch):
-    monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
-    before = dict(os.environ)
-    (few / "file").write_text("precious")
-    assert main(["warmup", "--into", str(few / "file"), "--cpu", "x86-64-v2", "-q"]) == 4
-    assert dict(os.environ) == before and (few / "file").read_text() == "precious"
+    list_needs("of other sources")
+    made.keep(*need, b"code")
+    assert not has_all(made)
+    list_needs(hash_package())
+    assert has_all(made) and main(["warmup", "--into", str(folder / "kernels")]) == 0
+    assert "raster: kernels were ready already after" in errors(capsys)
+    next(made.own.glob("kernel.scan-*")).unlink()
+    assert not has_all(made)
+    made.keep(*need, b"code")
+    for path in made.own.glob("list-of-kernels-*"):
+        path.write_bytes(b"damaged")
+    assert not has_all(made)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes are looked at on POSIX alone")
-def test_a_folder_that_others_can_write_to_is_no_place_for_a_store(capsys, few):
-    few.chmod(0o777)
-    assert main(["warmup", "--into", str(few / "kernels")]) == 4
-    assert f"others can write to {few}" in one_error(capsys)
-
-
-def test_kernels_that_could_not_be_compiled_are_named(capsys, few, monkeypatch):
-    monkeypatch.setattr(kernels, "compile_into", lambda _store, _jobs: None)
-    assert main(["warmup", "--into", str(few / "kernels")]) == 4
-    assert "not all kernels could be compiled into" in (error := one_error(capsys)) and "lambert" in error
+def test_a_place_where_no_store_can_be_is_refused_and_the_environment_given_back(folder, capsys, monkeypatch):
+    (folder / "file").write_text("precious")
+    monkeypatch.setenv("NUMBA_CPU_NAME", "generic")
+    before = dict(os.environ)
+    argv = ["--into", str(folder / "file"), "--cpu", "x86-64-v2", "-q"]
+    assert_refused(capsys, [(argv, "no store can be made in")], "warmup", code=4)
+    assert dict(os.environ) == before and (folder / "file").read_text() == "precious"
+    folder.chmod(0o777)
+    assert main(["warmup", "--into", str(folder / "kernels")]) == 4
+    assert f"others can write to {folder}" in one_error(capsys)
+    done = start("warmup", variables={"RASTER_STORE": str(folder / "file" / "below")})
+    assert done.returncode == 4 and done.stderr.startswith(b"raster: error: compiled kernels can't be kept: ")
+    assert b"RASTER_STORE names another folder" in done.stderr
 
 
 @pytest.fixture(scope="module")
 def warm():
-    """The kernels that are compiled."""
-    return set(warmup_command.list_all_needs())
+    """The kernels that are compiled ahead, (title, signature) each: as the store lists them since these tests began, or
+    as drawing all kinds of pictures in Python finds them, which takes half a minute."""
+    listed = next(kernels.STORE.find("list-of-kernels", (hash_package(),)), None)
+    if listed is not None:
+        return set(ast.literal_eval(listed.decode()))
+    return {(kernels.title_of(function), signature) for function, signature in list_all_needs()}
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("name", mixed())
-def test_nothing_is_left_to_compile_for_materials_that_need_different_things(name, shading, warm):
+def assert_warm(warm, what, scene, size, **options):
     with kernels.noting_needs() as needs:
-        rz.render(mixed()[name], SIZE, shading=shading, outputs=("color", "depth", "face", "normal"), threads=1)
-    missing = {function.__name__ for function, _ in set(needs) - warm}
-    assert not missing, f"{sorted(missing)} are compiled at the first picture"
+        rz.render(scene, size, threads=1, **options)
+    missing = {title for function, signature in needs if ((title := kernels.title_of(function)), signature) not in warm}
+    assert not missing, f"{what}: {sorted(missing)} are compiled at the first picture"
 
 
-def test_nothing_is_left_to_compile_for_scenes_that_nobody_has_chosen(warm):
-    for number in range(150):
+EVERYTHING = ("color", "depth", "face", "normal")
+
+
+def test_nothing_is_left_to_compile_for_materials_that_need_different_things(warm):
+    for k, (name, scene) in enumerate(list(mixed().items())[::3]):
+        assert_warm(warm, name, scene, SIZE, shading=SHADINGS[k % 3], outputs=EVERYTHING)
+
+
+@pytest.mark.nightly
+def test_nothing_is_left_to_compile_for_materials_in_any_shading(warm):
+    for name, scene in mixed().items():
+        for shading in SHADINGS:
+            assert_warm(warm, name, scene, SIZE, shading=shading, outputs=EVERYTHING)
+
+
+@pytest.mark.parametrize("numbers", [range(12), pytest.param(range(12, 150), marks=pytest.mark.nightly)], ids=len)
+def test_nothing_is_left_to_compile_for_scenes_that_nobody_has_chosen(warm, numbers):
+    for number in numbers:
         case = make_case(11, number)
-        size, options = tuple(max(side // 3, 4) for side in case.size), dict(case.options)
-        options["outputs"] = ("color", "depth", "face", "normal") if number % 3 == 0 else ("rgb",)
+        size, options = tuple(max(side // 3, 4) for side in case.size), {"samples": 1} | case.options
+        options["outputs"] = EVERYTHING if number % 3 == 0 else ("rgb",)
         if options["samples"] > 1 and number % 2:
             options["antialias"] = "shade-once"
-        with kernels.noting_needs() as needs:
-            try:
-                rz.render(case.scene, size, threads=1, **{"samples": 1} | options)
-            except rz.SceneError:
-                continue
-        missing = {function.__name__ for function, _ in set(needs) - warm}
-        assert not missing, f"{case.words}: {sorted(missing)} are compiled at the first picture"
+        try:
+            assert_warm(warm, case.words, case.scene, size, **options)
+        except rz.SceneError:
+            continue
 
 
 def test_no_kernel_of_the_package_is_forgotten(warm):
@@ -140,5 +115,5 @@ def test_no_kernel_of_the_package_is_forgotten(warm):
     modules = [m.name for m in pkgutil.walk_packages(rz.__path__, "rasterizer.") if m.name not in left_out]
     everything = [value for name in modules for value in vars(importlib.import_module(name)).values()]
     own = {value.py_func for value in everything if isinstance(value, kernels.Kernel)}
-    missing = {function.__name__ for function in own} - {function.__name__ for function, _ in warm}
+    missing = {kernels.title_of(function) for function in own} - {title for title, _ in warm}
     assert len(own) > 40 and not missing

@@ -9,7 +9,9 @@ import numpy as np
 from PIL import Image
 
 from helpers.raster import ROOT
-from rasterizer.cli import main
+from rasterizer.cli import arguments, main
+from rasterizer.cli.load_scene import load_scene, make_settings
+from rasterizer.cli.messages import Messages
 
 CUBE = str(ROOT / "models" / "cube.obj")
 GEAR = str(ROOT / "models" / "gear.stl")
@@ -18,13 +20,19 @@ SMALL = ["-s", "24x16", "--threads", "1"]
 
 
 def run(*argv) -> int:
-    """Draw a small picture in this process."""
-    return main(["render", *SMALL, *map(str, argv)])
+    """Draw a small picture in this process; without a ground, which takes ten times as long as the model."""
+    return main(["render", *SMALL, "--no-ground", *map(str, argv)])
 
 
-def start(*argv, cwd=None, **options):
-    """Run the program itself."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+def loaded(model, *argv):
+    """What is loaded of a model with the flags of `raster render`."""
+    parsed = arguments.parse(["render", str(model), *argv])
+    return load_scene(str(model), parsed, make_settings(parsed), Messages())
+
+
+def start(*argv, cwd=None, variables=(), **options):
+    """Run the program itself, with more variables of the environment."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)} | dict(variables)
     command = [sys.executable, "-m", "rasterizer", *argv]
     return subprocess.run(command, capture_output=True, env=environment, cwd=cwd, **options)
 
@@ -62,3 +70,17 @@ def one_error(capsys) -> str:
 
 def picture(name) -> np.ndarray:
     return np.asarray(Image.open(name))
+
+
+def assert_refused(capsys, cases, *command, code=2) -> None:
+    """Run a command with the arguments of each case, (arguments, words): it must end with the exit code and one line on
+    stderr that holds the words, and write nothing."""
+    before = sorted(os.listdir())
+    for argv, words in cases:
+        found = main([*command, *map(str, argv)])
+        out, err = capsys.readouterr()
+        case = f"raster {' '.join(map(str, [*command, *argv]))}"
+        assert found == code, f"{case}: exit code {found}, not {code}: {err}"
+        assert err.startswith("raster: error: ") and err.count("\n") == 1 and not out, f"{case}: {out}{err}"
+        assert words in err, f"{case}: {words!r} is not in {err!r}"
+        assert sorted(os.listdir()) == before, f"{case}: a file was written"

@@ -17,7 +17,7 @@ from rasterizer.viewer.session import Session
 
 REASON = missing()
 pytestmark = [
-    pytest.mark.slow,  # a browser is started
+    pytest.mark.nightly,  # a browser is started
     pytest.mark.skipif(REASON is not None, reason=str(REASON)),
 ]
 

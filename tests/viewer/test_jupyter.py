@@ -10,7 +10,7 @@ import rasterizer as rz
 
 REASON = missing("jupyterlab", "ipykernel", "anywidget")
 pytestmark = [
-    pytest.mark.slow,  # JupyterLab and a browser are started
+    pytest.mark.nightly,  # JupyterLab and a browser are started
     pytest.mark.skipif(REASON is not None, reason=str(REASON)),
 ]
 MODEL = ROOT / "models" / "teapot.obj"

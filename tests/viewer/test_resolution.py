@@ -1,7 +1,5 @@
 """The size of moving pictures: as large as there is time for, without alternating."""
 
-import pytest
-
 from rasterizer.viewer.resolution import BUDGET, DIVISORS, Resolution
 
 
@@ -18,17 +16,26 @@ def test_pictures_that_are_quick_stay_whole():
     assert set(run(lambda divisor: BUDGET)) == {1}
 
 
-@pytest.mark.parametrize("whole", [2, 4, 8, 64])
-def test_slow_pictures_become_smaller_until_they_are_in_time(whole):
-    found = run(lambda divisor: whole * BUDGET / divisor**2)
-    assert found[-1] == next((each for each in DIVISORS if whole / each**2 <= 1.25), DIVISORS[-1])
+def test_slow_pictures_become_smaller_until_they_are_in_time():
+    for whole in (2, 4, 8, 64):
+        found = run(lambda divisor, whole=whole: whole * BUDGET / divisor**2)
+        expected = next((each for each in DIVISORS if whole / each**2 <= 1.25), DIVISORS[-1])
+        assert found[-1] == expected, f"{whole} times the budget: divided by {found[-1]}, not {expected}"
 
 
-@pytest.mark.parametrize("of_vertices", [0, 10, 29, 31, 60])
-def test_sizes_do_not_alternate_whatever_part_of_the_time_pixels_take(of_vertices):
-    for of_pixels in (10, 50, 200, 1000):
-        found = run(lambda divisor, p=of_pixels: of_vertices + p / divisor**2)
-        assert len(set(found[20:])) == 1, found
+def test_sizes_do_not_alternate_whatever_part_of_the_time_pixels_take():
+    for of_vertices in (0, 10, 29, 31, 60):
+        for of_pixels in (10, 50, 200, 1000):
+            found = run(lambda divisor, v=of_vertices, p=of_pixels: v + p / divisor**2)
+            assert len(set(found[20:])) == 1, f"{of_vertices} and {of_pixels} ms: {found}"
+
+
+def test_a_larger_picture_is_tried_where_four_times_the_time_is_within_the_budget():
+    for factor, level in ((0.24, 1), (0.26, 2)):
+        resolution = Resolution()
+        resolution.note(2 * BUDGET)
+        resolution.note(factor * BUDGET)
+        assert resolution.divisor == level, factor
 
 
 def test_one_slow_picture_is_recovered_from():
