@@ -200,6 +200,17 @@ def test_closed_forms(dtype):
             assert fast(made("toon", shininess=shininess), *sides)[1, 0] == expected
 
 
+def test_what_is_brushed_along_its_normal_is_alike_on_all_sides():
+    """The roughness is the geometric mean of both."""
+    brushed = made("cook-torrance", roughness=(0.2, 0.8), fresnel=1.0, tangent=UP)
+    _, *sides = random_directions(5, 500, np.float64)
+    sides = directions_of(np.float64, UP, *(np.abs(side) for side in sides))
+    expected = of_reference(made("cook-torrance", roughness=0.4, fresnel=1.0), *sides)
+    for found in (fast(brushed, *sides), of_reference(brushed, *sides)):
+        error = np.abs(found - expected).max()
+        assert expected[1].max() > 0.1 and error <= 1e-9, f"{error:.3g} > 1e-9"
+
+
 def test_smooth_oren_nayar_is_lambert_and_one_level_is_flat():
     sides = random_directions(3, 1000, np.float64)
     smooth = fast(MATERIALS["oren-nayar, smooth"], *sides)
