@@ -11,7 +11,7 @@ import rasterizer as rz
 from rasterizer.engine import error_bounds, intensity_bounds
 from rasterizer.engine.coding import scale_depths
 from rasterizer.engine.depth_range import fit_screen
-from rasterizer.engine.error_bounds import LEAST_SHARE, Surroundings, frame_error, straight_rounding
+from rasterizer.engine.error_bounds import Surroundings, straight_rounding
 from rasterizer.engine.float64_reasons import reasons_of
 from rasterizer.engine.highlight_tables import LEAST_SUMS, HighlightTables
 from rasterizer.engine.light_table import entry_of
@@ -181,7 +181,8 @@ def test_a_lamp_at_one_ball_leaves_the_others_in_peace():
 
 
 def test_tables_hold_what_the_entries_say_rounded_to_the_safe_side():
-    materials = [*MATERIALS, rz.Material(reflection="blinn", shininess=0.5), rz.Material(reflection="toon")]
+    materials = [m for m in MATERIALS if m.reflection != "oren-nayar"]  # which has no highlight
+    materials += [rz.Material(reflection="blinn", shininess=0.5), rz.Material(reflection="toon")]
     rng, tables = np.random.default_rng(1), HighlightTables(materials)
     for u in (SINGLE, DOUBLE):
         sums = rng.choice(LEAST_SUMS, (len(materials), 40))
@@ -228,18 +229,3 @@ def test_depths_of_means_err_by_no_more_than_is_said():
         true = sum(int(w) * d for w, d in zip(weights, exact, strict=True)) / int(weights.sum())
         worst = max(worst, float(abs(Fraction(mean) - true)) / straight_rounding(furthest))
     assert 0.001 < worst <= 1.0, f"{worst:.3g} of the bound > 1"
-
-
-def test_a_lamp_next_to_the_eye_feels_it():
-    """A lamp 2^-19 of the range of depths from the eye: the shift turns its light by as much as it is near."""
-    lamp, furthest = rz.PointLight((0, 0, 0), 1.0), 1.0
-    material = rz.Material(diffuse=1.0, specular=0.0)
-    reflected = intensity_bounds.compute_reflected((material,), (lamp,), np.zeros(3), 1.0)
-    clearance = 2.0 * LEAST_SHARE * furthest
-    around = Surroundings(furthest, np.full((1, 1), clearance), 1.0, True, eye_distances=np.array([clearance]))
-    before, after = (
-        float(frame_error(reflected, around._replace(depth_shift=shift).rounded(), DOUBLE)[0])
-        for shift in (0.0, straight_rounding(furthest))
-    )
-    assert after - before >= 0.9 * straight_rounding(furthest) / clearance, f"{before:.3g}, {after:.3g}"
-    assert around._replace(depth_shift=1e-9).key() != around.key()

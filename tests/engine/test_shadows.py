@@ -393,32 +393,6 @@ def test_a_filter_reaches_across_the_borders_of_a_cubes_faces():
         assert (is_sure & hidden).sum() > 60 and not wrong.any(), f"{name}: {wrong.sum()} pixels"
 
 
-@pytest.mark.parametrize("kind, taps", [("directional", 1), ("directional", 5), ("point", 5)])
-def test_the_bound_holds_away_from_the_steps_that_the_frame_states(kind, taps):
-    """Against rays. The floor and what stands on it are flat, so no normal offset moves anything; where a box stands on
-    the floor is a fold towards the light."""
-    light, texels = make_light(kind, 50, 30, distance=6.0, shadow=Shadow(64, taps)), 64
-    meshes = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, material=MATTE)]
-    meshes += [rz.Mesh(box((0.9, -1.2, 0), (1.3, -0.8, 0.5)), BOX_FACES, material=MATTE)]
-    scene = rz.Scene(meshes, (rz.AmbientLight(AMBIENT), light), ABOVE)
-    exact = reference.render(scene, FLOOR_SIZE, shading="phong").color
-    for tolerance in TOLERANCES:
-        outputs = ("color", "face")
-        frame = rz.render(scene, FLOOR_SIZE, shading="phong", tolerance=tolerance, outputs=outputs, samples=1)
-        near = {step.unit: step.near for step in frame.stats.steps if "shadow" in step.cause}
-        assert near["texels of the shadow map"] == (taps + 1) / 2
-        shift = near.get("scene units beside that", 0.0)
-        assert (tolerance > 0) == (shift > 0)
-        texel = 8.5 / texels / np.sin(np.radians(50)) * (2 if kind == "point" else 1)  # on the floor, at most
-        is_wrong = np.abs(frame.color - exact).max(axis=-1) > frame.stats.error_bound
-        step_here = np.abs(np.diff(exact[..., 0], axis=0, prepend=exact[:1, :, 0])) > 0.02
-        step_here |= np.abs(np.diff(exact[..., 0], axis=1, prepend=exact[:, :1, 0])) > 0.02
-        step_here |= (frame.face != np.roll(frame.face, 1, axis=0)) | (frame.face != np.roll(frame.face, 1, axis=1))
-        reach = int(np.ceil((near["texels of the shadow map"] * texel * 2**0.5 + shift) * SCALE)) + 1
-        far = is_wrong & ~is_at_edge(step_here, reach)
-        assert is_wrong.any() and not far.any(), f"{far.sum()} of {is_wrong.sum()} pixels are further than {reach} px"
-
-
 # ── who casts, and on what ──────────────────────────────────────────────────────────────────────────────
 
 

@@ -93,31 +93,6 @@ def test_batch_functions_are_those_of_the_lights_and_then_of_the_materials():
 # ── colours ─────────────────────────────────────────────────────────────────────────────────────────────
 
 
-def test_a_grey_scene_has_one_channel_of_everything():
-    material = rz.Material(ambient=0.5, diffuse=0.6, specular=0.2, emissive=0.1, shininess=7)
-    lighting, _ = lighting_of((rz.AmbientLight(0.4), rz.AmbientLight(0.2), rz.PointLight((1, 2, 3), 0.7)), material)
-    (row,) = lighting.materials
-    assert channels_of(lighting) == [(1, 1)] and row[m.SHININESS] == 7
-    assert [row[k] for k in (m.EMISSION, m.DIFFUSE, m.SPECULAR)] == [0.1, 0.6, 0.2]
-    assert row[m.AMBIENT] == pytest.approx(0.3)
-    assert lighting.colors.shape == (1, 1, 6) and (lighting.colors == 0.7).all()
-
-
-def test_lights_of_several_colours_need_three_sums():
-    material = rz.Material(ambient=(0.5, 0.1, 0.2), diffuse=(0.6, 0.4, 0.2), specular=0.2)
-    lights = (
-        rz.AmbientLight((0.4, 0.2, 0.1)),
-        rz.PointLight((1, 2, 3), (0.7, 0.1, 0.2)),
-        rz.DirectionalLight((0, 0, -1), 0.5),
-    )
-    lighting, _ = lighting_of(lights, material)
-    assert channels_of(lighting) == [(3, 3)]
-    assert np.allclose(lighting.colors[0], [[0.7, 0.1, 0.2] * 2, [0.5] * 6])
-    assert np.allclose(lighting.materials[0, m.AMBIENT : m.AMBIENT + 3], (0.2, 0.02, 0.02))
-    grey = lighting_of((rz.PointLight((1, 2, 3), 0.7),), rz.Material(diffuse=(0.6, 0.4, 0.2)))[0]
-    assert channels_of(grey) == [(3, 1)]
-
-
 def test_beside_a_coloured_material_a_grey_one_has_one_channel():
     """Where all lights are grey: then one set of their colours is enough for both."""
     grey, clay = rz.Material(ambient=0.5, diffuse=0.6, specular=0.2), rz.Material(diffuse=(0.6, 0.4, 0.2))

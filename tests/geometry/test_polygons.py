@@ -245,15 +245,3 @@ def test_concave_polygons_that_would_take_too_long_are_refused(tmp_path):
     assert rz.Mesh(in_space(star(15000, inner=1.0)), [range(30000)]).n_face == 29998
     with pytest.raises(rz.ModelError, match="face 0 is concave and has 12000 corners, and 3 more are to be cut"):
         rz.Mesh(in_space(star(6000)), np.tile(np.arange(12000), (4, 1)))
-
-
-def test_convex_polygons_take_memory_that_grows_with_their_corners():
-    """A square of the number of corners would be 80 GB here."""
-    k = 100_000
-    mesh = rz.Mesh(in_space(star(k // 2, inner=1.0)), [range(k)])
-    rings = find_rings(mesh.faces, mesh.polygons, mesh.vertices)
-    assert np.array_equal(np.sort(rings.corners), np.arange(k))
-    bent = in_space([(0, 0), (1, 0), (1, 1), (0, 1)])
-    bent[2, 2] = 0.5
-    for turn in range(4):
-        assert cut_polygons(np.roll(bent, turn, axis=0), np.arange(4), [4]).corners.min(axis=0)[0] == turn

@@ -171,15 +171,6 @@ def test_colors_of_corners_are_interpolated():
     assert np.allclose(finer.colors, weights[finer.faces] @ colors[0])
 
 
-def test_a_polygon_stays_one_for_flat_shading():
-    """The same light on the same face; a sample at an edge may belong to the neighbour after rounding."""
-    for mesh in (load("teapot.obj"), rz.Mesh(*octasphere(2))):
-        camera = rz.Scene([mesh]).camera_for(SIZE)
-        coarse, fine = (draw(each, "flat", camera=camera).color for each in (mesh, mesh.subdivide()))
-        assert np.ptp(coarse) > 0.3, "both pictures may be black"
-        assert (np.abs(coarse - fine).max(axis=2) > 1e-6).mean() < 0.001
-
-
 def test_normals_of_a_file_are_interpolated():
     vertices, faces = octasphere(2)
     for normals in (vertices, vertices[faces]):
@@ -258,36 +249,6 @@ def test_gouraud_comes_nearer_to_phong_each_time():
             errors.append(rz.compare(*(draw(finer, s, lights, camera).color for s in ("gouraud", "phong"))).rms)
         ratios = np.array(errors[1:]) / errors[:-1]
         assert (ratios < 0.9).all() and errors[-1] < 0.2 * errors[0], f"{make.__name__}: rms {np.round(errors, 5)}"
-
-
-def test_computed_normals_bring_gouraud_nearer_to_phong_of_the_given_mesh():
-    """Where another part of the surface shows, because new vertices are rounded, nothing is compared."""
-    options = {"tolerance": 0, "outputs": ("color", "face"), "samples": 1}
-    for name, angle in (("sphere.obj", None), ("teapot.obj", 180.0)):
-        mesh = replace(load(name), normals=None, crease_angle=angle, material=rz.Material(specular=0.5, shininess=30))
-        scene = rz.Scene(mesh, (rz.AmbientLight(0.1), rz.DirectionalLight((-1, -1, -2), 0.8)))
-        scene = replace(scene, camera=rz.Camera.framing(scene, azimuth=20, elevation=30, aspect=4 / 3))
-        phong, errors = rz.render(scene, SIZE, shading="phong", **options), []
-        for times in range(3):
-            finer = rz.render(replace(scene, meshes=(mesh.subdivide(times),)), SIZE, shading="gouraud", **options)
-            is_same = (phong.face >= 0) & (finer.face // 4**times == phong.face)
-            assert is_same.sum() > 0.98 * (phong.face >= 0).sum()
-            errors.append(float(np.sqrt(np.mean((finer.color - phong.color)[is_same] ** 2))))
-        ratios = np.array(errors[1:]) / errors[:-1]
-        assert (ratios < 0.8).all(), f"{name}: rms errors {np.round(errors, 6)}"
-
-
-def test_a_midpoint_has_the_mean_of_its_ends_and_creases_stay():
-    cube = rz.Mesh(load("cube.obj").vertices, load("cube.obj").faces, crease_angle=30)
-    finer = cube.subdivide(2)
-    corners = finer.normals if finer.normals.ndim == 3 else finer.normals[finer.faces]
-    assert np.allclose(corners, np.repeat(face_normals(cube.vertices, cube.faces), 16, axis=0)[:, None], atol=1e-12)
-    mesh = rz.Mesh(*octasphere(1), crease_angle=180)
-    finer = mesh.subdivide(1)
-    means = mesh.vertices[mesh.faces] + mesh.vertices[mesh.faces[:, [1, 2, 0]]]
-    means /= np.linalg.norm(means, axis=2, keepdims=True)
-    middles = finer.normals[finer.faces[3::4]]  # the triangle in the middle: points 3, 4 and 5
-    assert np.abs(middles - means).max() < 0.02 and finer.crease_angle is None
 
 
 def test_a_highlight_inside_a_face_is_found():
