@@ -202,7 +202,7 @@ def test_strips_rows_and_given_arrays(tmp_path):
 
 def test_what_is_made_before_the_first_picture():
     """Many fine meshes: splits at creases, averaged normals, subdivided faces, clusters of triangles, ears, ground."""
-    vertices, faces = octasphere(5)
+    vertices, faces = octasphere(4)
     bumpy = vertices * (1.0 + 0.05 * np.sin(40 * vertices[:, :1]))
     leaf = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (0, -0.3, 0), (-1, 1, 0)]
     image = np.random.default_rng(1).random((19, 13, 4))
@@ -216,7 +216,7 @@ def test_what_is_made_before_the_first_picture():
         ]  # fmt: skip
         scene = rz.Scene(meshes, COLORED)
         found = {}
-        for shading in SHADINGS:
+        for shading in SHADINGS[1:]:
             for k, camera in enumerate((scene.camera_for(SIZE), rz.Camera.perspective((0.5, 0.2, 1.4), fov=70))):
                 with rz.Renderer(scene, SIZE, shading=shading, cull="back", edges="crease", threads=2) as renderer:
                     content = content_of(renderer.render(camera))

@@ -46,7 +46,7 @@ def check_scenes(names):
             assert levels <= 1, f"{which}: {levels} levels of 8 bits > 1"
 
 
-HANDFUL = ("many lights", "transparent and textured", "shadows", "reflection, cook-torrance, with W")
+HANDFUL = ("transparent and textured", "shadows", "reflection, cook-torrance, with W")
 
 
 def test_a_few_pictures_without_the_jit_are_the_compiled_ones():
