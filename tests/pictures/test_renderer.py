@@ -142,6 +142,14 @@ def test_outputs_do_not_change_the_picture(shading):
             assert not any(some.has(name) for name in ALL if name not in (*names, "rgb"))
 
 
+def test_faces_that_look_away_leave_a_dense_closed_mesh_as_it_is():
+    """Left out together, by clusters of faces, also of what is seen from close by."""
+    scene = rz.Scene(rz.Mesh(*octasphere(6)), COLORED)
+    for camera in (rz.Camera.perspective((0.4, 0.6, 1.6), (0.5, 0, 0), fov=40), rz.Camera.perspective((2, 1, 3))):
+        whole, front = (rz.render(replace(scene, camera=camera), SIZE, outputs=ALL, cull=c) for c in ("none", "back"))
+        assert digest(whole) == digest(front) and front.stats.drawn < 0.6 * scene.n_face
+
+
 # ---------------------------------------------------------------- no side effects
 
 
