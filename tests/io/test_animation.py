@@ -9,49 +9,59 @@ from PIL import Image
 
 import rasterizer as rz
 from rasterizer.io.animation import FORMATS, Timing, animation_format, encode_animation
-
-BALL = rz.Mesh(*[[[0, 0, 1], [1, 0, -0.5], [-1, 0, -0.5], [0, 1.5, 0]], [[0, 1, 3], [1, 2, 3], [2, 0, 3], [0, 2, 1]]])
-
-
-@pytest.fixture(scope="module")
-def frames():
-    scene = rz.Scene(BALL)
-    return [rz.render(scene, (61, 47), samples=4, threads=1).rgba, *_turned(scene)]
+from rasterizer.io.gif import Palette, encode_gif
 
 
-def _turned(scene):
-    with rz.Renderer(scene, (61, 47), samples=4, threads=1) as renderer:
-        return [renderer.render(rz.Camera.framing(scene, 60 * k)).rgba for k in range(1, 5)]
+def disc(k, size=(41, 31), color=(200, 90, 20)):
+    """A disc (h, w, 4) uint8 that moves from frame to frame; transparent outside."""
+    width, height = size
+    y, x = np.mgrid[:height, :width]
+    frame = np.zeros((height, width, 4), np.uint8)
+    frame[(x - 10 - 3 * k) ** 2 + (y - 15) ** 2 < 64] = (*color, 255)
+    frame[..., 1] += (frame[..., 3] > 0) * (x % 9).astype(np.uint8)
+    return frame
 
 
-@pytest.mark.parametrize("suffix", [".gif", ".webp", ".png", ".apng"])
-def test_pictures_come_back(suffix, frames):
-    data = encode_animation(frames, suffix, Timing(1.0))
-    image = Image.open(io.BytesIO(data))
-    assert image.n_frames == len(frames) and image.size == (61, 47) and image.is_animated
-    for k, frame in enumerate(frames):
+FRAMES = [disc(k) for k in range(5)]
+
+
+def decoded(data):
+    """The frames of a file as viewers show them, (n, h, w, 4) int, the seconds of each, and the file."""
+    image, frames, seconds = Image.open(io.BytesIO(data)), [], []
+    for k in range(image.n_frames):
         image.seek(k)
-        found = np.asarray(image.convert("RGBA")).astype(int)
-        is_inside = frame[..., 3] == 255
-        assert ((found[..., 3] >= 128) == (frame[..., 3] >= 128)).all()
-        off = np.abs(found - frame)[is_inside].mean()
-        assert off <= (4.0 if suffix == ".webp" else 0.0), f"frame {k} is off by {off:.2f} levels"
+        frames.append(np.asarray(image.convert("RGBA")).astype(int))
+        seconds.append(image.info["duration"] / 1000)
+    return np.array(frames), seconds, image
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".mov", ".mkv"])
-def test_videos_come_back(suffix, frames):
+def assert_same(found, frames, most=0, what=""):
+    is_covered = np.array(frames)[..., 3] >= 128
+    assert ((found[..., 3] >= 128) == is_covered).all(), f"{what}: other pixels are covered"
+    off = np.abs(found - frames)[..., :3][is_covered].max()
+    assert off <= most, f"{what}: off by {off} > {most} levels"
+
+
+def test_pictures_come_back():
+    for suffix in (".gif", ".webp", ".png", ".apng"):
+        found, seconds, image = decoded(encode_animation(FRAMES, suffix, Timing(1.0)))
+        assert image.size == (41, 31) and image.is_animated and sum(seconds) == pytest.approx(1.0), suffix
+        assert_same(found, FRAMES, 40 if suffix == ".webp" else 0, suffix)
+
+
+def test_videos_come_back():
     av = pytest.importorskip("av", reason="the extra video is not installed")
-    opaque = [
-        np.dstack([frame[..., :3] * (frame[..., 3:] == 255), np.full((47, 61), 255, np.uint8)]) for frame in frames
-    ]
-    data = encode_animation(opaque, suffix, Timing(1.0, loop=2))
-    with av.open(io.BytesIO(data)) as container:
-        found = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
-        seconds = float(container.duration) / av.time_base
-    assert len(found) == 2 * len(frames) and found[0].shape == (48, 62, 3)  # sides are made even
-    assert seconds == pytest.approx(2.0, abs=0.05)
-    off = max(np.abs(a[:47, :61].astype(float) - b[..., :3]).mean() for a, b in zip(found[:5], opaque, strict=True))
-    assert off < 4.0, f"off by {off:.2f} > 4 levels"
+    opaque = [np.dstack([frame[..., :3], np.full((31, 41), 255, np.uint8)]) for frame in FRAMES]
+    for suffix in (".mp4", ".mov", ".mkv"):
+        data = encode_animation(opaque, suffix, Timing(1.0, loop=2))
+        with av.open(io.BytesIO(data)) as container:
+            found = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+            seconds = float(container.duration) / av.time_base
+        assert len(found) == 2 * len(FRAMES) and found[0].shape == (32, 42, 3), suffix  # sides are made even
+        assert seconds == pytest.approx(2.0, abs=0.05), suffix
+        pairs = zip(found[:5], opaque, strict=True)
+        off = max(np.abs(a[:31, :41].astype(float) - b[..., :3]).mean() for a, b in pairs)
+        assert off < 6.0, f"{suffix} is off by {off:.2f} > 6 levels"
 
 
 def test_times_add_up():
@@ -60,21 +70,55 @@ def test_times_add_up():
         assert sum(delays) == round(100 * seconds) and max(delays) - min(delays) <= 1
 
 
-def test_what_cannot_be_written_is_refused(frames, monkeypatch):
+def test_what_cannot_be_written_is_refused(monkeypatch):
     with pytest.raises(rz.SceneError, match=r"written as \.gif, \.webp, .*given \.jpg"):
         animation_format(".jpg")
     with pytest.raises(rz.SceneError, match="has no suffix"):
         animation_format("")
-    with pytest.raises(rz.SceneError, match="a .gif file shows at most 50 frames a second; given 5 in 0.01 s"):
-        encode_animation(frames, ".gif", Timing(0.01))
+    with pytest.raises(rz.SceneError, match=r"a .gif file shows at most 50 frames a second; given 5 in 0\.01 s"):
+        encode_animation(FRAMES, ".gif", Timing(0.01))
     with pytest.raises(rz.SceneError, match="at least one frame"):
         encode_animation([], ".gif", Timing(1.0))
     with pytest.raises(rz.SceneError, match="at most 16383 pixels a side; given 16384x1"):
         encode_animation([np.zeros((1, 16384, 4), np.uint8)], ".webp", Timing(1.0))
-    monkeypatch.setitem(sys.modules, "av", None)
+    assert {suffix for suffix, each in FORMATS.items() if not each.has_alpha} == {".mp4", ".mov", ".mkv"}
+    monkeypatch.setitem(sys.modules, "av", None)  # the extra is not installed
     with pytest.raises(rz.OutputError, match=r"need the package av: pip install '\.\[video\]'"):
         animation_format(".mp4")
 
 
-def test_every_format_says_whether_it_has_alpha():
-    assert {suffix for suffix, each in FORMATS.items() if not each.has_alpha} == {".mp4", ".mov", ".mkv"}
+# --- GIF ----------------------------------------------------------------------------------------------------
+
+
+def encoded(frames, loop=0, delays=None):
+    return b"".join(encode_gif(frames, Palette(frames), delays or [4] * len(frames), loop=loop))
+
+
+@pytest.mark.parametrize("is_opaque", [False, True])
+def test_few_colours_are_kept_exactly_frame_by_frame(is_opaque):
+    """What stood in the frame before is not shown, nor what is less than half covered; a file says how many rounds
+    come after the first one."""
+    frames = [disc(0), disc(6), np.zeros_like(disc(0)), disc(0), disc(1)]
+    frames[0][0, 0], frames[0][0, 1] = (1, 2, 3, 128), (1, 2, 3, 127)
+    if is_opaque:
+        for frame in frames:
+            frame[frame[..., 3] < 128] = (10, 20, 30, 255)
+    found, seconds, image = decoded(encoded(frames, delays=[4, 5, 6, 4, 9]))
+    assert_same(found, frames)
+    assert seconds == [0.04, 0.05, 0.06, 0.04, 0.09] and image.size == (41, 31)
+    for loop, written in ((0, 0), (1, None), (2, 1), (9, 8)):
+        assert decoded(encoded(frames, loop))[2].info.get("loop") == written, loop
+
+
+@pytest.mark.parametrize(("step", "most"), [(8, 24), (1, 40)])
+def test_many_colours_become_near_ones(step, most):
+    """Of a smooth picture: a palette of 255 out of some hundreds and of 10 000; each colour has one index in all
+    frames."""
+    y, x = np.mgrid[:100, :100] * 2
+    whole = np.stack([x, y, (x + y) // 2, np.full_like(x, 255)], axis=2).astype(np.uint8)
+    whole[..., :3] = whole[..., :3] // step * step
+    frames = [whole, whole[::-1].copy(), whole]
+    assert len(Palette(frames).colors) == 255
+    found, _, _ = decoded(encoded(frames))
+    assert_same(found, frames, most)
+    assert (found[0] == found[2]).all() and (found[0] == found[1][::-1]).all()

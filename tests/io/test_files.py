@@ -1,6 +1,7 @@
 """Tests of which files a file may read, and of how files are written: the rules of rasterizer.io.files, format by
 format."""
 
+import base64
 import json
 import os
 import stat
@@ -148,6 +149,7 @@ def forms(place):
 
 @pytest.mark.parametrize("form", ["obj", "mtllib", "image", "buffer", "part", "npz", "texture", "texels"])
 def test_no_file_reads_what_it_may_not(place, form, monkeypatch):
+    """The system's own way to open files is watched."""
     opened = []
     real_open = os.open
 
@@ -170,12 +172,8 @@ def test_no_file_reads_what_it_may_not(place, form, monkeypatch):
 
 
 def test_a_buffer_is_read_up_to_its_length(place):
-    scene = gltf_with(lambda tree, _: None)
-    data = json.loads(scene)
-    uri = data["buffers"][0]["uri"]
-    import base64
-
-    content = base64.b64decode(uri.partition(",")[2])
+    data = json.loads(gltf_with())
+    content = base64.b64decode(data["buffers"][0]["uri"].partition(",")[2])
     with open(place / "in" / "large.bin", "wb") as stream:
         stream.write(content)
         stream.truncate(2**40)  # a terabyte with nothing in it
@@ -205,25 +203,22 @@ def test_arrays_beside_a_scene_are_read(place):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
-@pytest.mark.parametrize("mode", [0o600, 0o640, 0o644, 0o664, 0o666, 0o200, 0o755])
-def test_a_file_that_is_replaced_keeps_its_mode(tmp_path, mode):
+def test_a_file_that_is_replaced_keeps_its_mode_and_a_protected_one_is_refused(tmp_path):
     path = tmp_path / "x.png"
-    path.write_bytes(b"before")
-    path.chmod(mode)
-    write_whole(path, b"after")
-    assert path.read_bytes() == b"after" and stat.S_IMODE(path.stat().st_mode) == mode
-
-
-@pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
-@pytest.mark.parametrize("mode", [0o400, 0o444, 0o000])
-def test_a_protected_file_is_refused(tmp_path, mode):
-    path = tmp_path / "x.png"
-    path.write_bytes(b"before")
-    path.chmod(mode)
-    with pytest.raises(rz.OutputError, match="protected against writing"):
+    for mode in (0o600, 0o640, 0o644, 0o666, 0o200, 0o755):
+        path.write_bytes(b"before")
+        path.chmod(mode)
         write_whole(path, b"after")
-    path.chmod(0o600)
-    assert path.read_bytes() == b"before" and os.listdir(tmp_path) == ["x.png"]
+        found = stat.S_IMODE(path.stat().st_mode)
+        assert found == mode, f"{found:o} != {mode:o}"
+        path.chmod(0o600)
+        assert path.read_bytes() == b"after"
+    for mode in (0o400, 0o444, 0o000):
+        path.chmod(mode)
+        with pytest.raises(rz.OutputError, match="protected against writing"):
+            write_whole(path, b"again")
+        path.chmod(0o600)
+        assert path.read_bytes() == b"after" and os.listdir(tmp_path) == ["x.png"]
 
 
 def test_a_file_is_known_by_any_name(tmp_path):

@@ -1,14 +1,18 @@
-"""Tests of the table of file formats: everything that must know a format asks it."""
+"""The table of file formats: everything that must know a format asks it; and what is said of files that no reader
+takes, or that aren't what their names say."""
 
+import gzip
 import json
 
 import numpy as np
 import pytest
+from helpers.model_bytes import GLB, box, exported, gltf_with
+from helpers.refusals import assert_refused
 
 import rasterizer as rz
 from rasterizer.cli import main
 from rasterizer.io import formats
-from rasterizer.io.formats import FORMATS, Format
+from rasterizer.io.formats import FORMATS, Format, names
 from rasterizer.scene.material import Material
 
 TRIANGLE = "0 0 0\n1 0 0\n0 1 0\n"
@@ -24,13 +28,13 @@ def read_toy(model):
 
 
 @pytest.fixture
-def toy(monkeypatch, tmp_path):
-    """The toy format in the table, for one test; return a file of it."""
-    monkeypatch.setattr(formats, "FORMATS", dict(FORMATS))
+def toy(folder):
+    """The toy format in the table, for one test; return a file of it in the current folder."""
     formats.register(Format(name="toy", reader=f"{__name__}:read_toy", suffixes=("toy", "tri"), up="-x"))
-    path = tmp_path / "a.tri"
+    path = folder / "a.tri"
     path.write_text(TRIANGLE)
-    return path
+    yield path
+    del FORMATS["toy"]
 
 
 def test_a_format_that_is_added_is_loaded(toy):
@@ -38,13 +42,15 @@ def test_a_format_that_is_added_is_loaded(toy):
         assert scene.n_face == 1 and scene.meshes[0].name == "toy" and scene.up == "-x"
     with toy.open() as opened:
         assert rz.load(opened).n_face == 1
+    scene = toy.parent / "scene.json"  # a model of scene files, too
+    scene.write_text(json.dumps({"meshes": [{"file": "a.tri"}]}))
+    assert rz.load(scene).n_face == 1 and rz.load(scene).up == "-x"
     toy.write_text(TRIANGLE + "1 1 1\n")
     with pytest.raises(rz.ModelError, match=r"a\.tri:4: a corner is left over"):
         rz.load(toy)
 
 
-def test_a_format_that_is_added_is_drawn_by_the_command_line(toy, monkeypatch, capsys):
-    monkeypatch.chdir(toy.parent)
+def test_a_format_that_is_added_is_drawn_by_the_command_line(toy, capsys):
     assert main(["render", "a.tri", "--json", "-s", "16x12"]) == 0
     assert json.loads(capsys.readouterr().out)["faces"] == 1
     assert main(["render", "a.tri", "--input-format", "toy", "-o", "b.png", "-s", "16x12"]) == 0
@@ -53,38 +59,95 @@ def test_a_format_that_is_added_is_drawn_by_the_command_line(toy, monkeypatch, c
     assert "off, glb, gltf, 3mf, toy files" in " ".join(capsys.readouterr().out.split())
 
 
-def test_a_format_that_is_added_is_a_model_of_scene_files(toy):
-    scene = toy.parent / "scene.json"
-    scene.write_text(json.dumps({"meshes": [{"file": "a.tri"}]}))
-    assert rz.load(scene).n_face == 1 and rz.load(scene).up == "-x"
-
-
 def test_a_stranger_is_an_error_that_lists_what_is_legal(toy):
     for load in (lambda: rz.load("a.xyz"), lambda: rz.load(b"1", format=".XYZ")):
         with pytest.raises(rz.ModelError, match="unknown format 'xyz'; readable are obj, stl, .*, json, toml, toy$"):
             load()
     with pytest.raises(rz.ModelError, match="unknown format 'obj' of a scene file; readable are json, toml$"):
         formats.format_of("scene", "obj", is_scene=True)
-
-
-def test_a_name_or_suffix_is_taken_once(toy):
     for entry in (Format(name="obj", reader="a:b"), Format(name="new", reader="a:b", suffixes=("new", "tri"))):
         with pytest.raises(rz.SceneError, match=f"'{entry.name}' can't be added: '(obj|tri)' is taken by '(obj|toy)'"):
             formats.register(entry)
     assert formats.find("new") is None
 
 
-@pytest.mark.parametrize("name", FORMATS)
-def test_entries_are_whole(name):
-    entry = FORMATS[name]
-    assert entry.name == name and callable(entry.read()) and formats.find(f".{name.upper()}") is entry
-    with pytest.raises(AttributeError):
-        entry.up = "x"
+def test_entries_are_whole_and_say_which_are_no_text(tmp_path):
+    assert [name for name, entry in FORMATS.items() if entry.is_binary] == ["glb", "3mf"]
+    for name, entry in FORMATS.items():
+        assert entry.name == name and callable(entry.read()) and formats.find(f".{name.upper()}") is entry
+        if entry.is_binary:
+            path = tmp_path / f"a.{name}"
+            path.write_text("text")
+            said = f"{name} is no text; open the file with mode 'rb'"
+            with path.open() as opened, pytest.raises(rz.ModelError, match=said):
+                rz.load(opened)
 
 
-@pytest.mark.parametrize("name", [name for name, entry in FORMATS.items() if entry.is_binary])
-def test_a_file_object_of_text_is_refused_where_a_format_is_no_text(tmp_path, name):
-    path = tmp_path / f"a.{name}"
-    path.write_text("text")
-    with path.open() as opened, pytest.raises(rz.ModelError, match=f"{name} is no text; open the file with mode 'rb'"):
-        rz.load(opened)
+# --- files that aren't what their names say -----------------------------------------------------------------
+
+GOOD = {
+    "obj": exported(box(), "obj"), "stl": exported(box(), "stl"), "ply": exported(box(), "ply"),
+    "off": exported(box(), "off"), "glb": GLB, "gltf": gltf_with(),
+}  # fmt: skip
+
+
+def loader(folder, format):
+    """A function that loads data under the name of a format."""
+
+    def load(data):
+        (folder / f"part.{format}").write_bytes(data)
+        return rz.load(folder / f"part.{format}")
+
+    return load
+
+
+@pytest.mark.parametrize("format", names(is_scene=False))
+def test_what_is_no_model_of_its_name_is_told(tmp_path, format):
+    load = loader(tmp_path, format)
+    for content, data in GOOD.items():
+        if content == format:
+            assert load(data).n_face == 12
+            continue
+        said = f"; by its content it is {content}: --input-format {content}, or"
+        assert_refused(load, [(data, said)], rz.ModelError, f"{tmp_path}")
+        assert rz.load(tmp_path / f"part.{format}", format=content).n_face == 12
+    step = b"ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('x'),'2;1');\n" + b"#1=POINT();\n" * 9
+    hints = [
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:ab\nsize 9\n", "a Git LFS pointer, .*git lfs pull"),
+        (b"<!DOCTYPE html>\n<html><body>Not Found</body></html>" + b" " * 99, "an HTML page, perhaps of a download"),
+        (b"\n<HTML>" + b"x" * 200, "an HTML page"),
+        (gzip.compress(GOOD["obj"]), "compressed: unpack it first"),
+        (step, "a STEP file: .*export STL"),
+        (b"Kaydara FBX Binary  \0" + b"\x1a\0" * 90, "an FBX file: export glTF"),
+        (b"BLENDER-v280" + b"\0" * 200, "a Blender file"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".encode("utf-16"), "UTF-16: save it as UTF-8"),
+        (b'<?xml version="1.0"?>\n<COLLADA xmlns="x">' + b" " * 99, "a COLLADA file"),
+        (b"", "the file is empty$"), (b" \n\t", "the file is empty$"),
+        *((data, "") for data in (b"\0" * 100, b"hello world\n", b"\xff\xfe\x80\x81" * 50, b"[[[[[[")),
+    ]  # fmt: skip
+    cases = [(data, f"^(?!.*by its content).*{hint}") for data, hint in hints]
+    assert_refused(load, cases, rz.ModelError, f"{tmp_path}/part.{format}: ")
+    if format in GOOD:
+        said = "^(?!.*(by its content|the file is (?!cut)))"
+        half = GOOD[format][: len(GOOD[format]) // 2]
+        try:
+            load(half)
+        except rz.ModelError:
+            assert_refused(load, [(half, said)], rz.ModelError)
+
+
+def test_a_suffix_that_no_reader_takes_says_what_to_do(tmp_path):
+    hints = {
+        "STEP": "export STL, 3MF or OBJ", "fbx": "export glTF", "zip": "unpack it", "las": "a point cloud has no",
+        "mtl": "give that one", "png": "outputs stand behind -o",
+    }  # fmt: skip
+    said = "unknown format '{}'; readable are .*; .*{}"
+    cases = [(tmp_path / f"part.{suffix}", said.format(suffix.lower(), hint)) for suffix, hint in hints.items()]
+    assert_refused(rz.load, cases, rz.ModelError)
+
+
+def test_marks_of_text_files_are_read_over(tmp_path):
+    """An editor on Windows may put a byte order mark before a text."""
+    for format in ("obj", "stl", "off", "gltf"):
+        data = exported(box(), "stl_ascii") if format == "stl" else GOOD[format]
+        assert loader(tmp_path, format)(b"\xef\xbb\xbf" + data).n_face == 12, format

@@ -5,12 +5,13 @@ import random
 import numpy as np
 import pytest
 from helpers import plain_obj
+from helpers.refusals import assert_refused
 
 from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
 from rasterizer.io.obj_lines import LineError, ObjLines
 
-N_FILE = 400  # of random files, half of them damaged
+N_FILE = 160  # of random files, half of them damaged
 
 
 # --- against the plain reader ---------------------------------------------------------------------------------------
@@ -90,39 +91,32 @@ def corners_of(line, given=GIVEN):
     return corners.v.tolist(), corners.vt.tolist(), corners.vn.tolist()
 
 
-@pytest.mark.parametrize(
-    ("line", "v", "vt", "vn"),
-    [
-        ("1 2 3", [0, 1, 2], [-1] * 3, [-1] * 3),
-        ("1/3 2/2 3/1", [0, 1, 2], [2, 1, 0], [-1] * 3),
-        ("1//3 2//2 3//1", [0, 1, 2], [-1] * 3, [2, 1, 0]),
+NONE = [-1, -1, -1]
+
+
+def test_forms_of_a_corner():
+    for line, *expected in (
+        ("1 2 3", [0, 1, 2], NONE, NONE),
+        ("1/3 2/2 3/1", [0, 1, 2], [2, 1, 0], NONE),
+        ("1//3 2//2 3//1", [0, 1, 2], NONE, [2, 1, 0]),
         ("1/1/3 2/1/2 3/2/1", [0, 1, 2], [0, 0, 1], [2, 1, 0]),
         ("1/2 2 3//1", [0, 1, 2], [1, -1, -1], [-1, -1, 0]),
-        ("1// 2// 3//", [0, 1, 2], [-1] * 3, [-1] * 3),
-        ("1/ 2/ 3/", [0, 1, 2], [-1] * 3, [-1] * 3),
-        ("1/2/ 2/2/ 3/1/", [0, 1, 2], [1, 1, 0], [-1] * 3),
+        ("1// 2// 3//", [0, 1, 2], NONE, NONE),
+        ("1/ 2/ 3/", [0, 1, 2], NONE, NONE),
+        ("1/2/ 2/2/ 3/1/", [0, 1, 2], [1, 1, 0], NONE),
         ("1/2/ 2//3 3", [0, 1, 2], [1, -1, -1], [-1, 2, -1]),
         ("1/2/3/x 2/2/2/ +3/-9/-9", [0, 1, 2], [1, 1, -1], [2, 1, -1]),
-    ],
-)
-def test_forms_of_a_corner(line, v, vt, vn):
-    assert corners_of(line) == (v, vt, vn)
+    ):
+        assert list(corners_of(line)) == expected, f"{line!r}: {corners_of(line)} != {expected}"
+    for end in ("", "\n", "\\", "\\\n", "\\\r\n", " \\\n\\\n", "\r", " # end", "#"):
+        assert ObjLines(f"{GIVEN}f 1 2 3{end}".encode()).corners().v.tolist() == [0, 1, 2], f"ended by {end!r}"
+    wrong = ["1/2/3 4/5 6/7/8/9 a", "1 2 x/", "0 1 2", "1 2 /1", "1 2 -", "1_0 2 3", "1 2 1.0"]
+    assert_refused(corners_of, [(line, "") for line in wrong], LineError)
 
 
 def test_numbers_below_0_count_back_from_their_line():
     lines = ObjLines(b"v 1\nv 2\nvt 1\nf -1/-1 -2/-1 1/-1\nv 3\nvt 2\nf -1/-1 -2/-2 -3/1\n")
     assert lines.corners().v.tolist() == [1, 0, 0, 2, 1, 0] and lines.corners().vt.tolist() == [0, 0, 0, 1, 0, 0]
-
-
-@pytest.mark.parametrize("line", ["1/2/3 4/5 6/7/8/9 a", "1 2 x/", "0 1 2", "1 2 /1", "1 2 -", "1_0 2 3", "1 2 1.0"])
-def test_lines_that_are_no_list_of_corners(line):
-    with pytest.raises(LineError):
-        corners_of(line)
-
-
-@pytest.mark.parametrize("end", ["", "\n", "\\", "\\\n", "\\\r\n", " \\\n\\\n", "\r", " # end", "#"])
-def test_the_last_line_counts_however_it_ends(end):
-    assert ObjLines(f"{GIVEN}f 1 2 3{end}".encode()).corners().v.tolist() == [0, 1, 2]
 
 
 def test_lines_of_a_keyword_are_those_where_a_blank_follows_it():
@@ -134,31 +128,18 @@ def test_lines_of_a_keyword_are_those_where_a_blank_follows_it():
 # --- rows of numbers ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("rows", "expected"),
-    [
+def test_rows_have_the_numbers_that_all_lines_have():
+    for lines, expected in (
         (["0.5 0.25", "1 2"], [(0.5, 0.25), (1, 2)]),
         (["0.5 0.25 9", "1 2 8"], [(0.5, 0.25, 9), (1, 2, 8)]),
         (["0.5", "1"], [(0.5, 0), (1, 0)]),
         (["0.5", "1 2", "3 4 5"], [(0.5, 0), (1, 2), (3, 4)]),
         (["1 2 3", "4 5", "6"], [(1, 2), (4, 5), (6, 0)]),
         ([], np.zeros((0, 2))),
-    ],
-)
-def test_texture_coordinates(rows, expected):
-    text = "".join(f"vt {row}\n" for row in rows)
-    np.testing.assert_array_equal(ObjLines(text.encode()).rows_of("vt"), expected)
-
-
-@pytest.mark.parametrize("text", ["vt x 1\n", "vt 1 2\nvt \n"])
-def test_texture_coordinates_that_are_none(text):
-    with pytest.raises(LineError):
-        ObjLines(text.encode()).rows_of("vt")
-
-
-@pytest.mark.parametrize(
-    ("lines", "expected"),
-    [
+    ):
+        text = "".join(f"vt {line}\n" for line in lines)
+        np.testing.assert_array_equal(ObjLines(text.encode()).rows_of("vt"), expected, err_msg=text)
+    for lines, expected in (
         (["1 2 3", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),
         (["1 2 3 9", "4 5 6"], [(1, 2, 3), (4, 5, 6)]),
         (["1 2 3", "4 5 6 7 8", "7 8 9 1"], [(1, 2, 3), (4, 5, 6), (7, 8, 9)]),
@@ -167,14 +148,15 @@ def test_texture_coordinates_that_are_none(text):
         (["1 2 3", "4 5 6 x"], [(1, 2, 3), (4, 5, 6)]),  # what not all lines have is not looked at
         (["1 nan -nan(snan)", "+1e-3 inf nan(ind)"], [(1, np.nan, np.nan), (1e-3, np.inf, np.nan)]),
         (["1.#QNAN -1.#IND 2 # 3", "4 5 6#"], [(np.nan, np.nan, 2), (4, 5, 6)]),
-    ],
-)
-def test_rows_of_numbers(lines, expected):
-    text = "".join(f"vn {line}\nv 0 0 0\n" for line in lines)
-    np.testing.assert_array_equal(ObjLines(text.encode()).rows_of("vn"), expected)
+    ):
+        text = "".join(f"vn {line}\nv 0 0 0\n" for line in lines)
+        np.testing.assert_array_equal(ObjLines(text.encode()).rows_of("vn"), expected, err_msg=text)
 
 
-@pytest.mark.parametrize("line", ["1 2", "1 2 x", "1,5 2 3", "1 2 0x", "\u00a0", "1 2 3_0", "1 2 3/4", "1 2 \u0663"])
-def test_rows_that_are_no_numbers(line):
-    with pytest.raises(LineError):
-        ObjLines(f"v 1 2 3\nv {line}\n".encode()).rows_of("v")
+def test_rows_that_are_no_numbers_are_refused():
+    wrong = ["1 2", "1 2 x", "1,5 2 3", "1 2 0x", "\u00a0", "1 2 3_0", "1 2 3/4", "1 2 \u0663"]
+    cases = [("v", f"v 1 2 3\nv {line}\n") for line in wrong]
+    cases += [("vt", "vt x 1\n"), ("vt", "vt 1 2\nvt \n")]
+    assert_refused(
+        lambda given: ObjLines(given[1].encode()).rows_of(given[0]), [(each, "") for each in cases], LineError
+    )

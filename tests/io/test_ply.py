@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from helpers.refusals import assert_refused
 from PIL import Image
 
 from rasterizer.errors import ModelError
@@ -35,147 +36,70 @@ def area(mesh):
     return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
 
 
-def test_concave_polygons_are_drawn_as_they_are():
+def test_polygons_and_face_colours_come_in_the_order_of_the_file():
     mesh = only(text(FACES.format(n=1), points() + "6 0 1 2 3 4 5\n"))
-    assert mesh.n_face == 4 and abs(area(mesh) - 28) < 1e-12
+    assert mesh.n_face == 4 and abs(area(mesh) - 28) < 1e-12, "concave"
+    colors = "".join(f"property uchar {name}\n" for name in ("red", "green", "blue"))
+    rows = "4 0 1 2 3 255 0 0\n3 0 1 2 0 255 0\n5 0 1 2 3 5 0 0 255\n"
+    mesh = only(text(FACES.format(n=3) + colors, points() + rows))
+    assert mesh.faces.tolist()[:3] == [[0, 1, 2], [2, 3, 0], [0, 1, 2]]
+    assert mesh.polygons.tolist() == [0, 0, 1, 2, 2, 2]
+    assert mesh.face_colors[:, :3].tolist() == np.eye(3)[[0, 0, 1, 2, 2, 2]].tolist()
+    rows = points().replace("\n", " ") + "\n3\n0 1\n2 3 3\n4 5"  # may be written on any lines
+    assert only(text(FACES.format(n=2), rows)).n_face == 2
+    data = text(FACES.format(n=1), points() + "3 0 1 2\n", comment="comment von J\xfcrgen\n")
+    assert only(data.decode().encode("latin-1")).n_face == 1
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("count", [("uchar", "B"), ("int", "i")])
-@pytest.mark.parametrize("index", [("int", "i"), ("uint", "I"), ("uchar", "B"), ("short", "h")])
-def test_binary_files_of_every_kind(order, count, index):
+def test_binary_files_of_every_kind(order):
     """Polygons of several sizes, elements and properties that nobody asked for, bytes in both orders."""
     name = "binary_little_endian" if order == "<" else "binary_big_endian"
-    header = (
-        f"ply\r\nformat {name} 1.0\r\nelement junk 2\r\nproperty list uchar double values\r\nproperty short z\r\n"
-        f"element vertex 6\r\nproperty double x\r\nproperty float y\r\nproperty short z\r\nproperty uchar red\r\n"
-        f"property uchar green\r\nproperty uchar blue\r\nproperty uchar alpha\r\n"
-        f"element face 2\r\nproperty uchar flags\r\nproperty list {count[0]} {index[0]} vertex_index\r\nend_header\r\n"
-    ).encode()
-    data = struct.pack(order + "BddhBh", 2, 1.5, 2.5, 7, 0, 9)
-    for k, (x, y, z) in enumerate(POINTS):
-        data += struct.pack(order + "dfhBBBB", x, y, z, 255, 40 * k, 0, 255)
-    for face in ([0, 1, 2, 3, 4, 5], [0, 1, 2]):
-        data += struct.pack(f"{order}B{count[1]}{len(face)}{index[1]}", 1, len(face), *face)
-    mesh = only(header + data)
-    assert mesh.n_face == 5 and mesh.polygons.tolist() == [0, 0, 0, 0, 1] and abs(area(mesh) - 36) < 1e-12
-    assert mesh.colors.shape == (6, 4) and mesh.colors[0, :3].tolist() == [1, 0, 0]
-    with pytest.raises(ModelError, match="binary PLY of another length"):
-        only(header + data[:-5])
-
-
-def test_texture_coordinates_for_each_corner_of_a_face():
-    """As MeshLab writes them: six numbers a triangle, and the number of a picture."""
-    elements = FACES.format(n=2) + "property list uchar float texcoord\nproperty int texnumber\n"
-    rows = "3 0 1 2 6 0 0 1 0 1 0.5 0\n4 0 3 4 5 8 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8 0\n"
-    mesh = only(text(elements, points() + rows))
-    assert mesh.uv.shape == (3, 3, 2) and mesh.uv[0].tolist() == [[0, 0], [1, 0], [1, 0.5]]
-    named = {0: (0.1, 0.2), 3: (0.3, 0.4), 4: (0.5, 0.6), 5: (0.7, 0.8)}
-    for triangle, uv in zip(mesh.faces[1:], mesh.uv[1:], strict=True):
-        assert uv.tolist() == [list(named[corner]) for corner in triangle.tolist()]
-    facts = []
-    rows = "3 0 1 2 6 0 0 1 0 1 0.5 0\n4 0 3 4 5 0 0\n"
-    assert not only(text(elements, points() + rows), log=facts.append).uv[1:].any()
-    assert any("1 face without two texture coordinates" in fact for fact in facts)
-
-
-def test_triangle_strips():
-    elements = "element tristrips 1\nproperty list int int vertex_indices\n"
-    mesh = only(text(elements, points() + "9 0 1 2 3 -1 3 4 5 5\n"))
-    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3], [3, 4, 5]]
-    both = FACES.format(n=1) + elements
-    mesh = only(text(both, points() + "4 0 1 2 3\n9 0 1 2 3 -1 3 4 5 5\n"))
-    assert mesh.n_face == 5 and mesh.polygons.tolist() == [0, 0, 1, 2, 3]
-    with pytest.raises(ModelError, match="a triangle strip refers to vertex 77"):
-        only(text(elements, points() + "4 0 1 2 77\n"))
-
-
-@pytest.mark.parametrize(
-    ("type", "values", "expected"),
-    [("uchar", "255 0 51", (1, 0, 0.0331)), ("float", "1 0 0.2", (1, 0, 0.0331)),
-    ("ushort", "65535 0 13107", (1, 0, 0.0331)),
-     ("double", "1.0 0.0 0.2", (1, 0, 0.0331)), ("int", "255 0 51", (1, 0, 0.0331))],
-)  # fmt: skip
-@pytest.mark.parametrize("names", ["red green blue", "diffuse_red diffuse_green diffuse_blue", "r g b"])
-def test_colours_of_every_type(type, values, expected, names):
-    properties = "".join(f"property {type} {name}\n" for name in names.split())
-    elements = properties + FACES.format(n=1)
-    mesh = only(text(elements, points(values) + "3 0 1 2\n"))
-    assert np.allclose(mesh.colors[0, :3], expected, atol=1e-3) and mesh.material.diffuse == (1, 1, 1)
-
-
-def test_a_point_cloud_is_named_as_such():
-    with pytest.raises(ModelError, match="model: a point cloud: 6 points, no faces"):
-        only(text("", points()))
-    with pytest.raises(ModelError, match="a point cloud: 6 points"):
-        only(text(FACES.format(n=1), points() + "2 0 1\n"))
-
-
-@pytest.mark.parametrize(
-    ("data", "fault"),
-    [
-        (text(FACES.format(n=1), points() + "3 0 1 x\n"), r":18: 'x' is not a number"),
-        (text(FACES.format(n=2), points() + "3 0 1 2\n3 0 1 6\n"), r":19: the face refers to vertex 6; the file has 6"),
-        (text(FACES.format(n=2), points() + "3 0 1 2\n3 0 -1 2\n"), r":19: the face refers to vertex -1"),
-        (text(FACES.format(n=2), points() + "3 0 1 2\n-3 0 1 2\n"), r":19: face 1: -3 is not how long its list is"),
-        (text(FACES.format(n=2), points() + "3 0 1 2\nnan 0 1 2\n"), r":19: face 1: nan is not how long"),
-        (text(FACES.format(n=2), points() + "3 0 1 2\n3 0.5 1 2\n"), r"vertex 0\.5, which is no index"),
-        (text(FACES.format(n=3), points() + "3 0 1 2\n3 0 1 2\n"),
-        r":9: the header promises 3 face lines, the file has 2"),
-        (text(FACES.format(n=2**31), points() + "3 0 1 2\n"), r":9: the header promises 2147483648 face lines"),
-        (text(FACES.format(n=1), "", n=2**40), r":5: the header promises 1099511627776 vertex lines"),
-        (text(FACES.format(n=-1), points()), r":9: -1 face lines"),
-        (text("property real w\n", points()), r":9: 'property real w' is not a line of a PLY header"),
-        (text("property list uchar\n", points()), r":9: 'property list uchar' is not a line"),
-        (b"ply\nelement vertex 1\nproperty float x\nend_header\n1\n", "no line 'format'"),
-        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n",
-        ":3: the vertices have no x, y and z"),
-        (b"ply\nformat ascii 1.0\nelement face 0\nproperty list uchar int a\nend_header\n", "no vertices"),
-        (
-            b"ply\nformat binary_little_endian 1.0\nelement vertex 9000000000\nproperty float x\nproperty float y\n"
-            b"property float z\nend_header\n" + bytes(120),
-            "promised, room for at most 10",
-        ),
-        (
-            b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"  # noqa: E501
-            b"element face 1\nproperty list uint int vertex_indices\nend_header\n" + bytes(12) + b"\xff\xff\xff\x7f",
-            "ends in face row 0 of 1",
-        ),
-    ],
-)  # fmt: skip
-def test_faults_name_the_line(data, fault):
-    with pytest.raises(ModelError, match="model" + fault if fault[0] == ":" else fault):
-        only(data)
-
-
-def test_rows_may_be_written_on_any_lines():
-    rows = points().replace("\n", " ") + "\n3\n0 1\n2 3 3\n4 5"
-    assert only(text(FACES.format(n=2), rows)).n_face == 2
+    counts = ("uchar", "B"), ("int", "i"), ("uchar", "B"), ("int", "i")
+    indices = ("int", "i"), ("uint", "I"), ("uchar", "B"), ("short", "h")
+    for count, index in zip(counts, indices, strict=True):
+        header = (
+            f"ply\r\nformat {name} 1.0\r\nelement junk 2\r\nproperty list uchar double values\r\nproperty short z\r\n"
+            f"element vertex 6\r\nproperty double x\r\nproperty float y\r\nproperty short z\r\nproperty uchar red\r\n"
+            f"property uchar green\r\nproperty uchar blue\r\nproperty uchar alpha\r\n"
+            f"element face 2\r\nproperty uchar flags\r\nproperty list {count[0]} {index[0]} vertex_index\r\n"
+            "end_header\r\n"
+        ).encode()
+        data = struct.pack(order + "BddhBh", 2, 1.5, 2.5, 7, 0, 9)
+        for k, (x, y, z) in enumerate(POINTS):
+            data += struct.pack(order + "dfhBBBB", x, y, z, 255, 40 * k, 0, 255)
+        for face in ([0, 1, 2, 3, 4, 5], [0, 1, 2]):
+            data += struct.pack(f"{order}B{count[1]}{len(face)}{index[1]}", 1, len(face), *face)
+        mesh = only(header + data)
+        assert mesh.n_face == 5 and mesh.polygons.tolist() == [0, 0, 0, 0, 1], (count, index)
+        assert abs(area(mesh) - 36) < 1e-12, (count, index)
+        assert mesh.colors.shape == (6, 4) and mesh.colors[0, :3].tolist() == [1, 0, 0], (count, index)
+        with pytest.raises(ModelError, match="binary PLY of another length"):
+            only(header + data[:-5])
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("count", [("uchar", "u1"), ("char", "i1"), ("ushort", "u2"), ("int", "i4"), ("float", "f4")])
-def test_binary_rows_of_lists_of_several_lengths_are_those_of_text(order, count):
+def test_binary_rows_of_lists_of_several_lengths_are_those_of_text(order):
     rng = np.random.default_rng(7)
     faces = [rng.choice(6, rng.integers(3, 6), replace=False).tolist() for _ in range(40)] + [[0, 1], [], [5, 4, 3]]
-    properties = f"property uchar red\nproperty list {count[0]} short vertex_indices\nproperty double green\n"
-    elements = f"element face {len(faces)}\n{properties}property uchar blue\n"
-    rows = [f"{k} {len(face)} {' '.join(map(str, face))} {k / 2} {255 - k}" for k, face in enumerate(faces)]
-    written = text(elements, points() + "\n".join(rows) + "\n")
-    data = np.array([float(word) for word in points().split()], order + "f4").tobytes()
-    for k, face in enumerate(faces):
-        data += bytes([k]) + np.array(len(face), order + count[1]).tobytes() + np.array(face, order + "i2").tobytes()
-        data += np.array(k / 2, order + "f8").tobytes() + bytes([255 - k])
-    name = "binary_little_endian" if order == "<" else "binary_big_endian"
-    header = written[: written.index(b"end_header\n") + 11].replace(b"ascii", name.encode())
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # polygons that cross themselves
-        one, other = only(header + data), only(written)
-        assert np.array_equal(one.faces, other.faces) and np.array_equal(one.polygons, other.polygons)
-        assert np.allclose(one.face_colors[:, [0, 2]], other.face_colors[:, [0, 2]])
-    for n in range(1, 60):
-        with pytest.raises(ModelError, match="binary PLY of another length than its header says"):
-            only(header + data[:-n])
+    name = b"binary_little_endian" if order == "<" else b"binary_big_endian"
+    for type, code in (("uchar", "u1"), ("char", "i1"), ("ushort", "u2"), ("int", "i4"), ("float", "f4")):
+        properties = f"property uchar red\nproperty list {type} short vertex_indices\nproperty double green\n"
+        elements = f"element face {len(faces)}\n{properties}property uchar blue\n"
+        rows = [f"{k} {len(face)} {' '.join(map(str, face))} {k / 2} {255 - k}" for k, face in enumerate(faces)]
+        written = text(elements, points() + "\n".join(rows) + "\n")
+        data = np.array([float(word) for word in points().split()], order + "f4").tobytes()
+        for k, face in enumerate(faces):
+            data += bytes([k]) + np.array(len(face), order + code).tobytes() + np.array(face, order + "i2").tobytes()
+            data += np.array(k / 2, order + "f8").tobytes() + bytes([255 - k])
+        header = written[: written.index(b"end_header\n") + 11].replace(b"ascii", name)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # polygons that cross themselves
+            one, other = only(header + data), only(written)
+        assert np.array_equal(one.faces, other.faces) and np.array_equal(one.polygons, other.polygons), type
+        assert np.allclose(one.face_colors[:, [0, 2]], other.face_colors[:, [0, 2]]), type
+        cases = [(n, "binary PLY of another length than its header says") for n in (1, 2, 3, 7, 20, 59)]
+        assert_refused(lambda n, whole=header + data: only(whole[:-n]), cases, ModelError)
 
 
 def test_a_long_list_among_short_ones_takes_no_square_of_its_length():
@@ -192,6 +116,80 @@ def test_a_long_list_among_short_ones_takes_no_square_of_its_length():
         only(header + huge)
 
 
+def test_triangle_strips():
+    elements = "element tristrips 1\nproperty list int int vertex_indices\n"
+    mesh = only(text(elements, points() + "9 0 1 2 3 -1 3 4 5 5\n"))
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3], [3, 4, 5]]
+    both = FACES.format(n=1) + elements
+    mesh = only(text(both, points() + "4 0 1 2 3\n9 0 1 2 3 -1 3 4 5 5\n"))
+    assert mesh.n_face == 5 and mesh.polygons.tolist() == [0, 0, 1, 2, 3]
+    with pytest.raises(ModelError, match="a triangle strip refers to vertex 77"):
+        only(text(elements, points() + "4 0 1 2 77\n"))
+
+
+def test_colours_of_every_type_and_normals_of_vertices():
+    values = {
+        "uchar": "255 0 51",
+        "float": "1 0 0.2",
+        "ushort": "65535 0 13107",
+        "double": "1.0 0.0 0.2",
+        "int": "255 0 51",
+    }
+    names = ["red green blue", "diffuse_red diffuse_green diffuse_blue", "r g b", "red green blue", "r g b"]
+    for (type, row), words in zip(values.items(), names, strict=True):
+        properties = "".join(f"property {type} {name}\n" for name in words.split())
+        mesh = only(text(properties + FACES.format(n=1), points(row) + "3 0 1 2\n"))
+        assert np.allclose(mesh.colors[0, :3], (1, 0, 0.0331), atol=1e-3), f"{type} {words}: {mesh.colors[0]}"
+        assert mesh.material.diffuse == (1, 1, 1)
+    properties = "".join(f"property float n{axis}\n" for axis in "xyz")
+    mesh = only(text(properties + FACES.format(n=1), points("0 3 4") + "3 0 1 2\n"))
+    assert mesh.normals.tolist() == [[0, 0.6, 0.8]] * mesh.n_vertex
+
+
+# --- textures -----------------------------------------------------------------------------------------------
+
+WEDGES = FACES.format(n=3) + "property list uchar float texcoord\nproperty int texnumber\n"
+PICTURES = "comment TextureFile red.png\ncomment TextureFile  dark blue.png \n"
+
+
+def test_texture_coordinates_for_each_corner_of_a_face():
+    """As MeshLab writes them: six numbers a triangle, and the number of a picture."""
+    elements = WEDGES.replace("face 3", "face 2")
+    rows = "3 0 1 2 6 0 0 1 0 1 0.5 0\n4 0 3 4 5 8 0.1 0.2 0.3 0.4 0.5 0.6 0.7 0.8 0\n"
+    mesh = only(text(elements, points() + rows))
+    assert mesh.uv.shape == (3, 3, 2) and mesh.uv[0].tolist() == [[0, 0], [1, 0], [1, 0.5]]
+    named = {0: (0.1, 0.2), 3: (0.3, 0.4), 4: (0.5, 0.6), 5: (0.7, 0.8)}
+    for triangle, uv in zip(mesh.faces[1:], mesh.uv[1:], strict=True):
+        assert uv.tolist() == [list(named[corner]) for corner in triangle.tolist()]
+    facts = []
+    rows = "3 0 1 2 6 0 0 1 0 1 0.5 0\n4 0 3 4 5 0 0\n"
+    assert not only(text(elements, points() + rows), log=facts.append).uv[1:].any()
+    assert any("1 face without two texture coordinates" in fact for fact in facts)
+
+
+def test_pictures_of_faces_and_of_vertices(tmp_path):
+    for name, color in (("red.png", (255, 0, 0)), ("Dark Blue.png", (0, 0, 90))):
+        Image.new("RGB", (2, 2), color).save(tmp_path / name)
+    rows = "".join(f"3 0 1 {k + 2} 6 0 0 1 0 1 1 {number}\n" for k, number in enumerate((1, 0, -1)))
+    path, facts = tmp_path / "m.ply", []
+    path.write_bytes(text(WEDGES, points() + rows, comment=PICTURES))
+    (mesh,) = load(path, log=facts.append).meshes
+    names = [mesh.palette[k].texture and mesh.palette[k].texture.name for k in mesh.face_material]
+    assert names == [str(tmp_path / "Dark Blue.png"), str(tmp_path / "red.png"), None]
+    assert mesh.material.diffuse == (1, 1, 1) and facts == [f"{path}: 3 faces, 2 textures, no file normals"]
+    path.write_bytes(text(WEDGES, points() + rows, comment=PICTURES.replace("red", "gone")))
+    with pytest.warns(UserWarning, match=r"gone\.png' of material 'TextureFile 0' not found"):
+        assert load(path).meshes[0].material.texture is None
+    rows = "".join(f"{x} {y} {z} {x / 8} {y / 8}\n" for x, y, z in POINTS) + "3 0 1 2\n"
+    elements = "property float texture_u\nproperty float texture_v\n" + FACES.format(n=1)
+    path.write_bytes(text(elements, rows, comment="comment TextureFile red.png\n"))
+    (mesh,) = load(path).meshes
+    assert mesh.material.texture.image.shape == (2, 2, 4) and mesh.uv.max() == 1.0
+
+
+# --- faults -------------------------------------------------------------------------------------------------
+
+
 def test_what_is_not_used_is_said():
     facts = []
     elements = (
@@ -199,37 +197,36 @@ def test_what_is_not_used_is_said():
         "element camera 1\nproperty float focus\n"
     )
     only(text(elements, points("0.5") + "3 0 1 2 7\n1\n2\n9\n"), log=facts.append)
-    assert facts == [
-        "model: 1 face, no file normals; not used: 2 lines, vertex properties confidence, face properties flags, "
-        "elements 'camera'"
-    ]
+    left_out = "2 lines, vertex properties confidence, face properties flags, elements 'camera'"
+    assert facts == [f"model: 1 face, no file normals; not used: {left_out}"]
 
 
-WEDGES = FACES.format(n=3) + "property list uchar float texcoord\nproperty int texnumber\n"
-PICTURES = "comment TextureFile red.png\ncomment TextureFile  dark blue.png \r\n".replace("\r", "")
+def test_faults_name_the_line():
+    def faces(n, rows, **options):
+        return text(FACES.format(n=n), points() + rows, **options)
 
-
-def test_pictures_of_faces(tmp_path):
-    for name, color in (("red.png", (255, 0, 0)), ("Dark Blue.png", (0, 0, 90))):
-        Image.new("RGB", (2, 2), color).save(tmp_path / name)
-    rows = "".join(f"3 0 1 {k + 2} 6 0 0 1 0 1 1 {number}\n" for k, number in enumerate((1, 0, -1)))
-    (tmp_path / "m.ply").write_bytes(text(WEDGES, points() + rows, comment=PICTURES))
-    facts = []
-    (mesh,) = load(tmp_path / "m.ply", log=facts.append).meshes
-    names = [mesh.palette[k].texture and mesh.palette[k].texture.name for k in mesh.face_material]
-    assert names == [str(tmp_path / "Dark Blue.png"), str(tmp_path / "red.png"), None]
-    assert mesh.material.diffuse == (1, 1, 1) and facts == [
-        "%s: 3 faces, 2 textures, no file normals" % (tmp_path / "m.ply")
-    ]
-    (tmp_path / "m.ply").write_bytes(text(WEDGES, points() + rows, comment=PICTURES.replace("red", "gone")))
-    with pytest.warns(UserWarning, match="gone.png' of material 'TextureFile 0' not found"):
-        assert load(tmp_path / "m.ply").meshes[0].material.texture is None
-
-
-def test_one_picture_of_vertices(tmp_path):
-    Image.new("L", (2, 2), 99).save(tmp_path / "a.png")
-    rows = "".join(f"{x} {y} {z} {x / 8} {y / 8}\n" for x, y, z in POINTS) + "3 0 1 2\n"
-    elements = "property float texture_u\nproperty float texture_v\n" + FACES.format(n=1)
-    (tmp_path / "m.ply").write_bytes(text(elements, rows, comment="comment TextureFile a.png\n"))
-    (mesh,) = load(tmp_path / "m.ply").meshes
-    assert mesh.material.texture.image.shape == (2, 2, 4) and mesh.uv.max() == 1.0
+    binary = b"ply\nformat binary_little_endian 1.0\nelement vertex %d\nproperty float x\nproperty float y\n"
+    binary += b"property float z\n%send_header\n%s"
+    lists = b"element face 1\nproperty list uint int vertex_indices\n"
+    assert_refused(only, [
+        (faces(1, "3 0 1 x\n"), ":18: 'x' is not a number"),
+        (faces(2, "3 0 1 2\n3 0 1 6\n"), ":19: the face refers to vertex 6; the file has 6"),
+        (faces(2, "3 0 1 2\n3 0 -1 2\n"), ":19: the face refers to vertex -1"),
+        (faces(2, "3 0 1 2\n-3 0 1 2\n"), ":19: face 1: -3 is not how long its list is"),
+        (faces(2, "3 0 1 2\nnan 0 1 2\n"), ":19: face 1: nan is not how long"),
+        (faces(2, "3 0 1 2\n3 0.5 1 2\n"), r"vertex 0\.5, which is no index"),
+        (faces(3, "3 0 1 2\n3 0 1 2\n"), ":9: the header promises 3 face lines, the file has 2"),
+        (faces(2**31, "3 0 1 2\n"), ":9: the header promises 2147483648 face lines"),
+        (text(FACES.format(n=1), "", n=2**40), ":5: the header promises 1099511627776 vertex lines"),
+        (faces(-1, ""), ":9: -1 face lines"),
+        (faces(0, ""), "a point cloud: 6 points, no faces"),
+        (text("", points()), "a point cloud: 6 points, no faces"),
+        (faces(1, "2 0 1\n"), "a point cloud: 6 points"),
+        (text("property real w\n", points()), ":9: 'property real w' is not a line of a PLY header"),
+        (text("property list uchar\n", points()), ":9: 'property list uchar' is not a line"),
+        (b"ply\nelement vertex 1\nproperty float x\nend_header\n1\n", "no line 'format'"),
+        (b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", ":3: the vertices have no x"),
+        (b"ply\nformat ascii 1.0\nelement face 0\nproperty list uchar int a\nend_header\n", "no vertices"),
+        (binary % (9_000_000_000, b"", bytes(120)), "promised, room for at most 10"),
+        (binary % (1, lists, bytes(12) + b"\xff\xff\xff\x7f"), "ends in face row 0 of 1"),
+    ], ModelError, "model")  # fmt: skip
