@@ -133,6 +133,15 @@ def test_a_shadow_is_told():
     assert found[0].lights[0].n_dot_l > 0 and not any(found[0].lights[0].diffuse) and all(found[1].lights[0].diffuse)
 
 
+def test_what_faces_away_at_a_corner_is_in_no_shadow():
+    """Of the corners that Gouraud's method lights, those count that face the light."""
+    normals = np.array([(0, 0, 1.0), (0, 0, 1.0), (1.0, 0, 0.1), (0, 0, 1.0)])
+    light = rz.DirectionalLight((1, 0, -1), shadow=rz.Shadow())
+    scene = rz.Scene(rz.Mesh(QUAD, [(0, 1, 2), (0, 2, 3)], normals=normals), light, rz.Camera.perspective((0, 0, 4)))
+    (layer,) = rz.explain(scene, 10, 8, 16, shading="gouraud", samples=1).layers
+    assert layer.lights[0].unshadowed == pytest.approx(1.0) and 0.0 < layer.lights[0].n_dot_l < 0.7
+
+
 def test_faces_meshes_and_materials_are_those_that_were_loaded():
     red, blue = rz.Material(diffuse=(1, 0, 0), name="red"), rz.Material(diffuse=(0, 0, 1), name="blue")
     left = rz.Mesh(QUAD - (1.5, 0, 0), [(0, 1, 2, 3)], name="left")
