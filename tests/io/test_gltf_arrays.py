@@ -78,7 +78,7 @@ def test_fractions_of_integers_are_taken_where_they_are_meant():
     rows = np.array([[0, 1, 2], [255, 0, 5], [51, 255, 0], [102, 102, 255]] * 2, np.uint8)
     for dtype, is_fraction, scale in ((np.uint8, True, 255), (np.uint8, False, 1), (np.int8, True, 127)):
         given = np.zeros((8, 4), dtype)  # rows begin at multiples of four bytes
-        given[:, :3] = (rows // (2 if dtype == np.int8 else 1)) * (-1 if dtype == np.int8 else 1)
+        given[:, :3] = -(rows // 2).astype(np.int8) if dtype == np.int8 else rows
 
         def change(tree, accessor, given=given, is_fraction=is_fraction):
             view = add_view(tree, given)

@@ -68,7 +68,7 @@ def unit(normals):
     return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(obj_texts())
 def test_every_mixture_is_read_like_the_naive_reader_does(text):
     """The meshes of a text are those that the naive reader finds, triangle by triangle."""

@@ -11,7 +11,7 @@ from rasterizer.errors import ModelError
 from rasterizer.io.loader import load
 from rasterizer.io.obj_lines import LineError, ObjLines
 
-N_FILE = 160  # of random files, half of them damaged
+N_FILE = 240  # of random files, half of them damaged
 
 
 # --- against the plain reader ---------------------------------------------------------------------------------------

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rasterizer as rz
-from rasterizer.io import scene_file_write
 from rasterizer.io.scene_file import read_scene
 from rasterizer.io.scene_file_meshes import ARRAYS
+from rasterizer.io.scene_file_write import to_toml
 
 FORMATS = ("json", "toml") if HAS_TOML else ("json",)
 SQUARE = np.array([(0.0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
@@ -28,12 +28,8 @@ def assert_same(one, two):
     assert one.depth_cue == two.depth_cue
     assert len(one.meshes) == len(two.meshes)
     for a, b in zip(one.meshes, two.meshes, strict=True):
-        assert (a.name, a.crease_angle, a.weighting, a.drop_bad_faces) == (
-            b.name,
-            b.crease_angle,
-            b.weighting,
-            b.drop_bad_faces,
-        )
+        for key in ("name", "crease_angle", "weighting", "drop_bad_faces"):
+            assert getattr(a, key) == getattr(b, key), key
         for key in ARRAYS:
             x, y = getattr(a, key), getattr(b, key)
             assert (x is None) == (y is None), key
@@ -57,27 +53,40 @@ def round_trip(scene, folder, format):
 
 
 @pytest.mark.parametrize("format", FORMATS)
-@pytest.mark.parametrize("name", ["still_life.obj", "knot.ply", "gear.stl", "torus.glb"])
-def test_models(tmp_path, name, format):
-    round_trip(rz.load(ROOT / "models" / name), tmp_path, format)
-
-
-@pytest.mark.parametrize("format", FORMATS)
-def test_all_kinds_of_arrays(tmp_path, format):
+def test_models_and_all_kinds_of_arrays(tmp_path, format):
+    for name in ("still_life.obj", "gear.stl"):
+        round_trip(rz.load(ROOT / "models" / name), tmp_path, format)
     rng = np.random.default_rng(3)
     colors = rng.random((4, 4))
     meshes = [
         rz.Mesh(SQUARE, [[0, 1, 2, 3]], normals=rng.normal(size=(4, 3)), colors=colors, uv=UV, name="a"),
         rz.Mesh(SQUARE, TWO, normals=rng.normal(size=(2, 3, 3)), uv=rng.random((2, 3, 2)), crease_angle=0.1 + 0.2),
-        rz.Mesh(SQUARE, [[0, 1, 2], [0, 2, 3]], face_colors=colors[:2], smoothing=[1, 0], polygons=[0, 0]),
-        rz.Mesh(SQUARE, [[0, 1, 2], [0, 2, 3]], normals=[[0, 0, 0], [0, 0, 1], [1, 2, 3], [1e-5, 1, 0]]),
+        rz.Mesh(SQUARE, TWO, face_colors=colors[:2], smoothing=[1, 0], polygons=[0, 0]),
+        rz.Mesh(SQUARE, TWO, colors=rng.random((2, 3, 4))),
+        rz.Mesh(SQUARE, TWO, normals=[[0, 0, 0], [0, 0, 1], [1, 2, 3], [1e-5, 1, 0]]),
         rz.Mesh(np.vstack([SQUARE, [[np.nan] * 3]]), [[0, 1, 2], [0, 2, 4]], drop_bad_faces=True),
     ]
     round_trip(rz.Scene(meshes), tmp_path, format)
 
 
 @pytest.mark.parametrize("format", FORMATS)
-def test_materials_are_written_once(tmp_path, format):
+def test_materials_and_lights_to_the_last_bit(tmp_path, format):
+    """Coloured and spectral coefficients, brushed materials, weightings, the shape of a spot's fall, a depth cue; a
+    material is written once."""
+    ramp = rz.Spectrum([400, 510.5, 700], [0.1, 1 / 3, 0.7])
+    brushed = {"reflection": "cook-torrance", "roughness": (0.1, 1 / 3)}
+    looks = [
+        rz.Material(fresnel=(0.1, 0.2, 1 / 3)), rz.Material(fresnel=ramp), rz.Material(fresnel="white"),
+        rz.Material.named("gold"), rz.Material(diffuse=ramp, specular=ramp),
+        rz.Material(**brushed), rz.Material(**brushed, tangent=(1, 2, 3), fresnel=(1, 0.5, 0)),
+        *(rz.Material(**brushed, tangent=axis) for axis in np.random.default_rng(2).normal(size=(9, 3))),
+    ]  # fmt: skip
+    words = ("angle", "area", "uniform")
+    meshes = [rz.Mesh(SQUARE, TWO, uv=UV, material=look, weighting=words[k % 3]) for k, look in enumerate(looks)]
+    lights = [rz.SpotLight((1, 2, 3), (1, 2, 3), falloff=1 / 3), rz.SpotLight((1, 2, 3), (0, 0, 1), color=ramp)]
+    for cue in (None, 2.0, rz.DepthCue(1 / 3, 0.1, (0.1, 0.2, 0.3)), rz.DepthCue(1, color=ramp)):
+        again = round_trip(rz.Scene(meshes, lights, depth_cue=cue), tmp_path, format)
+    assert isinstance(again.lights[1].color, rz.Spectrum) and isinstance(again.meshes[4].material.diffuse, rz.Spectrum)
     red = rz.Material(diffuse="red", name='the "red"\n\\ one\x7f é☃')
     odd = rz.Material(reflection="toon", levels=7, fresnel=0.25)
     many = rz.Mesh(SQUARE, TWO, materials=[red, odd, red], face_material=[0, 2])
@@ -87,54 +96,20 @@ def test_materials_are_written_once(tmp_path, format):
 
 
 @pytest.mark.parametrize("format", FORMATS)
-def test_what_the_lighting_has_besides(tmp_path, format):
-    """Coloured and spectral F0, brushed materials, weightings, the shape of a spot's fall, a depth cue: to the last
-    bit."""
-    ramp = rz.Spectrum([400, 510.5, 700], [0.1, 1 / 3, 0.7])
-    brushed = {"reflection": "cook-torrance", "roughness": (0.1, 1 / 3)}
-    looks = [
-        rz.Material(fresnel=(0.1, 0.2, 1 / 3)), rz.Material(fresnel=ramp), rz.Material(fresnel="white"),
-        rz.Material.named("gold"),
-        rz.Material(**brushed), rz.Material(**brushed, tangent=(1, 2, 3), fresnel=(1, 0.5, 0)),
-        *(rz.Material(**brushed, tangent=axis) for axis in np.random.default_rng(2).normal(size=(20, 3))),
-    ]  # fmt: skip
-    words = ("angle", "area", "uniform")
-    meshes = [rz.Mesh(SQUARE, TWO, uv=UV, material=look, weighting=words[k % 3]) for k, look in enumerate(looks)]
-    lights = [rz.SpotLight((1, 2, 3), (1, 2, 3), falloff=1 / 3), rz.SpotLight((1, 2, 3), (0, 0, 1))]
-    for cue in (None, 2.0, rz.DepthCue(1 / 3, 0.1, (0.1, 0.2, 0.3)), rz.DepthCue(1, color=ramp)):
-        round_trip(rz.Scene(meshes, lights, depth_cue=cue), tmp_path, format)
-
-
-@pytest.mark.parametrize("format", FORMATS)
 def test_textures(tmp_path, format):
     images = [BYTES, BYTES[..., :3], BYTES[..., 0], np.random.default_rng(2).random((4, 2, 3)), np.full((1, 1, 3), 7.5)]
     textures = [rz.Texture(image, "nearest", ("clamp", "mirror"), name=f"t{i}") for i, image in enumerate(images)]
     textures.append(rz.Texture(BYTES[:1]))
+    almost = rz.Texture(BYTES).image.copy()
+    almost[1, 2, 0] = np.nextafter(almost[1, 2, 0], np.float32(2))
+    textures += [rz.Texture(np.arange(256, dtype=np.uint8).reshape(16, 16)), rz.Texture(almost)]
     meshes = [rz.Mesh(SQUARE, [[0, 1, 2]], uv=UV, material=rz.Material(texture=texture)) for texture in textures]
     shared = rz.Material(texture=textures[0], diffuse=1.0)
     again = round_trip(rz.Scene([*meshes, rz.Mesh(SQUARE, [[0, 1, 2]], uv=UV, material=shared)]), tmp_path, format)
     pictures = sorted(name for name in os.listdir(tmp_path) if name.endswith(".png"))
-    assert pictures == [f"scene-texture{i}.png" for i in (0, 1, 2, 5)], "the others are not of 8 bits"
+    assert pictures == [f"scene-texture{i}.png" for i in (0, 1, 2, 5, 6)], "the others are not of 8 bits"
     first, last = again.meshes[0].material.texture, again.meshes[-1].material.texture
     assert first.image.tobytes() == last.image.tobytes()
-
-
-def test_the_bytes_of_a_texture():
-    assert np.array_equal(scene_file_write.bytes_of(rz.Texture(BYTES)), BYTES)
-    every = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    assert np.array_equal(scene_file_write.bytes_of(rz.Texture(every))[..., 1], every)
-    image = rz.Texture(BYTES).image.copy()
-    image[1, 2, 0] = np.nextafter(image[1, 2, 0], np.float32(2))
-    assert scene_file_write.bytes_of(rz.Texture(image)) is None
-
-
-@pytest.mark.parametrize("format", FORMATS)
-def test_spectra(tmp_path, format):
-    spectrum = rz.Spectrum([400, 510.5, 700], [0.1, 1 / 3, 0.7])
-    material = rz.Material(diffuse=spectrum, specular=spectrum)
-    mesh = rz.Mesh(SQUARE, [[0, 1, 2]], material=material)
-    again = round_trip(rz.Scene(mesh, rz.PointLight((1, 2, 3), spectrum)), tmp_path, format)
-    assert isinstance(again.lights[0].color, rz.Spectrum) and isinstance(again.meshes[0].material.diffuse, rz.Spectrum)
 
 
 REAL = st.floats(-1e6, 1e6)
@@ -189,7 +164,7 @@ CAMERAS = st.none() | st.builds(_camera, PLACE, WAY, LENSES)
 
 
 @pytest.mark.parametrize("format", FORMATS)
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=50)
 @given(
     lights=st.lists(LIGHTS, max_size=3), material=MATERIALS, camera=CAMERAS, background=st.none() | COLOR,
     up=st.sampled_from(["x", "-z"]),
@@ -235,21 +210,17 @@ def test_what_cannot_be_written(tmp_path, monkeypatch):
 
 
 def test_a_fault_while_writing_leaves_the_old_files(tmp_path, monkeypatch):
+    """The system's disk is full."""
     path = rz.Scene(rz.Mesh(SQUARE, [[0, 1, 2]])).save(tmp_path / "a.json")
     before = {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)}
 
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("rasterizer.io.scene_file_write.os.replace", full)
+    monkeypatch.setattr(os, "replace", full)
     with pytest.raises(rz.OutputError, match="No space left on device"):
         rz.Scene(rz.Mesh(SQUARE + 1, [[0, 1, 2]])).save(path)
     assert before == {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)}
-
-
-def test_colors_of_corners_come_back(tmp_path):
-    scene = rz.Scene(rz.Mesh(SQUARE, TWO, colors=np.random.default_rng(2).random((2, 3, 4))))
-    assert_same(scene, rz.load(scene.save(tmp_path / "a.json")))
 
 
 def test_damaged_arrays(tmp_path):
@@ -269,4 +240,4 @@ def test_toml_of_odd_keys_and_values():
 
     table = {"a b": 1, "": {"é": [1.5, -0.0, 1e-300, 1e300], "x": {"deep": {"er": True}}}, "s": '"\\\n\x00'}
     table["l"] = [{"a": {"b": []}}, {}]
-    assert tomllib.loads(scene_file_write.to_toml(table)) == table
+    assert tomllib.loads(to_toml(table)) == table
