@@ -1,27 +1,26 @@
 """Check that no scene makes a kernel read or write outside its arrays: scenes aimed at every place where a float
 becomes an index, at words and record numbers, and at the ends of ranges.
 
-Kernels are compiled without bounds checks: so these tests are worth most with NUMBA_BOUNDSCHECK=1, as `.ci/run` runs
-them, where a wrong index is an IndexError. RASTERIZER_FUZZ_CASES is the number of random scenes.
+Kernels are compiled without bounds checks: so these tests are worth most with NUMBA_BOUNDSCHECK=1, where a wrong index
+is an IndexError. RASTERIZER_FUZZ_CASES is the number of random scenes of the nightly run.
 """
 
 import os
 import warnings
 
-import numba
 import numpy as np
 import pytest
+from helpers.pairs import pairs
 from helpers.pinhole import QUAD, SHADINGS, layer, sheet_camera
 from helpers.raster import GREY
+from helpers.stages import plain_screen
 
 import rasterizer as rz
 from rasterizer.errors import RasterizerError
 from rasterizer.pipeline import clip, texture_sampling
-from rasterizer.pipeline.cull import Grid, find_visible
-from rasterizer.pipeline.threads import Workers
-from rasterizer.pipeline.transform import Screen, Vertices
 
 N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", "1600"))
+N_CASE_BY_DEFAULT = 240
 TINY, HUGE = (1e-300, -1e-300, 5e-324), (1e300, -1e300, 1.7e308, -1.7e308, 2.0**53, 2.0**63, -(2.0**63), 2.0**64)
 NASTY = (0.0, -0.0, 1.0, -1.0, 0.5, *TINY, *HUGE)
 NUMBERS = (*NASTY, np.inf, -np.inf, np.nan, np.nextafter(1.0, 2), np.nextafter(1.0, 0), -1e-17, 1e16 + 2, 4294967296.5)
@@ -31,79 +30,61 @@ FILTERS, WRAPS = ("nearest", "bilinear", "trilinear"), ("repeat", "clamp", "mirr
 # ── every float that becomes an index ───────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize(
-    "wrap", [texture_sampling.WRAP_REPEAT, texture_sampling.WRAP_CLAMP, texture_sampling.WRAP_MIRROR]
-)
-def test_places_in_a_picture_lie_within_it_whatever_the_coordinate(wrap):
+def test_places_in_a_picture_lie_within_it_whatever_the_coordinate():
     rng = np.random.default_rng(1)
-    bits = rng.integers(0, 2**64, 20_000, dtype=np.uint64).view(np.float64)  # any float at all
+    bits = rng.integers(0, 2**64, 3000, dtype=np.uint64).view(np.float64)  # any float at all
     with np.errstate(all="ignore"):
-        for x in (*NUMBERS, *bits, *rng.normal(scale=3, size=2000)):
-            place = texture_sampling.wrap_texcoord.py_func(np.float64(x), wrap)
-            assert 0.0 <= place <= 1.0, f"{x!r} with wrap {wrap} becomes {place!r}"
+        for wrap in (texture_sampling.WRAP_REPEAT, texture_sampling.WRAP_CLAMP, texture_sampling.WRAP_MIRROR):
+            for x in (*NUMBERS, *bits, *rng.normal(scale=3, size=500)):
+                place = texture_sampling.wrap_texcoord.py_func(np.float64(x), wrap)
+                assert 0.0 <= place <= 1.0, f"{x!r} with wrap {wrap} becomes {place!r}"
 
 
-@pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("kind", FILTERS)
-@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (5, 3), (16, 2)])
-def test_texture_coordinates_of_any_size(kind, wrap, shape):
-    image = np.random.default_rng(2).uniform(0, 1, (*shape, 3))
-    material = rz.Material(ambient=1, diffuse=0, specular=0, texture=rz.Texture(image, kind, wrap))
+def test_texture_coordinates_of_any_size(kind):
     corners = np.array(layer((16, 12), 2.0, is_perspective=False))
-    for u in NASTY:
-        for v in (0.25, -u, 3 * u if abs(u) < 1e300 else 1.0):
-            uv = np.array([(0, 0), (u, 0), (u, v), (0, v)])
-            scene = rz.Scene(
-                [rz.Mesh(corners, QUAD, uv=uv, material=material)], (rz.AmbientLight(1.0),), sheet_camera(12)
-            )
-            frame = rz.render(scene, (16, 12), shading="flat", threads=1, samples=1)
-            assert np.isfinite(frame.color).all() and frame.color.max() <= image.max() + 1e-5  # texels of 16 bits
+    for wrap, shape in (("repeat", (1, 1)), ("clamp", (1, 7)), ("repeat", (5, 3)), ("mirror", (16, 2))):
+        image = np.random.default_rng(2).uniform(0, 1, (*shape, 3))
+        material = rz.Material(ambient=1, diffuse=0, specular=0, texture=rz.Texture(image, kind, wrap))
+        for k, u in enumerate(NASTY):
+            v = (0.25, -u, 3 * u if abs(u) < 1e300 else 1.0)[k % 3]
+            mesh = rz.Mesh(corners, QUAD, uv=np.array([(0, 0), (u, 0), (u, v), (0, v)]), material=material)
+            scene = rz.Scene([mesh], (rz.AmbientLight(1.0),), sheet_camera(12))
+            color = rz.render(scene, (16, 12), shading="flat", threads=1, samples=1).color
+            is_texel = np.isfinite(color).all() and color.max() <= image.max() + 1e-5  # texels of 16 bits
+            assert is_texel, f"{kind}, {wrap}, {shape}, uv up to ({u}, {v}): {color.max()} > {image.max()}"
 
 
-@pytest.mark.parametrize("distance", [1e-3, 1.0, 5.0, 1e6])
-@pytest.mark.parametrize("share", [1e-300, 1e-100, 1e-30, 1e-16, 1e-11, 1e-6])
-def test_a_near_plane_next_to_the_eye(share, distance):
+def test_a_near_plane_next_to_the_eye():
     """1/w of the near plane leaves what float64 can tell from 0: depths and texture coordinates may be no numbers."""
     image = np.random.default_rng(3).uniform(0, 1, (8, 8, 4))
-    vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, -0.5)]) * distance * 0.3
-    eye = (0.0, 0.0, distance)
-    camera = rz.Camera.perspective(eye, (0, 0, 0), fov=50, near=max(share * distance, 5e-324))
-    for opacity in (1.0, 0.5):
-        for kind in FILTERS:
-            look = rz.Material(texture=rz.Texture(image, kind), opacity=opacity)
-            mesh = rz.Mesh(vertices, QUAD, uv=[(0, 0), (9, 0), (9, 9), (0, 9)], material=look)
-            lamp = rz.PointLight((0, 0, distance), 0.5, shadow=True)
-            for shading in SHADINGS:
-                scene = rz.Scene([mesh], (*GREY, lamp), camera)
-                draw(scene, (16, 12), shading=shading, outputs=("rgb", "depth", "face", "normal"))
+    kinds, shares = (1.0, 0.5), (1e-300, 1e-100, 1e-30, 1e-16, 1e-11, 1e-6)
+    for distance, share, opacity, kind, shading in pairs(
+        distance=(1e-3, 1.0, 5.0, 1e6), share=shares, opacity=kinds, kind=FILTERS, shading=SHADINGS
+    ):
+        vertices = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, -0.5)]) * distance * 0.3
+        near = max(share * distance, 5e-324)
+        camera = rz.Camera.perspective((0.0, 0.0, distance), (0, 0, 0), fov=50, near=near)
+        look = rz.Material(texture=rz.Texture(image, kind), opacity=opacity)
+        mesh = rz.Mesh(vertices, QUAD, uv=[(0, 0), (9, 0), (9, 9), (0, 9)], material=look)
+        lamp = rz.PointLight((0, 0, distance), 0.5, shadow=True)
+        outputs = ("rgb", "depth", "face", "normal")
+        draw(rz.Scene([mesh], (*GREY, lamp), camera), (16, 12), shading=shading, outputs=outputs)
 
 
-def test_more_bands_than_sixteen_bits_can_count():
-    """A high picture whose bands are a row each."""
-    height, workers = 70_001, Workers(1)
-    y = np.array([0, 256 * height, 256 * height, 256 * 69_000, 256 * 69_100, 256 * 69_050], np.int32)
-    vertices = Vertices(np.array([0, 0, 2560, 0, 256, 2560], np.int32), y, np.zeros(6))
-    vertex_idx = np.array([(0, 3), (1, 4), (2, 5)], np.uint32)
-    (visible,) = find_visible(vertex_idx, vertices, Grid(8, height, 1), False, workers)
-    assert visible.last_bands.max() == height - 1 and len(visible.faces) == 2
-    assert visible.histogram.sum() == sum(visible.last_bands.astype(int) - visible.first_bands + 1)
-
-
-@pytest.mark.parametrize("n", [3, 4, 6, 9, 13, 19])
-def test_a_polygon_that_zigzags_through_a_plane_finds_room(n):
-    """Slivers that rounding has bent: every corner lies on the other side than the one before."""
-    polygon, out = np.zeros((n, clip.N_CORNER_COLUMN)), np.full((clip.ROOM + 1, clip.N_CORNER_COLUMN), np.nan)
-    polygon[:, clip.W] = [1.0, -1.0, 1.0][:n] if n == 3 else np.where(np.arange(n) % 2, -1.0, 1.0)
-    axes = np.eye(4)[:, :3]
-    screen = Screen(*axes, axes[1], 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, np.inf, 0.0, 1.0, True)
-    n_out = clip_once(polygon, n, screen, out)
-    assert n_out <= 3 * n // 2 <= clip.ROOM and np.isnan(out[n_out:]).all() and not np.isnan(out[:n_out]).any()
-
-
-@numba.njit
-def clip_once(polygon, n, screen, out):
-    """The helper in compiled code, as the pipeline has it; at the near plane."""
-    return clip.clip_polygon(polygon, n, clip.NEAR, screen, clip.GUARD_BAND, out)
+def test_polygons_that_zigzag_through_all_planes_find_room():
+    """Slivers far beyond the guard band, which rounding bends while they are clipped."""
+    rng, screen = np.random.default_rng(9), plain_screen(True, (1.0, 10.0), far_clip=10.0)
+    corners = rng.normal(size=(3, 2000)) * 2.0 ** rng.uniform(0, 60, (1, 2000))
+    faces = rng.integers(0, 2000, (3, 4000)).astype(np.uint32)
+    corners[:, faces[2]] = corners[:, faces[0]] + rng.uniform(-0.1, 1.1, 4000) * (
+        corners[:, faces[1]] - corners[:, faces[0]]
+    )
+    parts, owners = np.full((7 * 4000 + 9, 3, clip.N_CORNER_COLUMN), np.nan), np.empty(7 * 4000, np.uint32)
+    scratch = clip.ClipScratch(*np.full((2, clip.ROOM + 9, clip.N_CORNER_COLUMN), 77.0))
+    n = clip.clip_faces(corners, faces, np.arange(4000, dtype=np.uint32), screen, scratch, parts, owners)
+    assert 1000 < n and np.isnan(parts[n:]).all() and not np.isnan(parts[:n]).any()
+    assert all((room[clip.ROOM :] == 77).all() for room in scratch), "a polygon has more corners than there is room for"
 
 
 # ── random scenes, every number of which may be extreme ─────────────────────────────────────────────────
@@ -231,12 +212,10 @@ def options_of(rng):
     }
 
 
-@pytest.mark.parametrize("part", range(8))
-def test_random_scenes_with_extreme_numbers(part):
+def check_random_scenes(cases):
     """Whatever is drawn: only errors of ours come out, every pixel is written, and most scenes are drawn."""
-    n_case = -(-N_CASE // 8)
     n_drawn = 0
-    for case in range(part * n_case, (part + 1) * n_case):
+    for case in cases:
         rng = np.random.default_rng((20_261_121, case))
         try:
             scene = scene_of(rng)
@@ -250,4 +229,14 @@ def test_random_scenes_with_extreme_numbers(part):
         n_drawn += frame is not None
         if frame is not None and "face" in options["outputs"]:
             assert frame.face.min() >= -1 and frame.face.max() < scene.meshes[0].n_face, f"case {case}"
-    assert n_drawn > 0.5 * n_case, f"only {n_drawn} of {n_case} scenes are drawn"
+    assert n_drawn > 0.5 * len(cases), f"only {n_drawn} of {len(cases)} scenes are drawn"
+
+
+def test_random_scenes_with_extreme_numbers():
+    check_random_scenes(range(N_CASE_BY_DEFAULT))
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("part", range(8))
+def test_many_random_scenes_with_extreme_numbers(part):
+    check_random_scenes(range(part * N_CASE // 8, (part + 1) * N_CASE // 8))
