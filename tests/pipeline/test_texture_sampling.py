@@ -2,27 +2,28 @@
 here."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from helpers.pairs import pairs
 from helpers.pinhole import ALBEDO, SHADINGS, WHITE, at_pixel, eye_camera, octasphere, sheet_camera
 
 import rasterizer as rz
 
-SIZE = (60, 44)
+SIZE = (40, 30)
 LIT = (
     rz.AmbientLight((0.2, 0.3, 0.1)),
     rz.DirectionalLight((0.3, -0.2, -1), (0.6, 0.5, 0.7)),
     rz.PointLight((1, 2, 0), 0.4),
 )
-rng = np.random.default_rng(1)
-TEXELS = rng.uniform(0, 1, (5, 7, 3))
+TEXELS = np.random.default_rng(1).uniform(0, 1, (5, 7, 3))
 WRAPS = ("repeat", "clamp", "mirror", ("repeat", "mirror"))
 
 
 def tilted_quad(is_perspective=True):
     """A parallelogram whose first three corners are whole pixels, with texture coordinates from below 0 to above 1."""
-    a, b, c = (np.array(at_pixel(SIZE, *p, is_perspective)) for p in ((3, 4, 2.0), (9, 41, 6.0), (58, 38, 4.0)))
+    a, b, c = (np.array(at_pixel(SIZE, *p, is_perspective)) for p in ((2, 3, 2.0), (6, 28, 6.0), (39, 26, 4.0)))
     uv = np.array([(-0.7, 1.6), (-0.4, -1.3), (2.2, -0.5)])
     return np.array([a, b, c, a - b + c]), np.vstack([uv, uv[0] - uv[1] + uv[2]])
 
@@ -105,25 +106,23 @@ def textured(texels, kind="nearest", wrap="repeat", is_perspective=True, materia
 # ── filters ─────────────────────────────────────────────────────────────────────────────────────────────
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("wrap", WRAPS)
 @pytest.mark.parametrize("kind", ["nearest", "bilinear"])
-@pytest.mark.parametrize("is_perspective", [True, False])
-def test_every_pixel_shows_the_texel_of_its_ray(kind, wrap, shading, is_perspective):
-    camera = None if is_perspective else sheet_camera(SIZE[1])
-    frame = show([textured(TEXELS, kind, wrap, is_perspective)], shading, camera=camera)
-    uv = coordinates(*tilted_quad(is_perspective), *grid(), is_perspective)
-    # the second triangle's last corner was rounded to 1/256 px, which moves its texels by as much
-    first = show([textured(TEXELS, kind, wrap, is_perspective)], shading, camera=camera, outputs=("face",)).face == 0
-    is_sure = first & (~is_near_border(TEXELS, uv) | (kind == "bilinear"))
-    off = np.abs(frame.color - looked_up(TEXELS, uv, kind, wrap))[is_sure]
-    assert len(off) > 300 and off.max() < 1e-6
-    others = (frame.alpha > 0) & ~first
-    assert others.sum() > 300 and np.median(np.abs(frame.color - looked_up(TEXELS, uv, kind, wrap))[others]) < 0.01
+def test_every_pixel_shows_the_texel_of_its_ray(kind):
+    for wrap, shading, is_perspective in pairs(wrap=WRAPS, shading=SHADINGS, is_perspective=(True, False)):
+        camera, case = None if is_perspective else sheet_camera(SIZE[1]), f"{wrap} {shading} {is_perspective=}"
+        mesh = textured(TEXELS, kind, wrap, is_perspective)
+        frame = show([mesh], shading, camera=camera, outputs=("color", "face"))
+        uv = coordinates(*tilted_quad(is_perspective), *grid(), is_perspective)
+        # the second triangle's last corner was rounded to 1/256 px, which moves its texels by as much
+        first, others = frame.face == 0, frame.face == 1
+        is_sure = first & (~is_near_border(TEXELS, uv) | (kind == "bilinear"))
+        off = np.abs(frame.color - looked_up(TEXELS, uv, kind, wrap))
+        assert is_sure.sum() > 100 and off[is_sure].max() < 1e-6, f"{case}: {off[is_sure].max():.3g} > 1e-6"
+        assert others.sum() > 100 and np.median(off[others]) < 0.01, f"{case}: {np.median(off[others]):.3g} > 0.01"
 
 
-@pytest.mark.parametrize("samples", [4, 9])
-def test_samples_look_their_own_texels_up(samples):
+def test_samples_look_their_own_texels_up():
+    samples = 4
     factor = round(samples**0.5)
     triangle, uv = tilted_quad()
     mesh = rz.Mesh(
@@ -136,8 +135,7 @@ def test_samples_look_their_own_texels_up(samples):
     assert whole.sum() > 300 and np.abs(frame.color - mean)[whole].max() < 1e-6
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_a_floor_that_runs_under_the_eye_is_clipped(shading):
+def test_a_floor_that_runs_under_the_eye_is_clipped():
     """Corners far behind the eye: what is left of the triangle carries its texture on."""
     vertices = np.array([(-30, -1, 9), (30, -1, 9), (2, -1, -40)], float)
     uv = vertices[:, [0, 2]] * (0.3, -0.2)
@@ -146,66 +144,57 @@ def test_a_floor_that_runs_under_the_eye_is_clipped(shading):
     steps = [coordinates(vertices, uv, x + i, y + j) - place for i, j in ((0.01, 0), (0, 0.01))]
     # new corners are rounded to 1/256 px: places move by a 512th of a pixel's steps along both axes
     drift = (np.abs(steps).sum(axis=0) / 0.01 / 512) * texels
-    for kind in ("nearest", "bilinear"):
+    for shading, kind in zip(SHADINGS, ("nearest", "bilinear", "nearest"), strict=True):
         material = replace(ALBEDO, texture=rz.Texture(TEXELS, kind))
         frame = show([rz.Mesh(vertices, [[0, 1, 2]], uv=uv, material=material)], shading, camera=eye_camera(near=0.5))
         assert frame.stats.clipped == 1
         off = np.abs(frame.color - looked_up(TEXELS, place, kind)).max(axis=-1)
+        # a texel's step changes a colour by 1 at most
+        budget, is_sure = 1e-6 + drift.sum(axis=-1), frame.alpha > 0
         if kind == "nearest":
-            is_sure = (frame.alpha > 0) & (np.abs(place * texels - (place * texels).round()) > drift).all(axis=-1)
-            assert is_sure.sum() > 500 and off[is_sure].max() < 1e-6
-        else:  # a texel's step changes a colour by 1 at most
-            assert ((off <= drift.sum(axis=-1) + 1e-6) | (frame.alpha == 0)).all()
+            is_sure &= (np.abs(place * texels - (place * texels).round()) > drift).all(axis=-1)
+            budget = np.full_like(off, 1e-6)
+        worst = (off / budget)[is_sure].max()
+        assert is_sure.sum() > 250 and worst <= 1, f"{shading}, {kind}: {worst:.3g} > 1 times what is allowed"
 
 
-@pytest.mark.parametrize("wrap", WRAPS)
-@pytest.mark.parametrize("scale", [0.2, 1.0, 5.0, 40.0])
-def test_trilinear_takes_the_level_of_its_derivatives(scale, wrap):
+@pytest.mark.parametrize("scale, wrap, shading", [
+    (0.2, "repeat", "flat"), (1.0, "mirror", "gouraud"), (5.0, "clamp", "phong"), (40.0, ("repeat", "mirror"), "phong"),
+    (5.0, "repeat", "gouraud"),
+])  # fmt: skip
+def test_trilinear_takes_the_level_of_its_derivatives(scale, wrap, shading):
     """The larger step on the texture, in texels, of one pixel to the right or down, by differences; log2 of it is the
     level."""
-    texels = rng.uniform(0, 1, (16, 32, 3))
+    texels = np.random.default_rng(2).uniform(0, 1, (16, 32, 3))
     triangle, uv = tilted_quad()
     texture = rz.Texture(texels, "trilinear", wrap)
     mesh = rz.Mesh(triangle[:3], [[0, 1, 2]], uv=uv[:3] * scale, material=replace(ALBEDO, texture=texture))
-    for shading in SHADINGS:
-        frame = show([mesh], shading)
-        x, y = grid()
-        here, h = coordinates(triangle, uv * scale, x, y), 1e-4
-        right = (
-            (coordinates(triangle, uv * scale, x + h, y) - coordinates(triangle, uv * scale, x - h, y))
-            / (2 * h)
-            * (32, 16)
-        )
-        down = (
-            (coordinates(triangle, uv * scale, x, y + h) - coordinates(triangle, uv * scale, x, y - h))
-            / (2 * h)
-            * (32, 16)
-        )
-        step = np.maximum(np.linalg.norm(right, axis=-1), np.linalg.norm(down, axis=-1))
-        detail = np.clip(np.log2(np.maximum(step, 1)), 0, len(texture.pyramid) - 1)
-        below = np.minimum(detail.astype(int), len(texture.pyramid) - 2)
-        levels = np.stack(
-            [looked_up(level[..., :3].astype(float), here, "bilinear", wrap) for level in texture.pyramid]
-        )
-        fine, coarse = (np.take_along_axis(levels, k[None, ..., None], axis=0)[0] for k in (below, below + 1))
-        expected = fine + (detail - below)[..., None] * (coarse - fine)
-        off = np.abs(frame.color - expected)[frame.alpha > 0]
-        assert len(off) > 300 and off.max() < 1e-5, f"{off.max():.3g}"
+    frame, (x, y), h = show([mesh], shading), grid(), 1e-4
+    here = coordinates(triangle, uv * scale, x, y)
+    steps = [
+        coordinates(triangle, uv * scale, x + i, y + j) - coordinates(triangle, uv * scale, x - i, y - j)
+        for i, j in ((h, 0), (0, h))
+    ]
+    step = np.linalg.norm(np.array(steps) / (2 * h) * (32, 16), axis=-1).max(axis=0)
+    detail = np.clip(np.log2(np.maximum(step, 1)), 0, len(texture.pyramid) - 1)
+    below = np.minimum(detail.astype(int), len(texture.pyramid) - 2)
+    levels = np.stack([looked_up(level[..., :3].astype(float), here, "bilinear", wrap) for level in texture.pyramid])
+    fine, coarse = (np.take_along_axis(levels, k[None, ..., None], axis=0)[0] for k in (below, below + 1))
+    expected = fine + (detail - below)[..., None] * (coarse - fine)
+    off = np.abs(frame.color - expected)[frame.alpha > 0]
+    assert len(off) > 150 and off.max() < 1e-5, f"{off.max():.3g} > 1e-5"
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 6), (6, 1), (3, 2)])
-@pytest.mark.parametrize("kind", ["nearest", "bilinear", "trilinear"])
-def test_narrow_textures(shape, kind):
-    texels = rng.uniform(0, 1, (*shape, 3))
-    triangle, uv = tilted_quad()
-    material = replace(ALBEDO, texture=rz.Texture(texels, kind))
-    frame = show([rz.Mesh(triangle[:3], [[0, 1, 2]], uv=uv[:3] * 0.01, material=material)])
-    place = coordinates(triangle, uv * 0.01, *grid())
-    expected = looked_up(texels, place, "nearest" if kind == "nearest" else "bilinear")
-    off = np.abs(frame.color - expected)[(frame.alpha > 0) & ~is_near_border(texels, place)]
-    assert len(off) > 300 and off.max() < 1e-6
-    if shape == (1, 1):
-        assert np.abs(frame.color[frame.alpha > 0] - texels[0, 0]).max() < 1e-7
+def test_narrow_textures():
+    for shape, kind in product([(1, 1), (1, 6), (6, 1), (3, 2)], ["nearest", "bilinear", "trilinear"]):
+        texels = np.random.default_rng(2).uniform(0, 1, (*shape, 3))
+        triangle, uv = tilted_quad()
+        material = replace(ALBEDO, texture=rz.Texture(texels, kind))
+        frame = show([rz.Mesh(triangle[:3], [[0, 1, 2]], uv=uv[:3] * 0.01, material=material)])
+        place = coordinates(triangle, uv * 0.01, *grid())
+        expected = looked_up(texels, place, "nearest" if kind == "nearest" else "bilinear")
+        off = np.abs(frame.color - expected)[(frame.alpha > 0) & ~is_near_border(texels, place)]
+        assert len(off) > 150 and off.max() < 1e-6, f"{shape}, {kind}: {off.max():.3g} > 1e-6"
 
 
 # ── whose texture ───────────────────────────────────────────────────────────────────────────────────────
@@ -222,12 +211,14 @@ def test_corners_have_texture_coordinates_of_their_own(shading):
     for face in (0, 1):
         place = coordinates(vertices[faces[face]], uv[face], *grid())
         off = np.abs(frame.color - looked_up(TEXELS, place)).max(axis=-1)[frame.face == face]
-        assert len(off) > 300 and np.median(off) < 1e-7 and (off > 1e-6).mean() < 0.02
+        assert len(off) > 150 and np.median(off) < 1e-7 and (off > 1e-6).mean() < 0.02
 
 
 def three_materials():
     """Two with pictures of their own, one without."""
-    pictures = [rz.Texture(rng.uniform(0, 1, (4, 4, 3)), kind) for kind in ("nearest", "trilinear")]
+    pictures = [
+        rz.Texture(np.random.default_rng(2).uniform(0, 1, (4, 4, 3)), kind) for kind in ("nearest", "trilinear")
+    ]
     shine = rz.Material(diffuse=(0.5, 0.7, 0.6), specular=0.3, shininess=8)
     return [replace(shine, texture=pictures[0]), shine, replace(shine, texture=pictures[1], emissive=0.1)]
 
@@ -245,18 +236,17 @@ def test_each_face_has_the_texture_of_its_material(shading):
         for k in range(3)
     ]
     apart = show(parts, shading, LIT)
-    assert (frame.alpha > 0).sum() > 150 and np.array_equal(frame.alpha, apart.alpha)
+    assert (frame.alpha > 0).sum() > 70 and np.array_equal(frame.alpha, apart.alpha)
     assert np.abs(frame.color - apart.color).max() < 1e-6
     bare = show([replace(part, material=replace(part.material, texture=None)) for part in parts], shading, LIT)
-    assert (np.abs(frame.color - bare.color).max(axis=-1) > 0.02).sum() > 100
+    assert (np.abs(frame.color - bare.color).max(axis=-1) > 0.02).sum() > 45
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("colored", [False, True])
+@pytest.mark.parametrize("shading, colored", [("flat", True), ("gouraud", False), ("phong", True)])
 def test_the_texture_weakens_the_matte_light_alone(shading, colored):
     """Emission and highlight stay: rest + (whole - rest)·texel, each of the two drawn without textures."""
     vertices, faces = octasphere(1)
-    colors = rng.uniform(0.3, 1, (len(vertices), 3)) if colored else None
+    colors = np.random.default_rng(2).uniform(0.3, 1, (len(vertices), 3)) if colored else None
     mesh = {"normals": vertices.copy(), "uv": vertices[:, :2], "colors": colors}
     vertices = vertices + (0, 0, -3)
     shiny = rz.Material(
@@ -271,23 +261,8 @@ def test_the_texture_weakens_the_matte_light_alone(shading, colored):
     white = mesh | {"colors": None}
     texel = show([rz.Mesh(vertices, faces, material=replace(ALBEDO, texture=picture), **white)], shading).color
     assert np.ptp(texel) > 0.5 and np.ptp(rest) > 0.1
-    assert np.abs(product - (rest + (whole - rest) * texel)).max() < 1e-6
-
-
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_tolerance_changes_textured_surfaces_by_the_bound_at_most_and_threads_by_nothing(shading):
-    vertices, faces = octasphere(2)
-    model = rz.Mesh(vertices + (0, 0, -3), faces, uv=vertices[:, :2] * 3, materials=three_materials(),
-                    face_material=np.arange(len(faces)) % 3)  # fmt: skip
-    scene = rz.Scene([model], LIT, eye_camera())
-    exact, *default = (
-        rz.render(scene, SIZE, shading=shading, threads=threads, **{"samples": 1} | options)
-        for threads, options in ((1, {"tolerance": 0}), (1, {}), (3, {}))
-    )
-    error, bound = np.abs(exact.color - default[0].color).max(), default[0].stats.error_bound + exact.stats.error_bound
-    assert error <= bound, f"{error:.3g} > {bound:.3g}"
-    assert default[0].color.tobytes() == default[1].color.tobytes()
-    assert default[0].rgba.tobytes() == default[1].rgba.tobytes()
+    off = np.abs(product - (rest + (whole - rest) * texel)).max()
+    assert off < 1e-6, f"{off:.3g} > 1e-6"
 
 
 def test_a_bright_texture_in_linear_floats_is_not_cut_off():
@@ -302,8 +277,7 @@ PALETTE = [rz.Material(diffuse=c, specular=s, reflection=r) for c, s, r in
            ((0.7, 0.2, "phong"), ((0.2, 0.6, 0.3), 0.4, "blinn"), ((0.8, 0.1, 0.1), 0, "lambert"))]  # fmt: skip
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("opacity", [1.0, 0.5])
+@pytest.mark.parametrize("shading, opacity", [("flat", 1.0), ("gouraud", 0.5), ("phong", 1.0), ("phong", 0.5)])
 def test_a_mesh_of_several_materials_is_that_of_several_meshes(shading, opacity):
     vertices, faces = octasphere(2)
     number = np.argsort(np.argsort(np.sin(np.arange(len(faces)) * 7.3))) % 3
@@ -316,12 +290,14 @@ def test_a_mesh_of_several_materials_is_that_of_several_meshes(shading, opacity)
     parts = [rz.Mesh(vertices, faces[number == k], normals, material=palette[k]) for k in range(3)]
     apart = show(parts, shading, LIT, outputs=outputs)
     plain = show([rz.Mesh(vertices, faces, normals)], shading, outputs=outputs)
-    assert np.abs(together.color - apart.color).max() < 1e-6
+    off = np.abs(together.color - apart.color).max()
+    assert off < 1e-6, f"{off:.3g} > 1e-6"
     assert np.array_equal(together.face, plain.face) and np.array_equal(together.depth, plain.depth)
     is_hit = together.face >= 0
     assert np.array_equal(together.face[is_hit], order[apart.face[is_hit]])
     default = show([rz.Mesh(vertices, faces, normals, **options)], shading, LIT, tolerance=1 / 4096)
-    assert np.abs(default.color - together.color).max() <= 1 / 4096
+    off = np.abs(default.color - together.color).max()
+    assert off <= 1 / 4096, f"{off:.3g} > 1/4096"
 
 
 def test_normals_are_averaged_across_borders_of_materials():
@@ -333,13 +309,14 @@ def test_normals_are_averaged_across_borders_of_materials():
     assert np.array_equal(smooth, plain) and np.abs(plain).max() > 0.9
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_polygons_keep_one_material(shading):
+def test_polygons_keep_one_material():
     """Quads with a material each, on one plane: every quad shows its own, without a trace of the diagonal."""
     corners = np.array([at_pixel(SIZE, 10 * i, 10 * j, 3.0) for j in range(4) for i in range(5)])
     quads = np.array([[5 * j + i, 5 * j + 5 + i, 5 * j + 6 + i, 5 * j + 1 + i] for j in range(3) for i in range(4)])
-    colors = rng.uniform(0, 1, (12, 3))
+    colors = np.random.default_rng(2).uniform(0, 1, (12, 3))
     materials = [replace(ALBEDO, ambient=tuple(color)) for color in colors]
-    frame = show([rz.Mesh(corners, quads, materials=materials, face_material=np.arange(12))], shading)
     expected = np.kron(colors.reshape(3, 4, 3), np.ones((10, 10, 1)))
-    assert np.abs(frame.color[:30, :40] - expected).max() < 1e-6
+    for shading in SHADINGS:
+        frame = show([rz.Mesh(corners, quads, materials=materials, face_material=np.arange(12))], shading)
+        off = np.abs(frame.color[:30, :40] - expected).max()
+        assert off < 1e-6, f"{shading}: {off:.3g} > 1e-6"
