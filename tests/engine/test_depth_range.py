@@ -48,6 +48,8 @@ def test_near_and_far_that_are_given_count(make):
     near, far, clip = fitted(make((0, 0, 5), far=5.5))
     assert near == pytest.approx(4, rel=1e-5) and (far, clip) == (5.5, 5.5)
     assert fitted(make((0, 0, 5), near=50.0)) == (50.0, 50.0, np.inf)
+    if make is rz.Camera.perspective:  # what a far plane cuts off does not push the near one away
+        assert fitted(make((0, 0, 0), (0, 0, -1), far=0.1))[0] == pytest.approx(0.1 * NEAREST)
 
 
 positions = st.tuples(*[st.floats(-20, 20)] * 3)

@@ -58,7 +58,9 @@ def test_without_ends_all_lights_count():
     ).sets
     assert sets.is_whole and sets.reaches.all() and sets.most_together == 2
     carried = rz.PointLight((50, 0, 0), range=1.0, attached="camera")
-    assert compute_reach((carried,), np.array([[[0, 0, 0], [1, 1, 1.0]]]), [np.array([0])]).sets.reaches.all()
+    box, short = np.array([[[0, 0, 0], [1, 1, 1.0]]]), rz.PointLight((9, 0, 0), range=1.0)
+    assert compute_reach((carried,), box, [np.array([0])]).sets.reaches.all()
+    assert compute_reach((carried, short), box, [np.array([0])]).sets.reaches.tolist() == [[True, False]]
 
 
 def test_what_counts_is_never_infinite_for_what_is_not_reached():
@@ -85,7 +87,7 @@ def test_what_is_known_of_a_scene_ends_where_rounding_grows():
     lamp, box = rz.PointLight((0, 0, 5), range=1.0), np.array([[[-1.0, -1, -1], [1, 1, 1]]])
     reach = compute_reach((lamp,), box, [np.array([0])])
     assert not reach.sets.reaches.any()
-    assert reach.holds_in(20.0, 1e-4) and not reach.holds_in(1e5, 1e-4) and not reach.holds_in(20.0, 0.5)
+    assert reach.holds_in(3000.0, 1e-4) and not reach.holds_in(4000.0, 1e-4) and not reach.holds_in(20.0, 0.5)
 
 
 # ---------------------------------------------------------------- pictures

@@ -309,7 +309,7 @@ def test_too_many_maps_are_refused():
 def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
     """A material that one view needs float64 for, and the next one not, counts in the next one."""
     mesh = rz.Mesh(*octasphere(2), crease_angle=180)
-    carried = rz.DirectionalLight((0.1, 0, -1), attached="camera", shadow=rz.Shadow(64))
+    carried = rz.DirectionalLight((0.1, 0, -1), attached="camera", shadow=rz.Shadow(64, 5))
     scene = rz.Scene([mesh], [rz.DirectionalLight((0, 0, -1), shadow=rz.Shadow(64)), carried])
     plan = make_plan(scene, rz.Options(shading="phong"), np.empty((0, 3)))
     shadows = Shadows(gather_geometry(scene, False), mesh.bounds[None], plan)
@@ -321,6 +321,7 @@ def test_a_map_that_is_kept_knows_how_far_each_view_may_turn_normals():
 
     first, moving = draw(plan)
     own, texels = float(first.block[lookup.NORMAL_ERROR]), first.block[lookup.HEADER :].tobytes()
+    assert moving.block[lookup.NORMAL_ERROR] == pytest.approx(5 * own), "over half of five texels, not of one"
     assert draw(turned)[0] is first and first.block[lookup.NORMAL_ERROR] > 2 * own > 0
     assert draw(plan)[0] is first and first.block[lookup.NORMAL_ERROR] == own
     elsewhere = View(np.array([3.0, 0, 4]), *np.eye(3)[[1, 2, 0]])

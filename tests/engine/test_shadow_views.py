@@ -30,17 +30,20 @@ def inside(rng, boxes, n):
 
 @pytest.mark.parametrize("taps", [1, 9])
 def test_a_face_of_the_cube_is_left_out_only_if_nothing_lies_behind_it(taps):
-    """What the filter reaches beyond the face's border counts, too."""
+    """Nothing that the light shines at; what the filter reaches beyond the face's border counts, too."""
     rng, n_left_out = np.random.default_rng(taps), 0
     shadow = rz.Shadow(32, taps)
     widest = map_side(shadow) / shadow.size
-    for _ in range(100):
-        boxes = random_boxes(rng, rng.integers(1, 4))
+    for k in range(160):
+        boxes, outer = random_boxes(rng, rng.integers(1, 4)), np.radians(rng.uniform(64, 89))
         origin = boxes.mean(axis=(0, 1)) + rng.normal(0, 0.3, 3)
-        maps = choose_views(Beam(origin, None, math.inf), corners_of(boxes), shadow)
+        beam = Beam(origin, None, math.inf) if k % 2 else Beam(origin, unit(rng.normal(size=3)), math.tan(outer))
+        maps = choose_views(beam, corners_of(boxes), shadow)
         if len(maps.views) == 1:
             continue
         points = inside(rng, boxes, 1000) - origin
+        if beam.axis is not None:
+            points = points[points @ beam.axis > np.linalg.norm(points, axis=1) * np.cos(outer)]
         for forward, is_needed in zip(CUBE, maps.is_needed, strict=True):
             depth = points @ forward
             beside = np.abs(points - depth[:, None] * forward).max(axis=1)
@@ -48,6 +51,35 @@ def test_a_face_of_the_cube_is_left_out_only_if_nothing_lies_behind_it(taps):
             assert is_needed or n_seen == 0, f"{n_seen} points behind a face that was left out"
             n_left_out += not is_needed
     assert n_left_out > 25
+
+
+@pytest.mark.parametrize("taps", [1, 9])
+def test_maps_show_what_the_light_shines_at_with_room_for_the_filter(taps):
+    rng, shadow, n_view = np.random.default_rng(taps), rz.Shadow(32, taps), set()
+    for k in range(60):
+        boxes, axis = random_boxes(rng, 2), unit(rng.normal(size=3))
+        near, away = boxes.mean(axis=(0, 1)), 9 * unit(rng.normal(size=3))
+        beam = [
+            Beam(None, axis, 0.0), Beam(near + away, None, math.inf), Beam(near, None, math.inf),
+            Beam(near + away, -away / 9, math.tan(0.2)),
+        ][k % 4]  # fmt: skip
+        maps = choose_views(beam, corners_of(boxes), shadow)
+        n_view.add(len(maps.views))
+        points = inside(rng, boxes, 300) - maps.origin
+        if k % 4 == 3:
+            points = points[points @ beam.axis > np.linalg.norm(points, axis=1) * np.cos(0.2)]
+        margin = (taps >> 1) + (0.99 if len(maps.views) == 1 else 0.0)  # of a fitted map, a texel more
+        for view, projection in maps.views:
+            depth = points @ view.forward
+            across, upward = (points @ way / (depth if beam.origin is not None else 1) for way in (view.right, view.up))
+            at = np.stack([projection.center_x + projection.scale_x * across,
+                           projection.center_y - projection.scale_y * upward])  # fmt: skip
+            is_of_map = (
+                (depth > 0) & (np.maximum(abs(across), abs(upward)) <= 1) if len(maps.views) == 6 else depth < 99
+            )
+            off = np.maximum(margin - at, at - map_side(shadow) + margin)[:, is_of_map].max(initial=-1.0)
+            assert off <= 1e-9, f"{beam}: {off:.3g} texels beyond what the filter leaves"
+    assert n_view == {1, 6}
 
 
 @pytest.mark.parametrize("kind", ["range", "cone", "both"])
