@@ -23,8 +23,11 @@ LIGHTS = ("AmbientLight", "DirectionalLight", "PointLight", "SpotLight", "AreaLi
 
 
 def told(faults) -> str:
-    """The first faults, in words."""
-    return f"{len(faults)} scenes at fault\n" + "\n".join(faults[:N_SHOWN])
+    """The first faults, in words; the first line says what is wrong in the first of the scenes."""
+    first = faults[0].splitlines() if faults else ["", ""]
+    return f"{first[1].strip()} ({len(faults)} scenes at fault, the first is {first[0]})\n" + "\n".join(
+        faults[:N_SHOWN]
+    )
 
 
 @cache

@@ -229,8 +229,8 @@ def test_close_ends_the_threads(alone):
     before = threading.active_count()
     with rz.Renderer(scene_of(), SIZE, threads=4, samples=1) as renderer:
         renderer.render()
-        assert threading.active_count() > before
-    assert threading.active_count() == before
+        assert threading.active_count() > before, "nothing is drawn on other threads"
+    assert threading.active_count() == before, f"{threading.active_count() - before} threads are left after close"
     renderer.close()  # once more does no harm
 
 

@@ -104,7 +104,7 @@ def check_random_scenes(indices):
             faults += [] if "legal" in str(fault) or "depth" in str(fault) else [f"{case.words}: {fault}"]
             continue
         faults += [f"scene {index}, {case.words}: {fault}" for fault in found]
-    assert not faults, "\n".join([f"{len(faults)} differences", *faults[:10]])
+    assert not faults, "\n".join([f"{len(faults)} differences: {faults[0]}", *faults[1:10]])
 
 
 def test_random_scenes():
@@ -124,7 +124,7 @@ def check_small_scenes(shading, look, scenes):
         cameras = [scene.camera or scene.camera_for(SIZE), rz.Camera.perspective((-2.5, -1.6, 3.0), fov=60)]
         found = find_faults(scene, cameras, SIZE, own, FILLINGS[number % 3 :: 3])
         faults += [f"{name}: {fault}" for fault in found]
-    assert not faults, "\n".join([f"{look}, {shading}: {len(faults)} differences", *faults[:10]])
+    assert not faults, "\n".join([f"{look}, {shading}: {len(faults)} differences: {faults[0]}", *faults[1:10]])
 
 
 def all_scenes():
