@@ -37,14 +37,14 @@ DEPTHS = (1.0, 4.0)
 ALWAYS = 1e9  # a tolerance at which planes are taken however wrong they are
 
 SHAPES = {
-    "tiny": lambda rng: (random_triangles(rng, 60, SIZE, 1.5), SIZE),
-    "small": lambda rng: (random_triangles(rng, 60, SIZE, 8.0), SIZE),
-    "large": lambda rng: (random_triangles(rng, 40, SIZE, 150.0), SIZE),
-    "far out": lambda rng: (random_triangles(rng, 150, SIZE, 2.0**15), SIZE),
-    "thin": lambda rng: (slivers(rng, 60, SIZE, 60, 300), SIZE),
-    "sliver": lambda rng: (slivers(rng, 60, SIZE, 500, 4), SIZE),
-    "needle": lambda rng: (slivers(rng, 300, SIZE, 2**18, 2), SIZE),
-    "8192 px": lambda rng: (wide_triangles(rng, 12), WIDE),
+    "tiny": lambda rng: (random_triangles(rng, 30, SIZE, 1.5), SIZE),
+    "small": lambda rng: (random_triangles(rng, 30, SIZE, 8.0), SIZE),
+    "large": lambda rng: (random_triangles(rng, 16, SIZE, 150.0), SIZE),
+    "far out": lambda rng: (random_triangles(rng, 80, SIZE, 2.0**15), SIZE),
+    "thin": lambda rng: (slivers(rng, 30, SIZE, 60, 300), SIZE),
+    "sliver": lambda rng: (slivers(rng, 30, SIZE, 500, 4), SIZE),
+    "needle": lambda rng: (slivers(rng, 250, SIZE, 2**18, 2), SIZE),
+    "8192 px": lambda rng: (wide_triangles(rng, 6), WIDE),
 }
 
 
@@ -141,56 +141,53 @@ def drawn_values(case, coding, screen):
     return (entries & LEVEL_MASK)[None] / LEVELS, expected, workspace
 
 
-@pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("kind, n_attribute", [("entries", 1), ("values", 1), ("values", 3)])
 @pytest.mark.parametrize("shape", SHAPES)
-def test_intensities_stay_in_range_and_within_the_tolerance(shape, kind, n_attribute, is_perspective):
+def test_intensities_stay_in_range_and_within_the_tolerance(shape):
     """At every sample, also of planes that nobody would take; a constant stays constant."""
-    screen = plain_screen(is_perspective, DEPTHS)
-    n_coded = n_refused = 0
-    for case in cases(shape, n_attribute, is_perspective):
-        low, high = case[2].min(axis=0)[:, None], case[2].max(axis=0)[:, None]
-        for tolerance in (ALWAYS, 1 / 64, 1 / 4096):
-            coding = plain_coding(kind, screen, n_attribute, level_scale=LEVELS, tolerance=tolerance)
-            values, expected, workspace = drawn_values(case, coding, screen)
-            if values is None:
-                n_refused += 1
-                continue
-            n_coded += 1
-            slack = 0.5 / LEVELS if (workspace.records.int_planes == 0).all() else 0.0  # rounded to whole levels
-            assert (values >= low - slack).all() and (values <= high + slack).all(), (
-                f"{case}: {values.min()}..{values.max()} not in {low}..{high}"
-            )
-            error = np.abs(values - expected).max()
-            assert error <= tolerance, f"{case}: error {error} > {tolerance}"
-    assert n_coded + n_refused >= 15
-    assert n_refused > 100 if shape == "needle" else n_coded > 10, f"{n_coded} coded, {n_refused} refused"
+    turn = list(SHAPES).index(shape) % 2 == 0
+    for kind, n_attribute, is_perspective in (("entries", 1, turn), ("values", 1, not turn), ("values", 3, turn)):
+        screen, n_coded, n_refused = plain_screen(is_perspective, DEPTHS), 0, 0
+        for case in cases(shape, n_attribute, is_perspective):
+            low, high = case[2].min(axis=0)[:, None], case[2].max(axis=0)[:, None]
+            for tolerance in (ALWAYS, 1 / 64, 1 / 4096):
+                coding = plain_coding(kind, screen, n_attribute, level_scale=LEVELS, tolerance=tolerance)
+                values, expected, workspace = drawn_values(case, coding, screen)
+                if values is None:
+                    n_refused += 1
+                    continue
+                n_coded += 1
+                slack = 0.5 / LEVELS if (workspace.records.int_planes == 0).all() else 0.0  # rounded to whole levels
+                found = f"{values.min()}..{values.max()} not in {low}..{high}, {kind}, {is_perspective=}: {case}"
+                assert (values >= low - slack).all() and (values <= high + slack).all(), found
+                error = np.abs(values - expected).max()
+                assert error <= tolerance, f"error {error:.3g} > {tolerance:.3g}, {kind}, {is_perspective=}: {case}"
+        assert n_refused > 50 if shape == "needle" else n_coded > 5, f"{n_coded} coded, {n_refused} refused, {kind}"
 
 
 @pytest.mark.parametrize("is_affine", [False, True])
-@pytest.mark.parametrize("ratio", [1.0, 1.5, 4.0, 100.0, 1e4])
-def test_planes_of_intensities_err_as_little_as_they_say_in_any_perspective(ratio, is_affine):
+def test_planes_of_intensities_err_as_little_as_they_say_in_any_perspective(is_affine):
     """By what value_planes.py derives, from the roundings of planes and depths; whatever w spans. What is accepted
     decides whether planes are affine: with much perspective, if it is much."""
-    screen, rng, worst, n_compared = plain_screen(True, (1.0, ratio * 1.01)), np.random.default_rng(8), 0.0, 0
-    tolerance = 2.0 * ratio if is_affine else 2.0**-6 * max(ratio - 1.0, 0.1) / ratio
-    coding = plain_coding("values", screen, 3, level_scale=LEVELS, tolerance=tolerance)
-    for triangle in random_triangles(rng, 40, SIZE, 60.0):
-        depth = np.array([1.0, ratio, np.exp(rng.uniform(0, np.log(ratio)))])[rng.permutation(3)]
-        values = rng.random((3, 3)).astype(np.float32)
-        rows, columns, _ = covered(triangle, SIZE)
-        if not len(rows):
-            continue
-        found, expected, workspace = drawn_values((triangle, depth, values, SIZE), coding, screen)
-        entry = entries_of(workspace, SIZE)[rows[0], columns[0]]
-        if found is None or bool(entry & IS_WEIGHTED) == is_affine:
-            continue
-        bound = bound_of_values(triangle, depth, values, screen, coding, is_affine)
-        assert bound <= tolerance
-        worst, n_compared = max(worst, np.abs(found - expected).max() / bound), n_compared + len(rows)
-    # Nothing is bent where all is equally far away; then there is nothing to weight.
-    assert n_compared > 2000 or (ratio == 1.0 and not is_affine and n_compared == 0), n_compared
-    assert worst <= 1, f"{worst} > 1 times the bound"
+    for ratio in (1.0, 1.5, 4.0, 100.0, 1e4):
+        screen, rng, worst, n_compared = plain_screen(True, (1.0, ratio * 1.01)), np.random.default_rng(8), 0.0, 0
+        tolerance = 2.0 * ratio if is_affine else 2.0**-6 * max(ratio - 1.0, 0.1) / ratio
+        coding = plain_coding("values", screen, 3, level_scale=LEVELS, tolerance=tolerance)
+        for triangle in random_triangles(rng, 25, SIZE, 60.0):
+            depth = np.array([1.0, ratio, np.exp(rng.uniform(0, np.log(ratio)))])[rng.permutation(3)]
+            values = rng.random((3, 3)).astype(np.float32)
+            rows, columns, _ = covered(triangle, SIZE)
+            if not len(rows):
+                continue
+            found, expected, workspace = drawn_values((triangle, depth, values, SIZE), coding, screen)
+            entry = entries_of(workspace, SIZE)[rows[0], columns[0]]
+            if found is None or bool(entry & IS_WEIGHTED) == is_affine:
+                continue
+            bound = bound_of_values(triangle, depth, values, screen, coding, is_affine)
+            assert bound <= tolerance, f"ratio {ratio}: the bound {bound:.3g} > {tolerance:.3g} was accepted"
+            worst, n_compared = max(worst, np.abs(found - expected).max() / bound), n_compared + len(rows)
+        # Nothing is bent where all is equally far away; then there is nothing to weight.
+        assert n_compared > 1000 or (ratio == 1.0 and not is_affine and n_compared == 0), (ratio, n_compared)
+        assert worst <= 1, f"ratio {ratio}: {worst:.3g} > 1 times the bound"
 
 
 def bound_of_values(triangle, depth, values, screen, coding, is_affine):
@@ -237,20 +234,20 @@ def test_depths_that_float32_has_no_inverse_for_are_left_to_exact_records():
             assert counts.n_plane == expected and counts.n_exact == (not expected), f"2^{exponent}: {counts}"
 
 
-@pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape != "needle"])
-def test_depths_beside_levels_are_those_of_the_plane(shape):
+def test_depths_beside_levels_are_those_of_the_plane():
     """No level carries into the bits of depth, which is off by half a step for each sample of the box."""
-    screen = plain_screen(True, DEPTHS)
+    screen, worst = plain_screen(True, DEPTHS), 0.0
     coding = plain_coding("entries", screen, level_scale=LEVELS, tolerance=ALWAYS)
-    worst = 0.0
-    for triangle, depth, values, size in cases(shape, 1, True):
-        workspace, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, size)
-        rows, columns, edges = covered(triangle, size)
-        z = (edges / edges.sum(axis=0) * (screen.z_offset + screen.z_scale / depth)[:, None]).sum(axis=0)
-        box = np.ptp(triangle, axis=0).sum() / 256 + 2
-        off = np.abs((entries_of(workspace, size)[rows, columns] >> PAYLOAD_BITS) - z).max() / (box / 2 + 32)
-        worst = max(worst, off)
-    assert 0 < worst <= 1, f"{worst} > 1 times half a step a sample"
+    for shape in [shape for shape in SHAPES if shape != "needle"]:
+        for triangle, depth, values, size in cases(shape, 1, True):
+            workspace, *_ = scan_alone([triangle], depth[None], values[None], coding, screen, size)
+            rows, columns, edges = covered(triangle, size)
+            z = (edges / edges.sum(axis=0) * (screen.z_offset + screen.z_scale / depth)[:, None]).sum(axis=0)
+            box = np.ptp(triangle, axis=0).sum() / 256 + 2
+            off = np.abs((entries_of(workspace, size)[rows, columns] >> PAYLOAD_BITS) - z).max() / (box / 2 + 32)
+            assert off <= 1, f"{shape}: {off:.3g} > 1 times half a step a sample"
+            worst = max(worst, off)
+    assert worst > 0
 
 
 def random_normals(rng, n, dtype=np.float32):
@@ -275,10 +272,10 @@ def rise_over_box(triangle, values):
     return np.abs(slopes).T @ (np.ptp(triangle, axis=0) / 256 + 1)
 
 
-@pytest.mark.parametrize("is_perspective", [True, False])
 @pytest.mark.parametrize("shape", ["tiny", "small", "large", "far out", "thin", "8192 px"])
-def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
+def test_normal_planes_err_as_little_as_they_say(shape):
     """By 2^-24·(3 + 4 s) where the plane rises by s over its box; albedo behind them by the tolerance."""
+    is_perspective = list(SHAPES).index(shape) % 2 == 0
     screen = plain_screen(is_perspective, DEPTHS)
     rng = np.random.default_rng(17)
     n_compared = n_flat = n_within = 0
@@ -316,27 +313,26 @@ def test_normal_planes_err_as_little_as_they_say(shape, is_perspective):
     assert n_compared > 20 and n_flat > 0 and n_within > 0
 
 
-@pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("far", [2.0, 20.0, 1e3])
-def test_distances_from_entries_err_by_ten_units_at_most(far, is_perspective):
+def test_distances_from_entries_err_by_ten_units_at_most():
     """Of 2^-24 of themselves, where a triangle's record holds planes: 8 of its depth, 2 of rounding."""
-    screen, rng = plain_screen(is_perspective, (1.0, far)), np.random.default_rng(4)
-    coding = plain_coding("normals", screen, 3, tolerance=1, normal_limit=1e30, needs_distance=True)
-    n_plane, worst, depths = 0, 0.0, coding.depths
-    for triangle in random_triangles(rng, 60, SIZE, 40.0):
-        depth = np.sort(np.exp(rng.uniform(0, np.log(far), 3)))
-        rows, columns, edges = covered(triangle, SIZE)
-        workspace, counts = scan_alone([triangle], depth[None], random_normals(rng, 1), coding, screen, SIZE)
-        if not len(rows) or counts.n_exact:
-            continue
-        z = (entries_of(workspace, SIZE)[rows, columns] >> PAYLOAD_BITS).astype(float)
-        found = np.float32(1) / (depths.inv_w_offset + depths.inv_w_scale * z).astype(np.float32)
-        expected = 1 / (edges / edges.sum(axis=0) / depth[:, None]).sum(axis=0)
-        if not is_perspective:
-            found = (depths.depth_offset + depths.depth_scale * z).astype(np.float32)
-            expected = (edges / edges.sum(axis=0) * depth[:, None]).sum(axis=0)
-        worst, n_plane = max(worst, np.abs(found / expected - 1).max()), n_plane + 1
-    assert n_plane > 20 and worst <= 10 * 2.0**-24, f"{worst * 2**24} > 10 units of 2^-24, of {n_plane} triangles"
+    for far, is_perspective in ((2.0, True), (20.0, False), (1e3, True), (1e3, False)):
+        screen, rng = plain_screen(is_perspective, (1.0, far)), np.random.default_rng(4)
+        coding = plain_coding("normals", screen, 3, tolerance=1, normal_limit=1e30, needs_distance=True)
+        n_plane, worst, depths = 0, 0.0, coding.depths
+        for triangle in random_triangles(rng, 40, SIZE, 40.0):
+            depth = np.sort(np.exp(rng.uniform(0, np.log(far), 3)))
+            rows, columns, edges = covered(triangle, SIZE)
+            workspace, counts = scan_alone([triangle], depth[None], random_normals(rng, 1), coding, screen, SIZE)
+            if not len(rows) or counts.n_exact:
+                continue
+            z = (entries_of(workspace, SIZE)[rows, columns] >> PAYLOAD_BITS).astype(float)
+            found = np.float32(1) / (depths.inv_w_offset + depths.inv_w_scale * z).astype(np.float32)
+            expected = 1 / (edges / edges.sum(axis=0) / depth[:, None]).sum(axis=0)
+            if not is_perspective:
+                found = (depths.depth_offset + depths.depth_scale * z).astype(np.float32)
+                expected = (edges / edges.sum(axis=0) * depth[:, None]).sum(axis=0)
+            worst, n_plane = max(worst, np.abs(found / expected - 1).max() * 2**24), n_plane + 1
+        assert n_plane > 12 and worst <= 10, f"{worst:.3g} > 10 units of 2^-24, {far=}, {is_perspective=}, {n_plane}"
 
 
 def test_a_distance_that_depth_has_too_few_digits_for_is_left_to_exact_records():
@@ -373,34 +369,30 @@ def test_a_steep_normal_or_much_perspective_is_left_to_exact_records():
     assert not is_exact((2, 2.5, 2), 9 * limit, albedo=0.5) and is_exact((2, 2.5, 2), 9 * limit, 0.5, 2.0**-25)
 
 
-@pytest.mark.parametrize("is_inverted", [0, 1])
-@pytest.mark.parametrize("turn", [1, -1])
 @pytest.mark.parametrize("kind", ["exact", "normals"])
-def test_normals_are_turned_to_the_side_that_is_seen(kind, turn, is_inverted):
+def test_normals_are_turned_to_the_side_that_is_seen(kind):
     """Two faces in one band: their records say which face they are of, and which side is seen."""
-    screen = plain_screen(True, DEPTHS)
-    triangle = np.array([[1000, 500], [5000, 22000], [30000, 9000]])[::turn]  # counter-clockwise as seen for turn 1
-    normals = np.full((2, 3, 3), [0.0, 0.6, 0.8], np.float32)
-    workspace, counts = scan_alone(
-        [triangle, triangle], np.full((2, 3), 2.0), normals, plain_coding(kind, screen, 3, normal_limit=1e9),
-        screen, SIZE, is_inverted=[is_inverted, 1 - is_inverted],
-    )  # fmt: skip
-    assert (counts.n_exact, counts.n_plane) == ((2, 0) if kind == "exact" else (0, 2))
-    for face in range(2):
-        side = turn * (-1 if (is_inverted, 1 - is_inverted)[face] else 1)
-        if kind == "exact":
-            integers, reals = workspace.records.integers[face], workspace.records.reals[face]
-            assert integers[r.FACE] == face and integers[r.SIDE] == side
-            assert reals[r.ATTRIBUTE + 3 : r.ATTRIBUTE + 6].tolist() == [np.float32(0.6)] * 3
-            assert np.abs(reals[r.INV_W : r.INV_W + 3] - 0.5).max() < 1e-6
-        else:
-            row = face * r.UNIT
-            assert workspace.records.int_planes[row + r.PLANES_FACE] == face
-            value, *slopes = workspace.records.float_planes[
-                row + r.FIRST_GROUP : row + r.FIRST_GROUP + r.PLAIN_GROUP
-            ].reshape(3, PLANE_GROUP)[:, :3]
-            assert (value == [0, side * np.float32(0.6), side * np.float32(0.8)]).all()
-            assert not np.any(slopes)
+    screen, normals = plain_screen(True, DEPTHS), np.full((2, 3, 3), [0.0, 0.6, 0.8], np.float32)
+    coding = plain_coding(kind, screen, 3, normal_limit=1e9)
+    for turn, inverted in ((1, (0, 1)), (1, (1, 0)), (-1, (0, 1)), (-1, (1, 0))):
+        triangle = np.array([[1000, 500], [5000, 22000], [30000, 9000]])[::turn]  # counter-clockwise as seen for turn 1
+        workspace, counts = scan_alone(
+            [triangle, triangle], np.full((2, 3), 2.0), normals, coding, screen, SIZE, is_inverted=inverted
+        )
+        assert (counts.n_exact, counts.n_plane) == ((2, 0) if kind == "exact" else (0, 2))
+        for face, is_inverted in enumerate(inverted):
+            side, case = turn * (-1 if is_inverted else 1), f"face {face}, {turn=}, {inverted=}"
+            if kind == "exact":
+                integers, reals = workspace.records.integers[face], workspace.records.reals[face]
+                assert integers[r.FACE] == face and integers[r.SIDE] == side, case
+                assert reals[r.ATTRIBUTE + 3 : r.ATTRIBUTE + 6].tolist() == [np.float32(0.6)] * 3, case
+                assert np.abs(reals[r.INV_W : r.INV_W + 3] - 0.5).max() < 1e-6, case
+                continue
+            assert workspace.records.int_planes[face * r.UNIT + r.PLANES_FACE] == face, case
+            first = face * r.UNIT + r.FIRST_GROUP
+            group = workspace.records.float_planes[first : first + r.PLAIN_GROUP].reshape(3, PLANE_GROUP)[:, :3]
+            assert (group[0] == [0, side * np.float32(0.6), side * np.float32(0.8)]).all(), case
+            assert not np.any(group[1:]), case
 
 
 # ---------------------------------------------------------------- several materials in a band
@@ -479,8 +471,8 @@ def test_a_triangle_has_the_same_entries_and_record_whatever_stands_beside_it(ki
     its entries, and its record but for the index."""
     screen, ways = plain_screen(True, DEPTHS), set()
     coding = mixed_coding(kind, screen)
-    for seed in range(3):
-        given = mixed_band(seed)
+    for seed in range(2):
+        given = mixed_band(seed, 120)
         triangles, depth, attributes, material = given
         together, counts = scan_alone(triangles, depth, attributes, coding, screen, SIZE, material=material)
         found = entries_of(together, SIZE)
@@ -516,35 +508,13 @@ def test_what_is_too_far_for_albedo_in_planes_may_have_normals_there():
         assert (counts.n_plane, counts.n_exact) == (2 - sum(material), sum(material)), material
 
 
-@pytest.mark.parametrize("kind", ["normals", "entries"])
-def test_no_plane_is_an_integer_of_an_earlier_record(kind):
-    """All four planes of a group are evaluated, also where three are written. An integer that an earlier record began
-    with, in these places of any unit, is a denormal, which some processors take fifty times as long to multiply."""
-    screen, left = plain_screen(True, DEPTHS), np.where(np.arange(r.UNIT) < r.FIRST_GROUP, 77, 0)
-    coding = mixed_coding(kind, screen)
-    triangles, depth, attributes, material = mixed_band(5)
-    workspace, counts = scan_alone(triangles, depth, attributes, coding, screen, SIZE, material=material % 3, fill=left)
-    entries = np.unique(entries_of(workspace, SIZE))
-    entries = entries[(entries < CLEAR) & (entries & IS_ID != 0) & (entries & IS_EXACT == 0)]
-    assert counts.n_plane > 50 and len(entries) > 50
-    planes, n_behind = workspace.records.int_planes, 0
-    for entry in entries:
-        first = int(entry & RECORD_MASK) >> RECORD_SHIFT << r.UNIT_SHIFT
-        has_albedo = kind == "normals" and MIXED[planes[first + r.PLANES_MATERIAL]] > 3
-        starts = [r.NORMALS, r.BEHIND_NORMALS] if has_albedo else [r.NORMALS]
-        for start in starts:
-            assert not (planes[first + start : first + start + r.PLAIN_GROUP] == 77).any()
-        n_behind += has_albedo
-    assert kind == "entries" or n_behind > 10
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_records_stay_within_the_room_that_a_pass_gives_them(kind):
     """As many units a triangle as `Pass.most_records` says, of blocks whose materials have any number of attributes;
     what lies behind is left as it is."""
     screen = plain_screen(True, DEPTHS)
     coding = mixed_coding(kind, screen)._replace(limits=np.full(8, 1e30), albedo_tolerance=1e30)
-    for seed in range(3):
+    for seed in range(2):
         triangles, depth, attributes, material = mixed_band(seed)
         for chosen in (np.arange(8), np.array([0, 3, 4]), np.array([2, 7]), np.array([0])):
             made = ShadowMapPass(attributes=NONE, coding=coding, size=SIZE, depth=(0.0, 1.0), texels=np.empty((0, 0)))

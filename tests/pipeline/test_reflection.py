@@ -1,21 +1,23 @@
 """Check the reflection models against closed forms, and powers against the bounds in their docstrings."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from helpers.batches import DTYPES, UP, directions_of, dot, polar, random_directions, reflect, unit
+from helpers.pairs import pairs
 
 from rasterizer.compiler.kernels import kernel
 from rasterizer.errors import SceneError
-from rasterizer.pipeline import fragments as f
-from rasterizer.pipeline.power import exponential_single, power, power_single
+from rasterizer.pipeline.power import exponential_single, power
 from rasterizer.pipeline.reflection import (
     MOST_SQUARED,
     REFLECTION_FUNCTIONS,
     reflection_function_of,
-    square_and_multiply,
 )
 
 ULP = 2.0**-24
+HIGHLIGHTS = list(product(("phong", "blinn"), DTYPES))
 
 
 def highlight(model, normal, light_dir, view_dir):
@@ -27,38 +29,35 @@ def highlight(model, normal, light_dir, view_dir):
     return dot(normal, half) / np.linalg.norm(half, axis=1)
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("model", [model for model in REFLECTION_FUNCTIONS if model not in ("oren-nayar", "toon")])
-def test_the_diffuse_part_is_lamberts_cosine(model, dtype):
-    sides = random_directions(0, 1000, dtype)
-    cosine = dot(sides[0].astype(float), sides[1].astype(float))
-    for strength in (1.0, 0.25, 3.0):
-        diffuse = reflect(model, *sides, strength)[0]
-        expected = strength * np.maximum(cosine, 0)
-        error, budget = np.abs(diffuse - expected).max(), strength * np.finfo(dtype).eps
-        assert error <= budget, f"{error:.3g} > {budget:.3g}"
-        assert (diffuse[cosine <= 0] == 0).all()
+def test_the_diffuse_part_is_lamberts_cosine():
+    for model, dtype in product(
+        [model for model in REFLECTION_FUNCTIONS if model not in ("oren-nayar", "toon")], DTYPES
+    ):
+        sides = random_directions(0, 300, dtype)
+        cosine = dot(sides[0].astype(float), sides[1].astype(float))
+        for strength in (1.0, 0.25, 3.0):
+            diffuse, case = reflect(model, *sides, strength)[0], f"{model}, {dtype.__name__}, strength {strength}"
+            error, budget = np.abs(diffuse - strength * np.maximum(cosine, 0)).max(), strength * np.finfo(dtype).eps
+            assert error <= budget, f"{case}: {error:.3g} > {budget:.3g}"
+            assert (diffuse[cosine <= 0] == 0).all(), case
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("shininess", [0.5, 1, 1.5, 2, 3, 8, 32, 33.3, 80, 255, 1000])
-@pytest.mark.parametrize("model", ["phong", "blinn"])
-def test_highlights_in_closed_form(model, shininess, dtype):
+@pytest.mark.parametrize("model, dtype", HIGHLIGHTS)
+def test_highlights_in_closed_form(model, dtype):
     """The relative error of the cosine is magnified by the exponent; that of the power comes on top."""
-    sides = random_directions(1, 20_000, dtype)
-    _, specular = reflect(model, *sides, 0.5, shininess)
+    sides, eps = random_directions(1, 10_000, dtype), np.finfo(dtype).eps
     cosine = np.maximum(highlight(model, *sides), 0)
     is_lit = dot(sides[0].astype(float), sides[1].astype(float)) > 0
-    expected = np.where(is_lit, 0.5 * cosine**shininess, 0)
-    # Roundings of the cosine, half an eps each. R·V: 3 of up to 2 in 2 (N·L)(N·V), 3 in L·V, 1 in the difference.
-    # N·H: 1 in L + V, 3 in the product, 2.5 in the length, 1 in the quotient. Wherever L and V look.
-    eps = np.finfo(dtype).eps
-    bound = (
-        0.5 * ((cosine + 6 * eps) ** shininess - cosine**shininess) + 8 * eps * expected * (1 + shininess) + 2.0**-28
-    )
-    worst = (np.abs(specular - expected) / bound).max()
-    assert worst <= 1, f"{worst} > 1 times the bound"
-    assert (specular > 1e-6).sum() > 20
+    for shininess in (0.5, 1, 1.5, 2, 3, 8, 33.3, 80, 255, 1000):
+        _, specular = reflect(model, *sides, 0.5, shininess)
+        expected = np.where(is_lit, 0.5 * cosine**shininess, 0)
+        # Roundings of the cosine, half an eps each. R·V: 3 of up to 2 in 2 (N·L)(N·V), 3 in L·V, 1 in the difference.
+        # N·H: 1 in L + V, 3 in the product, 2.5 in the length, 1 in the quotient. Wherever L and V look.
+        magnified = 0.5 * ((cosine + 6 * eps) ** shininess - cosine**shininess)
+        bound = magnified + 8 * eps * expected * (1 + shininess) + 2.0**-28
+        worst = (np.abs(specular - expected) / bound).max()
+        assert worst <= 1, f"exponent {shininess}: {worst:.3g} > 1 times the bound"
+        assert (specular > 1e-6).sum() > 10, shininess
 
 
 def test_the_mirror_direction_and_the_normal():
@@ -80,8 +79,7 @@ def test_the_mirror_direction_and_the_normal():
     assert reflect("blinn", *sides, 1.0, 1)[1][0] == pytest.approx(1.4 / np.sqrt(3), rel=1e-15)
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("model", ["phong", "blinn"])
+@pytest.mark.parametrize("model, dtype", HIGHLIGHTS)
 def test_no_highlight_from_behind(model, dtype):
     """N·L <= 0: nothing, also where R·V or N·H are large, and where the strength is infinite."""
     for n_dot_l in (0.0, -0.0, -1e-7, -0.3, -1.0):
@@ -96,38 +94,39 @@ def test_no_highlight_from_behind(model, dtype):
         assert cosine > 0.4 or n_dot_l == -1.0
         for strength in (1.0, np.inf):
             for shininess in (1, 2.5, 40):
-                assert (reflect(model, *sides, strength, shininess) == 0).all()
+                assert (reflect(model, *sides, strength, shininess) == 0).all(), (n_dot_l, strength, shininess)
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("model", REFLECTION_FUNCTIONS)
-def test_no_directions_give_what_is_no_number(model, dtype):
+def test_no_directions_give_what_is_no_number():
     """All triples of directions out of a set with opposite, equal and nearly equal ones, and with none."""
     rng = np.random.default_rng(4)
-    steps = np.concatenate([np.eye(3), -np.eye(3), [[0.6, 0, 0.8], [-0.6, 0, -0.8]], rng.normal(size=(4, 3))])
-    steps = np.concatenate(
-        [steps, steps + 1e-4 * rng.normal(size=steps.shape), steps + 1e-7 * rng.normal(size=steps.shape)]
-    )
+    steps = np.concatenate([np.eye(3), -np.eye(3), [[0.6, 0, 0.8], [-0.6, 0, -0.8]], rng.normal(size=(1, 3))])
+    steps = np.concatenate([steps, *(steps + size * rng.normal(size=steps.shape) for size in (1e-4, 1e-7))])
     # A point without a normal, in the light or in the eye: the kernels write zeros.
     steps = np.concatenate([unit(steps), np.zeros((1, 3))])
-    sides = directions_of(dtype, *(steps[k.ravel()] for k in np.meshgrid(*[np.arange(len(steps))] * 3)))
-    for shininess in (0.5, 1, 8, 33.3):
-        for has_kernels_cosines in (False, True):
-            found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines)
-            found = found[: 2 if reflection_function_of(model).has_highlight else 1]
-            assert np.isfinite(found).all() and (found >= 0).all()
+    triples = [steps[k.ravel()] for k in np.meshgrid(*[np.arange(len(steps))] * 3)]
+    for model, dtype, shininess, has_kernels_cosines in pairs(
+        model=tuple(REFLECTION_FUNCTIONS), dtype=DTYPES, shininess=(0.5, 1, 8, 33.3), has_kernels_cosines=(False, True)
+    ):
+        found = reflect(model, *directions_of(dtype, *triples), 1.0, shininess, has_kernels_cosines)
+        found = found[: 2 if reflection_function_of(model).has_highlight else 1]
+        case = f"{model}, {dtype.__name__}, exponent {shininess}, {has_kernels_cosines=}"
+        assert np.isfinite(found).all() and (found >= 0).all(), case
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("model", ["phong", "blinn"])
+def along_the_horizon(light_up, view_up, across):
+    """Directions to a light and to a viewer that look at each other, at elevations in radians, off by some across."""
+    return (
+        np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
+        for side, u, a in zip((1, -1), (light_up, view_up), across, strict=True)
+    )
+
+
+@pytest.mark.parametrize("model, dtype", HIGHLIGHTS)
 def test_no_highlight_is_brighter_than_its_light(model, dtype):
     """The sun on the horizon, straight ahead, down to where L + V is all rounding: no spark."""
     rng = np.random.default_rng(5)
-    up, across = 10.0 ** rng.uniform(-5, -1, (2, 20_000)), 1e-4 * rng.normal(size=(2, 20_000))
-    light_dir, view_dir = (
-        np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
-        for side, u, a in zip((1, -1), up, across, strict=True)
-    )
+    light_dir, view_dir = along_the_horizon(*10.0 ** rng.uniform(-5, -1, (2, 5000)), 1e-4 * rng.normal(size=(2, 5000)))
     sides = directions_of(dtype, UP, light_dir, view_dir)
     for shininess in (1, 32, 33.3, 200):
         found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines=True)[1]
@@ -135,28 +134,21 @@ def test_no_highlight_is_brighter_than_its_light(model, dtype):
         assert found.max() <= most, f"{shininess}: {found.max():.4g} > {most:.4g}"
 
 
-@pytest.mark.parametrize("shininess", [20, 80.5, 250])
-@pytest.mark.parametrize("elevation", [0.05, 2.0, 10.0, 20.0])
 @pytest.mark.parametrize("model", ["phong", "blinn"])
-def test_highlights_of_grazing_light_have_the_digits_that_the_plan_counts_on(model, elevation, shininess):
+def test_highlights_of_grazing_light_have_the_digits_that_the_plan_counts_on(model):
     """A low sun ahead, over a floor: L is nearly -V. The plan allows 2^-24·8·exponent for a highlight.
 
     Unit vectors are rounded to float32, as in the rows, and so are their dot products.
     """
-    rng = np.random.default_rng(2)
-    n = 2000
-    up = np.radians(elevation) * rng.uniform(0.5, 1.5, (2, n))
-    across = np.radians(3.0) * rng.normal(size=(2, n))
-    light_dir, view_dir = (
-        np.stack([side * np.cos(u) * np.cos(a), np.cos(u) * np.sin(a), np.sin(u)], axis=1)
-        for side, u, a in zip((1, -1), up, across, strict=True)
-    )
-    sides = directions_of(np.float32, UP, light_dir, view_dir)
-    found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines=True)[1]
-    cosine = highlight(model, *(unit(side.astype(float)) for side in sides))
-    error = np.abs(found - np.maximum(cosine, 0) ** shininess).max()
-    budget = ULP * (16 + 8 * shininess)
-    assert error <= budget, f"{error:.3g} > {budget:.3g}"
+    for elevation, shininess in product((0.05, 2.0, 20.0), (20, 80.5, 250)):
+        rng = np.random.default_rng(2)
+        up = np.radians(elevation) * rng.uniform(0.5, 1.5, (2, 2000))
+        light_dir, view_dir = along_the_horizon(*up, np.radians(3.0) * rng.normal(size=(2, 2000)))
+        sides = directions_of(np.float32, UP, light_dir, view_dir)
+        found = reflect(model, *sides, 1.0, shininess, has_kernels_cosines=True)[1]
+        cosine = highlight(model, *(unit(side.astype(float)) for side in sides))
+        error, budget = np.abs(found - np.maximum(cosine, 0) ** shininess).max(), ULP * (16 + 8 * shininess)
+        assert error <= budget, f"sun at {elevation}°, exponent {shininess}: {error:.3g} > {budget:.3g}"
 
 
 # ---------------------------------------------------------------- powers
@@ -164,9 +156,9 @@ def test_highlights_of_grazing_light_have_the_digits_that_the_plan_counts_on(mod
 
 @kernel
 def powers(bases, exponent, out):
-    """power_single of many."""
+    """power of many, of their own type."""
     for k in range(len(bases)):
-        out[k] = power_single(bases[k], exponent)
+        out[k] = power(bases[k], exponent)
 
 
 def bases():
@@ -183,21 +175,19 @@ def bases():
     ).astype(np.float32)
 
 
-@pytest.mark.parametrize("exponent", [0.5, 0.7, 1, 1.5, 2, 2.2, 5, 10.5, 33.3, 100, 333.3, 500.5, 1000])
-def test_power_in_float32_keeps_the_bound_of_its_docstring(exponent):
-    base, exponent = bases(), np.float32(exponent)
-    found = np.empty_like(base)
-    powers(base, exponent, found)
-    log2 = np.minimum(np.log2(base.astype(float)), 0.0)  # a cosine above 1 is 1
-    expected = np.exp2(float(exponent) * log2)
-    is_normal = float(exponent) * log2 > -125.9
-    # The series, then the rounding of float32, relative to the result.
-    series = 5.2e-9 + float(exponent) * np.log(2) * 1.1e-9
-    bound = series + ULP * (4 + 3 * float(exponent) * np.abs(log2))
-    share = np.abs(found[is_normal] / expected[is_normal] - 1) / bound[is_normal]
-    worst = int(share.argmax())
-    assert share[worst] <= 1, f"{share[worst]:.3g} > 1 times the bound, for {base[is_normal][worst]!r} ** {exponent}"
-    assert (found[float(exponent) * log2 < -126.1] == 0).all() and is_normal.sum() > 3000
+def test_power_in_float32_keeps_the_bound_of_its_docstring():
+    base = bases()
+    found, log2 = np.empty_like(base), np.minimum(np.log2(base.astype(float)), 0.0)  # a cosine above 1 is 1
+    for exponent in np.float32((0.5, 0.7, 1, 1.5, 2, 2.2, 5, 10.5, 33.3, 100, 500.5, 1000)):
+        powers(base, exponent, found)
+        y = float(exponent) * log2
+        is_normal = y > -125.9
+        # The series, then the rounding of float32, relative to the result.
+        bound = 5.2e-9 + float(exponent) * np.log(2) * 1.1e-9 + ULP * (4 + 3 * np.abs(y))
+        share = np.abs(found[is_normal] / np.exp2(y)[is_normal] - 1) / bound[is_normal]
+        worst = int(share.argmax())
+        assert share[worst] <= 1, f"{share[worst]:.3g} > 1 times the bound: {base[is_normal][worst]!r} ** {exponent}"
+        assert (found[y < -126.1] == 0).all() and is_normal.sum() > 2000, exponent
 
 
 @kernel
@@ -218,33 +208,11 @@ def test_exponential_in_float32_keeps_the_bound_of_its_docstring():
     assert (found[:4] == 0).all()
 
 
-def test_power_of_what_is_not_positive_is_zero():
-    base = np.array([0.0, -0.0, -1e-30, -0.5, -1.0, -1e30, np.float32(1e-45), np.nan], np.float32)
-    for exponent in (0.5, 1, 33.3, 1000):
-        found = np.full_like(base, 7)
-        powers(base, np.float32(exponent), found)
-        assert (found[:6] == 0).all() and np.isfinite(found).all()
-        assert found[6] == 0 or exponent <= 1
-
-
 def test_one_to_any_power_is_one():
     found = np.empty(1, np.float32)
-    for exponent in np.linspace(0.5, 1000, 500, dtype=np.float32):
+    for exponent in np.linspace(0.5, 1000, 200, dtype=np.float32):
         powers(np.ones(1, np.float32), exponent, found)
-        assert found[0] == 1
-
-
-@kernel
-def squares(batch, n, exponent):
-    """square_and_multiply of a batch."""
-    square_and_multiply(batch, n, exponent)
-
-
-@kernel
-def any_powers(bases, exponent, out):
-    """power of many, of their own type."""
-    for k in range(len(bases)):
-        out[k] = power(bases[k], exponent)
+        assert found[0] == 1, exponent
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -259,52 +227,47 @@ def test_powers_of_anything_are_between_0_and_1(dtype):
     out = np.empty_like(base)
     for exponent in exponents:
         exponent = min(max(exponent, float(limits.tiny)), float(limits.max))  # as lights and materials are laid down
-        any_powers(base, dtype(exponent), out)
+        powers(base, dtype(exponent), out)
         assert ((out >= 0) & (out <= 1)).all(), (
             f"{base[~((out >= 0) & (out <= 1))]} ** {exponent}: {out.min()}..{out.max()}"
         )
-        assert (out[~(base > 0)] == 0).all() and (out[base >= 1] == 1).all()
+        assert (out[~(base > 0)] == 0).all() and (out[base >= 1] == 1).all(), exponent
         with np.errstate(under="ignore"):
             expected = np.minimum(base[base > 1e-30].astype(float), 1) ** float(dtype(exponent))
-        assert np.abs(out[base > 1e-30] - expected).max() <= 8 * limits.eps
+        error = np.abs(out[base > 1e-30] - expected).max()
+        assert error <= 8 * limits.eps, f"exponent {exponent}: {error:.3g} > {8 * limits.eps:.3g}"
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("model", ["phong", "blinn", "weighted phong", "weighted blinn"])
-def test_highlights_of_any_exponent_are_between_0_and_1(model, dtype):
+def test_highlights_of_any_exponent_are_between_0_and_1(dtype):
     """Directions that mirror each other to the last digit, where the cosine may come out above 1."""
-    rng = np.random.default_rng(7)
-    normal, across = unit(rng.normal(size=(2, 4000, 3)))
-    light_dir = unit(normal + rng.uniform(0, 2, (4000, 1)) * across)
+    rng, limits = np.random.default_rng(7), np.finfo(dtype)
+    normal, across = unit(rng.normal(size=(2, 2000, 3)))
+    light_dir = unit(normal + rng.uniform(0, 2, (2000, 1)) * across)
     mirrored = 2 * (normal * light_dir).sum(axis=1, keepdims=True) * normal - light_dir
     sides = directions_of(dtype, normal, light_dir, mirrored)
-    for shininess in (1e-50, 1e-3, 0.5, 1, 7.7, 4096, 1e5, 3e8, 1e11, 1e30, 1e300):
-        limits = np.finfo(dtype)
-        exponent = min(max(shininess, float(limits.tiny)), float(limits.max))
-        found = reflect(model, *sides, 1.0, exponent, has_kernels_cosines=True)[1]
-        assert ((found >= 0) & (found <= 1)).all(), f"{shininess}: {found.min()}..{found.max()}"
+    for model in ("phong", "blinn", "weighted phong", "weighted blinn"):
+        for shininess in (1e-50, 1e-3, 0.5, 1, 7.7, 4096, 1e5, 3e8, 1e11, 1e30, 1e300):
+            exponent = min(max(shininess, float(limits.tiny)), float(limits.max))
+            found = reflect(model, *sides, 1.0, exponent, has_kernels_cosines=True)[1]
+            is_share = ((found >= 0) & (found <= 1)).all()
+            assert is_share, f"{model}, exponent {shininess}: {found.min()}..{found.max()} not in 0..1"
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("exponent", [1, 2, 3, 5, 8, 17, 100, 255, 256, 999, 1000, MOST_SQUARED])
-def test_whole_exponents_by_squaring(exponent, dtype):
-    """A product of `exponent` factors has that many roundings, less one; what is below 2^-28 is 0."""
-    base = np.minimum(bases(), 1).astype(dtype)
-    base = np.concatenate([base, -base[:100], np.zeros(1, dtype), np.full(1, np.nan, dtype)])
-    found = np.empty_like(base)
-    for start in range(0, len(base), f.BATCH_SIZE):
-        batch, part = f.make_batch(dtype), base[start : start + f.BATCH_SIZE]
-        batch[int(f.SPECULAR) : int(f.SPECULAR) + len(part)] = part
-        squares(batch, len(part), exponent)
-        found[start : start + f.BATCH_SIZE] = batch[int(f.SPECULAR) : int(f.SPECULAR) + len(part)]
-    expected = np.where(base > 0, np.maximum(base.astype(float), 0) ** exponent, 0)
-    is_seen = expected > 2.0**-28 * 1.01
-    bound = exponent * np.finfo(dtype).eps / 2 * 1.01 + 4e-16 * exponent
-    error = np.abs(found[is_seen] / expected[is_seen] - 1).max()
-    assert error <= bound, f"{error:.3g} > {bound:.3g}"
-    assert (found[expected < 2.0**-28 * 0.99] == 0).all() and is_seen.sum() > 2000
-    between = found[~is_seen]
-    assert ((between == 0) | (between > 2.0**-28 * 0.98)).all()
+def test_whole_exponents_by_squaring():
+    """Of Phong's highlight along a normal: N = L, so R = L. A product of n factors has that many roundings, less one;
+    what is below 2^-28 is 0."""
+    for dtype, exponent in pairs(dtype=DTYPES, exponent=(1, 2, 3, 5, 8, 17, 100, 255, 256, 999, MOST_SQUARED)):
+        case, x = f"{dtype.__name__}, exponent {exponent}", np.linspace(0, 1.6, 4000).astype(dtype)
+        base = dtype(1) - dtype(0.5) * (x * x)  # 1 - |R - V|²/2, of V = (x, 0, 1), as the function finds it
+        sides = directions_of(dtype, UP, UP, np.stack([x, 0 * x, 0 * x + 1], axis=1))
+        found = reflect("phong", *sides, 1.0, exponent)[1]
+        expected = np.where(base > 0, np.maximum(base.astype(float), 0) ** exponent, 0)
+        is_seen = expected > 2.0**-28 * 1.01
+        bound = exponent * np.finfo(dtype).eps / 2 * 1.01 + 4e-16 * exponent
+        error = np.abs(found[is_seen] / expected[is_seen] - 1).max()
+        assert error <= bound, f"{case}: {error:.3g} > {bound:.3g}"
+        assert (found[expected < 2.0**-28 * 0.99] == 0).all() and is_seen.sum() > 50, case
 
 
 def test_an_unknown_model_is_an_error_that_lists_the_known_ones():
