@@ -194,7 +194,7 @@ def check_scene(kind, seed, size):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_pixel_is_dark_where_rays_find_something_in_the_way(kind):
     for seed in range(2):
-        check_scene(kind, seed, (32, 24))
+        check_scene(kind, seed, (24, 18))
 
 
 @pytest.mark.nightly

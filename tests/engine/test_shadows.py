@@ -22,7 +22,7 @@ PLANE = np.array([[-1, -1, 0], [-1, 1, 0], [1, 1, 0], [1, -1, 0]], float)
 BOX_FACES = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 KINDS = ("directional", "point", "spot", "area")
 FLOOR_SIZE, FLOOR_HEIGHT, SCALE = (160, 120), 4.8, 25  # pixels a unit
-FINE = Shadow(256)  # of which a texel is about as large as a pixel of the floor
+SMALL, FINE = Shadow(128), Shadow(256)  # of which a texel is about as large as a pixel of the floor
 ABOVE = rz.Camera.orthographic((0, 0, 10), (0, 0, 0), up=(0, 1, 0), height=FLOOR_HEIGHT)
 
 
@@ -145,7 +145,7 @@ def test_a_plane_alone_is_lit_everywhere():
     assert_all_lit(
         (f"{kind}, {e} degrees, {texels} texels, {n} taps",
          ([plane], make_light(kind, e, 23 + 97 * e, shadow=Shadow(texels, n)), camera, (40, 30)), more())
-        for kind in KINDS for texels, n in ((16, 1), (100, 1), (100, 3), (1024, 1)) for e in (5, 12, 37, 60, 89, 90)
+        for kind in KINDS for texels, n in ((16, 1), (100, 3), (1024, 1)) for e in (5, 12, 37, 60, 89, 90)
     )  # fmt: skip
 
 
@@ -175,7 +175,7 @@ MAPS = ((16, 1), (64, 1), (256, 1), (256, 5), (1024, 1))
 
 def test_a_convex_model_casts_no_shadow_on_itself():
     more, kinds = in_turns(), cycle(("directional", "point", "point", "directional", "directional", "point"))
-    check_convex([(name, next(kinds), texels, more()) for texels in MAPS for name in CONVEX], (96, 72))
+    check_convex([(name, next(kinds), texels, more()) for texels in MAPS for name in CONVEX], (80, 60))
 
 
 @pytest.mark.nightly
@@ -194,7 +194,7 @@ def test_neither_scale_nor_place_make_acne():
             assert_all_lit(
                 (f"{kind}, {e} degrees, scale {scale}, shift {shift}",
                  ([model], make_light(kind, e, a, 4 * scale, center, Shadow(128)), camera, (40, 30)), more())
-                for (e, a), kind in zip(((7, 20), (50, 130), (85, 260), (85, 20), (7, 130)), kinds, strict=False)
+                for (e, a), kind in zip(((7, 20), (50, 130), (85, 260)), kinds, strict=False)
             )  # fmt: skip
 
 
@@ -443,25 +443,25 @@ def test_lights_that_see_nothing_or_stand_in_the_way():
     depth."""
     meshes, more = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, material=MATTE)], in_turns()
     lights = [
-        rz.SpotLight((0, 0, 3), (0, 0, 1), 0.8, outer=40, shadow=True),
-        rz.PointLight((0, 0, 0), 0.8, shadow=True),
-        rz.PointLight((-3.2, -2.4, 0), 0.8, shadow=True),
-        rz.PointLight(tuple(floating_quad()[0]), 0.8, shadow=True),
-        rz.DirectionalLight((1, 0, 0), 0.8, shadow=True),
-        rz.DirectionalLight((0, 0, 1), 0.8, shadow=True),
-        rz.AreaLight((-1, -1, 0), (2, 0, 0), (0, 2, 0), 0.8, (2, 2), shadow=True),
+        rz.SpotLight((0, 0, 3), (0, 0, 1), 0.8, outer=40, shadow=SMALL),
+        rz.PointLight((0, 0, 0), 0.8, shadow=SMALL),
+        rz.PointLight((-3.2, -2.4, 0), 0.8, shadow=SMALL),
+        rz.PointLight(tuple(floating_quad()[0]), 0.8, shadow=SMALL),
+        rz.DirectionalLight((1, 0, 0), 0.8, shadow=SMALL),
+        rz.DirectionalLight((0, 0, 1), 0.8, shadow=SMALL),
+        rz.AreaLight((-1, -1, 0), (2, 0, 0), (0, 2, 0), 0.8, (2, 2), shadow=SMALL),
     ]
     for light in lights * 2:
         frame, bare = draw_both(meshes, light, ABOVE, (80, 60), **more())
         assert np.isfinite(frame.color).all() and (frame.color <= bare.color).all(), light
-    lone = (rz.DirectionalLight((0, 0, -1), 0.8, shadow=True), rz.PointLight((0, 0, 2), 0.8, shadow=True))
+    lone = (rz.DirectionalLight((0, 0, -1), 0.8, shadow=SMALL), rz.PointLight((0, 0, 2), 0.8, shadow=SMALL))
     assert_all_lit(
         (repr(light), ([floor_mesh()], light, ABOVE, (80, 60)), more())
         for light in (*lights[4:6], *lone) for _ in range(3)
     )  # fmt: skip
     room = rz.Mesh(box((-0.5, -0.5, 0.1), (0.5, 0.5, 1)), BOX_FACES, material=MATTE)
     for tolerance in TOLERANCES:  # a light inside a closed box reaches nothing outside
-        light = rz.PointLight((0.1, 0.2, 0.6), 0.8, shadow=True)
+        light = rz.PointLight((0.1, 0.2, 0.6), 0.8, shadow=SMALL)
         frame, bare = draw_both([floor_mesh(), room], light, ABOVE, FLOOR_SIZE, tolerance=tolerance)
         is_floor = frame.face < 2
         most = np.abs(frame.color[is_floor] - AMBIENT * 0.7).max()
@@ -473,8 +473,12 @@ def test_lights_that_see_nothing_or_stand_in_the_way():
 
 def test_neither_threads_nor_earlier_pictures_matter():
     meshes = [floor_mesh(), rz.Mesh(floating_quad(), QUAD, material=SHINY), rz.Mesh(*torus(16, 12), material=SHINY)]
-    lights = [rz.AmbientLight(AMBIENT), make_light("area", 40, 30, shadow=Shadow(128)), make_light("spot", 60, 200)]
-    lights += [replace(make_light("point", 70, 100), attached="camera", position=(1, 1, 0))]
+    lights = [
+        rz.AmbientLight(AMBIENT),
+        make_light("area", 40, 30, shadow=Shadow(128)),
+        make_light("spot", 60, 200, shadow=SMALL),
+    ]
+    lights += [replace(make_light("point", 70, 100, shadow=SMALL), attached="camera", position=(1, 1, 0))]
     cameras = [rz.Camera.perspective((2, y, 4), (0, 0, 0), fov=40) for y in (-3, 0, 2)]
     for shading, threads in zip(SHADINGS, (2, 1, 3), strict=True):
         options = {"shading": shading, "samples": 1}
