@@ -192,11 +192,8 @@ def test_with_the_jit_switched_off_kernels_are_plain_functions(monkeypatch):
     with np.errstate(all="raise"):
         assert module.kernel(lambda a, b: a / b)(np.float64(1), np.float64(0)) == np.inf
     assert module.helper(halves) is halves and module.choice(None)(halves) is halves
-    function, values, factor = (
-        module.batch_function(doubles_plainly, np.float32),
-        np.arange(8, dtype="f4"),
-        np.float32([2]),
-    )
+    function = module.batch_function(doubles_plainly, np.float32)
+    values, factor = np.arange(8, dtype="f4"), np.float32([2])
     assert isinstance(function, module.PlainBatchFunction)
     module.call_batch_function(np.int64(function.address), values.ctypes.data, np.uint64(3), factor.ctypes.data)
     function(values.ctypes.data, 1, factor.ctypes.data)

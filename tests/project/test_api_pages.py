@@ -11,25 +11,13 @@ import pytest
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.api_pages import ENTRIES, REFERENCE, REGISTRIES, RESULTS, to_markdown
+from rasterizer.api_pages import ENTRIES, REFERENCE, REGISTRIES, RESULTS, main, to_markdown
 
-needs_pdoc = pytest.mark.skipif(find_spec("pdoc") is None, reason="pdoc (the extra `docs`) isn't installed")
 PAGES = {
     "rasterizer.html": [*(name for name in rz.__all__ if name != "__version__"), *RESULTS],
     "rasterizer/registries.html": [*REGISTRIES, *ENTRIES],
     "rasterizer/reference.html": list(REFERENCE),
 }
-
-
-@pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """The folder of the pages, made by the command that tests/README.md gives; any warning is an error."""
-    folder = tmp_path_factory.mktemp("api") / "api"
-    command = [sys.executable, "-W", "error", "-m", "rasterizer.api_pages", str(folder)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, ""), done.stderr
-    assert done.stdout.strip() == str(folder / "index.html")
-    return folder
 
 
 def sections(text) -> dict[str, str]:
@@ -40,22 +28,26 @@ def sections(text) -> dict[str, str]:
     }
 
 
-def test_one_page_shows_the_command():
-    assert "python -m rasterizer.api_pages api" in (ROOT / "tests" / "README.md").read_text(encoding="utf-8")
-
-
-@needs_pdoc
-@pytest.mark.parametrize("page", PAGES)
-def test_every_name_is_on_its_page_with_text(page, made):
-    found = sections((made / page).read_text(encoding="utf-8"))
-    assert sorted(found) == sorted(PAGES[page])
-    for name, text in found.items():
-        assert len(text.split()) > 8, f"{name}: {text.split()}"
-
-
-@needs_pdoc
-def test_every_member_of_a_public_class_is_on_the_page(made):
-    text = (made / "rasterizer.html").read_text(encoding="utf-8")
+@pytest.mark.nightly
+@pytest.mark.skipif(find_spec("pdoc") is None, reason="pdoc (the extra `docs`) isn't installed")
+def test_every_name_and_member_is_on_its_page_with_text(tmp_path):
+    """Made by the command that tests/README.md gives; any warning is an error."""
+    command = [sys.executable, "-W", "error", "-m", "rasterizer.api_pages", str(tmp_path / "api")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, ""), done.stderr
+    assert done.stdout.strip() == str(tmp_path / "api" / "index.html")
+    for page, names in PAGES.items():
+        text = (tmp_path / "api" / page).read_text(encoding="utf-8")
+        found = sections(text)
+        assert sorted(found) == sorted(names)
+        assert not [name for name, said in found.items() if len(said.split()) <= 8], "names without text"
+        missing = set(re.findall(r'href="#([^"]+)"', text)) - set(re.findall(r'id="([^"]+)"', text))
+        assert not missing, f"{page} links to {missing}"
+        for name, said in found.items():
+            assert not re.search(r"typing\.|Annotated|0x[0-9a-f]{6}", said), name
+            marks = re.search(r"^-{4,}|^#{2,}|^```|\*\*(?!options)", said.replace("**changes", ""), re.MULTILINE)
+            assert not marks, f"{name} has marks: {marks}"
+    text = (tmp_path / "api" / "rasterizer.html").read_text(encoding="utf-8")
     for name in PAGES["rasterizer.html"]:
         value = getattr(rz, name, None)
         for key in dir(value) if inspect.isclass(value) else ():
@@ -64,30 +56,9 @@ def test_every_member_of_a_public_class_is_on_the_page(made):
             is_called = inspect.isfunction(member) or isinstance(member, (property, classmethod))
             if not key.startswith("_") and owner.__module__.startswith("rasterizer.") and is_called:
                 assert f'id="{name}.{key}"' in text, f"{name}.{key} is missing"
-
-
-@needs_pdoc
-@pytest.mark.parametrize("page", PAGES)
-def test_links_inside_a_page_lead_somewhere(page, made):
-    text = (made / page).read_text(encoding="utf-8")
-    missing = set(re.findall(r'href="#([^"]+)"', text)) - set(re.findall(r'id="([^"]+)"', text))
-    assert not missing
-
-
-@needs_pdoc
-def test_signatures_are_shown_as_they_are_written(made):
-    found = sections((made / "rasterizer.html").read_text(encoding="utf-8"))
+    found = sections(text)
     assert "size: int | Sequence[int] = (640, 480)" in found["render"] and "-> Frame:" in found["render"]
     assert "color: Color = 1.0" in found["PointLight"]
-    strangers = [name for name, text in found.items() if re.search(r"typing\.|Annotated|0x[0-9a-f]{6}", text)]
-    assert not strangers
-
-
-@needs_pdoc
-def test_sections_are_lists_and_no_marks_are_left(made):
-    found = sections((made / "rasterizer.html").read_text(encoding="utf-8"))
-    for name, text in found.items():
-        assert not re.search(r"^-{4,}|^#{2,}|^```|\*\*(?!options)", text.replace("**changes", ""), re.MULTILINE), name
     assert "tolerance: error accepted, in linear intensity where 1 is white" in found["render"]
 
 
@@ -104,11 +75,8 @@ def test_a_docstring_becomes_markdown():
     )
 
 
-def test_without_pdoc_it_says_what_to_install(tmp_path):
-    code = (
-        "import sys; sys.modules['pdoc'] = None; from rasterizer.api_pages import main; sys.exit(main([sys.argv[1]]))"
-    )
-    command = [sys.executable, "-c", code, str(tmp_path / "api")]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 2 and not (tmp_path / "api").exists()
-    assert done.stderr.count("\n") == 1 and "'scanline-rasterizer[docs]'" in done.stderr
+def test_without_pdoc_it_says_what_to_install(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "pdoc", None)
+    assert main([str(tmp_path / "api")]) == 2 and not (tmp_path / "api").exists()
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "'scanline-rasterizer[docs]'" in said

@@ -1,12 +1,12 @@
-"""The scripts of bench/ run, and their last line is JSON with what they promise."""
+"""The scripts of bench/ run, and their last line is JSON with what they promise. All but one of them run at night."""
 
+import io
 import json
-import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers import true_surfaces
+from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
@@ -16,12 +16,16 @@ from bench import (
     encode,
     features,
     frame,
+    fuzz,
+    history,
     margins,
     measure,
+    refinement,
     scale,
     scenes,
     stages,
     startup,
+    surfaces,
     table_rows,
     throughput,
     tolerance,
@@ -31,7 +35,7 @@ from rasterizer import reference
 from rasterizer.analysis.comparison import root_mean_square
 from rasterizer.analysis.timing import LEAST_ROUNDS, take_turns
 
-ROOT = Path(__file__).resolve().parents[2]
+nightly = pytest.mark.nightly
 QUICK = ["--frames", "3", "--seconds", "0.01"]
 MACHINE = {"cpu", "cores", "system", "python", "numpy", "numba", "llvmlite", "rasterizer", "load", "others"}
 
@@ -44,62 +48,35 @@ def record_of(capsys, bench) -> dict:
     return record
 
 
+# ---------------------------------------------------------------- times
+
+
 def test_frame(capsys):
-    shadings = ["gouraud", "phong"]
-    arguments = [
-        "cube",
-        str(ROOT / "models/torus.glb"),
-        "quads-back",
-        "--sizes",
-        "32",
-        "48x20",
-        "--threads",
-        "1",
-        "2",
-    ]
-    assert frame.main([*arguments, "--shadings", *shadings, "--channels", "rgb", "--stages", *QUICK]) == 0
+    """The one that stands for all."""
+    arguments = ["cube", "quads-back", "--sizes", "32", "48x20", "--threads", "1", "--shadings", "gouraud", "phong"]
+    assert frame.main([*arguments, "--channels", "rgb", "--stages", *QUICK]) == 0
     rows = record_of(capsys, "frame")["rows"]
-    assert [row["case"] for row in rows[::4]] == ["cube", "torus", "quads-back"]
-    assert [row["shading"] for row in rows] == shadings * 6 and [row["size"] for row in rows[::2]] == [
-        "32x32",
-        "48x20",
-    ] * 3
+    assert [(row["case"], row["shading"], row["size"]) for row in rows] == [
+        (case, shading, size)
+        for case in ("cube", "quads-back")
+        for size in ("32x32", "48x20")
+        for shading in ("gouraud", "phong")
+    ]
     for row in rows:
-        assert set(row) == {"case", "triangles", "size", "shading", "prepare_ms", "first_ms", "ms_1", "ms_2", "n_frame",
-                            "spread",
-                            "yard_ms", "yards", "gain", "ns_triangle", "ns_pixel", "coverage", "stages"}  # fmt: skip
-        assert row["ms_1"] > 0 and row["n_frame"] == 3 and set(row["stages"]) == {"1", "2"}
+        assert row["ms_1"] > 0 and row["n_frame"] == 3 and set(row["stages"]) == {"1"}
         assert (row["coverage"] == 1.0) == (row["case"] == "quads-back")
 
 
-def test_tolerance_modes(capsys):
-    assert tolerance_modes.main(["--models", "cube@24", "--size", "24x16", "--turns", "1"]) == 0
-    rows = record_of(capsys, "tolerance_modes")["rows"]
-    modes = [row for row in rows if "mode" in row]
-    assert {row["mode"] for row in modes} == set(tolerance_modes.list_modes((24, 16)))
-    assert [row["tolerance"] for row in modes[:5]] == list(tolerance_modes.TOLERANCES)
-    assert all(0 <= row["used"] <= 1 and row["ms"] > 0 for row in modes)
-    mixed = [row for row in rows if "model" in row]
-    assert [(row["model"], row["size"]) for row in mixed] == 4 * [("cube", "24x24")]
-    assert all(0 <= row["saved"] <= row["samples"] <= 1 for row in mixed)
-    assert table_rows.tolerance_modes(rows)[0].count("|") == 7 and len(table_rows.mixed(rows)) == 6
+@nightly
+def test_frame_in_fresh_processes(capsys):
+    assert frame.main(["cube", "--sizes", "32", "--shadings", "flat", "--threads", "1", "--memory"]) == 0
+    (row,) = record_of(capsys, "frame")["rows"]
+    assert (
+        all(row[f"{step}_ms"] > 0 for step in ("import", "build", "prepare", "first", "warm")) and row["peak_mib"] > 1
+    )
 
 
-@pytest.mark.slow
-def test_features(capsys):
-    assert features.main(["--model", "cube", "--size", "40", "--seconds", "0.01", "--frames", "3"]) == 0
-    rows = record_of(capsys, "features")["rows"]
-    costs = {row["feature"]: row for row in rows if "feature" in row}
-    assert set(costs) == set(features.list_features()) and all(row["ms"] > 0 for row in costs.values())
-    assert costs["plain"]["ns_more"] is None and costs["plain"]["dtype"] == "float32"
-    assert costs["shadow, look-up"]["dtype"] == costs["shadow, six maps"]["dtype"] == "float32"
-    maps = [row for row in rows if "light" in row]
-    assert [row["triangles"] for row in maps] == [12, 12] and all(row["ms_1"] > 0 and row["ms_2"] > 0 for row in maps)
-    buffers = [row for row in rows if "outputs" in row]
-    assert [row["outputs"] for row in buffers] == 2 * list(features.BUFFERS)
-    assert all(row["ms_1"] > 0 and row["ms_2"] > 0 for row in buffers) and buffers[0]["ratio_1"] == 1.0
-
-
+@nightly
 def test_before_after(capsys):
     """A version compared with itself."""
     assert before_after.main([str(ROOT), "cube", "--size", "32", "--frames", "3", "--pairs", "1"]) == 0
@@ -110,228 +87,52 @@ def test_before_after(capsys):
         before_after.Version(ROOT, ("no such scene", "32", "flat", "mono", "none", 1))
 
 
-def test_frame_in_fresh_processes(capsys):
-    assert frame.main(["cube", "--sizes", "32", "--shadings", "flat", "--threads", "1", "--memory"]) == 0
-    (row,) = record_of(capsys, "frame")["rows"]
-    steps = {"import_ms", "build_ms", "prepare_ms", "first_ms", "warm_ms"}
-    assert set(row) == {"case", "triangles", "size", "shading", "threads", "peak_mib"} | steps
-    assert all(row[step] > 0 for step in steps) and row["triangles"] == 12
+@nightly
+def test_features_and_throughput(capsys, tmp_path):
+    assert features.main(["--model", "cube", "--size", "40", *QUICK]) == 0
+    rows = record_of(capsys, "features")["rows"]
+    costs = {row["feature"]: row for row in rows if "feature" in row}
+    assert set(costs) == set(features.list_features()) and all(row["ms"] > 0 for row in costs.values())
+    assert costs["plain"]["ns_more"] is None and costs["plain"]["dtype"] == "float32"
+    assert [row["triangles"] for row in rows if "light" in row] == [12, 12]
+    assert [row["outputs"] for row in rows if "outputs" in row] == 2 * list(features.BUFFERS)
+    kept = tmp_path / "throughput.json"
+    arguments = ["--models", "2", "--workers", "1", "2", "--size", "16", "--rounds", "1", "--json", str(kept)]
+    assert throughput.main(arguments) == 0
+    rows = record_of(capsys, "throughput")["rows"]
+    assert [row["processes"] for row in rows] == [1, 2] and rows[0]["gain"] == 1.0
+    assert all(row["pictures"] == 8 and row["per_second"] > 0 for row in rows)
+    assert json.loads(kept.read_text())["rows"] == rows and table_rows.throughput(rows)[2].startswith("| 1 | ")
 
 
-AXES = ("triangles", "pixels", "lights", "shadows", "materials", "textures", "objects", "threads")
-
-
-@pytest.mark.slow
-def test_scale(capsys):
-    """The beginning of each axis; every point is a process of its own."""
-    assert tuple(scale.AXES) == AXES
-    assert scale.main(["lights", "objects", "--most", "4", "--seconds", "0.01", "--frames", "3"]) == 0
-    rows = record_of(capsys, "scale")["rows"]
-    points = [(row["axis"], row["n"]) for row in rows if "n" in row]
-    assert points == [("lights", 1), ("lights", 4), ("objects", 1)]
-    for row in rows:
-        if "n" in row:
-            assert set(row) == {"axis", "n", "build_ms", "prepare_ms", "cpu_ms", "best_ms", "mib"}
-            assert row["best_ms"] > 0 and row["cpu_ms"] > 0
-        else:
-            assert set(row["slopes"]) == {"build_ms", "prepare_ms", "cpu_ms", "mib"}
-
-
-@pytest.mark.parametrize("name", AXES[1:])
-def test_what_grows_is_what_its_axis_says(name):
-    small, large = (scale.AXES[name].make(n).scene for n in (1, 20))
-    assert scale.AXES[name].counts == tuple(sorted(scale.AXES[name].counts))
-    counted = {
-        "lights": lambda scene: len(scene.lights) >= 20,
-        "shadows": lambda scene: sum(light.shadow is not None for light in scene.lights) == 20,
-        "materials": lambda scene: len(scene.meshes[0].palette) == 20,
-        "textures": lambda scene: len({id(material.texture) for material in scene.meshes[0].palette}) == 20,
-        "objects": lambda scene: len(scene.meshes) == 20,
-    }
-    if name in counted:
-        assert counted[name](large) and not counted[name](small)
-    else:
-        assert small.n_face == large.n_face
-
-
-def test_spheres_have_the_triangles_that_are_asked_for():
-    for n in (1000, 10_000, 100_000):
-        assert abs(scale.triangles(n).scene.n_face / n - 1) < 0.1
-
-
-@pytest.mark.parametrize(("power", "floor"), [(1.0, 0.0), (2.0, 0.0), (0.5, 0.0), (1.0, 5.0)])
-def test_a_slope_is_the_power_with_which_a_cost_grows(power, floor):
-    rows = [{"n": n, "ms": floor + 0.1 * n**power} for n in (1, 10, 100, 1000, 10_000)]
-    assert scale.slope_of(rows, "ms", 1.0) == pytest.approx(power, abs=0.15)
-    assert scale.slope_of(rows, "ms", 1e9) is None and scale.slope_of([], "ms", 1.0) is None
-
-
-def test_scale_draws_many_and_large_pictures(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert scale.main(["--many", "20"]) == 0
-    rows = record_of(capsys, "scale")["rows"]
-    assert [row["n"] for row in rows] == list(range(2, 21, 2)) and all(row["mib"] > 10 for row in rows)
-    assert scale.main(["--large", "256"]) == 0
-    rows = record_of(capsys, "scale")["rows"]
-    assert [row["n"] for row in rows] == [32, 64, 128, 256] and not list(tmp_path.iterdir())
-    assert all(row["s"] > 0 and row["mib"] > 10 and row["ns_pixel"] > 0 for row in rows)
-
-
-def test_scale_plots_what_it_has_measured():
-    pytest.importorskip("matplotlib")
-    point = {"build_ms": 1.0, "prepare_ms": 2.0, "cpu_ms": 3.0, "mib": None}
-    rows = [row for name in ("a", "b") for row in [*({"axis": name, "n": n} | point for n in (1, 10)),
-                                                   {"axis": name, "slopes": {}}]]  # fmt: skip
-    assert len(scale.plot(rows, ".png")) > 1000
-
-
-def test_encode(capsys):
-    arguments = ["cube", "noise", "--sizes", "40x30", "64", "--levels", "1", "6", "--threads", "1", "2"]
+@nightly
+def test_encode_and_what_is_kept(capsys, folder):
+    arguments = ["cube", "noise", "--sizes", "40x30", "--levels", "1", "6", "--threads", "1", "--json", "a/encode.json"]
     assert encode.main([*arguments, "--rounds", "3", "--seconds", "0.01"]) == 0
-    rows = record_of(capsys, "encode")["rows"]
-    writers = ["own 1T", "own 2T", "Pillow 1", "Pillow 6"]
-    assert [row["writer"] for row in rows] == writers * 6
-    assert [row["case"] for row in rows[::4]] == ["cube", "noise", "mean"] * 2
-    assert [row["size"] for row in rows[::12]] == ["40x30", "64x64"]
-    for row in rows:
-        assert row["ms"] > 0 and row["kib"] > 0 and (row["share"] == 1.0 or row["writer"] != "Pillow 6")
-        assert set(row) == {"case", "size", "writer", "ms", "kib", "share"}
+    record = record_of(capsys, "encode")
+    assert [row["writer"] for row in record["rows"]] == ["own 1T", "Pillow 1", "Pillow 6"] * 3
+    assert all(row["ms"] > 0 and row["kib"] > 0 for row in record["rows"])
+    text = (folder / "a" / "encode.json").read_text()
+    assert json.loads(text) == record and "json" not in record["settings"]
+    assert sum(line.startswith('  {"case"') for line in text.splitlines()) == len(record["rows"]), "a row a line"
 
 
-@pytest.mark.slow
+@nightly
 def test_startup(capsys):
     """With the kernels that are there: compiling them takes too long here."""
     assert startup.main([str(ROOT / "models/cube.obj"), "--size", "32x24", "--runs", "1", "--cold", "0"]) == 0
     out, err = capsys.readouterr()
     assert "no function was found" not in err, f"hooks of bench/stages.py are out of date: {err}"
     record = json.loads(out.splitlines()[-1])
-    assert record["bench"] == "startup" and set(record["machine"]) == MACHINE
     programs = {row["program"]: row for row in record["rows"] if "program" in row}
     assert {"import numba", "python alone", "raster --help", "raster render", "in a worker"} <= set(programs)
-    assert programs["import numba"]["yards"] == 1.0
-    for name, row in programs.items():
-        assert row["ms"] > 0 and (row["peak_mib"] is None or row["peak_mib"] > 1), name
-    for name in ("first picture", "in a worker"):
-        assert all(programs[name][f"{step}_ms"] >= 0 for step in ("process", "import", "first", "next")), name
+    assert all(row["ms"] > 0 for row in programs.values()) and programs["import numba"]["yards"] == 1.0
     of_stages = {row["stage"]: row for row in record["rows"] if "stage" in row}
     expected = {"python", "numpy", "own modules", "read", "normals", "kernels", "draw", "encode", "write", "exit"}
     assert expected <= set(of_stages) <= {*stages.STAGES, "whole process"}
     whole = of_stages.pop("whole process")["warm_ms"]
     total = sum(row["warm_ms"] for row in of_stages.values())
     assert total <= whole, f"stages take {total:.0f} > {whole:.0f} ms of the whole process"
-    assert all(row["cold_ms"] is None for row in of_stages.values())
-
-
-def test_time_belongs_to_the_innermost_stage_of_the_main_thread(monkeypatch):
-    ticks = iter(range(0, 100_000_000, 1_000_000))
-    monkeypatch.setattr(stages, "monotonic_ns", lambda: next(ticks))
-    clock = stages.Clock(-2_000_000)
-    encode = clock.around(lambda: None, "encode")
-    draw = clock.around(lambda n: [encode() for _ in range(n)], "draw")
-    draw(2)
-    with pytest.raises(ZeroDivisionError):
-        clock.around(lambda: 1 / 0, "write")()
-    thread = threading.Thread(target=draw, args=(3,))
-    thread.start()
-    thread.join()
-    spent = {stage: n // 1_000_000 for stage, n in clock.nanoseconds.items() if n}
-    assert spent == {"python": 3, "draw": 3, "encode": 2, "write": 1}
-
-
-def test_tolerance(capsys):
-    arguments = ["cube", "torus", "--size", "40x30", "--shadings", "gouraud", "--tolerances", "0", "1/256"]
-    assert tolerance.main([*arguments, "--samples", "1", "4", *QUICK]) == 0
-    rows = record_of(capsys, "tolerance")["rows"]
-    assert len(rows) == 8
-    for row in rows:
-        assert row["rms"] <= row["max"] <= row["bound"] and row["of_bound"] == row["max"] / row["bound"], row
-        assert 0 < row["vertices"] < 0.01 and row["ms"] > 0, row
-        assert (row["of_first"] == 1.0) == (row["tolerance"] == "0"), row
-
-
-def test_choices(capsys):
-    assert choices.main(["cube", "table", "--size", "32x24", "--seconds", "2"]) == 0
-    rows = record_of(capsys, "choices")["rows"]
-    methods = [row for row in rows if row["what"] == "method"]
-    assert {row["model"] for row in methods} == {"cube"} and {row["samples"] for row in methods} == {1, 4, 16}
-    assert all(row["triangles"] == 12 * 4 ** row["subdivisions"] for row in methods)
-    others = [row for row in rows if row["what"] != "method"]
-    assert {row["what"] for row in others} == {"shadow map", "shadow filter", "antialias", "reflection"}
-    pytest.importorskip("matplotlib")
-    assert choices.plot(rows, ".svg").startswith(b"<?xml")
-
-
-def test_results_are_kept_a_row_a_line(capsys, folder):
-    arguments = ["cube", "--sizes", "32", "--levels", "6", "--threads", "1", "--rounds", "3", "--seconds", "0.01"]
-    assert encode.main([*arguments, "--json", "results/encode.json"]) == 0
-    record = record_of(capsys, "encode")
-    text = (folder / "results" / "encode.json").read_text()
-    assert json.loads(text) == record and "json" not in record["settings"]
-    assert sum(line.startswith('  {"case"') for line in text.splitlines()) == len(record["rows"])
-
-
-def test_plots_are_written_in_few_colours(folder):
-    pytest.importorskip("matplotlib")
-    rows = [{"feature": f"thing {k}", "ns_more": k - 1.0, "dtype": "float32"} for k in range(4)]
-    measure.write_plot(folder / "plots" / "x.png", features.plot, rows)
-    assert Image.open(folder / "plots" / "x.png").mode == "P"
-    measure.write_plot(folder / "x.svg", features.plot, rows)
-    assert (folder / "x.svg").read_bytes().startswith(b"<?xml")
-    measure.write_plot(None, features.plot, rows)
-
-
-@pytest.mark.parametrize("seed", [12, 21, 22])
-def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front(seed):
-    """Squares that cross each other, drawn with coarse depth: along their edges the reference may show the other
-    one."""
-    rng, size, settings = np.random.default_rng(seed), (96, 72), {"shading": "flat", "samples": 4}
-    square, meshes = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float), []
-    for _ in range(12):
-        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-        meshes.append(rz.Mesh(square @ turn, [[0, 1, 2, 3]], material=rz.Material(diffuse=rng.random(3))))
-    scene = rz.Scene(meshes, camera=rz.Camera.perspective((0, 0, 3), near=1e-4))
-    expected = reference.render(scene, size, **settings)
-    is_clear = margins.clear_pixels(scene, size, 4, lambda grid: reference.render(scene, grid, shading="flat"))
-    frame = rz.render(scene, size, tolerance=0, outputs=("color", "face"), **{"samples": 1} | settings)
-    row = tolerance.compare_with_reference(frame, expected, is_clear)
-    assert row["max"] <= row["bound"], f"{row['max']:.3g} > {row['bound']:.3g}"
-    assert row["other"] <= 0.05 * is_clear.size, f"{row['other']} pixels left out > 5 %"
-
-
-@pytest.mark.parametrize("samples", [1, 4])
-@pytest.mark.parametrize("name", ["sphere", "torus"])
-def test_true_surface_is_what_the_mesh_approximates(name, samples):
-    size = (48, 36)
-    scene = scenes.build(name, size)
-    assert true_surfaces.find_surface(scene) == name and true_surfaces.find_surface(scenes.build("cube", size)) is None
-    truth = true_surfaces.draw(name, scene, size, samples)
-    with rz.Renderer(scene, size, shading="phong", samples=samples, outputs=("color", "depth")) as renderer:
-        drawn = renderer.render()
-    assert np.abs(truth.alpha - drawn.alpha).mean() < 0.01
-    with np.errstate(invalid="ignore"):  # inf - inf where nothing is
-        is_near = (drawn.depth - truth.nearest < 0.3) & (truth.furthest - drawn.depth < 0.3)
-    error = np.abs(drawn.color - truth.color)[(truth.alpha == 1) & (drawn.alpha > 1 - 1e-6) & is_near]
-    assert 0 < root_mean_square(error) < 0.01 and error.max() < 0.2
-
-
-@pytest.mark.parametrize(
-    ("shape", "n_face"),
-    [(scenes.icosphere(2), 320), (scenes.uv_sphere(6, 9), 90), (scenes.torus(5, 7), 70)],
-)
-def test_generated_shapes_are_closed_and_wound_outwards(shape, n_face):
-    vertices, faces = shape
-    assert vertices.dtype == np.float32 and faces.dtype == np.uint32 and len(faces) == n_face
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).tolist()
-    assert len(set(map(tuple, edges))) == len(edges) and {(b, a) for a, b in edges} == set(map(tuple, edges))
-    a, b, c = vertices[faces].astype(float).transpose(1, 0, 2)
-    assert np.sum(a * np.cross(b, c)) > 0
-
-
-def test_every_quad_of_a_stack_fills_the_picture():
-    for name, nearest in (("quads-front", 0), ("quads-back", scenes.N_QUAD - 1)):
-        scene = scenes.build(name, (40, 30))
-        with rz.Renderer(scene, (40, 30), outputs=("face",)) as renderer:
-            assert set(np.unique(renderer.render().face) // 2) == {nearest}
 
 
 def test_calls_take_turns():
@@ -341,12 +142,212 @@ def test_calls_take_turns():
     assert order == list("ab") * LEAST_ROUNDS and len(times["a"][0]) == LEAST_ROUNDS
 
 
-def test_throughput(capsys, tmp_path):
-    kept = tmp_path / "throughput.json"
-    arguments = ["--models", "2", "--workers", "1", "2", "--size", "16", "--rounds", "1", "--json", str(kept)]
-    assert throughput.main(arguments) == 0
-    rows = record_of(capsys, "throughput")["rows"]
-    assert [row["processes"] for row in rows] == [1, 2] and rows[0]["gain"] == 1.0
-    assert all(row["pictures"] == 8 and row["per_second"] > 0 for row in rows)
-    assert json.loads(kept.read_text())["rows"] == rows
-    assert table_rows.throughput(rows)[2].startswith("| 1 | ")
+# ---------------------------------------------------------------- growth
+
+
+@nightly
+def test_scale(capsys, folder):
+    """The beginning of each axis; every point is a process of its own."""
+    assert scale.main(["lights", "objects", "--most", "4", *QUICK]) == 0
+    rows = record_of(capsys, "scale")["rows"]
+    points = [(row["axis"], row["n"]) for row in rows if "n" in row]
+    assert points == [("lights", 1), ("lights", 4), ("objects", 1)]
+    assert scale.main(["--many", "20"]) == 0
+    rows = record_of(capsys, "scale")["rows"]
+    assert [row["n"] for row in rows] == list(range(2, 21, 2)) and all(row["mib"] > 10 for row in rows)
+    assert scale.main(["--large", "256"]) == 0
+    rows = record_of(capsys, "scale")["rows"]
+    assert [row["n"] for row in rows] == [32, 64, 128, 256] and not list(folder.iterdir())
+
+
+def test_a_slope_is_the_power_with_which_a_cost_grows():
+    for power, floor in ((1.0, 0.0), (2.0, 0.0), (0.5, 0.0), (1.0, 5.0)):
+        rows = [{"n": n, "ms": floor + 0.1 * n**power} for n in (1, 10, 100, 1000, 10_000)]
+        assert scale.slope_of(rows, "ms", 1.0) == pytest.approx(power, abs=0.15)
+        assert scale.slope_of(rows, "ms", 1e9) is None and scale.slope_of([], "ms", 1.0) is None
+    counted = {
+        "lights": lambda scene: len(scene.lights) >= 20,
+        "shadows": lambda scene: sum(light.shadow is not None for light in scene.lights) == 20,
+        "materials": lambda scene: len(scene.meshes[0].palette) == 20,
+        "objects": lambda scene: len(scene.meshes) == 20,
+    }
+    for name, is_large in counted.items():
+        small, large = (scale.AXES[name].make(n).scene for n in (1, 20))
+        assert is_large(large) and not is_large(small), name
+
+
+@nightly
+def test_what_is_slower_is_named(folder, capsys):
+    name = "teapot Gouraud"
+    arguments = ["--file", "h.jsonl", "--add", "--note", "first", "--cases", name, "--frames", "3", "--seconds", "0.1"]
+    assert history.main(arguments) == 0
+    (found,) = history.read_history(folder / "h.jsonl")
+    assert found["note"] == "first" and set(found["ratios"]) == {name} and found["ratios"][name] > 0
+    lines = [{**found, "ratios": ratios, "machine": {"cpu": cpu}} for ratios, cpu in (
+        ({"a": 1.0, "b": 2.0}, "A"), ({"a": 9.0, "b": 9.0}, "B"), ({"a": 1.2, "b": 1.9, "c": 3.0}, "A"))]  # fmt: skip
+    for many, code in ((lines, 1), (lines[:2], 0)):  # another processor says nothing
+        (folder / "h.jsonl").write_text("".join(json.dumps(each) + "\n" for each in many))
+        capsys.readouterr()
+        assert history.main(["--file", "h.jsonl"]) == code
+        out = capsys.readouterr().out
+        assert ("slower: a, 1.20 times the line before" in out) == bool(code) and "slower: b" not in out
+    assert history.main(["--file", "none.jsonl"]) == 0 and "no lines yet" in capsys.readouterr().out
+    assert all(set(each["ratios"]) <= set(history.CASES) for each in history.read_history(history.HISTORY))
+
+
+@nightly
+def test_plots(folder):
+    pytest.importorskip("matplotlib")
+    rows = [{"feature": f"thing {k}", "ns_more": k - 1.0, "dtype": "float32"} for k in range(4)]
+    measure.write_plot(folder / "plots" / "x.png", features.plot, rows)
+    assert Image.open(folder / "plots" / "x.png").mode == "P"
+    measure.write_plot(folder / "x.svg", features.plot, rows)
+    assert (folder / "x.svg").read_bytes().startswith(b"<?xml")
+    measure.write_plot(None, features.plot, rows)
+    point = {"build_ms": 1.0, "prepare_ms": 2.0, "cpu_ms": 3.0, "mib": None}
+    rows = [row for name in ("a", "b") for row in [*({"axis": name, "n": n} | point for n in (1, 10)),
+                                                   {"axis": name, "slopes": {}}]]  # fmt: skip
+    assert len(scale.plot(rows, ".png")) > 1000
+    line = {"date": "2026-01-01", "version": "0", "commit": "abc", "note": "", "machine": {"cpu": "A"}}
+    lines = [line | {"ratios": ratios} for ratios in ({"a": 1.0, "b": 2.0}, {"a": 0.8})]  # fmt: skip
+    assert Image.open(io.BytesIO(history.plot(lines, ".png"))).width > 800
+    rows = [{"surface": "sphere", "shading": shading, "triangles": 2 * n * n, "quads": n, "rms": 1 / n, "ms": float(n)}
+            for shading in refinement.SHADINGS for n in (4, 8, 16)]  # fmt: skip
+    assert Image.open(io.BytesIO(refinement.plot(rows, ".png"))).height > 500
+
+
+# ---------------------------------------------------------------- errors
+
+
+@nightly
+def test_tolerance(capsys):
+    arguments = ["cube", "--size", "40x30", "--shadings", "gouraud", "--tolerances", "0", "1/256"]
+    assert tolerance.main([*arguments, "--samples", "1", "4", *QUICK]) == 0
+    for row in record_of(capsys, "tolerance")["rows"]:
+        assert row["rms"] <= row["max"] <= row["bound"] and row["of_bound"] == row["max"] / row["bound"], row
+        assert 0 < row["vertices"] < 0.01 and row["ms"] > 0 and (row["of_first"] == 1.0) == (row["tolerance"] == "0"), (
+            row
+        )
+    assert tolerance_modes.main(["--models", "cube@24", "--size", "24x16", "--turns", "1"]) == 0
+    rows = record_of(capsys, "tolerance_modes")["rows"]
+    modes = [row for row in rows if "mode" in row]
+    assert {row["mode"] for row in modes} == set(tolerance_modes.list_modes((24, 16)))
+    assert all(0 <= row["used"] <= 1 and row["ms"] > 0 for row in modes)
+    assert table_rows.tolerance_modes(rows)[0].count("|") == 7 and len(table_rows.mixed(rows)) == 6
+
+
+@nightly
+def test_choices(capsys):
+    assert choices.main(["cube", "table", "--size", "32x24", "--seconds", "2"]) == 0
+    rows = record_of(capsys, "choices")["rows"]
+    methods = [row for row in rows if row["what"] == "method"]
+    assert {row["model"] for row in methods} == {"cube"} and {row["samples"] for row in methods} == {1, 4, 16}
+    assert all(row["triangles"] == 12 * 4 ** row["subdivisions"] for row in methods)
+    others = {row["what"] for row in rows} - {"method"}
+    assert others == {"shadow map", "shadow filter", "antialias", "reflection"}
+    pytest.importorskip("matplotlib")
+    assert choices.plot(rows, ".svg").startswith(b"<?xml")
+
+
+def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front():
+    """Squares that cross each other, drawn with coarse depth: along their edges the reference may show the other
+    one."""
+    rng, size, settings = np.random.default_rng(12), (48, 36), {"shading": "flat", "samples": 4}
+    square, meshes = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], float), []
+    for _ in range(12):
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        meshes.append(rz.Mesh(square @ turn, [[0, 1, 2, 3]], material=rz.Material(diffuse=rng.random(3))))
+    scene = rz.Scene(meshes, camera=rz.Camera.perspective((0, 0, 3), near=1e-4))
+    expected = reference.render(scene, size, **settings)
+    is_clear = margins.clear_pixels(scene, size, 4, lambda grid: reference.render(scene, grid, shading="flat"))
+    drawn = rz.render(scene, size, tolerance=0, outputs=("color", "face"), **settings)
+    row = tolerance.compare_with_reference(drawn, expected, is_clear)
+    assert row["max"] <= row["bound"], f"{row['max']:.3g} > {row['bound']:.3g}"
+    assert row["other"] <= 0.1 * is_clear.size, f"{row['other']} pixels left out > 10 %"
+
+
+def test_shapes_are_closed_and_wound_outwards():
+    for vertices, faces in (scenes.icosphere(2), scenes.uv_sphere(6, 9), scenes.torus(5, 7)):
+        edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).tolist()
+        assert len(set(map(tuple, edges))) == len(edges) and {(b, a) for a, b in edges} == set(map(tuple, edges))
+        a, b, c = vertices[faces].astype(float).transpose(1, 0, 2)
+        assert np.sum(a * np.cross(b, c)) > 0
+    for name in surfaces.SURFACES:
+        mesh = surfaces.make_mesh(name, 24)
+        corners = mesh.vertices[mesh.faces]
+        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        cosine = np.einsum("ij,ij->i", area, mesh.normals[mesh.faces[:, 0]]) / np.linalg.norm(area, axis=1)
+        assert cosine.min() > 0.9, f"{name}: a normal that looks away, {cosine.min():.3g} <= 0.9"
+
+
+@nightly
+def test_true_surfaces_are_what_meshes_approximate():
+    """Rays that meet the sphere or torus itself, against coarse meshes; and against the finest, off by its rounding."""
+    size = (48, 36)
+    for name, samples in (("sphere", 1), ("torus", 4)):
+        scene = scenes.build(name, size)
+        assert true_surfaces.find_surface(scene) == name
+        truth = true_surfaces.draw(name, scene, size, samples)
+        drawn = rz.render(scene, size, shading="phong", samples=samples, outputs=("color", "depth"))
+        with np.errstate(invalid="ignore"):  # inf - inf where nothing is
+            is_near = (drawn.depth - truth.nearest < 0.3) & (truth.furthest - drawn.depth < 0.3)
+        error = np.abs(drawn.color - truth.color)[(truth.alpha == 1) & (drawn.alpha > 1 - 1e-6) & is_near]
+        assert 0 < root_mean_square(error) < 0.01 and error.max() < 0.2, name
+    scene = rz.Scene([surfaces.make_mesh("torus", 512, rz.Material())], rz.studio())
+    drawn = rz.render(scene, size, shading="phong", tolerance=0, outputs=("color", "depth"))
+    truth = true_surfaces.draw("torus", scene, size, 1)
+    truth_depth = np.where(np.isfinite(truth.nearest), truth.nearest, 0.0)
+    is_inner = (truth.alpha == 1) & (drawn.alpha == 1) & (np.abs(drawn.depth - truth_depth) < 0.05)
+    rms = np.sqrt(np.mean((drawn.color - truth.color)[is_inner] ** 2))
+    assert is_inner.sum() > 300 and rms < 1e-4, f"{rms:.3g} > 1e-4"
+
+
+@nightly
+def test_errors_fall_as_theory_says(capsys):
+    arguments = ["teapot patch", "--quads", "16", "32", "64", "--finest", "512", "--size", "160", "--seconds", "0.1"]
+    assert refinement.main(arguments) == 0
+    rows = record_of(capsys, "refinement")["rows"]
+    for shading in refinement.SHADINGS:
+        slope = refinement.last_slopes(rows, shading)[0]
+        assert slope == pytest.approx(refinement.THEORY[shading], abs=0.1), f"{shading}: {slope}"
+    by = {(row["shading"], row["quads"]): row["rms"] for row in rows}
+    assert all(by["flat", n] > by["gouraud", n] > by["phong", n] for n in (16, 32, 64))
+    assert refinement.main(["plane", "--quads", "4", "8", "--finest", "16", "--size", "64", "--seconds", "0.1"]) == 0
+    rows = record_of(capsys, "refinement")["rows"]
+    assert all(row["rms"] < 1e-6 and "slope" not in row for row in rows), "a plane has no error"
+
+
+# ---------------------------------------------------------------- fuzz
+
+FEW = ["--cases", "6", "--batch", "2", "--climbs", "1", "--steps", "2", "--processes", "1"]
+
+
+@nightly
+def test_fuzz_goes_on_where_it_was_ended_and_tells_faults(folder, capsys, monkeypatch):
+    import helpers.campaign
+
+    assert fuzz.main([*FEW, "--cases", "2"]) == 0
+    assert fuzz.main(FEW) == 0
+    lines = (folder / "fuzz.jsonl").read_text().splitlines()
+    assert [(json.loads(line)["first"], json.loads(line)["stop"]) for line in lines] == [(0, 2), (2, 4), (4, 6)]
+    (folder / "fuzz.jsonl").write_text("\n".join([*lines[:2], lines[2][:30]]))  # it was ended while writing
+    capsys.readouterr()
+    assert fuzz.main(FEW) == 0
+    out = capsys.readouterr().out
+    assert out.count("[") == 1 and "[3/3] scenes 4 to 5" in out and "6 scenes, " in out and "0 faults" in out
+    assert fuzz.main([*FEW, "--cases", "2", "--seed", "5", "--report"]) == 0
+    assert "nothing is done yet" in capsys.readouterr().out
+    fuzz.main([*FEW, "--state", "two.jsonl", "--processes", "2"])
+    one, two = ([{**json.loads(line), "seconds": 0} for line in (folder / name).read_text().splitlines()]
+                for name in ("fuzz.jsonl", "two.jsonl"))  # fmt: skip
+    assert one == two
+    real = helpers.campaign.find_faults
+
+    def find_faults(case):
+        outcome = real(case)
+        return outcome._replace(faults=["it is green"]) if case.index == 1 else outcome
+
+    monkeypatch.setattr(helpers.campaign, "find_faults", find_faults)  # the tests' own: a scene that is wrong
+    assert fuzz.main([*FEW, "--state", "green.jsonl", "--cases", "2", "--climbs", "0"]) == 1
+    out = capsys.readouterr().out
+    assert "it is green" in out and "python -m helpers.campaign 1 1" in out and "1 faults" in out

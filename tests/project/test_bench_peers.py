@@ -1,9 +1,8 @@
 """bench/peers.py compares what is the same work: everybody gets the same arrays, and draws the same picture.
 
-Peers that aren't installed, or find no driver, are left out here as there.
+Peers that aren't installed, or find no driver, are left out here as there. What starts processes runs at night.
 """
 
-import argparse
 import importlib.util
 import json
 from contextlib import closing
@@ -20,6 +19,7 @@ from bench.peers_process import Failure, Process
 from bench.peers_work import Setup, make_work
 
 SIZE = (96, 72)
+nightly = pytest.mark.nightly
 QUICK = ["--pairs", "1", "--frames", "3", "--seconds", "0.01", "--size", "96x72", "--threads", "1"]
 
 
@@ -32,9 +32,8 @@ def arrays(tmp_path):
 # ---------------------------------------------------------------- the work
 
 
-@pytest.mark.parametrize("mesh", ["knot", "torus", "quads-back"])
-def test_the_matrix_puts_points_where_our_camera_puts_them(mesh):
-    work = make_work(mesh, False, Setup(size=SIZE, shading="gouraud"))
+def test_the_matrix_puts_points_where_our_camera_puts_them():
+    work = make_work("torus", False, Setup(size=SIZE, shading="gouraud"))
     setup = work.setup
     clip = np.column_stack([work.positions, np.ones(len(work.positions))]) @ peers_work.clip_from_world(setup).T
     x, y, z = (clip[:, :3] / clip[:, 3:]).T
@@ -62,6 +61,7 @@ def test_the_work_is_the_same_in_every_process(arrays):
         assert getattr(again, name).dtype == getattr(work, name).dtype, name
 
 
+@nightly
 @pytest.mark.parametrize("name", peers_work.MESHES)
 def test_generated_meshes_are_closed_and_their_normals_look_outwards(name):
     positions, faces, normals, _ = peers_work.MESHES[name]()
@@ -75,6 +75,7 @@ def test_generated_meshes_are_closed_and_their_normals_look_outwards(name):
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), normals[faces[:, 0]]) > 0).all()
 
 
+@nightly
 def test_a_model_file_is_drawn_with_its_texture_and_its_texture_coordinates():
     work = make_work(str(ROOT / "models/globe.obj"), True, Setup(size=SIZE, shading="phong"))
     own = rz.load(ROOT / "models/globe.obj").meshes[0].palette[0].texture
@@ -88,6 +89,7 @@ def test_a_model_file_is_drawn_with_its_texture_and_its_texture_coordinates():
         make_work("cube", True, Setup(size=SIZE, shading="phong"))
 
 
+@nightly
 def test_our_picture_is_that_of_the_scene_that_others_bench():
     """The arrays lose nothing: as frame.py draws it, but for light and material."""
     work = make_work("torus", False, Setup(size=SIZE, shading="phong"))
@@ -101,6 +103,7 @@ def test_our_picture_is_that_of_the_scene_that_others_bench():
     assert (levels > 1).sum() <= 3, f"{(levels > 1).sum()} pixels differ > 3"  # vertices in float32 move a silhouette
 
 
+@nightly
 @pytest.mark.parametrize("speck", SPECKS)
 def test_a_speck_is_a_few_pixels_in_a_corner(speck):
     work = make_work("torus", False, Setup(size=(160, 120), shading="phong", threads=1))
@@ -155,6 +158,7 @@ def test_what_covers_otherwise_is_warned_of():
 # ---------------------------------------------------------------- processes and the script
 
 
+@nightly
 def test_a_renderer_that_fails_says_why(arrays):
     work = make_work("cube", False, Setup(size=SIZE, shading="flat", threads=1))
     with pytest.raises(Failure, match="ours can't draw it: FileNotFoundError"):
@@ -164,6 +168,7 @@ def test_a_renderer_that_fails_says_why(arrays):
         Process("ours", arrays, work.setup, {"tolerance": -1})
 
 
+@nightly
 def test_a_process_that_has_ended_is_a_failure(arrays):
     work = make_work("cube", False, Setup(size=SIZE, shading="flat", threads=1))
     work.save(arrays)
@@ -183,16 +188,12 @@ def test_without_a_peer_the_script_says_how_to_install_it(monkeypatch, capsys):
     assert json.loads(out.splitlines()[-1])["rows"] == []
 
 
-def test_specks(capsys, monkeypatch):
-    monkeypatch.setattr(peers, "SPECKS", ("plain", "coloured"))
-    monkeypatch.setattr(peers, "SPECKLED", ("model-1080p-phong",))
+@nightly
+def test_specks(capsys):
     assert peers.main(["--cases", "specks", "--model", "torus", *QUICK]) == 0
     rows = json.loads(capsys.readouterr().out.splitlines()[-1])["rows"]
-    assert [row["speck"] for row in rows] == ["plain", "coloured"]
-    assert all(
-        row["ratio"] > 0 and row["ratio_of_best"] > 0 and row["ratio_of_cpu"] > 0 and row["n_frame"] == 3
-        for row in rows
-    )
+    assert [row["speck"] for row in rows[: len(SPECKS)]] == list(SPECKS)
+    assert all(row["ratio"] > 0 and row["ratio_of_best"] > 0 and row["ratio_of_cpu"] > 0 for row in rows)
 
 
 def test_options_are_numbers_or_words():
@@ -200,7 +201,7 @@ def test_options_are_numbers_or_words():
     assert peers.read_option("antialias=shade-once") == ("antialias", "shade-once")
 
 
-@pytest.mark.slow
+@nightly
 @pytest.mark.parametrize("peer", peers_process.PEERS)
 def test_a_peer_draws_the_same(peer, tmp_path, capsys):
     """Every shading, a texture, and four samples: as many pixels are covered, and colours are the same."""
@@ -215,19 +216,9 @@ def test_a_peer_draws_the_same(peer, tmp_path, capsys):
         pytest.skip(next(line for line in out.splitlines() if "can't draw it" in line))
     assert len(list(tmp_path.glob("*.png"))) == len(rows) == (2 if peer == "tinydisplay" else len(cases))
     for row in rows:
-        assert set(row) == {"case", "peer", "triangles", "size", "shading", "samples", "threads", "cores", "ms_ours",
-                            "ms_peer", "ratio", "ratio_of_best", "ratio_of_cpu", "n_frame", "spread", "covered",
-                            "covered_peer", "compared", "max", "rms", "over_one", "difference", "warnings",
-                            "version"}  # fmt: skip
         if peer == "tinydisplay":  # with vertices on whole pixels
             assert row["difference"] and abs(row["covered"] / row["covered_peer"] - 1) < 0.05, row
             continue
         assert abs(row["covered"] - row["covered_peer"]) <= 8, f"{row['covered']}, {row['covered_peer']}: {row['case']}"
         if not row["difference"]:
             assert row["over_one"] <= 0.01, f"{row['case']}: {row['over_one']:.2%} of the pixels differ > 1 %"
-
-
-def test_the_script_takes_every_case():
-    names = set(peers.CASES) | set(peers.MORE_CASES)
-    assert names | {"specks"} == set(peers.ALL_CASES) and set(peers.SPECKLED) <= names
-    assert isinstance(peers.make_parser(), argparse.ArgumentParser)

@@ -10,45 +10,45 @@ import rasterizer as rz
 TRIANGLE = ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
 
 
-@pytest.mark.parametrize(
-    ("call", "given", "meant"),
-    [
-        (lambda **k: rz.render(TRIANGLE, 8, **k), "tolerence", "tolerance"),
-        (lambda **k: rz.render(TRIANGLE, 8, **k), "Shading", "shading"),
-        (lambda **k: rz.render(TRIANGLE, 8, **k), "light", "lights"),
-        (lambda **k: rz.render(TRIANGLE, 8, **k), "width", "size"),
-        (lambda **k: rz.render(TRIANGLE, 8, **k), "bg", "background"),
-        (lambda **k: rz.Renderer(TRIANGLE, 8, **k), "sample", "samples"),
-        (lambda **k: rz.Renderer(TRIANGLE, 8).render(**k), "azimut", "azimuth"),
-        (lambda **k: rz.explain(TRIANGLE, 4, 4, 8, **k), "shadings", "shading"),
-        (lambda **k: rz.load(TRIANGLE, **k), "crease", "crease_angle"),
-        (lambda **k: rz.Camera.framing(np.eye(3), **k), "elev", "elevation"),
-        (lambda **k: rz.Camera.orbit(np.eye(3), **k), "azimuth", "azimuths"),
-        (lambda **k: rz.Camera(position=(0, 0, 1), **k), "field", None),
-        (lambda **k: rz.Options(**k), "thread", "threads"),
-        (lambda **k: rz.Material(**k), "color", "diffuse"),
-        (lambda **k: rz.Material.named("gold", **k), "roughnes", "roughness"),
-        (lambda **k: rz.Mesh(*TRIANGLE, **k), "uvs", "uv"),
-        (lambda **k: rz.Scene(TRIANGLE, **k), "light", "lights"),
-        (lambda **k: rz.PointLight((0, 0, 1), **k), "intensity", "color"),
-        (lambda **k: rz.Shadow(**k), "sizes", "size"),
-        (lambda **k: rz.DepthCue(2, **k), "begin", None),
-    ],
+CALLS = (
+    (lambda **k: rz.render(TRIANGLE, 8, **k), "tolerence", "tolerance"),
+    (lambda **k: rz.render(TRIANGLE, 8, **k), "Shading", "shading"),
+    (lambda **k: rz.render(TRIANGLE, 8, **k), "light", "lights"),
+    (lambda **k: rz.render(TRIANGLE, 8, **k), "width", "size"),
+    (lambda **k: rz.render(TRIANGLE, 8, **k), "bg", "background"),
+    (lambda **k: rz.Renderer(TRIANGLE, 8, **k), "sample", "samples"),
+    (lambda **k: rz.Renderer(TRIANGLE, 8).render(**k), "azimut", "azimuth"),
+    (lambda **k: rz.explain(TRIANGLE, 4, 4, 8, **k), "shadings", "shading"),
+    (lambda **k: rz.load(TRIANGLE, **k), "crease", "crease_angle"),
+    (lambda **k: rz.Camera.framing(np.eye(3), **k), "elev", "elevation"),
+    (lambda **k: rz.Camera.orbit(np.eye(3), **k), "azimuth", "azimuths"),
+    (lambda **k: rz.Camera(position=(0, 0, 1), **k), "field", None),
+    (lambda **k: rz.Options(**k), "thread", "threads"),
+    (lambda **k: rz.Material(**k), "color", "diffuse"),
+    (lambda **k: rz.Material.named("gold", **k), "roughnes", "roughness"),
+    (lambda **k: rz.Mesh(*TRIANGLE, **k), "uvs", "uv"),
+    (lambda **k: rz.Scene(TRIANGLE, **k), "light", "lights"),
+    (lambda **k: rz.PointLight((0, 0, 1), **k), "intensity", "color"),
+    (lambda **k: rz.Shadow(**k), "sizes", "size"),
+    (lambda **k: rz.DepthCue(2, **k), "begin", None),
 )
-def test_the_nearest_keyword_is_named(call, given, meant):
-    with pytest.raises(rz.OptionError) as caught:
-        call(**{given: 1})
-    text = str(caught.value)
-    assert f"has no option {given!r}: " in text and "Options are " in text
-    assert (f"did you mean {meant}?" in text) if meant else ("did you mean" not in text)
 
 
-@pytest.mark.parametrize("given", ["shadows", "material", "preset", "fov", "margin", "view", "color", "ground"])
-def test_what_the_command_line_has_flags_for_is_said_where_it_is_set(given):
-    with pytest.raises(rz.OptionError) as caught:
-        rz.render("x.obj", **{given: 1})
-    text = str(caught.value)
-    assert "did you mean" not in text and text.partition(f"{given!r}: ")[2].partition(". Options are ")[1]
+def test_the_nearest_keyword_is_named():
+    for call, given, meant in CALLS:
+        with pytest.raises(rz.OptionError) as caught:
+            call(**{given: 1})
+        text = str(caught.value)
+        assert f"has no option {given!r}: " in text and "Options are " in text, text
+        assert (f"did you mean {meant}?" in text) if meant else ("did you mean" not in text), text
+
+
+def test_what_the_command_line_has_flags_for_is_said_where_it_is_set():
+    for given in ("shadows", "material", "preset", "fov", "margin", "view", "color", "ground"):
+        with pytest.raises(rz.OptionError) as caught:
+            rz.render("x.obj", **{given: 1})
+        text = str(caught.value)
+        assert "did you mean" not in text and text.partition(f"{given!r}: ")[2].partition(". Options are ")[1], text
 
 
 def test_it_is_an_error_of_the_package_and_one_of_python():

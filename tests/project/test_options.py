@@ -1,6 +1,7 @@
 """Options: defaults, what is legal, what a message says."""
 
 import math
+import re
 from dataclasses import fields, replace
 
 import numpy as np
@@ -61,16 +62,30 @@ def test_the_default_number_of_spectral_samples_is_that_of_the_manual():
     assert usual[9, 12] == pytest.approx((0.81, 0.1, 0.01), rel=1e-3) and np.abs(usual - spectral).max() > 1e-3
 
 
-@pytest.mark.parametrize("size", [64, np.int32(64), (64, 64), [64, np.int64(64)]])
-def test_a_size_is_a_pair_or_one_number(size):
-    options = Options(size=size)
-    assert options.size == (64, 64) and all(type(side) is int for side in options.size)
+def test_a_size_is_a_pair_or_one_number():
+    for size in (64, np.int32(64), (64, 64), [64, np.int64(64)]):
+        options = Options(size=size)
+        assert options.size == (64, 64) and all(type(side) is int for side in options.size), repr(size)
 
 
-@pytest.mark.parametrize("size", [0, -1, (64,), (64, 64, 3), (64, 0), (64.0, 64), "64", None, True, MOST_PIXELS + 1])
-def test_illegal_sizes(size):
-    with pytest.raises(SceneError, match="size must be"):
-        Options(size=size)
+ILLEGAL = {
+    "size": (0, -1, (64,), (64, 64, 3), (64, 0), (64.0, 64), "64", None, True, MOST_PIXELS + 1),
+    "shading": ("toon", None), "antialias": ("multisample", None), "cull": ("front",), "color_range": ("wrap",),
+    "samples": (2, True, np.True_, "4", 3, np.int64(3), 4.5, math.nan, [4], (1,), np.array([4, 4])),
+    "outputs": ((), ("color", "uvw"), "uvw"), "tolerance": (-1e-9, math.nan, math.inf, "fine", None),
+    "threads": (0, 1.5, True, 1025), "exposure": (math.nan, "bright"), "edge_width": (-1.0, math.nan),
+    "spectral": (0, 1.5, "many"), "edges": ("all",),
+}  # fmt: skip
+
+
+def test_illegal_values_are_refused_by_name():
+    for name, values in ILLEGAL.items():
+        for value in values:
+            with pytest.raises(SceneError) as caught:
+                Options(**{name: value})
+            assert re.match(rf"{name} must ", str(caught.value)), f"{name}={value!r}: {caught.value}"
+    with pytest.raises(SceneError, match="samples must be one of 1, 4, 9, 16; given 3"):
+        Options(samples=3)
 
 
 def test_samples_count_towards_the_largest_size():
@@ -79,43 +94,11 @@ def test_samples_count_towards_the_largest_size():
         Options(size=MOST_PIXELS, samples=4)
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("shading", "toon"),
-        ("shading", None),
-        ("samples", 2),
-        ("antialias", "multisample"),
-        ("antialias", None),
-        ("cull", "front"),
-        ("color_range", "wrap"),
-        ("outputs", ()),
-        ("outputs", ("color", "uvw")),
-        ("outputs", "uvw"),
-        ("tolerance", -1e-9),
-        ("tolerance", math.nan),
-        ("tolerance", math.inf),
-        ("tolerance", "fine"),
-        ("tolerance", None),
-        ("threads", 0),
-        ("threads", 1.5),
-        ("threads", True),
-        ("threads", 1025),
-    ],
-)
-def test_illegal_values(name, value):
-    with pytest.raises(SceneError, match=f"^{name} must "):
-        Options(**{name: value})
-
-
-@pytest.mark.parametrize(
-    ("outputs", "samples"),
-    [("color", 4), ("rgb", 4), (("rgb", "color"), 4), ("depth", 1), (("color", "face"), 1), (("normal",), 1)],
-)
-def test_pictures_have_four_samples_and_buffers_one(outputs, samples):
+def test_pictures_have_four_samples_and_buffers_one():
     """A pixel's colour beside buffers is that of its centre, too; what is said rules."""
-    assert Options(outputs=outputs).samples == Options(outputs=outputs, samples=None).samples == samples
-    assert Options(outputs=outputs, samples=9).samples == 9
+    for outputs, samples in (("color", 4), ("rgb", 4), (("rgb", "color"), 4), ("depth", 1), (("color", "face"), 1)):
+        assert Options(outputs=outputs).samples == Options(outputs=outputs, samples=None).samples == samples, outputs
+        assert Options(outputs=outputs, samples=9).samples == 9
 
 
 def test_legal_words():
@@ -133,22 +116,14 @@ def test_legal_words():
 WHOLE, FRACTIONS = ("size", "samples", "spectral", "threads"), ("tolerance", "exposure", "edge_width", "edge_color")
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "make"),
-    [(name, 4, make) for name in WHOLE for make in (np.int64, np.uint8, np.array)]
-    + [(name, 0.5, make) for name in FRACTIONS for make in (np.float32, np.float64, np.array)],
-)
-def test_numpy_numbers_count_as_those_of_python(name, value, make):
+def test_numpy_numbers_count_as_those_of_python():
     """Whatever is given, the same is stored, so that options are equal and can be keys."""
-    given, plain = Options(**{name: make(value)}), Options(**{name: value})
-    assert given == plain and hash(given) == hash(plain)
-    assert type(getattr(given, name)) is type(getattr(plain, name))
-
-
-@pytest.mark.parametrize("samples", [True, np.True_, "4", 3, np.int64(3), 4.5, math.nan, [4], (1,), np.array([4, 4])])
-def test_other_numbers_of_samples_are_refused(samples):
-    with pytest.raises(SceneError, match="samples must be one of 1, 4, 9, 16; given"):
-        Options(samples=samples)
+    cases = [(name, 4, make) for name in WHOLE for make in (np.int64, np.uint8, np.array)]
+    cases += [(name, 0.5, make) for name in FRACTIONS for make in (np.float32, np.float64, np.array)]
+    for name, value, make in cases:
+        given, plain = Options(**{name: make(value)}), Options(**{name: value})
+        assert given == plain and hash(given) == hash(plain), f"{name} of {make}"
+        assert type(getattr(given, name)) is type(getattr(plain, name)), f"{name} of {make}"
 
 
 def test_options_are_values():

@@ -1,72 +1,49 @@
-"""The pages: their examples run, their commands make their pictures, their links and file names lead somewhere."""
+"""The pages: their examples run, their commands make their pictures and end as they say, and what they name exists."""
 
 import argparse
+import configparser
+import dataclasses
+import glob
+import inspect
+import re
 import shlex
+import shutil
+import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path, PurePosixPath
 from types import ModuleType
 
 import numpy as np
 import pytest
-from helpers.pages import PAGES, anchors, blocks, commands, links, named_files, pictures, shell_lines, text_of
+from helpers.pages import (
+    PAGES,
+    anchors,
+    blocks,
+    code_of,
+    commands,
+    console_lines,
+    links,
+    named_files,
+    pictures,
+    shell_lines,
+    text_of,
+)
 from helpers.raster import HAS_TOML, ROOT
 from PIL import Image
 
+import rasterizer as rz
+from rasterizer import reference
 from rasterizer.cli import main
-
-sys.path.insert(0, str(ROOT))
-from bench import (
-    before_after,
-    choices,
-    encode,
-    features,
-    frame,
-    fuzz,
-    hard_cases,
-    history,
-    measure_all,
-    peers,
-    refinement,
-    scale,
-    startup,
-    tables,
-    throughput,
-    tolerance,
-    tolerance_modes,
-)
+from rasterizer.cli.arguments import make_command_parser, parse
+from rasterizer.cli.commands import COMMANDS
 
 PICTURES = ROOT / "models" / "pictures"
-GALLERY = "models/README.md"
-COMMANDS = {line: page for page in PAGES for line in commands(page)}
+GALLERY, RECIPES = "models/README.md", "rasterizer/batch/README.md"
+LINES = [line for page in PAGES for line in commands(page)]
 STEPS = ("rasterizer/io/README.md", "rasterizer/analysis/README.md")  # whose blocks go on where the last one ended
-EXAMPLES = [
-    pytest.param(text, id=f"{page}-{k}")
-    for page in PAGES
-    if page not in STEPS
-    for k, text in enumerate(blocks(page, "python"))
-] + [pytest.param("\n".join(blocks(page, "python")), id=page) for page in STEPS]
-SCRIPT_MODULES = (
-    before_after,
-    choices,
-    measure_all,
-    encode,
-    features,
-    frame,
-    peers,
-    scale,
-    startup,
-    tables,
-    tolerance,
-    fuzz,
-    hard_cases,
-    history,
-    refinement,
-    throughput,
-    tolerance,
-    tolerance_modes,
-)
-SCRIPTS = {module.__name__.rpartition(".")[2]: module for module in SCRIPT_MODULES}
 WRITTEN = ("teapot.png", "MODEL.png", "scene.toml", "cube.obj", "ball.json")  # what examples write or only speak of
+nightly = pytest.mark.nightly
 
 
 def output_of(command) -> str:
@@ -76,17 +53,25 @@ def output_of(command) -> str:
 
 
 @pytest.fixture
-def checkout(tmp_path, monkeypatch):
+def checkout(folder):
     """A folder that looks like a checkout, for commands that write where they stand."""
-    (tmp_path / "models").symlink_to(ROOT / "models")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+    (folder / "models").symlink_to(ROOT / "models")
+    return folder
 
 
-# ---------------------------------------------------------------- what runs
+# ---------------------------------------------------------------- examples
 
 
-@pytest.mark.parametrize("example", EXAMPLES)
+def examples():
+    """Every example in Python; those that start processes or draw a lot are run at night."""
+    for page in PAGES:
+        texts = blocks(page, "python")
+        for k, text in enumerate(["\n".join(texts)] if page in STEPS else texts):
+            is_long = re.search(r"render_many|render_tiles|Animation|turntable|speed_error|mach_bands", text)
+            yield pytest.param(text, id=f"{page}-{k}", marks=[nightly] if is_long and page not in STEPS else [])
+
+
+@pytest.mark.parametrize("example", examples())
 def test_an_example_runs(example, checkout, monkeypatch):
     """As a module of its own, because dataclasses and readers are looked up by the name of theirs."""
     module = ModuleType("example_of_a_page")
@@ -94,15 +79,26 @@ def test_an_example_runs(example, checkout, monkeypatch):
     exec(compile(example, "page", "exec"), vars(module))
 
 
-def test_every_picture_of_the_gallery_has_a_command_and_is_shown():
-    shown = [PurePosixPath(name).name for name in pictures(GALLERY)]
-    assert len(shown) == len(set(shown)) >= 40
-    assert sorted(map(output_of, commands(GALLERY))) == sorted(shown)
-    kept = {path.name for path in PICTURES.iterdir()}
-    assert kept == set(shown), f"only kept: {kept - set(shown)}; only shown: {set(shown) - kept}"
+# ---------------------------------------------------------------- pictures
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+def telling() -> set[str]:
+    """The commands of which each has something that none before it has: a model, a flag, a field, a word, a size."""
+    seen, found = set(), set()
+    for line in sorted(LINES, key=lambda line: (len(line), line)):
+        words = set(re.findall(r"[a-z][\w-]*(?=[=:,/. ]|$)", line.partition(" -o ")[0]))
+        if not words <= seen:
+            found.add(line)
+            seen |= words
+    return found
+
+
+DRAWN = telling()
+
+
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=[] if c in DRAWN else [nightly]) for c in dict.fromkeys(LINES)]
+)
 def test_a_picture_is_what_its_command_makes(command, checkout):
     assert main(shlex.split(command)) == 0
     name = output_of(command)
@@ -114,6 +110,15 @@ def test_a_picture_is_what_its_command_makes(command, checkout):
     assert (difference > 0).mean() <= 0.001, f"{(difference > 0).mean():.4f} of the values differ > 0.001"
 
 
+def test_every_picture_of_the_gallery_has_a_command_and_is_shown():
+    shown = [PurePosixPath(name).name for name in pictures(GALLERY)]
+    assert sorted(map(output_of, commands(GALLERY))) == sorted(shown)
+    kept = {path.name for path in PICTURES.iterdir()}
+    assert kept == set(shown), f"only kept: {kept - set(shown)}; only shown: {set(shown) - kept}"
+    for line in LINES:
+        assert parse(shlex.split(line)).command == line.split()[0]
+
+
 @pytest.mark.skipif(not HAS_TOML, reason="TOML needs Python 3.11, or tomli")
 def test_the_scene_file_is_one(checkout):
     (text,) = blocks(GALLERY, "toml")
@@ -123,60 +128,245 @@ def test_the_scene_file_is_one(checkout):
     assert len(np.unique(np.asarray(Image.open("scene.png")))) > 50
 
 
+# ---------------------------------------------------------------- shell lines
+
+
+def lines():
+    """What is typed on the pages, with the exit code that they say; what draws many pictures is run at night."""
+    for page in PAGES:
+        for line, code in console_lines(page):
+            is_long = re.match(r"render models |compare|batch|warmup|sheet models/still|turntable models/still", line)
+            yield pytest.param(line, code, id=f"{page}-{line}", marks=[nightly] if is_long else [])
+
+
+@pytest.mark.parametrize(("line", "expected"), lines())
+def test_a_line_of_a_page_runs(line, expected, checkout, capsys):
+    (checkout / "uploads" / "somebody").mkdir(parents=True)  # one of which is broken
+    shutil.copy(ROOT / "models" / "gear.stl", checkout / "uploads" / "somebody")
+    (checkout / "uploads" / "broken.stl").write_text("solid nothing")
+    words = [found for word in shlex.split(line) for found in (sorted(glob.glob(word)) or [word])]
+    code = main(words)
+    # A doctor may find something: a store that is switched off, say.
+    assert code == expected or (words[0] == "doctor" and code == 1), capsys.readouterr().err
+    if words[0] == "batch":
+        assert (checkout / "thumbs" / "somebody" / "gear.png").exists()
+
+
 def test_the_scripts_take_the_arguments_that_the_page_gives_them(monkeypatch):
     """Each command of bench/README.md is read by its script, which does nothing more."""
 
     class Read(Exception):
         """The arguments were understood."""
 
-    parse = argparse.ArgumentParser.parse_args
+    parse_args = argparse.ArgumentParser.parse_args
 
     def stop(parser, argv=None, namespace=None):
-        parse(parser, argv, namespace)
+        parse_args(parser, argv, namespace)
         raise Read
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
     found = [line.split("&& ")[-1] for line in text_of("bench/README.md").splitlines() if "python bench/" in line]
     found = [line[line.index("python bench/") :].partition("`")[0].partition("   ")[0] for line in found]
-    assert len(found) >= 12
     for line in found:
         _, script, *arguments = shlex.split(line)
         with pytest.raises(Read):
-            SCRIPTS[PurePosixPath(script).stem].main(arguments)
+            import_module(f"bench.{PurePosixPath(script).stem}").main(arguments)
 
 
 # ---------------------------------------------------------------- what is named
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_every_link_leads_somewhere(page):
-    assert links(page) or page == "bench/README.md"
-    for target in links(page):
-        path, _, anchor = target.partition("#")
-        file = (ROOT / page).parent / path if path else ROOT / page
-        assert file.exists(), f"{page} links to {target}"
-        if anchor:
-            there = file.resolve().relative_to(ROOT).as_posix()
-            assert anchor in anchors(there), f"{page} links to {target}; {there} has {sorted(anchors(there))}"
+def test_every_link_file_and_test_that_is_named_exists():
+    """A file as seen from the page's folder, from the root, or from a folder of the package or of the tests."""
+    missing = []
+    for page in PAGES:
+        for target in links(page):
+            path, _, anchor = target.partition("#")
+            file = (ROOT / page).parent / path if path else ROOT / page
+            is_there = file.exists() and (not anchor or anchor in anchors(file.resolve().relative_to(ROOT).as_posix()))
+            missing += [] if is_there else [f"{page} links to {target}"]
+        bases = [(ROOT / page).parent, ROOT, ROOT / "rasterizer", ROOT / "tests", ROOT / "tests" / "helpers"]
+        bases += [path for path in (ROOT / "rasterizer").iterdir() if path.is_dir()]
+        for name in named_files(page):
+            if name not in WRITTEN and not any((base / name).exists() for base in bases):
+                missing.append(f"{page} names {name}")
+        words = [word for line in shell_lines(page) for word in line.split() if word.startswith("tests/")]
+        missing += [f"{page} runs {word}" for word in words if not (ROOT / word).exists()]
+    assert not missing, "; ".join(missing)
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_every_file_that_is_named_exists(page):
-    """Seen from the page's folder, from the root, or from a folder of the package or of the tests."""
-    bases = [(ROOT / page).parent, ROOT, ROOT / "rasterizer", ROOT / "tests", ROOT / "tests" / "helpers"]
-    bases += [path for path in (ROOT / "rasterizer").iterdir() if path.is_dir()]
-    for name in named_files(page):
-        assert name in WRITTEN or any((base / name).exists() for base in bases), f"{page} names {name}"
+# Flags of other programs, by the word that stands before them in the line or span, and those that stand alone.
+OTHERS = ("pytest", "docker", "pip", "apt-get", "git", "ruff", "pre-commit", "python -m helpers", "ssh", "timeout")
+ALONE = {"--cpuset-cpus", "--cpus", "--read-only", "--user", "--flag", "--version"}
+OF_OTHERS = {"quality", "axis", "size", "strict", "dtype", "key", "reference", "drawn", "n"}  # keywords, of Pillow ...
+PUBLIC = "|".join(name for name in rz.__all__ if name != "__version__")
 
 
-def test_the_page_about_tests_lists_every_helper():
-    there = {path.name for path in (ROOT / "tests" / "helpers").glob("*.py")} - {"__init__.py"}
-    listed = {PurePosixPath(name).name for name in named_files("tests/README.md")}
-    assert there <= listed, f"add to tests/README.md: {sorted(there - listed)}"
+def flags_in(text) -> set[str]:
+    return set(re.findall(r"(?<![\w-])--[a-z][a-z-]*[a-z]", text))
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_every_test_that_a_command_runs_exists(page):
-    words = [word for line in shell_lines(page) for word in line.split() if word.startswith("tests/")]
-    missing = [word for word in words if not (ROOT / word).exists()]
-    assert not missing, f"{page}: {missing}"
+def is_public(path) -> bool:
+    """Tell whether a dotted path leads somewhere: a public name and its attributes, parameters or fields."""
+    value = rz
+    for part in path.split("."):
+        fields = {field.name for field in dataclasses.fields(value)} if dataclasses.is_dataclass(value) else set()
+        source = (
+            inspect.getsource(value) if inspect.isclass(value) and value.__module__.startswith("rasterizer") else ""
+        )
+        written = {*getattr(value, "__annotations__", ()), *fields, *re.findall(r"self\.(\w+)", source)}
+        if not hasattr(value, part):
+            return part in written  # of whose own attributes nothing is known
+        value = getattr(value, part)
+    return True
+
+
+def keywords() -> set[str]:
+    """Every parameter and field of a public function, class or method."""
+    found = set(inspect.signature(reference.render).parameters)
+    for name in rz.__all__:
+        value = getattr(rz, name)
+        for each in [value, *(getattr(value, key) for key in dir(value) if not key.startswith("_"))]:
+            try:
+                found |= set(inspect.signature(each).parameters)
+            except (TypeError, ValueError):
+                continue
+    return found
+
+
+def test_every_flag_name_and_option_on_a_page_exists():
+    flags = ALONE.union(*(flags_in(make_command_parser(each).format_help()) for each in COMMANDS))
+    scripts = {flag for path in (ROOT / "bench").glob("*.py") for flag in flags_in(path.read_text(encoding="utf-8"))}
+    known, missing = keywords(), []
+    assert is_public("Camera.framing") and is_public("Frame.depth") and not is_public("rendr") and "samples" in known
+    for page in PAGES:
+        code = code_of(page)
+        flagged = [line for line in code if not any(word in line for word in OTHERS)]
+        named = set().union(*map(flags_in, flagged)) - flags
+        missing += [
+            (page, name) for name in named - (scripts if page in ("bench/README.md", "CHANGELOG.md") else set())
+        ]
+        text = "\n".join(code)
+        named = set(re.findall(r"\brz\.([A-Za-z_][\w.]*\w)", text)) - {"__version__"}
+        named |= set(re.findall(rf"(?<![\w./-])((?:{PUBLIC})\.[a-z_]\w*)", text))
+        named = {name for name in named if name.split(".")[0] not in ("registries", "reference", "load")}
+        missing += [(page, name) for name in named if not is_public(name.removesuffix(".png"))]
+        if not page.startswith(("tests", "bench")):
+            calls = [line for line in code if re.search(rf"\b(rz|frame|renderer)\.\w+\(|\b({PUBLIC})\(", line)]
+            named = {word for line in calls for word in re.findall(r"[(,] ?(\w+)=(?!=)", line)}
+            missing += [(page, f"{name}=") for name in named - known - OF_OTHERS]
+    assert not missing, f"named, and not there: {sorted(missing)}"
+
+
+def test_every_command_is_in_the_table():
+    missing = [name for name in COMMANDS if f"`{name}`" not in text_of("rasterizer/README.md")]
+    assert not missing, f"rasterizer/README.md leaves out {missing}"
+
+
+def test_the_front_page_opens_with_the_two_commands_and_leads_to_every_page():
+    found = re.findall(r"^    (python3 -m venv .*)$", text_of("README.md"), re.MULTILINE)
+    assert [line.rsplit("&& ", 1)[1] for line in found] == [
+        ".venv/bin/raster render models/teapot.obj --shading gouraud -o teapot.png",
+        ".venv/bin/python -m pytest",
+    ]
+    missing = set(PAGES) - {"README.md"} - {target.partition("#")[0] for target in links("README.md")}
+    assert not missing, f"README.md doesn't lead to {missing}"
+
+
+def test_every_extra_that_is_named_exists_and_is_told_of():
+    setup = configparser.ConfigParser()
+    setup.read(ROOT / "setup.cfg")
+    extras = {name: text.split("\n")[1:] for name, text in setup["options.extras_require"].items()}
+    named = re.compile(r"(?:pip install[^\n]*|'(?:\.|[\w-]+))\[(\w+(?:, ?\w+)*)\]'|\bextra ([`'\"])(\w+)\2")
+    for path in [*ROOT.rglob("rasterizer/**/*.py"), *(ROOT / page for page in PAGES)]:
+        text = path.read_text(encoding="utf-8")
+        for match in named.finditer(text):
+            words = {word.strip() for word in (match[1] or match[3]).split(",")}
+            assert words <= extras.keys(), f"{path}: {words} are not among the extras {sorted(extras)}"
+        found = re.search(r"pip install[^\n]*['\" ]rasterizer\b", text)
+        assert not found, f"{path}: {found[0]}: that is somebody else's"
+    untold = [name for name in extras if f"`{name}`" not in text_of("README.md")]
+    assert not untold, f"README.md doesn't say what {untold} bring"
+    (everything,) = extras["all"]
+    inside = re.fullmatch(r"scanline-rasterizer\[(.+)\]", everything)[1].split(",")
+    assert inside == sorted(extras.keys() - {"test", "browser", "lint", "docs", "bench", "all"})
+
+
+# ---------------------------------------------------------------- recipes that can't be run whole
+
+
+def test_the_image_for_docker_is_made_of_instructions_and_commands_that_there_are():
+    from rasterizer.compiler.store import SHIPPED
+
+    (text,) = blocks(RECIPES, "dockerfile")
+    rows = [tuple(line.split(" ", 1)) for line in text.splitlines()]
+    words = [word for word, _ in rows]
+    assert set(words) <= {"FROM", "COPY", "RUN", "USER", "ENTRYPOINT", "CMD", "ENV", "WORKDIR"} and words[0] == "FROM"
+    runs = [shlex.split(part) for word, rest in rows if word == "RUN" for part in rest.split(" && ")]
+    assert {run[0] for run in runs} == {"pip", "rm", "raster"}
+    arguments = parse(next(run[1:] for run in runs if run[0] == "raster"))
+    assert arguments.command == "warmup" and arguments.cpu == "x86-64-v3"
+    assert ("ENTRYPOINT", '["raster"]') in rows
+    assert all(int(part) > 0 for part in dict(rows)["USER"].split(":")), "root"
+    assert words.index("USER") > max(k for k, word in enumerate(words) if word == "RUN")
+    # Its kernels lie where the package looks for them before the user's own.
+    (line,) = [rest for _, rest in rows if rest.startswith("raster warmup")]
+    code = re.search(r"\$\(python -c '(.+?)'\)/kernels", line)[1]
+    made = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert f"{made.strip()}/kernels" == str(SHIPPED)
+    runs = [shlex.split(line) for line in shell_lines(RECIPES) if line.startswith("docker run")]
+    assert [parse(run[run.index("raster") + 1 :]).command for run in runs] and all("--read-only" in run for run in runs)
+    for run in runs:
+        arguments = parse(run[run.index("raster") + 1 :])
+        mounted = {word.split(":")[1] for word in run if word.count(":") and word.startswith("$PWD")}
+        assert arguments.command == "doctor" or mounted >= {*arguments.models, arguments.output.rstrip("/")}
+
+
+def steps() -> list[dict]:
+    """The steps of the Action."""
+    yaml = pytest.importorskip("yaml", reason="YAML needs PyYAML (the extra `distributed` brings it)")
+    (text,) = blocks(RECIPES, "yaml")
+    (job,) = yaml.safe_load(text)["jobs"].values()
+    assert set(job["env"]) == {"RASTER_STORE"} and job["timeout-minutes"] > 0
+    return job["steps"]
+
+
+def test_each_step_of_the_action_runs_or_uses_one_thing():
+    found = steps()
+    assert all(("run" in step) != ("uses" in step) for step in found)
+    assert all(re.fullmatch(r"actions/[\w-]+@v\d+", step["uses"]) for step in found if "uses" in step)
+    (cache,) = [step["with"] for step in found if step.get("uses", "").startswith("actions/cache")]
+    assert cache["key"].startswith(cache["restore-keys"]) and cache["path"] == ".kernels"
+
+
+@nightly
+def test_the_action_finds_what_has_changed(folder):
+    """The models are drawn and approved; then one changes, one is new, and one is gone."""
+    (script,) = [text for text in blocks(RECIPES, "python") if text.startswith("# compare_pictures.py\n")]
+    (folder / "compare_pictures.py").write_text(script)
+    (folder / "models" / "small").mkdir(parents=True)
+    shutil.copy(ROOT / "models" / "gear.stl", folder / "models" / "small")
+    shutil.copy(ROOT / "models" / "cube.obj", folder / "models")
+    runs = [shlex.split(step["run"]) for step in steps() if "run" in step]
+    (draw,) = [words for words in runs if words[0] == "raster"]
+    (compare,) = [words for words in runs if words[0] == "python"]
+    assert runs.index(draw) < runs.index(compare)
+
+    def answer():
+        done = subprocess.run([sys.executable, *compare[1:]], capture_output=True, text=True, check=False)
+        return done.returncode, done.stdout.strip(), done.stderr
+
+    assert main(draw[1:]) == 0
+    shutil.copytree("drawn", "pictures")
+    assert answer() == (0, "nothing has changed", "")
+    kept = np.asarray(Image.open("pictures/cube.png").convert("RGBA")).copy()
+    kept[0, :3, :3] += 2  # what another processor may do
+    Image.fromarray(kept).save("pictures/cube.png")
+    assert answer()[0] == 0
+    kept[100:130, 100:130, :3] ^= 64
+    Image.fromarray(kept).save("pictures/cube.png")
+    (folder / "pictures" / "small" / "gear.png").rename("pictures/old.png")
+    code, said, _ = answer()
+    assert code == 1
+    assert [line.split(":")[0] for line in said.splitlines()] == ["cube.png", "old.png", "small/gear.png"]
+    assert "old.png: gone" in said and "gear.png: new" in said

@@ -15,7 +15,7 @@ import rasterizer as rz
 pytestmark = pytest.mark.skipif(find_spec("pyright") is None, reason="pyright (the extra `lint`) isn't installed")
 
 
-@pytest.mark.slow  # pyright reads numpy's types, and all of the package
+@pytest.mark.nightly  # pyright reads numpy's types, and all of the package
 @pytest.mark.skipif(os.name != "posix", reason="folders of POSIX")
 def test_pyright_knows_the_type_of_every_public_name(tmp_path):
     """pyright wants to see the package where packages are installed; others it finds beside it."""
@@ -33,7 +33,8 @@ def test_pyright_knows_the_type_of_every_public_name(tmp_path):
     if not done.stdout.lstrip().startswith("{"):
         pytest.skip(f"pyright doesn't run here: {(done.stderr or done.stdout).strip()[-200:]}")
     symbols = json.loads(done.stdout)["typeCompleteness"]["symbols"]
-    homes = tuple(f"rasterizer.{module}.{name}" for name, module in rz._HOMES.items())
+    values = {name: getattr(rz, name) for name in rz.__all__ if name != "__version__"}
+    homes = tuple(f"{value.__module__}.{name}" for name, value in values.items())
     public = [
         each
         for each in symbols

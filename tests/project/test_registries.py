@@ -101,20 +101,20 @@ def slab_light(**fields):
 # ---------------------------------------------------------------- what is registered is drawn
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("tolerance", [0.0, DEFAULT_TOLERANCE, 0.01])
-def test_the_picture_is_the_references_within_the_stated_bound(toys, shading, tolerance):
+def test_the_picture_is_the_references_within_the_stated_bound(toys):
+    """Each shading, tolerance and material with each of the sets of lights once."""
+    materials = moon(), rz.Material(), rz.Material(reflection="blinn", shininess=9)
     lights = rz.AmbientLight(0.1), slab_light(), rz.PointLight((3, 2, 1), 0.4, "1/(d+1)")
-    for material in (moon(), rz.Material(), rz.Material(reflection="blinn", shininess=9)):
-        for lit in (lights, lights[1:2], [slab_light(attached="camera", position=(0, 0, -3.5), direction=(1, -1, -1))]):
-            scene = scene_of(material, *lit)
+    sets = lights, lights[1:2], [slab_light(attached="camera", position=(0, 0, -3.5), direction=(1, -1, -1))]
+    for k, (shading, tolerance) in enumerate(zip(SHADINGS, (0.01, DEFAULT_TOLERANCE, 0.0), strict=True)):
+        for j, lit in enumerate(sets):
+            scene = scene_of(materials[(j + k) % 3], *lit)
             frame = rz.render(scene, SIZE, shading=shading, tolerance=tolerance, samples=1)
-            error, bound = (
-                compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance).color,
-                frame.stats.error_bound,
-            )
-            assert error <= bound <= max(2 * tolerance, 1e-5), f"{error:.3g} > the stated bound {bound:.3g}"
-            assert np.ptp(frame.color) > 0.1
+            error = compare_with_reference(scene, SIZE, shading=shading, tolerance=tolerance).color
+            bound, case = frame.stats.error_bound, f"{shading}, material {(j + k) % 3}, lights {j}"
+            assert error <= bound, f"{case}: {error:.3g} > the stated bound {bound:.3g}"
+            assert bound <= max(2 * tolerance, 1e-5), f"{case}: a bound of {bound:.3g} > {max(2 * tolerance, 1e-5):.3g}"
+            assert np.ptp(frame.color) > 0.1, case
 
 
 def test_colours_spectra_and_exposure_reach_it(toys):
@@ -160,19 +160,13 @@ def test_illuminate_gives_what_the_formulas_say(toys):
     assert expected.max() > 0.3
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_it_casts_shadows(toys, shading):
+def test_it_casts_shadows(toys):
     scene = scene_of(moon(), slab_light(width=3, shadow=True), rz.AmbientLight(0.1), floor=True)
-    lit = rz.render(
-        replace(scene, lights=[slab_light(width=3), rz.AmbientLight(0.1)]),
-        SIZE,
-        shading=shading,
-        tolerance=0,
-        samples=1,
-    )
-    frame = rz.render(scene, SIZE, shading=shading, tolerance=0, samples=1)
-    assert shading != "phong" or (frame.color < lit.color - 0.1).sum() > 100, "no shadow of the ball on the floor"
-    assert_matches_reference(scene, SIZE, 1e-5, shading=shading, tolerance=0, far=0.06)  # pixels at the shadow's edge
+    settings = {"shading": "phong", "tolerance": 0}
+    lit = rz.render(replace(scene, lights=[slab_light(width=3), rz.AmbientLight(0.1)]), SIZE, samples=1, **settings)
+    frame = rz.render(scene, SIZE, samples=1, **settings)
+    assert (frame.color < lit.color - 0.1).sum() > 100, "no shadow of the ball on the floor"
+    assert_matches_reference(scene, SIZE, 1e-5, far=0.06, **settings)  # pixels at the shadow's edge
 
 
 def test_mach_bands_leave_out_faces_that_its_terminator_crosses(toys):
@@ -236,20 +230,18 @@ def listed(kinds, text) -> bool:
 CLASSES = [cls.__name__ for cls in LIGHT_KINDS.values()]
 
 
-@pytest.mark.parametrize(
-    "light", [Stranger(), Subclass((1, 2, 3)), slab_light(), "sun"], ids=lambda light: type(light).__name__
-)
-def test_a_stranger_is_no_light_of_a_scene(light):
-    for make in (
-        lambda: scene_of(rz.Material(), rz.AmbientLight(), light),
-        lambda: rz.illuminate((0, 0, 0), (0, 0, 1), rz.Material(), light, viewer=(0, 0, 1)),
-        lambda: kind_of(light),
-        lambda: light_table.entry_of(light),
-        lambda: reference.lamp.lamp_kind_of(light),
-    ):
-        with pytest.raises(rz.SceneError) as fault:
-            make()
-        assert listed(CLASSES, str(fault.value)), fault.value
+def test_a_stranger_is_no_light_of_a_scene():
+    for light in (Stranger(), Subclass((1, 2, 3)), slab_light(), "sun"):
+        for make in (
+            lambda light: scene_of(rz.Material(), rz.AmbientLight(), light),
+            lambda light: rz.illuminate((0, 0, 0), (0, 0, 1), rz.Material(), light, viewer=(0, 0, 1)),
+            kind_of,
+            light_table.entry_of,
+            reference.lamp.lamp_kind_of,
+        ):
+            with pytest.raises(rz.SceneError) as fault:
+                make(light)
+            assert listed(CLASSES, str(fault.value)), fault.value
 
 
 def after_the_registration(scene, tmp_path):
@@ -265,22 +257,19 @@ def after_the_registration(scene, tmp_path):
     }
 
 
-@pytest.mark.parametrize("use", ["render", "Renderer", "reference", "save", "change", "Mach bands"])
-def test_a_light_whose_kind_is_taken_back_is_refused_everywhere(use, tmp_path):
+def test_what_is_taken_back_is_refused_everywhere(tmp_path):
     with add_slab():
         scene = scene_of(rz.Material(), rz.AmbientLight(), slab_light())
-    with pytest.raises(rz.SceneError) as fault:
-        after_the_registration(scene, tmp_path)[use]()
-    assert listed(CLASSES, str(fault.value)) and "SlabLight" in str(fault.value)
-
-
-@pytest.mark.parametrize("use", ["render", "Renderer", "reference"])
-def test_a_model_that_is_taken_back_is_refused(use, tmp_path):
+    for name, use in after_the_registration(scene, tmp_path).items():
+        with pytest.raises(rz.SceneError) as fault:
+            use()
+        assert listed(CLASSES, str(fault.value)) and "SlabLight" in str(fault.value), f"{name}: {fault.value}"
     with add_minnaert():
         scene = scene_of(moon(), rz.AmbientLight())
-    with pytest.raises(rz.SceneError) as fault:
-        after_the_registration(scene, tmp_path)[use]()
-    assert listed(BUILT_IN[1], str(fault.value)) and "minnaert" in str(fault.value)
+    for name in ("render", "Renderer", "reference"):
+        with pytest.raises(rz.SceneError) as fault:
+            after_the_registration(scene, tmp_path)[name]()
+        assert listed(BUILT_IN[1], str(fault.value)) and "minnaert" in str(fault.value), f"{name}: {fault.value}"
 
 
 def test_an_unknown_model_is_no_material():
@@ -358,16 +347,14 @@ def test_a_registration_is_undone_after_an_error():
     test_all_tables_have_the_same_words()
 
 
-@pytest.mark.parametrize("word", ["point", "ambient", "Slab", "2d", "a b", "", None, 3])
-def test_words_that_are_taken_or_no_words_are_refused_and_nothing_is_entered(word):
-    with pytest.raises(rz.SceneError, match="already; taken are ambient|small letters, digits and hyphens"):
-        registries.add_light(word, SlabLight, drawn=SlabEntry(), reference=SlabKind())
-    with pytest.raises(rz.SceneError, match="already; taken are phong|small letters, digits and hyphens"):
-        registries.add_reflection(
-            "toon" if word in ("point", "ambient") else word,
-            drawn=MinnaertEntry(),
-            reference=ReflectionKind(reflect_minnaert),
-        )
+def test_words_that_are_taken_or_no_words_are_refused_and_nothing_is_entered():
+    drawn = MinnaertEntry()
+    for word in ("point", "ambient", "Slab", "2d", "a b", "", None, 3):
+        with pytest.raises(rz.SceneError, match="already; taken are ambient|small letters, digits and hyphens"):
+            registries.add_light(word, SlabLight, drawn=SlabEntry(), reference=SlabKind())
+        word = "toon" if word in ("point", "ambient") else word
+        with pytest.raises(rz.SceneError, match="already; taken are phong|small letters, digits and hyphens"):
+            registries.add_reflection(word, drawn=drawn, reference=ReflectionKind(reflect_minnaert))
     test_all_tables_have_the_same_words()
 
 

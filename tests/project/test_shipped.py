@@ -43,7 +43,7 @@ from rasterizer.compiler.kernels import STORE
 print(rasterizer.__file__, len(STORE.folders), STORE.own, *STORE.reasons, sep="\\n")
 """
 pytestmark = [
-    pytest.mark.slow,
+    pytest.mark.nightly,
     pytest.mark.skipif(os.name != "posix", reason="homes of POSIX"),
     pytest.mark.skipif(kernels.STORE.own is None, reason="there is no store"),
 ]

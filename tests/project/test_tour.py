@@ -22,13 +22,6 @@ def test_the_file_holds_no_outputs():
         assert cell["source"][-1] == cell["source"][-1].rstrip("\n")
 
 
-def test_its_text_is_short():
-    for cell in CELLS:
-        n_line = len(cell["source"])
-        assert n_line <= (8 if cell["cell_type"] == "markdown" else 18), "".join(cell["source"])
-        assert all(len(line) <= 121 for line in cell["source"])
-
-
 @pytest.fixture(scope="module")
 def outputs():
     """The outputs of all cells, run in a kernel of their own."""
@@ -49,7 +42,7 @@ def outputs():
     return [output for cell in notebook.cells for output in cell.get("outputs", [])]
 
 
-@pytest.mark.slow  # a kernel is started
+@pytest.mark.nightly  # a kernel is started
 @pytest.mark.skipif(bool(MISSING), reason=f"{MISSING} are not installed: the extras notebook and browser bring them")
 def test_every_cell_shows_what_it_says(outputs):
     assert not [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"]
