@@ -46,6 +46,7 @@ def test_pictures_come_back():
     for suffix in (".gif", ".webp", ".png", ".apng"):
         found, seconds, image = decoded(encode_animation(FRAMES, suffix, Timing(1.0)))
         assert image.size == (41, 31) and image.is_animated and sum(seconds) == pytest.approx(1.0), suffix
+        assert image.info["loop"] == 0, suffix
         assert_same(found, FRAMES, 40 if suffix == ".webp" else 0, suffix)
 
 
@@ -81,6 +82,9 @@ def test_what_cannot_be_written_is_refused(monkeypatch):
         encode_animation([], ".gif", Timing(1.0))
     with pytest.raises(rz.SceneError, match="at most 16383 pixels a side; given 16384x1"):
         encode_animation([np.zeros((1, 16384, 4), np.uint8)], ".webp", Timing(1.0))
+    huge = [np.broadcast_to(np.zeros(4, np.uint8), (16383, 16383, 4))] * 4
+    with pytest.raises(rz.SceneError, match=r"4 frames of 16383x16383 take 4\.3 GB of memory as WEBP, more than 4; "):
+        encode_animation(huge, ".webp", Timing(1.0))
     assert {suffix for suffix, each in FORMATS.items() if not each.has_alpha} == {".mp4", ".mov", ".mkv"}
     monkeypatch.setitem(sys.modules, "av", None)  # the extra is not installed
     with pytest.raises(rz.OutputError, match=r"need the package av: pip install '\.\[video\]'"):

@@ -148,11 +148,20 @@ def test_gltf_with_files_beside_it(tmp_path):
 
 
 def test_facts_are_logged():
-    data, facts = exported(box(), "ply", vertex_normal=True), []
-    load(data, format="ply", log=facts.append)
-    load(data, format="ply", crease_angle=30, log=facts.append)
-    not_used = "model: 12 faces, file normals not used: crease angle 30 asked for"
-    assert facts == ["model: 12 faces, file normals used", not_used]
+    def facts_of(data, format, **options):
+        facts = []
+        load(data, format=format, log=facts.append, **options)
+        return facts[-1].removeprefix("model: ")
+
+    data = exported(box(), "ply", vertex_normal=True)
+    assert facts_of(data, "ply") == "12 faces, file normals used"
+    not_used = "12 faces, file normals not used: crease angle 30 asked for"
+    assert facts_of(data, "ply", crease_angle=30) == not_used
+    square = b"v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\nvt 0 0\n"
+    said = "2 faces, polygons with more than 3 corners, vertex colours, no file normals; not used: texture coordinates"
+    assert facts_of(square + b"f 1/1 2/1 3/1 4/1\n", "obj") == said
+    said = "2 faces, 2 meshes, vertex colours, smoothing groups used; not used: 1 point, 2 lines"
+    assert facts_of(square + b"p 1\nl 1 2\nl 2 3\no a\ns 1\nf 1 2 3\no b\nf 1 2 4\n", "obj") == said
 
 
 def test_the_rich_file_is_sound():
