@@ -59,6 +59,7 @@ def test_every_setting_that_changes_code_has_kernels_of_its_own(monkeypatch, tmp
     """In the environment, or in a file that numba reads where the program is started."""
     monkeypatch.chdir(tmp_path)
     names = [name for name in fingerprint.CODE_SETTINGS if name not in ("CPU_NAME", "CPU_FEATURES")]
+    assert {"OPT", "LOOP_VECTORIZE", "SLP_VECTORIZE", "DEBUGINFO", "ENABLE_AVX", "BOUNDSCHECK"} <= set(names)
     for name in fingerprint.CODE_SETTINGS:
         monkeypatch.delenv(f"NUMBA_{name}", raising=False)
     found = {"none": fingerprint.hash_sources()}

@@ -1,7 +1,6 @@
 """Check that what is given belongs to the caller, and what was made of it doesn't: writing into any input afterwards
 changes no byte of any picture, and no index that was checked can become another."""
 
-import array
 import copy
 import pickle
 from dataclasses import replace
@@ -69,16 +68,6 @@ class Lender:
         return len(self.memory)
 
 
-class ListThatLends(list, Lender):
-    """A list by its type, a view of memory by its content."""
-
-    def __init__(self, memory):
-        list.__init__(self, memory.tolist())
-        Lender.__init__(self, memory)
-
-    __len__ = list.__len__
-
-
 class Subclass(np.ndarray):
     """As trimesh has one."""
 
@@ -121,7 +110,6 @@ WAYS = {
     "a read-only buffer": lambda memory, _: frozen_buffer(memory),
     "a memory map": as_memmap,
     "a lender": lambda memory, _: (memory, Lender(memory)),
-    "a list that lends": lambda memory, _: (memory, ListThatLends(memory)),
     "a subclass": lambda memory, _: (memory, memory.view(Subclass)),
     "a part of a larger one": lambda memory, _: part_of_a_larger_one(memory),
     "a memoryview": lambda memory, _: (memory, memoryview(memory)),
@@ -142,17 +130,6 @@ def test_writing_into_any_array_of_a_mesh_changes_nothing(tmp_path):
                 spoil(memory)
                 assert renderer.render().color.tobytes() == before, f"{key} as {way}: a Renderer sees what was written"
             assert picture_of(mesh) == expected, f"{key} as {way}: pictures differ"
-
-
-def test_a_buffer_of_another_library():
-    """array.array shares its memory with numpy."""
-    numbers = array.array("d", np.zeros(15))
-    view = np.frombuffer(numbers, np.float64).reshape(5, 3)
-    view[...] = inputs()["vertices"]
-    mesh = rz.Mesh(view, inputs()["faces"])
-    expected = picture_of(mesh)
-    view[...] = 0.0
-    assert picture_of(mesh) == expected
 
 
 def test_no_array_of_a_mesh_can_be_written_to():
