@@ -84,29 +84,6 @@ def test_a_sphere_has_a_closed_silhouette_and_no_creases():
     assert radius.min() > 0.85 * radius.max(), "the far side shows through"
 
 
-def test_what_lies_before_an_edge_hides_it_up_to_its_own_border():
-    back = rz.Mesh(QUAD * 1.6, [(0, 1, 2, 3)])
-    screen = rz.Mesh(QUAD * (0.8, 1.8, 1) + (0.4, 0, 1), [(0, 1, 2, 3)])
-    scene = rz.Scene([back, screen], camera=FRONT)
-    coverage = coverage_of(scene, "wire")
-    row = pixel_of((0, 1.6, 0), scene)[0]
-    for x, is_seen in ((-1.5, True), (-0.5, True), (-0.3, False), (0.4, False), (1.1, False), (1.4, True)):
-        column = pixel_of((x, 1.6, 0), scene)[1]
-        assert (coverage[row - 1 : row + 1, column].max() > 0) == is_seen, x
-
-
-def test_edges_on_another_surface_are_seen():
-    """A cube stands on a floor: the floor is not in front of the edges that lie in it."""
-    for near in (None, 0.1):
-        ground = replace(floor(), vertices=floor().vertices * (1, 0, 1) + (0, -1, 0))
-        scene = scene_of(cube(), ground)
-        scene = replace(scene, camera=replace(scene.camera, near=near))
-        coverage = coverage_of(scene, "crease")
-        for a, b in (((-1, -1, 1), (1, -1, 1)), ((1, -1, -1), (1, -1, 1))):
-            shares = [coverage[pixel_of((1 - t) * np.array(a) + t * np.array(b), scene)] for t in np.linspace(0, 1, 40)]
-            assert min(shares) > 0
-
-
 @pytest.mark.parametrize("shading, samples", [("flat", 1), ("gouraud", 4), ("phong", 4)])
 def test_a_picture_changes_where_strokes_are_and_nowhere_else(shading, samples):
     scene = scene_of(cube(), floor())
@@ -146,15 +123,6 @@ def test_exposure_and_range_leave_the_strokes_colour():
         assert (frame.rgb[full] == (0, 255, 0)).all() and full.sum() > 50
 
 
-def test_the_unit_of_the_scene_does_not_matter():
-    found = []
-    for unit in (1.0, 2.0**-30, 2.0**20):
-        camera = rz.Camera.perspective(np.array((2.5, 2.0, 3.5)) * unit, np.array((0, -0.2, 0)) * unit, fov=50)
-        meshes = [replace(mesh, vertices=mesh.vertices * unit) for mesh in (cube(), floor())]
-        found.append(coverage_of(rz.Scene(meshes, camera=camera)))
-    assert all(np.array_equal(found[0], other) for other in found[1:])
-
-
 def test_culled_faces_have_no_edges_of_their_own():
     inside = scene_of(rz.Mesh(cube().vertices, cube().faces[:, ::-1]))
     coverage = coverage_of(inside, "crease", cull="back")
@@ -162,14 +130,6 @@ def test_culled_faces_have_no_edges_of_their_own():
         coverage[pixel_of(np.array((-1, -1, -1)) + t * np.array((2, 0, 0)), inside)] for t in np.linspace(0, 1, 9)
     ]
     assert min(shares) > 0  # the far edges are seen through the front, which is left out
-
-
-def test_edges_of_several_kinds_are_their_union():
-    scene = scene_of(cube(), floor())
-    shares = {kind: coverage_of(scene, kind) for kind in ("wire", "crease", "silhouette", "all")}
-    assert np.array_equal(shares["all"], shares["wire"])
-    both = coverage_of(scene, ("silhouette", "crease"))
-    assert (both >= np.maximum(shares["silhouette"], shares["crease"])).all() and (both <= shares["all"]).all()
 
 
 def test_a_picture_with_edges_may_be_written_as_any_file(tmp_path):

@@ -13,7 +13,7 @@ from helpers.raster import COLORED, GREY
 
 import rasterizer as rz
 from rasterizer.cli import main
-from rasterizer.engine import error_bounds, intensity_bounds, plan, reflection_table, uniforms
+from rasterizer.engine import plan, reflection_table, uniforms
 from rasterizer.engine.rounding import SINGLE
 from rasterizer.pipeline import material_coefficients as m
 from rasterizer.pipeline.reflection import REFLECTION_FUNCTIONS
@@ -153,26 +153,6 @@ def test_reflection_functions_compute_what_the_reference_does(name):
     n_wrong = (np.abs(found - expected) > 1e-9 * (1 + expected) + least).sum()
     assert n_wrong == 0, f"{n_wrong} of {expected.size} wrong, by up to {np.abs(found - expected).max():.3g}"
     assert (expected[0] > 0.01).mean() > 0.1
-
-
-def test_float32_has_the_digits_that_the_plan_counts_on():
-    """Directions rounded to float32, as in the rows, and all that follows from them: one light of intensity 1."""
-    for name in SMOOTH:
-        if "brushed" not in name:  # float64 always
-            check_digits(name)
-
-
-def check_digits(name):
-    """Compare a material's reflection in float32 with the reference's."""
-    material, sides = MATERIALS[name], all_directions(np.float32)
-    found = fast(material, *sides, has_kernels_cosines=True).sum(axis=0)
-    expected = of_reference(material, *(unit(side.astype(float)) for side in sides)).sum(axis=0)
-    lights = (rz.DirectionalLight((0, 0, -1)),)
-    reflected = intensity_bounds.compute_reflected((material,), lights, np.zeros(3), 1.0)
-    bound = reflected.bound
-    assert expected.max() <= bound * (1 + 1e-12), f"{name}: {expected.max():.4g} > the bound {bound:.4g}"
-    error, budget = np.abs(found - expected).max(), error_bounds.lighting_error(reflected, SINGLE)
-    assert error <= budget, f"{name}: {error:.3g} > {budget:.3g}"
 
 
 @pytest.mark.parametrize("dtype", DTYPES)

@@ -116,20 +116,6 @@ def test_teapot_is_the_teapot():
     assert {(x, y, 0.0 - z) for x, y, z in as_set} == as_set, "its two halves differ"
 
 
-def test_teapot_faces_outwards():
-    """The wall faces away from the axis, and lid, body, handle and spout each enclose a positive volume."""
-    points, faces = read_obj("teapot")
-    triangles = fan(faces)
-    normals, middle = area_vectors(points, triangles), points[triangles].mean(axis=1)
-    is_wall = (np.abs(middle[:, 2]) > 0.7) & (middle[:, 1] > 0.3) & (middle[:, 1] < 2.3)
-    assert ((normals[:, [0, 2]] * middle[:, [0, 2]])[is_wall].sum(axis=1) > 0).all()
-    is_handle, is_spout = middle[:, 0] < -2.05, middle[:, 0] > 2.05
-    is_lid = (middle[:, 1] > 2.4) & (np.hypot(middle[:, 0], middle[:, 2]) < 1.3)
-    for part in (is_handle, is_spout, is_lid):
-        centre = middle[part].mean(axis=0)
-        assert ((middle[part] - centre) * normals[part]).sum() > 0
-
-
 def test_still_life_parts(maker):
     for _, _, solid in maker.still_life():
         assert_closed(*solid)
@@ -139,19 +125,6 @@ def test_still_life_parts(maker):
     text = (MODELS / "still_life.mtl").read_text()
     assert "Ke 1 0.82 0.45" in text
     assert "d 0.4" in text
-
-
-def test_table_and_glass_parts(maker):
-    """Round things and boxes are closed and stand on the floor; floors and panes are single faces."""
-    for name, materials in (("table", maker.MATERIALS), ("glass", maker.GLASS)):
-        parts = getattr(maker, name)()
-        for part, material, solid in parts:
-            assert material in materials
-            assert solid.points[:, 1].min() == pytest.approx(0, abs=1e-6), part
-            if len(solid.faces) > 1:
-                assert_closed(*solid)
-        assert [len(solid.faces) for part, _, solid in parts if part == "floor"] == [1]
-    assert [maker.GLASS[material][-1] for _, material, _ in maker.glass()] == [1, 1, 0.4, 0.4, 0.4]
 
 
 def test_globe_is_closed_and_its_coordinates_are_longitude_and_latitude():

@@ -65,15 +65,6 @@ def test_arrays_in_png_and_npz_files_are_those_of_a_frame(tmp_path):
             renderer.render_to(tmp_path / "x.png", array="depth", scale=1e-6)
 
 
-def test_a_scale_is_that_of_depth_in_a_png_file(tmp_path):
-    names, scales = ("x.tif", "x.npy", "x.npy", "x.png"), (1.0, -1.0, "far", float("nan"))
-    with rz.Renderer(ring(), SIZE, outputs=("rgb", "depth"), samples=1) as renderer:
-        for name, array, scale in zip(names, (None, "rgb", "depth", None), scales, strict=True):
-            with pytest.raises(rz.SceneError, match="scale is that of depth in a PNG file"):
-                renderer.render_to(tmp_path / name, array=array, scale=scale)
-    assert os.listdir(tmp_path) == []
-
-
 def test_another_camera_and_a_path_as_text(tmp_path):
     other = rz.Camera.perspective((0, 3, 3), fov=40)
     with rz.Renderer(ring(), SIZE, samples=1) as renderer:
@@ -163,14 +154,6 @@ def test_a_picture_is_drawn_into_the_array_that_is_given():
         with rz.Renderer(ring(), SIZE, **options) as renderer:
             for _ in range(2):
                 assert np.array_equal(renderer.render(out=out).rgba, expected), options
-
-
-def test_a_picture_is_drawn_into_a_mapped_file(tmp_path):
-    shape = (SIZE[1], SIZE[0], 4)
-    mapped = np.lib.format.open_memmap(tmp_path / "x.npy", "w+", np.uint8, shape)
-    rz.render(ring(), SIZE, outputs="rgb", out=mapped, samples=1)
-    mapped.flush()
-    assert np.array_equal(np.load(tmp_path / "x.npy"), rz.render(ring(), SIZE, samples=1).rgba)
 
 
 ROOM = np.zeros((SIZE[1], SIZE[0], 4), np.uint8)

@@ -78,20 +78,6 @@ def test_many_cameras_give_the_bytes_of_fresh_renders(shading, lights, setup):
     assert len(set(drawn)) == 9, "two of the cameras see nothing, all others something else"
 
 
-@pytest.mark.parametrize("camera", [AWAY, rz.Camera.orthographic((0, 0, 5), (0, 0, 9), height=3)])
-def test_an_empty_view_between_two_pictures(camera):
-    for shading, background in (("phong", None), ("gouraud", (0.2, 0.1, 0.4))):
-        view = next(walk(1))
-        scene = scene_of(background=background)
-        with rz.Renderer(scene, SIZE, shading=shading, outputs=ALL, threads=2) as renderer:
-            before, empty, after = (renderer.render(given) for given in (view, camera, view))
-        assert digest(before) == digest(after) != digest(empty)
-        assert empty.stats.covered == 0 and before.stats.covered > 50
-        assert (empty.face == -1).all() and np.isinf(empty.depth).all() and not empty.normal.any()
-        assert (empty.alpha == (0 if background is None else 1)).all()
-        assert (empty.color == np.float32(background or (0, 0, 0))).all()
-
-
 def test_a_camera_that_is_given_counts_and_the_scenes_own_stays():
     own, other = [*walk(4)][:2]
     scene = scene_of(camera=own)

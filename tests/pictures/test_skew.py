@@ -7,12 +7,11 @@ import pytest
 from helpers.campaign import find_faults
 from helpers.campaign_scenes import Case
 from helpers.edge_scenes import fast_coverage
-from helpers.pinhole import SHADINGS, octasphere
+from helpers.pinhole import octasphere
 from helpers.pixels import skewed
 from helpers.small_scenes import cube, drawn, floor, scene_of
 
 import rasterizer as rz
-from rasterizer import reference
 from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.viewer.picking import pick
 
@@ -113,33 +112,6 @@ def test_scenes_keep_the_promises_of_the_campaign(lean, tolerance, shading):
         assert not faults, f"{name}: {faults}"
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("shading", SHADINGS)
-@pytest.mark.parametrize("lean", LEANS)
-def test_every_scene_keeps_the_promises_of_the_campaign(lean, shading):
-    faults = {}
-    for name in NAMES:
-        found = find_faults(skewed_case(name, lean, shading=shading, tolerance=DEFAULT_TOLERANCE)).faults
-        faults |= {name: found} if found else {}
-    assert not faults
-
-
-@pytest.mark.parametrize("lean", LEANS)
-def test_other_buffers_are_those_of_the_reference(lean):
-    for name in ("texture, bilinear", "clipped all round", "many lights", "small triangles"):
-        scene = skewed_case(name, lean).scene
-        frame = rz.render(scene, SIZE, outputs=("face", "uv", "barycentric", "position_camera"))
-        expected = reference.render(scene, SIZE)
-        same = frame.face == expected.face
-        assert same.mean() > 0.97, name
-        for buffer in ("uv", "barycentric", "position_camera"):
-            found, wanted = frame.array(buffer)[same], getattr(expected.surface, buffer)[same]
-            assert (np.isnan(found) == np.isnan(wanted)).all(), (name, buffer)
-            error, spread = np.nan_to_num(np.abs(found - wanted)), np.nan_to_num(np.abs(wanted))
-            most = 2.0**-24 * spread + 2.0**-30 * (spread.max() + 1.0)
-            assert (error <= most).all(), f"{name}: {buffer} is off by {(error / most).max():.3g} budgets"
-
-
 def sheared(scene, size) -> rz.Scene:
     """A scene whose vertices are moved sideways, so that a camera without skew sees each where skew would show it."""
     camera = scene.camera_for(size)
@@ -149,18 +121,6 @@ def sheared(scene, size) -> rz.Scene:
         for mesh in scene.meshes
     ]
     return replace(scene, meshes=meshes, camera=replace(camera, skew=0.0))
-
-
-@pytest.mark.parametrize("lean", LEANS)
-def test_skew_shows_what_a_shear_of_the_world_shows(lean):
-    """Coverage, depths and faces of a scene that is moved instead are the same, but for the rounding of vertices."""
-    for name in ("clipped all round", "small triangles", "many lights"):
-        scene = skewed_case(name, lean).scene
-        one, two = (rz.render(each, SIZE, outputs=("face", "depth")) for each in (scene, sheared(scene, SIZE)))
-        same = one.face == two.face
-        assert same.mean() > 0.995, f"{name}: {(~same).sum()} pixels differ"
-        seen = same & (one.face >= 0)
-        assert np.abs(one.depth[seen] / two.depth[seen] - 1.0).max() <= 1e-4
 
 
 def test_edges_are_those_of_a_sheared_world():

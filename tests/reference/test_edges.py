@@ -87,24 +87,6 @@ def test_what_the_near_plane_cuts_off_hides_nothing(is_perspective):
     assert np.abs(fast - slow).sum() < 0.01 * slow.sum() and slow.sum() > 300
 
 
-@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
-def test_any_polygon_of_an_edge_may_look_to_the_viewer(order):
-    """Of three polygons at an edge, one does as it is wound."""
-    faces = [(0, 1, 2), (0, 1, 3), (0, 1, 4)]
-    mesh = rz.Mesh([(0, -1, 0), (0, 1, 0), (1, 0, -1), (1, 0.1, 0.5), (-1, 0, 0.2)], [faces[k] for k in order])
-    fast, slow = both(mesh, edges="wire", edge_width=2, cull="back")
-    assert np.abs(fast - slow).sum() < ENDS and slow[15:33, 32].min() > 1 - 1e-6
-
-
-@pytest.mark.parametrize("is_turned", [False, True])
-def test_a_polygon_that_is_wound_badly_is_left_out_as_it_is_wound(is_turned):
-    """Two squares beside each other: both look away, or one of them does."""
-    vertices = [(-1, -1, 0), (0, -1, 0), (0, 1, 0), (-1, 1, 0), (1, -1, 0), (1, 1, 0)]
-    faces = [(3, 2, 1, 0), (1, 4, 5, 2) if is_turned else (2, 5, 4, 1)]
-    fast, slow = both(rz.Mesh(vertices, faces), edges="wire", edge_width=2, cull="back")
-    assert np.abs(fast - slow).max() < 1e-6 and (slow[24, 32] > 0) == is_turned and slow[24, :30].max() == 0
-
-
 def test_of_an_edge_that_is_seen_end_on_the_nearer_end_is_drawn():
     for depths in ((1.0, -1.0), (-1.0, 1.0)):
         blade = rz.Mesh([(0, 0, depths[0]), (0, 0, depths[1]), (0, 1.0, 0)], [(0, 1, 2)])
