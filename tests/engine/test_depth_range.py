@@ -4,7 +4,7 @@ from itertools import cycle
 
 import numpy as np
 import pytest
-from helpers.against_reference import EXACT, compare_with_reference
+from helpers.against_reference import EXACT, NORMAL, compare_with_reference
 from helpers.pinhole import SHADINGS
 from helpers.stages import screen_of
 from hypothesis import assume, given, settings
@@ -48,7 +48,7 @@ def test_near_and_far_that_are_given_count(make):
     near, far, clip = fitted(make((0, 0, 5), far=5.5))
     assert near == pytest.approx(4, rel=1e-5) and (far, clip) == (5.5, 5.5)
     assert fitted(make((0, 0, 5), near=50.0)) == (50.0, 50.0, np.inf)
-    if make is rz.Camera.perspective:  # what a far plane cuts off does not push the near one away
+    if make == rz.Camera.perspective:  # what a far plane cuts off does not push the near one away
         assert fitted(make((0, 0, 0), (0, 0, -1), far=0.1))[0] == pytest.approx(0.1 * NEAREST)
 
 
@@ -96,7 +96,7 @@ def test_near_and_far_planes_only_clip(make):
     square = np.array([(-1.0, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
     vertices, colors = np.concatenate([square - (0, 0, 1e-3), square]), np.repeat([[1.0, 0, 0], [0, 1, 0]], 4, axis=0)
     faces = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]  # that before is the second one
-    planes = PLANES + [(-1e30, 1e30)] * (make is rz.Camera.orthographic)
+    planes = PLANES + [(-1e30, 1e30)] * (make == rz.Camera.orthographic)
     for k, (near, far) in enumerate(planes):
         order, tolerance = (1, -1)[k % 2], (0, DEFAULT_TOLERANCE)[k // 2 % 2]
         camera = make((0, 0, 5), near=near, far=far)
@@ -115,7 +115,7 @@ def test_a_camera_inside_a_mesh_may_have_any_near_plane():
     for near, shading in zip(NEARS[1:], cycle(SHADINGS)):
         camera = rz.Camera.perspective((0, 0, 0), (0.3, 0.2, -1), fov=80, near=near)
         verdict = compare_with_reference(rz.Scene([mesh], LIGHTS, camera), (32, 24), shading=shading, tolerance=0)
-        assert max(verdict.color, verdict.depth) <= EXACT, f"near {near}: {verdict}"
+        assert max(verdict.color, verdict.depth) <= EXACT and verdict.normal <= NORMAL, f"near {near}: {verdict}"
         assert verdict.n_compared > 100
 
 

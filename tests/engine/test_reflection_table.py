@@ -124,7 +124,7 @@ def lobe_at(material, least_sum, normals_about):
 
 def test_the_lobes_of_mirrors_are_no_larger_or_steeper_than_their_bounds():
     """Where |L + V| is known to be no less than something."""
-    rng, n, shares = np.random.default_rng(3), 2000, [0, 0.01, 0.03, 0.06, *np.linspace(0.15, 1, 6)]
+    rng, n, shares = np.random.default_rng(3), 1000, [0, 0.01, 0.03, 0.06, 0.15, 0.4, 1]
     cases = product(("ggx", "beckmann"), (0.0, 0.01, 0.3, 1.0, 1.6, 2.0))
     for (distribution, least_sum), roughness in zip(cases, cycle((0.06, 0.15, 0.3, 0.6, 1.0))):
         material = made("cook-torrance", roughness=roughness, distribution=distribution, fresnel=1.0)

@@ -33,6 +33,9 @@ def test_a_cube_is_split_at_its_edges():
     assert np.abs(normals - unit(area)[:, None]).max() < 1e-15
     assert len(smooth_part(rz.Mesh(CUBE, QUADS, crease_angle=180)).points) == 8
     assert part.albedo is None and part.vertex is part.corner
+    one_group = {"smoothing": np.ones(12, int)}
+    assert len(smooth_part(rz.Mesh(CUBE, mesh.faces, **one_group)).points) == 8
+    assert len(smooth_part(rz.Mesh(CUBE, mesh.faces, crease_angle=30, **one_group)).points) == 24, "the angle overrides"
 
 
 def test_normals_of_vertices_are_taken_as_they_are():

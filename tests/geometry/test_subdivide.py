@@ -184,6 +184,9 @@ def test_normals_of_a_file_are_interpolated():
 def test_opposite_normals_do_not_vanish():
     mesh = rz.Mesh(np.eye(3), [[0, 1, 2]], normals=[[0, 0, 1], [0, 0, -1], [0, 0, 1]]).subdivide()
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1)
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]  # about its centre, where all four cancel
+    quad = rz.Mesh(square, [[0, 1, 2, 3]], normals=[[0, 0, 1], [0, 0, -1]] * 2).subdivide()
+    assert np.allclose(np.linalg.norm(quad.normals, axis=-1), 1)
 
 
 def test_creases_stay_and_round_walls_stay_round():
