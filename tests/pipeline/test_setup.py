@@ -59,13 +59,12 @@ def row(array, first, n):
     return array[int(first) : int(first) + n]
 
 
-@pytest.mark.parametrize("n", [1, 17, s.BLOCK])
-@pytest.mark.parametrize("seed", range(4))
-def test_vertices_are_clockwise_and_the_topmost_is_first(seed, n):
+@pytest.mark.parametrize("turned", [[0, 1, 2], [1, 2, 0], [2, 1, 0]])
+def test_vertices_are_clockwise_and_the_topmost_is_first(turned):
     """Whatever order they are listed in: the same rows, but for the side that is seen."""
-    corners = triangles(seed)[:n]
-    z, values = np.random.default_rng(seed).random((n, 3)), np.random.default_rng(seed + 9).random((2, n, 3, 2))
-    for turned in ([0, 1, 2], [1, 2, 0], [2, 1, 0]):
+    for seed, n in ((0, s.BLOCK), (1, 17), (2, 1)):
+        corners = triangles(seed)[:n]
+        z, values = np.random.default_rng(seed).random((n, 3)), np.random.default_rng(seed + 9).random((2, n, 3, 2))
         block, inverted = block_of(corners[:, turned], z[:, turned], values[:, :, turned], 2)
         for k in range(n):
             (ax, ay), (bx, by), (cx, cy) = (map(int, corner) for corner in corners[k])
@@ -77,9 +76,9 @@ def test_vertices_are_clockwise_and_the_topmost_is_first(seed, n):
             is_front = (cross < 0) != (turned == [2, 1, 0])
             is_flipped = is_front == bool(inverted[k])
             found = [[block.ints[int(f) + k] for f in pair] for pair in ((s.X0, s.Y0), (s.X1, s.Y1), (s.X2, s.Y2))]
-            assert found == corners[k, order].tolist()
+            assert found == corners[k, order].tolist(), f"corners of {corners[k].tolist()}: {found}"
             assert [block.reals[int(f) + k] for f in (s.Z0, s.Z1, s.Z2)] == z[k, order].tolist()
-            assert bool(block.ints[int(s.IS_FLIPPED) + k]) == is_flipped
+            assert bool(block.ints[int(s.IS_FLIPPED) + k]) == is_flipped, f"side of {corners[k].tolist()}"
             carried = [block.reals[int(s.ATTRIBUTE) + i * s.BLOCK + k] for i in range(6)]
             assert carried == values[int(is_flipped), k, order].T.ravel().tolist()
 
@@ -118,32 +117,31 @@ def test_boxes_hold_the_samples_of_the_band():
     assert row(block.ints, s.BOTTOM, n).tolist() == np.minimum(high[1], ROWS[1]).tolist()
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("reach", [0.4, 0.8, 1.2])
-def test_covered_samples_of_small_boxes_are_those_of_the_reference_in_the_band(reach, seed):
+def test_covered_samples_of_small_boxes_are_those_of_the_reference_in_the_band():
     """About the borders of the picture and of the band, too; what lies beyond them is not covered."""
-    rng = np.random.default_rng(seed)
-    corners = random_triangles(rng, s.BLOCK, SIZE, reach)
-    corners[::2, :, 1] += 256 * (rng.choice(ROWS, (32, 1)) - corners[::2, :1, 1] // 256)
-    corners[1::4, :, 0] += 256 * (rng.choice([0, SIZE[0]], (16, 1)) - corners[1::4, :1, 0] // 256)
-    corners[::3] = corners[::3] // 128 * 128
-    block, _ = block_of(corners, np.zeros((s.BLOCK, 3)), np.zeros((s.BLOCK, 3, 0)))
-    covered, left, top = (row(block.ints, name, s.BLOCK).tolist() for name in (s.COVERED, s.LEFT, s.TOP))
-    extents = np.maximum(row(block.ints, s.EXTENT_X, s.BLOCK), row(block.ints, s.EXTENT_Y, s.BLOCK))
-    assert (np.array(covered) == -1).tolist() == (extents > MOST_WIDE).tolist()
     n_covered = 0
-    for k in np.flatnonzero(extents <= MOST_WIDE):
-        expected = coverage(corners[k], SIZE[0], ROWS[1])
-        expected[: ROWS[0]] = False
-        found = {(top[k] + bit // NEXT_ROW, left[k] + bit % NEXT_ROW) for bit in range(16) if covered[k] >> bit & 1}
-        (ax, ay), (bx, by), (cx, cy) = corners[k]
-        if (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):  # the cull stage drops those without area
-            assert found == set(zip(*np.nonzero(expected), strict=True)), corners[k].tolist()
-            n_covered += len(found)
-    assert n_covered > 0
+    for seed, reach in enumerate((0.4, 0.8, 0.8, 1.2, 1.2)):
+        rng = np.random.default_rng(seed)
+        corners = random_triangles(rng, s.BLOCK, SIZE, reach)
+        corners[::2, :, 1] += 256 * (rng.choice(ROWS, (32, 1)) - corners[::2, :1, 1] // 256)
+        corners[1::4, :, 0] += 256 * (rng.choice([0, SIZE[0]], (16, 1)) - corners[1::4, :1, 0] // 256)
+        corners[::3] = corners[::3] // 128 * 128
+        block, _ = block_of(corners, np.zeros((s.BLOCK, 3)), np.zeros((s.BLOCK, 3, 0)))
+        covered, left, top = (row(block.ints, name, s.BLOCK).tolist() for name in (s.COVERED, s.LEFT, s.TOP))
+        extents = np.maximum(row(block.ints, s.EXTENT_X, s.BLOCK), row(block.ints, s.EXTENT_Y, s.BLOCK))
+        assert (np.array(covered) == -1).tolist() == (extents > MOST_WIDE).tolist()
+        for k in np.flatnonzero(extents <= MOST_WIDE):
+            expected = coverage(corners[k], SIZE[0], ROWS[1])
+            expected[: ROWS[0]] = False
+            found = {(top[k] + bit // NEXT_ROW, left[k] + bit % NEXT_ROW) for bit in range(16) if covered[k] >> bit & 1}
+            (ax, ay), (bx, by), (cx, cy) = corners[k]
+            if (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):  # the cull stage drops those without area
+                assert found == set(zip(*np.nonzero(expected), strict=True)), corners[k].tolist()
+                n_covered += len(found)
+    assert n_covered > 25
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_planes_of_depth_are_those_of_fractions(seed):
     """Value and slopes are rounded to whole steps; what is too long and thin, or too steep, is said to be."""
     corners, rng = triangles(seed), np.random.default_rng(seed)
@@ -171,7 +169,8 @@ def test_planes_of_depth_are_those_of_fractions(seed):
         # Half a step of rounding, and a few float64 roundings of numbers as large as these.
         large = max(abs(za), abs(zb), abs(zc)) * (1 + wide * high / abs(area))
         for number, expected in zip(found, (value, z_x, z_y), strict=True):
-            assert abs(number - expected) <= 0.5 + 16 * large * Fraction(2) ** -53
+            off, budget = abs(number - expected), 0.5 + 16 * large * Fraction(2) ** -53
+            assert off <= budget, f"{corners[k].tolist()}: {float(off)} > {float(budget)} units"
     assert n_plane > 30
 
 
@@ -201,7 +200,7 @@ def test_planes_of_depth_err_by_no_more_than_is_counted(rise):
     """Thin triangles, as thin as they may be for what their depth rises by; a corner may lie far before all that is
     seen. What float64 takes is seen where a plane has its value, that of whole steps at samples."""
     rng, at_anchor, beside, n_plane, n_sliver = np.random.default_rng(int(np.log2(rise))), 0.0, 0.0, 0, 0
-    for _ in range(30):
+    for _ in range(12):
         elongation = min(s.MAX_LEVERAGE / rise, s.MAX_ELONGATION) * 2.0 ** rng.integers(-1, 2)
         corners = thin_triangles(rng, s.BLOCK, elongation, 2.0 ** rng.integers(10, 19))
         z = np.clip(rng.uniform(-0.5, 1.5, (s.BLOCK, 3)), 2.0**-15, 1.0 - 2.0**-15) * 2.0**38
@@ -214,7 +213,7 @@ def test_planes_of_depth_err_by_no_more_than_is_counted(rise):
             n_plane += 1
             errors = plane_errors(block, k, corners[k], z[k], rng)
             at_anchor, beside = max(at_anchor, errors[0]), max(beside, errors[1])
-    assert n_plane > 300 and n_sliver > 50, (n_plane, n_sliver)
+    assert n_plane > 100 and n_sliver > 20, (n_plane, n_sliver)
     assert max(at_anchor, beside) <= DEPTH_PLANE_ROUNDING, f"{at_anchor}, {beside} > {DEPTH_PLANE_ROUNDING} units"
     assert at_anchor > 0.04 * DEPTH_PLANE_ROUNDING, f"{at_anchor}: more than 25 times as much is counted"
 

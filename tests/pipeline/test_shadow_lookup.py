@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.batches import DTYPES, axes_of, call, read, write
+from helpers.batches import axes_of, call, read, write
 from helpers.pinhole import octasphere, unit
 
 import rasterizer as rz
@@ -21,7 +21,7 @@ from rasterizer.scene.camera import View
 
 GIVEN = (*axes_of(f.POSITION), *axes_of(f.NORMAL), *axes_of(f.FACE_NORMAL), int(f.FACE_OFFSET), int(f.FACE_SIDE))
 KINDS = ("directional", "point", "cube", "spot")
-N_POINT = 4096
+N_POINT = 2048
 
 
 def random_scene(rng, kind, texels, taps):
@@ -110,12 +110,21 @@ class Points:
             yield rows
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("texels, taps", [(64, 1), (100, 3), (1024, 1), (512, 5)])
+@pytest.mark.parametrize(
+    "kind, texels, taps",
+    [
+        ("directional", 64, 1),
+        ("directional", 512, 5),
+        ("point", 100, 3),
+        ("cube", 1024, 1),
+        ("cube", 100, 3),
+        ("spot", 512, 5),
+    ],
+)
 def test_float32_decides_as_float64_does_but_next_to_edges(kind, texels, taps):
     rng = np.random.default_rng([KINDS.index(kind), texels, taps])
     n_sure = n_lit = 0
-    for distance in (3.0, 10.0, 20.0):
+    for distance in (3.0, 20.0):
         points = Points(rng, random_scene(rng, kind, texels, taps), distance)
         if not np.isfinite(points.shift):
             continue
@@ -127,7 +136,7 @@ def test_float32_decides_as_float64_does_but_next_to_edges(kind, texels, taps):
         wrong = (np.abs(found - exact) > 1e-6) & is_sure
         assert not wrong.any(), f"{wrong.sum()} of {is_sure.sum()} points further than {points.shift:.2g} from an edge"
         n_sure, n_lit = n_sure + is_sure.sum(), n_lit + (exact[is_sure] == 1).sum()
-    assert n_sure > 0.9 * N_POINT and 0.1 * n_sure < n_lit < 0.97 * n_sure, f"{n_sure} points, {n_lit} lit"
+    assert n_sure > 0.6 * N_POINT and 0.1 * n_sure < n_lit < 0.97 * n_sure, f"{n_sure} points, {n_lit} lit"
 
 
 def reach_of(block, from_light):
@@ -183,23 +192,25 @@ def naive_share(block, row):
     return np.mean(np.array(excess) <= 0), np.abs(excess).min()
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("texels, taps", [(64, 1), (50, 3), (33, 9)])
+@pytest.mark.parametrize(
+    "kind, texels, taps", [("directional", 33, 9), ("point", 50, 3), ("cube", 64, 1), ("cube", 50, 3), ("spot", 64, 1)]
+)
 def test_a_share_is_that_of_a_naive_look_up(kind, texels, taps):
     rng = np.random.default_rng([7, KINDS.index(kind), texels])
     points = Points(rng, random_scene(rng, kind, texels, taps), 4.0)
     found = points.lit(True, points.rows)
     n_sure = 0
-    for k in range(500):
+    for k in range(250):
         share, nearness = naive_share(points.blocks[True], points.rows[:, k])
         if nearness > 1e-6:  # further from a decision than any rounding
             assert abs(found[k] - share) < 1e-12, f"point {k}: {found[k]} instead of {share}"
             n_sure += 1
-    assert n_sure > 400 and 0 < found[:500].mean() < 1
+    assert n_sure > 200 and 0 < found[:250].mean() < 1
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-@pytest.mark.parametrize("kind, taps", [("directional", 1), ("cube", 3), ("spot", 9)])
+@pytest.mark.parametrize(
+    "kind, taps, dtype", [("directional", 1, np.float32), ("cube", 3, np.float32), ("spot", 9, np.float64)]
+)
 def test_no_number_leads_out_of_a_map(kind, taps, dtype):
     """Run by Python, which checks every index; the compiled function returns the same."""
     rng = np.random.default_rng(5)
@@ -221,11 +232,12 @@ def test_no_number_leads_out_of_a_map(kind, taps, dtype):
     assert (share == expected).all() and ((share >= 0) & (share <= 1)).all()
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-def test_a_light_behind_its_surface_is_not_held_up(dtype):
+def test_a_light_behind_its_surface_is_not_held_up():
     """A point light under the floor that looks at it from below: its own shadow is that of N·L."""
     rng = np.random.default_rng(1)
     scene = random_scene(rng, "point", 64, 1)
     scene = replace(scene, meshes=scene.meshes[:1], lights=(replace(scene.lights[0], position=(0.3, 0.2, -3)),))
     points = Points(rng, scene, 5.0)
-    assert (points.lit(dtype == np.float64, points.rows) == 1).all()
+    for is_double in (False, True):
+        n_dark = (points.lit(is_double, points.rows) != 1).sum()
+        assert n_dark == 0, f"{n_dark} points in shadow, {is_double=}"

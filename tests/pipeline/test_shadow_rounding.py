@@ -9,7 +9,7 @@ from rasterizer.engine.rounding import DOUBLE, SINGLE
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import shadow_lookup as lookup
 
-N_POINT = 256
+N_POINT = 128
 SIZE, FILTER = 64, 3
 ZERO = Decimal(0)
 
@@ -88,11 +88,11 @@ def find_exact(header, row, column, line):
 
 
 def count_roundings(rng, dtype, is_perspective, distance, side):
-    """The largest error of a limit over what ROUNDINGS allows; also without what the normal offset adds."""
+    """The largest error of a limit over what one of ROUNDINGS allows, and of how many points."""
     header, rounded, u = make_header(rng, dtype, is_perspective, distance)
     rows = random_points(rng, header, side)
     batch, n = f.make_batch(dtype), f.BATCH_SIZE
-    worst, worst_bare, n_checked = 0.0, 0.0, 0
+    worst, n_checked = 0.0, 0
     for start in range(0, N_POINT, int(n)):
         some = rows[start : start + int(n)]
         for k, quantity in enumerate(GIVEN):
@@ -113,9 +113,8 @@ def count_roundings(rng, dtype, is_perspective, distance, side):
             of_normal = 8 * u * (0.5 + (FILTER >> 1)) * (nearness * slopes + inverse * 2 / scale)
             error -= 8 * u * (SIZE + SIZE / 2) * slopes + of_normal  # what SLACK and NORMAL_ERROR allow
             worst = max(worst, error / (u * share * (length + near)))
-            worst_bare = max(worst_bare, error / (u * share * length))
             n_checked += 1
-    return worst, worst_bare, n_checked
+    return worst, n_checked
 
 
 GIVEN = [
@@ -125,15 +124,16 @@ GIVEN = [
 ]
 
 
-@pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("side", [0.01, 1.0, 300.0, 3e4])
+@pytest.mark.parametrize("is_perspective, dtype, side", [
+    (True, np.float32, 0.01), (True, np.float32, 300.0), (False, np.float32, 3e4), (False, np.float64, 1.0),
+    (True, np.float64, 3e4),
+])  # fmt: skip
 def test_a_limit_errs_by_no_more_than_its_roundings(is_perspective, dtype, side):
     """Polygons much smaller and much larger than the way to the light, eyes near by and far away; both sides."""
     rng = np.random.default_rng([int(is_perspective), int(100 * side)])
     with localcontext() as context, np.errstate(all="ignore"):
         context.prec = 60
         found = [count_roundings(rng, dtype, is_perspective, distance, side) for distance in (0.1, 3.0, 100.0)]
-    worst, _, n = np.max(found, axis=0)
-    assert n > 100 and worst <= lookup.ROUNDINGS, f"{worst:.3g} roundings > {lookup.ROUNDINGS}"
-    assert worst > 1e-3 * lookup.ROUNDINGS
+    worst, n = np.max(found, axis=0)
+    assert n > 50 and worst <= lookup.ROUNDINGS, f"{worst:.3g} roundings > {lookup.ROUNDINGS}"
+    assert worst > 1e-3 * lookup.ROUNDINGS, f"{worst:.3g} roundings: far fewer than are allowed"
