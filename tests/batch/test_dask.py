@@ -4,11 +4,11 @@ import os
 import signal
 
 import pytest
+from helpers.command import raster
 from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer.batch.executors import DaskCrew
-from rasterizer.cli import main
 
 MODELS = [str(ROOT / "models" / name) for name in ("cube.obj", "cone.obj", "gear.stl", "torus.glb")]
 SMALL = {"size": (32, 24), "shading": "phong"}
@@ -105,9 +105,9 @@ def test_one_bad_model_does_not_stop_the_rest(cluster, folder):
 @pytest.mark.nightly
 def test_the_command_line_draws_there(cluster, capsys):
     flags = ["-s", "32x24", "--view", "iso", "--view", "top", "-q"]
-    assert main(["batch", *MODELS[:2], "-o", "far/", "--scheduler", cluster.scheduler.address, *flags]) == 0
+    assert raster("batch", *MODELS[:2], "-o", "far/", "--scheduler", cluster.scheduler.address, *flags) == 0
     os.mkdir("local")
-    assert main(["render", *MODELS[:2], "-o", "local/", *flags]) == 0
+    assert raster("render", *MODELS[:2], "-o", "local/", *flags) == 0
     assert files_in("far") == files_in("local") and len(files_in("far")) == 4
     assert capsys.readouterr() == ("", "")
 

@@ -86,7 +86,7 @@ def test_cameras():
         ("--eye -3,2,4 --fov 40", rz.Camera.perspective((-3, 2, 4), fov=40)),
         ("--eye 0,0,4 --target -.5,0,0 --up x --fov 60", rz.Camera.perspective((0, 0, 4), (-0.5, 0, 0), "x", 60)),
     ):
-        assert camera_of(*argv.split()) == expected, argv
+        assert (got := camera_of(*argv.split())) == expected, f"{argv}: {got} != {expected}"
 
 
 def test_zoom_enlarges_and_orthographic_keeps_the_size_of_the_target():
@@ -117,7 +117,7 @@ def test_lights():
         ("point:1,2,3", rz.PointLight((1, 2, 3))),
         ("point:1,2,3,attenuation=1/0.5/.25,color=3e-1", rz.PointLight((1, 2, 3), 0.3, (1, 0.5, 0.25))),
     ):
-        assert lights_of("--light", text) == (expected,), text
+        assert (got := lights_of("--light", text)) == (expected,), f"{text}: {got} != {(expected,)}"
     assert lights_of() is None and lights_of("--preset", "studio") == rz.studio()
     both = lights_of("--preset", "headlight", "--light", "ambient:1/0.5/0", "--light", "point:1,2,3")
     assert both == (*rz.headlight(), rz.AmbientLight((1, 0.5, 0)), rz.PointLight((1, 2, 3)))
@@ -154,12 +154,14 @@ def test_a_kind_of_light_that_is_added_can_be_written_at_once(monkeypatch, capsy
 LOOKS = """
 --shading flat | --shading gouraud | --samples 1 | --samples 4 --antialias shade-once | --ground
 --crease-angle 1 | --material shininess=2 | --color orange | --reflection blinn
---preset studio | --preset studio --ground | --preset headlight | --light directional:0,-1,0 --color red
---light directional:0,-1,0 --color red --spectral 3 | --light directional:-1,-0.4,-0.2
+--preset studio | --preset studio --ground | --preset headlight | --light directional:0,-1,0,color=orange --color teal
+--light directional:0,-1,0,color=orange --color teal --spectral 5 | --light directional:-1,-0.4,-0.2
 --light directional:-1,-0.4,-0.2 --shadows | --light directional:-1,-0.4,-0.2 --shadows --shadow-size 16
 --light directional:-1,-0.4,-0.2 --shadows --shadow-filter 9 | --background 0.2/0.1/0 | --depth-cue 2
---exposure 1.5 | --exposure 3 | --exposure 3 --color-range local | --exposure 3 --color-range global
---eye 1,0,0 --target 1,0,5 | --eye 1,0,0 --target 1,0,5 --cull back | --edges all | --edges all --edge-color red | --edges all --edge-width 3 | --zoom 2 | --margin 20% | --ortho | --fov 60
+--exposure 1.5 | --exposure 3 --color teal | --exposure 3 --color teal --color-range local
+--exposure 3 --color teal --color-range global | --threads 2 --margin 0.2
+--eye 1,0,0 --target 1,0,5 | --eye 1,0,0 --target 1,0,5 --cull back
+--edges all | --edges all --edge-color red | --edges all --edge-width 3 | --zoom 2 | --ortho | --fov 60
 --azimuth 70 | --elevation 60 | --view top | --up z | --eye 3,2,4 | --eye 3,2,4 --target 0,0.5,0
 """
 
@@ -167,7 +169,7 @@ LOOKS = """
 def test_every_flag_of_the_look_changes_the_picture(capsys):
     looks, drawn = ["", *(each.strip() for each in LOOKS.replace("\n", "|").split("|") if each.strip())], {}
     for look in looks:
-        assert run(ROOT / "models" / "torus.obj", "-o", "x.png", "-s", "48x36", *look.split()) == 0, look
+        assert run(ROOT / "models" / "torus.obj", "-o", "x.png", "-s", "48x36", *look.split()) == 0
         other = drawn.setdefault(picture("x.png").tobytes(), look)
         assert other is look, f"'{look}' draws what '{other}' draws"
     capsys.readouterr()

@@ -53,7 +53,7 @@ def test_exr_files_hold_the_picture_or_arrays(folder):
     assert run(CUBE, "--array", "color", "--array", "face", "-o", "b.exr") == 0
     for name, channels in (("a.exr", set("RGBA")), ("b.exr", {*"RGBA", "id.face"})):
         with exr.File(name, separate_channels=True) as file:
-            assert set(file.channels()) == channels, name
+            assert (got := set(file.channels())) == channels, f"{name}: {got} != {channels}"
 
 
 def test_stdout_takes_one_array_or_several(capfdbinary):

@@ -8,10 +8,8 @@ import sys
 import time
 
 import pytest
-from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, start_with
+from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, errors, picture, raster, start_with
 from helpers.raster import ROOT
-
-from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -20,7 +18,7 @@ SIZE = ["-s", "24x16", "--no-ground"]
 
 
 def batch(*argv) -> int:
-    return main(["batch", *SIZE, "-j", "1", *map(str, argv)])
+    return raster("batch", *SIZE, "-j", "1", *argv)
 
 
 def summary_of(err) -> str:
@@ -30,11 +28,11 @@ def summary_of(err) -> str:
 
 def test_the_files_are_those_of_render(capsys):
     look = ["--view", "iso", "--view", "top", "--material", "gold", "--shading", "phong", "-o", "{stem}-{view}.png"]
-    assert main(["render", *SIZE, CUBE, CONE, "-q", *look]) == 0
+    assert raster("render", *SIZE, CUBE, CONE, "-q", *look) == 0
     found = {name: open(name, "rb").read() for name in os.listdir()}
     assert set(found) == {"cube-iso.png", "cube-top.png", "cone-iso.png", "cone-top.png"}
     for command, n in (("batch", "1"), ("render", "2")):
-        assert main([command, *SIZE, CUBE, CONE, "-q", *look, "-j", n]) == 0
+        assert raster(command, *SIZE, CUBE, CONE, "-q", *look, "-j", n) == 0
         assert found == {name: open(name, "rb").read() for name in os.listdir()}, command
     assert errors(capsys) == ""
 
@@ -55,7 +53,7 @@ def test_where_nothing_is_drawn_the_exit_code_says_why(folder, capsys):
     (folder / "cube.png").write_bytes(b"old")
     os.chmod("cube.png", 0o444)
     for model, code in (("nope.stl", 3), (CUBE, 4)):
-        assert batch(model) == code, model
+        assert batch(model) == code
         assert summary_of(errors(capsys)) == "0 pictures drawn, 1 failed"
     assert (folder / "cube.png").read_bytes() == b"old"
     (folder / "skin.png").write_bytes((ROOT / "models" / "globe.png").read_bytes())
@@ -107,7 +105,7 @@ def test_what_is_not_legal_is_told_before_a_model_is_loaded(capsys):
 @pytest.mark.nightly
 def test_a_large_picture_is_written_where_it_is_drawn(folder):
     """A file of 268 MB would be sent; this one has a row more."""
-    assert main(["batch", CUBE, "-j", "1", "-s", "8192x8193", "-o", "cube.tif", "--samples", "1", "-q"]) == 0
+    assert raster("batch", CUBE, "-j", "1", "-s", "8192x8193", "-o", "cube.tif", "--samples", "1", "-q") == 0
     assert (folder / "cube.tif").stat().st_size > 2**28
     os.unlink("cube.tif")
 

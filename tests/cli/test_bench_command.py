@@ -5,12 +5,11 @@ import json
 import sys
 
 import pytest
-from helpers.command import CUBE, assert_refused
+from helpers.command import CUBE, assert_refused, raster
 from helpers.raster import ROOT
 from PIL import Image
 
 from rasterizer.analysis.speed_error import printed
-from rasterizer.cli import main
 
 GLOBE = str(ROOT / "models" / "globe.obj")
 FEW = ["-s", "32x24", "--seconds", "0.3", "--threads", "1", "--samples", "1,4", "--tolerances", "0,1/4096"]
@@ -19,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def run(*argv) -> int:
-    return main(["bench", *FEW, *map(str, argv)])
+    return raster("bench", *FEW, *argv)
 
 
 def test_table_and_advice(folder, capsys):

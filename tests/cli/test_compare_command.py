@@ -7,13 +7,12 @@ import shutil
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, assert_refused
+from helpers.command import CUBE, assert_refused, raster
 from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
 from rasterizer.analysis.contact_sheet import GAP
-from rasterizer.cli import main
 from rasterizer.cli.defaults import COMPARED_SIZE
 
 BALL = str(ROOT / "models" / "sphere.obj")
@@ -23,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def run(*argv) -> int:
-    return main(["compare", "-s", "48x36", *map(str, argv)])
+    return raster("compare", "-s", "48x36", *argv)
 
 
 def record_of(capsys, *argv) -> dict:
@@ -61,7 +60,7 @@ def test_the_sheet_shows_the_methods_in_order_above_their_errors(folder, capsys)
         assert [float(most), float(rms)] == pytest.approx([expected.max, expected.rms], rel=0.01, abs=1e-6), shading
         jumps = [bands.value_jump, bands.slope_jump, bands.slope_rms]
         told = [f"{jump:.3g}" for jump in jumps] if bands.n_place else ["-"] * 3
-        assert [value, slope, slope_rms] == told, shading
+        assert (got := [value, slope, slope_rms]) == told, f"{shading}: {got} != {told}"
 
 
 def test_methods_of_the_command_line(capsys):
@@ -86,7 +85,7 @@ def test_a_scene_file_has_its_own_camera_and_look_but_not_its_own_size(folder, c
     table = {"meshes": [{"file": "cube.obj"}], "camera": camera, "options": {"size": [20, 10], "exposure": 1.5}}
     (folder / "scene.json").write_text(json.dumps(table))
     flags = ["--no-reference", "--methods", "flat,phong", "--json"]
-    assert main(["compare", "scene.json", *flags]) == 0
+    assert raster("compare", "scene.json", *flags) == 0
     assert json.loads(capsys.readouterr().out)["size"] == list(COMPARED_SIZE)
     scene = rz.load(CUBE, camera=rz.Camera(**camera), background="white")
     expected = rz.render(scene, COMPARED_SIZE, shading="flat", tolerance=0, samples=1, exposure=1.5).rgb
@@ -124,9 +123,9 @@ def test_figures_go_to_stderr_with_a_picture_on_stdout(capfdbinary):
 def test_the_reference_is_announced_where_it_is_slow(capsys):
     """From 20 000 faces on, or as many times 60 pixels."""
     wide = ["-s", "1200x1000", "--methods", "flat,phong", "--eye", "90,0,0"]
-    assert main(["compare", CUBE, *wide]) == 0
+    assert raster("compare", CUBE, *wide) == 0
     assert "drawing the reference, which takes a while; --no-reference leaves it out" in capsys.readouterr().err
-    assert main(["compare", CUBE, *wide, "--no-reference"]) == 0 and capsys.readouterr().err == ""
+    assert raster("compare", CUBE, *wide, "--no-reference") == 0 and capsys.readouterr().err == ""
 
 
 def test_what_is_refused(capsys):

@@ -4,16 +4,16 @@ import shutil
 import subprocess
 
 import pytest
-from helpers.command import assert_refused
+from helpers.command import assert_refused, raster
 
-from rasterizer.cli import completion_command, main
+from rasterizer.cli import completion_command
 from rasterizer.cli.commands import COMMANDS
 
 pytestmark = pytest.mark.usefixtures("folder")
 
 
 def script(shell, capsys) -> str:
-    assert main(["completion", shell]) == 0
+    assert raster("completion", shell) == 0
     out, err = capsys.readouterr()
     assert err == ""
     return out
@@ -77,4 +77,4 @@ def test_fish_completes(capsys, folder):
         code = f"source script; complete -C '{line}'"
         done = subprocess.run(["fish", "-N", "-c", code], capture_output=True, text=True, check=True)
         found = [each.partition("\t")[0] for each in done.stdout.splitlines()]
-        assert [word for word in found if word != "script"] == completed, line
+        assert (got := [word for word in found if word != "script"]) == completed, f"{line}: {got} != {completed}"

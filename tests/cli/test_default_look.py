@@ -4,11 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, SMALL, errors, loaded, picture
+from helpers.command import CUBE, SMALL, errors, loaded, picture, raster
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.cli import main
 from rasterizer.cli.default_look import NEUTRAL
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -16,7 +15,7 @@ LIFE = str(ROOT / "models" / "still_life.obj")
 
 
 def run(*argv) -> int:
-    return main(["render", *SMALL, *argv])
+    return raster("render", *SMALL, *argv)
 
 
 def test_a_model_without_lights_and_materials_is_put_on_the_tabletop():

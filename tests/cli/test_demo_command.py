@@ -4,21 +4,20 @@ import os
 
 import numpy as np
 import pytest
-from helpers.command import assert_refused, picture
+from helpers.command import assert_refused, picture, raster
 
 import rasterizer as rz
-from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_model_of_the_package_is_drawn_in_the_current_folder(folder, capsys):
-    assert main(["demo", "-s", "64x40", "--threads", "1", "--preset", "studio"]) == 0
+    assert raster("demo", "-s", "64x40", "--threads", "1", "--preset", "studio") == 0
     assert os.listdir(folder) == ["demo.png"]
     expected = rz.render(rz.load(rz.demo_model()), (64, 40), shading="phong", samples=4).rgba
     assert (picture("demo.png") == expected).all()
     capsys.readouterr()
-    assert main(["demo", "-s", "24x16", "-o", "x.jpg", "--shading", "flat", "--view", "top", "-v"]) == 0
+    assert raster("demo", "-s", "24x16", "-o", "x.jpg", "--shading", "flat", "--view", "top", "-v") == 0
     out, err = capsys.readouterr()
     assert out == "" and "flat shading" in err and "raster render MODEL draws one of yours" in err
     assert np.unique(picture("x.jpg")).size > 20

@@ -5,23 +5,22 @@ import re
 from importlib import metadata
 
 import pytest
-from helpers.command import start
+from helpers.command import raster, start
 
 import rasterizer as rz
-from rasterizer.cli import main
 from rasterizer.compiler import kernels, store
 
 pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_record_and_the_lines_have_what_a_report_needs(capsys):
-    code = main(["doctor", "--json"])
+    code = raster("doctor", "--json")
     facts = json.loads(capsys.readouterr().out)
     assert code == (1 if facts["problems"] else 0)
     assert facts["version"] == rz.__version__ and facts["threads"] >= 1 and facts["packages"]["numpy"]
     assert facts["extras"]["test"]["pytest"] == pytest.__version__
     assert facts["kernels"]["folder"] == (None if kernels.STORE.own is None else str(kernels.STORE.own))
-    assert main(["doctor"]) == code
+    assert raster("doctor") == code
     out = capsys.readouterr().out
     assert all(word in out for word in ("raster ", "numba ", "threads", "kernels", "[test]"))
     begins = [re.match(r"(\S+  +| +)(?=\S)", line).end() for line in out.splitlines()]
@@ -63,7 +62,7 @@ def test_what_is_not_installed_is_told_and_changes_the_exit_code(monkeypatch, ca
     texts = ['tomli>=2.0; python_version < "3.4" and extra == "toml"', 'numpy; extra == "x"', "trimesh>=5"]
     monkeypatch.setattr(metadata, "version", version)
     monkeypatch.setattr(metadata, "requires", lambda _: texts)
-    assert main(["doctor"]) == 1
+    assert raster("doctor") == 1
     out, err = capsys.readouterr()
     assert re.search(r"\ntrimesh +MISSING\n", out) and "[x]" in out and "[toml]" not in out
     assert "raster: error: trimesh is not installed, and nothing can be drawn without it\n" in err

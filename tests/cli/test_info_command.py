@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, GEAR, assert_refused
+from helpers.command import CUBE, GEAR, assert_refused, raster
 from helpers.model_bytes import gltf_with
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
 MODELS = ROOT / "models"
@@ -20,7 +19,7 @@ MODELS = ROOT / "models"
 
 def records(capsys, *argv, code=0):
     """What --json says, a dict a model."""
-    assert main(["info", "--json", *map(str, argv)]) == code
+    assert raster("info", "--json", *argv) == code
     return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
 
 
@@ -40,7 +39,7 @@ def test_the_facts_are_those_of_the_scene(capsys):
 
 
 def test_lines_say_what_json_says(capsys):
-    assert main(["info", GEAR, CUBE]) == 0
+    assert raster("info", GEAR, CUBE) == 0
     out, err = capsys.readouterr()
     gear, cube = out.split("\n\n")
     assert err == "" and gear.splitlines()[0] == GEAR and cube.splitlines()[0] == CUBE
@@ -53,7 +52,7 @@ def test_what_is_not_drawn_and_what_is_missing_is_told(folder, capsys):
     (folder / "odd ü.obj").write_text(
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl none\nf 1 2 3\nl 1 2\nl 2 3\np 1\n", encoding="utf-8"
     )
-    assert main(["info", "odd ü.obj"]) == 0
+    assert raster("info", "odd ü.obj") == 0
     out = capsys.readouterr().out
     assert "1 point, 2 lines" in out and "no definition of material 'none'" in out
     assert "no: 3 of 3 are open edges" in out
@@ -75,7 +74,7 @@ def test_what_a_reader_leaves_out_is_told(folder, capsys):
     rig, scan = records(capsys, "rig.gltf", "scan.ply")
     assert {"the extension FOO_bar", "animations", "skins", "morph targets"} <= set(rig["not_drawn"])
     assert scan["not_drawn"] == ["vertex properties confidence"]
-    assert main(["info", "-v", "rig.gltf"]) == 0
+    assert raster("info", "-v", "rig.gltf") == 0
     out, err = capsys.readouterr()
     assert err.rstrip().endswith(f"not used: {', '.join(rig['not_drawn'])}")
     assert f"not used      {', '.join(rig['not_drawn'])}\n" in out

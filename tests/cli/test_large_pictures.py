@@ -6,11 +6,10 @@ import signal
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, assert_refused, end_by_signal, start_with
+from helpers.command import CUBE, assert_refused, end_by_signal, raster, start_with
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
 SIDE = 43 * 111  # pixels: linear colours take a little more than the 2^28 bytes from which on files are written so
@@ -18,7 +17,7 @@ LARGE = ["-s", str(SIDE), "--preset", "studio", "--shading", "flat", "--threads"
 
 
 def test_a_large_picture_is_written_while_it_is_drawn(folder, capsys, monkeypatch):
-    assert main(["render", CUBE, *LARGE, "-o", "x.npy", "--json"]) == 0
+    assert raster("render", CUBE, *LARGE, "-o", "x.npy", "--json") == 0
     out, err = capsys.readouterr()
     large = np.load("x.npy", mmap_mode="r")
     assert large.shape == (SIDE, SIDE, 3) and f'"size": [{SIDE}, {SIDE}]' in out and err == ""
@@ -49,7 +48,7 @@ def test_a_picture_for_which_there_is_no_room_says_so(capsys, monkeypatch):
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=2**30))  # the system's
     argv = [CUBE, "-s", "65536", "-o", "x.tif", "-q"]
     assert_refused(capsys, [(argv, "it takes 17.2 GB, and 1.07 GB are free")], "render", code=4)
-    assert main(["render", *argv[:-1]]) == 4
+    assert raster("render", *argv[:-1]) == 4
     assert "drawing 17.2 GB into x.tif, which takes a while" in capsys.readouterr().err
 
 
@@ -60,7 +59,7 @@ def test_a_picture_for_which_there_is_no_room_says_so(capsys, monkeypatch):
 ])  # fmt: skip
 def test_the_whole_file_is_that_of_the_library(name, flags, capsys):
     look = ["--preset", "studio", "--shading", "gouraud", "--samples", "1"]
-    assert main(["render", CUBE, "-o", name, *look, *flags]) == 0
+    assert raster("render", CUBE, "-o", name, *look, *flags) == 0
     size = int(flags[1])
     options = {"color_range": "global", "exposure": 3.0} if "--exposure" in flags else {}
     output = "rgb" if name == "x.tif" else "depth" if "--array" in flags else "color"

@@ -11,13 +11,13 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, GEAR, assert_refused, loaded, one_error, picture
+from helpers.command import CUBE, GEAR, assert_refused, loaded, one_error, picture, raster
 from helpers.model_bytes import rich_gltf
 from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.cli import arguments, main, material_arguments
+from rasterizer.cli import arguments, material_arguments
 from rasterizer.cli.cameras_lights import camera_of, make_lights
 from rasterizer.cli.default_look import NEUTRAL
 
@@ -134,7 +134,7 @@ def test_lights_say_whether_they_cast_shadows():
         assert found == (rz.DirectionalLight((0, -1, 0), shadow=shadow),), flag
     assert lights_of("--light", light) == (rz.DirectionalLight((0, -1, 0)),)
     for text in ("point:1,2,3", "spot:1,2,3,direction=0/-1/0", "area:1,2,3,edge_u=1/0/0,edge_v=0/0/1"):
-        assert lights_of("--light", f"{text},shadow=yes")[0].shadow == SHADOW, text
+        assert (got := lights_of("--light", f"{text},shadow=yes")[0].shadow) == SHADOW, f"{text}: {got} != {SHADOW}"
 
 
 def test_all_lights_cast_shadows_but_those_that_do_not(folder):
@@ -210,7 +210,7 @@ CAMERA = {"position": [3, 2, 5], "target": [0, 0, 1], "up": [0, 1, 0], "fov": 40
 
 def assert_seen_through(camera, *argv):
     """A picture of the cube is taken through a camera: its depth is."""
-    assert main(["render", *argv, "-s", "30x20", "--array", "depth", "-o", "x.npy"]) == 0
+    assert raster("render", *argv, "-s", "30x20", "--array", "depth", "-o", "x.npy") == 0
     expected = rz.render(replace(rz.load(CUBE), camera=camera), (30, 20), outputs="depth", samples=1).depth
     assert np.isfinite(expected).any() and np.array_equal(np.load("x.npy"), expected), argv
 
@@ -297,14 +297,14 @@ def test_options_of_the_file_come_before_defaults_and_after_flags(folder, capsys
         (["--samples", "4", "--exposure", "0"], {"samples": 4, "exposure": 0.0}),
         (["--color-range", "clamp"], {"color_range": "clamp"}),
     ):
-        assert main(["render", name, *look, *flags, "-o", "x.png"]) == 0
+        assert raster("render", name, *look, *flags, "-o", "x.png") == 0
         assert np.array_equal(picture("x.png"), rz.render(scene, **options | changes).rgba), flags
     for flags, output in (([], "depth"), (["--array", "face"], "face")):
-        assert main(["render", name, *flags, "-o", "x.npy"]) == 0
+        assert raster("render", name, *flags, "-o", "x.npy") == 0
         expected = getattr(rz.render(scene, (20, 10), outputs=output, samples=1), output)
         assert np.array_equal(np.load("x.npy"), expected), output
     square = write(folder, {"options": {"size": 12, "edges": ["wire"], "edge_color": "#00ff00", "edge_width": 2}})
-    assert main(["render", square, "-o", "x.png"]) == 0
+    assert raster("render", square, "-o", "x.png") == 0
     seen = picture("x.png")
     assert seen.shape == (12, 12, 4) and (seen == (0, 255, 0, 255)).all(axis=2).sum() > 10, "edges of the file"
     bad = write(folder, {"options": {"samples": 5}}, "bad.json")
@@ -341,7 +341,7 @@ def test_faults_of_scene_files_are_one_line_that_names_the_file(folder, capsys):
         ({"meshes": [{"file": "a\0b"}]}, "name of a file"),
         ({"meshes": [{"arrays": "x" * 300, "mesh": 0}]}, "can't be read"),
     ):
-        assert main(["render", "-q", write(folder, table), "-o", "x.npy"]) in (2, 3), table
+        assert raster("render", "-q", write(folder, table), "-o", "x.npy") in (2, 3), table
         err = one_error(capsys)
         assert "scene.json" in err and words in err and "internal" not in err, err
 
@@ -352,7 +352,7 @@ def test_a_bar_is_shown_while_a_large_file_is_read(monkeypatch, is_terminal, fla
     stream.isatty = lambda: is_terminal
     monkeypatch.setattr(sys, "stderr", stream)
     monkeypatch.setattr("rasterizer.cli.load_scene.perf_counter", lambda: next(clock))  # a file that takes long
-    assert main(["render", GEAR, "-s", "8", "--preset", "studio", *flags]) == 0
+    assert raster("render", GEAR, "-s", "8", "--preset", "studio", *flags) == 0
     before, _, after = stream.getvalue().partition("joining vertices")
     assert bool(after) == (is_terminal and not flags)
     assert ("\r\x1b[K" in after) == bool(after), "it is taken away at the end"

@@ -6,9 +6,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, assert_refused, run
+from helpers.command import CUBE, assert_refused, raster, run
 
-from rasterizer.cli import main
 from rasterizer.cli.preview import preview
 
 RED, GREEN = (255, 0, 0, 255), (0, 255, 0, 255)
@@ -67,7 +66,7 @@ def test_the_command_shows_it_and_writes_only_what_is_asked_for(folder, capsys, 
     assert "▀" in out and err == "" and not list(folder.iterdir())
     assert run(CUBE, "--preview", "-o", "x.png") == 0 and (folder / "x.png").exists()
     assert capsys.readouterr().out == out
-    assert main(["demo", "--preview", "-s", "30x20", "--json"]) == 0
+    assert raster("demo", "--preview", "-s", "30x20", "--json") == 0
     assert '"output": null' in capsys.readouterr().out
     assert_refused(capsys, [([CUBE, "--preview", "--array", "depth"], "an array is asked for")], "render")
 

@@ -9,11 +9,11 @@ import subprocess
 import sys
 
 import pytest
-from helpers.command import CUBE, SMALL, run, start
+from helpers.command import CUBE, SMALL, raster, run, start
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.cli import arguments, main
+from rasterizer.cli import arguments
 from rasterizer.cli.commands import COMMANDS
 from rasterizer.cli.defaults import COMPARED_SIZE
 from rasterizer.cli.messages import Messages, compilation_shown
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 def help_of(capsys, *argv) -> str:
     with pytest.raises(SystemExit) as stop:
-        main(list(argv))
+        raster(*argv)
     out, err = capsys.readouterr()
     assert stop.value.code == 0 and err == "", argv
     return out
@@ -103,7 +103,7 @@ def test_who_calls_main_keeps_the_collector_of_garbage_as_it_is_set():
     try:
         for is_enabled in (False, True):
             (gc.enable if is_enabled else gc.disable)()
-            assert main(["info", CUBE]) == 0 and gc.isenabled() == is_enabled
+            assert raster("info", CUBE) == 0 and gc.isenabled() == is_enabled
     finally:
         gc.enable()
 
@@ -125,5 +125,5 @@ def test_a_full_disk_behind_stdout_or_a_reader_that_has_gone(folder):
         for argv in (["--help"], ["completion", "bash"]):
             command = [sys.executable, "-m", "rasterizer", *argv]
             done = subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, env=environment, cwd=folder)
-            assert (done.returncode, done.stderr) == (4, err), argv
+            assert (got := (done.returncode, done.stderr)) == (4, err), f"{argv}: {got} != {(4, err)}"
         os.close(stdout)

@@ -10,12 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, GEAR, PLAIN, SMALL, assert_refused, errors, one_error, picture, run
+from helpers.command import CUBE, GEAR, PLAIN, SMALL, assert_refused, errors, one_error, picture, raster, run
 from helpers.odd_format import odd_format
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -24,7 +23,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_default_picture(folder, capsys):
-    assert main(["render", *SMALL, CUBE]) == 0 and errors(capsys) == ""
+    assert raster("render", *SMALL, CUBE) == 0 and errors(capsys) == ""
     assert os.listdir(folder) == ["cube.png"]
     image = Image.open("cube.png")
     assert (image.size, image.mode, image.format) == ((24, 16), "RGBA", "PNG")
@@ -38,7 +37,7 @@ def test_the_default_picture(folder, capsys):
     alpha = picture("cube.png")[..., 3]
     assert alpha[0, 0] == 0 and alpha[8, 12] == 255
     for threads in (1, 3):
-        assert main(["render", CUBE, "-s", "60", "--threads", str(threads), "-o", f"{threads}.png"]) == 0
+        assert raster("render", CUBE, "-s", "60", "--threads", str(threads), "-o", f"{threads}.png") == 0
     assert Path("1.png").read_bytes() == Path("3.png").read_bytes()
 
 
@@ -148,7 +147,7 @@ def test_doubtful_pictures(folder, capsys):
         ("near.json", "before the near plane at 90"),
         ("lost.obj", "lost.mtl"),
     ):
-        assert run(*argv.split(), "-o", "x.png") == 0, argv
+        assert run(*argv.split(), "-o", "x.png") == 0
         err = errors(capsys)
         assert err.startswith("raster: warning: ") and err.count("\n") == 1 and words in err, f"{argv}: {err}"
 
@@ -257,7 +256,7 @@ def test_an_interrupt_ends_it_and_too_little_memory_is_told(folder, capsys, monk
         (MemoryError("Unable to allocate 9 TiB"), 3, "raster: error: a.odd: needs more memory than there is"),
     ):
         with odd_format(fault):
-            assert run("a.odd", *([CUBE] if code == 130 else [])) == code, fault
+            assert run("a.odd", *([CUBE] if code == 130 else [])) == code
         assert one_error(capsys).startswith(words) and os.listdir(folder) == ["a.odd"], fault
 
     def fail(*_, **__):

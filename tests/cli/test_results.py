@@ -4,9 +4,7 @@ import re
 import sys
 
 import pytest
-from helpers.command import CUBE, GEAR, SMALL, run
-
-from rasterizer.cli import main
+from helpers.command import CUBE, GEAR, SMALL, raster, run
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -49,5 +47,5 @@ def test_nothing_is_said_where_it_is_not_wanted(capsys, monkeypatch):
 
 def test_sheets_and_turntables_have_a_line_too(terminal, capsys):
     for argv, name in ((["sheet", CUBE], "cube-sheet.png"), (["turntable", CUBE, "--frames", "2"], "turntable.gif")):
-        assert main([*argv, *SMALL]) == 0
+        assert raster(*argv, *SMALL) == 0
         assert f"{name}, " in capsys.readouterr().err

@@ -6,12 +6,11 @@ import shutil
 
 import numpy as np
 import pytest
-from helpers.command import CUBE, GEAR, assert_refused, picture
+from helpers.command import CUBE, GEAR, assert_refused, picture, raster
 from helpers.raster import ROOT
 
 import rasterizer as rz
 from rasterizer.analysis.contact_sheet import GAP, label_width
-from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
 SMALL = ["-s", "40x30", "--threads", "1", "--preset", "studio"]
@@ -19,12 +18,12 @@ ROOM = ROOT / "models" / "room.json"
 
 
 def run(*argv):
-    return main(["sheet", *SMALL, *map(str, argv)])
+    return raster("sheet", *SMALL, *argv)
 
 
 def drawn(model, view=None, *argv):
     """The same picture by `raster render`."""
-    assert main(["render", *SMALL, str(model), "-o", "one.png", *(["--view", view] if view else []), *argv]) == 0
+    assert raster("render", *SMALL, model, "-o", "one.png", *(["--view", view] if view else []), *argv) == 0
     return picture("one.png")
 
 
@@ -44,7 +43,7 @@ def test_every_picture_stands_in_its_cell_above_its_label():
         (["x.obj", "x.stl", *wide], [drawn(CUBE, None, *wide), drawn(GEAR, None, *wide)], 2, ["x.obj", "x.stl"]),
         ([ROOM, CUBE, "--columns", "2"], [drawn(ROOM), drawn(CUBE)], 2, ["room", "cube"]),
     ):  # fmt: skip
-        assert run(*argv) == 0, argv
+        assert run(*argv) == 0
         (name,) = (name for name in os.listdir() if name.endswith("sheet.png"))
         expected = np.asarray(rz.sheet(cells, columns, labels=labels))
         found = picture(name)

@@ -3,10 +3,8 @@
 import os
 
 import pytest
-from helpers.command import CUBE, SMALL, assert_refused, one_error
+from helpers.command import CUBE, SMALL, assert_refused, one_error, raster
 from PIL import Image
-
-from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -30,12 +28,12 @@ def test_the_nearest_is_named(capsys):
     }
     assert_refused(capsys, [(argv.split(), f"did you mean {word}?") for argv, word in meant.items()])
     assert_refused(capsys, [(["qwertz"], "there is no command and no file 'qwertz' (commands are render, ")])
-    assert main(["render", "x.obj", "--qwertz"]) == 2 and "did you mean" not in one_error(capsys)
+    assert raster("render", "x.obj", "--qwertz") == 2 and "did you mean" not in one_error(capsys)
 
 
 def test_models_without_a_command_are_drawn(capsys):
     for argv in ([CUBE, *SMALL], [*SMALL, CUBE], [*SMALL, "--", CUBE]):
-        assert main(argv) == 0 and Image.open("cube.png").size == (24, 16), argv
+        assert raster(*argv) == 0 and Image.open("cube.png").size == (24, 16), argv
         os.unlink("cube.png")
     assert_refused(capsys, [(["nope.stl"], "raster: error: nope.stl: no such file\n")], code=3)
     assert_refused(capsys, [
@@ -47,7 +45,7 @@ def test_models_without_a_command_are_drawn(capsys):
 def test_help_is_printed_for_the_program_and_for_a_command(capsys):
     for argv, start in (([], "usage: raster "), (["help"], "usage: raster "), (["help", "info"], "usage: raster info")):
         with pytest.raises(SystemExit) as stop:
-            main(argv)
+            raster(*argv)
         out, err = capsys.readouterr()
         assert stop.value.code == 0 and err == "" and out.startswith(start), argv
         assert argv[1:] or ("commands:" in out and "warmup" in out), argv

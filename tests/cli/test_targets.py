@@ -6,11 +6,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-from helpers.command import CUBE, GEAR, PLAIN, SMALL, assert_refused, errors, one_error, picture, run
+from helpers.command import CUBE, GEAR, PLAIN, SMALL, assert_refused, errors, one_error, picture, raster, run
 from helpers.raster import ROOT
 
 import rasterizer as rz
-from rasterizer.cli import main
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -32,7 +31,7 @@ def test_templates_folders_and_patterns(folder, capsys):
     for name in ("b.obj", "a.obj", "{c}.obj", "[d].obj"):
         shutil.copy(CUBE, name)
     assert run("*.obj", "-o", "{stem}.png") == 0
-    assert main(["render", *SMALL, "[d].obj", "--shading", "flat", "-o", "{stem}-flat.png", "./a.obj"]) == 0
+    assert raster("render", *SMALL, "[d].obj", "--shading", "flat", "-o", "{stem}-flat.png", "./a.obj") == 0
     assert errors(capsys) == ""
     assert set(Path().glob("*.png")) == set(
         map(Path, ["a.png", "b.png", "{c}.png", "[d].png", "[d]-flat.png", "a-flat.png", "_____cube{}.png"])
@@ -79,7 +78,7 @@ def test_the_way_out_of_one_name_for_two_pictures_leads_out(folder, capsys):
         assert run(*argv) == 2 and way_out in (text := one_error(capsys)), words
         if "template" in text:
             argv[argv.index("-o") + 1] = text.split("'")[-2]
-            assert run(*argv, "-q") == 0, argv
+            assert run(*argv, "-q") == 0
     (folder / "a.png").write_bytes(b"")
     os.link(folder / "a.png", folder / "z.png")
     os.rename("x.obj", "a.obj")
@@ -109,7 +108,7 @@ def test_recursive_takes_all_models_below_and_keeps_their_folders(folder, capsys
     ], "render")  # fmt: skip
     assert_refused(capsys, [(["a"], "a: is a folder; give the models in it"), (["a"], "or --recursive")], "render",
                    code=3)  # fmt: skip
-    assert main(["info", "a", "--recursive", "--json"]) == 0
+    assert raster("info", "a", "--recursive", "--json") == 0
     assert len(capsys.readouterr().out.splitlines()) == 4
 
 
@@ -162,13 +161,13 @@ def test_flags_that_people_type(capsys):
     ):
         pictures = []
         for argv in ways:
-            assert main(["render", CUBE, "--threads", "1", "--no-ground", "-o", "x.png", *argv.split()]) == 0, argv
+            assert raster("render", CUBE, "--threads", "1", "--no-ground", "-o", "x.png", *argv.split()) == 0
             pictures.append(picture("x.png"))
         same = [each.shape == pictures[0].shape and (each == pictures[0]).all() for each in pictures]
         assert all(same), f"{ways}: {same}"
     for margin in (10, 25):
         flags = ["--margin", f"{margin}%", "--view", "front", "--no-ground"]
-        assert main(["render", CUBE, "-s", "100", "-o", "x.png", *flags]) == 0
+        assert raster("render", CUBE, "-s", "100", "-o", "x.png", *flags) == 0
         empty = picture("x.png")[..., 3].any(axis=1).nonzero()[0][0]
         assert abs(empty - margin) <= 1, f"--margin {margin}%: {empty} % of the picture is empty"
     assert_refused(capsys, [([CUBE, "--margin", "0.5"], "margin must be at least 0 and below 0.5")], "render")
@@ -181,7 +180,7 @@ def test_a_picture_in_the_place_of_a_model_is_told(capsys):
     """The picture's name would be that of the model: which is the lesser of the two faults."""
     open("pic.png", "wb").write(b"\x89PNG")
     for argv in ([], ["render"], ["sheet"], ["batch"], ["render", "-o", "."]):
-        assert main([*argv, "pic.png"]) == 3, argv
+        assert raster(*argv, "pic.png") == 3
         assert "pic.png: unknown format 'png'" in (words := one_error(capsys)) and "outputs stand behind -o" in words
     assert os.listdir() == ["pic.png"] and open("pic.png", "rb").read() == b"\x89PNG"
     shutil.copy(ROOT / "models" / "torus.glb", "torus.gif")

@@ -16,10 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from helpers.command import CUBE, GEAR, assert_refused, one_error
+from helpers.command import CUBE, GEAR, assert_refused, one_error, raster
 from helpers.raster import ROOT
-
-from rasterizer.cli import main
 
 
 def hold(url) -> socket.socket:
@@ -43,7 +41,7 @@ def status_of(url) -> dict:
 def viewing(capsys, *argv):
     """The command on a thread of its own, with its address; it must have ended well when the block ends."""
     codes = []
-    thread = threading.Thread(target=lambda: codes.append(main(["view", "--once", *argv])))
+    thread = threading.Thread(target=lambda: codes.append(raster("view", "--once", *argv)))
     thread.start()
     out, deadline = "", time.monotonic() + 20
     while not out and thread.is_alive() and time.monotonic() < deadline:
@@ -130,5 +128,5 @@ def test_a_port_that_is_taken_is_an_output_that_can_not_be_written(capsys):
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        assert main(["view", CUBE, "--port", str(port)]) == 4
+        assert raster("view", CUBE, "--port", str(port)) == 4
     assert f"port {port}" in one_error(capsys)

@@ -8,12 +8,11 @@ import re
 
 import pytest
 from helpers.campaign_scenes import make_case
-from helpers.command import assert_refused, errors, one_error, start
+from helpers.command import assert_refused, errors, one_error, raster, start
 from helpers.mixed_scenes import mixed
 from helpers.small_scenes import SHADINGS, SIZE
 
 import rasterizer as rz
-from rasterizer.cli import main
 from rasterizer.cli.warmup_command import has_all, hash_package, list_all_needs
 from rasterizer.compiler import kernels
 from rasterizer.compiler.store import Store
@@ -22,7 +21,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_kernels_that_are_there_are_not_compiled_again(capsys):
-    assert main(["warmup"]) == 0
+    assert raster("warmup") == 0
     assert re.match(r"raster: kernels were ready already after [\d.]+ s, in ", errors(capsys))
 
 
@@ -37,7 +36,7 @@ def test_what_a_store_lists_must_be_there_and_be_listed_by_these_sources(folder,
     made.keep(*need, b"code")
     assert not has_all(made)
     list_needs(hash_package())
-    assert has_all(made) and main(["warmup", "--into", str(folder / "kernels")]) == 0
+    assert has_all(made) and raster("warmup", "--into", str(folder / "kernels")) == 0
     assert "raster: kernels were ready already after" in errors(capsys)
     next(made.own.glob("kernel.scan-*")).unlink()
     assert not has_all(made)
@@ -56,7 +55,7 @@ def test_a_place_where_no_store_can_be_is_refused_and_the_environment_given_back
     assert_refused(capsys, [(argv, "no store can be made in")], "warmup", code=4)
     assert dict(os.environ) == before and (folder / "file").read_text() == "precious"
     folder.chmod(0o777)
-    assert main(["warmup", "--into", str(folder / "kernels")]) == 4
+    assert raster("warmup", "--into", str(folder / "kernels")) == 4
     assert f"others can write to {folder}" in one_error(capsys)
     done = start("warmup", variables={"RASTER_STORE": str(folder / "file" / "below")})
     assert done.returncode == 4 and done.stderr.startswith(b"raster: error: compiled kernels can't be kept: ")

@@ -10,12 +10,10 @@ import sys
 import time
 
 import pytest
-from helpers.command import CUBE, assert_refused, end_by_signal, one_error, run, start_with
+from helpers.command import CUBE, assert_refused, end_by_signal, one_error, raster, run, start_with
 from helpers.odd_format import odd_format
 from helpers.raster import ROOT
 from PIL import Image
-
-from rasterizer.cli import main
 
 GLOBE = ("globe.obj", "globe.mtl", "globe.png")
 pytestmark = pytest.mark.usefixtures("folder")
@@ -38,12 +36,12 @@ def test_a_texture_is_not_replaced_by_any_name_or_link(globe, capsys):
     (globe / "again").symlink_to(".")
     before = (globe / "globe.png").read_bytes()
     outputs = ("globe.png", "./globe.png", "{stem}.png", ".", "soft.png", "hard.png", "again/globe.png")
-    cases = [["globe.obj", "-s", "16", "--threads", "1", *(["-o", output] if output else [])] for output in outputs]
+    cases = [["globe.obj", "-s", "8", "--no-ground", "-o", output] for output in outputs]
     for argv in (*cases, cases[0][:-2], [*cases[0], "--view", "iso"]):
         assert_refused(capsys, [(argv, "which is read; give another name with -o")], "render", code=4)
-    argv = [*cases[5], "--no-reference", "--methods", "flat,phong"]
+    argv = ["globe.obj", "-s", "8", "-o", "hard.png", "--no-reference", "--methods", "flat,phong"]
     assert_refused(capsys, [(argv, "which is read; give another name with -o")], "compare", code=4)
-    assert main(["render", *cases[0][:-2], "--json"]) == 4 and (globe / "globe.png").read_bytes() == before
+    assert raster("render", *cases[0][:-2], "--json") == 4 and (globe / "globe.png").read_bytes() == before
 
 
 def test_models_scenes_and_textures_of_flags_are_not_replaced(folder, capsys):
@@ -75,12 +73,12 @@ def test_what_a_later_model_reads_is_not_replaced_by_an_earlier_one(globe, capsy
 def test_pictures_of_an_earlier_run_are_replaced_also_where_this_one_is_interrupted(globe):
     shutil.copy(CUBE, globe / "a.obj")
     for size in ("8", "12"):
-        assert main(["render", "a.obj", "globe.obj", "-s", size, "-o", "{stem}-drawn.png"]) == 0
+        assert raster("render", "a.obj", "globe.obj", "-s", size, "-o", "{stem}-drawn.png") == 0
         sizes = {name: Image.open(globe / name).size for name in ("a-drawn.png", "globe-drawn.png")}
         assert set(sizes.values()) == {(int(size), int(size))}, sizes
     shutil.copy(CUBE, globe / "b.odd")
     with odd_format(KeyboardInterrupt()):
-        assert main(["render", "a.obj", "b.odd", "-s", "9", "-o", "{stem}-drawn.png"]) == 130
+        assert raster("render", "a.obj", "b.odd", "-s", "9", "-o", "{stem}-drawn.png") == 130
     assert Image.open(globe / "a-drawn.png").size == (9, 9), "what had been drawn is written"
 
 
@@ -115,7 +113,7 @@ def test_a_full_disk_or_an_interrupt_leaves_no_half_file(folder, capsys, monkeyp
             raise fault
 
         monkeypatch.setattr(os, "replace", fail)
-        assert run(CUBE, "-o", "x.png") == code, fault
+        assert run(CUBE, "-o", "x.png") == code
         assert words in one_error(capsys) and not os.listdir(folder), fault
 
 

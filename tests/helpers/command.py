@@ -19,9 +19,27 @@ PLAIN = ["--preset", "studio", "--shading", "gouraud"]  # as the library draws, 
 SMALL = ["-s", "24x16", "--threads", "1"]
 
 
-def run(*argv) -> int:
+class Code(int):
+    """An exit code that an assertion shows with the command that ended with it."""
+
+    def __new__(cls, code, argv):
+        made = super().__new__(cls, code)
+        made.command = " ".join(argv)
+        return made
+
+    def __repr__(self):
+        return f"{int(self)}, of raster {self.command},"
+
+
+def raster(*argv) -> Code:
+    """Run the command line in this process; return its exit code."""
+    argv = [str(each) for each in argv]
+    return Code(main(argv), argv)
+
+
+def run(*argv) -> Code:
     """Draw a small picture in this process; without a ground, which takes ten times as long as the model."""
-    return main(["render", *SMALL, "--no-ground", *map(str, argv)])
+    return raster("render", *SMALL, "--no-ground", *argv)
 
 
 def loaded(model, *argv):
@@ -77,10 +95,10 @@ def assert_refused(capsys, cases, *command, code=2) -> None:
     stderr that holds the words, and write nothing."""
     before = sorted(os.listdir())
     for argv, words in cases:
-        found = main([*command, *map(str, argv)])
+        found = raster(*command, *argv)
         out, err = capsys.readouterr()
-        case = f"raster {' '.join(map(str, [*command, *argv]))}"
-        assert found == code, f"{case}: exit code {found}, not {code}: {err}"
+        case = f"raster {found.command}"
+        assert found == code, f"{case}: exit code {int(found)}, not {code}: {err}"
         assert err.startswith("raster: error: ") and err.count("\n") == 1 and not out, f"{case}: {out}{err}"
         assert words in err, f"{case}: {words!r} is not in {err!r}"
         assert sorted(os.listdir()) == before, f"{case}: a file was written"

@@ -78,10 +78,10 @@ def test_clicks_and_keys_aim():
         (Key("Enter", False), (40, 30, False)),
         (Key(" ", True), (40, 30, True)),
     ):
-        assert apply(event, FIRST, SCENE, HOME, SIZE) == (FIRST, aim), event
+        assert (got := apply(event, FIRST, SCENE, HOME, SIZE)) == (FIRST, aim), f"{event}: {got} != {(FIRST, aim)}"
 
 
 def test_what_means_nothing_does_nothing():
     state = after(Drag("rotate", 5.0, 5.0))
     for event in (Key("q", False), Key("é", True), Switch("shading", "wood"), Switch("__class__", "x")):
-        assert after(event, state=state) == state, event
+        assert (got := after(event, state=state)) == state, f"{event}: {got} != {state}"

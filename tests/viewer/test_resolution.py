@@ -35,7 +35,7 @@ def test_a_larger_picture_is_tried_where_four_times_the_time_is_within_the_budge
         resolution = Resolution()
         resolution.note(2 * BUDGET)
         resolution.note(factor * BUDGET)
-        assert resolution.divisor == level, factor
+        assert (got := resolution.divisor) == level, f"{factor}: {got} != {level}"
 
 
 def test_one_slow_picture_is_recovered_from():

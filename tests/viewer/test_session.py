@@ -8,12 +8,12 @@ import threading
 
 import numpy as np
 import pytest
+from helpers.command import raster
 from helpers.raster import ROOT
 from helpers.viewing import SIZE, click, drag, key, message, rest, switch, zoom
 from PIL import Image
 
 import rasterizer as rz
-from rasterizer.cli import main
 from rasterizer.viewer.camera_flags import camera_flags
 from rasterizer.viewer.session import Session, encode_jpeg
 
@@ -181,7 +181,7 @@ def test_the_flags_of_a_view_draw_the_same_picture(session, folder):
         rest(session, *events)
         flags = shlex.split(session.answer(message()).status["camera"])
         argv = ["render", CUBE, "-s", "80x60", "--background", "white", "-o", "x.png", *flags]
-        assert main([*argv, "-q"]) == 0
+        assert raster(*argv, "-q") == 0
         found = np.asarray(Image.open("x.png").convert("RGB")).astype(int)
         lights = rz.studio() if session.answer(message()).status["switches"]["lights"] == "studio" else None
         difference = np.abs(found - expected(session, **({"lights": lights} if lights else {}))).max()
