@@ -1,38 +1,18 @@
 """Check that nothing is lost with the clusters that a view skips: against all triangles, in integers."""
 
 import numpy as np
-import pytest
+from helpers.pinhole import SHADINGS
 from helpers.pixels import skewed
 from helpers.stages import SERIAL, screen_of
 
 import rasterizer as rz
 from bench.scenes import icosphere, torus
 from rasterizer.geometry import clusters as c
-from rasterizer.pipeline import clusters as stage
-from rasterizer.pipeline.clusters import CLIPPED_AWAY, FACING_AWAY, SEEN, SKIPPED, find_seen, leaves_out, list_runs
+from rasterizer.pipeline.clusters import find_seen, leaves_out, list_runs
 from rasterizer.pipeline.cull import Grid, find_visible
 from rasterizer.pipeline.transform import OUTSIDE, transform
 
 SIZE = (64, 48)
-
-
-def terrain(n, height):
-    """A rough sheet of 2 n² triangles about the origin, y upwards."""
-    z, x = np.mgrid[: n + 1, : n + 1]
-    rng = np.random.default_rng(n)
-    points = np.stack([x / n - 0.5, height * rng.uniform(-0.5, 0.5, x.shape), z / n - 0.5], axis=-1).reshape(-1, 3)
-    corner = (z * (n + 1) + x)[:-1, :-1].ravel()
-    quads = np.stack([corner, corner + n + 1, corner + n + 2, corner + 1], axis=1)
-    return points, quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
-
-
-def soup(n):
-    """Triangles of all sizes and shapes, without neighbours; some without area."""
-    rng = np.random.default_rng(n)
-    points = rng.uniform(-1, 1, (n, 1, 3)) + rng.uniform(-1, 1, (n, 3, 3)) * 10.0 ** rng.uniform(-5, -0.3, (n, 1, 1))
-    points[::17, 2] = points[::17, 1]
-    points[1::17, 2] = 0.5 * (points[1::17, 0] + points[1::17, 1])
-    return points.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3)
 
 
 def with_faults(vertices, faces):
@@ -44,16 +24,6 @@ def with_faults(vertices, faces):
     bad = faces[2 * c.CLUSTER :: 11 * c.CLUSTER, 0]
     vertices[bad, 0] = np.resize([np.nan, np.inf, -np.inf], len(bad))
     return vertices, faces
-
-
-MESHES = {
-    "sphere": lambda: icosphere(4),
-    "torus": lambda: torus(96, 40),
-    "terrain": lambda: terrain(48, 0.02),
-    "soup": lambda: soup(3000),
-    "faults": lambda: with_faults(*icosphere(4)),
-    "slivers": lambda: (icosphere(4)[0] * (1.0, 1e-3, 1.0), icosphere(4)[1]),
-}
 
 
 def views(rng, n):
@@ -73,78 +43,46 @@ def views(rng, n):
         yield screen_of(camera.view(), camera.projection(SIZE), (min(near, 0.5 * deepest), deepest), far)
 
 
-def areas_of(vertices, faces):
-    """Twice the signed areas of triangles on the screen, exact integers; clockwise is positive."""
-    x, y = (np.asarray(column, np.int64)[faces] for column in (vertices.x, vertices.y))
-    return (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+def arrays_of(mesh):
+    """Positions, index columns and clusters of (vertices, faces)."""
+    positions, columns = (
+        np.ascontiguousarray(np.array(values, dtype).T) for values, dtype in zip(mesh, (float, np.uint32), strict=True)
+    )
+    return positions, columns, c.make_clusters(positions, columns, SERIAL)
 
 
-@pytest.mark.parametrize("name", MESHES)
-def test_what_is_skipped_covers_no_sample(name):
-    """For every view: what faces away is clockwise once rounded, what lies beside the picture holds no sample, what is
-    clipped away has no vertex on the screen. Counts stay what they are without clusters."""
-    vertices, faces = MESHES[name]()
-    positions, columns = np.ascontiguousarray(np.array(vertices, float).T), np.ascontiguousarray(faces.T, np.uint32)
-    clusters = c.make_clusters(positions, columns, SERIAL)
-    n = np.zeros(4, int)
-    for screen in views(np.random.default_rng(len(name)), 150):
-        with np.errstate(all="ignore"):
-            here, _ = transform(positions, screen, SERIAL)
-        fates = np.empty(clusters.shapes.shape[1], np.uint8)
-        stage.decide_clusters(clusters.shapes, stage.make_view(screen, SIZE, True), fates)
-        n += np.bincount(fates, minlength=4)
-        fate_of_face = np.repeat(fates, c.CLUSTER)[: columns.shape[1]]
-        is_outside = here.x[columns] == OUTSIDE
-        assert is_outside[:, fate_of_face == CLIPPED_AWAY].all()
-        assert not is_outside[:, (fate_of_face == FACING_AWAY) | (fate_of_face == SKIPPED)].any()
-        away = columns[:, fate_of_face == FACING_AWAY]
-        assert areas_of(here, away).min(initial=1) > 0
-        grid = Grid(*SIZE, 16)
-        [whole] = find_visible(columns, here, grid, False, SERIAL)
-        lost = whole.faces[fate_of_face[whole.faces] == SKIPPED]
-        assert len(lost) == 0, f"triangles {lost[:5]} lie in the picture and were skipped"
-        [whole] = find_visible(columns, here, grid, True, SERIAL)
-        seen = find_seen(clusters, positions.shape[1], screen, SIZE, True)
-        [rest] = find_visible(columns, here, grid, True, SERIAL, seen.clusters)
-        assert rest.faces.tobytes() == whole.faces.tobytes() and (rest.histogram == whole.histogram).all()
-        assert rest.n_culled + seen.n_culled <= whole.n_culled
-        assert seen.n_culled == away.shape[1] and seen.n_clipped == (fate_of_face == CLIPPED_AWAY).sum()
-        needed = np.zeros(positions.shape[1], bool)
-        for start, end in seen.vertex_runs or [(0, positions.shape[1])]:
-            needed[start:end] = True
-        assert needed[columns[:, seen.faces]].all()
-    assert n[SEEN] > 0 and n[CLIPPED_AWAY] > 0, n
-    assert n[SKIPPED] > 100 or name == "soup", n
-    assert n[FACING_AWAY] > 100 or name in ("soup", "slivers", "torus"), n  # a strip round the tube looks to all sides
-
-
-def test_rounding_turns_triangles_round_so_that_slack_is_needed():
-    """Seen from so far that triangles are a few sub-pixels wide: some that face away are counter-clockwise once they
-    are rounded, and none of these is in a cluster that was skipped."""
-    vertices, faces = icosphere(5)
-    positions, columns = np.ascontiguousarray(np.array(vertices, float).T), np.ascontiguousarray(faces.T, np.uint32)
-    clusters = c.make_clusters(positions, columns, SERIAL)
-    n_turned = n_skipped = 0
-    for distance in 10.0 ** np.linspace(0.5, 3.5, 40):
-        camera = rz.Camera.perspective((0.3 * distance, 0.1 * distance, distance), fov=20)
-        screen = screen_of(camera.view(), camera.projection(SIZE), (0.1 * distance, 9 * distance))
-        here, _ = transform(positions, screen, SERIAL)
-        fates = np.empty(clusters.shapes.shape[1], np.uint8)
-        stage.decide_clusters(clusters.shapes, stage.make_view(screen, SIZE, True), fates)
-        corners = positions.T[columns.T] - screen.eye
-        faces_away = np.einsum("ij,ij->i", np.cross(corners[:, 0], corners[:, 1]), corners[:, 2]) > 0
-        areas = areas_of(here, columns)
-        is_skipped = np.repeat(fates == FACING_AWAY, c.CLUSTER)[: len(areas)]
-        assert areas[is_skipped].min(initial=1) > 0
-        n_turned += (faces_away & (areas <= 0)).sum()
-        n_skipped += is_skipped.sum()
-    assert n_turned > 1000 and n_skipped > 100_000
+def test_what_is_skipped_covers_no_sample():
+    """For every view the triangles of seen clusters that are visible are all that are, with the vertices they need;
+    counts of what is culled and clipped are right."""
+    for mesh in (icosphere(3), torus(48, 24), with_faults(*icosphere(4))):
+        positions, columns, clusters = arrays_of(mesh)
+        n_skipped = n_culled = n_clipped = 0
+        for screen in views(np.random.default_rng(len(mesh[1])), 60):
+            with np.errstate(all="ignore"):
+                here, _ = transform(positions, screen, SERIAL)
+            [whole] = find_visible(columns, here, Grid(*SIZE, 16), True, SERIAL)
+            seen = find_seen(clusters, positions.shape[1], screen, SIZE, True)
+            [rest] = find_visible(columns, here, Grid(*SIZE, 16), True, SERIAL, seen.clusters)
+            assert rest.faces.tobytes() == whole.faces.tobytes() and (rest.histogram == whole.histogram).all(), screen
+            assert rest.n_culled + seen.n_culled <= whole.n_culled, screen
+            is_outside = (here.x[columns] == OUTSIDE).all(axis=0)
+            is_outside[seen.faces] = False
+            assert seen.n_clipped == is_outside.sum(), f"{seen.n_clipped} != {is_outside.sum()}, {screen}"
+            needed = np.zeros(positions.shape[1], bool)
+            for start, end in seen.vertex_runs or [(0, positions.shape[1])]:
+                needed[start:end] = True
+            assert needed[columns[:, seen.faces]].all(), screen
+            n_skipped += columns.shape[1] - len(seen.faces)
+            n_culled, n_clipped = n_culled + seen.n_culled, n_clipped + seen.n_clipped
+        assert n_skipped > 5000 and n_clipped > 100 and n_skipped > n_culled + n_clipped, (
+            n_skipped,
+            n_culled,
+            n_clipped,
+        )
 
 
 def test_a_mirrored_screen_culls_nothing_by_cones():
-    vertices, faces = icosphere(3)
-    positions, columns = np.ascontiguousarray(np.array(vertices, float).T), np.ascontiguousarray(faces.T, np.uint32)
-    clusters = c.make_clusters(positions, columns, SERIAL)
+    positions, _, clusters = arrays_of(icosphere(3))
     camera = rz.Camera.perspective((0, 0, 4))
     screen = screen_of(camera.view(), camera.projection(SIZE), (1.0, 9.0))
     assert find_seen(clusters, positions.shape[1], screen, SIZE, True).n_culled > 0
@@ -154,13 +92,11 @@ def test_a_mirrored_screen_culls_nothing_by_cones():
 
 def test_a_few_kinds_of_views_skip_what_they_should():
     """Not only safe, but of use."""
-    vertices, faces = icosphere(5)
-    positions, columns = np.ascontiguousarray(np.array(vertices, float).T), np.ascontiguousarray(faces.T, np.uint32)
-    clusters = c.make_clusters(positions, columns, SERIAL)
+    positions, columns, clusters = arrays_of(icosphere(5))
 
     def share(camera, cull_back, near=1e-3):
         screen = screen_of(camera.view(), camera.projection((512, 512)), (near, 99.0))
-        return len(find_seen(clusters, positions.shape[1], screen, (512, 512), cull_back).faces) / len(faces)
+        return len(find_seen(clusters, positions.shape[1], screen, (512, 512), cull_back).faces) / columns.shape[1]
 
     outside = rz.Camera.perspective((0, 0, 3), fov=50)
     assert share(outside, False) == 1.0 and share(outside, True) < 0.5
@@ -170,20 +106,16 @@ def test_a_few_kinds_of_views_skip_what_they_should():
     assert share(outside, False, near=3.0) < 0.65
 
 
-@pytest.mark.parametrize("n_vertex", [64, 6400, 6377])
-def test_runs_hold_the_needed_blocks_and_close_short_gaps(n_vertex):
-    rng, n_block = np.random.default_rng(n_vertex), -(-n_vertex // c.VERTEX_BLOCK)
-    for density in (0.0, 0.02, 0.2, 1.0):
-        is_needed = (rng.uniform(size=n_block) < density).astype(np.uint8)
-        runs = list_runs(is_needed, n_vertex)
-        covered = np.zeros(n_block * c.VERTEX_BLOCK, bool)
-        for start, end in runs:
-            assert start < end <= n_vertex and not covered[start:end].any()
-            covered[start:end] = True
-        assert covered[:n_vertex][np.repeat(is_needed, c.VERTEX_BLOCK)[:n_vertex] == 1].all()
-        gaps = [b[0] - a[1] for a, b in zip(runs, runs[1:], strict=False)]
-        assert all(gap > stage.SHORTEST_GAP * c.VERTEX_BLOCK for gap in gaps)
-        assert (len(runs) == 0) == (not is_needed.any())
+def test_runs_hold_the_needed_blocks_and_close_short_gaps():
+    block = c.VERTEX_BLOCK
+    gap = 1024 // block
+    for needed, runs in (
+        ((), []), ((0, 1), [(0, 2 * block)]), ((2, 3 + gap), [(2 * block, (4 + gap) * block)]),
+        ((2, 4 + gap), [(2 * block, 3 * block), ((4 + gap) * block, (5 + gap) * block)]),
+        ((99,), [(99 * block, 100 * block - 7)]),
+    ):  # fmt: skip
+        is_needed = np.isin(np.arange(100), needed).astype(np.uint8)
+        assert list_runs(is_needed, 100 * block - 7) == runs, needed
 
 
 def test_a_view_leaves_out_what_lies_beside_the_picture_or_beyond_its_depths():
@@ -204,59 +136,24 @@ def test_a_view_leaves_out_what_lies_beside_the_picture_or_beyond_its_depths():
     assert not leaves_out(np.zeros((3, 1)), screen, (50, 50))
 
 
-# ---------------------------------------------------------------- pictures
-
-
-def cameras():
-    """Views in which clusters are skipped for every reason."""
-    yield rz.Camera.perspective((0.4, 1.2, 3.0), fov=40)
-    yield rz.Camera.perspective((0.9, 0.1, 0.2), (0.0, 0.3, -0.5), fov=100)
-    yield rz.Camera.perspective((0.0, 0.02, 0.0), (1.0, 0.0, 0.3), fov=175)
-    yield rz.Camera.perspective((0.4, 1.2, 3.0), fov=40, near=2.9, far=3.4)
-    yield rz.Camera.orthographic((1.0, 2.0, 3.0), height=1.3)
-
-
-EVERY = ("color", "rgb", "depth", "face", "normal")
-
-
-@pytest.mark.parametrize("cull", ["none", "back"])
-@pytest.mark.parametrize("shading", ["flat", "gouraud", "phong"])
-def test_pictures_are_the_same_to_the_last_bit_with_and_without_clusters(monkeypatch, shading, cull):
-    parts = [icosphere(4), torus(48, 24), terrain(40, 0.05)]
-    meshes = [rz.Mesh(*part, material=rz.Material(diffuse=color)) for part, color in zip(parts, np.eye(3), strict=True)]
-    for camera in cameras():
-        frames = []
-        for least, n_thread in ((10**9, 1), (1, 1), (1, 3)):
-            monkeypatch.setattr(c, "LEAST_FACES", least)
-            frames.append(
-                rz.render(rz.Scene(meshes, camera=camera), (70, 50), shading=shading, cull=cull, outputs=EVERY,
-                          threads=n_thread)
-            )  # fmt: skip
-        plain = frames[0]
-        for frame in frames[1:]:
-            for name in EVERY:
-                assert getattr(frame, name).tobytes() == getattr(plain, name).tobytes(), name
-            assert frame.stats.clipped == plain.stats.clipped and frame.stats.drawn == plain.stats.drawn
-            assert frame.stats.culled <= plain.stats.culled and frame.stats.covered == plain.stats.covered > 100
-
-
-def test_transparent_textured_and_centred_polygons_are_the_same_with_clusters(monkeypatch):
-    """What else reads the points that aren't lit: nothing of it may be seen."""
-    vertices, faces = terrain(40, 0.05)
-    quads = np.concatenate([faces[::2], faces[1::2, 2:]], axis=1)
-    uv = vertices[:, [0, 2]] + 0.5
+def test_pictures_are_the_same_to_the_last_bit_with_and_without_clusters():
+    """A mesh, and the same one beside another that isn't seen: together they have enough triangles for clusters."""
+    names, (vertices, faces) = ("color", "rgb", "depth", "face", "normal"), icosphere(4)
     checks = rz.Texture(np.random.default_rng(0).uniform(0, 1, (8, 8, 3)))
-    meshes = [
-        rz.Mesh(vertices, quads, uv=uv, material=rz.Material(texture=checks)),
-        rz.Mesh(*icosphere(3), material=rz.Material(opacity=0.5)),
-    ]
-    for camera in cameras():
-        frames = []
-        for least in (10**9, 1):
-            monkeypatch.setattr(c, "LEAST_FACES", least)
-            frames += [
-                rz.render(rz.Scene(meshes, camera=camera), (70, 50), shading=shading, cull="back", outputs=EVERY)
-                for shading in ("gouraud", "phong")
-            ]
-        for plain, frame in zip(frames[:2], frames[2:], strict=True):
-            assert all(getattr(frame, name).tobytes() == getattr(plain, name).tobytes() for name in EVERY)
+    looks = rz.Material(diffuse=(0.8, 0.3, 0.2)), rz.Material(texture=checks), rz.Material(opacity=0.5)
+    views = (rz.Camera.perspective((0.4, 1.2, 3.0), fov=40, near=0.1, far=9),
+             rz.Camera.perspective((0.9, 0.1, 0.2), (0.0, 0.3, -0.5), fov=100, near=0.1, far=9),
+             rz.Camera.orthographic((1.0, 2.0, 3.0), height=1.3, near=0.1, far=9))  # fmt: skip
+    for k, camera in enumerate(views):
+        mesh = rz.Mesh(vertices, faces, uv=vertices[:, :2], material=looks[k])
+        unseen = rz.Mesh(vertices + (0, -60, 0), faces, uv=vertices[:, :2], material=looks[k])
+        assert len(faces) < c.LEAST_FACES < 2 * len(faces)
+        for shading in SHADINGS:
+            plain, frame = (
+                rz.render(rz.Scene(meshes, camera=camera), SIZE, shading=shading, cull="back", outputs=names, threads=2)
+                for meshes in ([mesh], [mesh, unseen])
+            )
+            for name in names:
+                is_same = getattr(frame, name).tobytes() == getattr(plain, name).tobytes()
+                assert is_same, f"{name} of view {k}, {shading}"
+            assert frame.stats.covered == plain.stats.covered > 100, f"view {k}, {shading}"

@@ -1,5 +1,7 @@
 """Which kinds of records a run of entries shows, and the weights of an exact record's corners."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -33,15 +35,13 @@ ENTRIES = {
 }
 
 
-@pytest.mark.parametrize("other", ENTRIES)
-@pytest.mark.parametrize("kind", ENTRIES)
-def test_what_a_run_of_entries_shows_is_told_by_each_entry(kind, other):
-    for some in ENTRIES[kind]:
-        for more in ENTRIES[other]:
+def test_what_a_run_of_entries_shows_is_told_by_each_entry():
+    for kind, other in product(ENTRIES, ENTRIES):
+        for some, more in product(ENTRIES[kind], ENTRIES[other]):
             run, kinds = np.array([some, more, some]), {kind, other}
-            assert has_exact(run) == ("exact" in kinds)
-            assert has_planes(run) == bool(kinds & {"planes", "weighted planes"})
-            assert needs_decoding(run) == bool(kinds - {"exact", "nothing"})
+            assert has_exact(run) == ("exact" in kinds), kinds
+            assert has_planes(run) == bool(kinds & {"planes", "weighted planes"}), kinds
+            assert needs_decoding(run) == bool(kinds - {"exact", "nothing"}), kinds
 
 
 def floor(n, material, **attributes) -> rz.Scene:
@@ -72,10 +72,11 @@ def test_a_clipped_floor_is_the_diced_one(look, shading):
     shown = (frames[0].face >= 0) & (frames[1].face >= 0)
     difference = np.abs(large - small).max(axis=2)[shown]
     assert shown.mean() > 0.5 and np.ptp(large[shown]) > 0.1
-    assert difference.max() <= sum(frame.stats.error_bound for frame in frames)
+    budget = sum(frame.stats.error_bound for frame in frames)
+    assert difference.max() <= budget, f"{difference.max():.3g} > {budget:.3g}"
 
 
 def drawn(material, shading, **attributes):
     """The floor as two triangles, and as many."""
     options = {"shading": shading, "samples": 1, "threads": 1, "outputs": ("color", "face")}
-    return [rz.render(floor(n, material, **attributes), (160, 90), **options) for n in (1, 64)]
+    return [rz.render(floor(n, material, **attributes), (64, 36), **options) for n in (1, 32)]

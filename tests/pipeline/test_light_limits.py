@@ -1,5 +1,7 @@
 """Check that a light is left out for a batch only where its function writes a strength of exactly 0 at every point."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from helpers.pinhole import unit
@@ -68,7 +70,7 @@ def points_at_the_edge(rng, light, n):
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_what_is_left_out_has_no_strength(dtype):
     rng, n_out, n_dark = np.random.default_rng(3), 0, 0
-    for _ in range(3000):
+    for _ in range(400):
         light, n = random_light(rng), int(rng.integers(1, 60))
         points = points_at_the_edge(rng, light, n)
         coefficients, limits = rows_of(light, dtype)
@@ -77,17 +79,16 @@ def test_what_is_left_out_has_no_strength(dtype):
         found = strengths(light, coefficients, batch, n, dtype)
         assert is_kept or (found == 0.0).all(), f"{light}: {found.max():.3g} > 0"
         n_out, n_dark = n_out + (not is_kept), n_dark + bool((found == 0.0).all())
-    assert n_out > 0.5 * n_dark > 200, f"{n_out} left out of {n_dark} batches without light"
+    assert n_out > 0.5 * n_dark > 25, f"{n_out} left out of {n_dark} batches without light"
 
 
-@pytest.mark.parametrize("dtype", DTYPES)
-def test_the_box_holds_all_points_and_is_no_larger(dtype):
+def test_the_box_holds_all_points_and_is_no_larger():
     rng = np.random.default_rng(4)
-    for n in (1, 2, 7, 33, 256):
+    for n, dtype in product((1, 7, 256), DTYPES):
         points = (rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(-20, 15, (n, 1))).astype(dtype)
         points[rng.random((n, 3)) < 0.05] = 0.0
         low, high = bound_positions(batch_of(points, dtype), n)
-        assert np.array_equal(low, points.min(axis=0)) and np.array_equal(high, points.max(axis=0))
+        assert np.array_equal(low, points.min(axis=0)) and np.array_equal(high, points.max(axis=0)), (n, dtype)
 
 
 def test_lights_without_an_end_are_never_left_out():
