@@ -4,8 +4,8 @@ import signal
 import time
 
 import pytest
+from helpers.usual_kernels import compile_usual_kernels
 
-from rasterizer.cli import main
 from rasterizer.compiler.kernels import STORE
 from rasterizer.engine import draw
 
@@ -17,13 +17,13 @@ def pytest_addoption(parser):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_sessionstart(session):
-    """Compile all kernels before the workers are started, so that no test pays for it, or finds the notice about it
-    on stderr. Where nothing is kept, as with RASTER_STORE=off, each kernel is compiled when it is met."""
+    """Compile the usual kernels before the workers are started, so that no test pays for them, or finds the notice
+    about them on stderr. Where nothing is kept, as with RASTER_STORE=off, each kernel is compiled when it is met."""
     config = session.config
     if hasattr(config, "workerinput") or config.option.collectonly or config.option.lazily or not STORE.is_kept:
         return
     with config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled():
-        assert main(["warmup"]) == 0
+        compile_usual_kernels()
 
 
 @pytest.fixture
