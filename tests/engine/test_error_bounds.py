@@ -127,7 +127,7 @@ def many_lights(most=1000):
     mesh = rz.Mesh(SQUARE, QUAD, material=rz.Material(diffuse=1.0, specular=0.3, shininess=6))
     for n, tolerance in ((10, 1e-6), (most, 1e-5), (most, DEFAULT)):
         lights = [rz.AmbientLight(0.05), *[rz.DirectionalLight((0.1, 0.2, -1), 0.83 / n) for _ in range(n)]]
-        more = {"size": (8, 6), "is_judged": False, "tolerance": tolerance}
+        more = {"size": (8, 6), "is_judged": False, "tolerance": tolerance, "shading": "flat"}
         yield f"{n} lights", rz.Scene([mesh], lights, FRONT), more
 
 

@@ -74,7 +74,7 @@ def steepest_of(material, seeds=12):
     """The largest change of the light of a material for each radian that the normal turns, by differences."""
     found, angle = 0.0, 1e-6
     for seed in range(seeds):
-        to_light, normals = random_sides(seed, 2000)
+        to_light, normals = random_sides(seed, 4000)
         across = unit(np.cross(normals, np.random.default_rng(seed).normal(size=normals.shape)))
         pair = [highlights(material, unit(normals + sign * angle / 2 * across), to_light) for sign in (-1, 1)]
         found = max(found, np.abs(pair[1] - pair[0]).max() / angle)
