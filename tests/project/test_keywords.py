@@ -43,8 +43,25 @@ def test_the_nearest_keyword_is_named():
         assert (f"did you mean {meant}?" in text) if meant else ("did you mean" not in text), text
 
 
+# What others call the options of a picture.
+MEANT = {
+    "samples": ("aa", "antialiasing", "multisample", "spp", "supersampling"), "outputs": ("buffers",),
+    "size": ("height", "resolution", "shape"), "shading": ("mode",), "threads": ("workers",),
+}  # fmt: skip
+
+
+def test_words_of_others_are_understood():
+    for meant, words in MEANT.items():
+        for given in words:
+            with pytest.raises(rz.OptionError, match=rf"{given}'.*did you mean {meant}\?"):
+                rz.render("x.obj", **{given: 1})
+
+
 def test_what_the_command_line_has_flags_for_is_said_where_it_is_set():
-    for given in ("shadows", "material", "preset", "fov", "margin", "view", "color", "ground"):
+    for given in (
+        "shadow", "shadows", "material", "preset", "fov", "margin", "view", "color", "colour", "ground", "subdivide",
+        "texture", "crease_angle", "depth_cue",
+    ):  # fmt: skip
         with pytest.raises(rz.OptionError) as caught:
             rz.render("x.obj", **{given: 1})
         text = str(caught.value)
