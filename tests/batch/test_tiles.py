@@ -39,14 +39,14 @@ def test_the_file_is_that_of_one_process(executor):
         ("a.npy", "face", {}),
     ):
         task = rz.RenderTask(STILL_LIFE, output, options={"size": (32, 25)} | options, array=array)
-        stats = rz.render_tiles(task, executor, n_tile=7)
+        stats = rz.render_tiles(task, executor, n_tile=3)
         assert open(output, "rb").read() == alone(task), f"{output} {array} {options}"
         assert 0.0 < stats.coverage < 1.0 and stats.samples == 32 * 25 * task.check().samples
 
 
 def test_local_processes_draw_a_model_that_is_sent():
     task = rz.RenderTask(rz.load(STILL_LIFE), "out/a.tif", options={"size": (32, 25), "shading": "phong"})
-    rz.render_tiles(task, n_process=1, n_tile=25)
+    rz.render_tiles(task, n_process=1, n_tile=5)
     assert open("out/a.tif", "rb").read() == alone(task)
 
 

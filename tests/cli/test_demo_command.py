@@ -17,7 +17,7 @@ def test_the_model_of_the_package_is_drawn_in_the_current_folder(folder, capsys)
     expected = rz.render(rz.load(rz.demo_model()), (64, 40), shading="phong", samples=4).rgba
     assert (picture("demo.png") == expected).all()
     capsys.readouterr()
-    assert raster("demo", "-s", "24x16", "-o", "x.jpg", "--shading", "flat", "--view", "top", "-v") == 0
+    assert raster("demo", "-s", "24x16", "-o", "x.jpg", "--shading", "flat", "--view", "top", "-v", "--no-ground") == 0
     out, err = capsys.readouterr()
     assert out == "" and "flat shading" in err and "raster render MODEL draws one of yours" in err
     assert np.unique(picture("x.jpg")).size > 20

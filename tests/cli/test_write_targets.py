@@ -73,12 +73,12 @@ def test_what_a_later_model_reads_is_not_replaced_by_an_earlier_one(globe, capsy
 def test_pictures_of_an_earlier_run_are_replaced_also_where_this_one_is_interrupted(globe):
     shutil.copy(CUBE, globe / "a.obj")
     for size in ("8", "12"):
-        assert raster("render", "a.obj", "globe.obj", "-s", size, "-o", "{stem}-drawn.png") == 0
+        assert raster("render", "a.obj", "globe.obj", "--no-ground", "-s", size, "-o", "{stem}-drawn.png") == 0
         sizes = {name: Image.open(globe / name).size for name in ("a-drawn.png", "globe-drawn.png")}
         assert set(sizes.values()) == {(int(size), int(size))}, sizes
     shutil.copy(CUBE, globe / "b.odd")
     with odd_format(KeyboardInterrupt()):
-        assert raster("render", "a.obj", "b.odd", "-s", "9", "-o", "{stem}-drawn.png") == 130
+        assert raster("render", "a.obj", "b.odd", "--no-ground", "-s", "9", "-o", "{stem}-drawn.png") == 130
     assert Image.open(globe / "a-drawn.png").size == (9, 9), "what had been drawn is written"
 
 
