@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from helpers import true_surfaces
 from helpers.raster import ROOT
 
 import rasterizer as rz
@@ -20,7 +19,6 @@ from bench import (
     measure,
     refinement,
     scale,
-    scenes,
     startup,
     surfaces,
     throughput,
@@ -28,7 +26,6 @@ from bench import (
     tolerance_modes,
 )
 from rasterizer import reference
-from rasterizer.analysis.comparison import root_mean_square
 from rasterizer.analysis.timing import LEAST_ROUNDS, take_turns
 
 QUICK = ["--frames", "3", "--seconds", "0.01"]
@@ -151,18 +148,7 @@ def test_errors_are_not_measured_where_depth_cannot_tell_what_is_in_front():
     assert row["other"] <= 0.1 * is_clear.size, f"{row['other']} pixels left out > 10 %"
 
 
-@pytest.mark.nightly
-def test_true_surfaces_are_what_meshes_approximate():
-    """Rays that meet the sphere or torus itself, against coarse meshes whose normals are those of the surface."""
-    size = (48, 36)
-    for name, samples in (("sphere", 1), ("torus", 4)):
-        scene = scenes.build(name, size)
-        truth = true_surfaces.draw(name, scene, size, samples)
-        drawn = rz.render(scene, size, shading="phong", samples=samples, outputs=("color", "depth"))
-        with np.errstate(invalid="ignore"):  # inf - inf where nothing is
-            is_near = (drawn.depth - truth.nearest < 0.3) & (truth.furthest - drawn.depth < 0.3)
-        error = np.abs(drawn.color - truth.color)[(truth.alpha == 1) & (drawn.alpha > 1 - 1e-6) & is_near]
-        assert 0 < root_mean_square(error) < 0.01 and error.max() < 0.2, name
+def test_normals_of_surfaces_look_outwards():
     for name in surfaces.SURFACES:
         mesh = surfaces.make_mesh(name, 24)
         corners = mesh.vertices[mesh.faces]

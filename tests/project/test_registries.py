@@ -13,8 +13,6 @@ from helpers.command import CUBE, one_error, run
 from helpers.pinhole import QUAD, SHADINGS, octasphere
 from helpers.raster import ROOT
 from helpers.toy_kinds import (
-    INVERSE_WIDTH,
-    OFFSET,
     MinnaertEntry,
     SlabEntry,
     SlabKind,
@@ -32,12 +30,9 @@ from rasterizer.cli import main
 from rasterizer.compiler.kernels import STORE
 from rasterizer.engine import light_table, reflection_table
 from rasterizer.engine.output_buffers import OutputBuffer
-from rasterizer.engine.plan import make_plan
-from rasterizer.engine.uniforms import make_lighting
 from rasterizer.io.formats import Format
 from rasterizer.io.scene_file import read_scene
-from rasterizer.options import DEFAULT_TOLERANCE, Options
-from rasterizer.pipeline.light_kinds import VECTOR
+from rasterizer.options import DEFAULT_TOLERANCE
 from rasterizer.pipeline.visibility import CLEAR
 from rasterizer.reference.lamp import LAMP_KINDS
 from rasterizer.reference.reflection import REFLECTION_KINDS, ReflectionKind
@@ -132,16 +127,6 @@ def test_the_plan_knows_it(toys):
     narrow = scene_of(moon(), slab_light(width=2.0**-50))
     with rz.Renderer(narrow, SIZE, samples=1) as renderer:  # a number that float32 can't be trusted with
         assert renderer.plan.dtype == "float64" and "numbers of lights beyond float32" in renderer.plan.reasons
-
-
-def test_the_uniforms_hold_its_coefficients(toys):
-    plan = make_plan(scene_of(moon(), slab_light()), Options(tolerance=0), np.empty((0, 3)))
-    lighting = make_lighting(plan, CAMERA.view(), plan.dtype)
-    (row,) = lighting.lights
-    to_light = np.array((1, 2, 1.5)) / np.linalg.norm((1, 2, 1.5))
-    assert row[VECTOR : VECTOR + 3] == pytest.approx(to_light, abs=1e-15)
-    assert row[OFFSET] == pytest.approx((np.array((0.2, 0.1, 0)) - CAMERA.position) @ to_light, abs=1e-14)
-    assert row[INVERSE_WIDTH] == 1 / 0.8 and lighting.needs_position and lighting.needs_view
 
 
 def test_illuminate_gives_what_the_formulas_say(toys):
