@@ -155,14 +155,6 @@ def band_of(workspace, coding, counts, n_row, y_start=0):
     return ScannedBand(workspace.visibility, workspace.records, coding, counts, y_start, n_row)
 
 
-def interpret(monkeypatch, *modules):
-    """Let the interpreter run modules' kernels and helpers: compiled helpers have no entry for Python."""
-    for module in modules:
-        for name, value in list(vars(module).items()):
-            if hasattr(value, "py_func"):
-                monkeypatch.setattr(module, name, value.py_func)
-
-
 def entries_of(workspace, size):
     """The visibility buffer without its padding, (rows, columns) int64."""
     visibility = workspace.visibility

@@ -14,8 +14,7 @@ import rasterizer as rz
 from rasterizer.pipeline import clip as stage
 from rasterizer.pipeline.clip import MOST_CORNERS, N_CORNER_COLUMN, clip, find_nearest
 from rasterizer.pipeline.drawables import Triangles
-from rasterizer.pipeline.face_planes import compute_face_planes
-from rasterizer.pipeline.transform import DEPTH_MARGIN, LIMIT_PX, OUTSIDE, transform
+from rasterizer.pipeline.transform import LIMIT_PX, OUTSIDE, transform
 
 NEAR, FAR = 1.0, 10.0
 
@@ -69,34 +68,6 @@ def test_keeps_the_part_between_near_and_far():
         is_new = (np.abs(triangles) > 1e-12).sum(axis=2) > 1
         assert is_new.any() and np.abs((triangles @ depth)[is_new] - plane).max() <= 1e-14 * FAR, case
         assert (clipped.vertices.x[3:] != OUTSIDE).all() and clipped.n_clipped == 1, case
-
-
-def test_new_vertices_stand_where_their_points_are_seen():
-    """And their depths are those of the whole face at the rounded places."""
-    rng = np.random.default_rng(0)
-    for is_perspective in (True, False):
-        screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR, scale=20.0, center=(15.5, 9.25))
-        points = rng.uniform(-4, 4, (300, 3)) - (0, 0, 2)
-        faces = np.arange(300).reshape(-1, 3)
-        clipped, before = clip_mesh(points, faces, screen)
-        crossing = np.flatnonzero((before.x[faces] == OUTSIDE).any(axis=1))
-        shares, owners = clip_shares(points, screen, faces[crossing])
-        spots = np.einsum("pkc,pcx->pkx", shares, points[faces[crossing[owners]]]).reshape(-1, 3)
-        w = -spots[:, 2] if is_perspective else 1.0
-        x, y = 256 * (15.5 + 20 * spots[:, 0] / w), 256 * (9.25 - 20 * spots[:, 1] / w)
-        new = clipped.vertices.x[300:], clipped.vertices.y[300:], clipped.vertices.z[300:]
-        off = np.maximum(np.abs(new[0] - x), np.abs(new[1] - y)).max()
-        assert len(spots) > 50 and off <= 0.5 + 1e-8, f"{off} sub-pixels > 0.5"
-        # On a face all of whose vertices are seen, rounding moves the plane; else it is that of the points themselves.
-        corners = points[faces[crossing[owners]]]
-        is_behind = np.repeat((corners[:, :, 2] >= 0).any(axis=1), 3) if is_perspective else np.zeros(len(spots), bool)
-        normal = np.repeat(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), 3, axis=0)
-        ray = np.stack([(new[0] / 256 - 15.5) / 20, (9.25 - new[1] / 256) / 20, -np.ones(len(spots))], axis=1)
-        inv_w = (normal * ray).sum(axis=1) / (normal * np.repeat(corners[:, 0], 3, axis=0)).sum(axis=1)
-        z = screen.z_offset + screen.z_scale * inv_w
-        steep = np.abs(z - (screen.z_offset + screen.z_scale / w)) > DEPTH_MARGIN / 4
-        if is_perspective:
-            assert is_behind.sum() > 50 and np.abs(new[2] - z)[is_behind & ~steep].max() <= 2.0**-8
 
 
 number = st.one_of(st.floats(-8, 8), st.integers(-3, 3).map(float))
@@ -232,70 +203,6 @@ def test_faces_keep_their_order_and_their_points():
     assert [a[:60].tobytes() for a in clipped.vertices] == [a.tobytes() for a in before]
 
 
-def test_parts_keep_the_winding_of_their_face():
-    rng = np.random.default_rng(7)
-    screen = plain_screen(True, (NEAR, FAR), far_clip=FAR, scale=200.0)
-    n_part = 0
-    for _ in range(100):
-        points = rng.uniform(-4, 4, (3, 3)) - (0, 0, 4)
-        clipped, _ = clip_mesh(points, [[0, 1, 2]], screen)
-        facing = np.linalg.det(points)  # whether the eye, at the origin, sees the face counter-clockwise
-        x, y = (a[clipped.triangles.vertex_idx].astype(np.int64) for a in clipped.vertices[:2])
-        area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
-        large = area[np.abs(area) > 2**18]
-        assert (np.sign(large) == np.sign(facing)).all()
-        n_part += len(large)
-    assert n_part > 50
-
-
-def place_of(points, w=1.0):
-    """(1, x, y) of points (..., 3) on a screen with scale 30 about (15.5, 9.25), in 1/256 px."""
-    x, y = 15.5 + 30 * points[..., 0] / w, 9.25 - 30 * points[..., 1] / w
-    return np.stack([np.ones_like(x), 256 * x, 256 * y], axis=-1)
-
-
-@pytest.mark.parametrize("is_perspective", [True, False])
-def test_weights_are_those_of_the_whole_face(is_perspective):
-    """At random points of faces: the planes give each point's own shares of the vertices, and its depth."""
-    rng = np.random.default_rng(8)
-    screen = plain_screen(is_perspective, (NEAR, FAR), far_clip=FAR, scale=30.0, center=(15.5, 9.25))
-    points = rng.uniform(-4, 4, (300, 3)) - (0, 0, 3)
-    faces = np.arange(300).reshape(-1, 3)
-    behind = points[faces][:, :, 2].max(axis=1) >= 0  # others are rounded
-    vertex = np.ascontiguousarray(faces[behind].T.astype(np.uint32))
-    planes, z = compute_face_planes(np.ascontiguousarray(points.T), vertex, screen)
-    shares = rng.dirichlet((1, 1, 1), (len(planes), 40))
-    spots = shares @ points[faces[behind]]
-    is_seen = spots[..., 2] < -0.2
-    w = -spots[..., 2] if is_perspective else np.ones(spots.shape[:2])
-    place = np.moveaxis(place_of(spots, w), -1, 0)
-    if not is_perspective:  # all have a place there, and so the vertices are rounded: there each has all the weight
-        at_vertices = np.rint(place_of(points[faces[behind]]))
-        weights = np.einsum("pck,pjk->pjc", planes[:, :9].reshape(-1, 3, 3).swapaxes(1, 2), at_vertices)
-        assert len(weights) > 20 and np.abs(weights - np.eye(3)).max() < 1e-9
-        depth = (z[:, None] * at_vertices).sum(axis=2)
-        expected = screen.z_offset - screen.z_scale * points[faces[behind]][..., 2]
-        assert np.abs(depth - expected).max() <= 1e-9 * np.abs(expected).max()
-        return
-    q = np.einsum("pck,pjk->pjc", planes[:, :9].reshape(-1, 3, 3).swapaxes(1, 2), np.moveaxis(place, 0, -1))
-    found = q / q.sum(axis=2, keepdims=True)
-    assert is_seen.sum() > 500
-    assert np.abs(found - shares)[is_seen].max() < 1e-9 and np.abs(q.sum(axis=2) * w - 1)[is_seen].max() < 1e-9
-    depth = (z[:, None] * np.moveaxis(place, 0, -1)).sum(axis=2)
-    expected = screen.z_offset + screen.z_scale / w
-    assert np.abs(depth - expected)[is_seen].max() <= 1e-9 * np.abs(expected[is_seen]).max()
-
-
-def test_clipping_nothing_changes_nothing():
-    points = [(0, 0, -2), (1, 0, -2), (0, 1, -2)]
-    clipped, before = clip_mesh(points, [[0, 1, 2]], plain_screen())
-    assert (
-        clipped.n_clipped == 0 and (clipped.triangles.vertex_idx == [[0], [1], [2]]).all() and len(clipped.planes) == 0
-    )
-    behind, _ = clip_mesh(-np.array(points), [[0, 1, 2]], plain_screen())
-    assert behind.n_clipped == 1 and behind.triangles.vertex_idx.shape == (3, 0) and behind.faces.shape == (0,)
-
-
 def test_the_nearest_depth_that_is_seen():
     """Against many points that fall into the picture: none is nearer, and one is nearly as near."""
     rng = np.random.default_rng(10)
@@ -361,10 +268,11 @@ def test_of_two_equal_faces_the_lower_index_wins_however_they_are_listed_and_cli
 @pytest.mark.parametrize("shading", SHADINGS)
 def test_clipped_faces_are_those_of_the_reference(shading):
     rng, n_clipped = np.random.default_rng(12), 0
-    for _ in range(8):
+    for cull in ("none", "back") * 4:
         scene = random_scene(rng, 6, random_camera(rng))
         for tolerance in (0.0, 1 / 4096):
-            verdict, budget = compare_with_reference(scene, (24, 18), shading=shading, tolerance=tolerance), EXACT
+            options = {"shading": shading, "cull": cull, "tolerance": tolerance}
+            verdict, budget = compare_with_reference(scene, (24, 18), **options), EXACT
             assert verdict.color <= max(tolerance, budget), f"colours differ by {verdict.color:.3g}, {tolerance=}"
             assert verdict.depth <= 1e-6, f"depths differ by {verdict.depth:.3g} > 1e-6, {tolerance=}"
         n_clipped += rz.render(scene, (24, 18), samples=1).stats.clipped

@@ -8,7 +8,7 @@ from helpers.stages import SERIAL, screen_of
 import rasterizer as rz
 from bench.scenes import icosphere, torus
 from rasterizer.geometry import clusters as c
-from rasterizer.pipeline.clusters import find_seen, leaves_out, list_runs
+from rasterizer.pipeline.clusters import find_seen
 from rasterizer.pipeline.cull import Grid, find_visible
 from rasterizer.pipeline.transform import OUTSIDE, transform
 
@@ -81,15 +81,6 @@ def test_what_is_skipped_covers_no_sample():
         )
 
 
-def test_a_mirrored_screen_culls_nothing_by_cones():
-    positions, _, clusters = arrays_of(icosphere(3))
-    camera = rz.Camera.perspective((0, 0, 4))
-    screen = screen_of(camera.view(), camera.projection(SIZE), (1.0, 9.0))
-    assert find_seen(clusters, positions.shape[1], screen, SIZE, True).n_culled > 0
-    mirrored = screen._replace(right=-screen.right)
-    assert find_seen(clusters, positions.shape[1], mirrored, SIZE, True).n_culled == 0
-
-
 def test_a_few_kinds_of_views_skip_what_they_should():
     """Not only safe, but of use."""
     positions, columns, clusters = arrays_of(icosphere(5))
@@ -104,36 +95,6 @@ def test_a_few_kinds_of_views_skip_what_they_should():
     assert share(rz.Camera.perspective((0, 0, 0), (0, 0, -1), fov=60), False) < 0.35
     assert share(rz.Camera.perspective((0, 0, 3), (0, 0, 9), fov=60), False) == 0.0
     assert share(outside, False, near=3.0) < 0.65
-
-
-def test_runs_hold_the_needed_blocks_and_close_short_gaps():
-    block = c.VERTEX_BLOCK
-    gap = 1024 // block
-    for needed, runs in (
-        ((), []), ((0, 1), [(0, 2 * block)]), ((2, 3 + gap), [(2 * block, (4 + gap) * block)]),
-        ((2, 4 + gap), [(2 * block, 3 * block), ((4 + gap) * block, (5 + gap) * block)]),
-        ((99,), [(99 * block, 100 * block - 7)]),
-    ):  # fmt: skip
-        is_needed = np.isin(np.arange(100), needed).astype(np.uint8)
-        assert list_runs(is_needed, 100 * block - 7) == runs, needed
-
-
-def test_a_view_leaves_out_what_lies_beside_the_picture_or_beyond_its_depths():
-    """A cube of points whose outermost tenth, on each side, is in the picture or is not."""
-    points = np.random.default_rng(0).uniform(-1, 1, (3, 5000))
-    for make, depths, inside, outside in (
-        (lambda value: rz.Camera.orthographic((0, 0, 5), height=value), (1.0, 99.0), 2.001, 1.8),
-        (lambda value: rz.Camera.perspective((0, 0, value), fov=90), (0.1, 99.0), 2.001, 1.3),
-        (lambda value: rz.Camera.orthographic((0, 0, value), height=9), (1.0, 99.0), 2.001, 1.8),
-        (lambda value: rz.Camera.orthographic((0, 0, 5), height=9), (1.0, 5.8), None, None),
-    ):
-        for value, expected in ((inside, False), (outside, True)):
-            camera = make(value)
-            far = np.inf if value is not None or not expected else 5.8
-            screen = screen_of(camera.view(), camera.projection((50, 50)), depths, far)
-            assert leaves_out(points, screen, (50, 50)) == expected
-    assert leaves_out(np.full((3, 10), np.nan), screen, (50, 50))
-    assert not leaves_out(np.zeros((3, 1)), screen, (50, 50))
 
 
 def test_pictures_are_the_same_to_the_last_bit_with_and_without_clusters():

@@ -303,15 +303,6 @@ def test_an_opaque_scene_plans_no_layers():
     assert replace(paint(0.5), opacity=1.0).is_opaque and not replace(paint(0.5), opacity=0.999).is_opaque
 
 
-def test_a_face_that_is_not_seen_leaves_an_opaque_picture_as_it_was():
-    """For models of one and of three channels."""
-    for shading, samples in PAIRS:
-        for material in (rz.Material(), rz.Material(diffuse=(0.7, 0.4, 0.2))):
-            model, behind = ball(material), pane(60.0, paint(material.diffuse, 0.0))
-            frames = [show(meshes, shading, LIT, samples=samples) for meshes in ([model], [model, behind])]
-            assert_same_bytes(*frames, f"{shading}, {samples} samples, {material.diffuse}")
-
-
 def test_a_pane_in_a_corner_leaves_all_other_pixels_bit_for_bit():
     """Rows that it shares with the model are in its bands; its columns are none of the model's. Beside the picture it
     counts for the plan and is not seen."""

@@ -4,36 +4,24 @@ from itertools import product
 
 import numpy as np
 import pytest
-from helpers.pinhole import unit
+from helpers.batches import DTYPES, axes_of, call, read, unit, write
 
 import rasterizer as rz
-from rasterizer.compiler.kernels import batch_function
 from rasterizer.engine.light_table import entry_of
 from rasterizer.engine.uniforms import light_limits_of
 from rasterizer.pipeline import fragments as f
 from rasterizer.pipeline import light_kinds
-from rasterizer.pipeline.fragments import make_batch
 from rasterizer.pipeline.light_limits import bound_positions, is_within
 
 VIEW = rz.Camera.perspective((1.0, 2.0, 6.0), (0, 0, 0)).view()
-DTYPES = [np.float32, np.float64]
 
 
 def batch_of(points, dtype):
     """A batch whose points (n, 3), at most BATCH_SIZE, have positions and normals."""
-    batch = make_batch(dtype)
-    for axis in range(3):
-        here = int(f.POSITION) + axis * int(f.NEXT)
-        batch[here : here + len(points)] = points[:, axis]
-        batch[int(f.NORMAL) + axis * int(f.NEXT) :][: len(points)] = (0.0, 0.0, 1.0)[axis]
+    batch = f.make_batch(dtype)
+    write(batch, axes_of(f.POSITION), points.T)
+    write(batch, axes_of(f.NORMAL), np.repeat([[0.0], [0.0], [1.0]], len(points), axis=1))
     return batch
-
-
-def strengths(light, coefficients, batch, n, dtype):
-    """What the light's function writes, (n,)."""
-    function = entry_of(light).function(light).evaluate
-    batch_function(function, np.dtype(dtype))(batch.ctypes.data, n, coefficients.ctypes.data)
-    return batch[int(f.STRENGTH) :][:n]
 
 
 def rows_of(light, dtype):
@@ -76,7 +64,8 @@ def test_what_is_left_out_has_no_strength(dtype):
         coefficients, limits = rows_of(light, dtype)
         batch = batch_of(points, dtype)
         is_kept = is_within(bound_positions(batch, n), limits)
-        found = strengths(light, coefficients, batch, n, dtype)
+        call(entry_of(light).function(light).evaluate, batch, n, coefficients)
+        found = read(batch, [f.STRENGTH], n)[0]
         assert is_kept or (found == 0.0).all(), f"{light}: {found.max():.3g} > 0"
         n_out, n_dark = n_out + (not is_kept), n_dark + bool((found == 0.0).all())
     assert n_out > 0.5 * n_dark > 25, f"{n_out} left out of {n_dark} batches without light"

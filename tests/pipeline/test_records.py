@@ -21,14 +21,12 @@ from rasterizer.pipeline.planes import DEPTH_PLANE_ROUNDING
 from rasterizer.pipeline.simd import PLANE_GROUP
 from rasterizer.pipeline.visibility import (
     CLEAR,
-    DEPTH_MASK,
     IS_EXACT,
     IS_ID,
     IS_WEIGHTED,
     LEVEL_MASK,
     PAYLOAD_BITS,
     RECORD_MASK,
-    RECORD_SHIFT,
 )
 
 SIZE, WIDE = (120, 90), (8300, 24)
@@ -423,76 +421,6 @@ def mixed_coding(kind, screen):
     n_attributes = [max(n, 3) if kind == "normals" else n for n in MIXED]
     options = {"level_scale": LEVELS, "tolerance": 1 / 256, "normal_limit": 4e3}
     return plain_coding(kind, screen, n_attributes, TYPES, **options, needs_distance=kind == "normals")
-
-
-def parts_of(attributes, part):
-    """The attributes of some triangles."""
-    return tuple(array[part] for array in attributes)
-
-
-def drawn_one_by_one(given, coding, screen):
-    """(entries, the triangle that each shows, workspaces) of triangles that are scanned one by one, nearest first."""
-    triangles, depth, attributes, material = given
-    entries, owner, workspaces = np.full(SIZE[::-1], CLEAR), np.full(SIZE[::-1], -1), []
-    for k in range(len(triangles)):
-        one = slice(k, k + 1)
-        workspace, _ = scan_alone(
-            triangles[one], depth[one], parts_of(attributes, one), coding, screen, SIZE, material=material[one]
-        )
-        new = entries_of(workspace, SIZE)
-        wins = new < (entries & DEPTH_MASK)
-        entries, owner = np.where(wins, new, entries), np.where(wins, k, owner)
-        workspaces.append(workspace)
-    return entries, owner, workspaces
-
-
-def record_parts(workspace, entry, n_attribute, is_normals):
-    """What the record of an entry says about its triangle, whatever else is in its block: a list of arrays."""
-    record, kept = (int(entry) & int(RECORD_MASK)) >> RECORD_SHIFT, workspace.records
-    if entry & IS_EXACT:
-        integers = np.delete(kept.integers[record], r.FACE)
-        return [integers, kept.reals[record, : r.ATTRIBUTE + 3 * n_attribute]]
-    first = record << r.UNIT_SHIFT
-    head = kept.int_planes[first : first + r.PLANES_FACE]
-    first += r.FIRST_GROUP
-    groups = [(r.PLAIN_GROUP, 3), (r.VALUE_GROUP, n_attribute - 3)]
-    if not is_normals:
-        groups = [(r.VALUE_GROUP if entry & IS_WEIGHTED else r.PLAIN_GROUP, n_attribute)]
-    parts = [head]
-    for length, n in groups:
-        parts.append(kept.float_planes[first : first + length].reshape(-1, PLANE_GROUP)[:, :n])
-        first += length
-    return [part for part in parts if part.size]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_triangle_has_the_same_entries_and_record_whatever_stands_beside_it(kind):
-    """Materials of 1, 3, 6 and 8 attributes in one block, against every triangle alone: which way it takes, the bits of
-    its entries, and its record but for the index."""
-    screen, ways = plain_screen(True, DEPTHS), set()
-    coding = mixed_coding(kind, screen)
-    for seed in range(2):
-        given = mixed_band(seed, 120)
-        triangles, depth, attributes, material = given
-        together, counts = scan_alone(triangles, depth, attributes, coding, screen, SIZE, material=material)
-        found = entries_of(together, SIZE)
-        entries, owner, workspaces = drawn_one_by_one(given, coding, screen)
-        is_id = (entries < CLEAR) & ((entries & IS_ID) != 0)
-        kept = ~np.int64(RECORD_MASK)
-        assert (np.where(is_id, found & kept, found) == np.where(is_id, entries & kept, entries)).all()
-        for k in np.unique(owner[is_id]):
-            row, column = np.argwhere(is_id & (owner == k))[0]
-            n_own = int(coding.n_attributes[material[k]])
-            pairs = [
-                record_parts(workspace, entry[row, column], n_own, kind == "normals")
-                for workspace, entry in ((together, found), (workspaces[k], entries))
-            ]
-            for among, alone in zip(*pairs, strict=True):
-                assert among.tobytes() == alone.tobytes(), f"triangle {k}, of {n_own} attributes"
-        ways |= {name for name, n in zip(("level", "plane", "exact"), counts[:3], strict=True) if n}
-        assert counts.material == -1 and counts.needs == np.bitwise_or.reduce(coding.needs[material])
-    expected = {"exact": {"exact"}, "entries": {"level", "plane", "exact"}}
-    assert ways == expected.get(kind, {"plane", "exact"})
 
 
 def test_what_is_too_far_for_albedo_in_planes_may_have_normals_there():
