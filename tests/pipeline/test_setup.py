@@ -12,8 +12,6 @@ from rasterizer.pipeline import setup as s
 from rasterizer.pipeline.bands import Band
 from rasterizer.pipeline.cull import first_sample
 from rasterizer.pipeline.planes import DEPTH_PLANE_ROUNDING
-from rasterizer.pipeline.small_boxes import MOST_WIDE, NEXT_ROW
-from rasterizer.reference import coverage
 
 SIZE, ROWS = (120, 90), (16, 80)
 
@@ -115,30 +113,6 @@ def test_boxes_hold_the_samples_of_the_band():
     assert row(block.ints, s.RIGHT, n).tolist() == np.minimum(high[0], SIZE[0]).tolist()
     assert row(block.ints, s.TOP, n).tolist() == np.maximum(low[1], ROWS[0]).tolist()
     assert row(block.ints, s.BOTTOM, n).tolist() == np.minimum(high[1], ROWS[1]).tolist()
-
-
-def test_covered_samples_of_small_boxes_are_those_of_the_reference_in_the_band():
-    """About the borders of the picture and of the band, too; what lies beyond them is not covered."""
-    n_covered = 0
-    for seed, reach in enumerate((0.4, 0.8, 0.8, 1.2, 1.2)):
-        rng = np.random.default_rng(seed)
-        corners = random_triangles(rng, s.BLOCK, SIZE, reach)
-        corners[::2, :, 1] += 256 * (rng.choice(ROWS, (32, 1)) - corners[::2, :1, 1] // 256)
-        corners[1::4, :, 0] += 256 * (rng.choice([0, SIZE[0]], (16, 1)) - corners[1::4, :1, 0] // 256)
-        corners[::3] = corners[::3] // 128 * 128
-        block, _ = block_of(corners, np.zeros((s.BLOCK, 3)), np.zeros((s.BLOCK, 3, 0)))
-        covered, left, top = (row(block.ints, name, s.BLOCK).tolist() for name in (s.COVERED, s.LEFT, s.TOP))
-        extents = np.maximum(row(block.ints, s.EXTENT_X, s.BLOCK), row(block.ints, s.EXTENT_Y, s.BLOCK))
-        assert (np.array(covered) == -1).tolist() == (extents > MOST_WIDE).tolist()
-        for k in np.flatnonzero(extents <= MOST_WIDE):
-            expected = coverage(corners[k], SIZE[0], ROWS[1])
-            expected[: ROWS[0]] = False
-            found = {(top[k] + bit // NEXT_ROW, left[k] + bit % NEXT_ROW) for bit in range(16) if covered[k] >> bit & 1}
-            (ax, ay), (bx, by), (cx, cy) = corners[k]
-            if (bx - ax) * (cy - ay) != (cx - ax) * (by - ay):  # the cull stage drops those without area
-                assert found == set(zip(*np.nonzero(expected), strict=True)), corners[k].tolist()
-                n_covered += len(found)
-    assert n_covered > 25
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -1,7 +1,6 @@
 """Check the shade stage: exact interpolation, light, and that batches and neighbours don't change a bit."""
 
 from functools import partial
-from itertools import cycle
 
 import numpy as np
 import pytest
@@ -22,7 +21,7 @@ from helpers.stages import (
 
 import rasterizer as rz
 from rasterizer.pipeline.fragments import BATCH_SIZE
-from rasterizer.pipeline.gradients import EXACT, NEEDS_COLORS, NEEDS_DOUBLE, NEEDS_SINGLE
+from rasterizer.pipeline.gradients import EXACT, NEEDS_COLORS
 from rasterizer.pipeline.phong_shading import FaceTable, shade_lit
 from rasterizer.pipeline.records import FACE, PLANES_FACE, UNIT_SHIFT
 from rasterizer.pipeline.shade import shade_interpolated
@@ -49,19 +48,14 @@ def shade(scanned, coding, size, n_channel, tint=WHITE):
     return workspace.radiance[:n_channel].reshape(n_channel, size[1], -1)[:, :, : size[0]]
 
 
-def shade_by_phong(scanned, coding, size, screen, lightings, n_channel=3, tint=WHITE, y_start=0):
-    """Intensities (n_channel, rows, columns) of a band, every sample of which is lit; float32 before float64."""
+def shade_by_phong(scanned, coding, size, screen, lighting, is_double):
+    """Intensities (3, rows, columns) of a band, every sample of which is lit."""
     workspace, counts = scanned
     workspace.radiance[:] = np.nan
-    band = band_of(workspace, coding, counts, size[1], y_start)
-    out = workspace.radiance[:n_channel]
-    for need, dtype, batch in (
-        (NEEDS_SINGLE, np.float32, workspace.batch), (NEEDS_DOUBLE, np.float64, workspace.double_batch)
-    ):  # fmt: skip
-        if counts.needs & need:
-            is_double = dtype == np.float64
-            shade_lit(band, screen, lightings[dtype], NO_FACES, None, None, tint, is_double, batch, out)
-    return out.reshape(n_channel, size[1], -1)[:, :, : size[0]]
+    batch = workspace.double_batch if is_double else workspace.batch
+    band = band_of(workspace, coding, counts, size[1])
+    shade_lit(band, screen, lighting, NO_FACES, None, None, WHITE, is_double, batch, workspace.radiance[:3])
+    return workspace.radiance[:3].reshape(3, size[1], -1)[:, :, : size[0]]
 
 
 def exact_coding(base, screen, n_attributes, dtypes=np.float32, **options):
@@ -95,6 +89,7 @@ def test_exact_interpolation_is_that_of_rational_numbers(shape, n_channel, is_pe
         if not len(rows) or n_sample > 1000:
             continue
         depth, values = rng.uniform(*DEPTHS, 3), rng.random((3, n_channel)).astype(dtype)
+        values[:, 0] = values[0, 0] if len(rows) % 2 else values[:, 0]  # a constant stays one
         scanned = scan_alone([triangle], depth[None], values[None], coding, screen, SIZE)
         found = shade(scanned, coding, SIZE, n_channel)[:, rows, columns]
         assert (found >= values.min(axis=0)[:, None]).all() and (found <= values.max(axis=0)[:, None]).all()
@@ -105,18 +100,6 @@ def test_exact_interpolation_is_that_of_rational_numbers(shape, n_channel, is_pe
             worst = max(worst, np.abs(found[channel, some] - expected).max())
     budget = 16 * np.finfo(dtype).eps / 2
     assert n_sample > 30 and worst <= budget, f"{worst:.3g} > {budget:.3g}, {n_sample} samples"
-
-
-def test_constants_stay_constant():
-    rng, screen = np.random.default_rng(2), plain_screen(True, DEPTHS)
-    for shape, dtype in zip(SHAPES, cycle(DTYPES)):
-        coding = exact_coding("values", screen, 1, dtype)
-        for triangle in SHAPES[shape](rng)[:80]:
-            rows, columns, _ = covered(triangle, SIZE)
-            values = np.full((3, 1), rng.random(), dtype)
-            scanned = scan_alone([triangle], rng.uniform(*DEPTHS, (1, 3)), values[None], coding, screen, SIZE)
-            found = shade(scanned, coding, SIZE, 1)[0, rows, columns]
-            assert (found == values[0]).all(), f"{shape}, {dtype.__name__}: {found[found != values[0]]} != {values[0]}"
 
 
 def test_levels_in_entries_become_intensities():
@@ -171,9 +154,8 @@ def face_at(workspace, entry):
     return kept.integers[record, FACE] if entry & IS_EXACT else kept.int_planes[(record << UNIT_SHIFT) + PLANES_FACE]
 
 
-# ---------------------------------------------------------------- one triangle over a batch, and many
+# ---------------------------------------------------------------- Phong's method
 
-FLOOR = np.array([[-9000, -500], [256 * 2 * WIDE[0], -700], [300, 256 * 40]])
 COLORED = (
     rz.AmbientLight((0.1, 0.2, 0.1)),
     rz.PointLight((1, 2, 3), (0.8, 0.5, 0.4), (1, 0.1, 0.02)),
@@ -181,7 +163,6 @@ COLORED = (
 )
 SHINY = rz.Material(specular=0.4, shininess=20)
 SMALLEST = 2.0**-28  # highlights below it become 0, see reflection.square_and_multiply
-MATTE = rz.Material(diffuse=(0.1, 0.9, 0.3), specular=0)
 DULL = rz.Material(diffuse=(0.2, 0.5, 0.9), specular=(0.5, 0.1, 0.1), reflection="blinn", shininess=7.5)
 FLAT = rz.Material(specular=0)
 
@@ -189,75 +170,6 @@ FLAT = rz.Material(specular=0)
 def view_of(screen):
     """The camera of a screen."""
     return View(screen.eye, screen.right, screen.up, screen.forward)
-
-
-def over_floor(n_front, rng):
-    """FLOOR with n small triangles before it: (triangles, depths)."""
-    x = rng.integers(0, 256 * WIDE[0], (n_front, 1)) + np.array([0, 700, 300])
-    y = rng.integers(0, 256 * (WIDE[1] - 2), (n_front, 1)) + np.array([0, 200, 900])
-    triangles = np.concatenate([FLOOR[None], np.stack([x, y], axis=-1)])
-    depth = np.concatenate([[[2.0, 2.6, 2.3]], np.full((n_front, 3), 1.2)])
-    return triangles, depth
-
-
-def shade_floor(n_front, kind, is_perspective, draw):
-    """(entries, intensities) of FLOOR behind some small triangles; `draw` takes what was scanned, coding and screen."""
-    rng = np.random.default_rng(n_front)
-    triangles, depth = over_floor(n_front, rng)
-    n_attribute = 3 if kind == "values" else 6
-    values = np.random.default_rng(7).normal(size=(1, 3, n_attribute))
-    values = (
-        np.concatenate([np.abs(values) / 3, np.abs(rng.normal(size=(n_front, 3, n_attribute)) / 3)])
-        .clip(0, 1)
-        .astype(np.float32)
-    )
-    screen = plain_screen(is_perspective, DEPTHS, scale=40.0, center=(100.0, 6.0))
-    coding = plain_coding(
-        kind, screen, n_attribute, level_scale=LEVELS, tolerance=1e9, normal_limit=1e30,
-        needs_distance=kind == "normals",
-    )  # fmt: skip
-    scanned = scan_alone(triangles, depth, values, coding, screen, WIDE, n_channel=3)
-    entries = entries_of(scanned[0], WIDE).copy()
-    assert scanned[1].n_exact == 0, "a record is exact"
-    return entries, draw(scanned, coding, screen)
-
-
-def draw_values(scanned, coding, _):
-    return shade(scanned, coding, WIDE, 3)
-
-
-def draw_lit(scanned, coding, screen):
-    lighting, _ = lighting_of(COLORED, [SHINY], view_of(screen), np.float32, np.ones((1, 3)))
-    assert lighting.needs_position and lighting.has_albedo.all() and lighting.n_channels.tolist() == [3]
-    return shade_by_phong(scanned, coding, WIDE, screen, {np.float32: lighting})
-
-
-@pytest.mark.parametrize(
-    "kind, draw, is_perspective",
-    [("values", draw_values, True), ("normals", draw_lit, True), ("normals", draw_lit, False)],
-)
-def test_one_triangle_over_a_batch_and_many_give_the_same_bits(kind, draw, is_perspective):
-    """Alone, and among others, which are nearer."""
-    alone, expected = shade_floor(0, kind, is_perspective, draw)
-    is_whole = (alone < CLEAR).all(axis=1)
-    assert is_whole.sum() > 5, "batches of one triangle"
-    assert np.isfinite(expected[:, alone < CLEAR]).all() and np.ptp(expected[:, alone < CLEAR], axis=1).min() > 0.001
-    for n_front in (1, 3, 60):
-        entries, found = shade_floor(n_front, kind, is_perspective, draw)
-        is_floor = (entries < CLEAR) & (entries & LEVEL_MASK == 0)
-        assert is_floor.sum() > 3000 and ((entries < CLEAR) & ~is_floor).any()
-        different = (found[:, is_floor] != expected[:, is_floor]).sum()
-        assert different == 0, f"{different} values differ > 0"
-
-
-# ---------------------------------------------------------------- Phong's method
-
-
-def lit_coding(kind, screen, n_attributes, dtypes):
-    """A coding of normals, all in planes, or all in exact records."""
-    options = {"tolerance": 1e9, "normal_limit": 1e30, "needs_distance": kind == "normals"}
-    make = partial(exact_coding, "normals") if kind == "exact" else partial(plain_coding, kind)
-    return make(screen, n_attributes, dtypes, **options)
 
 
 def expected_light(screen, size, triangle, depth, normals, albedo, lights, material):
@@ -299,7 +211,9 @@ def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspe
     screen = plain_screen(is_perspective, DEPTHS, scale=60.0, center=(61.0, 43.0))
     lighting, plan = lighting_of(COLORED, [material], view_of(screen), dtype, np.ones((1, 3)))
     assert plan.has_albedo and lighting.needs_view == (max(material.specular) > 0)
-    coding = lit_coding(kind, screen, 6, dtype)
+    options = {"tolerance": 1e9, "normal_limit": 1e30, "needs_distance": kind == "normals"}
+    make = partial(exact_coding, "normals") if kind == "exact" else partial(plain_coding, kind)
+    coding = make(screen, 6, dtype, **options)
     worst = n_sample = 0
     for triangle in random_triangles(rng, 12, SIZE, 50.0):
         depth = rng.uniform(2.0, 3.5, 3)
@@ -308,66 +222,10 @@ def test_samples_are_lit_as_the_judge_lights_them(kind, dtype, budget, is_perspe
             [normals / np.linalg.norm(normals, axis=1, keepdims=True), rng.random((3, 3))], axis=1
         ).astype(dtype)
         scanned = scan_alone([triangle], depth[None], values[None], coding, screen, SIZE, n_channel=3)
-        picture = shade_by_phong(scanned, coding, SIZE, screen, {dtype: lighting})
+        picture = shade_by_phong(scanned, coding, SIZE, screen, lighting, dtype is np.float64)
         rows, columns, expected = expected_light(
             screen, SIZE, triangle, depth, values[:, :3], values[:, 3:], COLORED, material
         )
         found = picture[:, rows, columns].T
         worst, n_sample = max(worst, np.abs(found - expected).max(initial=0)), n_sample + len(rows)
     assert n_sample > 3000 and worst <= budget, f"{worst:.3g} > {budget:.3g}"
-
-
-@pytest.mark.parametrize("kind", ["exact", "normals"])
-def test_each_sample_takes_the_material_of_its_own_face(kind):
-    """Three materials in one batch, by turns, the last in float64: as if each face were drawn with its material
-    alone."""
-    rng = np.random.default_rng(6)
-    triangles, depth = over_floor(40, rng)
-    normals = np.abs(rng.normal(size=(41, 3, 3)))
-    normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
-    values = normals.astype(np.float32), normals
-    screen = plain_screen(True, DEPTHS, scale=40.0, center=(100.0, 6.0))
-    coding = lit_coding(kind, screen, [3, 3, 3], [np.float32, np.float32, np.float64])
-    looks = [SHINY, DULL, MATTE]
-    lightings = {dtype: lighting_of(COLORED, looks, view_of(screen), dtype)[0] for dtype in DTYPES}
-    pictures, faces = [], np.full(WIDE[::-1], -1)
-    of_face = (np.arange(41) % 3).astype(np.uint32)
-    for material in (of_face, *(np.full(41, k, np.uint32) for k in range(3))):
-        scanned = scan_alone(triangles, depth, values, coding, screen, WIDE, material=material, n_channel=3)
-        entries = entries_of(scanned[0], WIDE).copy()
-        if material is of_face:
-            for y, x in np.argwhere(entries < CLEAR):
-                faces[y, x] = face_at(scanned[0], entries[y, x])
-        assert scanned[1].material == (-1 if material is of_face else material[0])
-        pictures.append(shade_by_phong(scanned, coding, WIDE, screen, lightings).copy())
-    mixed, *alone = pictures
-    for k, picture in enumerate(alone):
-        here = (faces >= 0) & (faces % 3 == k)
-        assert here.sum() > 50 and (mixed[:, here] == picture[:, here]).all(), f"material {k}"
-    assert (alone[0][:, faces >= 0] != alone[1][:, faces >= 0]).any(axis=0).mean() > 0.9
-
-
-@pytest.mark.parametrize("kind", ["exact", "normals"])
-def test_rows_below_the_first_are_lit_as_in_one_band(kind):
-    """A band that begins further down, of three materials in both types: the same bits."""
-    rng, n_row = np.random.default_rng(13), 5
-    triangles, depth = over_floor(30, rng)
-    values = rng.normal(size=(31, 3, 6))
-    values[..., 3:] = np.abs(values[..., 3:]).clip(0, 1)
-    screen = plain_screen(True, DEPTHS, scale=40.0, center=(100.0, 6.0))
-    coding = lit_coding(kind, screen, [3, 6, 6], [np.float32, np.float32, np.float64])
-    lightings = {}
-    for dtype in DTYPES:
-        lighting, _ = lighting_of(COLORED, [SHINY, DULL, MATTE], view_of(screen), dtype, np.ones((1, 3)))
-        lightings[dtype] = lighting._replace(has_albedo=np.array([False, True, True]))
-    given, material = (values.astype(np.float32), values), (np.arange(31) % 3).astype(np.uint32)
-    whole = scan_alone(triangles, depth, given, coding, screen, WIDE, material=material, n_channel=3)
-    entries = entries_of(whole[0], WIDE).copy()
-    expected = shade_by_phong(whole, coding, WIDE, screen, lightings).copy()
-    assert np.isfinite(expected[:, entries < CLEAR]).all()
-    for first in range(0, WIDE[1], n_row):
-        size = WIDE[0], min(n_row, WIDE[1] - first)
-        part = scan_alone(triangles, depth, given, coding, screen, size, material=material, n_channel=3, y_start=first)
-        found = shade_by_phong(part, coding, size, screen, lightings, y_start=first)
-        is_seen = entries[first : first + size[1]] < CLEAR
-        assert (found[:, is_seen] == expected[:, first : first + size[1]][:, is_seen]).all(), f"from row {first}"

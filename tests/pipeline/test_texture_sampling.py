@@ -2,7 +2,6 @@
 here."""
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -108,15 +107,19 @@ def textured(texels, kind="nearest", wrap="repeat", is_perspective=True, materia
 
 @pytest.mark.parametrize("kind", ["nearest", "bilinear"])
 def test_every_pixel_shows_the_texel_of_its_ray(kind):
-    for wrap, shading, is_perspective in pairs(wrap=WRAPS, shading=SHADINGS, is_perspective=(True, False)):
-        camera, case = None if is_perspective else sheet_camera(SIZE[1]), f"{wrap} {shading} {is_perspective=}"
-        mesh = textured(TEXELS, kind, wrap, is_perspective)
+    shapes = (5, 7), (1, 1), (1, 6), (6, 1)
+    for wrap, shading, is_perspective, shape in pairs(
+        wrap=WRAPS, shading=SHADINGS, is_perspective=(True, False), shape=shapes
+    ):
+        texels = TEXELS[: shape[0], : shape[1]]
+        camera, case = None if is_perspective else sheet_camera(SIZE[1]), f"{wrap} {shading} {is_perspective=} {shape}"
+        mesh = textured(texels, kind, wrap, is_perspective)
         frame = show([mesh], shading, camera=camera, outputs=("color", "face"))
         uv = coordinates(*tilted_quad(is_perspective), *grid(), is_perspective)
         # the second triangle's last corner was rounded to 1/256 px, which moves its texels by as much
         first, others = frame.face == 0, frame.face == 1
-        is_sure = first & (~is_near_border(TEXELS, uv) | (kind == "bilinear"))
-        off = np.abs(frame.color - looked_up(TEXELS, uv, kind, wrap))
+        is_sure = first & (~is_near_border(texels, uv) | (kind == "bilinear"))
+        off = np.abs(frame.color - looked_up(texels, uv, kind, wrap))
         assert is_sure.sum() > 100 and off[is_sure].max() < 1e-6, f"{case}: {off[is_sure].max():.3g} > 1e-6"
         assert others.sum() > 100 and np.median(off[others]) < 0.01, f"{case}: {np.median(off[others]):.3g} > 0.01"
 
@@ -185,18 +188,6 @@ def test_trilinear_takes_the_level_of_its_derivatives(scale, wrap, shading):
     assert len(off) > 150 and off.max() < 1e-5, f"{off.max():.3g} > 1e-5"
 
 
-def test_narrow_textures():
-    for shape, kind in product([(1, 1), (1, 6), (6, 1), (3, 2)], ["nearest", "bilinear", "trilinear"]):
-        texels = np.random.default_rng(2).uniform(0, 1, (*shape, 3))
-        triangle, uv = tilted_quad()
-        material = replace(ALBEDO, texture=rz.Texture(texels, kind))
-        frame = show([rz.Mesh(triangle[:3], [[0, 1, 2]], uv=uv[:3] * 0.01, material=material)])
-        place = coordinates(triangle, uv * 0.01, *grid())
-        expected = looked_up(texels, place, "nearest" if kind == "nearest" else "bilinear")
-        off = np.abs(frame.color - expected)[(frame.alpha > 0) & ~is_near_border(texels, place)]
-        assert len(off) > 150 and off.max() < 1e-6, f"{shape}, {kind}: {off.max():.3g} > 1e-6"
-
-
 # ── whose texture ───────────────────────────────────────────────────────────────────────────────────────
 
 
@@ -212,34 +203,6 @@ def test_corners_have_texture_coordinates_of_their_own(shading):
         place = coordinates(vertices[faces[face]], uv[face], *grid())
         off = np.abs(frame.color - looked_up(TEXELS, place)).max(axis=-1)[frame.face == face]
         assert len(off) > 150 and np.median(off) < 1e-7 and (off > 1e-6).mean() < 0.02
-
-
-def three_materials():
-    """Two with pictures of their own, one without."""
-    pictures = [
-        rz.Texture(np.random.default_rng(2).uniform(0, 1, (4, 4, 3)), kind) for kind in ("nearest", "trilinear")
-    ]
-    shine = rz.Material(diffuse=(0.5, 0.7, 0.6), specular=0.3, shininess=8)
-    return [replace(shine, texture=pictures[0]), shine, replace(shine, texture=pictures[1], emissive=0.1)]
-
-
-@pytest.mark.parametrize("shading", SHADINGS)
-def test_each_face_has_the_texture_of_its_material(shading):
-    """One mesh with three materials, against three meshes; and a mesh that needs no coordinates beside one that has."""
-    vertices, faces = octasphere(2)
-    normals, uv = vertices.copy(), vertices[:, :2] * 1.7
-    vertices = vertices + (0, 0, -3)
-    materials, number = three_materials(), np.arange(len(faces)) // 3 % 3
-    frame = show([rz.Mesh(vertices, faces, normals, uv=uv, materials=materials, face_material=number)], shading, LIT)
-    parts = [
-        rz.Mesh(vertices, faces[number == k], normals, uv=None if k == 1 else uv, material=materials[k])
-        for k in range(3)
-    ]
-    apart = show(parts, shading, LIT)
-    assert (frame.alpha > 0).sum() > 70 and np.array_equal(frame.alpha, apart.alpha)
-    assert np.abs(frame.color - apart.color).max() < 1e-6
-    bare = show([replace(part, material=replace(part.material, texture=None)) for part in parts], shading, LIT)
-    assert (np.abs(frame.color - bare.color).max(axis=-1) > 0.02).sum() > 45
 
 
 @pytest.mark.parametrize("shading, colored", [("flat", True), ("gouraud", False), ("phong", True)])
@@ -273,29 +236,37 @@ def test_a_bright_texture_in_linear_floats_is_not_cut_off():
 # ── several materials ───────────────────────────────────────────────────────────────────────────────────
 
 
-PALETTE = [rz.Material(diffuse=c, specular=s, reflection=r) for c, s, r in
-           ((0.7, 0.2, "phong"), ((0.2, 0.6, 0.3), 0.4, "blinn"), ((0.8, 0.1, 0.1), 0, "lambert"))]  # fmt: skip
+NOISE = np.random.default_rng(2).uniform(0, 1, (2, 4, 4, 3))
+PALETTE = [
+    rz.Material(diffuse=0.7, specular=0.2, texture=rz.Texture(NOISE[0], "nearest")),
+    rz.Material(diffuse=(0.2, 0.6, 0.3), specular=0.4, reflection="blinn"),
+    rz.Material(diffuse=(0.8, 0.3, 0.3), reflection="lambert", emissive=0.1, texture=rz.Texture(NOISE[1], "trilinear")),
+]
 
 
 @pytest.mark.parametrize("shading, opacity", [("flat", 1.0), ("gouraud", 0.5), ("phong", 1.0), ("phong", 0.5)])
 def test_a_mesh_of_several_materials_is_that_of_several_meshes(shading, opacity):
+    """Also one that needs no texture coordinates beside those that have them."""
     vertices, faces = octasphere(2)
     number = np.argsort(np.argsort(np.sin(np.arange(len(faces)) * 7.3))) % 3
     order = np.argsort(number, kind="stable")  # several meshes number their faces one after the other
-    normals, palette = vertices, [replace(material, opacity=opacity) for material in PALETTE]
+    normals, uv, palette = vertices, vertices[:, :2] * 1.7, [replace(material, opacity=opacity) for material in PALETTE]
     vertices = vertices + (0, 0, -3)
     outputs = ("color", "face", "depth", "normal")
-    options = {"materials": palette, "face_material": number}
-    together = show([rz.Mesh(vertices, faces, normals, **options)], shading, LIT, outputs=outputs)
-    parts = [rz.Mesh(vertices, faces[number == k], normals, material=palette[k]) for k in range(3)]
-    apart = show(parts, shading, LIT, outputs=outputs)
+    whole = rz.Mesh(vertices, faces, normals, uv=uv, materials=palette, face_material=number)
+    parts = [
+        rz.Mesh(vertices, faces[number == k], normals, uv=None if k == 1 else uv, material=palette[k]) for k in range(3)
+    ]
+    together, apart = (show(meshes, shading, LIT, outputs=outputs) for meshes in ([whole], parts))
     plain = show([rz.Mesh(vertices, faces, normals)], shading, outputs=outputs)
     off = np.abs(together.color - apart.color).max()
     assert off < 1e-6, f"{off:.3g} > 1e-6"
     assert np.array_equal(together.face, plain.face) and np.array_equal(together.depth, plain.depth)
     is_hit = together.face >= 0
-    assert np.array_equal(together.face[is_hit], order[apart.face[is_hit]])
-    default = show([rz.Mesh(vertices, faces, normals, **options)], shading, LIT, tolerance=1 / 4096)
+    assert is_hit.sum() > 70 and np.array_equal(together.face[is_hit], order[apart.face[is_hit]])
+    bare = show([replace(part, material=replace(part.material, texture=None)) for part in parts], shading, LIT)
+    assert (np.abs(together.color - bare.color).max(axis=-1) > 0.02).sum() > 45
+    default = show([whole], shading, LIT, tolerance=1 / 4096)
     off = np.abs(default.color - together.color).max()
     assert off <= 1 / 4096, f"{off:.3g} > 1/4096"
 

@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from helpers.pairs import pairs
 from helpers.pixels import project
 from helpers.stages import SERIAL, plain_screen, screen_of
 from hypothesis import given, settings
@@ -57,16 +58,15 @@ CAMERAS = [
 def test_places_are_those_of_the_definitions(camera):
     """The nearest sub-pixel; the float64 terms on the way may move it by a millionth of one."""
     size, view = (203, 157), camera.view()
-    rng = np.random.default_rng(1)
-    points = view.eye + 4.0 * view.forward + rng.uniform(-2, 2, (500, 3))
+    points = view.eye + 4.0 * view.forward + np.random.default_rng(1).uniform(-2, 2, (500, 3))
     screen = screen_of(view, camera.projection(size), (1e-3, 1e3))
     here, n_outside = place(points, screen)
     places, depth = project(camera, points, size)
-    assert n_outside == 0
     off = np.abs(np.stack([here.x, here.y], axis=1) - 256 * places).max()
-    assert off <= 0.5 + 1e-6, f"{off} sub-pixels > 0.5"
+    assert n_outside == 0 and off <= 0.5 + 1e-6, f"{off} sub-pixels > 0.5"
     given = 1.0 / depth if camera.is_perspective else depth
-    assert np.abs(here.z - (screen.z_offset + screen.z_scale * given)).max() <= 2.0**-12
+    off = np.abs(here.z - (screen.z_offset + screen.z_scale * given)).max()
+    assert off <= 2.0**-12, f"{off} units of the z-buffer > 2^-12"
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
@@ -95,20 +95,20 @@ def test_without_a_far_plane_nothing_is_too_far():
 
 
 @pytest.mark.parametrize("is_perspective", [True, False])
-@pytest.mark.parametrize("depths", [(1.0, 100.0), (0.999999, 1.000001), (1e-6, 1.0), (1e6, 1e6 + 1), (3e-5, 7e4)])
-def test_depths_fill_the_buffer_and_leave_room_at_both_ends(is_perspective, depths):
-    near, far = depths
-    screen = plain_screen(is_perspective, depths)
-    points = np.zeros((1001, 3))
-    points[:, 2] = -np.linspace(near, far, 1001)
-    points[-1, 2] = -far
-    z = place(points, screen)[0].z
-    # z = offset + scale·(1/w): with 1/near much larger than the range of 1/w, its rounding is magnified.
-    given = (1 / near, 1 / far) if is_perspective else depths
-    slack = 4 * 2.0**-52 * max(map(abs, given)) / abs(given[1] - given[0]) * DEPTH_SPAN
-    assert abs(z[0] - DEPTH_MARGIN) <= slack and abs(z[-1] - DEPTH_MARGIN - DEPTH_SPAN) <= slack
-    assert slack < DEPTH_MARGIN / 2 and (np.diff(z) > 0).all()
+def test_depths_fill_the_buffer_and_leave_room_at_both_ends(is_perspective):
     assert DEPTH_MARGIN + DEPTH_SPAN + DEPTH_MARGIN == 2**DEPTH_BITS
+    for depths in [(1.0, 100.0), (0.999999, 1.000001), (1e-6, 1.0), (1e6, 1e6 + 1), (3e-5, 7e4)]:
+        near, far = depths
+        points = np.zeros((1001, 3))
+        points[:, 2] = -np.linspace(near, far, 1001)
+        points[-1, 2] = -far
+        z = place(points, plain_screen(is_perspective, depths))[0].z
+        # z = offset + scale·(1/w): with 1/near much larger than the range of 1/w, its rounding is magnified.
+        given = (1 / near, 1 / far) if is_perspective else depths
+        slack = 4 * 2.0**-52 * max(map(abs, given)) / abs(given[1] - given[0]) * DEPTH_SPAN
+        off = max(abs(z[0] - DEPTH_MARGIN), abs(z[-1] - DEPTH_MARGIN - DEPTH_SPAN))
+        assert off <= slack < DEPTH_MARGIN / 2, f"{depths}: {off} > {slack} units"
+        assert (np.diff(z) > 0).all(), f"{depths}: not ascending"
 
 
 def test_what_is_nearer_than_the_depths_that_are_seen_lies_before_the_buffer():
@@ -128,7 +128,7 @@ def test_one_depth_alone_lies_inside_the_buffer():
 coordinate = st.floats(-50, 50)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(coordinate, coordinate, st.floats(1, 90)), min_size=2, max_size=2), st.booleans())
 def test_depth_is_affine_on_the_screen(ends, is_perspective):
     """The point that is seen midway between two others has the mean of their z, in rational numbers."""
@@ -141,23 +141,20 @@ def test_depth_is_affine_on_the_screen(ends, is_perspective):
     assert abs(z[2] - (z[0] + z[1]) / 2) <= 2.0**-12, "a 4096th of a step of the z-buffer"
 
 
-@pytest.mark.parametrize("camera", CAMERAS[:2])
-@pytest.mark.parametrize("power", [-40, -20, -3, 5, 20, 40])
-def test_the_unit_of_length_does_not_change_a_bit(camera, power):
-    view, size, scale = camera.view(), (203, 157), 2.0**power
-    rng = np.random.default_rng(2)
-    points = view.eye + 4.0 * view.forward + rng.uniform(-2, 2, (300, 3))
-    screen = screen_of(view, camera.projection(size), (0.5, 20.0), 20.0)
-    larger = screen_of(
-        view._replace(eye=view.eye * scale),
-        camera.projection(size),
-        (0.5 * scale, 20.0 * scale),
-        20.0 * scale,
-    )
-    (here, n_here), (there, n_there) = place(points, screen), place(points * scale, larger)
-    assert n_here == n_there
-    for name in here._fields:
-        assert (getattr(here, name) == getattr(there, name)).all(), f"{name} differs at a scale of 2^{power}"
+def test_the_unit_of_length_does_not_change_a_bit():
+    size = (203, 157)
+    for camera, power in pairs(camera=CAMERAS[:2], power=(-40, -3, 20, 40)):
+        view, scale = camera.view(), 2.0**power
+        points = view.eye + 4.0 * view.forward + np.random.default_rng(2).uniform(-2, 2, (300, 3))
+        screen = screen_of(view, camera.projection(size), (0.5, 20.0), 20.0)
+        larger = screen_of(
+            view._replace(eye=view.eye * scale), camera.projection(size), (0.5 * scale, 20.0 * scale), 20.0 * scale
+        )
+        (here, n_here), (there, n_there) = place(points, screen), place(points * scale, larger)
+        assert n_here == n_there
+        for name in here._fields:
+            same = (getattr(here, name) == getattr(there, name)).all()
+            assert same, f"{name} differs at a scale of 2^{power}, seen from {view.eye}"
 
 
 def test_threads_and_compilation_do_not_change_a_bit():
@@ -197,18 +194,19 @@ def unrounded_values(corners, values, projection, places):
     return q @ values / q.sum(axis=-1, keepdims=True)
 
 
-@pytest.mark.parametrize("make", [rz.Camera.perspective, rz.Camera.orthographic])
-@pytest.mark.parametrize("reach", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize(
+    "make, reach", [(rz.Camera.perspective, 1.0), (rz.Camera.perspective, 0.1), (rz.Camera.orthographic, 0.3)]
+)
 def test_every_sample_shows_a_point_within_the_position_bound(make, reach):
     """A colour lies between those that the polygon has in the square about the sample: the ends are in the square's
     corners, because both parts of the quotient are linear."""
-    rng, size, n_sample = np.random.default_rng(7), (96, 72), 0
+    rng, size, n_sample = np.random.default_rng(7), (48, 36), 0
     bound = POSITION_BOUND
     assert rz.render(rz.load("models/cube.obj"), (4, 3), samples=1).stats.position_bound == bound
     steps = bound * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
     camera = make((0, 0, 3))
     view, projection = camera.view(), camera.projection(size)
-    for _ in range(40):
+    for _ in range(25):
         vertices = rng.uniform(-0.7, 0.7, 3) + rng.uniform(-reach, reach, (3, 3))
         values = rng.uniform(0, 1, (3, 3))
         mesh = rz.Mesh(vertices, [[0, 1, 2]], colors=values, material=rz.Material(ambient=1.0))
@@ -223,23 +221,21 @@ def test_every_sample_shows_a_point_within_the_position_bound(make, reach):
         off = np.maximum(low - frame.color[rows, columns], frame.color[rows, columns] - high).max(initial=0.0)
         assert off <= 1e-6, f"a sample is {off:.3g} outside what lies within {bound} px of it > 1e-6"
         n_sample += len(rows)
-    assert n_sample > 50
+    assert n_sample > 20
 
 
 def test_the_reference_can_leave_the_rounding_of_vertices_out():
-    """Without it a plane of colours is exact; with it, it is off by no more than the colours change within the
-    bound."""
+    """Without it a plane of colours is exact; with it, it is off by what colours change within the bound."""
     vertices = np.array([(-1.3, -1.1, 0), (1.7, -0.9, 0.5), (0.1, 1.2, -0.4)])
     mesh = rz.Mesh(vertices, [[0, 1, 2]], colors=np.eye(3), material=rz.Material(ambient=1.0))
-    camera = rz.Camera.perspective((0, 0, 3))
-    scene, size = rz.Scene([mesh], [rz.AmbientLight(1.0)], camera), (32, 24)
-    view, projection = camera.view(), camera.projection(size)
+    camera, size = rz.Camera.perspective((0, 0, 3)), (32, 24)
+    scene, view = rz.Scene([mesh], [rz.AmbientLight(1.0)], camera), camera.view()
     corners = (vertices - view.eye) @ np.stack([view.right, view.up, view.forward]).T
     j, i = np.mgrid[:24, :32] + 0.5
-    expected = unrounded_values(corners, np.eye(3), projection, np.stack([i, j], axis=-1))
+    expected = unrounded_values(corners, np.eye(3), camera.projection(size), np.stack([i, j], axis=-1))
     whole, rounded = (reference.render(scene, size, shading="phong", rounded=flag) for flag in (False, True))
     inside = (whole.face == 0) & (expected > 1e-3).all(axis=-1)
     assert inside.sum() > 200 and (whole.face == rounded.face).all()
-    assert np.abs(whole.color - expected)[inside].max() < 1e-12
-    moved = np.abs(rounded.color - expected)[inside].max()
+    off, moved = (np.abs(found.color - expected)[inside].max() for found in (whole, rounded))
+    assert off < 1e-12, f"off by {off:.3g} > 1e-12 without rounding"
     assert 1e-6 < moved < 1e-3, f"rounding moved a colour by {moved:.3g}"
