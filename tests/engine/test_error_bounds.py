@@ -212,13 +212,13 @@ def check_campaign(seeds):
 
 
 def test_the_stated_bound_holds_in_a_campaign():
-    check_campaign(range(24))
+    check_campaign(range(20))
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("part", range(6))
 def test_the_stated_bound_holds_in_a_long_campaign(part):
-    check_campaign(range(24 + 100 * part, 124 + 100 * part))
+    check_campaign(range(20 + 100 * part, 120 + 100 * part))
 
 
 # ---------------------------------------------------------------- more than the bound
