@@ -218,7 +218,7 @@ LACKING = {
 
 
 def flags_of(name):
-    actions = make_command_parser(COMMANDS[name])._actions
+    actions = make_command_parser(COMMANDS[name])._actions  # noqa: SLF001 - argparse has no public list
     return {flag for action in actions for flag in action.option_strings if flag.startswith("--")}
 
 

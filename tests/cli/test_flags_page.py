@@ -29,7 +29,7 @@ def test_every_flag_and_every_longer_text_of_a_command_is_in_its_chapter():
     for name, command in COMMANDS.items():
         parser = make_command_parser(command)
         chapter = page.partition(f"\n## raster {name}\n")[2].partition("\n## ")[0]
-        for action in parser._actions:
+        for action in parser._actions:  # noqa: SLF001 - argparse has no public list
             names = [flag for flag in action.option_strings if flag.startswith("--") and flag != "--help"]
             assert not names or any(f"`{flag}" in chapter for flag in names), f"{name}: {names} is missing"
             assert all(f"`{flag}" in page for flag in names), names

@@ -17,7 +17,7 @@ def test_messages_of_its_cells_are_answered_and_faults_told():
     widget.send = lambda content, buffers=(): sent.append((content, *buffers))  # what the kernel would carry
 
     def ask(content):
-        widget._handle_custom_msg(content, [])  # as ipywidgets does with what comes from a cell
+        widget._handle_custom_msg(content, [])  # noqa: SLF001 - as ipywidgets does with a cell
 
     assert widget.size == (80, 60) and widget.frame is None and widget.picked is None
     ask({"view": 3, "message": message(drag(9, 0), click(40, 30), is_rest=True)})
