@@ -153,7 +153,7 @@ def make_strokes(edges: list[Edge], view: View, faces: Faces) -> NDArray[np.floa
         if not len(ends):
             continue
         w = ends[:, 2] if projection.is_perspective else np.ones(2)
-        x = projection.center_x + projection.scale_x * ends[:, 0] / w
+        x = projection.center_x + (projection.scale_x * ends[:, 0] - projection.skew * ends[:, 1]) / w
         y = projection.center_y - projection.scale_y * ends[:, 1] / w
         stroke = np.stack([x, y, 1.0 / w if projection.is_perspective else -ends[:, 2]], axis=1)
         # Of an edge that is seen end-on, the nearer end is the one that is seen.
