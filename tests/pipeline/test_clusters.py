@@ -105,14 +105,21 @@ def test_pictures_are_the_same_to_the_last_bit_with_and_without_clusters():
     views = (rz.Camera.perspective((0.4, 1.2, 3.0), fov=40, near=0.1, far=9),
              rz.Camera.perspective((0.9, 0.1, 0.2), (0.0, 0.3, -0.5), fov=100, near=0.1, far=9),
              rz.Camera.orthographic((1.0, 2.0, 3.0), height=1.3, near=0.1, far=9))  # fmt: skip
+    lights = rz.AmbientLight(0.2), rz.DirectionalLight((-0.3, -0.5, -0.8), 0.7)
     for k, camera in enumerate(views):
         mesh = rz.Mesh(vertices, faces, uv=vertices[:, :2], material=looks[k])
         unseen = rz.Mesh(vertices + (0, -60, 0), faces, uv=vertices[:, :2], material=looks[k])
         assert len(faces) < c.LEAST_FACES < 2 * len(faces)
         for shading in SHADINGS:
+            options = {
+                "shading": shading,
+                "cull": "none" if k == 1 else "back",
+                "outputs": names,
+                "threads": 2,
+                "tolerance": 0,
+            }
             plain, frame = (
-                rz.render(rz.Scene(meshes, camera=camera), SIZE, shading=shading, cull="back", outputs=names, threads=2)
-                for meshes in ([mesh], [mesh, unseen])
+                rz.render(rz.Scene(meshes, lights, camera), SIZE, **options) for meshes in ([mesh], [mesh, unseen])
             )
             for name in names:
                 is_same = getattr(frame, name).tobytes() == getattr(plain, name).tobytes()
