@@ -138,29 +138,6 @@ def test_samples_look_their_own_texels_up():
     assert whole.sum() > 300 and np.abs(frame.color - mean)[whole].max() < 1e-6
 
 
-def test_a_floor_that_runs_under_the_eye_is_clipped():
-    """Corners far behind the eye: what is left of the triangle carries its texture on."""
-    vertices = np.array([(-30, -1, 9), (30, -1, 9), (2, -1, -40)], float)
-    uv = vertices[:, [0, 2]] * (0.3, -0.2)
-    x, y = grid()
-    place, texels = coordinates(vertices, uv, x, y), np.array((TEXELS.shape[1], TEXELS.shape[0]))
-    steps = [coordinates(vertices, uv, x + i, y + j) - place for i, j in ((0.01, 0), (0, 0.01))]
-    # new corners are rounded to 1/256 px: places move by a 512th of a pixel's steps along both axes
-    drift = (np.abs(steps).sum(axis=0) / 0.01 / 512) * texels
-    for shading, kind in zip(SHADINGS, ("nearest", "bilinear", "nearest"), strict=True):
-        material = replace(ALBEDO, texture=rz.Texture(TEXELS, kind))
-        frame = show([rz.Mesh(vertices, [[0, 1, 2]], uv=uv, material=material)], shading, camera=eye_camera(near=0.5))
-        assert frame.stats.clipped == 1
-        off = np.abs(frame.color - looked_up(TEXELS, place, kind)).max(axis=-1)
-        # a texel's step changes a colour by 1 at most
-        budget, is_sure = 1e-6 + drift.sum(axis=-1), frame.alpha > 0
-        if kind == "nearest":
-            is_sure &= (np.abs(place * texels - (place * texels).round()) > drift).all(axis=-1)
-            budget = np.full_like(off, 1e-6)
-        worst = (off / budget)[is_sure].max()
-        assert is_sure.sum() > 250 and worst <= 1, f"{shading}, {kind}: {worst:.3g} > 1 times what is allowed"
-
-
 @pytest.mark.parametrize("scale, wrap, shading", [
     (0.2, "repeat", "flat"), (1.0, "mirror", "gouraud"), (5.0, "clamp", "phong"), (40.0, ("repeat", "mirror"), "phong"),
     (5.0, "repeat", "gouraud"),
@@ -274,7 +251,7 @@ def test_a_mesh_of_several_materials_is_that_of_several_meshes(shading, opacity)
 def test_normals_are_averaged_across_borders_of_materials():
     vertices, faces = octasphere(2)
     vertices = vertices + (0, 0, -3)
-    two = {"materials": [PALETTE[0], PALETTE[2]], "face_material": np.arange(len(faces)) % 2}
+    two = {"materials": [rz.Material(), PALETTE[1]], "face_material": np.arange(len(faces)) % 2}
     smooth = show([rz.Mesh(vertices, faces, crease_angle=180, **two)], "phong", outputs=("normal",)).normal
     plain = show([rz.Mesh(vertices, faces, crease_angle=180)], "phong", outputs=("normal",)).normal
     assert np.array_equal(smooth, plain) and np.abs(plain).max() > 0.9

@@ -51,21 +51,26 @@ def test_a_neighbour_does_not_change_a_bit(shading):
     rows show one triangle nor where they show many."""
     vertices, faces = octasphere(3)
     wall = rz.Mesh([[-9, -9, -2], [9, -9, -3], [9, 9, -2], [-9, 9, -1]], [[0, 1, 2], [0, 2, 3]])
-    ball, card = rz.Mesh(vertices, faces), rz.Mesh([[-0.6, -0.5, 2], [-0.3, -0.5, 2], [-0.5, 1.4, 2]], [[0, 1, 2]])
-    for mesh, lights, tolerance in pairs(mesh=(wall, ball), lights=(GREY, COLORED), tolerance=TOLERANCES):
+    card = np.array([[0.7, 0.6, 2.2], [0.9, 0.6, 2.2], [0.8, 1.6, 2.2]])
+    # What comes along is not nearer than anything, nor further away: the z-buffer is the same.
+    scenes = (
+        ([rz.Mesh(vertices, faces)], rz.Mesh(vertices * 0.1 - (1.3, 0, 0), faces)),
+        ([wall, rz.Mesh(card, [[0, 1, 2]])], rz.Mesh(card - 0.2 * CAMERA.view().right, [[0, 1, 2]])),
+    )
+    for k, lights, tolerance in pairs(scene=(0, 1), lights=(GREY, COLORED), tolerance=TOLERANCES):
+        meshes, other = scenes[k]
         alone, accompanied = (
             rz.render(
-                rz.Scene(meshes, lights, CAMERA), SIZE, shading=shading, tolerance=tolerance, samples=1,
+                rz.Scene(some, lights, CAMERA), SIZE, shading=shading, tolerance=tolerance, samples=1,
                 outputs=("color", "face"),
             )
-            for meshes in ([mesh], [mesh, card])
+            for some in (meshes, [*meshes, other])
         )  # fmt: skip
+        n_face = sum(len(mesh.faces) for mesh in meshes)
         is_same = (alone.face == accompanied.face) & (alone.face >= 0)
-        assert is_same.sum() > 1000 and (accompanied.face == len(mesh.faces)).sum() > 50
+        assert is_same.sum() > 1000 and (accompanied.face >= n_face).sum() > 10
         n_different = (alone.color[is_same] != accompanied.color[is_same]).sum()
-        assert n_different == 0, (
-            f"{n_different} values differ, {len(mesh.faces)} faces, {len(lights)} lights, {tolerance=}"
-        )
+        assert n_different == 0, f"{n_different} values differ, {n_face} faces, {len(lights)} lights, {tolerance=}"
 
 
 def test_many_vertices_are_divided_among_threads():

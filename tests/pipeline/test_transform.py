@@ -221,7 +221,7 @@ def test_every_sample_shows_a_point_within_the_position_bound(make, reach):
         off = np.maximum(low - frame.color[rows, columns], frame.color[rows, columns] - high).max(initial=0.0)
         assert off <= 1e-6, f"a sample is {off:.3g} outside what lies within {bound} px of it > 1e-6"
         n_sample += len(rows)
-    assert n_sample > 20
+    assert n_sample > 10
 
 
 def test_the_reference_can_leave_the_rounding_of_vertices_out():
