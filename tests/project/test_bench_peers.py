@@ -38,7 +38,7 @@ def test_the_matrix_puts_points_where_our_camera_puts_them():
 
 
 def test_the_work_is_the_same_in_every_process(tmp_path):
-    work = make_work("torus", True, Setup(size=SIZE, shading="phong", samples=4))
+    work = make_work("knot", True, Setup(size=SIZE, shading="phong", samples=4))
     work.save(tmp_path / "work.npz")
     again = peers_work.Work.load(tmp_path / "work.npz", Setup.from_json(work.setup.to_json()))
     assert again.setup == work.setup and again.is_textured

@@ -60,7 +60,7 @@ def test_words_of_others_are_understood():
 def test_what_the_command_line_has_flags_for_is_said_where_it_is_set():
     for given in (
         "shadow", "shadows", "material", "preset", "fov", "margin", "view", "color", "colour", "ground", "subdivide",
-        "texture", "crease_angle", "depth_cue",
+        "texture",
     ):  # fmt: skip
         with pytest.raises(rz.OptionError) as caught:
             rz.render("x.obj", **{given: 1})
