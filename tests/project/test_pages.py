@@ -87,11 +87,11 @@ def telling() -> set[str]:
     words = {line: set(re.findall(r"[a-z][\w-]*(?=[=:,/. ]|$)", line.partition(" -o ")[0])) for line in sorted(LINES)}
     words = {line: found for line, found in words.items() if "samples" not in found}  # sixteen take long
     chosen, seen = set(), set()
-    while best := max(words, key=lambda line: len(words[line] - seen)):
-        if words[best] <= seen:
-            return chosen
+    while not seen >= set().union(*words.values()):
+        best = max(words, key=lambda line: len(words[line] - seen))
         chosen.add(best)
         seen |= words[best]
+    return chosen
 
 
 DRAWN = telling()
