@@ -59,15 +59,20 @@ def test_models_scenes_and_textures_of_flags_are_not_replaced(folder, capsys):
     assert (folder / "part.png").read_bytes() == open(CUBE, "rb").read()
 
 
-def test_what_a_later_model_reads_is_not_replaced_by_an_earlier_one(globe, capsys):
-    shutil.copy(CUBE, globe / "a.obj")
-    shutil.copy(globe / "globe.png", globe / "a.png")
-    (globe / "globe.mtl").write_text((globe / "globe.mtl").read_text().replace("globe.png", "a.png"))
-    texture = (globe / "a.png").read_bytes()
-    assert run("a.obj", "globe.obj", "-o", "{stem}.png") == 1
+def test_what_a_later_model_reads_is_not_replaced_by_an_earlier_one(folder, capsys):
+    """Each model may read what lies in its own folder."""
+    one, two = folder / "one", folder / "two"
+    one.mkdir()
+    two.mkdir()
+    shutil.copy(CUBE, one / "a.obj")
+    for name in GLOBE:
+        shutil.copy(ROOT / "models" / name, two / ("a.png" if name == "globe.png" else name))
+    (two / "globe.mtl").write_text((two / "globe.mtl").read_text().replace("globe.png", "a.png"))
+    texture = (two / "a.png").read_bytes()
+    assert run("one/a.obj", "two/globe.obj", "-o", "two/{stem}.png") == 1
     err = capsys.readouterr().err
-    assert "can't write a.png: it is" in err and "globe.png" not in err
-    assert (globe / "a.png").read_bytes() == texture and Image.open(globe / "globe.png").size == (24, 16)
+    assert "can't write two/a.png: it is" in err and "globe.png" not in err
+    assert (two / "a.png").read_bytes() == texture and Image.open(two / "globe.png").size == (24, 16)
 
 
 def test_pictures_of_an_earlier_run_are_replaced_also_where_this_one_is_interrupted(globe):
