@@ -94,7 +94,9 @@ def test_the_tests_of_the_source_archive_can_be_collected(source, tmp_path):
     # A module that skips itself where an extra is missing would drop out here: its tests must skip themselves.
     hidden = dict.fromkeys(modules_of_extras())
     code = f"import sys, pytest; sys.modules.update({hidden}); sys.exit(pytest.main(sys.argv[1:]))"
-    told = run([sys.executable, "-c", code, "--collect-only", "-q", "-p", "no:cacheprovider"], unpacked)
+    told = run(
+        [sys.executable, "-c", code, "--collect-only", "-q", "-n", "0", "-m", "", "-p", "no:cacheprovider"], unpacked
+    )
     counts = dict(re.findall(r"^(tests/[\w/]+\.py): (\d+)$", told, re.MULTILINE))
     assert counts.keys() == {path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py")}
 
