@@ -81,7 +81,7 @@ def closed_form(light, where):
     return ambient + KD * COLOR * (strength * to_light[..., 2] / distance)[..., None], edge
 
 
-@pytest.mark.parametrize("name, shading", zip(LIGHTS, itertools.cycle(("phong", "gouraud", "flat", "phong"))))
+@pytest.mark.parametrize("name, shading", list(zip(LIGHTS, itertools.cycle(("phong", "gouraud", "flat", "phong")))))
 def test_a_lit_plane_is_that_of_the_closed_form(name, shading):
     """Flat: a value a triangle, of its centroid. Gouraud: right in the vertices. Phong: right in every pixel."""
     scene, points, faces = plane(LIGHTS[name])

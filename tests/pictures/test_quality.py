@@ -69,7 +69,7 @@ PAIRS = [  # (options, budget)
 ]
 
 
-@pytest.mark.parametrize("name, shading", zip(COMPARED, itertools.cycle(("phong", "gouraud", "flat", "gouraud"))))
+@pytest.mark.parametrize("name, shading", list(zip(COMPARED, itertools.cycle(("phong", "gouraud", "flat", "gouraud")))))
 def test_pictures_are_within_their_tolerance_of_the_reference(name, shading):
     check_pairs(COMPARED[name](), shading, "slivers" in name or "steep" in name)
 

@@ -108,7 +108,7 @@ HARD = {  # name -> (scene, units of depth that may be off)
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name, shading", zip(HARD, itertools.cycle(("phong", "gouraud"))))
+@pytest.mark.parametrize("name, shading", list(zip(HARD, itertools.cycle(("phong", "gouraud")))))
 def test_hard_scenes_against_the_reference(name, shading):
     scene, bits = HARD[name]
     check_all(scene, shadings=(shading,), units=2.0**bits, ignored=0.03)
