@@ -45,7 +45,9 @@ def assert_same(found, frames, most=0, what=""):
 def test_pictures_come_back():
     for suffix in (".gif", ".webp", ".png", ".apng"):
         found, seconds, image = decoded(encode_animation(FRAMES, suffix, Timing(1.0)))
-        assert image.size == (41, 31) and image.is_animated and sum(seconds) == pytest.approx(1.0), suffix
+        assert image.size == (41, 31), f"{suffix}: {image.size} != {(41, 31)}"
+        assert image.is_animated, suffix
+        assert sum(seconds) == pytest.approx(1.0), f"{suffix}: {sum(seconds)} != {pytest.approx(1.0)}"
         assert image.info["loop"] == 0, suffix
         assert_same(found, FRAMES, 40 if suffix == ".webp" else 0, suffix)
 
@@ -58,8 +60,9 @@ def test_videos_come_back():
         with av.open(io.BytesIO(data)) as container:
             found = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
             seconds = float(container.duration) / av.time_base
-        assert len(found) == 2 * len(FRAMES) and found[0].shape == (32, 42, 3), suffix  # sides are made even
-        assert seconds == pytest.approx(2.0, abs=0.05), suffix
+        assert len(found) == 2 * len(FRAMES), f"{suffix}: {len(found)} frames in two rounds of {len(FRAMES)}"
+        assert found[0].shape == (32, 42, 3), f"{suffix}: {found[0].shape}, though sides are made even"
+        assert abs(seconds - 2.0) < 0.05, f"{suffix}: {seconds} s, not 2"
         pairs = zip(found[:5], opaque, strict=True)
         off = max(np.abs(a[:31, :41].astype(float) - b[..., :3]).mean() for a, b in pairs)
         assert off < 6.0, f"{suffix} is off by {off:.2f} > 6 levels"

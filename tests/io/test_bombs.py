@@ -113,7 +113,9 @@ def test_of_many_pictures_in_a_file_the_first_is_taken():
         stream = io.BytesIO()
         frames[0].save(stream, format, save_all=True, append_images=frames[1:])
         pixels = read_picture(io.BytesIO(stream.getvalue()), "x")
-        assert pixels.shape[:2] == (8, 8) and pixels[0, 0, 0] > 250 and pixels[0, 0, 2] < 5, format
+        assert pixels.shape[:2] == (8, 8), f"{format}: {pixels.shape[:2]} != {(8, 8)}"
+        assert pixels[0, 0, 0] > 250, format
+        assert pixels[0, 0, 2] < 5, format
 
 
 def test_other_formats_are_refused_and_start_no_program(tmp_path, monkeypatch):

@@ -26,7 +26,8 @@ def assert_good(*seeds: range):
         counts = json.loads(out.splitlines()[-1])
         total = {key: total[key] + counts[key] for key in total}
     n = sum(map(len, seeds))
-    assert sum(total.values()) == n and total["faults"] == 0, total
+    assert sum(total.values()) == n, f"{total}: {sum(total.values())} != {n}"
+    assert total["faults"] == 0, total
     # Most damage is noticed; a fuzz whose files were all refused, or all empty, would test nothing.
     assert total["drawn"] > n // 10 and total["empty"] < total["drawn"] // 10, total
 

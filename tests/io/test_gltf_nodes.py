@@ -119,7 +119,10 @@ def test_a_camera_looks_as_far_as_the_middle_of_the_scene():
         np.testing.assert_allclose(camera.target, target, rtol=0, atol=1e-12 * max(place))
     for place in ([0, 0, -3], [2.0**40, 0, 1]):  # the box is behind the eye; too near for so large a coordinate
         camera = camera_of(PERSPECTIVE, translation=place)
-        assert camera.view().forward.tolist() == [0, 0, -1] and camera.target[2] < place[2], place
+        assert camera.view().forward.tolist() == [0, 0, -1], (
+            f"{place}: {camera.view().forward.tolist()} != {[0, 0, -1]}"
+        )
+        assert camera.target[2] < place[2], place
 
 
 def test_the_first_camera_counts_and_the_callers_own_wins():

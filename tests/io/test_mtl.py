@@ -178,7 +178,7 @@ def test_options_of_maps(folder):
         facts = []
         mesh, said = load_obj(folder, "newmtl a\n" + line, log=facts.append)
         assert said == [f"m.mtl:2: the option '{option}' of map_kd is not applied" for option in warned], line
-        assert mesh.material.texture.wrap == (wrap, wrap), line
+        assert mesh.material.texture.wrap == (wrap, wrap), f"{line}: {mesh.material.texture.wrap} != {(wrap, wrap)}"
         assert sum("is not applied" in fact for fact in facts) == n_fact, line
         assert all("m.mtl:2: the option '-" in fact for fact in facts[:n_fact]), line
 
@@ -214,7 +214,8 @@ def test_a_missing_or_broken_picture_is_warned_of_and_the_plain_colour_kept(fold
             mesh, (warned,) = load_obj(folder, f"newmtl a\n{color}map_Kd {name}")
             begin, end = f"m.mtl: texture '{name}' of material 'a'", "keeps its plain colour"
             assert warned.startswith(begin) and end in warned and why in warned, warned
-            assert mesh.material.texture is None and mesh.material.diffuse == diffuse, name
+            assert mesh.material.texture is None, name
+            assert mesh.material.diffuse == diffuse, f"{name}: {mesh.material.diffuse} != {diffuse}"
 
 
 def test_faces_without_coordinates_are_drawn_plain(folder):

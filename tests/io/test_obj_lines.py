@@ -47,7 +47,7 @@ def assert_same(lines, expected, label):
         if column is None:  # the file has none
             assert not expected.rows[["v", "vt", "vn"][place]], label
         else:
-            assert column.tolist() == indices, label
+            assert column.tolist() == indices, f"{label}: {column.tolist()} != {indices}"
 
 
 def test_loading_random_files_names_the_line_that_the_plain_reader_names():

@@ -71,9 +71,15 @@ def test_binary_files_of_every_kind(order):
         for face in ([0, 1, 2, 3, 4, 5], [0, 1, 2]):
             data += struct.pack(f"{order}B{count[1]}{len(face)}{index[1]}", 1, len(face), *face)
         mesh = only(header + data)
-        assert mesh.n_face == 5 and mesh.polygons.tolist() == [0, 0, 0, 0, 1], (count, index)
+        assert mesh.n_face == 5, f"{(count, index)}: {mesh.n_face} != 5"
+        assert mesh.polygons.tolist() == [0, 0, 0, 0, 1], (
+            f"{(count, index)}: {mesh.polygons.tolist()} != {[0, 0, 0, 0, 1]}"
+        )
         assert abs(area(mesh) - 36) < 1e-12, (count, index)
-        assert mesh.colors.shape == (6, 4) and mesh.colors[0, :3].tolist() == [1, 0, 0], (count, index)
+        assert mesh.colors.shape == (6, 4), f"{(count, index)}: {mesh.colors.shape} != {(6, 4)}"
+        assert mesh.colors[0, :3].tolist() == [1, 0, 0], (
+            f"{(count, index)}: {mesh.colors[0, :3].tolist()} != {[1, 0, 0]}"
+        )
         with pytest.raises(ModelError, match="binary PLY of another length"):
             only(header + data[:-5])
 

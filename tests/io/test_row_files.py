@@ -56,7 +56,8 @@ def test_bands_in_any_order_make_the_file_of_the_whole(tmp_path, picture):
     for format, array in kinds:
         file = draw_file(tmp_path / "x", picture, format, array, [15, 0, 10, 5], 5)
         content = expected_bytes(picture, format, array)
-        assert (tmp_path / "x").read_bytes() == content and file.n_byte == len(content), (format, array)
+        assert (tmp_path / "x").read_bytes() == content, (format, array)
+        assert file.n_byte == len(content), f"{(format, array)}: {file.n_byte} != {len(content)}"
         assert os.listdir(tmp_path) == ["x"]
         os.remove(tmp_path / "x")
     draw_file(tmp_path / "x", picture._replace(color=picture.color[:0], alpha=picture.alpha[:0]), "npy", "alpha")
@@ -154,7 +155,8 @@ def test_pillow_reads_what_was_written(is_big):
         assert content.startswith(BIG if is_big else CLASSIC), shape
         image = Image.open(io.BytesIO(content))
         tags = dict(image.tag_v2)
-        assert image.mode == "RGBA" and np.array_equal(np.asarray(image), pixels), shape
+        assert image.mode == "RGBA", f"{shape}: Pillow calls it {image.mode}"
+        assert np.array_equal(np.asarray(image), pixels), f"{shape}: other pixels are read"
     assert tags[ALPHA] == (2,), "alpha must be unassociated: colours are not multiplied by it"
     assert tags[ORIENTATION] == 1, "row 0 is the top, column 0 the left"
     assert (tags[282], tags[283], tags[296]) == (1, 1, 1), "pixels are squares of no known size"
@@ -173,11 +175,14 @@ def test_strips_hold_the_rows_one_after_the_other(monkeypatch):
         tags, row_bytes = Image.open(io.BytesIO(header)).tag_v2, 4 * size[0]
         offsets, lengths = tags[OFFSETS], tags[LENGTHS]
         assert header.startswith(magic) and (magic == BIG or len(header) + row_bytes * size[1] < 2**32), size
-        assert offsets[0] == len(header) and len(header) % 16 == 0, size
+        assert offsets[0] == len(header), f"{size}: {offsets[0]} != {len(header)}"
+        assert len(header) % 16 == 0, f"{size}: {len(header) % 16} != 0"
         assert all(a + n == b for a, n, b in zip(offsets[:-1], lengths[:-1], offsets[1:], strict=True)), size
-        assert sum(lengths) == row_bytes * size[1] and set(lengths[:-1]) <= {tags[ROWS] * row_bytes}, size
+        assert sum(lengths) == row_bytes * size[1], f"{size}: {sum(lengths)} != {row_bytes * size[1]}"
+        assert set(lengths[:-1]) <= {tags[ROWS] * row_bytes}, size
         assert max(lengths) <= max(2**20, row_bytes), f"{size}: a reader holds a strip in memory"
-        assert (tags[256], tags[257]) == size and tags[ROWS] <= size[1], size
+        assert (tags[256], tags[257]) == size, f"{size}: {(tags[256], tags[257])} != {size}"
+        assert tags[ROWS] <= size[1], size
 
 
 @pytest.mark.skipif(not features.check("littlecms2"), reason="Pillow without LittleCMS")

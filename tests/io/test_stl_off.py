@@ -27,7 +27,8 @@ def area(mesh):
 def test_off_heads_and_polygons():
     for head in ("OFF\n6 1 0\n", "OFF 6 1 0\n", "# c\nOFF # d\n# e\n6 1 # f\n", "OFF\r\n\r\n6 1 0\r\n"):
         mesh = load_off(head + ELL + "6 0 1 2 3 4 5\n")
-        assert mesh.n_face == 4 and abs(area(mesh) - 28) < 1e-12, head
+        assert mesh.n_face == 4, f"{head}: {mesh.n_face} != 4"
+        assert abs(area(mesh) - 28) < 1e-12, head
     text = "OFF # c\n5 3 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n-1 0 0\n\n5 0 1 2 3 4\n3 0 1 2\n4 3 2 1 0\n"
     mesh = load_off(text)
     assert mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 1, 2], [3, 2, 1], [1, 0, 3]]
@@ -43,7 +44,8 @@ def test_off_with_everything():
     for color, blue in (("255 0 0", "0 0 255"), ("1.0 0.0 0.0 1.0", "0 0 1")):
         rows = "".join(f"{k} {k * k} 0 {color}\n" for k in range(3))
         mesh = load_off("COFF\n3 1 0\n" + rows + "3 0 1 2 0.5 0.5 0.5\n")
-        assert mesh.colors[1, :3].tolist() == [1, 0, 0] and mesh.face_colors is None, color
+        assert mesh.colors[1, :3].tolist() == [1, 0, 0], f"{color}: {mesh.colors[1, :3].tolist()} != {[1, 0, 0]}"
+        assert mesh.face_colors is None, color
         mesh = load_off("OFF\n6 2 0\n" + ELL + f"4 0 1 2 3 {color}\n3 0 3 4 {blue}\n")
         assert mesh.face_colors[:, :3].tolist() == [[1, 0, 0], [1, 0, 0], [0, 0, 1]], color
 
@@ -126,7 +128,8 @@ def test_ascii_in_any_spelling():
     for spell in (str, str.upper, str.title, windows, tabs):
         text = spell("solid part one\n" + FACET * 2 + "endsolid part one\n")
         (mesh,) = load_stl(text.encode()).meshes
-        assert mesh.n_face == 2 and mesh.name.lower().replace("\t", " ") == "part one", text
+        assert mesh.n_face == 2, f"{text}: {mesh.n_face} != 2"
+        assert mesh.name.lower().replace("\t", " ") == "part one", text
 
 
 def test_stl_faults_name_the_line():

@@ -33,7 +33,7 @@ def test_every_way_to_write_a_colour():
     # IEC 61966-2-1: 0x80 / 255 = 0.50196 decodes to 0.21586
     assert linear_rgb("#808080") == pytest.approx((0.2158605,) * 3, abs=1e-7)
     for written in (0.72, "#b8b8b8", "grey", (0.3, 0.3, 0.3)):
-        assert len(set(linear_rgb(written))) == 1, written
+        assert len(set(linear_rgb(written))) == 1, f"{written}: {len(set(linear_rgb(written)))} != 1"
 
 
 def test_illegal_colours_are_refused_by_name():

@@ -187,7 +187,7 @@ def test_what_cannot_be_framed_is_refused():
 
 
 def test_every_camera_of_an_orbit_holds_the_subject_and_some_just_so():
-    for case in pairs(up=tuple(AXIS), orthographic=LENSES, elevation=(-90, -20, 0, 25, 60, 90)):
+    for case in pairs(up=tuple(AXIS), orthographic=LENSES, elevation=(-90, -89, -20, 0, 25, 60, 89.9, 90)):
         up, orthographic, elevation = case
         angles, size = np.arange(0, 360, 6.0), (300, 200)
         cameras = Camera.orbit(CLOUD, angles, elevation, up=up, margin=0.1, orthographic=orthographic, size=size)

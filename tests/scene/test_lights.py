@@ -106,7 +106,7 @@ def test_an_area_light_is_a_point_light_a_cell():
 
 def test_ready_made_sets_are_neutral_and_move_with_the_camera():
     for light in (*studio(), *headlight()):
-        assert len(set(light.color)) == 1, light
+        assert len(set(light.color)) == 1, f"{light}: {len(set(light.color))} != 1"
         assert isinstance(light, AmbientLight) or light.attached == "camera", light
     _, key, fill, rim = studio()
     assert key.direction[0] > 0 and key.direction[1] < 0 and key.direction[2] < 0  # from upper left, in front

@@ -81,7 +81,8 @@ def test_the_table_has_legal_materials():
     named = [Material.named(name) for name in NAMED_MATERIALS]
     assert len(named) == len({replace(each, name="") for each in named}) == 24
     for name, each in zip(NAMED_MATERIALS, named, strict=True):
-        assert each.name == name and 1 < each.shininess <= 128, name
+        assert each.name == name, f"{name}: {each.name} != {name}"
+        assert 1 < each.shininess <= 128, name
         assert all(0 <= c <= 1 for field in ("ambient", "diffuse", "specular") for c in getattr(each, field)), name
 
 

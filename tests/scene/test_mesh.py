@@ -273,7 +273,10 @@ def test_dropping_goes_by_polygons_and_mends_normals():
 def test_area_is_found_at_any_scale():
     sliver = np.array([(0, 0, 0), (1, 0, 0), (0.5, 1e-12, 0)])
     for scale in (1e-150, 1e-6, 1.0, 1e6, 1e99):
-        assert Mesh(SQUARE * scale, TWO).n_face == 2 and Mesh(sliver * scale, [(0, 1, 2)]).n_face == 1, scale
+        assert Mesh(SQUARE * scale, TWO).n_face == 2, f"{scale}: {Mesh(SQUARE * scale, TWO).n_face} != 2"
+        assert Mesh(sliver * scale, [(0, 1, 2)]).n_face == 1, (
+            f"{scale}: {Mesh(sliver * scale, [(0, 1, 2)]).n_face} != 1"
+        )
 
 
 # --- other forms --------------------------------------------------------------------------------------------
@@ -364,7 +367,9 @@ def test_a_quarter_turn_is_counter_clockwise_and_exact():
     }  # fmt: skip
     for axis, (start, end) in turns.items():
         mesh = Mesh([start, (1, 1, 1), (2, 3, 4)], [[0, 1, 2]])
-        assert tuple(mesh.rotated(90, axis).vertices[0]) == end, axis
+        assert tuple(mesh.rotated(90, axis).vertices[0]) == end, (
+            f"{axis}: {tuple(mesh.rotated(90, axis).vertices[0])} != {end}"
+        )
         assert np.array_equal(mesh.rotated(360, axis).vertices, mesh.vertices), axis
 
 

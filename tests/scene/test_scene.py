@@ -36,7 +36,7 @@ def test_one_or_many_meshes_and_lights():
     two["a generator"] = (mesh for mesh in (MESH, MESH))
     for name, meshes in (one | two).items():
         scene = Scene(meshes)
-        assert len(scene.meshes) == (2 if name in two else 1), name
+        assert len(scene.meshes) == 2 if name in two else 1, f"{name}: {len(scene.meshes)} != {2 if name in two else 1}"
         assert all(isinstance(mesh, Mesh) for mesh in scene.meshes), name
     assert len(Scene([MESH, pair, MESH]).meshes) == 3
     lamp = PointLight((0, 0, 0))

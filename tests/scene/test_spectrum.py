@@ -134,7 +134,7 @@ def test_rgb_is_linear_in_the_samples_and_takes_many():
 def test_pure_colours_lie_outside_the_gamut_and_have_the_chromaticity_of_the_tables():
     outside = {450: (1, -1, 1), 480: (-1, 1, 1), 520: (-1, 1, -1), 580: (1, 1, -1), 650: (1, -1, -1)}
     for wavelength, signs in outside.items():
-        assert tuple(np.sign(line(wavelength))) == signs, wavelength
+        assert tuple(np.sign(line(wavelength))) == signs, f"{wavelength}: {tuple(np.sign(line(wavelength)))} != {signs}"
     for wavelength in (450, 520, 600):
         xyz = MATCHING[WAVELENGTHS == wavelength][0]
         assert chromaticity(line(wavelength)) == pytest.approx(xyz[:2] / xyz.sum(), abs=1e-12)
