@@ -61,6 +61,7 @@ def test_every_picture_is_that_of_the_reference(name, shading, tolerance):
     assert limited.n_far <= allowed, f"{limited.n_far} pixels are off by more than {most:.3g}, up to {found.color:.3g}"
 
 
+@pytest.mark.nightly  # the campaign has such numbers; these take kernels of their own
 @pytest.mark.parametrize("samples, name", [(9, "coloured"), (16, "one textured beside a plain one")])
 def test_nine_and_sixteen_samples_share_points_too(name, samples):
     options = {"shading": "phong", "samples": samples, **ONCE}
@@ -115,8 +116,8 @@ def test_threads_and_bands_change_no_bit():
     for k, (name, scene) in enumerate(SCENES.items()):
         options = {
             "shading": "phong",
-            "samples": (4, 9)[k % 2],
-            "tolerance": (0.0, DEFAULT_TOLERANCE)[k // 2 % 2],
+            "samples": 4,
+            "tolerance": (0.0, DEFAULT_TOLERANCE)[k % 2],
             **ONCE,
         }
         expected = draw_colors(scene, threads=1, **options)
@@ -124,7 +125,7 @@ def test_threads_and_bands_change_no_bit():
             assert draw_colors(scene, threads=threads, **options).tobytes() == expected.tobytes(), f"{name}, {options}"
 
 
-@pytest.mark.parametrize("samples, tolerance", [(4, DEFAULT_TOLERANCE), (9, 0.0)])
+@pytest.mark.parametrize("samples, tolerance", [(4, DEFAULT_TOLERANCE), (4, 0.0)])
 def test_a_pane_changes_no_bit_beside_it(samples, tolerance):
     """Pixels are averaged from points where a band is opaque, from samples where something is seen through."""
     ball = cube(specular=0.4, shininess=12)

@@ -70,6 +70,7 @@ def test_what_editors_see_of_a_dataclass_is_what_it_takes():
     assert n_stub > 3
 
 
+@pytest.mark.nightly  # mypy reads it at any time; its pictures take kernels of their own
 def test_the_typed_example_runs(tmp_path):
     """What mypy reads is what works."""
     home = {}
