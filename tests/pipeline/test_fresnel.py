@@ -19,6 +19,7 @@ LIGHTS = (
     rz.AmbientLight(0.1),
     rz.DirectionalLight((-1, -0.4, -1), (0.7, 0.6, 0.5)),
     rz.PointLight((2, 3, 3), 0.4, "1/(d+1)"),
+    rz.DirectionalLight((-0.2, -0.3, 1), 0.5),  # from behind: W is near 1
 )
 MATERIALS = {
     "phong": rz.Material(diffuse=0.3, specular=(0.6, 0.5, 0.4), shininess=12, fresnel=GOLD),

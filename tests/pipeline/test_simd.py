@@ -79,20 +79,6 @@ def test_boxes_of_any_bits_are_merged_as_plain_python_does(data, start, n_row, m
     assert_same(entries, start, n_row, word, edges, mask)
 
 
-def test_steps_run_through_the_wrap_around():
-    """A depth that passes 2^63, and edge functions that pass 2^31, along a row and between rows."""
-    entries = [2**63 - 1] * (PITCH * ROWS)
-    top = 2**63 - 4 * 2**40
-    n_changed = [
-        assert_same(entries, 3, ROWS, (top, 2**40, 3), [0] * 9, -(1 << 25)),
-        assert_same(entries, 3, ROWS, (top, 5, 2**41), [0] * 9, -(1 << 25)),
-        assert_same(entries, 3, ROWS, (0, 1, 8), [2**31 - 5, 1, 0, 0, 0, 0, 0, 0, 0], -1),
-        assert_same(entries, 3, ROWS, (0, 1, 8), [0, 0, 0, 2**31 - 3, 0, 1, -(2**31), -1, 0], -1),
-    ]
-    # The first two wrap to small numbers, which are nearer; the others leave the inside, or enter it.
-    assert n_changed == [LANES * ROWS, LANES * ROWS, 5 * ROWS, 3 * 7]
-
-
 def test_the_nearer_entry_stays_at_equal_depth_the_earlier_and_a_sample_on_an_edge_is_inside():
     mask = -(1 << 25)
     for level in (0, 1, 2**25 - 1):  # payloads differ, depths are equal: nothing is written
