@@ -32,7 +32,7 @@ def assert_same(one, two):
             assert getattr(a, key) == getattr(b, key), f"{key}: {getattr(a, key)} != {getattr(b, key)}"
         for key in ARRAYS:
             x, y = getattr(a, key), getattr(b, key)
-            assert x is None == y is None, f"{key}: {x is None} != {y is None}"
+            assert (x is None) == (y is None), f"{key}: {x is None} != {y is None}"
             assert x is None or (x.dtype == y.dtype and x.tobytes() == y.tobytes() and x.shape == y.shape), key
             assert y is None or not y.flags.writeable
         assert (a.materials is None) == (b.materials is None) and len(a.palette) == len(b.palette)

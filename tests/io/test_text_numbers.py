@@ -48,7 +48,7 @@ def test_decimals_are_those_of_python_to_the_last_bit():
     values, is_number = read_decimals(words_of(texts))
     for text, value, is_one in zip(texts, values, is_number, strict=True):
         expected = plain_decimal(text)
-        assert is_one == expected is not None, f"{text}: {is_one} != {expected is not None}"
+        assert is_one == (expected is not None), f"{text}: {is_one} != {expected is not None}"
         if expected is not None:
             assert value.tobytes() == np.float64(expected).tobytes() or (value != value and expected != expected), text
 
