@@ -1,12 +1,13 @@
 """The kernels that tests use most: those of a few small scenes, which are compiled before the first test."""
 
 import rasterizer as rz
-from helpers.small_scenes import drawn
+from helpers.mixed_scenes import mixed
+from helpers.small_scenes import checks, cube, drawn, floor, scene_of
 from rasterizer.compiler import kernels
 
 OFTEN = ("transparent", "transparent and textured", "shadows", "texture, nearest")
 SCENES = (
-    "a file", "depth cueing", "a background, and the local range", "a polygon with ears", "brushed along u",
+    "a file", "depth cueing", "a background, and the local range", "a polygon with ears",
     "reflection, beckmann", "reflection, blinn, with W", "reflection, cook-torrance, with W", "reflection, lambert",
     "reflection, oren-nayar", "reflection, toon",
 )  # fmt: skip
@@ -25,10 +26,22 @@ def compile_usual_kernels() -> int:
         for name in (*OFTEN, *SCENES):
             for shading, tolerance in ((s, t) for s in ("flat", "phong") for t in TOLERANCES):
                 _draw(*scenes[name], shading=shading, tolerance=tolerance, samples=1)
-        for name in (*OFTEN, "a file"):
-            for tolerance in TOLERANCES:
-                _draw(*scenes[name], shading="phong", tolerance=tolerance, samples=4)
+        for name, tolerance in ((n, t) for n in (*OFTEN, "a file") for t in TOLERANCES):
+            _draw(*scenes[name], shading="phong", tolerance=tolerance, samples=4)
+            if name != "shadows" or tolerance:
                 _draw(*scenes[name], shading="phong", tolerance=tolerance, samples=4, antialias="shade-once")
+        _draw(*scenes["brushed along u"], shading="flat", samples=1)
+        _draw(mixed()["brushed, and textured"], {}, shading="gouraud", samples=4, antialias="shade-once")
+        papered, shadows = {"texture": checks()}, scenes["shadows"][0].lights
+        for tolerance in TOLERANCES:
+            _draw(scene_of(cube(**papered), floor(), lights=shadows), {}, shading="phong", tolerance=tolerance, samples=1)
+        toon = cube(reflection="toon")
+        for scene in (scene_of(toon, floor(**papered)), scene_of(toon, floor(), lights=shadows)):
+            _draw(scene, {}, shading="phong", samples=1)
+        _draw(mixed()["toon"], {}, shading="phong", samples=4, antialias="shade-once")
+        for tolerance, samples in ((TOLERANCES[1], 9), (0.0, 9), (0.0, 16)):
+            _draw(*scenes["a file"], tolerance=tolerance, samples=samples)
+        _draw(*scenes["transparent and textured"], samples=9)
         for tolerance in TOLERANCES:
             for name in ("a file", "many lights", "texture, nearest"):
                 _draw(*scenes[name], shading="gouraud", tolerance=tolerance, samples=1)

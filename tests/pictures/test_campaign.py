@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.campaign import climb, find_faults, report
-from helpers.campaign_scenes import make_case
+from helpers.campaign_scenes import DEFAULT_RUN, make_case
 
 from rasterizer.scene.material import DISTRIBUTIONS, REFLECTIONS
 from rasterizer.scene.texture import FILTERS, WRAPS
 
 SEED = 8
-N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", 200))
+N_CASE = int(os.environ.get("RASTERIZER_FUZZ_CASES", DEFAULT_RUN))
 NIGHTLY = 3000
 MANY = 400  # lights: with thousands a picture of 12 pixels takes a minute, which is the night's
 N_SHOWN = 12  # faults, at most
@@ -40,7 +40,7 @@ def check_cases(indices, most_lights) -> None:
     """Draw scenes with their own tolerance, with tolerance 0, and by the reference."""
     faults, n_single, n_compared, n_step, n_case = [], 0, 0, 0, 0
     for index in indices:
-        case = default_case(index) if index < 200 else make_case(SEED, index)
+        case = default_case(index) if index < DEFAULT_RUN else make_case(SEED, index)
         if len(case.scene.lights) > most_lights:
             continue
         outcome = find_faults(case)
@@ -59,7 +59,7 @@ def test_random_scenes_keep_their_promises():
 
 @pytest.mark.nightly
 def test_many_more_random_scenes_keep_their_promises():
-    check_cases([86, *range(200, NIGHTLY)], np.inf)  # scene 86 has 8047 lights
+    check_cases([86, *range(DEFAULT_RUN, NIGHTLY)], np.inf)  # scene 86 has 8047 lights
 
 
 def features_of(case):
@@ -107,7 +107,7 @@ WANTED = {
 def test_the_default_scenes_hold_everything():
     """What none of the first scenes has, no default run tests: `make_case` sees to it by the scene's number."""
     counts = Counter()
-    for index in range(200):
+    for index in range(DEFAULT_RUN):
         case = default_case(index)
         if len(case.scene.lights) <= MANY:
             counts.update(set(features_of(case)))

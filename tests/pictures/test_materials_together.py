@@ -175,7 +175,11 @@ PLACES = {
 }
 
 
-@pytest.mark.parametrize("speck", [look for look in LOOKS if look not in ("plain", "dull")])
+NIGHTLY = {"textured toon"}  # which takes kernels that nothing else needs
+SPECKS = [pytest.param(look, marks=[pytest.mark.nightly] * (look in NIGHTLY)) for look in LOOKS]
+
+
+@pytest.mark.parametrize("speck", SPECKS[2:])  # the first two are what the object is made of
 def test_a_speck_leaves_every_pixel_of_a_plain_object_as_it_is(speck):
     """Wherever the speck is: out of the picture, in the same band, before or behind the object."""
     plain = ball("plain", radius=1.1)

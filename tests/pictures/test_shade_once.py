@@ -84,7 +84,7 @@ def test_what_is_lit_at_vertices_or_polygons_is_supersampled(shading):
         assert plain.tobytes() == once.tobytes()
 
 
-@pytest.mark.parametrize("samples", [4, 9])
+@pytest.mark.parametrize("samples", [4, pytest.param(9, marks=pytest.mark.nightly)])
 def test_pixels_within_a_polygon_are_lit_at_their_centres(samples):
     """As the picture with one sample a pixel is."""
     scene = SCENES["coloured"]

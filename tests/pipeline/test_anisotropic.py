@@ -42,7 +42,7 @@ def directions(seed, n):
     return normal, *sides
 
 
-@pytest.mark.parametrize("shading", SHADINGS)
+@pytest.mark.parametrize("shading", [*SHADINGS[:2], pytest.param("phong", marks=pytest.mark.nightly)])
 def test_pictures_agree_with_the_reference(shading):
     """Brushed along u and along an axis; and textured, transparent, clipped, beside colours of faces and other
     materials."""

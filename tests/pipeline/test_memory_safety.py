@@ -204,7 +204,7 @@ def options_of(rng):
     return (width, height), {
         "shading": str(rng.choice(SHADINGS)),
         "tolerance": float(rng.choice((0, 1e-6, 1 / 4096, 0.1))),
-        "samples": int(rng.choice((1, 4, 9))),
+        "samples": int(rng.choice((1, 4))),
         "cull": str(rng.choice(("none", "back"))),
         "color_range": str(rng.choice(("clamp", "global", "local"))),
         "exposure": float(rng.choice((0, 0, 64, -64))),
