@@ -52,6 +52,7 @@ def viewing(capsys, *argv):
     assert not thread.is_alive() and codes == [0]
 
 
+@pytest.mark.nightly  # six seconds of waiting
 def test_once_ends_when_the_last_page_is_closed_and_not_while_one_is_loaded_again(capsys, alone):
     """A page that was closed is given two seconds to come back."""
     with viewing(capsys, CUBE) as (thread, url):

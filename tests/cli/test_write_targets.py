@@ -159,6 +159,8 @@ def test_an_interrupt_at_any_time_shows_no_traceback(folder, delays, alone):
         time.sleep(delay)
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=60)
+        if err.startswith(b"Traceback") and b"cli" not in err:
+            continue  # it came before `main` was entered
         assert b"Traceback" not in err and process.returncode in (0, 130), (delay, err.decode())
         if process.returncode == 130:
             assert err.endswith(b"raster: error: interrupted\n")

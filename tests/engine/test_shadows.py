@@ -145,7 +145,7 @@ def test_a_plane_alone_is_lit_everywhere():
     assert_all_lit(
         (f"{kind}, {e} degrees, {texels} texels, {n} taps",
          ([plane], make_light(kind, e, 23 + 97 * e, shadow=Shadow(texels, n)), camera, (40, 30)), more())
-        for kind in KINDS for texels, n in ((16, 1), (100, 3), (1024, 1)) for e in (5, 12, 37, 89, 90)
+        for kind in KINDS for texels, n in ((16, 1), (100, 3), (1024, 1)) for e in (5, 37, 90)
     )  # fmt: skip
 
 
@@ -175,7 +175,8 @@ MAPS = ((16, 1), (64, 1), (256, 1), (256, 5), (1024, 1))
 
 def test_a_convex_model_casts_no_shadow_on_itself():
     more, kinds = in_turns(), cycle(("directional", "point", "point", "directional", "directional", "point"))
-    check_convex([(name, next(kinds), texels, more()) for texels in MAPS for name in CONVEX], (64, 48))
+    choices = [(name, next(kinds), texels, more()) for texels in MAPS for name in CONVEX]
+    check_convex(choices[::2], (64, 48))  # 25 in all: every other one has each of both
 
 
 @pytest.mark.nightly

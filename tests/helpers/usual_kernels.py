@@ -34,7 +34,9 @@ def compile_usual_kernels() -> int:
         _draw(mixed()["brushed, and textured"], {}, shading="gouraud", samples=4, antialias="shade-once")
         papered, shadows = {"texture": checks()}, scenes["shadows"][0].lights
         for tolerance in TOLERANCES:
-            _draw(scene_of(cube(**papered), floor(), lights=shadows), {}, shading="phong", tolerance=tolerance, samples=1)
+            _draw(
+                scene_of(cube(**papered), floor(), lights=shadows), {}, shading="phong", tolerance=tolerance, samples=1
+            )
         toon = cube(reflection="toon")
         for scene in (scene_of(toon, floor(**papered)), scene_of(toon, floor(), lights=shadows)):
             _draw(scene, {}, shading="phong", samples=1)

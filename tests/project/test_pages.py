@@ -83,10 +83,10 @@ def test_an_example_runs(example, checkout, monkeypatch):
 
 
 def telling() -> set[str]:
-    """Few of the commands that have together what all of them have: each model, flag, field, word and size."""
-    words = {line: set(re.findall(r"[a-z][\w-]*(?=[=:,/. ]|$)", line.partition(" -o ")[0])) for line in sorted(LINES)}
+    """Few of the commands that have together what all of them have: each command, flag and kind of light."""
+    words = {line: set(re.findall(r"^\w+|--[\w-]+|\b[a-z]+(?=:)", line.partition(" -o ")[0])) for line in sorted(LINES)}
     # Sixteen samples take long, and what the room needs is compiled for nothing else.
-    words = {line: found for line, found in words.items() if not found & {"samples", "room"}}
+    words = {line: found for line, found in words.items() if "--samples" not in found and "room" not in line}
     chosen, seen = set(), set()
     while not seen >= set().union(*words.values()):
         best = max(words, key=lambda line: len(words[line] - seen))
@@ -137,7 +137,7 @@ def lines():
     """What is typed on the pages, with the exit code that they say; what draws many pictures is run at night."""
     for page in PAGES:
         for line, code in console_lines(page):
-            is_long = re.match(r"render models |compare|batch|warmup|sheet|turntable models/still|.*--array all", line)
+            is_long = re.match(r"render models|compare|batch|warmup|sheet|turntable|demo|.*--array all", line)
             yield pytest.param(line, code, id=f"{page}-{line}", marks=[nightly] if is_long else [])
 
 

@@ -58,7 +58,7 @@ def check(scene, x, y, size, picture, **options):
 
 def test_the_shares_add_up_to_the_picture():
     """Every kind of light, material, texture, shadow, opacity and camera, as the seeded campaign makes them."""
-    for index in range(20):
+    for index in range(12):
         check_case(index)
 
 
@@ -107,7 +107,7 @@ def lit_quads(**options):
     ("phong", {"samples": 4}),
     ("gouraud", {"exposure": 1.5, "color_range": "global"}),
     ("phong", {"spectral": 9, "color_range": "local"}),
-    ("flat", {"cull": "back", "samples": 9}),
+    ("flat", {"cull": "back", "samples": 4}),
 ])  # fmt: skip
 def test_layers_lights_and_samples_are_explained(shading, options):
     scene, size = lit_quads(depth_cue=rz.DepthCue(20.0, 1.0, (0.2, 0.3, 0.4)), background=(0.1, 0.2, 0.3)), (24, 18)
