@@ -4,8 +4,9 @@
     python tests/faults/run.py --only shadow           # those that speak of a shadow
     python tests/faults/run.py --marks "" --keep       # by nightly tests, too; the table goes to bench/results/
 
-Tests run until the first of them fails: those of the faulty file, random scenes, the folders that the list names, then
-all others. What takes longer than --seconds has found the fault, too: it hangs.
+Tests run until the first of them fails: those of the faulty file, a few random scenes, the folders that the list names,
+then all others. What takes longer than --seconds has found the fault, too: it hangs. A fault in a kernel makes all
+kernels stale: of a minute for such a fault, most is compiling.
 """
 
 import argparse
@@ -28,6 +29,9 @@ ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / "bench" / "results" / "faults.json"
 LEFT_OUT = shutil.ignore_patterns(".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "*.egg-info")
 NO_TESTS = 5  # pytest's exit code where nothing was collected
+N_SCENE = 25  # random scenes, at first
+# What takes itself for a frozen program compiles in its own process, which is quicker for a kernel or two at a time.
+FROZEN = "import sys; sys.frozen = True; import pytest; sys.exit(pytest.main())"
 _printing = threading.Lock()
 
 
@@ -91,23 +95,25 @@ def put(fault: Fault, copy: Path) -> None:
 
 
 def ranges(fault: Fault, copy: Path, is_near: bool) -> Iterator[list[str]]:
-    """Yield which tests to run, the likeliest first: random scenes find most of what goes wrong in a picture."""
+    """Yield what Python is told to run, the likeliest first: random scenes find most of what goes wrong in a picture."""
     folder, _, name = fault.file.rpartition("/")
     folders = [f"tests/{each}" for each in fault.folders.split()]
     first = [f"tests/{folder}/test_{name}", "tests/pictures/test_campaign.py"]
-    yield from ([path] for path in first if (copy / path).is_file() and path.startswith(tuple(folders)))
-    yield folders
+    first = [path for path in first if (copy / path).is_file() and path.startswith(tuple(folders))]
+    yield from (["-c", FROZEN, path] for path in first)
+    yield ["-m", "pytest", *folders]
     if not is_near:
-        yield ["tests", *(f"--ignore={path}" for path in folders)]
+        yield ["-m", "pytest", "tests", *(f"--ignore={path}" for path in folders)]
 
 
 def first_failure(copy: Path, tests: list[str], store: Path, arguments) -> tuple[str, str]:
     """Run tests in one process; return the first that fails with the first line of what it says, or nothing twice."""
-    command = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-m", arguments.marks, "-p", "no:cacheprovider"]
+    command = [sys.executable, *tests, "-x", "-n", "0", "-m", arguments.marks, "-p", "no:cacheprovider"]
     environment = os.environ | {"PYTHONPATH": str(copy), "RASTER_STORE": str(store), "COLUMNS": "400"}
+    environment |= {"RASTERIZER_FUZZ_CASES": str(N_SCENE)} if FROZEN in tests else {}
     store.mkdir(exist_ok=True)
     try:
-        done = subprocess.run([*command, *arguments.pytest.split(), *tests], cwd=copy, env=environment, text=True,
+        done = subprocess.run([*command, *arguments.pytest.split()], cwd=copy, env=environment, text=True,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=arguments.seconds)  # fmt: skip
     except subprocess.TimeoutExpired:
         return f"after {arguments.seconds:g} s", "the tests hang"
