@@ -95,7 +95,7 @@ def put(fault: Fault, copy: Path) -> None:
 
 
 def ranges(fault: Fault, copy: Path, is_near: bool) -> Iterator[list[str]]:
-    """Yield what Python is told to run, the likeliest first: random scenes find most of what goes wrong in a picture."""
+    """Yield what Python is told to run, the likeliest first: random scenes find most that is wrong in a picture."""
     folder, _, name = fault.file.rpartition("/")
     folders = [f"tests/{each}" for each in fault.folders.split()]
     first = [f"tests/{folder}/test_{name}", "tests/pictures/test_campaign.py"]
