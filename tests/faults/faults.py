@@ -10,7 +10,7 @@ class Fault(NamedTuple):
     file: str  # below the package's folder
     before: str
     after: str
-    folders: str  # of tests that could see it, the likeliest first, e.g. "pipeline pictures"
+    folders: str  # of tests that could see it, the likeliest first, or a file, e.g. "pipeline/test_scan.py pipeline"
 
 
 FAULTS = (
@@ -20,14 +20,14 @@ FAULTS = (
         "pipeline/fill.py",
         "(dy == 0) & (dx > 0)",
         "(dy == 0) & (dx < 0)",
-        "pipeline pictures",
+        "pipeline/test_scan.py pipeline pictures",
     ),
     Fault(
         "edge stepping: a rest that is just the divisor carries no sample",
         "pipeline/fill.py",
         "carry = rest >= edge.divisor",
         "carry = rest > edge.divisor",
-        "pipeline pictures",
+        "pipeline/test_scan.py pipeline pictures",
     ),
     # Transform, clip, cull
     Fault(
@@ -591,7 +591,7 @@ HELD_OUT = (
         "pipeline/fill.py",
         "+ divisor - 1",
         "+ divisor",
-        "pipeline pictures",
+        "pipeline/test_scan.py pipeline pictures",
     ),
     Fault(
         "fill rule: of the smallest boxes, samples on right and bottom edges belong, those on left and top ones don't",

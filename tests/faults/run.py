@@ -29,6 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 KEPT = ROOT / "bench" / "results" / "faults.json"
 LEFT_OUT = shutil.ignore_patterns(".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "*.egg-info")
 NO_TESTS = 5  # pytest's exit code where nothing was collected
+CAMPAIGN = "tests/pictures/test_campaign.py"
 N_SCENE = 25  # random scenes, at first
 # What takes itself for a frozen program compiles in its own process, which is quicker for a kernel or two at a time.
 FROZEN = "import sys; sys.frozen = True; import pytest; sys.exit(pytest.main())"
@@ -98,7 +99,7 @@ def ranges(fault: Fault, copy: Path, is_near: bool) -> Iterator[list[str]]:
     """Yield what Python is told to run, the likeliest first: random scenes find most that is wrong in a picture."""
     folder, _, name = fault.file.rpartition("/")
     folders = [f"tests/{each}" for each in fault.folders.split()]
-    first = [f"tests/{folder}/test_{name}", "tests/pictures/test_campaign.py"]
+    first = [*(path for path in folders if path.endswith(".py")), f"tests/{folder}/test_{name}", CAMPAIGN]
     first = [path for path in first if (copy / path).is_file() and path.startswith(tuple(folders))]
     yield from (["-c", FROZEN, path] for path in first)
     yield ["-m", "pytest", *folders]
@@ -119,7 +120,7 @@ def first_failure(copy: Path, tests: list[str], store: Path, arguments) -> tuple
         return f"after {arguments.seconds:g} s", "the tests hang"
     if done.returncode in (0, NO_TESTS):
         return "", ""
-    line = re.search(r"^(?:FAILED|ERROR) (\S+?)(?: - (.*))?$", done.stdout, re.MULTILINE)
+    line = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - (.*))?$", done.stdout, re.MULTILINE)
     return (line[1], line[2] or "") if line else ("pytest", done.stdout.strip().splitlines()[-1])
 
 
