@@ -45,14 +45,14 @@ def test_beams_and_vectors_are_those_of_the_world(attached):
     lights = {kind: replace(light, attached=attached) for kind, light in LIGHTS.items()}
     beams = {kind: entry_of(light).beam(light, VIEW) for kind, light in lights.items()}
     way, place = np.array(WAY) @ axes, eye + np.array((1, 2, 3)) @ axes
-    assert beams["directional"].origin is None and np.allclose(beams["directional"].axis, way, atol=1e-15)
-    assert beams["point"].axis is None and np.allclose(beams["point"].origin, place, atol=1e-15)
-    assert np.allclose(beams["spot"].axis, way, atol=1e-15) and np.allclose(beams["spot"].origin, place, atol=1e-15)
+    found = {(kind, name): getattr(beam, name) for kind, beam in beams.items() for name in ("axis", "origin")}
+    assert found.pop(("directional", "origin")) is None and found.pop(("point", "axis")) is None
+    for (kind, name), vector in found.items():
+        assert vector == pytest.approx(way if name == "axis" else place, abs=1e-15), f"the {name} of a {kind} light"
     spreads = [beams[kind].spread for kind in LIGHTS]
     assert spreads == [0.0, np.inf, pytest.approx(np.tan(np.radians(40)))]
-    assert np.allclose(world_direction(lights["spot"], VIEW), way) and np.allclose(
-        world_position(lights["point"], VIEW), place
-    )
+    assert world_direction(lights["spot"], VIEW) == pytest.approx(way)
+    assert world_position(lights["point"], VIEW) == pytest.approx(place)
     wide = replace(lights["spot"], outer=90.0)
     assert entry_of(wide).beam(wide, VIEW).spread == np.inf
 

@@ -13,7 +13,6 @@ from rasterizer.reference.shading import Fragments, light_samples
 from rasterizer.reference.surface import Surface
 
 RING, TUBE = 1.0, 0.4  # radii of the torus of models/make_models.py, about the y axis
-ON_SURFACE = 1e-5  # how far the vertices may be off: files hold six decimals
 
 
 class Truth(NamedTuple):
@@ -23,22 +22,6 @@ class Truth(NamedTuple):
     alpha: np.ndarray  # (h, w) float64, covered share of the samples
     nearest: np.ndarray  # (h, w) float64, depth of the pixel's nearest sample, inf where one is empty
     furthest: np.ndarray  # (h, w) float64
-
-
-def find_surface(scene) -> str | None:
-    """Return "sphere" or "torus" if all vertices of the scene lie on that surface, and nothing but light and one plain
-    material matter; else None."""
-    mesh = scene.meshes[0]
-    is_plain = len(scene.meshes) == len(mesh.palette) == 1 and mesh.colors is None and mesh.face_colors is None
-    is_plain &= mesh.material.texture is None and mesh.material.is_opaque
-    if not is_plain or any(getattr(light, "shadow", None) is not None for light in scene.lights):
-        return None
-    x, y, z = scene.meshes[0].used_vertices.T
-    off = {
-        "sphere": np.abs(np.sqrt(x**2 + y**2 + z**2) - 1.0),
-        "torus": np.abs(np.hypot(np.hypot(x, z) - RING, y) - TUBE),
-    }
-    return next((name for name, distance in off.items() if distance.max() < ON_SURFACE), None)
 
 
 def draw(surface: str, scene, size, samples: int) -> Truth:

@@ -65,7 +65,6 @@ MATERIALS = {
 RECIPROCAL = {name for name in MATERIALS if name.startswith(("lambert", "oren", "ggx", "beckmann"))}
 RECIPROCAL |= {name for name in MATERIALS if "normalised" in name and "W" not in name}
 CONSERVING = RECIPROCAL | {name for name in MATERIALS if "normalised" in name}
-SMOOTH = [name for name in MATERIALS if "toon" not in name]
 
 
 def model_of(material):
