@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from helpers.arrays import differences
 from helpers.pinhole import octasphere, torus, unit
 
 import rasterizer as rz
@@ -27,7 +28,7 @@ def corner_places(part):
 def test_a_cube_is_split_at_its_edges():
     mesh = rz.Mesh(CUBE, QUADS)
     part = smooth_part(mesh)
-    assert len(part.points) == 24 and (corner_places(part) == CUBE[mesh.faces]).all()
+    assert len(part.points) == 24 and not differences(corner_places(part), CUBE[mesh.faces])
     normals = part.normals[part.corner]
     area = np.cross(CUBE[mesh.faces[:, 1]] - CUBE[mesh.faces[:, 0]], CUBE[mesh.faces[:, 2]] - CUBE[mesh.faces[:, 0]])
     assert np.abs(normals - unit(area)[:, None]).max() < 1e-15
@@ -42,7 +43,7 @@ def test_normals_of_vertices_are_taken_as_they_are():
     vertices, faces = octasphere(2)
     mesh = rz.Mesh(vertices, faces, normals=-vertices)
     part = smooth_part(mesh)
-    assert (part.positions == vertices).all() and (part.corner == faces).all()
+    assert not differences(part.positions, vertices) and not differences(part.corner, faces)
     assert np.abs(part.normals + vertices).max() < 1e-15
     creased = smooth_part(rz.Mesh(vertices, faces, normals=-vertices, crease_angle=180))
     assert (creased.normals * creased.points).sum(axis=1).min() > 0.9, "a crease angle overrides the file's normals"
@@ -58,7 +59,8 @@ def test_equal_normals_at_the_corners_of_a_vertex_are_welded():
     normals[0, 0], normals[1, 1] = (0.0, 0.0, 1.0), (-0.0, 0.0, 1.0)  # equal but for the sign of a zero
     mesh = rz.Mesh(vertices, faces, normals=normals)
     part = smooth_part(mesh)
-    assert (part.normals[part.corner] == mesh.normals).all() and (corner_places(part) == vertices[faces]).all()
+    assert not differences(part.normals[part.corner], mesh.normals)
+    assert not differences(corner_places(part), vertices[faces])
     pairs = {(int(v), *(n + 0.0)) for v, n in zip(faces.ravel(), mesh.normals.reshape(-1, 3), strict=True)}
     assert len(part.points) == len(pairs) < faces.size
     first_use = part.corner.ravel()[np.sort(np.unique(part.corner.ravel(), return_index=True)[1])]
@@ -76,7 +78,8 @@ def test_colors_of_faces_split_the_vertices_they_share():
     vertices, faces = octasphere(1)
     colors = np.array([(1.0, 0.2, 0.1), (0.1, 0.3, 0.9)])[np.arange(len(faces)) % 2]
     part = smooth_part(rz.Mesh(vertices, faces, face_colors=colors, crease_angle=180))
-    assert (part.albedo[part.corner] == colors[:, None]).all() and (corner_places(part) == vertices[faces]).all()
+    assert not differences(part.albedo[part.corner], colors[:, None])
+    assert not differences(corner_places(part), vertices[faces])
     assert len(vertices) < len(part.points) <= 2 * len(vertices)
     whole = smooth_part(rz.Mesh(vertices, faces, crease_angle=180))
     assert np.abs(part.normals[part.corner] - whole.normals[whole.corner]).max() == 0
@@ -89,7 +92,7 @@ def test_colors_of_vertices_count_before_those_of_faces():
     colors = np.random.default_rng(1).random(vertices.shape)
     mesh = rz.Mesh(vertices, faces, colors=colors, face_colors=np.ones((len(faces), 3)))
     part = smooth_part(mesh)
-    assert (part.albedo[part.corner] == colors[faces]).all()
+    assert not differences(part.albedo[part.corner], colors[faces])
     flat = flat_part(mesh)
     assert np.abs(flat.albedo - colors[faces].mean(axis=1)).max() < 1e-15
 
@@ -102,7 +105,7 @@ def test_polygons_have_one_point_each():
     vertices = np.array([[0, 0, 1.0], [4, 0, 1], [4, 1, 1], [0, 1, 1], [9, 9, 9]])
     mesh = rz.Mesh(vertices, [[0, 1, 2, 3], [0, 3, 4]])
     part = flat_part(mesh)
-    assert part.corner[:, 0].tolist() == [0, 0, 1] and (part.corner == part.corner[:, :1]).all()
+    assert part.corner[:, 0].tolist() == [0, 0, 1] and not differences(part.corner, part.corner[:, :1])
     assert np.abs(part.points[0] - (2, 0.5, 1)).max() < 1e-15 and np.abs(part.normals[0] - (0, 0, 1)).max() < 1e-15
     assert np.abs(part.points[1] - vertices[[0, 3, 4]].mean(axis=0)).max() < 1e-14
     assert part.positions is mesh.vertices and part.albedo is None
@@ -127,7 +130,7 @@ def test_numbers_of_polygons_may_have_gaps():
     vertices, faces = octasphere(1)
     polygons = (np.arange(len(faces)) // 3) * 7 + 5
     part = flat_part(rz.Mesh(vertices, faces, polygons=polygons))
-    assert (part.corner[:, 0] == np.arange(len(faces)) // 3).all() and len(part.points) == -(-len(faces) // 3)
+    assert not differences(part.corner[:, 0], np.arange(len(faces)) // 3) and len(part.points) == -(-len(faces) // 3)
     assert np.isfinite(part.points).all() and np.abs(np.linalg.norm(part.normals, axis=1) - 1).max() < 1e-15
 
 
@@ -136,10 +139,11 @@ def test_colors_of_corners_are_kept():
     own, shared = np.random.default_rng(3).random((len(faces), 3, 4)), np.random.default_rng(4).random(vertices.shape)
     for polygons in (None, np.arange(len(faces)) // 2):
         part = smooth_part(rz.Mesh(vertices, faces, colors=own, polygons=polygons))
-        assert (part.albedo[part.corner] == own[..., :3]).all() and (corner_places(part) == vertices[faces]).all()
+        assert not differences(part.albedo[part.corner], own[..., :3])
+        assert not differences(corner_places(part), vertices[faces])
         meshes = [rz.Mesh(vertices, faces, colors=c, polygons=polygons) for c in (shared, shared[faces])]
         flat, same = (flat_part(mesh).albedo for mesh in meshes)
-        assert (flat == same).all()
+        assert not differences(flat, same)
     assert np.abs(flat_part(rz.Mesh(vertices, faces, colors=own)).albedo - own[..., :3].mean(axis=1)).max() < 1e-15
 
 
@@ -176,7 +180,7 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     scene = rz.Scene(meshes)
     geometry = gather_geometry(scene, is_flat)
     corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
-    assert (geometry.positions[:, geometry.vertex].T == corners).all()
+    assert not differences(geometry.positions[:, geometry.vertex].T, corners)
     assert geometry.corner.shape == geometry.vertex.shape == (3, scene.n_face)
     assert (geometry.points is geometry.positions) == (not is_flat)
     for mesh in range(3):
@@ -190,7 +194,7 @@ def test_meshes_stand_one_behind_the_other(is_flat):
     assert gather_geometry(rz.Scene(meshes[:1]), is_flat).albedo.shape == (0, 3)
     assert not geometry.is_inverted.any()
     assert geometry.group_material.tolist() == [0, 1, 2]
-    assert (geometry.face_material == np.repeat(np.arange(3), np.diff(scene.face_offsets))).all()
+    assert not differences(geometry.face_material, np.repeat(np.arange(3), np.diff(scene.face_offsets)))
 
 
 @pytest.mark.parametrize("is_flat", [True, False])
@@ -210,9 +214,9 @@ def test_faces_whose_normals_contradict_their_winding_are_flagged():
     flipped = np.arange(len(faces)) % 3 == 0
     wound = np.where(flipped[:, None], faces[:, ::-1], faces)
     geometry = gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]), False)
-    assert (geometry.is_inverted == flipped).all()
+    assert not differences(geometry.is_inverted, flipped)
     inside = gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=-vertices)]), False)
-    assert (inside.is_inverted == ~flipped).all()
+    assert not differences(inside.is_inverted, ~flipped)
     assert not gather_geometry(rz.Scene([rz.Mesh(vertices, wound, normals=vertices)]), True).is_inverted.any()
     nothing = np.ones(len(faces), np.uint8)
     flag_inverted(geometry.positions, 0 * geometry.normals, geometry.vertex, nothing)

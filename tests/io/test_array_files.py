@@ -7,6 +7,7 @@ import zlib
 
 import numpy as np
 import pytest
+from helpers.arrays import differences
 from helpers.pairs import pairs
 from helpers.raster import ROOT
 from helpers.refusals import assert_refused
@@ -72,14 +73,14 @@ def test_pillow_reads_16_bit_depths(frame):
         assert image.mode.startswith("I;16")
         stored = np.asarray(image).astype(int)
     expected = np.where(np.isfinite(frame.depth), np.rint(frame.depth.astype(float) / 0.001), 0)
-    assert np.array_equal(stored, expected)
+    assert not differences(stored, expected)
 
 
 def test_depths_come_back_to_half_a_step(frame, tmp_path):
     for scale in (None, 2e-4, 0.25, 1 / 3):
         frame.save(tmp_path / "depth.png", array="depth", scale=scale)
         depth, is_nothing = decoded((tmp_path / "depth.png").read_bytes())
-        assert np.array_equal(is_nothing, np.isinf(frame.depth))
+        assert not differences(is_nothing, np.isinf(frame.depth))
         error, most = np.abs(depth - frame.depth)[~is_nothing].max(), 0.5001 * (scale or 0.001)
         assert error <= most, f"{error:.3g} > {most:.3g}"
 
@@ -87,9 +88,9 @@ def test_depths_come_back_to_half_a_step(frame, tmp_path):
 def test_masks_indices_and_alpha_come_back_exactly(frame):
     for name in ("face", "object", "material"):
         found, is_nothing = decoded(encode_array_png(name, frame.array(name)))
-        assert np.array_equal(found, frame.array(name)) and np.array_equal(is_nothing, ~frame.mask)
+        assert not differences(found, frame.array(name)) and not differences(is_nothing, ~frame.mask)
     found, _ = decoded(encode_array_png("mask", frame.mask))
-    assert np.array_equal(found, frame.mask) and read_png(encode_array_png("mask", frame.mask))[0].max() == 255
+    assert not differences(found, frame.mask) and read_png(encode_array_png("mask", frame.mask))[0].max() == 255
     found, _ = decoded(encode_array_png("alpha", frame.alpha))
     assert np.abs(found - frame.alpha).max() <= 0.5001 / 255
 
@@ -97,7 +98,7 @@ def test_masks_indices_and_alpha_come_back_exactly(frame):
 def test_normals_come_back_to_half_a_step(frame):
     for name in ("normal", "normal_camera"):
         found, is_nothing = decoded(encode_array_png(name, frame.array(name)))
-        assert np.array_equal(is_nothing.all(axis=-1), ~frame.mask)
+        assert not differences(is_nothing.all(axis=-1), ~frame.mask)
         assert np.abs(found - frame.array(name))[frame.mask].max() <= 1.001 / 65535
 
 
@@ -165,17 +166,16 @@ def test_an_exr_file_has_the_channels_that_others_expect(frame, tmp_path):
         found = {name: channel.pixels for name, channel in file.channels().items()}
         assert "premultiplied" not in file.header() and "Indices are 1 more" in file.header()["comments"]
     for k, name in enumerate("RGB"):
-        assert np.array_equal(found[name], frame.color[..., k] * frame.alpha)
-    assert np.array_equal(found["A"], frame.alpha) and np.array_equal(found["Z"], frame.depth)
+        assert not differences(found[name], frame.color[..., k] * frame.alpha)
+    assert not differences(found["A"], frame.alpha) and not differences(found["Z"], frame.depth)
     for group, name in (("N", "normal"), ("P", "position"), ("Pcamera", "position_camera")):
         for k, axis in enumerate("XYZ"):
-            assert np.array_equal(found[f"{group}.{axis}"], frame.array(name)[..., k], equal_nan=True)
+            assert not differences(found[f"{group}.{axis}"], frame.array(name)[..., k], equal_nan=True)
     for name in ("face", "object", "material"):
-        assert found[f"id.{name}"].dtype == np.uint32 and np.array_equal(
-            found[f"id.{name}"].astype(int) - 1, frame.array(name)
-        )
-    assert np.array_equal(found["mask"], frame.mask)
-    assert np.array_equal(found["UV.U"], frame.uv[..., 0], equal_nan=True)
+        assert found[f"id.{name}"].dtype == np.uint32
+        assert not differences(found[f"id.{name}"].astype(int) - 1, frame.array(name))
+    assert not differences(found["mask"], frame.mask)
+    assert not differences(found["UV.U"], frame.uv[..., 0], equal_nan=True)
     own = encode_exr({"of-ones-own": np.ones((2, 3, 2), np.float32)})
     (tmp_path / "own.exr").write_bytes(own)
     with exr.File(str(tmp_path / "own.exr"), separate_channels=True) as file:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.arrays import differences
 from PIL import Image
 
 from rasterizer.errors import OutputError, SceneError
@@ -29,7 +30,7 @@ def make_frame(alpha=(0, 128, 255), **arrays) -> Frame:
 def test_a_frame_is_an_array():
     frame = make_frame()
     assert np.asarray(frame).shape == (2, 3, 4) and np.asarray(frame).dtype == np.uint8
-    assert np.array_equal(np.asarray(frame), frame.rgba) and np.array_equal(frame.rgb, frame.rgba[..., :3])
+    assert not differences(np.asarray(frame), frame.rgba) and not differences(frame.rgb, frame.rgba[..., :3])
     assert frame.alpha.dtype == np.float32 and frame.alpha[0].tolist() == [0.0, np.float32(128 / 255), 1.0]
     assert np.asarray(frame, dtype=np.float64).dtype == np.float64
 
@@ -59,7 +60,7 @@ def test_pil_drops_alpha_where_all_is_opaque():
 
 def test_a_notebook_shows_the_picture():
     shown = Image.open(io.BytesIO(make_frame()._repr_png_()))
-    assert np.array_equal(np.asarray(shown), make_frame().rgba)
+    assert not differences(np.asarray(shown), make_frame().rgba)
 
 
 def test_saved_pictures_are_the_same(tmp_path):
@@ -98,7 +99,7 @@ def test_options_of_a_png_file_are_passed_to_pillow():
     frame = noisy_frame(2)
     plain, small = frame.encode("PNG"), frame.encode("PNG", compress_level=9, dpi=(72, 72))
     assert "dpi" in Image.open(io.BytesIO(small)).info and not Image.open(io.BytesIO(plain)).info
-    assert np.array_equal(np.asarray(Image.open(io.BytesIO(small))), frame.rgba)
+    assert not differences(np.asarray(Image.open(io.BytesIO(small))), frame.rgba)
 
 
 def run_program(code, folder):
@@ -125,14 +126,14 @@ def test_format_overrides_the_suffix(tmp_path):
     path = make_frame().save(tmp_path / "picture.data", format="BMP")
     assert Image.open(path).format == "BMP"
     path = make_frame().save(tmp_path / "array.data", format="npy", array="rgba")
-    assert np.array_equal(np.load(path), make_frame().rgba)
+    assert not differences(np.load(path), make_frame().rgba)
 
 
 def test_arrays_are_saved_by_name(tmp_path):
     depth = np.array([[1.0, np.inf, 2.0]] * 2, np.float32)
     frame = make_frame(depth=depth)
-    assert np.array_equal(np.load(frame.save(tmp_path / "d.npy", array="depth")), depth)
-    assert np.array_equal(np.load(frame.save(tmp_path / "a.npy", array="alpha")), frame.alpha)
+    assert not differences(np.load(frame.save(tmp_path / "d.npy", array="depth")), depth)
+    assert not differences(np.load(frame.save(tmp_path / "a.npy", array="alpha")), frame.alpha)
     with pytest.raises(SceneError, match="no color"):
         frame.save(tmp_path / "c.npy")
     with pytest.raises(SceneError, match="array must be one of color, rgb"):

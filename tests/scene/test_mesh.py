@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.arrays import differences
 from helpers.refusals import assert_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -42,7 +43,7 @@ def test_stored_forms():
         assert np.array_equal(Mesh(SQUARE.astype(dtype), TWO).vertices, SQUARE), dtype
     mesh = Mesh(np.asfortranarray(SQUARE), TWO[:, ::-1])
     assert mesh.vertices.flags.c_contiguous and mesh.faces.flags.c_contiguous
-    assert np.array_equal(mesh.faces, TWO[:, ::-1])
+    assert not differences(mesh.faces, TWO[:, ::-1])
 
 
 def test_arrays_are_copied_read_only_and_the_callers_stay_writable():
@@ -53,7 +54,7 @@ def test_arrays_are_copied_read_only_and_the_callers_stay_writable():
         with pytest.raises(ValueError, match="read-only"):
             getattr(mesh, field)[0] = 0
     assert vertices.flags.writeable and faces.flags.writeable and normals.flags.writeable
-    assert (normals == 2.0).all()
+    assert not differences(normals, 2.0)
 
 
 # --- polygons -----------------------------------------------------------------------------------------------
@@ -88,7 +89,7 @@ def test_fans_of_any_lengths(lengths, random):
 def test_attributes_of_polygons_go_to_their_triangles():
     colors = np.arange(15.0).reshape(5, 3)
     mesh = Mesh(PRISM_VERTICES, PRISM, face_colors=colors, smoothing=[5, 6, 7, 8, 9])
-    assert np.array_equal(mesh.face_colors, colors[mesh.polygons])
+    assert not differences(mesh.face_colors, colors[mesh.polygons])
     assert mesh.smoothing.tolist() == [5, 6, 7, 7, 8, 8, 9, 9] and mesh.smoothing.dtype == np.int32
     mesh = Mesh(PRISM_VERTICES, PRISM, face_colors=np.arange(24.0).reshape(8, 3), smoothing=range(8))
     assert mesh.face_colors[:, 0].tolist() == list(range(0, 24, 3))
@@ -119,7 +120,7 @@ def test_colours_are_linear_and_uv_by_vertex_or_corner():
     mesh = Mesh(SQUARE, TWO, colors=np.full((4, 4), 128, dtype=np.uint8))
     assert mesh.colors[0] == pytest.approx((0.2158605, 0.2158605, 0.2158605, 128 / 255))
     floats = np.full((4, 3), 0.5, dtype=np.float32)
-    assert (Mesh(SQUARE, TWO, colors=floats).colors == 0.5).all()
+    assert not differences(Mesh(SQUARE, TWO, colors=floats).colors, 0.5)
     assert Mesh(SQUARE, TWO, face_colors=np.zeros((2, 3), dtype=np.uint8)).face_colors.dtype == np.float64
     assert Mesh(SQUARE, TWO, uv=SQUARE[:, :2]).uv.shape == (4, 2)
     assert Mesh(SQUARE, TWO, uv=np.zeros((2, 3, 2))).uv.shape == (2, 3, 2)
@@ -129,7 +130,7 @@ def test_bounds_count_used_vertices_only():
     stray = np.concatenate([[(99.0, 99, 99)], SQUARE])
     mesh = Mesh(stray, TWO + 1)
     assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 0]]
-    assert np.array_equal(mesh.used_vertices, SQUARE)
+    assert not differences(mesh.used_vertices, SQUARE)
     whole = Mesh(SQUARE, TWO)
     assert whole.used_vertices is whole.vertices
 
@@ -254,9 +255,9 @@ def test_faces_with_bad_coordinates_are_refused_or_dropped(bad):
     assert mesh.faces.tolist() == [[0, 1, 2]] and mesh.polygons.tolist() == [0]
     assert mesh.normals.shape == (1, 3, 3) and mesh.smoothing.tolist() == [4]
     assert mesh.face_colors.tolist() == [[1, 0, 0]]
-    assert np.isfinite(mesh.vertices).all() and np.array_equal(mesh.vertices[:3], SQUARE[:3])
+    assert np.isfinite(mesh.vertices).all() and not differences(mesh.vertices[:3], SQUARE[:3])
     assert mesh.bounds.tolist() == [[0, 0, 0], [1, 1, 0]]
-    assert np.array_equal(vertices[3, 1], bad, equal_nan=True)  # the caller's array is as it was
+    assert not differences(vertices[3, 1], bad, equal_nan=True)  # the caller's array is as it was
 
 
 def test_dropping_goes_by_polygons_and_mends_normals():
@@ -295,17 +296,17 @@ def test_from_trimesh():
     trimesh = pytest.importorskip("trimesh")
     source = trimesh.Trimesh(SQUARE, TWO, process=False, metadata={"name": "square"})
     mesh = Mesh.from_any(source)
-    assert np.array_equal(mesh.faces, TWO) and mesh.name == "square" and source.vertices.flags.writeable
+    assert not differences(mesh.faces, TWO) and mesh.name == "square" and source.vertices.flags.writeable
     assert mesh.normals is None and mesh.colors is None and mesh.face_colors is None
     source.visual.face_colors = [[255, 0, 0, 255], [0, 255, 0, 255]]
     assert Mesh.from_any(source).face_colors.tolist() == [[1, 0, 0, 1], [0, 1, 0, 1]]
     source.visual.vertex_colors = np.full((4, 4), 255, dtype=np.uint8)
-    assert (Mesh.from_any(source).colors == 1.0).all()
+    assert not differences(Mesh.from_any(source).colors, 1.0)
     normals = np.tile([0.0, 0.6, 0.8], (4, 1))
     held = trimesh.Trimesh(SQUARE, TWO, vertex_normals=normals, process=False)
     assert Mesh.from_any(held).normals == pytest.approx(normals)
     held.visual = trimesh.visual.TextureVisuals(uv=SQUARE[:, :2])
-    assert np.array_equal(Mesh.from_any(held).uv, SQUARE[:, :2])
+    assert not differences(Mesh.from_any(held).uv, SQUARE[:, :2])
 
 
 # --- moved, turned, scaled ----------------------------------------------------------------------------------
@@ -337,27 +338,29 @@ def test_a_mirror_turns_the_winding_and_the_corners_with_it():
     mesh = Mesh(SQUARE, TWO, **given, name="m")
     moved = mesh.transformed(np.diag([1, 1, -1, 1]))
     assert moved.faces.tolist() == [[0, 2, 1], [0, 3, 2]]
-    assert np.array_equal(moved.uv, corners[:, [0, 2, 1]]) and np.array_equal(moved.colors, colors[:, [0, 2, 1]])
+    assert not differences(moved.uv, corners[:, [0, 2, 1]]) and not differences(moved.colors, colors[:, [0, 2, 1]])
     assert (moved.name, moved.polygons.tolist(), moved.smoothing.tolist()) == ("m", [3, 3], [1, 2])
-    assert np.array_equal(moved.face_colors, mesh.face_colors)
-    assert (area_vectors(moved)[:, 2] == -1.0).all() and mesh.faces.tolist() == TWO.tolist()
-    assert np.array_equal(MOVED.scaled((-1, 1, 1)).faces, MOVED.faces[:, [0, 2, 1]])
-    assert np.array_equal(MOVED.scaled((-1, 1, -1)).faces, MOVED.faces)
+    assert not differences(moved.face_colors, mesh.face_colors)
+    assert not differences(area_vectors(moved)[:, 2], -1.0) and mesh.faces.tolist() == TWO.tolist()
+    assert not differences(MOVED.scaled((-1, 1, 1)).faces, MOVED.faces[:, [0, 2, 1]])
+    assert not differences(MOVED.scaled((-1, 1, -1)).faces, MOVED.faces)
 
 
 def test_a_mesh_is_moved_turned_and_scaled():
     moved = MOVED.translated((1, -2, 3.5))
-    assert np.array_equal(moved.vertices, POINTS + (1, -2, 3.5)) and moved.name == "a"
-    assert np.allclose(moved.normals, MOVED.normals, atol=1e-15)
+    assert not differences(moved.vertices, POINTS + (1, -2, 3.5)) and moved.name == "a"
+    assert not differences(moved.normals, MOVED.normals, atol=1e-15, rtol=1e-5)
     axis, about = np.array([0.3, -2.0, 1.1]), np.array([1.0, 2.0, 3.0])
     turned = MOVED.rotated(37, axis, about)
-    assert np.allclose(np.linalg.norm(turned.vertices - about, axis=1), np.linalg.norm(POINTS - about, axis=1))
-    assert np.allclose((turned.vertices - POINTS) @ axis, 0.0, atol=1e-14)
-    assert np.allclose(turned.rotated(-37, axis, about).vertices, POINTS, atol=1e-14)
-    assert np.allclose(MOVED.scaled(2).vertices, 2 * POINTS)
+    assert not differences(
+        np.linalg.norm(turned.vertices - about, axis=1), np.linalg.norm(POINTS - about, axis=1), rtol=1e-5, atol=1e-8
+    )
+    assert not differences((turned.vertices - POINTS) @ axis, 0.0, atol=1e-14, rtol=1e-5)
+    assert not differences(turned.rotated(-37, axis, about).vertices, POINTS, atol=1e-14, rtol=1e-5)
+    assert not differences(MOVED.scaled(2).vertices, 2 * POINTS, rtol=1e-5, atol=1e-8)
     grown = MOVED.scaled((2, 3, 0.5), POINTS[0])
-    assert np.allclose(grown.vertices[0], POINTS[0])
-    assert np.allclose(grown.vertices - POINTS[0], (POINTS - POINTS[0]) * (2, 3, 0.5))
+    assert not differences(grown.vertices[0], POINTS[0], rtol=1e-5, atol=1e-8)
+    assert not differences(grown.vertices - POINTS[0], (POINTS - POINTS[0]) * (2, 3, 0.5), rtol=1e-5, atol=1e-8)
 
 
 def test_a_quarter_turn_is_counter_clockwise_and_exact():
