@@ -44,6 +44,7 @@ def test_known_jumps():
         ("a ridge", 0.5 - 0.01 * np.abs(X), 0.0, 0.02),
         ("a kink", np.where(X < 0, 0.3, 0.3 + 0.02 * X), 0.0, 0.02),
         ("a step in a ramp", np.where(X < 0, 0.2 + 0.01 * X, 0.5 + 0.01 * X), 0.3, 0.3),
+        ("a step beside a parabola", np.where(X < 0, 0.2 + 0.002 * X**2, 0.5), 0.3, 0.3 - 0.002 / 4),
         ("smooth: curvature alone is no jump", 0.5 + 0.001 * X**2, 0.0, 0.0),
         ("nor is how fast that changes", 0.5 + 0.0003 * X**3, 0.0, 0.0),
         ("a highlight that is wider than the pixels that are looked at", 0.5 + 0.3 * np.exp(-((X / 5) ** 2)), 0.0, 0.0),
