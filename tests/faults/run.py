@@ -10,7 +10,7 @@ kernels stale: of a minute for such a fault, most is compiling.
 """
 
 import argparse
-import json
+import csv
 import os
 import re
 import shutil
@@ -26,7 +26,7 @@ from pathlib import Path
 from faults import FAULTS, HELD_OUT, Fault
 
 ROOT = Path(__file__).resolve().parents[2]
-KEPT = ROOT / "bench" / "results" / "faults.json"
+KEPT = ROOT / "bench" / "results" / "faults.csv"
 LEFT_OUT = shutil.ignore_patterns(".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "build", "*.egg-info")
 NO_TESTS = 5  # pytest's exit code where nothing was collected
 CAMPAIGN = "tests/pictures/test_campaign.py"
@@ -55,7 +55,10 @@ def main() -> int:
     missed = [row["fault"] for row in rows if not row["found"]]
     print(f"{len(rows) - len(missed)} of {len(rows)} faults are found" + "".join(f"\n  not {what}" for what in missed))
     if arguments.keep:
-        KEPT.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        with open(KEPT, "w", newline="", encoding="utf-8") as file:
+            table = csv.DictWriter(file, rows[0])
+            table.writeheader()
+            table.writerows(rows)
     return bool(missed)
 
 
@@ -79,7 +82,7 @@ def seek(fault: Fault, folder: Path, arguments) -> dict:
         "file": fault.file,
         "found": bool(test),
         "test": test,
-        "says": words,
+        "says": words[:160],
         "seconds": seconds,
     }
 
