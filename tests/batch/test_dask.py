@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 import pytest
 from helpers.command import raster
@@ -65,16 +66,22 @@ def test_the_bytes_are_those_of_local_processes(cluster):
     assert files_in("address")["0-front.png"] == files_in("far")["0-front.png"]
 
 
+def scenes_in(cluster) -> list[tuple[str, ...]]:
+    """Return the addresses of the workers that hold it, a scene each."""
+    return [addresses for key, addresses in cluster.who_has().items() if str(key).startswith("Scene")]
+
+
 @pytest.mark.nightly
 def test_a_worker_that_is_killed_half_way_loses_nothing(cluster, alone):
     """The worker that has the scattered model is the one that dies: it must be sent anew."""
     views = [(angle, 20) for angle in range(0, 360, 9)]
     scene = rz.load(MODELS[2])
     local = list(rz.render_many(tasks_of([scene], "local", views), n_process=1))
+    while scenes_in(cluster):  # those of the test before, which is over
+        time.sleep(0.01)
     batch = rz.render_many(tasks_of([scene], "far", views), cluster)
     records = [next(batch)]
-    (key,) = (key for keys in cluster.has_what().values() for key in keys if str(key).startswith("Scene"))
-    (address,) = cluster.who_has([key])[key]
+    ((address,),) = scenes_in(cluster)
     (pid,) = (worker.pid for worker in cluster.cluster.workers.values() if worker.worker_address == address)
     os.kill(pid, signal.SIGKILL)  # as the system does that has no memory left
     records += list(batch)

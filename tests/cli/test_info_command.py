@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
+from helpers.arrays import deviations
 from helpers.command import CUBE, GEAR, assert_refused, raster
 from helpers.model_bytes import gltf_with
 from helpers.raster import ROOT
@@ -36,7 +36,7 @@ def test_the_facts_are_those_of_the_scene(capsys):
     assert room["textures"][0]["size"] == [256, 128] and room["camera"]
     assert {"wood", "globe"} < {each["name"] for each in room["materials"]}
     assert any(name.endswith("table.obj") for name in room["files_read"])
-    assert not differences(room["bounds"], scene.bounds, rtol=1e-5, atol=1e-8)
+    assert not deviations(room["bounds"], scene.bounds)
 
 
 def test_lines_say_what_json_says(capsys):

@@ -7,7 +7,7 @@ import signal
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
+from helpers.arrays import deviations, differences
 from helpers.command import CUBE, GEAR, assert_refused, end_by_signal, one_error, raster, start_with
 from helpers.model_bytes import rich_gltf
 from helpers.raster import ROOT
@@ -184,13 +184,13 @@ def assert_round_as_an_orbit(box, up):
     turned = turned_cameras(orbit[0], [0, 45, 180, 360], pole, np.array(orbit[0].target))
     assert turned[0] is orbit[0]
     for a, b in zip(turned, orbit, strict=True):
-        assert not differences(a.pose, b.pose, atol=1e-12)
+        assert not deviations(a.pose, b.pose, rtol=0, atol=1e-12)
 
 
 def test_a_camera_that_looks_down_the_axis_turns_its_picture():
     camera = rz.Camera.look_at((0, 5, 0), (0, 0, 0), "y")
     tops = [c.view().up for c in turned_cameras(camera, [0, 90, 180], (0, 1, 0), np.zeros(3))]
-    assert not differences(tops, [[0, 0, -1], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
+    assert not deviations(tops, [[0, 0, -1], [-1, 0, 0], [0, 0, 1]], rtol=0, atol=1e-12)
 
 
 def test_a_transparent_gif_has_no_soft_shadow_and_that_is_said_once(capsys):

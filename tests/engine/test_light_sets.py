@@ -1,7 +1,7 @@
 """Check which lights a plan leaves out, for which materials, and which it adds up: by points in the boxes of meshes."""
 
 import numpy as np
-from helpers.arrays import differences
+from helpers.arrays import deviations, differences
 from helpers.pinhole import SHADINGS, octasphere, unit
 
 import rasterizer as rz
@@ -79,7 +79,7 @@ def test_cells_fill_their_boxes():
         assert len(cells) <= max(MOST_CELLS, n) and len(np.unique(box)) == n
         sizes = (cells[:, 1] - cells[:, 0]).prod(axis=1)
         whole = (bounds[:, 1] - bounds[:, 0]).prod(axis=1)
-        assert not differences(np.bincount(box, sizes), whole, rtol=1e-9, atol=1e-8)
+        assert not deviations(np.bincount(box, sizes), whole, rtol=1e-09)
         assert not differences(np.array([cells[box == k, 0].min(axis=0) for k in range(min(n, 5))]), bounds[:5, 0])
         assert not differences(np.array([cells[box == k, 1].max(axis=0) for k in range(min(n, 5))]), bounds[:5, 1])
 

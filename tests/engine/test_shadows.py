@@ -176,7 +176,7 @@ MAPS = ((16, 1), (64, 1), (256, 1), (256, 5), (1024, 1))
 def test_a_convex_model_casts_no_shadow_on_itself():
     more, kinds = in_turns(), cycle(("directional", "point", "point", "directional", "directional", "point"))
     choices = [(name, next(kinds), texels, more()) for texels in MAPS for name in CONVEX]
-    check_convex(choices[::2], (64, 48))  # 25 in all: every other one has each of both
+    check_convex(choices[::2], (64, 48))  # every second one: each map and each model is among them
 
 
 @pytest.mark.nightly

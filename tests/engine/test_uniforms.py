@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
+from helpers.arrays import deviations, differences
 from helpers.pinhole import unit
 
 import rasterizer as rz
@@ -106,7 +106,7 @@ def test_beside_a_coloured_material_a_grey_one_has_one_channel():
     # Coloured light leaves nothing grey.
     lighting, _ = lighting_of((rz.DirectionalLight((0, 0, -1), (0.5, 0.2, 0.1)),), grey, clay)
     assert channels_of(lighting) in ([(3, 3)] * 2, [(1, 1), (3, 3)])
-    assert not differences(lighting.colors[-1], [[0.5, 0.2, 0.1] * 2], rtol=1e-5, atol=1e-8)
+    assert not deviations(lighting.colors[-1], [[0.5, 0.2, 0.1] * 2])
 
 
 def test_only_the_materials_of_a_type_have_functions_in_it():
@@ -127,13 +127,11 @@ def test_with_spectra_every_material_has_sums_of_its_own():
     lights = (rz.AmbientLight(0.4), rz.PointLight((1, 2, 3), 0.5), rz.DirectionalLight((0, 0, -1)))
     lighting, plan = lighting_of(lights, *materials, exposure=1)
     assert channels_of(lighting) == [(3, 3)] * 2 and lighting.colors.shape == (2, 2, 6)
-    assert not differences(lighting.colors[0], [[0.5] * 3 + [0.3] * 3, [1.0] * 3 + [0.6] * 3], atol=1e-9, rtol=1e-5)
-    assert not differences(
-        lighting.colors[1], [[0.2, 0.6, 0.4, 0, 0, 0], [0.4, 1.2, 0.8, 0, 0, 0]], atol=1e-9, rtol=1e-5
-    )
+    assert not deviations(lighting.colors[0], [[0.5] * 3 + [0.3] * 3, [1.0] * 3 + [0.6] * 3], atol=1e-09)
+    assert not deviations(lighting.colors[1], [[0.2, 0.6, 0.4, 0, 0, 0], [0.4, 1.2, 0.8, 0, 0, 0]], atol=1e-09)
     assert not differences(lighting.materials[:, m.DIFFUSE : m.DIFFUSE + 3], 1)
     assert not differences(lighting.materials[:, m.SPECULAR : m.SPECULAR + 3], 1)
-    assert not differences(lighting.materials[1, m.EMISSION : m.EMISSION + 3], 0.2, rtol=1e-5, atol=1e-8)
+    assert not deviations(lighting.materials[1, m.EMISSION : m.EMISSION + 3], 0.2)
     assert plan.products is not None
 
 

@@ -1,20 +1,30 @@
 """What is different in two arrays, in words: the first line of a test that fails."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 
-def differences(found, expected, rtol=0.0, atol=0.0, equal_nan=False) -> str:
+def differences(found, expected, equal_nan=False) -> str:
     """Say how many values differ and which is the first; "" where none does.
 
-    What is expected is broadcast to the shape of what is found. With a tolerance, values may differ as `np.allclose`
-    says.
+    What is expected has the same shape, or is one number for all.
     """
+    both_nan = (lambda a, b: np.isnan(a) & np.isnan(b)) if equal_nan else lambda a, b: False
+    return in_words(found, expected, lambda a, b: (a == b) | both_nan(a, b))
+
+
+def deviations(found, expected, rtol=1e-5, atol=1e-8) -> str:
+    """Say how many values differ by more than `np.allclose` admits, as `differences` does."""
+    return in_words(found, expected, lambda a, b: np.isclose(a, b, rtol, atol))
+
+
+def in_words(found, expected, are_same: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> str:
+    """Say how many values aren't the same, and which is the first."""
     found, expected = np.asarray(found), np.asarray(expected)
-    if np.broadcast_shapes(found.shape, expected.shape) != found.shape:
+    if expected.ndim and found.shape != expected.shape:
         return f"the shape is {found.shape} instead of {expected.shape}"
-    is_same = np.isclose(found, expected, rtol, atol, equal_nan) if rtol or atol else np.asarray(found == expected)
-    if equal_nan:
-        is_same = is_same | (np.isnan(found) & np.isnan(expected))
+    is_same = np.asarray(are_same(found, expected))
     if is_same.all():
         return ""
     place = tuple(int(k) for k in np.argwhere(~is_same)[0])

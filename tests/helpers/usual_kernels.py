@@ -39,30 +39,28 @@ def usual_pictures() -> Iterator[tuple[rz.Scene, dict]]:
     scenes = drawn()
     flat, gouraud, phong = ({"shading": shading} for shading in ("flat", "gouraud", "phong"))
 
-    def named(name, *options):
-        scene, all_options = scenes[name][0], dict(scenes[name][1])
-        for each in options:
-            all_options |= each
-        return scene, all_options
+    def named(name, options):
+        scene, own_options = scenes[name]
+        return scene, own_options | options
 
     for tolerance in ({"tolerance": each} for each in TOLERANCES):
         for name, shading in product((*OFTEN, *SOMETIMES), (flat, phong)):
-            yield named(name, ONE, shading, tolerance)
+            yield named(name, ONE | shading | tolerance)
         for name, more in product((*OFTEN, "a file"), ({"samples": 4}, ONCE)):
-            yield named(name, more, phong, tolerance)
+            yield named(name, more | phong | tolerance)
         for name in ("a file", "many lights", "texture, nearest"):
-            yield named(name, ONE, gouraud, tolerance)
-        yield named("a file", ONE, {"outputs": "rgb"}, tolerance)
-        yield named("a file", {"samples": 9}, tolerance)
+            yield named(name, ONE | gouraud | tolerance)
+        yield named("a file", ONE | {"outputs": "rgb"} | tolerance)
+        yield named("a file", {"samples": 9} | tolerance)
         camera = rz.Camera.orthographic((2, 2, 3), (0, 0, 0), height=4.0)
         for reflection, normalized, more in product(("phong", "blinn"), (False, True), ({}, {"camera": camera})):
             yield scene_of(cube(reflection=reflection, normalized=normalized), **more), ONE | phong | tolerance
     yield named("a file", {"samples": 16, "tolerance": 0.0})
-    yield named("transparent", ONE, phong, {"outputs": BUFFERS})
-    yield named("transparent and textured", ONE, phong, {"edges": "all"})
+    yield named("transparent", ONE | phong | {"outputs": BUFFERS})
+    yield named("transparent and textured", ONE | phong | {"edges": "all"})
     yield named("transparent and textured", {"samples": 9})
     for name in ("brushed along u", "brushed along (0.0, 1.0, 0.0)"):
-        yield named(name, ONE, flat)
+        yield named(name, ONE | flat)
     toon, papered, shadows = cube(reflection="toon"), {"texture": checks()}, {"lights": scenes["shadows"][0].lights}
     for tolerance in TOLERANCES:
         yield scene_of(cube(**papered), floor(), **shadows), {"tolerance": tolerance} | ONE | phong

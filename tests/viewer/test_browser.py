@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers.arrays import differences
+from helpers.arrays import deviations, differences
 from helpers.browser import browser, canvas_pixels, missing, page_in, screen_pixels, wait_for_picture, wait_for_rest
 from helpers.raster import ROOT
 
@@ -178,7 +178,7 @@ def test_a_double_click_turns_about_the_point(page, server):
     page.mouse.dblclick(x + 40, y + 20)
     page.wait_for_function("document.querySelector('canvas').dataset.state === 'rest'")
     page.wait_for_timeout(300)
-    assert not differences(server.session.camera.target, server.session.picked.position, rtol=1e-5, atol=1e-8)
+    assert not deviations(server.session.camera.target, server.session.picked.position)
 
 
 def test_switches_change_the_picture_and_keys_change_the_switches(page, server):
