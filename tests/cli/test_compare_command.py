@@ -71,7 +71,7 @@ def test_methods_of_the_command_line(capsys):
     assert record["against"] == "phong" and list(methods) == names and Image.open("x.jpg").width == 4 * 48 + 5 * GAP
     errors = [methods[name]["rms"] for name in names[1:]]
     assert errors[0] > 2 * errors[1] > 4 * errors[2], errors
-    assert all(of["ms"] > 0 for of in methods.values()) and methods["phong"]["max"] is None
+    assert min(of["ms"] for of in methods.values()) > 0 and methods["phong"]["max"] is None
     assert (record["path"], record["output"], record["size"], record["faces"]) == (BALL, "x.jpg", [48, 36], 5120)
     assert set(methods["phong"]) == {"ms", "max", "rms", "over_one", "value_jump", "slope_jump", "slope_rms"}
     assert record["scale"] > 0 and record["warnings"] == []

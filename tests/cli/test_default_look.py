@@ -73,7 +73,7 @@ def test_the_ground_is_a_flag_and_alone_has_a_soft_shadow(capsys):
 def test_an_array_has_no_ground_and_the_same_camera(capsys):
     assert run(CUBE, "-o", "x.png") == 0 and run(CUBE, "--array", "face", "-o", "x.npy", "--samples", "1") == 0
     covered = np.load("x.npy") >= 0
-    assert (picture("x.png")[..., 3][covered] > 100).all()
+    assert picture("x.png")[..., 3][covered].min() > 100
     assert run(CUBE, "-o", "y.npy", "--array", "rgb") == 0 and np.load("y.npy")[0, 0].tolist() == [0, 0, 0]
     assert errors(capsys) == ""
     coverages = []

@@ -37,5 +37,5 @@ def test_every_flag_and_every_longer_text_of_a_command_is_in_its_chapter():
         said = re.sub(r"[^\w/]+", " ", chapter.replace("&lt;", "<")).lower()
         for line in f"{parser.description}\n{parser.epilog or ''}".splitlines():
             assert re.sub(r"[^\w/]+", " ", line).lower().strip() in said, f"{name}: {line} is missing"
-    assert all(f"| {code} | {text} |" in page for code, text in EXIT_CODES.items())
-    assert all(f"| `{name}` | {text} |" in page for name, text in ENVIRONMENT.items())
+    assert [(code, text) for code, text in EXIT_CODES.items() if f"| {code} | {text} |" not in page] == []
+    assert [(name, text) for name, text in ENVIRONMENT.items() if f"| `{name}` | {text} |" not in page] == []

@@ -11,6 +11,7 @@ from itertools import cycle
 import numpy as np
 import pytest
 from helpers.against_reference import depth_resolution
+from helpers.arrays import differences
 from helpers.bounded_scenes import random_scene
 from helpers.pinhole import SHADINGS, octasphere
 
@@ -340,7 +341,7 @@ def test_what_float32_cannot_hold_is_refused_with_the_legal_range():
             with pytest.raises(rz.SceneError, match="1e\\+100"):
                 make(place)
     frame = rz.render(rz.Scene([square], rz.DirectionalLight(sun, 1e37), FRONT), SMALL, samples=1)
-    assert np.isfinite(frame.color).all() and frame.color.max() > 1e36
+    assert not differences(np.isfinite(frame.color), True) and frame.color.max() > 1e36
 
 
 def test_a_renderer_states_the_bound_of_each_view():

@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from helpers.arrays import differences
 from helpers.pinhole import octasphere
 
 import rasterizer as rz
@@ -94,7 +95,7 @@ def test_it_agrees_with_the_judge(name):
         error, most = np.abs(found - expected).max(), 3e-8 * max(1, expected.max())
         # Squared exponents leave out what is below 2^-28, of each light.
         assert error < most, f"{make.__name__}, {spectral} samples: {error:.3g} > {most:.3g}"
-        assert np.isfinite(found).all() and found.max() > 0.1
+        assert not differences(np.isfinite(found), True) and found.max() > 0.1
 
 
 def test_shapes_viewers_and_sides():

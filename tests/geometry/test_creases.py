@@ -36,7 +36,7 @@ def test_faces_without_area_join_and_add_nothing():
     assert len(split.source) == 24 + 3
     assert not differences(corner_normals(split)[4:], corner_normals(split_creases(*cube(), 30)))
     assert np.all(np.linalg.norm(split.normals[split.source < 8], axis=1) == 1)
-    assert not split.normals[split.source >= 8].any()
+    assert not differences(split.normals[split.source >= 8], 0)
 
 
 def test_coordinates_that_are_not_usable_stay_where_they_are():
@@ -90,7 +90,7 @@ def test_scale_and_offset_change_nothing(exponent, shift, seed):
     vertices = np.rint(vertices * 1024) / 1024
     base = split_creases(vertices, faces, 25)
     moved = split_creases((vertices + shift * 4096) * 2.0 ** (exponent * 3), faces, 25)
-    assert all(np.array_equal(a, b) for a, b in zip(base, moved, strict=True))
+    assert [(a, b) for a, b in zip(base, moved, strict=True) if not np.array_equal(a, b)] == []
 
 
 # ----------------------------------------------------------------- size and border
@@ -120,7 +120,7 @@ def test_nothing_given_is_changed_and_any_layout_is_taken():
         (vertices.astype(np.float32), faces.astype(np.uint64)),
     ]:
         before = np.array(v), np.array(f)
-        assert all(np.array_equal(a, b) for a, b in zip(split_creases(v, f, 30), base, strict=True))
+        assert [(a, b) for a, b in zip(split_creases(v, f, 30), base, strict=True) if not np.array_equal(a, b)] == []
         assert not differences(v, before[0]) and not differences(f, before[1])
     frozen = vertices.copy()
     frozen.flags.writeable = False

@@ -205,7 +205,7 @@ def test_ten_thousand_corners():
     points = in_space(np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1))
     cut = cut_one(points)
     parts, total = areas(points, cut.corners)[:, 2], shoelace(points)[2]
-    assert (parts >= 0).all() and abs(parts.sum() - total) < 1e-12
+    assert parts.min() >= 0 and abs(parts.sum() - total) < 1e-12
     round_one = in_space(np.stack([np.cos(angle), np.sin(angle)], axis=1))
     assert not differences(cut_one(round_one).corners[:, 0], 0)
 

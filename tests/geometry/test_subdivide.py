@@ -158,7 +158,7 @@ def test_attributes_go_along():
         for key, value in zip(("colors", "uv"), values, strict=True):
             assert np.allclose(value, getattr(mesh, key)[group].mean(axis=0)), key
     assert finer.n_vertex == len(groups)
-    assert all(np.array_equal(getattr(mesh, key), array) for key, array in copy.items())
+    assert [(key, array) for key, array in copy.items() if not np.array_equal(getattr(mesh, key), array)] == []
     painted = rz.Mesh(vertices, quads, materials=(DULL, rz.Material()), face_material=[0, 1])
     assert not differences(painted.subdivide().face_material, np.repeat(painted.face_material, 4))
     corners = rng.uniform(size=(4, 3, 2))

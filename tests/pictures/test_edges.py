@@ -96,7 +96,7 @@ def test_a_picture_changes_where_strokes_are_and_nowhere_else(shading, samples):
     assert not differences(drawn.face, plain.face)
     full = coverage > 1 - 1e-6
     assert full.sum() > 10
-    assert not differences(drawn.rgba[full], [(255, 0, 0, 255)] * full.sum())
+    assert not differences(drawn.rgba[full], (255, 0, 0, 255))
     assert not differences(drawn.alpha[full], 1)
     part = (coverage > 0) & ~full
     a, s = plain.alpha[part].astype(float), coverage[part]
@@ -111,11 +111,11 @@ def test_strokes_over_nothing_are_as_opaque_as_they_cover():
     coverage = coverage_of(scene, "silhouette", edge_width=5)
     outside = (coverage > 0) & (rz.render(scene, SIZE, outputs="rgb").alpha == 0)
     assert outside.sum() > 50 and np.abs(frame.alpha[outside] - coverage[outside]).max() <= 0.5001 / 255
-    assert not differences(frame.rgb[outside], [(0x20, 0x40, 0x60)] * outside.sum())
+    assert not differences(frame.rgb[outside], (0x20, 0x40, 0x60))
     white = rz.render(replace(scene, background="white"), SIZE, outputs="rgb", edges="silhouette")
     assert not differences(white.alpha, 1)
     away = replace(scene_of(cube()), camera=rz.Camera.perspective((0, 0, 9), (0, 0, 20)))
-    assert not rz.render(away, 16, outputs="rgb", edges="all").rgba.any()
+    assert not differences(rz.render(away, 16, outputs="rgb", edges="all").rgba, 0)
 
 
 def test_exposure_and_range_leave_the_strokes_colour():
@@ -123,7 +123,7 @@ def test_exposure_and_range_leave_the_strokes_colour():
     for options in ({"exposure": 5.0}, {"exposure": 5.0, "color_range": "global"}, {"color_range": "local"}):
         frame = rz.render(scene, SIZE, outputs="rgb", edges="crease", edge_width=3, edge_color="lime", **options)
         full = coverage_of(scene, "crease", edge_width=3) > 1 - 1e-6
-        assert not differences(frame.rgb[full], [(0, 255, 0)] * full.sum()) and full.sum() > 50
+        assert not differences(frame.rgb[full], (0, 255, 0)) and full.sum() > 50
 
 
 def test_culled_faces_have_no_edges_of_their_own():

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers.against_reference import EXACT, compare_with_reference
+from helpers.arrays import differences
 from helpers.batches import DTYPES, UP, directions_of, polar, random_directions, reflect
 from helpers.pinhole import SHADINGS, octasphere, torus, unit
 from helpers.raster import COLORED, GREY
@@ -93,7 +94,7 @@ def fast(material, normal, to_light, to_viewer, has_kernels_cosines=False):
     found = reflect(model, normal, to_light, to_viewer, 1.0, material.shininess, has_kernels_cosines, coefficients)
     if not REFLECTION_FUNCTIONS[model].has_highlight:
         found[1] = 0.0  # nobody reads it
-    assert np.isfinite(found).all()
+    assert not differences(np.isfinite(found), True)
     return found
 
 
@@ -209,7 +210,7 @@ def test_the_silhouette_is_finite(reflection, distribution, dtype):
         for cosine in (1e-6, 0.01, 0.3, 1.0):
             viewer = np.stack(polar(up, np.pi), axis=1)
             found = fast(material, *directions_of(dtype, UP, polar(cosine), viewer), has_kernels_cosines=True)
-            assert np.isfinite(found).all() and (found >= 0).all()
+            assert not differences(np.isfinite(found), True) and found.min() >= 0
 
 
 # ---------------------------------------------------------------- physics

@@ -55,7 +55,7 @@ def assert_closed(points, faces):
     """Every edge is used once in each direction, and the faces look outwards."""
     edges = directed_edges(faces)
     assert set(edges.values()) == {1}
-    assert all((q, p) in edges for p, q in edges)
+    assert [(p, q) for p, q in edges if (q, p) not in edges] == []
     assert volume(points, faces) > 0
 
 

@@ -194,12 +194,12 @@ def test_faces_keep_their_order_and_their_points():
     corner = np.ascontiguousarray(rng.integers(0, 500, (3, 200)).astype(np.uint32))
     clipped, before = clip_mesh(points, faces, screen, corner)
     is_whole = (before.x[faces] != OUTSIDE).all(axis=1)
-    assert (np.diff(clipped.faces.astype(int)) >= 0).all()
+    assert np.diff(clipped.faces.astype(int)).min() >= 0
     assert clipped.n_clipped == (~is_whole).sum() > 20 and is_whole.sum() > 20
     assert set(np.flatnonzero(is_whole)) <= set(clipped.faces)
     kept = is_whole[clipped.faces]
     assert not differences(clipped.triangles.vertex_idx[:, kept], faces[clipped.faces[kept]].T)
-    assert (clipped.triangles.vertex_idx[:, ~kept] >= 60).all()
+    assert clipped.triangles.vertex_idx[:, ~kept].min() >= 60
     assert not differences(clipped.triangles.clipped_idx < 0, kept)
     assert not differences(clipped.triangles.corner_idx, corner[:, clipped.faces])
     assert [a[:60].tobytes() for a in clipped.vertices] == [a.tobytes() for a in before]

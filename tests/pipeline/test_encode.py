@@ -64,7 +64,7 @@ def test_what_is_out_of_range_or_no_number():
     values = np.array([[-1.0, -1e-30, 1.0000001, 2.0, 1e30, np.inf, -np.inf, np.nan]])
     _, rgba, _, _ = run(np.ones(values.shape, bool), np.stack([values] * 3), encoding())
     assert rgba[0, :, 0].tolist() == [0, 0, 255, 255, 255, 255, 0, 0]
-    assert not differences(rgba[..., :3], rgba[..., :1])
+    assert not differences(rgba[..., :3], rgba[..., :1].repeat(3, axis=-1))
 
 
 def test_a_blank_pixel_has_the_bytes_of_the_background():

@@ -222,9 +222,9 @@ def test_many_surfaces_that_are_not_there():
         options = {"size": size, "camera": sheet_camera(size[1])}
         frame = show([mesh, mesh_of([back], size)], outputs=("color", "rgb", "face", "depth"), **options)
         assert np.abs(frame.color - (0.2, 0.4, 0.6)).max() < 1e-6 and not differences(frame.alpha, 1)
-        assert (frame.face < 2).all() and np.abs(frame.depth - 2.0).max() < 1e-6
+        assert frame.face.max() < 2 and np.abs(frame.depth - 2.0).max() < 1e-6
         alone = show([mesh], **options)
-        assert not alone.rgba.any() and alone.stats.covered == 0
+        assert not differences(alone.rgba, 0) and alone.stats.covered == 0
 
 
 def test_the_opacity_of_next_to_nothing_keeps_its_digits():

@@ -22,7 +22,7 @@ def test_a_triangle_is_left_out_only_if_it_shows_nothing(shift):
     for forward in CUBE:
         view, projection = _look(origin, forward), Projection(half, half, half, half, True)
         seen = list_seen_faces(positions, np.ascontiguousarray(faces), origin, border_planes(view, projection, side))
-        assert (np.diff(seen.astype(int)) > 0).all()
+        assert np.diff(seen.astype(int)).min() > 0
         is_out = np.ones(600, bool)
         is_out[seen] = False
         depth = points @ view.forward

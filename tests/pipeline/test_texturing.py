@@ -65,7 +65,7 @@ def test_a_fraction_of_a_picture_is_rounded_down_and_stays_below_1():
         [np.random.default_rng(1).random(1000), [0.0, 2.0**-33, 1.0 - 2.0**-33, np.nextafter(1, 0), 1.0]]
     )
     bits = np.array([np.int64(fixed_point(each)) % 2**32 for each in x.tolist()])
-    assert ((bits <= x * 2.0**32) & (bits > x * 2.0**32 - 1.0) | (x == 1.0) & (bits == 2**32 - 1)).all()
+    assert not differences((bits <= x * 2.0**32) & (bits > x * 2.0**32 - 1.0) | (x == 1.0) & (bits == 2**32 - 1), True)
 
 
 def test_samples_of_a_material_in_float64_keep_their_own_texels():

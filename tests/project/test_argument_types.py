@@ -6,6 +6,7 @@ from itertools import cycle, islice
 
 import numpy as np
 import pytest
+from helpers.arrays import differences
 
 import rasterizer as rz
 
@@ -186,4 +187,4 @@ def test_masked_values_are_refused_and_never_read():
     for call in calls:
         with pytest.raises(rz.RasterizerError):
             call()
-    assert np.isfinite(rz.Spectrum.blackbody(1e308).values).all()
+    assert not differences(np.isfinite(rz.Spectrum.blackbody(1e308).values), True)

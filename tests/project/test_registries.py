@@ -292,7 +292,8 @@ def test_all_tables_have_the_same_words():
 
 def test_a_registration_is_undone_by_its_block_by_an_error_or_by_hand():
     with add_slab(), add_minnaert():
-        assert all("slab" in table for table in TABLES) and all("minnaert" in table for table in MODEL_TABLES)
+        assert [table for table in TABLES if "slab" not in table] == []
+        assert [table for table in MODEL_TABLES if "minnaert" not in table] == []
     kept = add_slab()
     assert kind_of(slab_light()) == "slab" and kept.word == "slab"
     kept.remove()

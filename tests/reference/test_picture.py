@@ -101,13 +101,13 @@ def test_coverage_does_not_depend_on_the_order_of_vertices():
     rng = np.random.default_rng(1)
     for triangle in rng.integers(-4, 20, (40, 3, 2)) * 128:
         masks = [coverage(triangle[list(order)], 8, 8) for order in ((0, 1, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1))]
-        assert all((mask == masks[0]).all() for mask in masks)
+        assert [mask for mask in masks if not (mask == masks[0]).all()] == []
 
 
 def test_no_area_covers_nothing():
-    assert not coverage([(0, 0), (1024, 1024), (2048, 2048)], 8, 8).any()
-    assert not coverage([(384, 384)] * 3, 8, 8).any()
-    assert not coverage([(0, 640), (2048, 640), (512, 640)], 8, 8).any()
+    assert not differences(coverage([(0, 0), (1024, 1024), (2048, 2048)], 8, 8), 0)
+    assert not differences(coverage([(384, 384)] * 3, 8, 8), 0)
+    assert not differences(coverage([(0, 640), (2048, 640), (512, 640)], 8, 8), 0)
 
 
 def test_coverage_refuses_what_would_overflow():
@@ -227,7 +227,7 @@ def test_equal_depth_goes_to_the_earlier_mesh():
     ]
     for first, second in ((0, 1), (1, 0)):
         picture = render(Scene([meshes[first], meshes[second]], lights=WHITE, camera=eye_camera()), (8, 8))
-        assert (picture.face < 2).all()
+        assert picture.face.max() < 2
         assert not deviations(picture.color, (0.25, 0.75)[first])
 
 
@@ -237,7 +237,7 @@ def test_faces_that_cross_meet_on_the_line_of_equal_depth():
     right_near = [at_pixel(size, -9, y, 4.0) for y in (-9, 17)] + [at_pixel(size, 73, y, 1.0) for y in (17, -9)]
     quad = np.array([[0, 1, 2], [0, 2, 3]])
     picture = draw(left_near + right_near, np.concatenate([quad, quad + 4]), size)
-    assert (picture.face[:, :32] < 2).all() and (picture.face[:, 32:] >= 2).all()
+    assert picture.face[:, :32].max() < 2 and picture.face[:, 32:].min() >= 2
 
 
 # ── clipping ────────────────────────────────────────────────────────────────────────────────────────────
@@ -293,7 +293,7 @@ def test_a_cut_floor_has_neither_gap_nor_double_hit():
     a = (np.arange(6)[:, None] * 7 + np.arange(6)).ravel()
     faces = np.concatenate([np.stack([a, a + 1, a + 8], 1), np.stack([a, a + 8, a + 7], 1)])
     picture = draw(points, faces, (60, 60), near=0.01)
-    assert (picture.face[34:] >= 0).all()  # below the far rim of the floor
+    assert picture.face[34:].min() >= 0  # below the far rim of the floor
     assert not differences(picture.face[:30], -1)
     assert not differences(picture.margin, np.inf)
 
@@ -338,7 +338,7 @@ def test_faces_at_the_end_of_the_world_disturb_nothing():
     sheet, huge = layer((8, 8), 2.0), 1e60 * np.array([(-9, -9, -1.0), (9, -9, -1.0), (0, 9, -1.0)])
     for shading in SHADINGS:
         both = draw([*huge, *sheet], [[0, 1, 2], *QUAD + 3], (8, 8), near=1.0, shading=shading)
-        assert (both.face > 0).all() and not deviations(both.depth, 2)
+        assert both.face.min() > 0 and not deviations(both.depth, 2)
         alone = draw(huge, [[0, 1, 2]], (8, 8), shading=shading, lights=(DirectionalLight((0, 0, -1)),), material=DULL)
         assert not deviations(alone.depth[3:5, 3:5] / 1e60, 1)
         assert not deviations(alone.color[3:5, 3:5], 0.7)

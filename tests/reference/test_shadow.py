@@ -52,7 +52,7 @@ def test_a_directional_light_moves_the_outline():
     assert (is_dark & is_floor).sum() > 50
     expected = np.where(is_dark & is_floor, 0, lit)
     np.testing.assert_allclose(picture.color, np.repeat(expected[..., None], 3, axis=-1), atol=1e-12)
-    assert (show(floor_and_slab(), DirectionalLight(direction)).color > 0).all()
+    assert show(floor_and_slab(), DirectionalLight(direction)).color.min() > 0
 
 
 @pytest.mark.parametrize("kind", ["point", "spot", "camera"])
@@ -71,7 +71,7 @@ def test_a_light_with_a_place_magnifies_the_outline(kind):
     )
     is_floor, x, y = floor_samples(picture)
     is_dark = (np.abs(x + 10 - 1.5 * 10) < 1.5 * 6) & (np.abs(y - 3.1 + 1.5 * 3.1) < 1.5 * 6) & is_floor
-    assert is_dark.sum() > 100 and (bare.color[is_dark] > 0).all()
+    assert is_dark.sum() > 100 and bare.color[is_dark].min() > 0
     np.testing.assert_array_equal(picture.color, np.where(is_dark[..., None], 0, bare.color))
 
 
@@ -100,7 +100,8 @@ def test_culled_and_far_faces_cast_shadows_too():
     turned[1] = Mesh(turned[1].vertices, [[0, 2, 1], [0, 3, 2]], material=DULL)
     picture = show(turned, light, cull="back")
     is_floor, x, y = floor_samples(picture)
-    assert is_floor.all() and not differences(picture.color[..., 0] == 0, (np.abs(x - 8) < 6) & (np.abs(y) < 6))
+    assert not differences(is_floor, True)
+    assert not differences(picture.color[..., 0] == 0, (np.abs(x - 8) < 6) & (np.abs(y) < 6))
     near = show(floor_and_slab(), light, near=18.0)
     assert not differences(near.color, picture.color)
 
@@ -111,7 +112,7 @@ def test_what_is_not_opaque_casts_no_shadow():
     for material in (Material(opacity=0.99), Material(texture=holes)):
         picture = show(floor_and_slab(material=material, uv=np.zeros((4, 2))), light)
         is_floor, _, _ = floor_samples(picture)
-        assert (picture.color[is_floor] > 0).all()
+        assert picture.color[is_floor].min() > 0
     solid = Texture(np.ones((1, 1, 3), np.float32))
     assert (show(floor_and_slab(material=Material(texture=solid), uv=np.zeros((4, 2))), light).color == 0).any()
 
@@ -148,8 +149,8 @@ def test_a_convex_body_casts_no_shadow_on_what_faces_the_light(shading, shift):
             np.testing.assert_array_equal(shadowed, bare)
             continue
         # normals are interpolated: where they see the light and the face doesn't, the body itself is in the way
-        assert (shadowed <= bare).all() and bare.max() > 0.6
-        assert (shadowed == bare)[bare > 0.15].all()
+        assert not differences(shadowed <= bare, True) and bare.max() > 0.6
+        assert not differences((shadowed == bare)[bare > 0.15], True)
 
 
 def test_a_bent_polygon_does_not_shade_its_own_centroid():
@@ -159,7 +160,7 @@ def test_a_bent_polygon_does_not_shade_its_own_centroid():
     light = PointLight((0, 0, -2), shadow=True)
     for material, faces, polygons in ((DULL, [[0, 1, 2], [0, 2, 3]], [0, 0]), (DULL, [[0, 1, 3], [1, 2, 3]], [0, 0])):
         mesh = Mesh(bent, faces, material=material, polygons=polygons)
-        assert (show([mesh], light, "flat").color[20:28, 28:36] > 0.3).all()
+        assert show([mesh], light, "flat").color[20:28, 28:36].min() > 0.3
 
 
 def test_a_box_on_a_floor():
@@ -195,10 +196,10 @@ def test_no_ray_slips_through_between_faces():
     starts = goals + rng.normal(size=goals.shape) * 0.1 + (0.3, 0.1, -3)
     owner = np.full(len(starts), NO_OWNER)
     assert len(goals) > 60
-    assert not reaches(casters, starts, owner, 2 * (goals - starts), True).any()
-    assert not reaches(casters, starts, owner, goals - starts, False).any()
-    assert reaches(casters, starts, owner, 0.5 * (goals - starts), True).all()
-    assert reaches(casters, starts, owner, starts - goals, False).all()
+    assert not differences(reaches(casters, starts, owner, 2 * (goals - starts), True), 0)
+    assert not differences(reaches(casters, starts, owner, goals - starts, False), 0)
+    assert not differences(reaches(casters, starts, owner, 0.5 * (goals - starts), True), True)
+    assert not differences(reaches(casters, starts, owner, starts - goals, False), True)
 
 
 def test_rays_by_hand():
@@ -225,4 +226,4 @@ def test_faces_without_an_area_cast_nothing():
     corners = np.array([[(0, 0, 0), (4, 0, 0), (8, 0, 0)], [(1, 1, 0)] * 3], float)
     casters = gather_casters(corners, np.arange(2), np.ones(2, bool))
     points = np.array([(2, 0, -1.0), (1, 1, -1)])
-    assert reaches(casters, points, np.full(2, NO_OWNER), np.tile([0, 0, 2.0], (2, 1)), True).all()
+    assert not differences(reaches(casters, points, np.full(2, NO_OWNER), np.tile([0, 0, 2.0], (2, 1)), True), True)

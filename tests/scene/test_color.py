@@ -64,7 +64,7 @@ def test_curves_grow_everywhere_and_keep_the_shape():
     steps = np.linspace(-0.1, 2.0, 100_001).reshape(-1, 1)
     for curve in (srgb_from_linear, linear_from_srgb):
         assert curve(steps).shape == steps.shape
-        assert (np.diff(curve(steps)[:, 0]) > 0.0).all()
+        assert np.diff(curve(steps)[:, 0]).min() > 0.0
         assert np.isnan(curve(math.nan))
 
 

@@ -26,7 +26,7 @@ CLOUD = np.random.default_rng(5).normal(size=(60, 3)) * (3.0, 1.0, 0.4) + (5.0, 
 def margins(camera, points, size):
     """Return the empty shares of the picture: (left, top), (right, bottom)."""
     pixels, depth = project(camera, points, size)
-    assert (depth > 0.0).all()
+    assert depth.min() > 0.0
     return pixels.min(axis=0) / size, 1.0 - pixels.max(axis=0) / size
 
 
@@ -89,7 +89,7 @@ def test_framing_anything(points, azimuth, elevation, fov, aspect, margin, up, o
     view, scale = camera.view(), camera.projection((1000, 1000)).scale_x
     r = points - view.eye
     w = r @ view.forward if camera.is_perspective else np.ones(len(r))
-    assert (w > 0.0).all()
+    assert w.min() > 0.0
     pixels = np.stack([scale * (r @ view.right) / w, scale * (r @ view.up) / w], axis=1) / size + 0.5
     low, high = pixels.min(axis=0), 1.0 - pixels.max(axis=0)
     assert np.abs(low - high).max() <= 1e-6
@@ -121,7 +121,7 @@ def test_framing_flat_meshes_lines_and_needles():
         line = np.array([(0, 0, -1), (0, 0, 1)])[[0, 1, 1]]
         camera = Camera.framing(line, 0, 0, orthographic=orthographic)  # the line is seen as a point
         pixels, depth = project(camera, line, (640, 480))
-        assert (depth > 0.0).all() and pixels == pytest.approx(np.array([(320, 240)] * 3))
+        assert depth.min() > 0.0 and pixels == pytest.approx(np.array([(320, 240)] * 3))
     needle = np.array([(0, 0, 10), (0.1, 0, 0), (-0.1, 0, 0), (0, 0.1, 0), (0, -0.1, 0)])
     camera = Camera.framing(needle, 0, 0, fov=90)  # keeps a distance
     low, high = margins(camera, needle, (640, 480))
