@@ -226,9 +226,8 @@ def test_an_interrupt_in_the_middle_of_a_picture(kind, n_thread, alone):
         previous = signal.signal(signal.SIGALRM, signal.default_int_handler)
         try:
             n_interrupted = n_try = 0
-            while (
-                n_interrupted < 10 and n_try < 50
-            ):  # where Python can't raise it, as while something is freed, it is lost
+            # Where Python can't raise it, as while something is freed, an interrupt is lost.
+            while n_interrupted < 10 and n_try < 50:
                 n_try += 1
                 signal.setitimer(signal.ITIMER_REAL, float(rng.uniform(1e-4, 0.03)))
                 try:
