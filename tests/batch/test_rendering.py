@@ -8,6 +8,7 @@ import time
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
 from glob import glob
+from itertools import product
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from helpers.raster import ROOT
 from PIL import Image
 
 import rasterizer as rz
+from rasterizer.batch.tasks import RenderSummary
 
 CUBE, CONE, GEAR = (str(ROOT / "models" / name) for name in ("cube.obj", "cone.obj", "gear.stl"))
 SMALL = {"size": (24, 16)}
@@ -115,6 +117,11 @@ def test_one_that_fails_does_not_stop_the_others():
     assert [record for record in records[len(bad) :] if record.status != "drawn"] == []
     assert (batch.summary.drawn, batch.summary.failed, batch.summary.exit_code) == (4, len(bad), 1)
     assert str(batch.summary).startswith(f"4 pictures drawn, {len(bad)} failed in ")
+
+
+def test_the_exit_code_says_whether_anything_failed():
+    for drawn, failed in product((0, 1, 2), (0, 1, 2, 256)):
+        assert RenderSummary(drawn=drawn, failed=failed).exit_code == (1 if failed else 0), f"{failed} failed"
 
 
 def test_a_process_that_dies_takes_nothing_else_with_it_and_its_task_is_named(folder):

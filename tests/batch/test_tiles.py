@@ -9,6 +9,7 @@ from helpers.deadly import Deadly
 from helpers.raster import ROOT
 
 import rasterizer as rz
+from rasterizer.frame import Stats
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -22,12 +23,12 @@ def executor():
         yield made
 
 
-def alone(task) -> bytes:
-    """The file that one process writes."""
+def alone(task) -> tuple[bytes, Stats]:
+    """The file that one process writes, and what it counted."""
     with rz.Renderer(rz.load(STILL_LIFE), **vars(task.check())) as renderer:
         frame = renderer.render(task.camera)
         frame.save("alone" + os.path.splitext(task.output)[1], array=task.array)
-    return open("alone" + os.path.splitext(task.output)[1], "rb").read()
+    return open("alone" + os.path.splitext(task.output)[1], "rb").read(), frame.stats
 
 
 def test_the_file_is_that_of_one_process(executor):
@@ -40,14 +41,18 @@ def test_the_file_is_that_of_one_process(executor):
     ):
         task = rz.RenderTask(STILL_LIFE, output, options={"size": (32, 25)} | options, array=array)
         stats = rz.render_tiles(task, executor, n_tile=3)
-        assert open(output, "rb").read() == alone(task), f"{output} {array} {options}"
-        assert 0.0 < stats.coverage < 1.0 and stats.samples == 32 * 25 * task.check().samples
+        written, expected = alone(task)
+        assert open(output, "rb").read() == written, f"{output} {array} {options}"
+        assert 0 < stats.covered < stats.samples == 32 * 25 * task.check().samples
+        for name in ("faces", "covered", "samples", "error_bound", "steps", "error_bounds"):
+            found, whole = getattr(stats, name), getattr(expected, name)
+            assert found == whole, f"{output} {array} {options}: {name} is {found} instead of {whole}"
 
 
 def test_local_processes_draw_a_model_that_is_sent():
     task = rz.RenderTask(rz.load(STILL_LIFE), "out/a.tif", options={"size": (32, 25), "shading": "phong"})
     rz.render_tiles(task, n_process=1, n_tile=5)
-    assert open("out/a.tif", "rb").read() == alone(task)
+    assert open("out/a.tif", "rb").read() == alone(task)[0]
 
 
 def test_what_goes_wrong_is_raised_and_leaves_no_file(executor, folder):

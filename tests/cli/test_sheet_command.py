@@ -52,6 +52,19 @@ def test_every_picture_stands_in_its_cell_above_its_label():
         os.unlink(name)
 
 
+def test_there_are_no_more_rows_than_asked_for():
+    """And no more columns than these need."""
+    views = ["iso", "front", "right", "back", "left", "top"]
+    for n in (5, 6):
+        one = [np.zeros((30, 40, 4), np.uint8)] * n
+        for n_row in range(1, n + 2):
+            columns = min(k for k in range(1, n + 1) if k * n_row >= n)
+            assert run(CUBE, "--view", ",".join(views[:n]), "--rows", str(n_row), "--no-labels", "-o", "x.png") == 0
+            found, expected = picture("x.png").shape, np.shape(rz.sheet(one, columns))
+            assert found == expected, f"{n} pictures in {n_row} rows: a sheet of {found} instead of {expected}"
+            os.unlink("x.png")
+
+
 def test_a_long_name_is_cut_in_its_middle_and_paper_has_a_colour():
     name = "a_very_long_name_of_a_part_with_its_number_at_the_end_0047"
     shutil.copy(CUBE, f"{name}.obj")
