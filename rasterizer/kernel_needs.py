@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from .compiler.kernels import noting_needs
 from .engine.given_plan import declare_lights, declare_seen_casters, follow, leaves_out, measure_lights, view_whole
 from .errors import RasterizerError
-from .geometry.clusters import has_clusters
 from .scene.camera import Camera
 from .scene.sample import SIZE, choose_meshes, sample_scene, sample_views
 
@@ -41,10 +40,7 @@ def list_needs(renderer: "Renderer", camera: Camera | None, is_prepared: bool = 
             origins = choose_meshes(scene, kind)
             sample = sample_scene(scene, kind, origins)
             with type(renderer)(sample, **given | {"size": SIZE, "threads": 1}) as small:
-                # A view of the whole scene skips nothing but what faces away.
-                is_part_skipped = camera is not None or options.cull == "back"
                 prepared, view = small._prepared, small._checked_camera(None)
-                prepared.uses_clusters = is_part_skipped and has_clusters(scene.n_face)
                 prepared.is_thorough = True
                 if draws_color:
                     measure_lights(prepared, view)

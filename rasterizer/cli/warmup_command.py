@@ -16,12 +16,9 @@ import numpy as np
 from ..choices import BUFFERS
 from ..compiler import fingerprint, kernels
 from ..compiler.store import Store
-from ..engine.clock import Clock
-from ..engine.prepared_scene import PreparedScene
 from ..engine.sample_variants import list_variants
 from ..errors import OutputError
 from ..geometry.normals import vertex_normals
-from ..options import Options
 from ..renderer import render
 from ..scene.camera import Camera
 from ..scene.lights import AmbientLight, DirectionalLight, PointLight, SpotLight
@@ -152,7 +149,6 @@ def draw_all_kinds() -> None:
     )  # a convex one, and one with ears
     for tolerance in (0.0, 1 / 4096):
         render(polygons, SIZE, tolerance=tolerance, samples=1, threads=1, outputs=("rgb",))
-    _draw_clusters(scenes[0])
     vertex_normals(_VERTICES, _FACES)
     for scene in _rarer_scenes():
         for shading in _SHADINGS:
@@ -162,14 +158,6 @@ def draw_all_kinds() -> None:
         for shading in ("gouraud", "phong"):
             for tolerance in (0.0, 1 / 4096):
                 render(scene, 3, shading=shading, tolerance=tolerance, threads=1, samples=4, antialias="shade-once")
-
-
-def _draw_clusters(scene) -> None:
-    """Draw what a dense scene is drawn with, of a few triangles."""
-    for cull in ("back", "none"):
-        prepared = PreparedScene(scene, Options(size=SIZE, cull=cull, samples=1, threads=1))
-        prepared.uses_clusters = True
-        prepared.draw_picture(scene.camera_for(prepared.options.size), Clock())
 
 
 def _rarer_scenes():

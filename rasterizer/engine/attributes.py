@@ -25,7 +25,7 @@ class Attributes(NamedTuple):
 NONE = Attributes(np.empty((1, 0, 0), np.float32), np.empty((1, 0, 0)))
 
 
-def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads, runs=None) -> Attributes:
+def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads) -> Attributes:
     """Evaluate the illumination equation at all points, before they are drawn.
 
     Parameters
@@ -33,7 +33,6 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
     lightings : {dtype: Lighting}, for each of the plan's types
     n_side : 1, or 2 where normals may have to be flipped: side 1 has the intensities of flipped normals
     normal_offsets : (2, n_point) float64, scene units, see geometry/surfaces.py; empty where no light casts shadows
-    runs : list of (start, end), the points that are needed, ascending; the others may be left unset. None for all
 
     Returns
     -------
@@ -46,7 +45,7 @@ def light_all(geometry, plan, lightings, screen, n_side, normal_offsets, threads
 
     def light_here(geometry, chosen):
         return {
-            dtype: light(geometry, plan, lightings[dtype], screen, n_side, normal_offsets, threads, chosen[dtype], runs)
+            dtype: light(geometry, plan, lightings[dtype], screen, n_side, normal_offsets, threads, chosen[dtype])
             for dtype in lit
         }
 
@@ -106,17 +105,19 @@ def list_groups(geometry) -> list[Group]:
     return [Group(*group) for group in zip(geometry.group_material.tolist(), offsets[:-1], offsets[1:], strict=True)]
 
 
-def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups, runs=None) -> np.ndarray:
+def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, groups) -> np.ndarray:
     """Light the points of some groups: (n_side, n_point, n_channel) in the lighting's type; see `light_all`."""
     dtype, needs = lighting.materials.dtype, plan.of_materials.needs
     n_channel = 3 if any(needs[group.material] & NEEDS_COLORS for group in groups) else 1
     intensities = blank((n_side, geometry.points.shape[1], n_channel), dtype, groups)
     tangents = geometry.tangents if plan.has_tangents else None
     points = SurfacePoints(geometry.points, geometry.normals, tangents, geometry.albedo, normal_offsets)
-    runs = [(0, geometry.points.shape[1])] if runs is None else runs
     least = MIN_PART // max(1, len(plan.lights))  # points that are worth a thread of its own
-    found = intersect(groups, runs)
-    pieces = [Group(group.material, *part) for group, run in found for part in threads.divide([run], least)]
+    pieces = [
+        Group(group.material, group.start + first, group.start + end)
+        for group in groups
+        for first, end in threads.ranges(group.end - group.start, least)
+    ]
 
     def light_share(share):
         batch = make_batch(dtype)
@@ -127,19 +128,6 @@ def light(geometry, plan, lighting, screen, n_side, normal_offsets, threads, gro
 
     threads.map(light_share, bundle(pieces, least))
     return intensities
-
-
-def intersect(groups, runs) -> list[tuple[Group, tuple[int, int]]]:
-    """List what groups of points and runs (start, end) have in common, group by group; both are ascending."""
-    found, k = [], 0
-    for group in groups:
-        while k < len(runs) and runs[k][1] <= group.start:
-            k += 1
-        here = k
-        while here < len(runs) and runs[here][0] < group.end:
-            found.append((group, (max(group.start, runs[here][0]), min(group.end, runs[here][1]))))
-            here += 1
-    return found
 
 
 def bundle(pieces: list[Group], least: int) -> list[list[Group]]:

@@ -16,7 +16,6 @@ import numpy as np
 from ..errors import SceneError
 from ..pipeline.bands import Band, BandLists, join_lists, sort_into_bands
 from ..pipeline.clip import clip
-from ..pipeline.clusters import SeenClusters
 from ..pipeline.cull import Grid, find_visible
 from ..pipeline.drawables import Drawables, Triangles
 from ..pipeline.face_planes import NO_PLANES
@@ -36,7 +35,7 @@ NO_CLOCK = SimpleNamespace(lap=lambda stage: None)  # for passes whose stages ar
 
 
 def draw(
-    geometry, render_pass: Pass, screen, workspaces, threads, clock, seen=None, buffers: BufferPass | None = None
+    geometry, render_pass: Pass, screen, workspaces, threads, clock, buffers: BufferPass | None = None
 ) -> "Counts":
     """Send every triangle of the scene through the stages.
 
@@ -48,14 +47,13 @@ def draw(
     workspaces : WorkspacePool, from which each band takes the memory that it is drawn in
     threads : Workers
     clock : Clock, which notes the milliseconds of each stage
-    seen : SeenClusters, the triangles that are looked at; None for all
     buffers : BufferPass of the same samples, which is drawn beside the picture; None for none
 
     Raises SceneError where the scene has more triangles than records can number.
     """
-    vertices, n_outside = transform(geometry.positions, screen, threads, seen and seen.vertex_runs)
+    vertices, n_outside = transform(geometry.positions, screen, threads)
     clock.lap("transform")
-    drawn = Drawn.whole(geometry, vertices, render_pass, seen)
+    drawn = Drawn.whole(geometry, vertices, render_pass)
     if n_outside:
         drawn = clip_outside(geometry, drawn, screen)
         clock.lap("clip")
@@ -108,31 +106,24 @@ class Drawn(NamedTuple):
     face_table: FaceTable
     clipped_planes: np.ndarray  # planes of the clipped faces, see pipeline/clip.py
     n_clipped: int
-    n_culled: int  # those that the cull stage will not have to look at
-    seen: SeenClusters | None  # the triangles that are looked at; None for all
     source: np.ndarray = NO_SOURCES  # (n_triangle,) which triangle of the scene each is a part of; empty as loaded_face
 
     @classmethod
-    def whole(cls, geometry, vertices, render_pass, seen=None) -> "Drawn":
+    def whole(cls, geometry, vertices, render_pass) -> "Drawn":
         """All triangles of the scene as they are."""
         triangles = Triangles(geometry.vertex, geometry.corner, geometry.is_inverted, geometry.face_material)
         drawables = Drawables(triangles, vertices, *render_pass.attributes)
-        n_clipped, n_culled = (0, 0) if seen is None else (seen.n_clipped, seen.n_culled)
-        return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, n_clipped, n_culled, seen))
+        return checked(cls(drawables, geometry.face, render_pass.face_table, NO_PLANES, 0))
 
 
 def clip_outside(geometry, drawn: Drawn, screen) -> Drawn:
-    """Put parts in the place of the triangles that have a vertex outside; those that aren't looked at are left out."""
-    triangles, looked_at = drawn.drawables.triangles, None if drawn.seen is None else drawn.seen.faces
-    if looked_at is not None:
-        triangles = triangles.select(looked_at)
-    clipped = clip(geometry.positions, triangles, drawn.drawables.vertices, screen)
+    """Put parts in the place of the triangles that have a vertex outside."""
+    clipped = clip(geometry.positions, drawn.drawables.triangles, drawn.drawables.vertices, screen)
     drawables = drawn.drawables._replace(triangles=clipped.triangles, vertices=clipped.vertices)
-    faces = clipped.faces if looked_at is None else looked_at[clipped.faces]
+    faces = clipped.faces
     loaded_face = geometry.face[faces] if len(geometry.face) else faces
     face_table = drawn.face_table.of_parts(faces)
-    n_clipped = drawn.n_clipped + clipped.n_clipped
-    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, n_clipped, drawn.n_culled, None, faces))
+    return checked(Drawn(drawables, loaded_face, face_table, clipped.planes, clipped.n_clipped, faces))
 
 
 def checked(drawn: Drawn) -> Drawn:
@@ -157,10 +148,7 @@ def cull(drawn: Drawn, render_pass: Pass, threads) -> tuple[BandLists, int]:
     while True:
         triangles, vertices = drawn.drawables.triangles, drawn.drawables.vertices
         grid = Grid(width, height, n_row)
-        clusters = None if drawn.seen is None else drawn.seen.clusters
-        parts = find_visible(
-            triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, clusters, sort_into_bands
-        )
+        parts = find_visible(triangles.vertex_idx, vertices, grid, render_pass.is_culled, threads, sort_into_bands)
         lists = join_lists(parts)
         most = int(np.diff(lists.starts).max(initial=0))
         if render_pass.most_records(most) <= MAX_RECORDS:
@@ -220,5 +208,5 @@ class Counts(NamedTuple):
         """Sum up the counts of the stages and bands."""
         width, height = render_pass.n_sample
         covered, *ways = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0, 0, 0)
-        n_culled = drawn.n_culled + lists.n_culled
-        return cls(geometry.n_loaded, drawn.n_clipped, n_culled, lists.n_visible, covered, width * height, Ways(*ways))
+        n_visible = lists.n_visible
+        return cls(geometry.n_loaded, drawn.n_clipped, lists.n_culled, n_visible, covered, width * height, Ways(*ways))

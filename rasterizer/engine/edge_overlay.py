@@ -106,8 +106,7 @@ class EdgeOverlay:
             tables={},
         )
         geometry = prepared.geometry._replace(face_material=NO_MATERIALS)
-        seen = prepared.find_seen(screen, size)
-        draw(geometry, render_pass, screen, prepared.workspaces, prepared.threads, NO_CLOCK, seen)
+        draw(geometry, render_pass, screen, prepared.workspaces, prepared.threads, NO_CLOCK)
         return visible
 
 

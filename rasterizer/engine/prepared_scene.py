@@ -8,11 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..geometry.clusters import Clusters, has_clusters, make_clusters
 from ..geometry.points import Geometry, gather_geometry
 from ..geometry.surfaces import find_shortest_normal
 from ..options import Options
-from ..pipeline.clusters import SeenClusters, find_seen, leaves_out
 from ..pipeline.encode import Encoding, encode_picture, with_blank
 from ..pipeline.gradients import Coding
 from ..pipeline.threads import Workers
@@ -101,8 +99,6 @@ class PreparedScene:
         self.normals = NormalAttributes(self.geometry)
         self.buffer_tables = BufferTables(scene, self.geometry)
         self.shadows: Any = self._make_shadows() if self.view_plans.casts_shadows else None
-        self.uses_clusters: bool | None = None  # None = where they save time
-        self._clusters: Clusters | None = None  # made for the first view that may skip some
         self.is_thorough = False  # takes the longer way of two also where the shorter one would do, as for samples
         self._edges: Any = None  # made for the first picture that shows edges
         self.workspaces = WorkspacePool()
@@ -125,18 +121,6 @@ class PreparedScene:
 
         return Shadows(self.geometry, self.bounds, self.view_plans.plan)
 
-    def find_seen(self, screen, n_sample) -> SeenClusters | None:
-        """The clusters of triangles that a view of `n_sample` (columns, rows) looks at; None for all triangles."""
-        geometry, is_culled = self.geometry, self.options.cull == "back"
-        is_used = self.uses_clusters
-        if is_used is None and has_clusters(geometry.vertex.shape[1]):
-            is_used = is_culled or leaves_out(geometry.positions, screen, n_sample)
-        if not is_used:
-            return None
-        if self._clusters is None:
-            self._clusters = make_clusters(geometry.positions, geometry.vertex, self.threads)
-        return find_seen(self._clusters, geometry.positions.shape[1], screen, n_sample, is_culled)
-
     def draw_picture(self, camera: Camera, clock, out=None, sink: RowSink | None = None) -> DrawnPicture:
         """Draw the picture: the colour of every pixel.
 
@@ -151,17 +135,16 @@ class PreparedScene:
         picture = make_picture((0, 0), False) if sink else make_picture(options.size, with_color or is_global, out)
         screen = screen_of(camera, view, options.size, options.factor, geometry, self.bounds)
         view_plan = self.view_plans.plan_for(view, screen)
-        seen = self.find_seen(screen, (options.size[0] * options.factor, options.size[1] * options.factor))
-        render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock, seen)
+        render_pass = self.color_pass(view, screen, view_plan.plan, picture, clock)
         if sink is not None and is_global:  # drawn twice: the brightest pixel must be known first
             brightest = Brightest()
             render_pass.sink = RowSink(brightest.note, True)
-            draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
+            draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
             render_pass.encoding = with_blank(render_pass.encoding._replace(scale=brightest.scale()))
         render_pass.sink = sink
         is_beside = bool(self.buffer_names) and sink is None and options.factor == 1  # buffers have one sample a pixel
         buffers = self.buffer_pass(camera, view, screen) if is_beside else None
-        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen, buffers)
+        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, buffers)
         if sink is None and is_global:
             encoding = render_pass.encoding._replace(scale=scale_of(float(picture.color.max())))
             encode_picture(picture.color, picture.alpha, encoding, picture.rgba)
@@ -170,9 +153,8 @@ class PreparedScene:
         beside = buffers.buffers if buffers else None
         return DrawnPicture(rgba, picture.color, picture.alpha, counts, view_plan, beside, screen)
 
-    def color_pass(self, view, screen, plan, picture, clock, seen=None) -> ColorPass:
-        """Return the pass that draws `picture`: shadow maps are drawn, and the points of what is `seen` lit, before
-        it."""
+    def color_pass(self, view, screen, plan, picture, clock) -> ColorPass:
+        """Return the pass that draws `picture`: shadow maps are drawn, and points lit, before it."""
         options, parts = self.options, self._parts_of(plan)
         maps = dict.fromkeys(parts.dtypes, ())
         if plan.has_shadows:
@@ -195,7 +177,7 @@ class PreparedScene:
             attributes = self.normals.of(plan)
             face_table = FaceTable(self.shadows.shapes if plan.has_shadows else NO_SHAPES)
             return LitPass(attributes=attributes, face_table=face_table, lightings=lightings, **shared)
-        attributes = self._light_points(plan, lightings, screen, seen)
+        attributes = self._light_points(plan, lightings, screen)
         clock.lap("light")
         return InterpolatedPass(attributes=attributes, face_table=FaceTable(NO_SHAPES), **shared)
 
@@ -209,15 +191,12 @@ class PreparedScene:
             self._plan_parts = PlanParts(plan, plan.dtypes, coding, encoding)
         return self._plan_parts
 
-    def _light_points(self, plan, lightings, screen, seen) -> Attributes:
+    def _light_points(self, plan, lightings, screen) -> Attributes:
         """Intensities of the points, on both sides where normals may have to be flipped."""
         can_flip = self.options.cull != "back" or self.geometry.is_inverted.any()
         n_side = 1 if self.options.is_flat or not can_flip else 2
         normal_offsets = self.shadows.normal_offsets if plan.has_shadows else np.empty((2, 0))
-        # Points are vertices, but for flat shading; the means at centres need all points round them.
-        has_runs = seen is not None and not self.options.is_flat and self.geometry.centers is None
-        runs = seen.vertex_runs if has_runs else None
-        return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads, runs)
+        return light_all(self.geometry, plan, lightings, screen, n_side, normal_offsets, self.threads)
 
     def draw_edges(self, camera: Camera, rgba, color, alpha) -> None:
         """Draw the edges that are asked for over a picture; parameters are those of `EdgeOverlay.draw_over`."""
@@ -271,10 +250,9 @@ class PreparedScene:
         view, size = camera.view(), self.options.size
         screen = screen_of(camera, view, size, 1, self.geometry, self.bounds)
         render_pass = self.buffer_pass(camera, view, screen, names, make_buffers)
-        seen = self.find_seen(screen, size)
         render_pass.rows = rows
         geometry = self.geometry._replace(face_material=NO_MATERIALS)
-        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock, seen)
+        counts = draw(geometry, render_pass, screen, self.workspaces, self.threads, clock)
         return render_pass.buffers, counts, screen
 
     def bound_outputs(

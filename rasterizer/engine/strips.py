@@ -65,11 +65,10 @@ def _draw(prepared, camera, clock, rows, sink, encoding, with_buffers=True):
     """Draw the rows; return their Counts, the ViewPlan, the buffers by name, None where there are none, and
     the screen."""
     options, geometry, view = prepared.options, prepared.geometry, camera.view()
-    factor, (width, height) = options.factor, options.size
+    factor, width = options.factor, options.size[0]
     screen = screen_of(camera, view, options.size, factor, geometry, prepared.bounds)
     view_plan = prepared.view_plans.plan_for(view, screen)
-    seen = prepared.find_seen(screen, (width * factor, height * factor))
-    render_pass = prepared.color_pass(view, screen, view_plan.plan, make_picture((0, 0), False), clock, seen)
+    render_pass = prepared.color_pass(view, screen, view_plan.plan, make_picture((0, 0), False), clock)
     render_pass.rows, render_pass.sink = (rows[0] * factor, rows[1] * factor), sink
     if encoding:
         render_pass.encoding = with_blank(render_pass.encoding._replace(**encoding))
@@ -79,7 +78,7 @@ def _draw(prepared, camera, clock, rows, sink, encoding, with_buffers=True):
     if is_beside:
         make = partial(_make_strip, parts, rows[0])
         beside = prepared.buffer_pass(camera, view, screen, make_buffers=make)
-    counts = draw(geometry, render_pass, screen, prepared.workspaces, prepared.threads, clock, seen, beside)
+    counts = draw(geometry, render_pass, screen, prepared.workspaces, prepared.threads, clock, beside)
     return counts, view_plan, parts if is_beside else None, screen
 
 

@@ -1,6 +1,6 @@
 """Stage 3, cull: which triangles can cover a sample, and in which bands.
 
-In:  index columns of the triangles, the vertices on the screen, and the clusters of triangles that are looked at.
+In:  index columns of the triangles, and the vertices on the screen.
 Out: `Visible`: the triangles that are left, in face order, each with the first and last band of scanlines that it
      reaches.
 
@@ -21,12 +21,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from ..geometry.clusters import CLUSTER
 from .small_boxes import MOST_WIDE, is_any_covered
 from .transform import HALF, OUTSIDE
 
-PASS = 2048  # triangles, a multiple of CLUSTER: what is noted of them on the way stays in the L1 and L2 caches
-CLUSTERS_A_PASS = PASS // CLUSTER
+PASS = 2048  # triangles: what is noted of them on the way stays in the L1 and L2 caches
 SUBPIXEL_SHIFT = 8  # log2 of SUBPIXEL
 
 
@@ -74,7 +72,7 @@ def first_sample(coordinate):
     return (np.int64(coordinate) + HALF - 1) >> SUBPIXEL_SHIFT
 
 
-def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, clusters=None, then=None) -> list:
+def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, then=None) -> list:
     """Drop the triangles that can't be seen; one Visible for each part of the range of faces, in order.
 
     Parameters
@@ -82,42 +80,37 @@ def find_visible(vertex_idx, vertices, grid: Grid, cull_back, workers, clusters=
     vertex_idx : (3, n) uint32, as in Triangles
     vertices : Vertices
     cull_back : bool, drop triangles that are seen clockwise
-    clusters : (n_cluster,) uint32, ascending, the clusters of CLUSTER triangles that are looked at; None for all
     then : what the thread that found a part does with its Visible; what that returns takes its place. None for nothing
     """
-    n_face = vertex_idx.shape[1]
-    clusters = np.arange(-(-n_face // CLUSTER), dtype=np.uint32) if clusters is None else clusters
     n_band = -(-grid.height // grid.band_rows)
     dtype = np.uint16 if n_band <= 2**16 else np.uint32
 
     def find(part):
-        some = clusters[part[0] // CLUSTER : part[1] // CLUSTER]
-        n = len(some) * CLUSTER
+        n = part[1] - part[0]
         out = Visible(np.empty(n, np.uint32), np.empty(n, dtype), np.empty(n, dtype), np.zeros(n_band + 1, np.int64), 0)
-        n_kept, n_culled = find_visible_in(some, vertex_idx, vertices, grid, cull_back, make_cull_scratch(), out)
+        n_kept, n_culled = find_visible_in(*part, vertex_idx, vertices, grid, cull_back, make_cull_scratch(), out)
         visible = Visible(
             out.faces[:n_kept], out.first_bands[:n_kept], out.last_bands[:n_kept], out.histogram[:n_band], n_culled
         )
         return visible if then is None else then(visible)
 
-    return workers.map(find, workers.ranges(len(clusters) * CLUSTER))
+    return workers.map(find, workers.ranges(vertex_idx.shape[1]))
 
 
 @kernel
-def find_visible_in(clusters, vertex_idx, vertices, grid, cull_back, scratch, out):
-    """Write the visible triangles of some clusters to `out`; return how many they are, and how many were culled.
+def find_visible_in(start, end, vertex_idx, vertices, grid, cull_back, scratch, out):
+    """Write the visible triangles of start..end to `out`; return how many they are, and how many were culled.
 
     Parameters
     ----------
-    clusters : (n,) uint32, ascending
     vertex_idx : (3, n_face) uint32
     scratch : CullScratch
     out : Visible with room for all triangles; its histogram is zero and has n_band + 1 places
     """
     n_kept, n_culled = index(0), 0
-    for first in range(index(0), index(len(clusters)), index(CLUSTERS_A_PASS)):
-        some = clusters[first : min(first + index(CLUSTERS_A_PASS), index(len(clusters)))]
-        n = gather_clusters(some, vertex_idx, vertices, scratch)
+    for first in range(index(start), index(end), index(PASS)):
+        n = min(index(PASS), index(end) - first)
+        gather_triangles(first, n, vertex_idx, vertices, scratch)
         n_culled += note_sides(n, cull_back, scratch)
         flag_covering(n, grid, scratch)
         n_kept = append_kept(n, n_kept, grid, scratch, out)
@@ -128,21 +121,17 @@ def find_visible_in(clusters, vertex_idx, vertices, grid, cull_back, scratch, ou
 
 
 @helper
-def gather_clusters(clusters, vertex_idx, vertices, scratch):
-    """Fetch the triangles of up to CLUSTERS_A_PASS clusters; return how many they are, uint64."""
+def gather_triangles(first, n, vertex_idx, vertices, scratch):
+    """Fetch n triangles from `first` on, up to PASS."""
     a, b, c = vertex_idx[0], vertex_idx[1], vertex_idx[2]
     x, y, rows = vertices.x, vertices.y, scratch.rows
-    n = index(0)
-    for cluster in clusters:
-        first = index(cluster) * index(CLUSTER)
-        for face in range(first, min(first + index(CLUSTER), index(len(a)))):
-            v0, v1, v2 = a[face], b[face], c[face]
-            scratch.faces[n] = face
-            rows[X0 + n], rows[Y0 + n] = x[v0], y[v0]
-            rows[X1 + n], rows[Y1 + n] = x[v1], y[v1]
-            rows[X2 + n], rows[Y2 + n] = x[v2], y[v2]
-            n += index(1)
-    return n
+    for k in range(n):
+        face = first + k
+        v0, v1, v2 = a[face], b[face], c[face]
+        scratch.faces[k] = face
+        rows[X0 + k], rows[Y0 + k] = x[v0], y[v0]
+        rows[X1 + k], rows[Y1 + k] = x[v1], y[v1]
+        rows[X2 + k], rows[Y2 + k] = x[v2], y[v2]
 
 
 @helper

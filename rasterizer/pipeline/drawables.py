@@ -25,12 +25,6 @@ class Triangles(NamedTuple):
     clipped_idx: np.ndarray = np.empty(0, np.int32)  # (n,) int32, see clip.Clipped; empty where no face was clipped
     z_ranges: np.ndarray = np.empty((0, 2))  # (n_clipped, 2) float64, as there
 
-    def select(self, faces) -> "Triangles":
-        """Return some of the triangles, none of them clipped; `faces` is (n,) of their indices, ascending."""
-        columns = (np.ascontiguousarray(column[:, faces]) for column in (self.vertex_idx, self.corner_idx))
-        material = self.material[faces] if len(self.material) else self.material
-        return Triangles(*columns, self.is_inverted[faces], material)
-
 
 class Drawables(NamedTuple):
     """The triangles of a picture with all that they refer to."""

@@ -38,10 +38,6 @@ class Workers:
         cuts = [n * k // n_part for k in range(n_part + 1)]
         return list(zip(cuts[:-1], cuts[1:], strict=True))
 
-    def divide(self, runs, least: int = MIN_PART) -> list[tuple[int, int]]:
-        """Divide runs, (start, end) each, into parts that are worth a thread each, in order; see `ranges`."""
-        return [(start + first, start + last) for start, end in runs for first, last in self.ranges(end - start, least)]
-
     def map(self, function, items) -> list:
         """Call `function` with every item, on the threads where there is more than one; results in the items' order.
 

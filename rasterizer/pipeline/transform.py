@@ -102,17 +102,16 @@ def make_screen(view, projection, depth_range, near_clip, far_clip) -> Screen:
     )  # fmt: skip
 
 
-def transform(positions, screen: Screen, workers, runs=None) -> tuple[Vertices, int]:
+def transform(positions, screen: Screen, workers) -> tuple[Vertices, int]:
     """Project every vertex to the screen; also return how many are OUTSIDE, and must be clipped.
 
     Parameters
     ----------
     positions : (3, n) float64, world space, scene units
-    runs : list of (start, end), the vertices that are needed, ascending; the others are left unset. None for all
     """
     n = positions.shape[1]
     out = Vertices(np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.float64))
-    parts = workers.divide([(0, n)] if runs is None else runs, LEAST_PART)
+    parts = workers.ranges(n, LEAST_PART)
     counts = workers.map(lambda part: transform_range(positions, *part, screen, out), parts)
     return out, sum(counts)
 

@@ -130,7 +130,7 @@ def test_outputs_do_not_change_the_picture(shading):
 
 
 def test_faces_that_look_away_leave_a_dense_closed_mesh_as_it_is():
-    """Left out together, by clusters of faces, also of what is seen from close by."""
+    """Also of what is seen from close by."""
     scene = rz.Scene(rz.Mesh(*octasphere(6)), COLORED)
     for camera in (rz.Camera.perspective((0.4, 0.6, 1.6), (0.5, 0, 0), fov=40), rz.Camera.perspective((2, 1, 3))):
         whole, front = (rz.render(replace(scene, camera=camera), SIZE, outputs=ALL, cull=c) for c in ("none", "back"))

@@ -202,7 +202,7 @@ def test_strips_rows_and_given_arrays(tmp_path):
 
 
 def test_what_is_made_before_the_first_picture():
-    """Many fine meshes: splits at creases, averaged normals, subdivided faces, clusters of triangles, ears, ground."""
+    """Many fine meshes: splits at creases, averaged normals, subdivided faces, ears, ground."""
     vertices, faces = octasphere(4)
     bumpy = vertices * (1.0 + 0.05 * np.sin(40 * vertices[:, :1]))
     leaf = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (0, -0.3, 0), (-1, 1, 0)]

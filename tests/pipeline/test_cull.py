@@ -6,7 +6,6 @@ import numpy as np
 from helpers.arrays import differences
 from helpers.stages import SERIAL, random_triangles, slivers
 
-from rasterizer.geometry.clusters import CLUSTER
 from rasterizer.pipeline.cull import PASS, Grid, find_visible
 from rasterizer.pipeline.small_boxes import MOST_WIDE
 from rasterizer.pipeline.threads import MIN_PART, Workers
@@ -124,14 +123,6 @@ def test_passes_do_not_matter():
     for n in (0, 1, PASS - 1, PASS, PASS + 1, 2 * PASS + 5):
         [visible] = find_visible(*columns(triangles[:n]), Grid(*SIZE, 8), True, SERIAL)
         assert visible.faces.tolist() == [k for k in face if k < n], f"{n} triangles"
-
-
-def test_only_the_clusters_that_are_asked_for_are_looked_at():
-    triangles = soup(np.random.default_rng(4), 30 * CLUSTER)
-    face = np.array(expected(triangles, SIZE, 8, False)[0])
-    for chosen in ([], [0], [3, 4, 9], range(31)):
-        [visible] = find_visible(*columns(triangles), Grid(*SIZE, 8), False, SERIAL, np.array(chosen, np.uint32))
-        assert visible.faces.tolist() == face[np.isin(face // CLUSTER, chosen)].tolist(), f"clusters {chosen}"
 
 
 def test_parts_of_threads_give_the_same_in_order():
