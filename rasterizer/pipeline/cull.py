@@ -12,8 +12,13 @@ left is written out without a branch.
 
     box of a sliver   + . . +     Up to MOST_WIDE x MOST_WIDE samples are tested with the edge functions of the scan
                       |\\    |     stage, in exact integers. They hold the top-left rule, so a triangle that is dropped
-    . sample          | '\\. |     covers none of these samples; and what it covers lies in its box: small_boxes.py has
-                      +----'+     the proof.
+    . sample          | '\\. |     covers none of these samples.
+                      +----'+
+
+What is covered lies in the half-open box that `first_sample` makes of the corners. For let m be the greatest x of the
+corners: a sample right of m is outside. One at m is inside only on a vertex or an edge there. An edge along m has the
+triangle on its left, so it is no left edge; every other edge that reaches m ends there, and of the two that meet, one
+has the triangle on its left. The same holds for the greatest y.
 """
 
 from typing import NamedTuple
@@ -21,11 +26,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiler.kernels import helper, index, kernel
-from .small_boxes import MOST_WIDE, is_any_covered
-from .transform import HALF, OUTSIDE
+from .transform import HALF, OUTSIDE, SUBPIXEL
 
 PASS = 2048  # triangles: what is noted of them on the way stays in the L1 and L2 caches
 SUBPIXEL_SHIFT = 8  # log2 of SUBPIXEL
+MOST_WIDE = 3  # columns and rows of samples of a small box; 4 gains nothing: larger triangles hold many samples
 
 
 class Grid(NamedTuple):
@@ -171,6 +176,54 @@ def flag_covering(n, grid, scratch):
         triangle = (x0, y0, x1, y1, x2, y2)
         rows[IS_KEPT + k] = is_hit & (is_large | is_any_covered(triangle, rows[SIDE + k], left, top))
         rows[TOP + k], rows[BOTTOM + k] = top, bottom
+
+
+@helper
+def is_any_covered(triangle, side, left, top):
+    """Tell whether a triangle with a small box covers any sample of the window.
+
+    Parameters
+    ----------
+    triangle : (x0, y0, x1, y1, x2, y2) int32, 1/256 px; where the box is not small, the result is of no use
+    side : int32, 1 where it is clockwise on the screen, -1 where it isn't
+    left, top : int32, column and row of the window's first sample
+    """
+    (e0, e1, e2), (dx0, dx1, dx2), (dy0, dy1, dy2) = edge_functions(triangle, side, left, top)
+    outside = np.int32(-1)  # its sign is set while no sample is inside of all edges
+    for _ in range(MOST_WIDE):
+        at0, at1, at2 = e0, e1, e2
+        for _ in range(MOST_WIDE):
+            outside = np.int32(outside & np.int32(np.int32(at0 | at1) | at2))
+            at0, at1, at2 = np.int32(at0 + dx0), np.int32(at1 + dx1), np.int32(at2 + dx2)
+        e0, e1, e2 = np.int32(e0 + dy0), np.int32(e1 + dy1), np.int32(e2 + dy2)
+    return outside >= 0
+
+
+@helper
+def edge_functions(triangle, side, left, top):
+    """Evaluate the three edge functions of a triangle at a sample: values, and steps to the right and down; int32.
+
+    The corners of a small box lie within MOST_WIDE + 1 px of every sample in it. So products of two lengths are below
+    2^21, and nothing wraps.
+    """
+    x0, y0, x1, y1, x2, y2 = triangle
+    sx, sy = np.int32(left * SUBPIXEL + HALF), np.int32(top * SUBPIXEL + HALF)
+    e0, dx0, dy0 = edge_function(x0, y0, x1, y1, side, sx, sy)
+    e1, dx1, dy1 = edge_function(x1, y1, x2, y2, side, sx, sy)
+    e2, dx2, dy2 = edge_function(x2, y2, x0, y0, side, sx, sy)
+    return (e0, e1, e2), (dx0, dx1, dx2), (dy0, dy1, dy2)
+
+
+@helper
+def edge_function(xa, ya, xb, yb, side, sx, sy):
+    """Evaluate the edge function of an edge at a sample, with its steps a sample, as scan.edge_function does; int32.
+
+    The edge of a triangle that isn't clockwise is reversed: its value, steps and direction change their signs.
+    """
+    dx, dy = np.int32(side * np.int32(xb - xa)), np.int32(side * np.int32(yb - ya))
+    is_top_left = (dy < 0) | ((dy == 0) & (dx > 0))
+    value = np.int32(dx * np.int32(sy - ya) - dy * np.int32(sx - xa) - (0 if is_top_left else 1))
+    return value, np.int32(dy * -SUBPIXEL), np.int32(dx * SUBPIXEL)
 
 
 @helper

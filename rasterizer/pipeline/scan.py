@@ -14,11 +14,10 @@ import numpy as np
 
 from ..compiler.kernels import choice, helper, index, kernel
 from . import setup as s
-from .fill import Box, Depths, Plane, Surface, Triangle, entry_at, fill_box, fill_spans
+from .fill import Box, Depths, Plane, Surface, Triangle, fill_box, fill_spans
 from .gradients import IS_INVISIBLE, NEEDS_BEHIND, NEEDS_CORNERS, BufferCoding, NormalCoding, compute_gradients
 from .records import write_exact, write_index, write_normals, write_values
 from .simd import MOST_HIGH, MOST_WIDE
-from .small_boxes import fill_covered
 from .visibility import IS_EXACT, IS_WEIGHTED, VisibilityBuffer, id_payload, note_extent, note_material, pack
 
 
@@ -211,15 +210,10 @@ def is_deferred(k, face, payload, box, band, coding, block, deferred):
 
 @helper
 def fill(visibility, y_start, box, k, payload, block):
-    """Fill triangle k of the block: the covered samples of a very small box, all samples of a small one side by side,
-    else span by span."""
-    surface, covered = surface_of(k, payload, block), block.ints[s.COVERED + k]
+    """Fill triangle k of the block: all samples of a small box side by side, else span by span."""
+    surface = surface_of(k, payload, block)
     is_small = block.ints[s.EXTENT_X + k] <= MOST_WIDE and block.ints[s.EXTENT_Y + k] <= MOST_HIGH
-    if covered > 0 and not surface.is_sliver:
-        first = (box.top - y_start) * visibility.pitch + box.left
-        plane = (entry_at(surface.plane, box.left, box.top), surface.plane.dx, surface.plane.dy)
-        fill_covered(visibility.entries, first, visibility.pitch, covered, plane)
-    elif is_small and not surface.is_sliver:
+    if is_small and not surface.is_sliver:
         fill_box(visibility, y_start, box, surface)
     else:
         fill_spans(visibility, y_start, box, surface, None)

@@ -25,11 +25,9 @@ import numpy as np
 
 from ..compiler.kernels import helper, index
 from .cull import first_sample
-from .small_boxes import MOST_WIDE, find_covered
 from .transform import DEPTH_MARGIN, HALF, SUBPIXEL
 
 BLOCK = 64  # triangles
-LEAST_SMALL = 8  # triangles with small boxes in a block
 
 
 def _starts(first, end):
@@ -48,11 +46,10 @@ IS_FLIPPED, IS_SLIVER, HAS_PLANES, HAS_LEVELS = _starts(14, 18)
 CORNER0, CORNER1, CORNER2 = _starts(18, 21)  # where the vertices' attributes are
 CLIPPED_IDX = index(BLOCK * 21)  # the row of the planes of the face that it is a part of; -1 for a whole face
 MATERIAL = index(BLOCK * 22)
-COVERED = index(BLOCK * 23)  # the covered samples of a small box, see small_boxes.py; -1 where it isn't small
 # What is known of its material, see gradients.py: its cheapest way, how many attributes are read.
-WAY, N_OWN = index(BLOCK * 24), index(BLOCK * 25)
-IS_WEIGHTED = index(BLOCK * 26)  # planes of values are multiplied by 1/r, see value_planes.py
-N_INT = 27
+WAY, N_OWN = index(BLOCK * 23), index(BLOCK * 24)
+IS_WEIGHTED = index(BLOCK * 25)  # planes of values are multiplied by 1/r, see value_planes.py
+N_INT = 26
 # Rows of int64: the planes of depth, in z-buffer units, and of levels, see gradients.py: value at the anchor, d/dx,
 # d/dy a sample.
 PLANE_Z, PLANE_Z_DX, PLANE_Z_DY = _starts(0, 3)
@@ -244,8 +241,6 @@ def compute_boxes(rows, width, block):
     Clipped at the picture's left and upper border for the anchor: from an anchor far outside, the rounding of a plane's
     steps would add up before the picture is reached. Clipped to the band for the loops over samples.
 
-    In small boxes, the covered samples are found, too.
-
     Parameters
     ----------
     rows : Band or Rows: y_start..y_end is drawn
@@ -261,22 +256,6 @@ def compute_boxes(rows, width, block):
         ints[EXTENT_X + k], ints[EXTENT_Y + k] = end_x - first_x, end_y - first_y
         ints[LEFT + k], ints[RIGHT + k] = max(first_x, 0), min(end_x, width)
         ints[TOP + k], ints[BOTTOM + k] = max(first_y, rows.y_start), min(end_y, rows.y_end)
-    find_covered_samples(block)
-
-
-@helper
-def find_covered_samples(block):
-    """Find the samples that triangles with small boxes cover, where a good part of the block has such boxes: there it
-    saves more than it takes."""
-    ints, n_small = block.ints, np.int32(0)
-    for k in range(index(BLOCK)):
-        is_small = max(ints[EXTENT_X + k], ints[EXTENT_Y + k]) <= MOST_WIDE
-        ints[COVERED + k] = np.int32(0) if is_small else np.int32(-1)
-        n_small += np.int32(is_small)
-    for k in range(index(BLOCK if n_small >= LEAST_SMALL else 0)):
-        triangle = (ints[X0 + k], ints[Y0 + k], ints[X1 + k], ints[Y1 + k], ints[X2 + k], ints[Y2 + k])
-        covered = find_covered(triangle, ints[LEFT + k], ints[TOP + k], ints[RIGHT + k], ints[BOTTOM + k])
-        ints[COVERED + k] = covered if ints[COVERED + k] == 0 else np.int32(-1)
 
 
 @helper

@@ -594,8 +594,8 @@ HELD_OUT = (
         "pipeline/test_scan.py pipeline pictures",
     ),
     Fault(
-        "fill rule: of the smallest boxes, samples on right and bottom edges belong, those on left and top ones don't",
-        "pipeline/small_boxes.py",
+        "culling: of the smallest boxes, samples on right and bottom edges count, those on left and top ones don't",
+        "pipeline/cull.py",
         "(0 if is_top_left else 1)",
         "(1 if is_top_left else 0)",
         "pipeline pictures",

@@ -6,8 +6,7 @@ import numpy as np
 from helpers.arrays import differences
 from helpers.stages import SERIAL, random_triangles, slivers
 
-from rasterizer.pipeline.cull import PASS, Grid, find_visible
-from rasterizer.pipeline.small_boxes import MOST_WIDE
+from rasterizer.pipeline.cull import MOST_WIDE, PASS, Grid, find_visible
 from rasterizer.pipeline.threads import MIN_PART, Workers
 from rasterizer.pipeline.transform import OUTSIDE, Vertices
 from rasterizer.reference import coverage
