@@ -1,15 +1,12 @@
 """The illumination of a scene as arrays, for one view: what the batch functions of lights and materials read
 (pipeline/lighting.py)."""
 
-import math
-
 import numpy as np
 
 from ..compiler.kernels import batch_function
-from ..pipeline import light_limits
 from ..pipeline import material_coefficients as m
 from ..pipeline.fresnel import no_second_term
-from ..pipeline.light_kinds import AXIS, N_LIGHT_COEFFICIENT, VECTOR, same_light_again
+from ..pipeline.light_kinds import N_LIGHT_COEFFICIENT, same_light_again
 from ..pipeline.lighting import Lighting, ShadowMaps
 from ..pipeline.shadow_lookup import occlude
 from . import light_table, reflection_table
@@ -33,34 +30,15 @@ def light_view(lighting: Lighting, plan: Plan, view, shadows=()) -> Lighting:
     """Put what a view says of the lights into what `list_materials` returns."""
     dtype = lighting.materials.dtype
     lights = np.zeros((len(plan.lights), N_LIGHT_COEFFICIENT))
-    limits = np.zeros((len(plan.lights), light_limits.N_LIMIT))
     for k in np.flatnonzero(plan.is_lit.any(axis=0)):
-        entry = light_table.entry_of(plan.lights[k])
-        entry.write(lights[k], plan.lights[k], view, dtype)
-        limits[k] = light_limits_of(plan.lights[k], lights[k])
+        light_table.entry_of(plan.lights[k]).write(lights[k], plan.lights[k], view, dtype)
     if len(lighting.lights) > len(plan.lights):  # each light is followed by itself, see `is_parted`
-        lights, limits = np.repeat(lights, 2, axis=0), np.repeat(limits, 2, axis=0)
+        lights = np.repeat(lights, 2, axis=0)
         shadows = [part for shadow in shadows for part in (shadow, None)]
     return lighting._replace(
         lights=lights.astype(dtype),
-        limits=limits.astype(dtype),
         shadows=_list_shadows(shadows, dtype) if plan.has_shadows else None,
     )
-
-
-def light_limits_of(light, coefficients) -> np.ndarray:
-    """Return where a light ends, (N_LIMIT,), with room for the rounding of its function: see pipeline/light_limits.py.
-
-    `coefficients` are those that its entry writes.
-    """
-    limits, row = light_table.entry_of(light).limits(light), np.zeros(light_limits.N_LIMIT)
-    row[light_limits.RANGE] = limits.range * (1.0 + light_limits.SLACK)
-    row[light_limits.POSITION : light_limits.POSITION + 3] = coefficients[VECTOR : VECTOR + 3]
-    cosine = limits.cos_outer - light_limits.COSINE_SLACK
-    if cosine > 0.0:
-        row[light_limits.AXIS : light_limits.AXIS + 3] = coefficients[AXIS : AXIS + 3]
-        row[light_limits.COSINE], row[light_limits.SINE] = cosine, math.sqrt(1.0 - cosine * cosine)
-    return row
 
 
 def list_materials(plan: Plan, dtype, is_perspective=True) -> Lighting:
@@ -80,12 +58,9 @@ def list_materials(plan: Plan, dtype, is_perspective=True) -> Lighting:
         is_lit = np.repeat(is_lit, 2, axis=1)
     light_functions, reflection_functions = _compile(of_lights, of_materials, is_lit, dtype)
     n_light = is_lit.shape[1]
-    ends = [light_table.entry_of(light).limits(light) != light_table.UNLIMITED for light in plan.reflected_lights]
     return Lighting(
         light_functions=light_functions,
         lights=np.zeros((n_light, N_LIGHT_COEFFICIENT), dtype),
-        limits=np.zeros((n_light, light_limits.N_LIMIT), dtype),
-        has_limits=any(ends),
         n_lights=is_lit.sum(axis=1),
         light_idx=np.argsort(~is_lit, axis=1, kind="stable"),
         reflection_functions=reflection_functions,

@@ -18,7 +18,6 @@ from ..geometry.vectors import dot, scale, subtract, vector_of_column
 from . import fragments as f
 from . import material_coefficients as m
 from .fragments import BATCH_SIZE, get_vector, read_vector, set_vector
-from .light_limits import bound_positions, is_within
 
 
 class ShadowMaps(NamedTuple):
@@ -33,8 +32,6 @@ class Lighting(NamedTuple):
 
     light_functions: np.ndarray  # (n_light,) int64, addresses of light functions
     lights: np.ndarray  # (n_light, N_LIGHT_COEFFICIENT), see light_kinds.py
-    limits: np.ndarray  # (n_light, N_LIMIT), where they end, see light_limits.py
-    has_limits: bool  # some light ends somewhere
     n_lights: np.ndarray  # (n_material,) int64: how many lights light the material
     light_idx: np.ndarray  # (n_material, n_light) int64: these lights, ascending, then anything
     reflection_functions: np.ndarray  # (n_material, n_light) int64, addresses of reflection functions
@@ -112,16 +109,13 @@ def light_batch(batch, n, lighting, material):
 def sum_lights(batch, n, lighting, material):
     """Sum what all lights reflect, into DIFFUSE_SUM and SPECULAR_SUM.
 
-    A light that ends before all of the points, or is behind them, adds 0: it is left out.
+    A light that doesn't arrive at any of the points adds 0: it is left out.
     """
     n_channel, is_first = lighting.n_light_channels[material], True
-    box = bound_positions(batch, n if lighting.has_limits else 0)
     for nth in range(index(lighting.n_lights[material])):
         light = index(lighting.light_idx[material, nth])
-        if lighting.has_limits and not is_within(box, lighting.limits[light]):
-            continue
         call_batch_function(lighting.light_functions[light], batch.ctypes.data, n, lighting.lights[light].ctypes.data)
-        if is_behind(batch, n):
+        if not arrives(batch, n):
             continue
         cast_shadow(batch, n, lighting.shadows, light)
         add_reflected(batch, n, lighting, material, light, is_first)
@@ -134,12 +128,13 @@ def sum_lights(batch, n, lighting, material):
 
 
 @helper
-def is_behind(batch, n):
-    """Tell whether a light is behind all points: N·L <= 0, for which reflection functions write 0."""
+def arrives(batch, n):
+    """Tell whether a light arrives at any point: reflection functions write 0 for one that is behind, N·L <= 0, or has
+    no strength there."""
     zero, is_lit = batch.dtype.type(0), False
     for k in range(index(n)):
-        is_lit |= batch[f.N_DOT_L + k] > zero
-    return not is_lit
+        is_lit |= (batch[f.N_DOT_L + k] > zero) & (batch[f.STRENGTH + k] != zero)
+    return is_lit
 
 
 @helper

@@ -674,10 +674,10 @@ HELD_OUT = (
         "pictures pipeline engine",
     ),
     Fault(
-        "limits of a spot light: samples before it are taken for those behind it",
-        "pipeline/light_limits.py",
-        "- along * limits[SINE] > radius",
-        "+ along * limits[SINE] > radius",
+        "lights that don't arrive: one that is behind a batch counts as arriving, one that is before it doesn't",
+        "pipeline/lighting.py",
+        "(batch[f.N_DOT_L + k] > zero) & (",
+        "(batch[f.N_DOT_L + k] < zero) & (",
         "pictures engine pipeline",
     ),
     Fault(
